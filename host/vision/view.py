@@ -1,0 +1,61 @@
+"""What vision tells the pilot about one picture, in metres and radians of the vehicle frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class CropView:
+    """One picture's interpretation. NaN where a quantity is not observable in this picture.
+
+    `confidence` (0..1) is the probability that the edge is where `edge_offset_m` says, within
+    0.1 m; below 0.5 a pilot must not steer by it.
+    """
+
+    confidence: float
+    edge_offset_m: float = NAN
+    """E_outer against O_map at the blade's line: positive where the crop's outer edge appears left
+    of where it should be (the blade's right end), so a positive offset asks to steer left."""
+    edge_heading_rad: float = NAN
+    """Direction of the edge line against the vehicle's x axis, positive where it runs to the left."""
+    edge_curvature_1pm: float = NAN
+    crop_ahead_m: float = NAN
+    """From the blade's line to the nearest standing crop ahead within the blade's width; 0 while
+    cutting, inf where none stands in view, NaN where unknown."""
+    ahead_confidence: float = 0.0
+    """The same meaning for `crop_ahead_m`, within 0.25 m."""
+    end_of_field: float = 0.0
+    """Evidence 0..1 of the mode's own rule (the paper's: l_height below l_reference by over 3 %)."""
+    e_outer_px: float = NAN
+    """Column of E_outer at the row where the blade's line meets the picture."""
+    o_map_px: float = NAN
+    l_height_px: float = NAN
+    l_reference_px: float = NAN
+    standing: NDArray[np.bool_] | None = None
+    """Mask of standing crop, the picture's size."""
+    edge_px: NDArray[np.float32] | None = None
+    """(n, 2) points (u, v) on the edge."""
+    reason: str = ""
+    """Why the confidence is low, in words."""
+    stages: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
+    """The intermediate pictures (SY, TSY, VTSY, lines) when they were asked for."""
+
+
+class Detector(Protocol):
+    """Picture in, CropView out. May track over pictures; the mount and the vehicle are its own."""
+
+    def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
+        """`bgr` is (height, width, 3) of the mount's size."""
+        ...
+
+    def restart(self) -> None:
+        """Forgets what was tracked (the vehicle has turned); references set from the first picture
+        of the run (O_map, l_reference) stay."""
+        ...
