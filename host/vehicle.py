@@ -73,7 +73,16 @@ class Vehicle(Strict):
     """The blade's line, ahead of the front axle."""
     blade_height_m: Positive = 0.12
     cutting_speed_mps: Positive = 0.5
+    manoeuvre_speed_mps: Positive = 0.3
+    full_duty_speed_mps: Positive = 1.0
+    """Speed at a drive duty of 255 and a nominal battery; the firmware's parameter speed_full."""
+    drive_lag_s: Positive = 0.25
+    """First-order lag from drive duty to speed."""
     crop_height_m: Positive = 0.9
+    overlap_m: Annotated[float, Field(ge=0, lt=0.5)] = 0.05
+    """How far the blade's right end runs outside the crop's edge, so that no sliver stays."""
+    camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
+    """From the shutter to the host, where a source cannot tell."""
     mounts: dict[str, Mount] = {"low": LOW, "mast": MAST}
 
     @property

@@ -1,0 +1,123 @@
+"""The lane: a straight line that the rear axle's middle should follow, beside the crop's edge.
+
+An extended Kalman filter over (lateral offset, heading) joins dead reckoning with what vision sees
+of the edge, so that a missed picture, a turn or a mount that cannot see the heading (the paper's
+low camera) all are the same case: prediction with fewer corrections.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.odometry import Motion
+
+OFFSET_NOISE_M = 0.03
+HEADING_NOISE_RAD = math.radians(2.5)
+SLIP_PER_M = 0.02
+"""Lateral drift per metre travelled, standard deviation."""
+YAW_PER_RAD = 0.08
+"""Yaw error per radian turned (speed and pot errors), standard deviation."""
+YAW_PER_M = math.radians(1.0)
+GATE = 9.0
+"""Squared Mahalanobis distance beyond which a measurement is taken for another edge."""
+
+
+class Lane:
+    """Vehicle pose against the lane. offset_m: rear axle left of the lane, positive; heading_rad:
+    vehicle heading minus lane direction. `blade_x_m` is where vision measures the edge."""
+
+    def __init__(self, blade_x_m: float) -> None:
+        self._blade_x = blade_x_m
+        self._x: NDArray[np.float64] = np.zeros(2)
+        self._p: NDArray[np.float64] = np.diag([0.1**2, math.radians(5) ** 2])
+        self._past: Motion | None = None
+        self._rejected = 0
+
+    @property
+    def offset_m(self) -> float:
+        """Rear axle left of the lane."""
+        return float(self._x[0])
+
+    @property
+    def heading_rad(self) -> float:
+        """Vehicle heading minus lane direction."""
+        return float(self._x[1])
+
+    @property
+    def offset_sigma_m(self) -> float:
+        """Standard deviation of the offset at the blade's line."""
+        h = np.array([1.0, self._blade_x])
+        return float(math.sqrt(h @ self._p @ h))
+
+    @property
+    def blade_offset_m(self) -> float:
+        """The blade's middle left of the lane, positive: minus the edge offset that vision sees."""
+        return self.offset_m + self._blade_x * math.sin(self.heading_rad)
+
+    def place(
+        self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float
+    ) -> None:
+        """Starts over from a pose that is known by other means."""
+        self._x = np.array([offset_m, heading_rad])
+        self._p = np.diag([offset_sd**2, heading_sd**2])
+        self._rejected = 0
+
+    def predict(self, motion: Motion) -> None:
+        """Moves with the vehicle."""
+        past, self._past = self._past, motion
+        if past is None:
+            return
+        step = motion.distance_m - past.distance_m
+        turn = motion.yaw_rad - past.yaw_rad
+        middle = self._x[1] + turn / 2
+        self._x = self._x + np.array([step * math.sin(middle), turn])
+        jacobian = np.array([[1.0, step * math.cos(middle)], [0.0, 1.0]])
+        run = abs(step)
+        noise = np.diag([SLIP_PER_M**2 * run, YAW_PER_M**2 * run + (YAW_PER_RAD * turn) ** 2])
+        self._p = jacobian @ self._p @ jacobian.T + noise
+
+    def correct(
+        self,
+        edge_offset_m: float,
+        edge_heading_rad: float,
+        confidence: float,
+        since: tuple[float, float],
+    ) -> bool:
+        """Takes vision's measurement of the edge (NaN heading: not seen).
+
+        `since` is (distance travelled, yaw turned) from the shutter to now. Returns False where
+        the measurement contradicts the prediction beyond the gate; it is then not used, but ten
+        contradictions in a row are believed.
+        """
+        step, turn = since
+        heading = self._x[1] - turn
+        offset = self._x[0] - step * math.sin((heading + self._x[1]) / 2)
+        rows = [[1.0, self._blade_x * math.cos(heading)]]
+        innovation = [
+            -edge_offset_m * math.cos(heading) - offset - self._blade_x * math.sin(heading)
+        ]
+        doubt = 1.0 + 3.0 * (1.0 - confidence)
+        variances = [(OFFSET_NOISE_M * doubt) ** 2]
+        if math.isfinite(edge_heading_rad):
+            rows.append([0.0, 1.0])
+            innovation.append(-edge_heading_rad - heading)
+            variances.append((HEADING_NOISE_RAD * doubt) ** 2)
+        h = np.array(rows)
+        z = np.array(innovation)
+        s = h @ self._p @ h.T + np.diag(variances)
+        gain = np.linalg.solve(s, h @ self._p).T
+        if float(z @ np.linalg.solve(s, z)) > GATE * len(z):
+            self._rejected += 1
+            if self._rejected < 10:
+                return False
+            self._p = np.diag([0.15**2, math.radians(8) ** 2])
+            s = h @ self._p @ h.T + np.diag(variances)
+            gain = np.linalg.solve(s, h @ self._p).T
+        self._rejected = 0
+        self._x = self._x + gain @ z
+        keep = np.eye(2) - gain @ h
+        self._p = keep @ self._p @ keep.T + gain @ np.diag(variances) @ gain.T
+        return True

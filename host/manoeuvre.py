@@ -1,0 +1,108 @@
+"""The turn at a field's end as a list of legs that dead reckoning can drive.
+
+Frames: the vehicle's own at the moment the blade's line met the end of the crop (origin below the
+rear axle, x along the old side, y left). A forward arc alone (paper, II) leaves the corner uncut,
+ring after ring; the three-point turn swings left forward, then reverses on the right lock, and
+ends behind the new side's beginning (design.md, "Where the paper needs mending", 6).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from host.vehicle import Vehicle
+
+LOCK_MARGIN_DEG = 2.0
+"""Arcs are driven this far inside the steering limit, so that the PID has room."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Steering held at steer_rad, travelled until `distance_m` (straight) or `turn_rad` (arc) has
+    been covered; `reverse` drives backward. Both limits are magnitudes; inf where not the limit."""
+
+    steer_rad: float
+    reverse: bool
+    distance_m: float = math.inf
+    turn_rad: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A planned turn: legs, then the new lane in the frame of the plan.
+
+    The lane passes through (lane_x_m, lane_y_m) in direction lane_rad; crop begins at along_m
+    along it, measured for the blade's line."""
+
+    legs: tuple[Leg, ...]
+    lane_x_m: float
+    lane_y_m: float
+    lane_rad: float
+    crop_begins_m: float
+
+    def offset(self, x: float, y: float) -> float:
+        """Signed distance of a point left of the lane."""
+        dx, dy = x - self.lane_x_m, y - self.lane_y_m
+        return -dx * math.sin(self.lane_rad) + dy * math.cos(self.lane_rad)
+
+    def along(self, x: float, y: float) -> float:
+        """Distance of a point along the lane from its origin."""
+        dx, dy = x - self.lane_x_m, y - self.lane_y_m
+        return dx * math.cos(self.lane_rad) + dy * math.sin(self.lane_rad)
+
+
+def turning_radius(vehicle: Vehicle) -> tuple[float, float]:
+    """(radius of the rear axle's middle in m, steering angle in rad) used for arcs."""
+    angle = math.radians(vehicle.steer_limit_deg - LOCK_MARGIN_DEG)
+    return vehicle.wheelbase_m / math.tan(angle), angle
+
+
+def _new_lane(vehicle: Vehicle, turn_rad: float) -> tuple[float, float, float]:
+    """(x, y, along where the blade meets crop) of the lane that follows the crop's end line.
+
+    The end line crosses the old side's centre at the blade, at angle turn_rad; the lane lies
+    half a blade less the overlap inside it. Crop begins where the blade's first end leaves the
+    swath just cut, whose left border is y = half a blade."""
+    half = vehicle.blade_width_m / 2
+    inside = half - vehicle.overlap_m
+    x = vehicle.blade_x_m - inside * math.sin(turn_rad)
+    y = inside * math.cos(turn_rad)
+    ends = [
+        (half - y - lateral * math.cos(turn_rad)) / math.sin(turn_rad) for lateral in (-half, half)
+    ]
+    return x, y, min(ends)
+
+
+def arc(vehicle: Vehicle, turn_rad: float) -> Turn:
+    """The paper's turn: one forward arc on the left lock, ending on the lane."""
+    radius, lock = turning_radius(vehicle)
+    x, y, begins = _new_lane(vehicle, turn_rad)
+    # The arc's end (start + R sin t, R - R cos t) must lie on the lane.
+    end_y = radius - radius * math.cos(turn_rad)
+    start = x + (end_y - y) / math.tan(turn_rad) - radius * math.sin(turn_rad)
+    legs = (Leg(0.0, start < 0, distance_m=abs(start)), Leg(lock, False, turn_rad=turn_rad))
+    return Turn(legs, x, y, turn_rad, begins)
+
+
+def three_point(
+    vehicle: Vehicle, turn_rad: float, *, swing: float = 0.5, run_in_m: float = 0.35
+) -> Turn:
+    """Forward on the left lock for `swing` of the turn, back on the right lock for the rest, then
+    straight back until the blade stands run_in_m before the crop."""
+    radius, lock = turning_radius(vehicle)
+    first = swing * turn_rad
+    x, y, begins = _new_lane(vehicle, turn_rad)
+    end_x = 2 * radius * math.sin(first) - radius * math.sin(turn_rad)
+    end_y = radius - 2 * radius * math.cos(first) + radius * math.cos(turn_rad)
+    start = x + (end_y - y) / math.tan(turn_rad) - end_x
+    turn = Turn((), x, y, turn_rad, begins)
+    blade = turn.along(start + end_x, end_y) + vehicle.blade_x_m
+    back = max(0.0, blade - (begins - run_in_m))
+    legs = (
+        Leg(0.0, start < 0, distance_m=abs(start)),
+        Leg(lock, False, turn_rad=first),
+        Leg(-lock, True, turn_rad=turn_rad - first),
+        Leg(0.0, True, distance_m=back),
+    )
+    return Turn(legs, x, y, turn_rad, begins)

@@ -1,0 +1,112 @@
+"""Dead reckoning from what the machine reports: steering angle, drive duty, hall sensor if fitted.
+
+Without a hall sensor the speed is a model, duty through a first-order lag, whose gain is learned
+from the GNSS receiver's Doppler speed while the machine drives straight (paper, II: speed by PWM).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from host.types import Fix, Telemetry
+from host.vehicle import Vehicle
+
+DUTY_FULL = 255
+HISTORY_S = 1.5
+GAIN_LIMITS = (0.6, 1.4)
+GAIN_TIME_S = 20.0
+STRAIGHT_RAD = math.radians(8)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What has been travelled since the start, at `stamp`. `distance_m` is signed (reverse counts
+    down), `yaw_rad` unwrapped, x_m and y_m in the frame of the first pose."""
+
+    stamp: float
+    speed_mps: float
+    curvature_1pm: float
+    distance_m: float
+    yaw_rad: float
+    x_m: float
+    y_m: float
+
+
+class Odometry:
+    """Integrates telemetry; keeps a short history so that a delayed picture finds its own pose."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._gain = 1.0
+        self._speed = 0.0
+        self._odometer: float | None = None
+        self._history: deque[Motion] = deque()
+        self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def gain(self) -> float:
+        """Learned ratio of true speed to the duty model's."""
+        return self._gain
+
+    def update(self, telemetry: Telemetry) -> Motion:
+        """Advances to the telemetry's stamp. Older or repeated telemetry changes nothing."""
+        past = self.now
+        dt = telemetry.stamp - past.stamp
+        if dt <= 0:
+            return past
+        dt = dt if math.isfinite(dt) else 0.0
+        vehicle = self._vehicle
+        curvature = math.tan(telemetry.angle_rad) / vehicle.wheelbase_m
+        if telemetry.speed_mps is not None:
+            step = (
+                telemetry.distance_m - self._odometer
+                if self._odometer is not None
+                else telemetry.speed_mps * dt
+            )
+            self._odometer = telemetry.distance_m
+            self._speed = telemetry.speed_mps
+        else:
+            target = telemetry.drive_duty / DUTY_FULL * vehicle.full_duty_speed_mps * self._gain
+            blend = 1 - math.exp(-dt / vehicle.drive_lag_s)
+            before = self._speed
+            self._speed += (target - self._speed) * blend
+            step = (before + self._speed) / 2 * dt
+        yaw_step = step * (curvature + past.curvature_1pm) / 2
+        middle = past.yaw_rad + yaw_step / 2
+        self.now = Motion(
+            telemetry.stamp,
+            self._speed,
+            curvature,
+            past.distance_m + step,
+            past.yaw_rad + yaw_step,
+            past.x_m + step * math.cos(middle),
+            past.y_m + step * math.sin(middle),
+        )
+        self._history.append(self.now)
+        while self._history[0].stamp < self.now.stamp - HISTORY_S:
+            self._history.popleft()
+        return self.now
+
+    def learn(self, fix: Fix, telemetry: Telemetry, dt: float) -> None:
+        """Corrects the duty model's gain by a Doppler speed that lasted `dt` seconds."""
+        if fix.speed_mps is None or fix.quality == 0 or telemetry.speed_mps is not None:
+            return
+        if self._speed < 0.5 * self._vehicle.manoeuvre_speed_mps:
+            return
+        if abs(telemetry.angle_rad) > STRAIGHT_RAD:
+            return
+        ratio = fix.speed_mps / self._speed * self._gain
+        blend = 1 - math.exp(-dt / GAIN_TIME_S)
+        low, high = GAIN_LIMITS
+        self._gain = min(high, max(low, self._gain + (ratio - self._gain) * blend))
+
+    def at(self, stamp: float) -> Motion:
+        """The motion at an earlier time, the nearest recorded one within the history."""
+        best = self.now
+        for motion in reversed(self._history):
+            best = motion
+            if motion.stamp <= stamp:
+                break
+        return best

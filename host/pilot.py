@@ -1,0 +1,360 @@
+"""The pilot: frames, fixes and telemetry in, one command out; an explicit state machine.
+
+No clock, thread or I/O in here: the field application, the lockstep rig and a replay feed it alike.
+Paper, II: align at the first picture, follow the outer edge of the uncut crop on the right, detect
+the end of the field, turn left, go inward by the blade's width, finish.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+from host import manoeuvre, steering
+from host.lane import Lane
+from host.manoeuvre import Leg, Turn
+from host.odometry import Motion, Odometry
+from host.types import Command, Fix, Frame, Request, State, Telemetry
+from host.vehicle import Vehicle
+from host.vision.view import CropView, Detector
+
+CONFIDENT = 0.5
+END_CLEAR_M = 0.8
+"""Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
+END_PICTURES = 3
+NEAR_CROP_M = 0.2
+SLOW_AFTER_S = 0.4
+STOP_AFTER_S = 0.8
+RESUME_AFTER_S = 0.5
+NO_CROP_M = 1.6
+"""Crop farther than this after a turn is somebody else's, or none."""
+STEER_READY_RAD = math.radians(2.0)
+STEER_TIMEOUT_S = 4.0
+STOPPED_MPS = 0.03
+SEARCH_PICTURES = 5
+ARM_RETRY_S = 0.5
+
+
+class Phase(enum.Enum):
+    """What the pilot is doing; each transition carries its reason."""
+
+    CONNECT = "connect"
+    ALIGN = "align"
+    FOLLOW = "follow"
+    TURN = "turn"
+    LOOK = "look"
+    HESITATE = "hesitate"
+    FINISHED = "finished"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One change of phase, for the record and the operator."""
+
+    stamp: float
+    phase: Phase
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class EndOfField:
+    """Where a side's end was declared: the motion at the first picture that showed it."""
+
+    stamp: float
+    motion: Motion
+    turn_index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What the pilot knows beforehand. Corner angles (rad, left turns) repeat; a rectangle needs
+    one. `turn` names the manoeuvre: "three_point", or the paper's "arc"."""
+
+    corners_rad: tuple[float, ...] = (math.pi / 2,)
+    turn: str = "three_point"
+
+
+class Pilot:
+    """See the module. `detector` turns pictures into CropViews; everything else is arithmetic."""
+
+    def __init__(self, vehicle: Vehicle, detector: Detector, plan: Plan | None = None) -> None:
+        self._vehicle = vehicle
+        self._detector = detector
+        self._plan = plan or Plan()
+        self._odometry = Odometry(vehicle)
+        self._lane = Lane(vehicle.blade_x_m)
+        self.phase = Phase.CONNECT
+        self.reason = "waiting for the firmware's telemetry"
+        self.view: CropView | None = None
+        self.transitions: list[Transition] = []
+        self.ends: list[EndOfField] = []
+        self.turns = 0
+        self._telemetry: Telemetry | None = None
+        self._asked = -math.inf
+        self._cleared = False
+        self._view_stamp = -math.inf
+        self._sure_stamp = -math.inf
+        self._unsure_stamp = -math.inf
+        self._fix_stamp = -math.inf
+        self._entered = False
+        self._clear_since: EndOfField | None = None
+        self._clear_count = 0
+        self._turn: Turn | None = None
+        self._turn_from: tuple[Motion, float] | None = None
+        self._leg_index = 0
+        self._leg_from: Motion | None = None
+        self._leg_stamp = -math.inf
+        self._looks = 0
+        self._empty = 0
+        self._run_from: Motion | None = None
+
+    # ---- what others may read --------------------------------------------------------------------
+
+    @property
+    def motion(self) -> Motion:
+        """Dead reckoning since the start."""
+        return self._odometry.now
+
+    @property
+    def lane(self) -> Lane:
+        """The estimate that steers."""
+        return self._lane
+
+    @property
+    def done(self) -> bool:
+        """Nothing more will be commanded: the field is finished, or a fault needs a person."""
+        return self.phase in (Phase.FINISHED, Phase.FAULT)
+
+    # ---- the step --------------------------------------------------------------------------------
+
+    def step(
+        self, now: float, frame: Frame | None, fix: Fix | None, telemetry: Telemetry | None
+    ) -> Command:
+        """One decision. `frame` and `fix` are given once each, when new; `telemetry` the latest."""
+        if telemetry is not None:
+            fresh = self._telemetry is None or telemetry.stamp > self._telemetry.stamp
+            self._telemetry = telemetry
+            if fresh:
+                self._lane.predict(self._odometry.update(telemetry))
+        if fix is not None and telemetry is not None:
+            self._odometry.learn(fix, telemetry, min(2.0, fix.stamp - self._fix_stamp))
+            self._fix_stamp = fix.stamp
+        if frame is not None:
+            self._look(frame)
+        if self._telemetry is None:
+            return Command(Request.STOP, reason=self.reason)
+        if self._telemetry.state is State.FAULT and self.phase not in (
+            Phase.CONNECT,
+            Phase.FINISHED,
+        ):
+            self._go(now, Phase.FAULT, "the firmware reports a fault")
+        return {
+            Phase.CONNECT: self._connect,
+            Phase.ALIGN: self._align,
+            Phase.FOLLOW: self._follow,
+            Phase.TURN: self._drive_turn,
+            Phase.LOOK: self._search,
+            Phase.HESITATE: self._hesitate,
+            Phase.FINISHED: self._rest,
+            Phase.FAULT: self._rest,
+        }[self.phase](now, self._telemetry)
+
+    def _go(self, now: float, phase: Phase, reason: str) -> None:
+        if phase is not self.phase:
+            self.transitions.append(Transition(now, phase, reason))
+        self.phase, self.reason = phase, reason
+
+    def _drive(self, steer_rad: float, speed_mps: float, blade: bool) -> Command:
+        return Command(Request.DRIVE, steer_rad, speed_mps, blade, self.reason)
+
+    def _hold(self) -> Command:
+        steer = self._telemetry.angle_rad if self._telemetry else 0.0
+        return self._drive(steer, 0.0, False)
+
+    # ---- vision ----------------------------------------------------------------------------------
+
+    def _look(self, frame: Frame) -> None:
+        if self.phase in (Phase.FINISHED, Phase.FAULT):
+            return
+        view = self._detector.see(frame.bgr)
+        self.view = view
+        self._view_stamp = frame.stamp
+        then = self._odometry.at(frame.stamp)
+        since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
+        sure = view.confidence >= CONFIDENT
+        if sure:
+            self._sure_stamp = frame.stamp
+        else:
+            self._unsure_stamp = frame.stamp
+        aligned = self._turn is None or self._leg_index >= len(self._turn.legs) - 1
+        if sure and aligned:
+            self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, since)
+        self._watch_ahead(view, then, frame.stamp)
+
+    def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
+        """Counts pictures in a row that show no crop before the blade."""
+        if self.phase is not Phase.FOLLOW or view.ahead_confidence < CONFIDENT:
+            return
+        if view.crop_ahead_m < NEAR_CROP_M:
+            self._entered = True
+        if view.crop_ahead_m < END_CLEAR_M:
+            self._clear_count, self._clear_since = 0, None
+        elif self._entered:
+            self._clear_count += 1
+            if self._clear_since is None:
+                self._clear_since = EndOfField(stamp, then, self.turns)
+
+    # ---- phases ----------------------------------------------------------------------------------
+
+    def _connect(self, now: float, telemetry: Telemetry) -> Command:
+        if telemetry.state in (State.ARMED, State.RUNNING):
+            self._go(now, Phase.ALIGN, "armed; waiting for a sure view of the edge")
+            return self._hold()
+        if now - self._asked < ARM_RETRY_S:
+            return Command(Request.DRIVE, telemetry.angle_rad, reason=self.reason)
+        self._asked = now
+        if telemetry.state is State.FAULT:
+            if self._cleared:
+                self._go(now, Phase.FAULT, "the firmware's fault does not clear")
+                return Command(Request.STOP, reason=self.reason)
+            self._cleared = True
+            return Command(Request.CLEAR, reason="clearing what the last run left")
+        return Command(Request.ARM, reason="asking the firmware to arm")
+
+    def _align(self, now: float, telemetry: Telemetry) -> Command:
+        del telemetry
+        view = self.view
+        if view is None or view.confidence < CONFIDENT:
+            return self._hold()
+        self._lane.place(0.0, 0.0, 0.15, math.radians(8))
+        self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
+        self._start_side(now, "the edge is in view")
+        return self._hold()
+
+    def _start_side(self, now: float, reason: str) -> None:
+        self._turn = None
+        self._entered = False
+        self._clear_count, self._clear_since = 0, None
+        self._run_from = self.motion
+        self._sure_stamp = max(self._sure_stamp, now - SLOW_AFTER_S)
+        self._go(now, Phase.FOLLOW, reason)
+
+    def _follow(self, now: float, telemetry: Telemetry) -> Command:
+        del telemetry
+        if self._clear_count >= END_PICTURES and self._clear_since is not None:
+            self._begin_turn(now, self._clear_since)
+            return self._hold()
+        quiet = now - self._sure_stamp
+        if quiet > STOP_AFTER_S:
+            why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
+            self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
+            return self._hold()
+        lane, vehicle = self._lane, self._vehicle
+        steer = steering.forward(lane.offset_m, lane.heading_rad, vehicle)
+        slow = quiet > SLOW_AFTER_S or not self._entered or self._clear_count > 0
+        speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
+        return self._drive(steer, speed, True)
+
+    def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
+        del telemetry
+        sure_for = self._sure_stamp - self._unsure_stamp
+        if now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
+            self._go(now, Phase.FOLLOW, "the edge is in view again")
+        return self._hold()
+
+    def _begin_turn(self, now: float, end: EndOfField) -> None:
+        corner = self._plan.corners_rad[self.turns % len(self._plan.corners_rad)]
+        plan = manoeuvre.arc if self._plan.turn == "arc" else manoeuvre.three_point
+        self._turn = plan(self._vehicle, corner)
+        # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
+        lane_heading_then = self._lane.heading_rad - (self.motion.yaw_rad - end.motion.yaw_rad)
+        self._turn_from = (end.motion, lane_heading_then)
+        self.ends.append(end)
+        self.turns += 1
+        self._leg_index = 0
+        self._leg_from = end.motion
+        self._leg_stamp = now
+        self._detector.restart()
+        self._go(now, Phase.TURN, f"end of side {self.turns}: no crop before the blade")
+
+    def _in_turn_frame(self) -> tuple[float, float, float]:
+        """The rear axle's (x, y, heading) in the planned turn's frame; x runs along the old lane."""
+        assert self._turn_from is not None
+        start, heading = self._turn_from
+        cos, sin = math.cos(start.yaw_rad - heading), math.sin(start.yaw_rad - heading)
+        dx, dy = self.motion.x_m - start.x_m, self.motion.y_m - start.y_m
+        x, y = cos * dx + sin * dy, -sin * dx + cos * dy
+        return x, y, self.motion.yaw_rad - start.yaw_rad + heading
+
+    def _drive_turn(self, now: float, telemetry: Telemetry) -> Command:
+        turn = self._turn
+        assert turn is not None and self._leg_from is not None
+        if self._leg_index >= len(turn.legs):
+            self._looks = self._empty = 0
+            self._leg_stamp = now
+            self._go(now, Phase.LOOK, "turned; looking for the crop's edge")
+            return self._hold()
+        leg = turn.legs[self._leg_index]
+        last = self._leg_index == len(turn.legs) - 1
+        steer = leg.steer_rad
+        if self._leg_done(leg):
+            self._leg_index += 1
+            self._leg_from = self.motion
+            self._leg_stamp = now
+            if self._leg_index == len(turn.legs) - 1:
+                self._place_on_lane()
+            return self._drive(steer, 0.0, False)
+        if last and leg.reverse and leg.turn_rad == math.inf:
+            steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
+        started = abs(self.motion.distance_m - self._leg_from.distance_m) > 0.05
+        if not started and abs(telemetry.angle_rad - steer) > STEER_READY_RAD:
+            if now - self._leg_stamp > STEER_TIMEOUT_S:
+                self._go(now, Phase.FAULT, "the steering did not reach its angle")
+            return self._drive(steer, 0.0, False)
+        speed = self._vehicle.manoeuvre_speed_mps
+        return self._drive(steer, -speed if leg.reverse else speed, False)
+
+    def _leg_done(self, leg: Leg) -> bool:
+        assert self._leg_from is not None
+        coast = abs(self.motion.speed_mps) * self._vehicle.drive_lag_s
+        travelled = self.motion.distance_m - self._leg_from.distance_m
+        run = -travelled if leg.reverse else travelled
+        turned = abs(self.motion.yaw_rad - self._leg_from.yaw_rad)
+        return (
+            run + coast >= leg.distance_m
+            or turned + coast * abs(self.motion.curvature_1pm) >= leg.turn_rad
+        )
+
+    def _place_on_lane(self) -> None:
+        assert self._turn is not None
+        x, y, heading = self._in_turn_frame()
+        self._lane.place(
+            self._turn.offset(x, y), heading - self._turn.lane_rad, 0.15, math.radians(6)
+        )
+
+    def _search(self, now: float, telemetry: Telemetry) -> Command:
+        """Standing still after the turn: is there crop where it should be?"""
+        view = self.view
+        if abs(self.motion.speed_mps) > STOPPED_MPS or self._view_stamp <= self._leg_stamp:
+            return self._hold()
+        self._leg_stamp = self._view_stamp
+        self._looks += 1
+        if view is None or view.ahead_confidence < CONFIDENT:
+            if self._looks > 10 * SEARCH_PICTURES:
+                self._go(now, Phase.FAULT, "nothing to be made out after the turn")
+            return self._hold()
+        if view.crop_ahead_m > NO_CROP_M:
+            self._empty += 1
+            if self._empty >= SEARCH_PICTURES:
+                self._go(now, Phase.FINISHED, "no crop left beside the last swath")
+            return self._hold()
+        if view.confidence >= CONFIDENT or self._looks >= SEARCH_PICTURES:
+            self._start_side(now, f"side {self.turns + 1}: crop {view.crop_ahead_m:.1f} m ahead")
+        del telemetry
+        return self._hold()
+
+    def _rest(self, now: float, telemetry: Telemetry) -> Command:
+        del now, telemetry
+        return Command(Request.STOP, reason=self.reason)
