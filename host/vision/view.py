@@ -24,7 +24,7 @@ class CropView:
     """E_outer against O_map at the blade's line: positive where the crop's outer edge appears left
     of where it should be (the blade's right end), so a positive offset asks to steer left."""
     edge_heading_rad: float = NAN
-    """Direction of the edge line against the vehicle's x axis, positive where it runs to the left."""
+    """Direction of the edge line against the vehicle's x axis, positive where it runs left."""
     edge_curvature_1pm: float = NAN
     crop_ahead_m: float = NAN
     """From the blade's line to the nearest standing crop ahead within the blade's width; 0 while
@@ -32,7 +32,8 @@ class CropView:
     ahead_confidence: float = 0.0
     """The same meaning for `crop_ahead_m`, within 0.25 m."""
     end_of_field: float = 0.0
-    """Evidence 0..1 of the mode's own rule (the paper's: l_height below l_reference by over 3 %)."""
+    """Evidence 0..1 of the mode's own rule (the paper's: l_height below l_reference by over
+    3 % of the rows)."""
     e_outer_px: float = NAN
     """Column of E_outer at the row where the blade's line meets the picture."""
     o_map_px: float = NAN

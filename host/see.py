@@ -1,0 +1,124 @@
+"""`daranti see`: what the vision finds in photographs, folders, videos and streams."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import time
+from pathlib import Path
+
+import click
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from host.errors import UserError
+from host.vision.figure import staged
+from host.vision.photo import photo_detector
+from host.vision.pictures import Picture, frames
+from host.vision.split import SIDES, Side
+from host.vision.view import CropView
+
+
+def read_sides(manifest: Path) -> dict[str, Side]:
+    """Standing side by file name without suffix, from a CSV with columns file, standing_side."""
+    try:
+        with manifest.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{manifest}: cannot be read ({error}); give a CSV file") from error
+    sides: dict[str, Side] = {}
+    for number, row in enumerate(rows, start=2):
+        if not row.get("file") or row.get("standing_side") not in SIDES:
+            raise UserError(
+                f"{manifest}: line {number} needs the columns file and standing_side "
+                f"({', '.join(SIDES)})"
+            )
+        sides[Path(row["file"]).stem] = row["standing_side"]  # type: ignore[assignment]
+    return sides
+
+
+def heading_deg(edge: NDArray[np.float32] | None) -> float:
+    """Direction of an edge in the picture, degrees in (-90, 90] from upright, positive where its
+    upper end leans to the right; NaN below two points."""
+    if edge is None or len(edge) < 2:
+        return math.nan
+    centred = edge - edge.mean(0)
+    _, _, axes = np.linalg.svd(centred, full_matrices=False)
+    du, dv = axes[0]
+    return float((math.degrees(math.atan2(du, -dv)) + 90.0) % 180.0 - 90.0)
+
+
+def write_result(folder: Path, name: str, bgr: Picture, view: CropView, ms: float) -> None:
+    """NAME.mask.png (255 = cut, 0 = standing) and NAME.json."""
+    h, w = bgr.shape[:2]
+    standing = view.standing if view.standing is not None else np.zeros((h, w), np.bool_)
+    cv2.imwrite(str(folder / f"{name}.mask.png"), np.where(standing, 0, 255).astype(np.uint8))
+    edge = view.edge_px if view.edge_px is not None else np.zeros((0, 2), np.float32)
+    heading = heading_deg(edge)
+    record = {
+        "edge_px": [[round(float(u), 2), round(float(v), 2)] for u, v in edge],
+        "heading_deg": round(heading, 3) if math.isfinite(heading) else None,
+        "confidence": round(view.confidence, 4),
+        "reason": view.reason,
+        "ms": round(ms, 3),
+    }
+    (folder / f"{name}.json").write_text(json.dumps(record) + "\n", encoding="utf-8")
+
+
+@click.command()
+@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|URL...")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@click.option("--side", type=click.Choice(SIDES), help="Where the crop stands; default left.")
+@click.option(
+    "--manifest",
+    type=click.Path(path_type=Path),
+    help="CSV with columns file, standing_side: the side of each photograph.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("see"), show_default=True, metavar="DIR"
+)
+@click.option(
+    "--stages/--no-stages", default=None, help="Write the staged picture, NAME.stages.png."
+)
+def see(  # noqa: PLR0917
+    source: tuple[str, ...],
+    mode: str,
+    side: Side | None,
+    manifest: Path | None,
+    out: Path,
+    stages: bool | None,
+) -> None:
+    """Runs the vision on photographs and writes mask, edge and the staged picture of each.
+
+    A picture that cannot be used is named on stderr and the others are still done; the exit code is
+    then 2."""
+    sides = read_sides(manifest) if manifest else {}
+    out.mkdir(parents=True, exist_ok=True)
+    failed = 0
+    for item in source:
+        pictures = frames(item)
+        while True:
+            try:
+                name, bgr = next(pictures)
+            except StopIteration:
+                break
+            except UserError as error:
+                click.echo(f"daranti see: {error}", err=True)
+                failed += 1
+                break
+            where = side or sides.get(name, "left")
+            detector = photo_detector(mode, where)
+            wanted = stages is not False
+            start = time.perf_counter()
+            view = detector.see(bgr, stages=False)
+            ms = 1e3 * (time.perf_counter() - start)
+            write_result(out, name, bgr, view, ms)
+            if wanted:
+                full = detector.see(bgr, stages=True)
+                cv2.imwrite(str(out / f"{name}.stages.png"), staged(bgr, full))
+            text = f": {view.reason}" if view.reason else ""
+            click.echo(f"{name}: confidence {view.confidence:.2f}, {ms:.1f} ms{text}")
+    if failed:
+        raise UserError(f"{failed} of the sources could not be used, see above")
