@@ -1,0 +1,404 @@
+// Generated from firmware/protocol.toml by tools/protogen.py. Do not edit.
+#pragma once
+#include <stddef.h>
+#include <stdint.h>
+
+namespace daranti {
+namespace protocol {
+
+constexpr uint8_t kVersion = 1;
+constexpr uint32_t kBaud = 115200;
+
+// What the supervisor allows.
+enum class State : uint8_t {
+  SAFE = 0,
+  ARMED = 1,
+  RUNNING = 2,
+  FAULT = 3,
+};
+
+// Why a request was or was not taken.
+enum class Result : uint8_t {
+  OK = 0,
+  WRONG_VERSION = 1,
+  WRONG_STATE = 2,
+  NOT_PLAUSIBLE = 3,
+  OUT_OF_RANGE = 4,
+  UNKNOWN = 5,
+  STORE_FAILED = 6,
+};
+
+// Latched reasons; each bit has its text on the host.
+enum Fault : uint32_t {
+  LINK_LOST = 1UL << 0,  // no valid command for 250 ms
+  ESTOP_OPEN = 1UL << 1,  // emergency-stop loop open
+  POT_OPEN = 1UL << 2,  // steering potentiometer reads above its range (wire open)
+  POT_SHORT = 1UL << 3,  // steering potentiometer reads below its range (short to ground)
+  POT_JUMP = 1UL << 4,  // steering angle jumped faster than the steering can move
+  POT_FROZEN = 1UL << 5,  // steering driven but the potentiometer does not move
+  STEER_STALL = 1UL << 6,  // steering motor stalled
+  STEER_RUNAWAY = 1UL << 7,  // steering moves away from its setpoint
+  STEER_OVERCURRENT = 1UL << 8,  // steering bridge over-current
+  DRIVE_OVERCURRENT = 1UL << 9,  // drive bridge over-current
+  BATTERY_LOW = 1UL << 10,  // battery below its limit
+  BATTERY_HIGH = 1UL << 11,  // battery above its limit
+  BROWN_OUT = 1UL << 12,  // the controller's supply collapsed (brown-out reset)
+  WATCHDOG = 1UL << 13,  // the controller hung and its watchdog reset it
+  PARAMS_BAD = 1UL << 14,  // stored parameters corrupt; defaults are in use
+  HALL_LOST = 1UL << 15,  // wheels driven but the hall sensor is silent
+  IDENT_LIMIT = 1UL << 16,  // identification stopped at its angle or time limit
+};
+
+// Little-endian, whatever the compiler's machine is.
+template <typename T>
+inline T get(const uint8_t *from) {
+  uint32_t bits = 0;
+  for (size_t i = sizeof(T); i-- > 0;) bits = (bits << 8) | from[i];
+  return static_cast<T>(bits);
+}
+template <typename T>
+inline void put(uint8_t *to, T value) {
+  uint32_t bits = static_cast<uint32_t>(value);
+  for (size_t i = 0; i < sizeof(T); ++i, bits >>= 8) to[i] = static_cast<uint8_t>(bits);
+}
+
+// To the firmware: Asks who is there; answered by Version.
+struct Hello {
+  static constexpr uint8_t kId = 1;
+  static constexpr uint8_t kSize = 1;
+  uint8_t protocol_version;
+  static Hello read(const uint8_t *payload) {
+    Hello m;
+    m.protocol_version = get<uint8_t>(payload);
+    return m;
+  }
+};
+
+// To the firmware: SAFE to ARMED, when the version matches and every precondition holds; answered by Ack.
+struct Arm {
+  static constexpr uint8_t kId = 2;
+  static constexpr uint8_t kSize = 1;
+  uint8_t protocol_version;
+  static Arm read(const uint8_t *payload) {
+    Arm m;
+    m.protocol_version = get<uint8_t>(payload);
+    return m;
+  }
+};
+
+// To the firmware: All outputs off in the same tick, state SAFE. Wins over anything else.
+struct Stop {
+  static constexpr uint8_t kId = 3;
+  static constexpr uint8_t kSize = 0;
+};
+
+// To the firmware: Clears latched faults whose cause is gone; FAULT to SAFE.
+struct Clear {
+  static constexpr uint8_t kId = 4;
+  static constexpr uint8_t kSize = 0;
+};
+
+// To the firmware: The command; its validity feeds the link watchdog.
+struct Drive {
+  static constexpr uint8_t kId = 5;
+  static constexpr uint8_t kSize = 5;
+  int16_t steer;  // 0.01 deg; steering angle, positive to the left
+  int16_t speed;  // 0.001 m/s; negative reverses
+  uint8_t blade;  // 0 off, 1 on
+  static Drive read(const uint8_t *payload) {
+    Drive m;
+    m.steer = get<int16_t>(payload);
+    m.speed = get<int16_t>(payload + 2);
+    m.blade = get<uint8_t>(payload + 4);
+    return m;
+  }
+};
+
+// To the host: Answer to Hello.
+struct Version {
+  static constexpr uint8_t kId = 65;
+  static constexpr uint8_t kSize = 5;
+  uint8_t protocol_version;
+  uint8_t firmware_major;
+  uint8_t firmware_minor;
+  uint8_t build;  // 0 uno, 1 desk, 2 uno_hil
+  uint8_t reset_cause;  // MCUSR: bit 0 power-on, 1 external, 2 brown-out, 3 watchdog
+  void write(uint8_t *payload) const {
+    put<uint8_t>(payload, protocol_version);
+    put<uint8_t>(payload + 1, firmware_major);
+    put<uint8_t>(payload + 2, firmware_minor);
+    put<uint8_t>(payload + 3, build);
+    put<uint8_t>(payload + 4, reset_cause);
+  }
+};
+
+// To the host: Answer to a request that can be refused.
+struct Ack {
+  static constexpr uint8_t kId = 66;
+  static constexpr uint8_t kSize = 3;
+  uint8_t request_id;
+  uint8_t request_seq;
+  uint8_t result;  // enum Result
+  void write(uint8_t *payload) const {
+    put<uint8_t>(payload, request_id);
+    put<uint8_t>(payload + 1, request_seq);
+    put<uint8_t>(payload + 2, result);
+  }
+};
+
+// To the host: 50 Hz.
+struct Telemetry {
+  static constexpr uint8_t kId = 67;
+  static constexpr uint8_t kSize = 29;
+  uint32_t time;  // 0.000001 s; firmware clock, wraps
+  uint8_t state;  // enum State
+  uint32_t faults;  // bits Fault
+  int16_t setpoint;  // 0.01 deg
+  int16_t angle;  // 0.01 deg
+  int16_t steer_duty;  // -255..255, positive to the left
+  int16_t drive_duty;  // -255..255, positive forward
+  uint8_t blade;
+  int16_t speed;  // 0.001 m/s; -32768 = none; measured; none where no hall sensor is configured
+  int32_t distance;  // 0.001 m; signed odometer since reset; 0 where no sensor is configured
+  uint16_t battery;  // 0.001 V
+  uint8_t last_seq;  // sequence number of the last command taken
+  uint16_t frames_bad;  // frames dropped since reset (CRC, COBS, length, id), saturating
+  void write(uint8_t *payload) const {
+    put<uint32_t>(payload, time);
+    put<uint8_t>(payload + 4, state);
+    put<uint32_t>(payload + 5, faults);
+    put<int16_t>(payload + 9, setpoint);
+    put<int16_t>(payload + 11, angle);
+    put<int16_t>(payload + 13, steer_duty);
+    put<int16_t>(payload + 15, drive_duty);
+    put<uint8_t>(payload + 17, blade);
+    put<int16_t>(payload + 18, speed);
+    put<int32_t>(payload + 20, distance);
+    put<uint16_t>(payload + 24, battery);
+    put<uint8_t>(payload + 26, last_seq);
+    put<uint16_t>(payload + 27, frames_bad);
+  }
+};
+
+// To the firmware: Answered by ParamValue, or by Ack UNKNOWN.
+struct ParamGet {
+  static constexpr uint8_t kId = 6;
+  static constexpr uint8_t kSize = 1;
+  uint8_t param;  // id of a parameter
+  static ParamGet read(const uint8_t *payload) {
+    ParamGet m;
+    m.param = get<uint8_t>(payload);
+    return m;
+  }
+};
+
+// To the firmware: Changes a parameter in RAM, in SAFE or FAULT only; answered by Ack.
+struct ParamSet {
+  static constexpr uint8_t kId = 7;
+  static constexpr uint8_t kSize = 3;
+  uint8_t param;  // id of a parameter
+  int16_t value;  // raw; the scale is the parameter's
+  static ParamSet read(const uint8_t *payload) {
+    ParamSet m;
+    m.param = get<uint8_t>(payload);
+    m.value = get<int16_t>(payload + 1);
+    return m;
+  }
+};
+
+// To the firmware: Stores all parameters in EEPROM and reads them back, in SAFE or FAULT only; answered by Ack when done.
+struct ParamSave {
+  static constexpr uint8_t kId = 8;
+  static constexpr uint8_t kSize = 0;
+};
+
+// To the firmware: Sets all parameters to their defaults in RAM, in SAFE or FAULT only; answered by Ack.
+struct ParamDefaults {
+  static constexpr uint8_t kId = 9;
+  static constexpr uint8_t kSize = 0;
+};
+
+// To the firmware: Raw PWM on the steering motor while ARMED, within the ident_* limits; feeds the link watchdog. Answered by Ack.
+struct Ident {
+  static constexpr uint8_t kId = 10;
+  static constexpr uint8_t kSize = 4;
+  int16_t duty;  // -255..255, positive to the left
+  uint16_t duration;  // 0.001 s; the motor is released after this time
+  static Ident read(const uint8_t *payload) {
+    Ident m;
+    m.duty = get<int16_t>(payload);
+    m.duration = get<uint16_t>(payload + 2);
+    return m;
+  }
+};
+
+// To the firmware: uno_hil only: what the plant's sensors read; answered by HilOutputs. Other builds answer Ack UNKNOWN.
+struct HilSensors {
+  static constexpr uint8_t kId = 11;
+  static constexpr uint8_t kSize = 11;
+  uint16_t pot;  // 0.001 V
+  uint16_t battery;  // 0.001 V; at the pin, behind the divider
+  uint16_t steer_current;  // 0.001 V; at the sense pin
+  uint16_t drive_current;  // 0.001 V; at the sense pin
+  uint8_t estop;  // level of the e-stop pin: 0 closed, 1 open
+  uint16_t hall;  // pulses since start, modulo 65536
+  static HilSensors read(const uint8_t *payload) {
+    HilSensors m;
+    m.pot = get<uint16_t>(payload);
+    m.battery = get<uint16_t>(payload + 2);
+    m.steer_current = get<uint16_t>(payload + 4);
+    m.drive_current = get<uint16_t>(payload + 6);
+    m.estop = get<uint8_t>(payload + 8);
+    m.hall = get<uint16_t>(payload + 9);
+    return m;
+  }
+};
+
+// To the host: Answer to ParamGet.
+struct ParamValue {
+  static constexpr uint8_t kId = 68;
+  static constexpr uint8_t kSize = 3;
+  uint8_t param;  // id of a parameter
+  int16_t value;  // raw; the scale is the parameter's
+  void write(uint8_t *payload) const {
+    put<uint8_t>(payload, param);
+    put<int16_t>(payload + 1, value);
+  }
+};
+
+// To the host: uno_hil only: what the outputs would be; they are held off on the board itself.
+struct HilOutputs {
+  static constexpr uint8_t kId = 69;
+  static constexpr uint8_t kSize = 5;
+  int16_t steer_duty;  // -255..255, positive to the left
+  int16_t drive_duty;  // -255..255, positive forward
+  uint8_t blade;
+  void write(uint8_t *payload) const {
+    put<int16_t>(payload, steer_duty);
+    put<int16_t>(payload + 2, drive_duty);
+    put<uint8_t>(payload + 4, blade);
+  }
+};
+
+// Payload length of a message to the firmware; -1 for an unknown id.
+inline int8_t command_size(uint8_t id) {
+  switch (id) {
+    case Hello::kId:
+      return Hello::kSize;
+    case Arm::kId:
+      return Arm::kSize;
+    case Stop::kId:
+      return Stop::kSize;
+    case Clear::kId:
+      return Clear::kSize;
+    case Drive::kId:
+      return Drive::kSize;
+    case ParamGet::kId:
+      return ParamGet::kSize;
+    case ParamSet::kId:
+      return ParamSet::kSize;
+    case ParamSave::kId:
+      return ParamSave::kSize;
+    case ParamDefaults::kId:
+      return ParamDefaults::kSize;
+    case Ident::kId:
+      return Ident::kSize;
+    case HilSensors::kId:
+      return HilSensors::kSize;
+    default:
+      return -1;
+  }
+}
+
+constexpr uint8_t kMinCommandSize = 0;
+constexpr uint8_t kMaxCommandSize = 11;
+constexpr uint8_t kMaxAnswerSize = 29;
+
+// Parameters, in the order of their ids.
+enum class Param : uint8_t {
+  steer_driver,  // steering bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset
+  drive_driver,  // drive bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset
+  steer_pwm_freq,  // 1 Hz; timer 1 gives any frequency; takes effect at reset
+  drive_pwm_freq,  // 1 Hz; timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above; takes effect at reset
+  pot_left,  // 0.1 counts; potentiometer at the left calibration angle
+  pot_centre,  // 0.1 counts; potentiometer at straight ahead
+  pot_right,  // 0.1 counts; potentiometer at the right calibration angle
+  angle_left,  // 0.01 deg; steering angle where pot_left was taken
+  angle_right,  // 0.01 deg; steering angle where pot_right was taken
+  pot_low,  // 1 counts; below it the potentiometer counts as shorted
+  pot_high,  // 1 counts; above it the potentiometer counts as open
+  steer_rate_max,  // 1 deg/s; a measured angle that changes faster is a jump
+  steer_limit,  // 0.01 deg; largest steering setpoint to either side
+  steer_slew,  // 0.1 deg/s; fastest change of the steering setpoint
+  steer_kp,  // 0.01 duty/deg; proportional gain
+  steer_ki,  // 0.01 duty/(deg s); integral gain
+  steer_kd,  // 0.001 duty s/deg; derivative gain, on the measurement
+  steer_d_filter,  // 1 ms; time constant of the derivative's low-pass
+  steer_min_duty,  // 1 duty; duty at which the steering motor just moves; added to small commands
+  steer_deadband,  // 0.01 deg; error within which a resting motor stays released; it releases again at half of it
+  steer_duty_max,  // 1 duty
+  steer_duty_slew,  // 1 duty/s; fastest growth of the steering duty; it falls at once
+  speed_max,  // 0.001 m/s; largest speed, forward and in reverse
+  speed_full,  // 0.001 m/s; speed at full duty and nominal battery
+  drive_accel,  // 0.001 m/s2; soft start: fastest change of the speed setpoint
+  drive_min_duty,  // 1 duty; duty at which the drive motors just move
+  drive_kp,  // 0.1 duty s/m; speed loop, with a hall sensor only
+  drive_ki,  // 0.1 duty/m; speed loop, with a hall sensor only
+  hall_per_metre,  // 0.1 pulses/m; 0: no hall sensor fitted
+  battery_low,  // 0.001 V
+  battery_high,  // 0.001 V
+  battery_nominal,  // 0.001 V; the drive duty is scaled by nominal over measured; 0 switches this off
+  steer_current_max,  // 0.01 A
+  drive_current_max,  // 0.01 A
+  stall_current,  // 0.01 A; a driven, motionless steering above it is stalled, below it its potentiometer is frozen
+  stall_time,  // 1 ms; driven without movement for this long is a stall or a frozen potentiometer
+  ident_duty_max,  // 1 duty
+  ident_angle_max,  // 0.01 deg
+  ident_time_max,  // 1 ms; longest duration that Ident may ask for
+};
+constexpr uint8_t kParams = 39;
+
+// X(name, default, min, max), raw
+#define DARANTI_PARAMS(X) \
+  X(steer_driver, 0, 0, 1) \
+  X(drive_driver, 0, 0, 1) \
+  X(steer_pwm_freq, 20000, 100, 25000) \
+  X(drive_pwm_freq, 3922, 123, 25000) \
+  X(pot_left, 7370, 0, 10230) \
+  X(pot_centre, 5120, 0, 10230) \
+  X(pot_right, 2870, 0, 10230) \
+  X(angle_left, 5000, 1000, 8000) \
+  X(angle_right, -5000, -8000, -1000) \
+  X(pot_low, 120, 10, 500) \
+  X(pot_high, 904, 524, 1013) \
+  X(steer_rate_max, 400, 50, 2000) \
+  X(steer_limit, 5000, 500, 5000) \
+  X(steer_slew, 1200, 50, 3000) \
+  X(steer_kp, 1600, 0, 10000) \
+  X(steer_ki, 600, 0, 10000) \
+  X(steer_kd, 1000, 0, 20000) \
+  X(steer_d_filter, 15, 0, 200) \
+  X(steer_min_duty, 60, 0, 150) \
+  X(steer_deadband, 30, 0, 500) \
+  X(steer_duty_max, 255, 30, 255) \
+  X(steer_duty_slew, 5000, 200, 25500) \
+  X(speed_max, 1000, 100, 3000) \
+  X(speed_full, 1200, 100, 10000) \
+  X(drive_accel, 1000, 100, 5000) \
+  X(drive_min_duty, 30, 0, 150) \
+  X(drive_kp, 800, 0, 10000) \
+  X(drive_ki, 2000, 0, 20000) \
+  X(hall_per_metre, 0, 0, 5000) \
+  X(battery_low, 10000, 5000, 30000) \
+  X(battery_high, 15500, 6000, 32000) \
+  X(battery_nominal, 12000, 0, 30000) \
+  X(steer_current_max, 2000, 50, 4900) \
+  X(drive_current_max, 4000, 50, 4900) \
+  X(stall_current, 300, 10, 4900) \
+  X(stall_time, 500, 100, 3000) \
+  X(ident_duty_max, 200, 10, 255) \
+  X(ident_angle_max, 3500, 500, 4500) \
+  X(ident_time_max, 3000, 100, 10000)
+
+}  // namespace protocol
+}  // namespace daranti

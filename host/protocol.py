@@ -1,0 +1,1035 @@
+"""Generated from firmware/protocol.toml by tools/protogen.py. Do not edit.
+
+The serial link's frames and messages, in SI units. No I/O and no clock.
+
+A frame on the wire: COBS(id, seq, payload, CRC-16/CCITT-FALSE little-endian) 0x00.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+DEGREE = math.pi / 180
+
+
+class Codec(NamedTuple):
+    """How one field goes between its value and the integer on the wire."""
+
+    name: str
+    scale: float | None
+    kind: Callable[[int], int] | None
+    none: int | None
+
+    def to_raw(self, value: float | None) -> int:
+        """The nearest integer; `none` where the field allows it."""
+        if value is None:
+            if self.none is None:
+                raise ValueError(f"{self.name} must not be None")
+            return self.none
+        return int(value) if self.scale is None else round(value / self.scale)
+
+    def from_raw(self, raw: int) -> float | None:
+        """Raises ValueError for a value that the field's enum does not hold."""
+        if raw == self.none:
+            return None
+        if self.kind is not None:
+            return self.kind(raw)
+        return raw if self.scale is None else raw * self.scale
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Base of all messages; the fields are in SI units."""
+
+    ID: ClassVar[int]
+    LAYOUT: ClassVar[struct.Struct]
+    CODECS: ClassVar[tuple[Codec, ...]]
+
+    def payload(self) -> bytes:
+        """Raises ValueError where a value does not fit its field."""
+        raws = [codec.to_raw(getattr(self, codec.name)) for codec in self.CODECS]
+        try:
+            return self.LAYOUT.pack(*raws)
+        except struct.error as error:
+            raise ValueError(f"{self}: a value does not fit its field ({error})") from error
+
+    @classmethod
+    def parse(cls, payload: bytes) -> Message:
+        """Raises ValueError for a wrong length or an enum value out of range."""
+        if len(payload) != cls.LAYOUT.size:
+            raise ValueError(f"{cls.__name__}: {len(payload)} bytes instead of {cls.LAYOUT.size}")
+        raws = cls.LAYOUT.unpack(payload)
+        return cls(*(codec.from_raw(raw) for codec, raw in zip(cls.CODECS, raws, strict=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSpec:
+    """One parameter of the firmware; value in `unit` = raw * scale."""
+
+    name: str
+    id: int
+    scale: float
+    default_raw: int
+    min_raw: int
+    max_raw: int
+    unit: str
+    doc: str
+
+    def to_raw(self, value: float) -> int:
+        """Raises ValueError, with the range, for a value outside it."""
+        raw = round(value / self.scale) if math.isfinite(value) else self.max_raw + 1
+        if not self.min_raw <= raw <= self.max_raw:
+            low, high = self.from_raw(self.min_raw), self.from_raw(self.max_raw)
+            unit = f" {self.unit}" if self.unit else ""
+            raise ValueError(f"{self.name} must be {low:g} to {high:g}{unit}, not {value:g}")
+        return raw
+
+    def from_raw(self, raw: int) -> float:
+        """The value in `unit`."""
+        return raw * self.scale
+
+
+VERSION = 1
+BAUD = 115200
+
+
+class State(enum.IntEnum):
+    """What the supervisor allows."""
+
+    SAFE = 0
+    ARMED = 1
+    RUNNING = 2
+    FAULT = 3
+
+
+class Result(enum.IntEnum):
+    """Why a request was or was not taken."""
+
+    OK = 0
+    WRONG_VERSION = 1
+    WRONG_STATE = 2
+    NOT_PLAUSIBLE = 3
+    OUT_OF_RANGE = 4
+    UNKNOWN = 5
+    STORE_FAILED = 6
+
+
+class Fault(enum.IntFlag):
+    """Latched reasons; each bit has its text on the host."""
+
+    LINK_LOST = 1 << 0
+    ESTOP_OPEN = 1 << 1
+    POT_OPEN = 1 << 2
+    POT_SHORT = 1 << 3
+    POT_JUMP = 1 << 4
+    POT_FROZEN = 1 << 5
+    STEER_STALL = 1 << 6
+    STEER_RUNAWAY = 1 << 7
+    STEER_OVERCURRENT = 1 << 8
+    DRIVE_OVERCURRENT = 1 << 9
+    BATTERY_LOW = 1 << 10
+    BATTERY_HIGH = 1 << 11
+    BROWN_OUT = 1 << 12
+    WATCHDOG = 1 << 13
+    PARAMS_BAD = 1 << 14
+    HALL_LOST = 1 << 15
+    IDENT_LIMIT = 1 << 16
+
+
+FAULT_TEXTS: dict[Fault, tuple[str, str]] = {
+    Fault.LINK_LOST: (
+        "no valid command for 250 ms",
+        "check the cable and that the host runs, then CLEAR and ARM",
+    ),
+    Fault.ESTOP_OPEN: (
+        "emergency-stop loop open",
+        "release the emergency stop, then CLEAR and ARM",
+    ),
+    Fault.POT_OPEN: (
+        "steering potentiometer reads above its range (wire open)",
+        "check the potentiometer's wiring",
+    ),
+    Fault.POT_SHORT: (
+        "steering potentiometer reads below its range (short to ground)",
+        "check the potentiometer's wiring",
+    ),
+    Fault.POT_JUMP: (
+        "steering angle jumped faster than the steering can move",
+        "check the potentiometer's wiper and plug",
+    ),
+    Fault.POT_FROZEN: (
+        "steering driven but the potentiometer does not move",
+        "check the potentiometer's coupling to the steering rod",
+    ),
+    Fault.STEER_STALL: (
+        "steering motor stalled",
+        "free the wheel and check the motor's supply",
+    ),
+    Fault.STEER_RUNAWAY: (
+        "steering moves away from its setpoint",
+        "check the motor's polarity and the bridge",
+    ),
+    Fault.STEER_OVERCURRENT: (
+        "steering bridge over-current",
+        "check the motor and its wiring for a short",
+    ),
+    Fault.DRIVE_OVERCURRENT: (
+        "drive bridge over-current",
+        "check the drive motors and that the wheels turn",
+    ),
+    Fault.BATTERY_LOW: (
+        "battery below its limit",
+        "charge or change the battery",
+    ),
+    Fault.BATTERY_HIGH: (
+        "battery above its limit",
+        "check the charger and the battery's divider",
+    ),
+    Fault.BROWN_OUT: (
+        "the controller's supply collapsed (brown-out reset)",
+        "check the 5 V supply",
+    ),
+    Fault.WATCHDOG: (
+        "the controller hung and its watchdog reset it",
+        "report it with the record",
+    ),
+    Fault.PARAMS_BAD: (
+        "stored parameters corrupt; defaults are in use",
+        "restore the parameters, save them, CLEAR",
+    ),
+    Fault.HALL_LOST: (
+        "wheels driven but the hall sensor is silent",
+        "check the hall sensor, or set its pulses per metre to 0",
+    ),
+    Fault.IDENT_LIMIT: (
+        "identification stopped at its angle or time limit",
+        "CLEAR and start it again",
+    ),
+}
+"""What each bit means, and what to do about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hello(Message):
+    """To the firmware: Asks who is there; answered by Version."""
+
+    protocol_version: int
+
+    ID: ClassVar[int] = 1
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("protocol_version", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Arm(Message):
+    """To the firmware: SAFE to ARMED, when the version matches and every precondition holds; answered by Ack."""
+
+    protocol_version: int
+
+    ID: ClassVar[int] = 2
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("protocol_version", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(Message):
+    """To the firmware: All outputs off in the same tick, state SAFE. Wins over anything else."""
+
+    ID: ClassVar[int] = 3
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Clear(Message):
+    """To the firmware: Clears latched faults whose cause is gone; FAULT to SAFE."""
+
+    ID: ClassVar[int] = 4
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Drive(Message):
+    """To the firmware: The command; its validity feeds the link watchdog."""
+
+    steer: float
+    """rad; steering angle, positive to the left"""
+    speed: float
+    """m/s; negative reverses"""
+    blade: int
+    """0 off, 1 on"""
+
+    ID: ClassVar[int] = 5
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hhB")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("steer", 0.01 * DEGREE, None, None),
+        Codec("speed", 0.001, None, None),
+        Codec("blade", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Version(Message):
+    """To the host: Answer to Hello."""
+
+    protocol_version: int
+    firmware_major: int
+    firmware_minor: int
+    build: int
+    """0 uno, 1 desk, 2 uno_hil"""
+    reset_cause: int
+    """MCUSR: bit 0 power-on, 1 external, 2 brown-out, 3 watchdog"""
+
+    ID: ClassVar[int] = 65
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBB")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("protocol_version", None, None, None),
+        Codec("firmware_major", None, None, None),
+        Codec("firmware_minor", None, None, None),
+        Codec("build", None, None, None),
+        Codec("reset_cause", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Ack(Message):
+    """To the host: Answer to a request that can be refused."""
+
+    request_id: int
+    request_seq: int
+    result: Result
+
+    ID: ClassVar[int] = 66
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBB")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("request_id", None, None, None),
+        Codec("request_seq", None, None, None),
+        Codec("result", None, Result, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry(Message):
+    """To the host: 50 Hz."""
+
+    time: float
+    """s; firmware clock, wraps"""
+    state: State
+    faults: Fault
+    setpoint: float
+    """rad"""
+    angle: float
+    """rad"""
+    steer_duty: int
+    """-255..255, positive to the left"""
+    drive_duty: int
+    """-255..255, positive forward"""
+    blade: int
+    speed: float | None
+    """m/s; measured; none where no hall sensor is configured"""
+    distance: float
+    """m; signed odometer since reset; 0 where no sensor is configured"""
+    battery: float
+    """V"""
+    last_seq: int
+    """sequence number of the last command taken"""
+    frames_bad: int
+    """frames dropped since reset (CRC, COBS, length, id), saturating"""
+
+    ID: ClassVar[int] = 67
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IBIhhhhBhiHBH")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("time", 1e-06, None, None),
+        Codec("state", None, State, None),
+        Codec("faults", None, Fault, None),
+        Codec("setpoint", 0.01 * DEGREE, None, None),
+        Codec("angle", 0.01 * DEGREE, None, None),
+        Codec("steer_duty", None, None, None),
+        Codec("drive_duty", None, None, None),
+        Codec("blade", None, None, None),
+        Codec("speed", 0.001, None, -32768),
+        Codec("distance", 0.001, None, None),
+        Codec("battery", 0.001, None, None),
+        Codec("last_seq", None, None, None),
+        Codec("frames_bad", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ParamGet(Message):
+    """To the firmware: Answered by ParamValue, or by Ack UNKNOWN."""
+
+    param: int
+    """id of a parameter"""
+
+    ID: ClassVar[int] = 6
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("param", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSet(Message):
+    """To the firmware: Changes a parameter in RAM, in SAFE or FAULT only; answered by Ack."""
+
+    param: int
+    """id of a parameter"""
+    value: int
+    """raw; the scale is the parameter's"""
+
+    ID: ClassVar[int] = 7
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Bh")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("param", None, None, None),
+        Codec("value", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSave(Message):
+    """To the firmware: Stores all parameters in EEPROM and reads them back, in SAFE or FAULT only; answered by Ack when done."""
+
+    ID: ClassVar[int] = 8
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ParamDefaults(Message):
+    """To the firmware: Sets all parameters to their defaults in RAM, in SAFE or FAULT only; answered by Ack."""
+
+    ID: ClassVar[int] = 9
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Ident(Message):
+    """To the firmware: Raw PWM on the steering motor while ARMED, within the ident_* limits; feeds the link watchdog. Answered by Ack."""
+
+    duty: int
+    """-255..255, positive to the left"""
+    duration: float
+    """s; the motor is released after this time"""
+
+    ID: ClassVar[int] = 10
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hH")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("duty", None, None, None),
+        Codec("duration", 0.001, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class HilSensors(Message):
+    """To the firmware: uno_hil only: what the plant's sensors read; answered by HilOutputs. Other builds answer Ack UNKNOWN."""
+
+    pot: float
+    """V"""
+    battery: float
+    """V; at the pin, behind the divider"""
+    steer_current: float
+    """V; at the sense pin"""
+    drive_current: float
+    """V; at the sense pin"""
+    estop: int
+    """level of the e-stop pin: 0 closed, 1 open"""
+    hall: int
+    """pulses since start, modulo 65536"""
+
+    ID: ClassVar[int] = 11
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHHBH")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("pot", 0.001, None, None),
+        Codec("battery", 0.001, None, None),
+        Codec("steer_current", 0.001, None, None),
+        Codec("drive_current", 0.001, None, None),
+        Codec("estop", None, None, None),
+        Codec("hall", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ParamValue(Message):
+    """To the host: Answer to ParamGet."""
+
+    param: int
+    """id of a parameter"""
+    value: int
+    """raw; the scale is the parameter's"""
+
+    ID: ClassVar[int] = 68
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Bh")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("param", None, None, None),
+        Codec("value", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class HilOutputs(Message):
+    """To the host: uno_hil only: what the outputs would be; they are held off on the board itself."""
+
+    steer_duty: int
+    """-255..255, positive to the left"""
+    drive_duty: int
+    """-255..255, positive forward"""
+    blade: int
+
+    ID: ClassVar[int] = 69
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hhB")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("steer_duty", None, None, None),
+        Codec("drive_duty", None, None, None),
+        Codec("blade", None, None, None),
+    )
+
+
+MESSAGES: tuple[type[Message], ...] = (
+    Hello,
+    Arm,
+    Stop,
+    Clear,
+    Drive,
+    Version,
+    Ack,
+    Telemetry,
+    ParamGet,
+    ParamSet,
+    ParamSave,
+    ParamDefaults,
+    Ident,
+    HilSensors,
+    ParamValue,
+    HilOutputs,
+)
+
+PARAMS: dict[str, ParamSpec] = {
+    "steer_driver": ParamSpec(
+        "steer_driver",
+        0,
+        1.0,
+        0,
+        0,
+        1,
+        "",
+        "steering bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset",
+    ),
+    "drive_driver": ParamSpec(
+        "drive_driver",
+        1,
+        1.0,
+        0,
+        0,
+        1,
+        "",
+        "drive bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset",
+    ),
+    "steer_pwm_freq": ParamSpec(
+        "steer_pwm_freq",
+        2,
+        1.0,
+        20000,
+        100,
+        25000,
+        "Hz",
+        "timer 1 gives any frequency; takes effect at reset",
+    ),
+    "drive_pwm_freq": ParamSpec(
+        "drive_pwm_freq",
+        3,
+        1.0,
+        3922,
+        123,
+        25000,
+        "Hz",
+        "timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above; takes effect at reset",
+    ),
+    "pot_left": ParamSpec(
+        "pot_left",
+        4,
+        0.1,
+        7370,
+        0,
+        10230,
+        "counts",
+        "potentiometer at the left calibration angle",
+    ),
+    "pot_centre": ParamSpec(
+        "pot_centre",
+        5,
+        0.1,
+        5120,
+        0,
+        10230,
+        "counts",
+        "potentiometer at straight ahead",
+    ),
+    "pot_right": ParamSpec(
+        "pot_right",
+        6,
+        0.1,
+        2870,
+        0,
+        10230,
+        "counts",
+        "potentiometer at the right calibration angle",
+    ),
+    "angle_left": ParamSpec(
+        "angle_left",
+        7,
+        0.01,
+        5000,
+        1000,
+        8000,
+        "deg",
+        "steering angle where pot_left was taken",
+    ),
+    "angle_right": ParamSpec(
+        "angle_right",
+        8,
+        0.01,
+        -5000,
+        -8000,
+        -1000,
+        "deg",
+        "steering angle where pot_right was taken",
+    ),
+    "pot_low": ParamSpec(
+        "pot_low",
+        9,
+        1.0,
+        120,
+        10,
+        500,
+        "counts",
+        "below it the potentiometer counts as shorted",
+    ),
+    "pot_high": ParamSpec(
+        "pot_high",
+        10,
+        1.0,
+        904,
+        524,
+        1013,
+        "counts",
+        "above it the potentiometer counts as open",
+    ),
+    "steer_rate_max": ParamSpec(
+        "steer_rate_max",
+        11,
+        1.0,
+        400,
+        50,
+        2000,
+        "deg/s",
+        "a measured angle that changes faster is a jump",
+    ),
+    "steer_limit": ParamSpec(
+        "steer_limit",
+        12,
+        0.01,
+        5000,
+        500,
+        5000,
+        "deg",
+        "largest steering setpoint to either side",
+    ),
+    "steer_slew": ParamSpec(
+        "steer_slew",
+        13,
+        0.1,
+        1200,
+        50,
+        3000,
+        "deg/s",
+        "fastest change of the steering setpoint",
+    ),
+    "steer_kp": ParamSpec(
+        "steer_kp",
+        14,
+        0.01,
+        1600,
+        0,
+        10000,
+        "duty/deg",
+        "proportional gain",
+    ),
+    "steer_ki": ParamSpec(
+        "steer_ki",
+        15,
+        0.01,
+        600,
+        0,
+        10000,
+        "duty/(deg s)",
+        "integral gain",
+    ),
+    "steer_kd": ParamSpec(
+        "steer_kd",
+        16,
+        0.001,
+        1000,
+        0,
+        20000,
+        "duty s/deg",
+        "derivative gain, on the measurement",
+    ),
+    "steer_d_filter": ParamSpec(
+        "steer_d_filter",
+        17,
+        1.0,
+        15,
+        0,
+        200,
+        "ms",
+        "time constant of the derivative's low-pass",
+    ),
+    "steer_min_duty": ParamSpec(
+        "steer_min_duty",
+        18,
+        1.0,
+        60,
+        0,
+        150,
+        "duty",
+        "duty at which the steering motor just moves; added to small commands",
+    ),
+    "steer_deadband": ParamSpec(
+        "steer_deadband",
+        19,
+        0.01,
+        30,
+        0,
+        500,
+        "deg",
+        "error within which a resting motor stays released; it releases again at half of it",
+    ),
+    "steer_duty_max": ParamSpec(
+        "steer_duty_max",
+        20,
+        1.0,
+        255,
+        30,
+        255,
+        "duty",
+        "",
+    ),
+    "steer_duty_slew": ParamSpec(
+        "steer_duty_slew",
+        21,
+        1.0,
+        5000,
+        200,
+        25500,
+        "duty/s",
+        "fastest growth of the steering duty; it falls at once",
+    ),
+    "speed_max": ParamSpec(
+        "speed_max",
+        22,
+        0.001,
+        1000,
+        100,
+        3000,
+        "m/s",
+        "largest speed, forward and in reverse",
+    ),
+    "speed_full": ParamSpec(
+        "speed_full",
+        23,
+        0.001,
+        1200,
+        100,
+        10000,
+        "m/s",
+        "speed at full duty and nominal battery",
+    ),
+    "drive_accel": ParamSpec(
+        "drive_accel",
+        24,
+        0.001,
+        1000,
+        100,
+        5000,
+        "m/s2",
+        "soft start: fastest change of the speed setpoint",
+    ),
+    "drive_min_duty": ParamSpec(
+        "drive_min_duty",
+        25,
+        1.0,
+        30,
+        0,
+        150,
+        "duty",
+        "duty at which the drive motors just move",
+    ),
+    "drive_kp": ParamSpec(
+        "drive_kp",
+        26,
+        0.1,
+        800,
+        0,
+        10000,
+        "duty s/m",
+        "speed loop, with a hall sensor only",
+    ),
+    "drive_ki": ParamSpec(
+        "drive_ki",
+        27,
+        0.1,
+        2000,
+        0,
+        20000,
+        "duty/m",
+        "speed loop, with a hall sensor only",
+    ),
+    "hall_per_metre": ParamSpec(
+        "hall_per_metre",
+        28,
+        0.1,
+        0,
+        0,
+        5000,
+        "pulses/m",
+        "0: no hall sensor fitted",
+    ),
+    "battery_low": ParamSpec(
+        "battery_low",
+        29,
+        0.001,
+        10000,
+        5000,
+        30000,
+        "V",
+        "",
+    ),
+    "battery_high": ParamSpec(
+        "battery_high",
+        30,
+        0.001,
+        15500,
+        6000,
+        32000,
+        "V",
+        "",
+    ),
+    "battery_nominal": ParamSpec(
+        "battery_nominal",
+        31,
+        0.001,
+        12000,
+        0,
+        30000,
+        "V",
+        "the drive duty is scaled by nominal over measured; 0 switches this off",
+    ),
+    "steer_current_max": ParamSpec(
+        "steer_current_max",
+        32,
+        0.01,
+        2000,
+        50,
+        4900,
+        "A",
+        "",
+    ),
+    "drive_current_max": ParamSpec(
+        "drive_current_max",
+        33,
+        0.01,
+        4000,
+        50,
+        4900,
+        "A",
+        "",
+    ),
+    "stall_current": ParamSpec(
+        "stall_current",
+        34,
+        0.01,
+        300,
+        10,
+        4900,
+        "A",
+        "a driven, motionless steering above it is stalled, below it its potentiometer is frozen",
+    ),
+    "stall_time": ParamSpec(
+        "stall_time",
+        35,
+        1.0,
+        500,
+        100,
+        3000,
+        "ms",
+        "driven without movement for this long is a stall or a frozen potentiometer",
+    ),
+    "ident_duty_max": ParamSpec(
+        "ident_duty_max",
+        36,
+        1.0,
+        200,
+        10,
+        255,
+        "duty",
+        "",
+    ),
+    "ident_angle_max": ParamSpec(
+        "ident_angle_max",
+        37,
+        0.01,
+        3500,
+        500,
+        4500,
+        "deg",
+        "",
+    ),
+    "ident_time_max": ParamSpec(
+        "ident_time_max",
+        38,
+        1.0,
+        3000,
+        100,
+        10000,
+        "ms",
+        "longest duration that Ident may ask for",
+    ),
+}
+
+_BY_ID: dict[int, type[Message]] = {message.ID: message for message in MESSAGES}
+_ENCODED_SIZES: tuple[int, ...] = tuple(
+    sorted({message.LAYOUT.size + 5 for message in MESSAGES}, reverse=True)
+)
+MAX_ENCODED = _ENCODED_SIZES[0]
+"""The longest frame without its closing zero."""
+
+
+def fault_texts(faults: Fault) -> list[str]:
+    """One line for each bit: what it means and what to do."""
+    lines = [f"{text}: {remedy}" for bit, (text, remedy) in FAULT_TEXTS.items() if bit & faults]
+    unknown = int(faults) & ~sum(FAULT_TEXTS)
+    if unknown:
+        lines.append(f"unknown fault bits 0x{unknown:x}: update the host's software")
+    return lines
+
+
+def crc16(data: bytes) -> int:
+    """CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected."""
+    crc = 0xFFFF
+    for byte in data:
+        x = (crc >> 8) ^ byte
+        x ^= x >> 4
+        crc = ((crc << 8) ^ (x << 12) ^ (x << 5) ^ x) & 0xFFFF
+    return crc
+
+
+def cobs_encode(data: bytes) -> bytes:
+    """Consistent overhead byte stuffing (Cheshire and Baker 1999), without the closing zero."""
+    out = bytearray()
+    for block in data.split(b"\0"):
+        rest = block
+        while len(rest) >= 254:
+            out += b"\xff" + rest[:254]
+            rest = rest[254:]
+        out.append(len(rest) + 1)
+        out += rest
+    return bytes(out)
+
+
+def cobs_decode(data: bytes) -> bytes:
+    """Raises ValueError where a block is cut short or a zero stands inside."""
+    out = bytearray()
+    at = 0
+    while at < len(data):
+        code = data[at]
+        block = data[at + 1 : at + code]
+        if code == 0 or len(block) != code - 1 or 0 in block:
+            raise ValueError("not a COBS block")
+        out += block
+        at += code
+        if code < 0xFF and at < len(data):
+            out.append(0)
+    return bytes(out)
+
+
+def encode(message: Message, seq: int) -> bytes:
+    """The whole frame with its closing zero. Raises ValueError where a value does not fit."""
+    body = bytes((message.ID, seq & 0xFF)) + message.payload()
+    return cobs_encode(body + crc16(body).to_bytes(2, "little")) + b"\0"
+
+
+def decode(frame: bytes) -> tuple[int, Message]:
+    """One frame without its closing zero. Raises ValueError for anything but a valid one."""
+    body = cobs_decode(frame)
+    if len(body) < 4:
+        raise ValueError("frame too short")
+    if crc16(body[:-2]) != int.from_bytes(body[-2:], "little"):
+        raise ValueError("CRC differs")
+    kind = _BY_ID.get(body[0])
+    if kind is None:
+        raise ValueError(f"unknown message id {body[0]}")
+    return body[1], kind.parse(body[2:-2])
+
+
+class Parser:
+    """Bytes in, messages out. After any garbage the next whole valid frame is taken: at each zero
+    the longest suffix of what came since the last zero that is a valid frame counts."""
+
+    def __init__(self) -> None:
+        self.frames_ok = 0
+        self.frames_bad = 0
+        """Runs of bytes between zeros that held something else than exactly one valid frame."""
+        self._run = bytearray()
+        self._overlong = False
+
+    def feed(self, data: bytes) -> list[tuple[int, Message]]:
+        """The (seq, message) pairs that these bytes complete."""
+        return list(self._feed(data))
+
+    def _feed(self, data: bytes) -> Iterator[tuple[int, Message]]:
+        *runs, rest = data.split(b"\0")
+        for run in runs:
+            self._append(run)
+            found = self._take()
+            if found is not None:
+                yield found
+        self._append(rest)
+
+    def _append(self, data: bytes) -> None:
+        self._run += data
+        if len(self._run) > MAX_ENCODED:
+            self._overlong = True
+            del self._run[:-MAX_ENCODED]
+
+    def _take(self) -> tuple[int, Message] | None:
+        run, overlong = bytes(self._run), self._overlong
+        self._run.clear()
+        self._overlong = False
+        found = None
+        used = 0
+        for size in _ENCODED_SIZES:
+            if size <= len(run):
+                try:
+                    found, used = decode(run[-size:]), size
+                    break
+                except ValueError:
+                    continue
+        self.frames_ok += found is not None
+        self.frames_bad += (bool(run) or overlong) and (used != len(run) or overlong)
+        return found
