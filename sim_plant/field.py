@@ -1,0 +1,578 @@
+"""The field: what stands where on a grid, and the blade that cuts it.
+
+Field frame: x east, y north, metres; grids are indexed [row j along y, column i along x] with cell
+(0, 0) at `Field.origin`. The cut is judged by cell centres.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import Field as Limits
+
+from sim_plant import noise
+
+SOIL: Final = 0
+CROP: Final = 1
+STUBBLE: Final = 2
+WINDROW: Final = 3
+"""Cut straw lying in a swath, over stubble or soil."""
+GRASS: Final = 4
+"""Weeds and grass on ground without crop."""
+NEIGHBOUR: Final = 5
+NEIGHBOUR_STUBBLE: Final = 6
+"""Crop of a neighbour that the blade has cut: must never exist."""
+OBSTACLE: Final = 7
+"""A tree's trunk, a house, a keep-out."""
+
+Share = Annotated[float, Limits(ge=0, le=1)]
+Positive = Annotated[float, Limits(gt=0)]
+NotNegative = Annotated[float, Limits(ge=0)]
+Point = tuple[float, float]
+Side = Literal["south", "east", "north", "west"]
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors, values are immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Tree(Strict):
+    """A tree: a trunk that stands in the way under a crown."""
+
+    x_m: float
+    y_m: float
+    height_m: Positive = 6.0
+    crown_radius_m: Positive = 1.8
+    trunk_radius_m: Positive = 0.2
+
+
+class House(Strict):
+    """A house: a box with its centre at (x, y)."""
+
+    x_m: float
+    y_m: float
+    width_m: Positive = 6.0
+    depth_m: Positive = 4.0
+    height_m: Positive = 3.0
+    yaw_deg: float = 0.0
+
+
+class FieldSpec(Strict):
+    """What a field is like. Either `polygon` (counter-clockwise or not, metres) or `size_m`, a
+    rectangle with its lower left corner at (0, 0). Shares are of the crop's area."""
+
+    size_m: tuple[Positive, Positive] = (10.0, 10.0)
+    polygon: tuple[Point, ...] | None = None
+    gap_m: NotNegative = 2.0
+    """Between the field's boundary and the neighbours' crop."""
+    neighbours: Literal["all", "none"] | tuple[Side, ...] = "all"
+    """Sides (by the outward normal of the nearest edge) with a neighbour's crop behind the gap."""
+    neighbour_depth_m: Positive = 6.0
+    cell_m: Annotated[float, Limits(ge=0.01, le=0.05)] = 0.025
+    crop_height_m: Positive = 0.9
+    crop_height_sd_m: NotNegative = 0.05
+    """Of the height over the field; single stalks vary by 6 % besides."""
+    stalks_per_m2: Annotated[float, Limits(ge=20, le=1500)] = 400.0
+    drilled: bool = False
+    """Rows 0.17 m apart along x instead of the broadcast crop of the paper."""
+    edge_wobble_m: NotNegative = 0.02
+    """Standard deviation of the crop's outline about the polygon."""
+    weeds: Share = 0.02
+    lodged: Share = 0.0
+    thin: Share = 0.03
+    green: Share = 0.03
+    bare: Share = 0.002
+    grass: Share = 0.3
+    """Of the ground outside the crop."""
+    patch_m: Positive = 1.5
+    """Wavelength of the patches."""
+    windrow_m: tuple[float, NotNegative] = (0.1, 0.45)
+    """Where the reaper lays the straw: distance right of the blade's right end, and width."""
+    trees: tuple[Tree, ...] = ()
+    houses: tuple[House, ...] = ()
+    keep_outs: tuple[tuple[Point, ...], ...] = ()
+    side_slope_deg: float = 0.0
+    """The plane's slope: positive where the ground rises to the north."""
+    long_slope_deg: float = 0.0
+    """Positive where the ground rises to the east."""
+    bump_sd_deg: NotNegative = 0.6
+    """Of the vehicle's roll and pitch from uneven ground."""
+    bump_m: Positive = 1.2
+    """Wavelength of the unevenness."""
+
+    @model_validator(mode="after")
+    def _polygon_is_simple(self) -> FieldSpec:
+        for name, ring in (("polygon", self.polygon), *(("keep_outs", k) for k in self.keep_outs)):
+            if ring is None:
+                continue
+            if len(ring) < 3 or not shapely.Polygon(ring).is_valid:
+                raise ValueError(
+                    f"{name}: needs at least three corners and sides that do not cross"
+                )
+        return self
+
+    @property
+    def boundary(self) -> shapely.Polygon:
+        """The crop's nominal outline, counter-clockwise."""
+        if self.polygon is None:
+            w, h = self.size_m
+            return shapely.box(0, 0, w, h, ccw=True)
+        return shapely.geometry.polygon.orient(shapely.Polygon(self.polygon))
+
+
+@dataclass(slots=True)
+class Box:
+    """Half-open range of cells [j0, j1) x [i0, i1); empty while j0 >= j1."""
+
+    j0: int = 1 << 30
+    j1: int = 0
+    i0: int = 1 << 30
+    i1: int = 0
+
+    def add(self, j0: int, j1: int, i0: int, i1: int) -> None:
+        """Grows to hold another range."""
+        self.j0 = min(self.j0, j0)
+        self.j1 = max(self.j1, j1)
+        self.i0 = min(self.i0, i0)
+        self.i1 = max(self.i1, i1)
+
+    @property
+    def empty(self) -> bool:
+        """Whether it holds no cell."""
+        return self.j0 >= self.j1 or self.i0 >= self.i1
+
+
+class Watch:
+    """What has changed in a field since the watcher last asked; see `Field.watch`."""
+
+    def __init__(self, kind: NDArray[np.uint8]) -> None:
+        self._kind = kind
+        self.box = Box()
+
+    def take(self) -> tuple[int, int, NDArray[np.uint8]] | None:
+        """(j0, i0, copy of the changed cells' kinds), or None where nothing changed."""
+        box, self.box = self.box, Box()
+        if box.empty:
+            return None
+        return box.j0, box.i0, self._kind[box.j0 : box.j1, box.i0 : box.i1].copy()
+
+
+@njit(cache=True, nogil=True)
+def _edge(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
+    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+
+
+@njit(cache=True, nogil=True)
+def _inside_triangle(
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    cx: float,
+    cy: float,
+    x: float,
+    y: float,
+) -> bool:
+    """Border included, either orientation; a degenerate triangle holds nothing but its border."""
+    eps = 1e-12
+    p = _edge(ax, ay, bx, by, x, y)
+    q = _edge(bx, by, cx, cy, x, y)
+    r = _edge(cx, cy, ax, ay, x, y)
+    if abs(_edge(ax, ay, bx, by, cx, cy)) < eps:
+        return False
+    return (p >= -eps and q >= -eps and r >= -eps) or (p <= eps and q <= eps and r <= eps)
+
+
+@njit(cache=True, nogil=True)
+def sweep(
+    kind: NDArray[np.uint8],
+    x0: float,
+    y0: float,
+    cell: float,
+    old: NDArray[np.float64],
+    new: NDArray[np.float64],
+    straw: bool,
+    seed: int,
+    counts: NDArray[np.int64],
+    box: NDArray[np.int64],
+) -> None:
+    """Cuts what the segment `old` = (left x, left y, right x, right y) sweeps on its way to `new`.
+
+    The swept quadrilateral is split into two triangles whose borders belong to it, so that nothing
+    is skipped between successive calls at any speed. Adds to `counts` (crop cells, neighbour cells)
+    and grows `box` (j0, j1, i0, i1) by the cells that changed. With `straw` the swept cells that
+    hold no crop become windrow at a seeded 85 % instead of being cut.
+    """
+    rows, columns = kind.shape
+    lo_x = min(min(old[0], old[2]), min(new[0], new[2]))
+    hi_x = max(max(old[0], old[2]), max(new[0], new[2]))
+    lo_y = min(min(old[1], old[3]), min(new[1], new[3]))
+    hi_y = max(max(old[1], old[3]), max(new[1], new[3]))
+    i0 = max(0, int(math.floor((lo_x - x0) / cell)))
+    i1 = min(columns - 1, int(math.floor((hi_x - x0) / cell)))
+    j0 = max(0, int(math.floor((lo_y - y0) / cell)))
+    j1 = min(rows - 1, int(math.floor((hi_y - y0) / cell)))
+    for j in range(j0, j1 + 1):
+        y = y0 + (j + 0.5) * cell
+        for i in range(i0, i1 + 1):
+            here = kind[j, i]
+            if straw:
+                if here not in (SOIL, STUBBLE, GRASS) or noise.mix(seed, i, j) > 3650722201:
+                    continue
+                into = WINDROW
+            elif here == CROP:
+                into = STUBBLE
+            elif here == NEIGHBOUR:
+                into = NEIGHBOUR_STUBBLE
+            else:
+                continue
+            x = x0 + (i + 0.5) * cell
+            if not (
+                _inside_triangle(old[0], old[1], old[2], old[3], new[2], new[3], x, y)
+                or _inside_triangle(old[0], old[1], new[2], new[3], new[0], new[1], x, y)
+            ):
+                continue
+            kind[j, i] = into
+            if into == STUBBLE:
+                counts[0] += 1
+            elif into == NEIGHBOUR_STUBBLE:
+                counts[1] += 1
+            box[0] = min(box[0], j)
+            box[1] = max(box[1], j + 1)
+            box[2] = min(box[2], i)
+            box[3] = max(box[3], i + 1)
+
+
+@njit(cache=True, nogil=True)
+def _nearest_edges(
+    corners: NDArray[np.float64],
+    rows: int,
+    columns: int,
+    x0: float,
+    y0: float,
+    cell: float,
+    wobble_m: float,
+    seed: int,
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Signed distance of every cell centre to the polygon (positive inside) and its nearest edge.
+
+    `corners` is (n, 2), counter-clockwise. The wobble displaces the outline along its normal."""
+    n = corners.shape[0]
+    distance = np.empty((rows, columns), np.float32)
+    edge = np.empty((rows, columns), np.uint8)
+    for j in range(rows):
+        y = y0 + (j + 0.5) * cell
+        for i in range(columns):
+            x = x0 + (i + 0.5) * cell
+            best = 1e30
+            inside = False
+            for k in range(n):
+                ax, ay = corners[k]
+                bx, by = corners[(k + 1) % n]
+                ux = bx - ax
+                uy = by - ay
+                t = ((x - ax) * ux + (y - ay) * uy) / (ux * ux + uy * uy)
+                t = min(1.0, max(0.0, t))
+                d = (x - ax - t * ux) ** 2 + (y - ay - t * uy) ** 2
+                if d < best:
+                    best = d
+                    edge[j, i] = k
+                if (ay > y) != (by > y) and x < ax + (y - ay) * ux / uy:
+                    inside = not inside
+            s = math.sqrt(best)
+            if not inside:
+                s = -s
+            if wobble_m > 0.0 and abs(s) < 0.5:
+                wave = noise.smooth(seed, x * 1.7, y * 1.7) + noise.smooth(seed + 1, x * 6, y * 6)
+                s += wobble_m * (wave - 1.0) / 0.3
+            distance[j, i] = s
+    return distance, edge
+
+
+@njit(cache=True, nogil=True)
+def _lateral_edge(
+    kind: NDArray[np.uint8],
+    x0: float,
+    y0: float,
+    cell: float,
+    x: float,
+    y: float,
+    yaw: float,
+    reach: float,
+    run: float,
+) -> float:
+    rows, columns = kind.shape
+    step = 0.2 * cell
+    lx = -math.sin(yaw)
+    ly = math.cos(yaw)
+    i = int(math.floor((x - x0) / cell))
+    j = int(math.floor((y - y0) / cell))
+    standing = 0 <= i < columns and 0 <= j < rows and kind[j, i] == CROP
+    sign = -1.0 if standing else 1.0
+    found = -1.0
+    s = 0.0
+    while s <= reach + run:
+        px = x + sign * s * lx
+        py = y + sign * s * ly
+        i = int(math.floor((px - x0) / cell))
+        j = int(math.floor((py - y0) / cell))
+        here = 0 <= i < columns and 0 <= j < rows and kind[j, i] == CROP
+        if here != standing:
+            if found < 0.0:
+                found = s
+            if s - found >= run:
+                return sign * found
+        else:
+            found = -1.0
+        s += step
+    return math.nan
+
+
+def _patches(
+    seed: int, shape: tuple[int, int], cell_m: float, wave_m: float, share: float
+) -> NDArray[np.float32]:
+    """0..1, soft-edged blobs that cover about `share` of the area."""
+    if share <= 0:
+        return np.zeros(shape, np.float32)
+    g = noise.smooth_grid(seed, shape[0], shape[1], cell_m, wave_m)
+    threshold = np.quantile(g, 1.0 - share)
+    return np.asarray(np.clip((g - threshold) * 12.0 + 0.5, 0.0, 1.0), np.float32)
+
+
+class Field:
+    """The grids of one field. Deterministic by (spec, seed); changed by `cut` alone.
+
+    `kind` (rows, columns) uint8 at `cell` metres; the attributes at `coarse` = 2 cells: `height`
+    (standing crop's height, m), `green`, `density`, `tone` (0..1), `lodge` (tilt, rad).
+    """
+
+    def __init__(self, spec: FieldSpec, seed: int = 0) -> None:
+        self.spec = spec
+        self.seed = seed
+        self.cell = spec.cell_m
+        boundary = spec.boundary
+        margin = spec.gap_m + spec.neighbour_depth_m
+        lo_x, lo_y, hi_x, hi_y = boundary.bounds
+        block = 2 * self.cell
+        columns = 2 * math.ceil((hi_x - lo_x + 2 * margin) / block)
+        rows = 2 * math.ceil((hi_y - lo_y + 2 * margin) / block)
+        self.origin: Point = (lo_x - margin, lo_y - margin)
+        self.coarse = block
+        shape = (rows, columns)
+        half = (rows // 2, columns // 2)
+
+        corners = np.array(boundary.exterior.coords[:-1], np.float64)
+        x0, y0 = self.origin
+        inward, edge = _nearest_edges(
+            corners, rows, columns, x0, y0, self.cell, spec.edge_wobble_m, seed + 11
+        )
+        ground = _patches(seed + 23, half, block, 0.8, spec.grass) > 0.5
+        self.kind: NDArray[np.uint8] = np.where(
+            np.repeat(np.repeat(ground, 2, 0), 2, 1), GRASS, SOIL
+        )
+        self.kind = self.kind.astype(np.uint8)
+        self.kind[inward > 0] = CROP
+        beyond = inward < -spec.gap_m
+        if spec.neighbours == "none":
+            beyond[:] = False
+        elif spec.neighbours != "all":
+            sides = [self._side(corners, k) for k in range(len(corners))]
+            beyond &= np.isin(edge, [k for k, s in enumerate(sides) if s in spec.neighbours])
+        self.kind[beyond] = NEIGHBOUR
+
+        wave = spec.patch_m
+        level = noise.smooth_grid(seed + 31, *half, block, 2.5) - np.float32(0.5)
+        self.height: NDArray[np.float32] = (
+            spec.crop_height_m + spec.crop_height_sd_m * level / np.float32(0.16)
+        ).astype(np.float32)
+        self.green = _patches(seed + 41, half, block, wave, spec.green)
+        self.density = 1 - 0.65 * _patches(seed + 51, half, block, wave, spec.thin)
+        lodged = _patches(seed + 61, half, block, 1.6 * wave, spec.lodged)
+        self.lodge: NDArray[np.float32] = (1.2 * lodged).astype(np.float32)
+        self.height *= np.cos(self.lodge)
+        self.weed = _patches(seed + 71, half, block, 0.35 * wave, spec.weeds)
+        self.tone = noise.smooth_grid(seed + 81, *half, block, 1.1)
+        bare = _patches(seed + 91, half, block, 0.4 * wave, spec.bare) > 0.5
+        self.kind[np.repeat(np.repeat(bare, 2, 0), 2, 1) & (self.kind == CROP)] = SOIL
+        self._block_obstacles()
+
+        self._initial = int(np.count_nonzero(self.kind == CROP))
+        self._counts = np.zeros(2, np.int64)
+        self._watches: list[Watch] = []
+
+    @staticmethod
+    def _side(corners: NDArray[np.float64], k: int) -> Side:
+        dx, dy = corners[(k + 1) % len(corners)] - corners[k]
+        if abs(dx) >= abs(dy):
+            return "south" if dx > 0 else "north"
+        return "east" if dy > 0 else "west"
+
+    def _block_obstacles(self) -> None:
+        shapes = [shapely.Polygon(k) for k in self.spec.keep_outs]
+        shapes += [
+            shapely.Point(t.x_m, t.y_m).buffer(max(t.trunk_radius_m, self.cell))
+            for t in self.spec.trees
+        ]
+        for h in self.spec.houses:
+            box = shapely.box(-h.width_m / 2, -h.depth_m / 2, h.width_m / 2, h.depth_m / 2)
+            box = shapely.affinity.rotate(box, h.yaw_deg, origin=(0, 0))
+            shapes.append(shapely.affinity.translate(box, h.x_m, h.y_m))
+        self.obstacles: tuple[shapely.Polygon, ...] = tuple(shapes)
+        for shape in shapes:
+            lo_x, lo_y, hi_x, hi_y = shape.bounds
+            j0, i0 = self._index(lo_x, lo_y)
+            j1, i1 = self._index(hi_x, hi_y)
+            j, i = np.mgrid[max(j0, 0) : j1 + 1, max(i0, 0) : i1 + 1]
+            x = self.origin[0] + (i + 0.5) * self.cell
+            y = self.origin[1] + (j + 0.5) * self.cell
+            hit = shapely.contains_xy(shape, x, y)
+            ok = hit & (j < self.kind.shape[0]) & (i < self.kind.shape[1])
+            self.kind[j[ok], i[ok]] = OBSTACLE
+
+    def _index(self, x: float, y: float) -> tuple[int, int]:
+        return (
+            math.floor((y - self.origin[1]) / self.cell),
+            math.floor((x - self.origin[0]) / self.cell),
+        )
+
+    def watch(self) -> Watch:
+        """A new watcher, which sees every change from now on."""
+        watch = Watch(self.kind)
+        self._watches.append(watch)
+        return watch
+
+    def kind_at(self, x: float, y: float) -> int:
+        """Kind of the cell that holds the point; SOIL outside the grid."""
+        j, i = self._index(x, y)
+        if 0 <= j < self.kind.shape[0] and 0 <= i < self.kind.shape[1]:
+            return int(self.kind[j, i])
+        return SOIL
+
+    # ---- the blade ------------------------------------------------------------------------------
+
+    def cut(
+        self,
+        old: tuple[float, float, float],
+        new: tuple[float, float, float],
+        *,
+        ahead_m: float = 1.5,
+        width_m: float = 1.0,
+    ) -> int:
+        """The blade spins while the vehicle moves between two poses (x, y, yaw of the rear axle).
+
+        `ahead_m` is the blade's line ahead of the rear axle. Poses further apart than a few
+        centimetres or degrees should be split by the caller: the path between is taken as straight.
+        Returns the number of cells cut, the neighbours' included.
+        """
+        before = int(self._counts.sum())
+        a = blade_ends(*old, ahead_m, -width_m / 2, width_m / 2)
+        b = blade_ends(*new, ahead_m, -width_m / 2, width_m / 2)
+        box = np.array([1 << 30, 0, 1 << 30, 0], np.int64)
+        x0, y0 = self.origin
+        sweep(self.kind, x0, y0, self.cell, a, b, False, self.seed, self._counts, box)
+        cut = int(self._counts.sum()) - before
+        beside, straw_width = self.spec.windrow_m
+        if cut and straw_width > 0:
+            right = -width_m / 2 - beside
+            a = blade_ends(*old, ahead_m - 0.4, right - straw_width, right)
+            b = blade_ends(*new, ahead_m - 0.4, right - straw_width, right)
+            sweep(self.kind, x0, y0, self.cell, a, b, True, self.seed, self._counts, box)
+        if box[0] < box[1]:
+            for w in self._watches:
+                w.box.add(int(box[0]), int(box[1]), int(box[2]), int(box[3]))
+        return cut
+
+    def clear(self, polygon: tuple[Point, ...]) -> None:
+        """Cuts everything of the field's own crop within a polygon, as an earlier job left it."""
+        shape = shapely.Polygon(polygon)
+        rows, columns = self.kind.shape
+        x = self.origin[0] + (np.arange(columns) + 0.5) * self.cell
+        y = self.origin[1] + (np.arange(rows) + 0.5) * self.cell
+        hit = shapely.contains_xy(shape, *np.meshgrid(x, y)) & (self.kind == CROP)
+        self.kind[hit] = STUBBLE
+        self._counts[0] += int(np.count_nonzero(hit))
+        for w in self._watches:
+            w.box.add(0, rows, 0, columns)
+
+    # ---- truth ----------------------------------------------------------------------------------
+
+    @property
+    def crop_area_m2(self) -> float:
+        """The field's own crop before any cut."""
+        return self._initial * self.cell**2
+
+    def coverage(self) -> float:
+        """Share of the crop's area that was cut."""
+        return float(self._counts[0] / self._initial) if self._initial else 1.0
+
+    def missed_m2(self) -> float:
+        """The field's own crop that still stands."""
+        return float((self._initial - self._counts[0]) * self.cell**2)
+
+    def neighbour_cut_m2(self) -> float:
+        """The neighbours' crop that was cut."""
+        return float(self._counts[1] * self.cell**2)
+
+    def true_edge_offset(self, x: float, y: float, yaw: float, reach_m: float = 3.0) -> float:
+        """Signed distance (m) from a point along its lateral direction (left positive) to the edge
+        of the field's own standing crop, the crop being on the left.
+
+        Positive where the point is off the crop and the edge lies to its left; negative where the
+        point is in the crop and the edge lies to its right. Interruptions under 0.2 m do not count.
+        NaN where there is no edge within `reach_m`.
+        """
+        return float(_lateral_edge(self.kind, *self.origin, self.cell, x, y, yaw, reach_m, 0.2))
+
+    def crop_ahead(
+        self, x: float, y: float, yaw: float, width_m: float = 1.0, reach_m: float = 20.0
+    ) -> float:
+        """Distance (m) from a point straight ahead to the field's own standing crop, seen over the
+        width by nine probes; inf where none stands within `reach_m`."""
+        ahead = np.arange(0.0, reach_m, 0.5 * self.cell)
+        best = math.inf
+        for lateral in np.linspace(-width_m / 2, width_m / 2, 9):
+            px = x + ahead * math.cos(yaw) - lateral * math.sin(yaw)
+            py = y + ahead * math.sin(yaw) + lateral * math.cos(yaw)
+            i = np.floor((px - self.origin[0]) / self.cell).astype(int)
+            j = np.floor((py - self.origin[1]) / self.cell).astype(int)
+            ok = (i >= 0) & (j >= 0) & (i < self.kind.shape[1]) & (j < self.kind.shape[0])
+            hit = np.flatnonzero(self.kind[j[ok], i[ok]] == CROP)
+            if hit.size:
+                best = min(best, float(ahead[ok][hit[0]]))
+        return best
+
+    def permitted(self, margin_m: float = 0.0) -> shapely.Polygon:
+        """Where any part of the vehicle may be: field and gap up to the neighbours' crop less a
+        margin, without the obstacles. (Sides without a neighbour count alike.)"""
+        area = self.spec.boundary.buffer(self.spec.gap_m - margin_m, join_style="mitre")
+        return area.difference(shapely.unary_union(self.obstacles)) if self.obstacles else area
+
+    def slopes(self, x: float, y: float, yaw: float) -> tuple[float, float]:
+        """(roll, pitch) in radians that the ground gives the vehicle: roll positive clockwise seen
+        from behind, pitch positive nose down."""
+        s = self.spec
+        k = 1.0 / s.bump_m
+        sd = s.bump_sd_deg / 0.18
+        side = s.side_slope_deg + sd * (noise.smooth(self.seed + 101, x * k, y * k) - 0.5)
+        long = s.long_slope_deg + sd * (noise.smooth(self.seed + 102, x * k, y * k) - 0.5)
+        up = math.radians(long) * math.cos(yaw) + math.radians(side) * math.sin(yaw)
+        left_up = -math.radians(long) * math.sin(yaw) + math.radians(side) * math.cos(yaw)
+        return left_up, -up
+
+
+def blade_ends(
+    x: float, y: float, yaw: float, ahead_m: float, right_m: float, left_m: float
+) -> NDArray[np.float64]:
+    """(left x, left y, right x, right y) of a segment across the vehicle, y left positive."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    bx, by = x + ahead_m * c, y + ahead_m * s
+    return np.array([bx - left_m * s, by + left_m * c, bx - right_m * s, by + right_m * c])
