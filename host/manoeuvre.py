@@ -8,6 +8,7 @@ ends behind the new side's beginning (design.md, "Where the paper needs mending"
 
 from __future__ import annotations
 
+import enum
 import math
 from dataclasses import dataclass
 
@@ -17,15 +18,27 @@ LOCK_MARGIN_DEG = 2.0
 """Arcs are driven this far inside the steering limit, so that the PID has room."""
 
 
+class Goal(enum.Enum):
+    """Which coordinate of the turn's frame ends a leg."""
+
+    X = "x"
+    """Along the old side, rear axle."""
+    HEADING = "heading"
+    """Radians from the old side's direction."""
+    ALONG = "along"
+    """Along the new lane, rear axle."""
+
+
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """Steering held at steer_rad, travelled until `distance_m` (straight) or `turn_rad` (arc) has
-    been covered; `reverse` drives backward. Both limits are magnitudes; inf where not the limit."""
+    """Steering held at steer_rad and driven until the goal's coordinate reaches `value`. `follow`:
+    steer along the new lane instead, corrected by vision."""
 
     steer_rad: float
     reverse: bool
-    distance_m: float = math.inf
-    turn_rad: float = math.inf
+    goal: Goal
+    value: float
+    follow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +94,7 @@ def arc(vehicle: Vehicle, turn_rad: float) -> Turn:
     # The arc's end (start + R sin t, R - R cos t) must lie on the lane.
     end_y = radius - radius * math.cos(turn_rad)
     start = x + (end_y - y) / math.tan(turn_rad) - radius * math.sin(turn_rad)
-    legs = (Leg(0.0, start < 0, distance_m=abs(start)), Leg(lock, False, turn_rad=turn_rad))
+    legs = (Leg(0.0, start < 0, Goal.X, start), Leg(lock, False, Goal.HEADING, turn_rad))
     return Turn(legs, x, y, turn_rad, begins)
 
 
@@ -96,13 +109,10 @@ def three_point(
     end_x = 2 * radius * math.sin(first) - radius * math.sin(turn_rad)
     end_y = radius - 2 * radius * math.cos(first) + radius * math.cos(turn_rad)
     start = x + (end_y - y) / math.tan(turn_rad) - end_x
-    turn = Turn((), x, y, turn_rad, begins)
-    blade = turn.along(start + end_x, end_y) + vehicle.blade_x_m
-    back = max(0.0, blade - (begins - run_in_m))
     legs = (
-        Leg(0.0, start < 0, distance_m=abs(start)),
-        Leg(lock, False, turn_rad=first),
-        Leg(-lock, True, turn_rad=turn_rad - first),
-        Leg(0.0, True, distance_m=back),
+        Leg(0.0, start < 0, Goal.X, start),
+        Leg(lock, False, Goal.HEADING, first),
+        Leg(-lock, True, Goal.HEADING, turn_rad),
+        Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, follow=True),
     )
     return Turn(legs, x, y, turn_rad, begins)

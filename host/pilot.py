@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from host import manoeuvre, steering
 from host.lane import Lane
-from host.manoeuvre import Leg, Turn
+from host.manoeuvre import Goal, Leg, Turn
 from host.odometry import Motion, Odometry
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
@@ -27,12 +27,17 @@ NEAR_CROP_M = 0.2
 SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
-NO_CROP_M = 1.6
-"""Crop farther than this after a turn is somebody else's, or none."""
+LANE_SIGMA_M = 0.15
+"""Uncertainty of the edge at the blade beyond which the pilot does not cut on."""
+NO_CROP_M = 1.2
+"""Crop this much farther after a turn than the plan says is somebody else's, or none."""
 STEER_READY_RAD = math.radians(2.0)
 STEER_TIMEOUT_S = 4.0
 STOPPED_MPS = 0.03
 SEARCH_PICTURES = 5
+ALIGNED_M = 0.03
+ALIGN_ROOM_M = 0.6
+"""How much farther than planned the vehicle may back to get into line with the edge."""
 ARM_RETRY_S = 0.5
 
 
@@ -104,7 +109,7 @@ class Pilot:
         self._turn: Turn | None = None
         self._turn_from: tuple[Motion, float] | None = None
         self._leg_index = 0
-        self._leg_from: Motion | None = None
+        self._leg_running = False
         self._leg_stamp = -math.inf
         self._looks = 0
         self._empty = 0
@@ -184,14 +189,19 @@ class Pilot:
         then = self._odometry.at(frame.stamp)
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
-        if sure:
+        if sure or view.ahead_confidence >= CONFIDENT:
             self._sure_stamp = frame.stamp
         else:
             self._unsure_stamp = frame.stamp
-        aligned = self._turn is None or self._leg_index >= len(self._turn.legs) - 1
-        if sure and aligned:
+        if sure and self._on_lane():
             self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, since)
         self._watch_ahead(view, then, frame.stamp)
+
+    def _on_lane(self) -> bool:
+        """Whether the edge in the picture is the lane's: on a side, or backing along the next."""
+        if self._turn is None or self._leg_index >= len(self._turn.legs):
+            return True
+        return self._turn.legs[self._leg_index].follow
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
         """Counts pictures in a row that show no crop before the blade."""
@@ -246,12 +256,12 @@ class Pilot:
         if self._clear_count >= END_PICTURES and self._clear_since is not None:
             self._begin_turn(now, self._clear_since)
             return self._hold()
+        lane, vehicle = self._lane, self._vehicle
         quiet = now - self._sure_stamp
-        if quiet > STOP_AFTER_S:
+        if quiet > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
-        lane, vehicle = self._lane, self._vehicle
         steer = steering.forward(lane.offset_m, lane.heading_rad, vehicle)
         slow = quiet > SLOW_AFTER_S or not self._entered or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
@@ -260,7 +270,8 @@ class Pilot:
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
         sure_for = self._sure_stamp - self._unsure_stamp
-        if now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
+        known = self._lane.offset_sigma_m < LANE_SIGMA_M
+        if known and now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
             self._go(now, Phase.FOLLOW, "the edge is in view again")
         return self._hold()
 
@@ -274,13 +285,13 @@ class Pilot:
         self.ends.append(end)
         self.turns += 1
         self._leg_index = 0
-        self._leg_from = end.motion
+        self._leg_running = False
         self._leg_stamp = now
         self._detector.restart()
         self._go(now, Phase.TURN, f"end of side {self.turns}: no crop before the blade")
 
     def _in_turn_frame(self) -> tuple[float, float, float]:
-        """The rear axle's (x, y, heading) in the planned turn's frame; x runs along the old lane."""
+        """The rear axle's (x, y, heading) in the turn's frame; x runs along the old lane."""
         assert self._turn_from is not None
         start, heading = self._turn_from
         cos, sin = math.cos(start.yaw_rad - heading), math.sin(start.yaw_rad - heading)
@@ -290,42 +301,46 @@ class Pilot:
 
     def _drive_turn(self, now: float, telemetry: Telemetry) -> Command:
         turn = self._turn
-        assert turn is not None and self._leg_from is not None
+        assert turn is not None
         if self._leg_index >= len(turn.legs):
             self._looks = self._empty = 0
             self._leg_stamp = now
             self._go(now, Phase.LOOK, "turned; looking for the crop's edge")
             return self._hold()
         leg = turn.legs[self._leg_index]
-        last = self._leg_index == len(turn.legs) - 1
-        steer = leg.steer_rad
         if self._leg_done(leg):
             self._leg_index += 1
-            self._leg_from = self.motion
+            self._leg_running = False
             self._leg_stamp = now
-            if self._leg_index == len(turn.legs) - 1:
+            if self._leg_index < len(turn.legs) and turn.legs[self._leg_index].follow:
                 self._place_on_lane()
-            return self._drive(steer, 0.0, False)
-        if last and leg.reverse and leg.turn_rad == math.inf:
+            return self._drive(leg.steer_rad, 0.0, False)
+        steer = leg.steer_rad
+        if leg.follow:
             steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
-        started = abs(self.motion.distance_m - self._leg_from.distance_m) > 0.05
-        if not started and abs(telemetry.angle_rad - steer) > STEER_READY_RAD:
-            if now - self._leg_stamp > STEER_TIMEOUT_S:
-                self._go(now, Phase.FAULT, "the steering did not reach its angle")
-            return self._drive(steer, 0.0, False)
+        if not self._leg_running:
+            stopped = abs(self.motion.speed_mps) < STOPPED_MPS
+            ready = stopped and abs(telemetry.angle_rad - steer) < STEER_READY_RAD
+            if not ready:
+                if now - self._leg_stamp > STEER_TIMEOUT_S:
+                    self._go(now, Phase.FAULT, "the steering did not reach its angle")
+                return self._drive(steer, 0.0, False)
+            self._leg_running = True
         speed = self._vehicle.manoeuvre_speed_mps
         return self._drive(steer, -speed if leg.reverse else speed, False)
 
     def _leg_done(self, leg: Leg) -> bool:
-        assert self._leg_from is not None
-        coast = abs(self.motion.speed_mps) * self._vehicle.drive_lag_s
-        travelled = self.motion.distance_m - self._leg_from.distance_m
-        run = -travelled if leg.reverse else travelled
-        turned = abs(self.motion.yaw_rad - self._leg_from.yaw_rad)
-        return (
-            run + coast >= leg.distance_m
-            or turned + coast * abs(self.motion.curvature_1pm) >= leg.turn_rad
-        )
+        """Whether the goal is reached, or will be by coasting on."""
+        assert self._turn is not None
+        x, y, heading = self._in_turn_frame()
+        coast = self.motion.speed_mps * self._vehicle.drive_lag_s
+        if leg.goal is Goal.HEADING:
+            return heading + coast * self.motion.curvature_1pm >= leg.value
+        place = x if leg.goal is Goal.X else self._turn.along(x, y)
+        ahead = leg.value - place - coast
+        if leg.follow and 0 <= ahead < ALIGN_ROOM_M:
+            return abs(self._lane.blade_offset_m) < ALIGNED_M
+        return ahead >= 0 if leg.reverse else ahead <= 0
 
     def _place_on_lane(self) -> None:
         assert self._turn is not None
@@ -333,6 +348,12 @@ class Pilot:
         self._lane.place(
             self._turn.offset(x, y), heading - self._turn.lane_rad, 0.15, math.radians(6)
         )
+
+    def _crop_expected_m(self) -> float:
+        """From the blade to where the new side's crop should begin."""
+        assert self._turn is not None
+        x, y, _ = self._in_turn_frame()
+        return self._turn.crop_begins_m - self._turn.along(x, y) - self._vehicle.blade_x_m
 
     def _search(self, now: float, telemetry: Telemetry) -> Command:
         """Standing still after the turn: is there crop where it should be?"""
@@ -345,7 +366,7 @@ class Pilot:
             if self._looks > 10 * SEARCH_PICTURES:
                 self._go(now, Phase.FAULT, "nothing to be made out after the turn")
             return self._hold()
-        if view.crop_ahead_m > NO_CROP_M:
+        if view.crop_ahead_m > self._crop_expected_m() + NO_CROP_M:
             self._empty += 1
             if self._empty >= SEARCH_PICTURES:
                 self._go(now, Phase.FINISHED, "no crop left beside the last swath")

@@ -1,0 +1,63 @@
+# Daranti. `make harvest` and `make test` set up all they need and then do their job.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out/harvest
+FIRMWARE ?= desk
+
+DESK := .pio/build/desk/libfirmware.so
+UNO := .pio/build/uno/firmware.elf
+SHIM := build/libsimavr_target.so
+SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.*) platformio.ini
+
+.DEFAULT_GOAL := help
+.PHONY: help setup harvest test lint firmware clean
+.DELETE_ON_ERROR:
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+.setup/debian: tools/debian.sh
+	@./tools/debian.sh
+	@mkdir -p .setup && touch $@
+
+.setup/venv: pyproject.toml | .setup/debian
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "installing Python packages into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@mkdir -p .setup && touch $@
+
+.setup/platformio: tools/seed_platformio.py | .setup/venv
+	@$(BIN)/python tools/seed_platformio.py
+	@mkdir -p .setup && touch $@
+
+$(DESK): $(SOURCES) | .setup/platformio
+	@$(BIN)/pio run --silent -e desk
+	@touch $@
+
+$(UNO): $(SOURCES) | .setup/platformio
+	@$(BIN)/pio run --silent -e uno
+	@touch $@
+
+$(SHIM): $(wildcard hil/simavr/*) firmware/src/target.h | .setup/debian
+	@$(MAKE) --no-print-directory -s -C hil/simavr
+
+firmware: $(DESK) $(UNO) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
+
+setup: .setup/venv firmware ## everything that the other commands need
+
+harvest: setup ## harvests the default field with the compiled firmware in the loop (FIRMWARE=avr for the Uno's binary)
+	@$(BIN)/daranti-hil harvest --firmware $(FIRMWARE) --out $(OUT)
+
+lint: setup ## formatting, style, types and layers
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
+	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/simavr/*.c')
+	@$(BIN)/python tools/protogen.py --check
+
+test: lint ## every test: firmware on the desk and in simavr, host, plant and bench
+	@$(BIN)/pio test -e native
+	@$(BIN)/pio run -e uno
+	@$(BIN)/python -m pytest -n 2 -q
+
+clean: ## removes what was built, not the virtual environment
+	rm -rf build out .pio .setup

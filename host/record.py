@@ -1,0 +1,244 @@
+"""Records: one MCAP file a run, JSON messages whose schemas Foxglove understands.
+
+Crash-safe by construction: the file is a sequence of chunks of at most about a second, each written
+whole, so a run that was killed leaves everything up to its last chunk; `read` stops there quietly.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from mcap.exceptions import McapError
+from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Message, Schema
+from mcap.writer import CompressionType, IndexType, Writer
+
+from host.errors import UserError
+from host.types import Command, Fix, Telemetry
+from host.vision.view import CropView
+
+CHUNK_BYTES = 256 * 1024
+
+_NUMBER: dict[str, Any] = {"type": ["number", "null"]}
+_TEXT: dict[str, Any] = {"type": "string"}
+_BYTES: dict[str, Any] = {"type": "string", "contentEncoding": "base64"}
+_TIME: dict[str, Any] = {
+    "type": "object",
+    "title": "time",
+    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+}
+
+
+def _schema(**fields: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": fields}
+
+
+def _numbers(*names: str) -> dict[str, dict[str, Any]]:
+    return dict.fromkeys(names, _NUMBER)
+
+
+SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
+    "/scenario": ("daranti.Scenario", _schema(text=_TEXT)),
+    "/camera": (
+        "foxglove.CompressedImage",
+        _schema(timestamp=_TIME, frame_id=_TEXT, data=_BYTES, format=_TEXT),
+    ),
+    "/fix": (
+        "foxglove.LocationFix",
+        _schema(
+            timestamp=_TIME,
+            frame_id=_TEXT,
+            **_numbers("latitude", "longitude", "altitude", "quality", "hdop", "satellites"),
+            **_numbers("speed_mps", "course_rad"),
+        ),
+    ),
+    "/telemetry": (
+        "daranti.Telemetry",
+        _schema(
+            state=_TEXT,
+            **_numbers("faults", "setpoint_rad", "angle_rad", "steer_duty", "drive_duty"),
+            blade={"type": "boolean"},
+            **_numbers("speed_mps", "distance_m", "battery_v", "last_seq", "frames_bad"),
+        ),
+    ),
+    "/command": (
+        "daranti.Command",
+        _schema(
+            request=_TEXT,
+            **_numbers("steer_rad", "speed_mps"),
+            blade={"type": "boolean"},
+            reason=_TEXT,
+        ),
+    ),
+    "/view": (
+        "daranti.CropView",
+        _schema(
+            **_numbers("confidence", "edge_offset_m", "edge_heading_rad", "crop_ahead_m"),
+            **_numbers("ahead_confidence", "end_of_field", "e_outer_px", "o_map_px"),
+            **_numbers("l_height_px", "l_reference_px"),
+            reason=_TEXT,
+        ),
+    ),
+    "/pilot": (
+        "daranti.Pilot",
+        _schema(
+            phase=_TEXT,
+            reason=_TEXT,
+            **_numbers("turns", "offset_m", "heading_rad", "distance_m", "x_m", "y_m", "yaw_rad"),
+        ),
+    ),
+    "/truth": (
+        "daranti.Truth",
+        _schema(
+            **_numbers("x_m", "y_m", "yaw_rad", "speed_mps", "steer_rad", "coverage"),
+            **_numbers("missed_m2", "neighbour_cut_m2", "edge_offset_m"),
+        ),
+    ),
+    "/serial/to_firmware": ("daranti.Bytes", _schema(data=_BYTES)),
+    "/serial/to_host": ("daranti.Bytes", _schema(data=_BYTES)),
+    "/summary": ("daranti.Summary", _schema(text=_TEXT)),
+}
+
+
+def _clean(value: Any) -> Any:
+    """JSON has no NaN: not observable is null; infinities are kept as text of their sign."""
+    if isinstance(value, float):
+        if math.isfinite(value):
+            return round(value, 6)
+        return None if math.isnan(value) else math.copysign(1e9, value)
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
+    return value
+
+
+def _time(stamp: float) -> dict[str, int]:
+    nanoseconds = round(stamp * 1e9)
+    return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}
+
+
+class Recorder:
+    """Writes one record. Deterministic: the same messages give the same bytes."""
+
+    def __init__(self, path: Path, metadata: Mapping[str, str] | None = None) -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise UserError(f"cannot write the record {path}: {error.strerror}") from error
+        self._writer = Writer(
+            self._file,
+            chunk_size=CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            index_types=IndexType.ALL,
+        )
+        self._writer.start(profile="", library="daranti")
+        self._channels: dict[str, int] = {}
+        self._sequence = 0
+        if metadata:
+            self._writer.add_metadata("daranti", dict(metadata))
+
+    def put(self, topic: str, stamp: float, message: Mapping[str, Any]) -> None:
+        """Appends a message of a topic in SCHEMAS at `stamp` seconds."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            name, schema = SCHEMAS[topic]
+            schema_id = self._writer.register_schema(
+                name, "jsonschema", json.dumps(schema, sort_keys=True).encode()
+            )
+            channel = self._writer.register_channel(topic, "json", schema_id)
+            self._channels[topic] = channel
+        data = json.dumps({key: _clean(value) for key, value in message.items()})
+        nanoseconds = max(0, round(stamp * 1e9))
+        self._writer.add_message(channel, nanoseconds, data.encode(), nanoseconds, self._sequence)
+        self._sequence += 1
+
+    def picture(self, stamp: float, jpeg: bytes) -> None:
+        """A camera picture as it came from the phone; `stamp` is the shutter's."""
+        message = {"timestamp": _time(stamp), "frame_id": "camera", "format": "jpeg", "data": jpeg}
+        self.put("/camera", stamp, message)
+
+    def telemetry(self, telemetry: Telemetry) -> None:
+        """One telemetry message."""
+        fields = {n: getattr(telemetry, n) for n in telemetry.__dataclass_fields__ if n != "stamp"}
+        self.put("/telemetry", telemetry.stamp, fields | {"state": telemetry.state.name})
+
+    def command(self, stamp: float, command: Command) -> None:
+        """One command, as the pilot gave it."""
+        message = {
+            "request": command.request.value,
+            "steer_rad": command.steer_rad,
+            "speed_mps": command.speed_mps,
+            "blade": command.blade,
+            "reason": command.reason,
+        }
+        self.put("/command", stamp, message)
+
+    def fix(self, fix: Fix) -> None:
+        """One GNSS epoch."""
+        message = {
+            "timestamp": _time(fix.stamp),
+            "frame_id": "wgs84",
+            "latitude": fix.lat_deg,
+            "longitude": fix.lon_deg,
+            "altitude": 0.0,
+            "quality": fix.quality,
+            "hdop": fix.hdop,
+            "satellites": fix.satellites,
+            "speed_mps": fix.speed_mps,
+            "course_rad": fix.course_rad,
+        }
+        self.put("/fix", fix.stamp, message)
+
+    def view(self, stamp: float, view: CropView) -> None:
+        """What vision made of the picture taken at `stamp`."""
+        names = SCHEMAS["/view"][1]["properties"]
+        self.put("/view", stamp, {name: getattr(view, name) for name in names})
+
+    def close(self) -> None:
+        """Writes the index; without it the record is readable, only slower to seek in."""
+        self._writer.finish()
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def read(path: Path) -> Iterator[tuple[str, float, dict[str, Any]]]:
+    """(topic, stamp in s, message) in the order written; ends at the last whole chunk of a record
+    whose run was killed. UserError where the file is missing or is no record."""
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UserError(f"cannot read the record {path}: {error.strerror}") from error
+    channels: dict[int, str] = {}
+    schemas = 0
+    with file:
+        try:
+            for record in StreamReader(file).records:
+                if isinstance(record, Channel):
+                    channels[record.id] = record.topic
+                elif isinstance(record, Schema):
+                    schemas += 1
+                elif isinstance(record, Message):
+                    message = json.loads(record.data)
+                    for key in ("data",):
+                        if isinstance(message.get(key), str):
+                            message[key] = base64.b64decode(message[key])
+                    yield channels[record.channel_id], record.log_time / 1e9, message
+        except (McapError, ValueError, KeyError, EOFError) as error:
+            if not schemas:
+                raise UserError(f"{path} is not a record (MCAP): {error}") from error

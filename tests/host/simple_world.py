@@ -1,0 +1,177 @@
+"""A plane world for pilot tests: ideal tricycle, grid of crop, and a detector that reads the grid.
+
+It is deliberately not the plant: no picture, no firmware, no noise but what a test asks for, so that
+a fault in the pilot cannot hide behind them and a harvest takes a second.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from host.types import Command, Frame, Request, State, Telemetry
+from host.vehicle import Vehicle
+from host.vision.view import CropView
+
+CELL = 0.025
+STEP = 0.02
+
+
+@dataclass
+class SimpleWorld:
+    vehicle: Vehicle
+    width: float = 10.0
+    height: float = 10.0
+    gap: float = 2.0
+    speed_error: float = 1.0
+    """True speed over what the duty model says."""
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    speed: float = 0.0
+    angle: float = 0.0
+    now: float = 0.0
+    state: State = State.SAFE
+    command: Command = field(default_factory=lambda: Command(Request.STOP))
+    blind: bool = False
+
+    def __post_init__(self) -> None:
+        self.margin = 6.0
+        columns = round((self.width + 2 * self.margin) / CELL)
+        rows = round((self.height + 2 * self.margin) / CELL)
+        y, x = np.mgrid[0:rows, 0:columns] * CELL - self.margin + CELL / 2
+        inside = (x > 0) & (x < self.width) & (y > 0) & (y < self.height)
+        g = self.gap
+        near = (x > -g) & (x < self.width + g) & (y > -g) & (y < self.height + g)
+        self.crop = inside.copy()
+        self.neighbour = ~near
+        self.field_cells = int(inside.sum())
+        self.neighbour_cells = int(self.neighbour.sum())
+        v = self.vehicle
+        self.x = self.width - v.blade_width_m / 2 + v.overlap_m
+        self.y = -v.blade_x_m - 0.3
+        self.yaw = math.pi / 2
+
+    # ---- vision ----
+    def _standing(self, forward: np.ndarray, left: np.ndarray) -> np.ndarray:
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x = self.x + forward * c - left * s + self.margin
+        y = self.y + forward * s + left * c + self.margin
+        i, j = (x / CELL).astype(int), (y / CELL).astype(int)
+        ok = (i >= 0) & (j >= 0) & (i < self.crop.shape[1]) & (j < self.crop.shape[0])
+        out = np.zeros(forward.shape, bool)
+        out[ok] = (self.crop | self.neighbour)[j[ok], i[ok]]
+        return out
+
+    def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
+        del bgr, stages
+        if self.blind:
+            return CropView(0.0, reason="dust")
+        v = self.vehicle
+        f = np.arange(v.blade_x_m, v.blade_x_m + 5.0, 0.05)
+        half = v.blade_width_m / 2
+        lateral = np.arange(-half + 0.01, half, 0.05)
+        ahead = self._standing(*np.meshgrid(f, lateral, indexing="ij")).mean(1) > 0.2
+        crop_ahead = float(f[np.argmax(ahead)] - v.blade_x_m) if ahead.any() else math.inf
+        lateral = np.arange(-half - 0.7, half, 0.01)
+        start = v.blade_x_m + crop_ahead + 0.1
+        if not math.isfinite(start) or crop_ahead > 2.5:
+            return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
+        f = np.arange(start, start + 1.5, 0.1)
+        standing = self._standing(*np.meshgrid(f, lateral, indexing="ij"))
+        rows = standing.any(1) & ~standing[:, 0]
+        if rows.sum() < 5:
+            return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
+        edge = lateral[np.argmax(standing[rows], axis=1)]
+        slope, at = np.polyfit(f[rows] - v.blade_x_m, edge, 1)
+        wanted = -(half - v.overlap_m)
+        return CropView(
+            0.9,
+            edge_offset_m=float(at - wanted),
+            edge_heading_rad=math.atan(slope),
+            crop_ahead_m=crop_ahead,
+            ahead_confidence=1.0,
+        )
+
+    def restart(self) -> None:
+        pass
+
+    # ---- motion ----
+    def advance(self) -> None:
+        v, c = self.vehicle, self.command
+        driving = c.request is Request.DRIVE and self.state in (State.ARMED, State.RUNNING)
+        wanted = c.speed_mps if driving else 0.0
+        limit = math.radians(v.steer_limit_deg)
+        if driving:
+            error = max(-limit, min(limit, c.steer_rad)) - self.angle
+            self.angle += (
+                max(-1, min(1, error / (math.radians(45) * STEP))) * math.radians(45) * STEP
+            )
+        self.speed += (wanted * self.speed_error - self.speed) * STEP / v.drive_lag_s
+        before = self.pose()
+        self.yaw += self.speed * math.tan(self.angle) / v.wheelbase_m * STEP
+        self.x += self.speed * math.cos(self.yaw) * STEP
+        self.y += self.speed * math.sin(self.yaw) * STEP
+        if driving and c.blade and self.speed >= 0:
+            self._cut(before)
+        self.now += STEP
+
+    def pose(self) -> tuple[float, float, float]:
+        return self.x, self.y, self.yaw
+
+    def _cut(self, before: tuple[float, float, float]) -> None:
+        v = self.vehicle
+        lateral = np.arange(-v.blade_width_m / 2 + CELL / 4, v.blade_width_m / 2, CELL / 2)
+        for x, y, yaw in (before, self.pose()):
+            c, s = math.cos(yaw), math.sin(yaw)
+            i = ((x + v.blade_x_m * c - lateral * s + self.margin) / CELL).astype(int)
+            j = ((y + v.blade_x_m * s + lateral * c + self.margin) / CELL).astype(int)
+            self.crop[j, i] = False
+            self.neighbour[j, i] = False
+
+    def telemetry(self) -> Telemetry:
+        request = self.command.request
+        if request is Request.ARM and self.state is State.SAFE:
+            self.state = State.ARMED
+        elif request is Request.STOP:
+            self.state = State.SAFE
+        duty = self.speed / self.speed_error / self.vehicle.full_duty_speed_mps * 255
+        return Telemetry(
+            stamp=self.now,
+            state=self.state,
+            faults=0,
+            setpoint_rad=self.command.steer_rad,
+            angle_rad=self.angle,
+            steer_duty=0,
+            drive_duty=round(duty),
+            blade=self.command.blade,
+            speed_mps=None,
+            distance_m=0.0,
+            battery_v=12.0,
+            last_seq=0,
+            frames_bad=0,
+        )
+
+    @property
+    def coverage(self) -> float:
+        return 1 - self.crop.sum() / self.field_cells
+
+    @property
+    def neighbour_cut(self) -> int:
+        return self.neighbour_cells - int(self.neighbour.sum())
+
+
+BLANK = np.zeros((2, 2, 3), np.uint8)
+
+
+def harvest(world: SimpleWorld, pilot: "Pilot", limit_s: float = 1500.0) -> None:  # noqa: F821
+    """Runs until the pilot is done: telemetry each 20 ms, commands each 40 ms, pictures at 10 Hz."""
+    tick = 0
+    while world.now < limit_s and not pilot.done:
+        world.advance()
+        tick += 1
+        if tick % 2 == 0:
+            frame = Frame(world.now, BLANK) if tick % 5 == 0 or tick % 10 == 6 else None
+            world.command = pilot.step(world.now, frame, None, world.telemetry())
