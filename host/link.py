@@ -5,6 +5,7 @@ The lockstep rig and a replay use the Session alone, so all three speak byte for
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import math
 from collections import deque
@@ -240,12 +241,10 @@ class Link:
         )
 
     def close(self) -> None:
-        """Asks for STOP, if the port still takes it, and closes."""
-        try:
+        """Asks for STOP, if the port still takes it, and closes (the system sends what is queued
+        first). What a vanished port cannot stop, the firmware's own 250 ms watchdog does."""
+        with contextlib.suppress(UserError):
             self.send(Command(Request.STOP, reason="closing"))
-            self._serial.flush()
-        except (UserError, OSError):
-            pass  # the firmware's own 250 ms watchdog stops what a vanished port cannot
         self._serial.close()
 
     def __enter__(self) -> Self:
