@@ -40,6 +40,10 @@ _BLOCK_M: Final = 0.5
 """Side of a block of stalks."""
 _PACKS: Final = 64
 """Different blocks; which one stands where is drawn per block."""
+_SEGMENTS: Final = 48
+"""Changes of height along an azimuth that a profile holds."""
+_STRIPS: Final = 8
+"""The picture is drawn in so many strips of columns, whatever the number of threads."""
 _REACH_M: Final = 24.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
 
@@ -122,6 +126,10 @@ class View(NamedTuple):
     """Rolling shutter: horizontal shift in px from first to last row."""
     rays: NDArray[np.float32]
     """(rows, columns, 2): undistorted normalised image coordinates."""
+    tangent: float
+    """Of the largest azimuth that the profiles hold, either side of the heading."""
+    stretch: NDArray[np.float64]
+    """Per azimuth bin: distance per distance ahead."""
 
 
 class Paint(NamedTuple):
@@ -182,95 +190,151 @@ def _shade(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _profile(
+    scene: Scene,
+    view: View,
+    b0: int,
+    b1: int,
+    start: NDArray[np.float32],
+    top: NDArray[np.float32],
+    count: NDArray[np.int32],
+) -> None:
+    """Heights that azimuths b0..b1 cross: from `start[b, k]` (m, horizontal) on, the crop's body is
+    `top[b, k]` high (0: ground), `count[b]` of them.
+
+    The azimuth of bin b is atan(_bin_tangent(b)) to the left of the view's heading. Free ground is
+    crossed by leaps of the clear distance, crop by steps of 0.1 m.
+    """
+    n_j, n_i = scene.clear.shape
+    inv = 0.5 / scene.cell
+    hx = view.axes[2, 0]
+    hy = view.axes[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    hx /= norm
+    hy /= norm
+    bins, most = start.shape
+    for b in range(b0, b1):
+        lateral = _bin_tangent(b, bins, view.tangent)
+        stretch = math.sqrt(1.0 + lateral * lateral)
+        dx = (hx - lateral * hy) / stretch * inv
+        dy = (hy + lateral * hx) / stretch * inv
+        px0 = (view.x - scene.x0) * inv
+        py0 = (view.y - scene.y0) * inv
+        n = 0
+        r = 0.0
+        now = -1.0
+        while n < most - 1 and r < 80.0:
+            px = px0 + r * dx
+            py = py0 + r * dy
+            if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
+                break
+            i = int(px)
+            j = int(py)
+            height = 0.0
+            leap = scene.clear[j, i]
+            if leap > 0.0:
+                leap += 0.005
+            elif _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
+                height = 0.8 * scene.height[j, i]
+                leap = 0.1
+            else:
+                leap = 0.5 * scene.cell
+            entered = (height > 0.0) != (now > 0.0)
+            if now < 0.0 or entered or abs(height - now) > 0.06:
+                start[b, n] = r
+                top[b, n] = height
+                n += 1
+                now = height
+            r += leap
+        start[b, n] = r
+        top[b, n] = scene.canopy if scene.beyond_is_crop else 0.0
+        count[b] = n + 1
+
+
+@njit(cache=True, nogil=True)
+def _bin_tangent(b: float, bins: int, tangent: float) -> float:
+    return ((b + 0.5) / bins * 2.0 - 1.0) * tangent
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _ground(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
     label: NDArray[np.uint8],
-    part: int,
-    parts: int,
+    left: int,
+    right: int,
     scene: Scene,
     view: View,
     paint: Paint,
+    start: NDArray[np.float32],
+    top: NDArray[np.float32],
+    count: NDArray[np.int32],
 ) -> None:
-    """Fills every `parts`-th row of picture, depth and labels with ground, canopy and background."""
-    rows, columns = depth.shape
+    """Fills columns [left, right) of picture, depth and labels with ground, canopy and background,
+    from the profile of each pixel's azimuth."""
+    rows = depth.shape[0]
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
     R = view.axes
+    bins = start.shape[0]
     slab = scene.canopy
     side = texture.SIDE
     per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP_DEG - sky.PANORAMA_BOTTOM_DEG)
     per_column = paint.panorama.shape[1] / (2 * math.pi)
-    for v in range(part, rows, parts):
+    hx = R[2, 0]
+    hy = R[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    hx /= norm
+    hy /= norm
+    to_bin = 0.5 * bins / view.tangent
+    for v in range(rows):
         bend = view.shear * ((v + 0.5) / rows - 0.5) / view.focal
-        for u in range(columns):
+        for u in range(left, right):
             a = view.rays[v, u, 0] - bend
             b = view.rays[v, u, 1]
             dx = a * R[0, 0] + b * R[1, 0] + R[2, 0]
             dy = a * R[0, 1] + b * R[1, 1] + R[2, 1]
             dz = a * R[0, 2] + b * R[1, 2] + R[2, 2]
-            flat = math.sqrt(dx * dx + dy * dy)
-            start = 0.0
-            end = 250.0
-            if dz < -1e-4:
-                end = min(end, -view.z / dz)
-                if view.z > slab:
-                    start = (slab - view.z) / dz
-            elif view.z < slab:
-                end = min(end, (slab - view.z) / max(dz, 1e-4))
-            else:
-                end = -1.0
+            ahead = max(1e-6, dx * hx + dy * hy)
+            lateral = (dy * hx - dx * hy) / ahead
+            which = min(max(int((lateral + view.tangent) * to_bin), 0), bins - 1)
+            flat = ahead * view.stretch[which]
+            slope = dz / flat
             # 0 background, 1 canopy from above, 2 the crop's face, 3 ground
             hit = 0
-            t = start
-            over = start > 0.0
-            outside = False
-            steps = 0
-            while t < end and steps < 60:
-                steps += 1
-                px = (view.x + t * dx - scene.x0) * inv
-                py = (view.y + t * dy - scene.y0) * inv
-                if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
-                    outside = True
-                    if over and scene.beyond_is_crop:
-                        hit = 1
+            r = 300.0
+            last = count[which] - 1
+            for k in range(last + 1):
+                high = top[which, k]
+                near = start[which, k]
+                if view.z + slope * near < high:
+                    hit = 2
+                    r = near
                     break
-                i = int(px)
-                j = int(py)
-                d = scene.clear[j, i]
-                if d > 0.0:
-                    over = False
-                    t += (d + 0.005) / flat
-                    continue
-                if _standing(scene.kind[int(2 * py), int(2 * px)]):
-                    top = 0.8 * scene.height[j, i]
-                    z = view.z + t * dz
-                    if z <= top + 0.02:
-                        hit = 1 if over else 2
+                if slope < 0.0:
+                    reach = (high - view.z) / slope
+                    if k == last or reach < start[which, k + 1]:
+                        hit = 1 if high > 0.0 else 3
+                        r = reach
                         break
-                    t += min(0.06 / flat, max((z - top) / max(-dz, 1e-4), 0.01 / flat))
-                    over = True
-                    continue
-                over = over and view.z + t * dz > 0.75 * slab
-                t += 0.02 / flat
-            if hit == 0 and dz < -1e-4:
-                hit = 3
-                t = end
-                px = (view.x + t * dx - scene.x0) * inv
-                py = (view.y + t * dy - scene.y0) * inv
-                outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
-            if hit == 0 or t > 240.0:
+            t = r / flat
+            if hit == 0 or r > 240.0:
                 el = math.atan2(dz, flat) * 57.29578
-                r = int((sky.PANORAMA_TOP_DEG - el) * per_row)
+                p = int((sky.PANORAMA_TOP_DEG - el) * per_row)
                 c = int((math.atan2(dy, dx) + math.pi) * per_column)
-                r = min(max(r, 0), paint.panorama.shape[0] - 1)
+                p = min(max(p, 0), paint.panorama.shape[0] - 1)
                 c = min(max(c, 0), paint.panorama.shape[1] - 1)
                 depth[v, u] = 1e9
                 label[v, u] = BACKGROUND
                 for q in range(3):
-                    image[v, u, q] = int(min(255.0, paint.panorama[r, c, q] * paint.sky_gain))
+                    image[v, u, q] = int(min(255.0, paint.panorama[p, c, q] * paint.sky_gain))
                 continue
 
+            if hit == 2:
+                t += 0.01 / flat
+            px = (view.x + t * dx - scene.x0) * inv
+            py = (view.y + t * dy - scene.y0) * inv
+            outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
             wx = view.x + t * dx
             wy = view.y + t * dy
             wz = view.z + t * dz
@@ -282,8 +346,8 @@ def _ground(
             if outside:
                 # Fields beyond the grid: blocks of some 40 m, ripe or grass.
                 far = noise.mix(77, int(math.floor(wx * 0.025)), int(math.floor(wy * 0.04)))
-                tile = texture.TOP if hit == 1 or far & 3 else texture.GRASS
-                here = NEIGHBOUR if hit == 1 else BACKGROUND
+                tile = texture.TOP if hit != 3 or far & 3 else texture.GRASS
+                here = NEIGHBOUR if hit != 3 else BACKGROUND
                 seen = 0.85
             else:
                 i = int(px)
@@ -706,6 +770,15 @@ class Camera:
         s = self.spec
         h, w = s.height_px, s.width_px
         self._rays = self._bake_rays()
+        # Azimuths reach past the picture's sides: pitch and roll spread them.
+        corner = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
+        self._tangent = math.tan(min(1.5, 1.25 * corner + 0.1))
+        bins = 2 * w
+        middles = ((np.arange(bins) + 0.5) / bins * 2 - 1) * self._tangent
+        self._stretch = np.sqrt(1 + middles**2)
+        self._start = np.zeros((bins, _SEGMENTS), np.float32)
+        self._top = np.zeros((bins, _SEGMENTS), np.float32)
+        self._count = np.zeros(bins, np.int32)
         self._image = np.zeros((h, w, 3), np.uint8)
         self._depth = np.zeros((h, w), np.float32)
         self._label = np.zeros((h, w), np.uint8)
@@ -871,6 +944,8 @@ class Camera:
             k2=s.k2,
             shear=s.focal_px * shot.yaw_rate * s.readout_s,
             rays=self._rays,
+            tangent=self._tangent,
+            stretch=self._stretch,
         )
 
     def _render(self, shot: Shot) -> None:
@@ -901,39 +976,31 @@ class Camera:
         sway = 0.012 * weather.wind_mps
         sway_x, sway_y = sway * math.cos(toward), sway * math.sin(toward)
 
-        def project(part: int) -> None:
-            k0 = int(np.searchsorted(first, first[-1] * part / self._threads))
-            k1 = int(np.searchsorted(first, first[-1] * (part + 1) / self._threads))
-            k1 = found if part + 1 == self._threads else k1
+        records, bins, width = self._records, len(self._count), self.spec.width_px
+
+        def prepare(part: int) -> None:
+            k0, k1 = (
+                int(np.searchsorted(first, first[-1] * p / _STRIPS)) for p in (part, part + 1)
+            )
             _project(
                 blocks, away, self._packs, first, scene, view, paint, self._seed, shot.t,
-                sway_x, sway_y, 0.35, k0, k1, self._records, drawn,
+                sway_x, sway_y, 0.35, k0, found if part + 1 == _STRIPS else k1, records, drawn,
             )  # fmt: skip
+            b0, b1 = bins * part // _STRIPS, bins * (part + 1) // _STRIPS
+            _profile(scene, view, b0, b1, self._start, self._top, self._count)
 
-        def ground(part: int) -> None:
-            _ground(self._image, self._depth, self._label, part, self._threads, scene, view, paint)
+        def draw(part: int) -> None:
+            left, right = width * part // _STRIPS, width * (part + 1) // _STRIPS
+            canvas = self._image, self._depth, self._label, left, right
+            _ground(*canvas, scene, view, paint, self._start, self._top, self._count)
+            _draw(*canvas, first, drawn, records, paint)
 
-        strips = 4 * self._threads if self._threads > 1 else 1
-        width = self.spec.width_px
-
-        def draw(strip: int) -> None:
-            left, right = width * strip // strips, width * (strip + 1) // strips
-            _draw(
-                self._image, self._depth, self._label, left, right, first, drawn, self._records,
-                paint,
-            )  # fmt: skip
-
-        if self._pool is None:
-            project(0)
-            ground(0)
-            draw(0)
-        else:
-            jobs = [self._pool.submit(project, p) for p in range(self._threads)]
-            jobs += [self._pool.submit(ground, p) for p in range(self._threads)]
-            for job in jobs:
-                job.result()
-            for job in [self._pool.submit(draw, p) for p in range(strips)]:
-                job.result()
+        for stage in (prepare, draw):
+            if self._pool is None:
+                for part in range(_STRIPS):
+                    stage(part)
+            else:
+                list(self._pool.map(stage, range(_STRIPS)))
 
     # ---- sensor ---------------------------------------------------------------------------------
 
