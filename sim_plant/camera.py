@@ -130,6 +130,8 @@ class View(NamedTuple):
     """Of the largest azimuth that the profiles hold, either side of the heading."""
     stretch: NDArray[np.float64]
     """Per azimuth bin: distance per distance ahead."""
+    azimuth: NDArray[np.float64]
+    """Per azimuth bin: radians left of the heading."""
 
 
 class Paint(NamedTuple):
@@ -203,7 +205,7 @@ def _profile(
     `top[b, k]` high (0: ground), `count[b]` of them.
 
     The azimuth of bin b is atan(_bin_tangent(b)) to the left of the view's heading. Free ground is
-    crossed by leaps of the clear distance, crop by steps of 0.1 m.
+    crossed by leaps of the clear distance, crop by steps of 8 cm and more with the distance.
     """
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
@@ -236,7 +238,7 @@ def _profile(
                 leap += 0.005
             elif _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
                 height = 0.8 * scene.height[j, i]
-                leap = 0.1
+                leap = 0.08 + 0.02 * r
             else:
                 leap = 0.5 * scene.cell
             entered = (height > 0.0) != (now > 0.0)
@@ -279,7 +281,8 @@ def _ground(
     bins = start.shape[0]
     slab = scene.canopy
     side = texture.SIDE
-    per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP_DEG - sky.PANORAMA_BOTTOM_DEG)
+    per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
+    heading = math.atan2(R[2, 1], R[2, 0]) + 3.0 * math.pi
     per_column = paint.panorama.shape[1] / (2 * math.pi)
     hx = R[2, 0]
     hy = R[2, 1]
@@ -319,11 +322,9 @@ def _ground(
                         break
             t = r / flat
             if hit == 0 or r > 240.0:
-                el = math.atan2(dz, flat) * 57.29578
-                p = int((sky.PANORAMA_TOP_DEG - el) * per_row)
-                c = int((math.atan2(dy, dx) + math.pi) * per_column)
+                p = int((sky.PANORAMA_TOP - slope) * per_row)
                 p = min(max(p, 0), paint.panorama.shape[0] - 1)
-                c = min(max(c, 0), paint.panorama.shape[1] - 1)
+                c = int((view.azimuth[which] + heading) * per_column) % paint.panorama.shape[1]
                 depth[v, u] = 1e9
                 label[v, u] = BACKGROUND
                 for q in range(3):
@@ -476,6 +477,7 @@ def _project(
         y_block = scene.y0 + bj * _BLOCK_M
         shown = first[k + 1] - first[k]
         wider = min(3.0, packs.shape[1] / max(1, shown))
+        wave = 0.55 + 0.45 * math.sin(1.3 * x_block + 0.7 * y_block - 2.2 * t)
         n = 0
         for q in range(shown):
             s = packs[pack, q]
@@ -497,9 +499,9 @@ def _project(
             if tall:
                 lodge = scene.lodge[cj, ci]
                 height = scene.height[cj, ci] * s[2]
-                wave = math.sin(1.3 * x + 0.7 * y - 2.2 * t)
-                flutter = math.sin(7.0 * t + 6.28 * s[8] * 37.0)
-                bend = 0.55 + 0.45 * wave + gust * flutter
+                phase = 1.1 * t + 37.0 * s[8]
+                flutter = 4.0 * abs(phase - math.floor(phase) - 0.5) - 1.0
+                bend = wave + gust * flutter
                 lean_x += sway_x * bend
                 lean_y += sway_y * bend
                 if lodge > 0.05:
@@ -655,7 +657,7 @@ def _draw(
                     ub = ua + 1
                 ua = max(ua, left)
                 ub = min(ub, right)
-                if ua >= ub:
+                if ua >= ub or (z >= depth[v, ua] and z >= depth[v, ub - 1]):
                     continue
                 over = (1.0 - a) * e[10] - e[11]
                 seen = min(1.0, max(0.0, over * 5.0 + 0.15))
@@ -776,6 +778,7 @@ class Camera:
         bins = 2 * w
         middles = ((np.arange(bins) + 0.5) / bins * 2 - 1) * self._tangent
         self._stretch = np.sqrt(1 + middles**2)
+        self._azimuth = np.arctan(middles)
         self._start = np.zeros((bins, _SEGMENTS), np.float32)
         self._top = np.zeros((bins, _SEGMENTS), np.float32)
         self._count = np.zeros(bins, np.int32)
@@ -805,7 +808,7 @@ class Camera:
         scene = self._scene
         rows, columns = scene.clear.shape
         # Distances beyond this are capped, so that a change reaches no further than the cap.
-        cap = 3.0
+        cap = 1.5
         pad = math.ceil(cap / self._coarse)
         a, b = max(0, j0 - 2 * pad), min(rows, j1 + 2 * pad)
         c, d = max(0, i0 - 2 * pad), min(columns, i1 + 2 * pad)
@@ -946,6 +949,7 @@ class Camera:
             rays=self._rays,
             tangent=self._tangent,
             stretch=self._stretch,
+            azimuth=self._azimuth,
         )
 
     def _render(self, shot: Shot) -> None:

@@ -14,8 +14,9 @@ from pydantic import Field as Limits
 
 from sim_plant.field import NotNegative, Share, Strict
 
-PANORAMA_TOP_DEG: Final = 40.0
-PANORAMA_BOTTOM_DEG: Final = -2.0
+PANORAMA_TOP: Final = 0.84
+"""Tangent of the elevation of the panorama's first row."""
+PANORAMA_BOTTOM: Final = -0.04
 _GAMMA: Final = 1 / 2.2
 
 
@@ -92,9 +93,10 @@ def panorama(
     weather: WeatherSpec, rng: np.random.Generator, columns: int = 4096, rows: int = 320
 ) -> NDArray[np.uint8]:
     """The far background on a cylinder, (rows, columns, 3) BGR: sky with clouds, a line of trees
-    and houses. Row 0 is PANORAMA_TOP_DEG of elevation, column 0 looks west and azimuth grows
-    counter-clockwise."""
-    elevation = np.linspace(PANORAMA_TOP_DEG, PANORAMA_BOTTOM_DEG, rows, dtype=np.float32)[:, None]
+    and houses. Rows are even in the tangent of the elevation, PANORAMA_TOP to PANORAMA_BOTTOM;
+    column 0 looks west and azimuth grows counter-clockwise."""
+    tangent = np.linspace(PANORAMA_TOP, PANORAMA_BOTTOM, rows, dtype=np.float32)[:, None]
+    elevation = np.degrees(np.arctan(tangent))
     direct, _ = daylight(weather)
     low_sun = float(np.clip(1.2 - direct.mean(), 0, 1))
     horizon = np.array([214, 216, 208], np.float32) - np.array([40, 14, 0], np.float32) * low_sun
@@ -115,12 +117,12 @@ def panorama(
     leaves = octave(rows // 4, columns // 3) * 0.5 + octave(rows // 2, columns) * 0.4
     tree = np.array([60, 86, 72], np.float32) * (0.62 + 0.7 * leaves[..., None])
     tree = tree * (0.62 + 0.38 * np.clip(elevation / (ridge + 0.01), 0, 1))[..., None]
-    mask = (elevation < ridge) & (elevation > PANORAMA_BOTTOM_DEG)
+    mask = (elevation < ridge) & (tangent > PANORAMA_BOTTOM)
     hazy = float(np.clip(60 * weather.haze, 0.12, 0.9))
     image = np.where(mask[..., None], tree * (1 - hazy) + horizon * hazy, image)
 
-    per_degree = rows / (PANORAMA_TOP_DEG - PANORAMA_BOTTOM_DEG)
-    ground = int(PANORAMA_TOP_DEG * per_degree)
+    per_degree = rows / (PANORAMA_TOP - PANORAMA_BOTTOM) * np.pi / 180
+    ground = int(PANORAMA_TOP / (PANORAMA_TOP - PANORAMA_BOTTOM) * rows)
     for _ in range(12):
         left = int(rng.integers(0, columns - 120))
         width = int(rng.integers(24, 90))
