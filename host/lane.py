@@ -22,7 +22,10 @@ YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
 YAW_PER_M = math.radians(1.0)
 GATE = 9.0
-"""Squared Mahalanobis distance beyond which a measurement is taken for another edge."""
+"""Squared Mahalanobis distance per component beyond which a measurement is another edge's."""
+DOUBT = 1.25
+"""Growth of the covariance with each contradiction: one that lasts is believed in the end, after
+the uncertainty has stopped the machine."""
 
 
 class Lane:
@@ -34,7 +37,6 @@ class Lane:
         self._x: NDArray[np.float64] = np.zeros(2)
         self._p: NDArray[np.float64] = np.diag([0.1**2, math.radians(5) ** 2])
         self._past: Motion | None = None
-        self._rejected = 0
 
     @property
     def offset_m(self) -> float:
@@ -63,7 +65,6 @@ class Lane:
         """Starts over from a pose that is known by other means."""
         self._x = np.array([offset_m, heading_rad])
         self._p = np.diag([offset_sd**2, heading_sd**2])
-        self._rejected = 0
 
     def predict(self, motion: Motion) -> None:
         """Moves with the vehicle."""
@@ -89,8 +90,7 @@ class Lane:
         """Takes vision's measurement of the edge (NaN heading: not seen).
 
         `since` is (distance travelled, yaw turned) from the shutter to now. Returns False where
-        the measurement contradicts the prediction beyond the gate; it is then not used, but ten
-        contradictions in a row are believed.
+        the measurement contradicts the prediction beyond the gate; it is then not used.
         """
         step, turn = since
         heading = self._x[1] - turn
@@ -110,13 +110,8 @@ class Lane:
         s = h @ self._p @ h.T + np.diag(variances)
         gain = np.linalg.solve(s, h @ self._p).T
         if float(z @ np.linalg.solve(s, z)) > GATE * len(z):
-            self._rejected += 1
-            if self._rejected < 10:
-                return False
-            self._p = np.diag([0.15**2, math.radians(8) ** 2])
-            s = h @ self._p @ h.T + np.diag(variances)
-            gain = np.linalg.solve(s, h @ self._p).T
-        self._rejected = 0
+            self._p *= DOUBT
+            return False
         self._x = self._x + gain @ z
         keep = np.eye(2) - gain @ h
         self._p = keep @ self._p @ keep.T + gain @ np.diag(variances) @ gain.T

@@ -15,6 +15,7 @@ from host import manoeuvre, steering
 from host.lane import Lane
 from host.manoeuvre import Goal, Leg, Turn
 from host.odometry import Motion, Odometry
+from host.plan import Plan, Side
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
 from host.vision.view import CropView, Detector
@@ -24,11 +25,20 @@ END_CLEAR_M = 0.8
 """Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
 END_PICTURES = 3
 NEAR_CROP_M = 0.2
+EARLY_M = 0.8
+LATE_M = 0.7
+"""How far before or after the plan's end of a side vision may end it; less than a gap."""
+GAIN_DOUBT = 0.04
+"""Share of a length by which dead reckoning may be wrong."""
 SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
 LANE_SIGMA_M = 0.15
 """Uncertainty of the edge at the blade beyond which the pilot does not cut on."""
+SHORT_SIDE_M = 1.6
+SHORT_SIGMA_M = 0.3
+GIVE_UP_S = 60.0
+"""A hesitation that lasts this long needs a person."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 STEER_READY_RAD = math.radians(2.0)
@@ -72,15 +82,6 @@ class EndOfField:
     turn_index: int
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """What the pilot knows beforehand. Corner angles (rad, left turns) repeat; a rectangle needs
-    one. `turn` names the manoeuvre: "three_point", or the paper's "arc"."""
-
-    corners_rad: tuple[float, ...] = (math.pi / 2,)
-    turn: str = "three_point"
-
-
 class Pilot:
     """See the module. `detector` turns pictures into CropViews; everything else is arithmetic."""
 
@@ -103,7 +104,7 @@ class Pilot:
         self._sure_stamp = -math.inf
         self._unsure_stamp = -math.inf
         self._fix_stamp = -math.inf
-        self._entered = False
+        self._entered_at: Motion | None = None
         self._clear_since: EndOfField | None = None
         self._clear_count = 0
         self._turn: Turn | None = None
@@ -207,11 +208,11 @@ class Pilot:
         """Counts pictures in a row that show no crop before the blade."""
         if self.phase is not Phase.FOLLOW or view.ahead_confidence < CONFIDENT:
             return
-        if view.crop_ahead_m < NEAR_CROP_M:
-            self._entered = True
+        if view.crop_ahead_m < NEAR_CROP_M and self._entered_at is None:
+            self._entered_at = then
         if view.crop_ahead_m < END_CLEAR_M:
             self._clear_count, self._clear_since = 0, None
-        elif self._entered:
+        elif self._entered_at is not None:
             self._clear_count += 1
             if self._clear_since is None:
                 self._clear_since = EndOfField(stamp, then, self.turns)
@@ -245,7 +246,7 @@ class Pilot:
 
     def _start_side(self, now: float, reason: str) -> None:
         self._turn = None
-        self._entered = False
+        self._entered_at = None
         self._clear_count, self._clear_since = 0, None
         self._run_from = self.motion
         self._sure_stamp = max(self._sure_stamp, now - SLOW_AFTER_S)
@@ -253,32 +254,74 @@ class Pilot:
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
-        if self._clear_count >= END_PICTURES and self._clear_since is not None:
+        if (
+            self._clear_count >= END_PICTURES
+            and self._clear_since is not None
+            and self._end_due(self._clear_since.motion)
+        ):
             self._begin_turn(now, self._clear_since)
             return self._hold()
+        if self._overrun():
+            self._go(now, Phase.FAULT, "the side is longer than the boundary allows")
+            return Command(Request.STOP, reason=self.reason)
         lane, vehicle = self._lane, self._vehicle
         quiet = now - self._sure_stamp
-        if quiet > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
+        if quiet > STOP_AFTER_S or lane.offset_sigma_m > self._sigma_limit_m():
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
         steer = steering.forward(lane.offset_m, lane.heading_rad, vehicle)
-        slow = quiet > SLOW_AFTER_S or not self._entered or self._clear_count > 0
+        slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)
+
+    def _cut_m(self, motion: Motion) -> float:
+        """How far the blade has come along this side since it met the crop."""
+        start = self._entered_at or self._run_from
+        return motion.distance_m - start.distance_m if start is not None else 0.0
+
+    def _side(self) -> Side | None:
+        """The plan's side that is being cut, if there is a plan."""
+        return self._plan.sides[self.turns] if self._plan.sides else None
+
+    def _sigma_limit_m(self) -> float:
+        """A remnant hardly longer than the blade is wide shows no edge line: there dead reckoning
+        has to do."""
+        side = self._side()
+        short = side is not None and side.length_m < SHORT_SIDE_M
+        return SHORT_SIGMA_M if short else LANE_SIGMA_M
+
+    def _end_due(self, motion: Motion) -> bool:
+        """Whether the plan lets the side end here. Clear ground well before is a bare patch: the
+        machine creeps on over it."""
+        side = self._side()
+        return side is None or self._cut_m(motion) > (1 - GAIN_DOUBT) * side.length_m - EARLY_M
+
+    def _overrun(self) -> bool:
+        """Whether the blade has passed where the plan ends the side, whatever vision says."""
+        side = self._side()
+        if side is None:
+            return False
+        return self._cut_m(self.motion) > (1 + GAIN_DOUBT) * side.length_m + LATE_M
 
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
         sure_for = self._sure_stamp - self._unsure_stamp
-        known = self._lane.offset_sigma_m < LANE_SIGMA_M
+        if now - self.transitions[-1].stamp > GIVE_UP_S:
+            self._go(now, Phase.FAULT, f"gave up after {GIVE_UP_S:.0f} s: {self.reason}")
+            return Command(Request.STOP, reason=self.reason)
+        known = self._lane.offset_sigma_m < self._sigma_limit_m()
         if known and now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
             self._go(now, Phase.FOLLOW, "the edge is in view again")
         return self._hold()
 
     def _begin_turn(self, now: float, end: EndOfField) -> None:
-        corner = self._plan.corners_rad[self.turns % len(self._plan.corners_rad)]
+        if self._plan.sides and self.turns + 1 >= len(self._plan.sides):
+            self.ends.append(end)
+            self._go(now, Phase.FINISHED, "the last side of the plan is cut")
+            return
         plan = manoeuvre.arc if self._plan.turn == "arc" else manoeuvre.three_point
-        self._turn = plan(self._vehicle, corner)
+        self._turn = plan(self._vehicle, self._plan.corner_rad(self.turns))
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
         lane_heading_then = self._lane.heading_rad - (self.motion.yaw_rad - end.motion.yaw_rad)
         self._turn_from = (end.motion, lane_heading_then)

@@ -1,7 +1,7 @@
 """A plane world for pilot tests: ideal tricycle, grid of crop, and a detector that reads the grid.
 
-It is deliberately not the plant: no picture, no firmware, no noise but what a test asks for, so that
-a fault in the pilot cannot hide behind them and a harvest takes a second.
+It is deliberately not the plant: no picture, no firmware, no noise but what a test asks for, so
+that a fault in the pilot cannot hide behind them and a harvest takes a second.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from host.types import Command, Frame, Request, State, Telemetry
+from host.pilot import Pilot
+from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
 from host.vision.view import CropView
 
@@ -82,10 +83,13 @@ class SimpleWorld:
         f = np.arange(start, start + 1.5, 0.1)
         standing = self._standing(*np.meshgrid(f, lateral, indexing="ij"))
         rows = standing.any(1) & ~standing[:, 0]
-        if rows.sum() < 5:
+        edge = lateral[np.argmax(standing, axis=1)]
+        smooth = np.abs(np.diff(edge, prepend=edge[0])) < 0.08
+        broken = np.flatnonzero(~(rows & smooth))
+        n = int(broken[0]) if broken.size else len(f)
+        if n < 5:
             return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
-        edge = lateral[np.argmax(standing[rows], axis=1)]
-        slope, at = np.polyfit(f[rows] - v.blade_x_m, edge, 1)
+        slope, at = np.polyfit(f[:n] - v.blade_x_m, edge[:n], 1)
         wanted = -(half - v.overlap_m)
         return CropView(
             0.9,
@@ -166,12 +170,14 @@ class SimpleWorld:
 BLANK = np.zeros((2, 2, 3), np.uint8)
 
 
-def harvest(world: SimpleWorld, pilot: "Pilot", limit_s: float = 1500.0) -> None:  # noqa: F821
-    """Runs until the pilot is done: telemetry each 20 ms, commands each 40 ms, pictures at 10 Hz."""
+def harvest(world: SimpleWorld, pilot: Pilot, limit_s: float = 1500.0) -> None:
+    """Runs until the pilot is done: telemetry each 20 ms, commands each 40 ms, pictures at 10 Hz,
+    a fix with the true Doppler speed each second."""
     tick = 0
     while world.now < limit_s and not pilot.done:
         world.advance()
         tick += 1
         if tick % 2 == 0:
             frame = Frame(world.now, BLANK) if tick % 5 == 0 or tick % 10 == 6 else None
-            world.command = pilot.step(world.now, frame, None, world.telemetry())
+            fix = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed)) if tick % 50 == 0 else None
+            world.command = pilot.step(world.now, frame, fix, world.telemetry())

@@ -1,0 +1,285 @@
+"""`daranti-hil harvest`: one field from the first picture to the last strip, in lockstep."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from hil import pictures
+from hil.lockstep import Bench
+from hil.metrics import Truth
+from hil.scenario import Scenario
+from host.gnss import Receiver
+from host.link import Session
+from host.pilot import Phase, Pilot, Plan
+from host.record import Recorder
+from host.types import Fix, Frame
+from host.vision import make_detector
+from sim_plant.camera import Camera, Shot
+
+HOST_S = 0.05
+FIX_S = 1.0
+VIDEO_EVERY = 2
+LINGER_S = 1.0
+"""Simulated time after the pilot is done, so that the outputs are seen to be off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What a progress bar shows."""
+
+    time_s: float
+    coverage: float
+    phase: Phase
+    reason: str
+
+
+def _develop(camera: Camera, shot: Shot) -> tuple[bytes, np.ndarray[Any, np.dtype[np.uint8]]]:
+    """The picture as the host gets it: rendered, JPEG there and back."""
+    jpeg = camera.encode(camera.develop(shot))
+    decoded = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    return jpeg, np.asarray(decoded, np.uint8)
+
+
+class Harvest:
+    """One lockstep run. The camera develops each shot in a worker while machine and firmware go on:
+    the picture is due only after the camera's delay, so the result does not depend on it."""
+
+    def __init__(self, scenario: Scenario, record: Path | None, video: Path | None = None) -> None:
+        self.scenario = scenario
+        self.bench = Bench(scenario)
+        self.session = Session()
+        detector = make_detector(
+            scenario.mode, scenario.vehicle, scenario.mount, overlap_m=scenario.vehicle.overlap_m
+        )
+        self.pilot = Pilot(scenario.vehicle, detector, Plan(turn=scenario.turn))
+        self.truth = Truth(scenario, self.bench.field)
+        self.steering: list[tuple[float, float, float, float]] = []
+        self.frames = 0
+        self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
+        self._receiver = Receiver()
+        self._pool = ThreadPoolExecutor(1)
+        self._videos = ThreadPoolExecutor(1)
+        self._due: deque[tuple[float, float, Future[Any]]] = deque()
+        self._video: pictures.Video | None = None
+        self._video_work: deque[Future[None]] = deque()
+        lens = scenario.lens_truth
+        self._frame_ticks = max(1, round(1 / lens.fps / HOST_S))
+        if video is not None:
+            fps = lens.fps / VIDEO_EVERY * 4
+            self._video = pictures.Video(video, fps, lens.width_px, lens.height_px)
+        self._record: Recorder | None = None
+        if record is not None:
+            self._record = Recorder(record)
+            text = scenario.model_dump_json()
+            self._record.put("/scenario", 0.0, {"text": text})
+
+    def run(self, progress: Callable[[Progress], None] | None = None) -> None:
+        """To the pilot's end or the scenario's time limit."""
+        tick = 0
+        limit = self.scenario.limits.time_s
+        done_at: float | None = None
+        while tick * HOST_S < limit:
+            tick += 1
+            now = tick * HOST_S
+            self._step(tick, now)
+            if progress is not None and tick % 20 == 0:
+                coverage = self.bench.field.coverage()
+                progress(Progress(now, coverage, self.pilot.phase, self.pilot.reason))
+            if self.pilot.done:
+                done_at = done_at or now
+                if now - done_at >= LINGER_S:
+                    break
+
+    def _step(self, tick: int, now: float) -> None:
+        clock = time.perf_counter
+        seconds = self.seconds
+        start = clock()
+        record = self._record
+        for stamp, data in self.bench.advance(now):
+            if record is not None:
+                record.put("/serial/to_host", stamp, {"data": data})
+            for telemetry in self.session.feed(stamp, data):
+                self.steering.append(
+                    (
+                        telemetry.stamp,
+                        telemetry.setpoint_rad,
+                        telemetry.angle_rad,
+                        telemetry.steer_duty,
+                    )
+                )
+                if record is not None:
+                    record.telemetry(telemetry)
+        pose = self.bench.pose
+        if tick % self._frame_ticks == 0:
+            work = self._pool.submit(_develop, self.bench.camera, self.bench.shutter())
+            self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
+        fix = self._fix(tick, now)
+        mark = clock()
+        seconds["bench"] += mark - start
+
+        frame: Frame | None = None
+        jpeg = b""
+        if self._due and self._due[0][0] <= now:
+            _, stamp, work = self._due.popleft()
+            jpeg, picture = work.result()
+            frame = Frame(stamp, picture)
+        start = clock()
+        seconds["picture wait"] += start - mark
+
+        command = self.pilot.step(now, frame, fix, self.session.telemetry)
+        data = self.session.encode(now, command)
+        if data:
+            self.bench.target.write(data)
+        self.truth.step(now, pose, self.bench.cut_cells, self.pilot)
+        mark = clock()
+        seconds["pilot"] += mark - start
+
+        if record is not None:
+            self._write(record, now, frame, jpeg, fix, data)
+            record.command(now, command)
+        start = clock()
+        seconds["record"] += start - mark
+        if frame is not None:
+            self._film(frame)
+            self.frames += 1
+        seconds["video"] += clock() - start
+
+    def _fix(self, tick: int, now: float) -> Fix | None:
+        if tick % round(FIX_S / HOST_S):
+            return None
+        data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
+        fixes = self._receiver.feed(now, data)
+        return fixes[-1] if fixes else None
+
+    def _write(
+        self,
+        record: Recorder,
+        now: float,
+        frame: Frame | None,
+        jpeg: bytes,
+        fix: Fix | None,
+        data: bytes,
+    ) -> None:
+        pilot = self.pilot
+        every = self.scenario.record.pictures_every
+        if frame is not None:
+            if every and self.frames % every == 0:
+                record.picture(frame.stamp, jpeg)
+            if pilot.view is not None:
+                record.view(frame.stamp, pilot.view)
+            lane, motion = pilot.lane, pilot.motion
+            record.put(
+                "/pilot",
+                now,
+                {
+                    "phase": pilot.phase.value,
+                    "reason": pilot.reason,
+                    "turns": pilot.turns,
+                    "offset_m": lane.offset_m,
+                    "heading_rad": lane.heading_rad,
+                    "distance_m": motion.distance_m,
+                    "x_m": motion.x_m,
+                    "y_m": motion.y_m,
+                    "yaw_rad": motion.yaw_rad,
+                },
+            )
+            state = self.bench.state
+            x, y, yaw = self.bench.pose
+            field = self.bench.field
+            record.put(
+                "/truth",
+                now,
+                {
+                    "x_m": x,
+                    "y_m": y,
+                    "yaw_rad": yaw,
+                    "speed_mps": float(state["v"]),
+                    "steer_rad": float(state["steer_angle"]),
+                    "coverage": field.coverage(),
+                    "missed_m2": field.missed_m2(),
+                    "neighbour_cut_m2": field.neighbour_cut_m2(),
+                },
+            )
+        if fix is not None:
+            record.fix(fix)
+        if data:
+            record.put("/serial/to_firmware", now, {"data": data})
+
+    def _film(self, frame: Frame) -> None:
+        if self._video is None or self.frames % VIDEO_EVERY:
+            return
+        pilot, video = self.pilot, self._video
+        view, phase, reason = pilot.view, pilot.phase.value, pilot.reason
+
+        def work() -> None:
+            video.add(pictures.annotate(frame.bgr, view, frame.stamp, phase, reason))
+
+        self._video_work.append(self._videos.submit(work))
+        while len(self._video_work) > 8:
+            self._video_work.popleft().result()
+
+    def close(self) -> None:
+        """Ends the target, the workers and the files; what was recorded stays readable."""
+        for work in self._video_work:
+            work.result()
+        self._pool.shutdown()
+        self._videos.shutdown()
+        if self._video is not None:
+            self._video.close()
+        if self._record is not None:
+            self._record.close()
+        self.bench.close()
+
+
+def harvest(
+    scenario: Scenario,
+    out: Path,
+    progress: Callable[[Progress], None] | None = None,
+    *,
+    film: bool = True,
+) -> dict[str, Any]:
+    """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4 and record.mcap
+    into `out`. Returns the summary."""
+    out.mkdir(parents=True, exist_ok=True)
+    begin = time.perf_counter()
+    run = Harvest(scenario, out / "record.mcap", out / "camera.mp4" if film else None)
+    try:
+        run.run(progress)
+    finally:
+        run.close()
+    wall = time.perf_counter() - begin
+    simulated = run.bench.now
+    summary: dict[str, Any] = {
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "firmware": scenario.firmware,
+        "camera": scenario.camera,
+        "mode": scenario.mode,
+        "outcome": run.pilot.phase.value,
+        "reason": run.pilot.reason,
+        **run.truth.summary(),
+        "turns": run.pilot.turns,
+        "simulated_s": round(simulated, 2),
+        "frames": run.frames,
+        "realtime_factor": round(simulated / wall, 2),
+        "wall_share": {name: round(value / wall, 3) for name, value in run.seconds.items()},
+    }
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    title = (
+        f"{scenario.name}, {scenario.firmware} firmware, seed {scenario.seed}: "
+        f"coverage {summary['coverage']:.3f}, {summary['outcome']}"
+    )
+    pictures.draw_map(out / "map.png", run.bench.field, run.truth.path, title)
+    if run.steering:
+        pictures.draw_steering(out / "steering.png", np.array(run.steering))
+    return summary
