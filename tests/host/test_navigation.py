@@ -1,0 +1,222 @@
+"""Plan, manoeuvre, odometry and lane filter as facts."""
+
+from __future__ import annotations
+
+import math
+
+import hypothesis.strategies as st
+import pytest
+import shapely
+from hypothesis import given
+
+from host import manoeuvre, steering
+from host.errors import UserError
+from host.lane import Lane
+from host.manoeuvre import Goal
+from host.odometry import Odometry
+from host.plan import spiral
+from host.types import Fix, State, Telemetry
+from host.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+
+
+def telemetry(t: float, *, angle: float = 0.0, duty: int = 0, speed: float | None = None,
+              distance: float = 0.0) -> Telemetry:  # fmt: skip
+    return Telemetry(t, State.RUNNING, 0, angle, angle, 0, duty, False, speed, distance, 12.0, 0, 0)
+
+
+# ---- plan ----------------------------------------------------------------------------------------
+
+
+@st.composite
+def convex_fields(draw: st.DrawFn) -> list[tuple[float, float]]:
+    count = draw(st.integers(3, 8))
+    angles = sorted(draw(st.lists(st.floats(0, 6.28), min_size=count, max_size=count, unique=True)))
+    a, b = draw(st.floats(5, 40)), draw(st.floats(5, 40))
+    hull = shapely.MultiPoint([(a * math.cos(t), b * math.sin(t)) for t in angles]).convex_hull
+    if hull.geom_type != "Polygon" or hull.area < 10:
+        return [(0.0, 0.0), (a, 0.0), (a, b), (0.0, b)]
+    return list(shapely.geometry.polygon.orient(hull).exterior.coords)[:-1]
+
+
+@given(convex_fields(), st.integers(0, 7))
+def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int) -> None:
+    width = 0.95
+    plan = spiral(field, start, width)
+    left = shapely.Polygon(field)
+    for side in plan.sides:
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        corners = [(0, 0), (side.length_m, 0), (side.length_m, width), (0, width)]
+        strip = [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
+        left = left.difference(shapely.Polygon(strip).buffer(1e-6))
+    assert left.area < 0.02 * len(field)
+
+
+@given(convex_fields())
+def test_every_corner_is_a_left_turn_of_less_than_half_a_circle(
+    field: list[tuple[float, float]],
+) -> None:
+    plan = spiral(field, 0, 0.95)
+    turns = [plan.corner_rad(k) for k in range(len(plan.sides) - 1)]
+    assert all(0 <= turn < math.pi + 1e-6 for turn in turns)
+
+
+def test_a_square_of_ten_metres_takes_21_sides() -> None:
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95)
+    assert len(plan.sides) == 21
+    assert plan.sides[0].length_m == pytest.approx(10.0)
+    assert plan.sides[4].length_m == pytest.approx(8.1)
+
+
+def test_orientation_of_the_boundary_does_not_matter() -> None:
+    corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+    assert len(spiral(corners, 0, 0.95).sides) == len(spiral(corners[::-1], 0, 0.95).sides)
+
+
+@pytest.mark.parametrize(
+    ("corners", "word"),
+    [
+        ([(0, 0), (10, 10), (10, 0), (0, 10)], "cross"),
+        ([(0, 0), (10, 0), (10, 10), (5, 2)], "convex"),
+    ],
+)
+def test_a_boundary_that_cannot_be_planned_is_refused(
+    corners: list[tuple[float, float]], word: str
+) -> None:
+    with pytest.raises(UserError, match=word):
+        spiral(corners, 0, 0.95)
+
+
+# ---- manoeuvre -----------------------------------------------------------------------------------
+
+
+def drive_legs(turn: manoeuvre.Turn) -> tuple[float, float, float]:
+    """Ideal execution of a turn's legs from the plan's origin."""
+    x = y = heading = 0.0
+    ds = 0.0005
+    for leg in turn.legs:
+        sign = -1.0 if leg.reverse else 1.0
+        curvature = 0.0 if leg.follow else math.tan(leg.steer_rad) / VEHICLE.wheelbase_m
+        for _ in range(40000):
+            reached = {Goal.X: x, Goal.HEADING: heading, Goal.ALONG: turn.along(x, y)}[leg.goal]
+            growing = leg.goal is Goal.HEADING or not leg.reverse
+            if (reached >= leg.value) if growing else (reached <= leg.value):
+                break
+            x += sign * ds * math.cos(heading)
+            y += sign * ds * math.sin(heading)
+            heading += sign * ds * curvature
+    return x, y, heading
+
+
+@given(st.floats(math.radians(60), math.radians(120)))
+def test_both_turns_end_on_the_new_lane(corner: float) -> None:
+    for plan in (manoeuvre.arc, manoeuvre.three_point):
+        turn = plan(VEHICLE, corner)
+        x, y, heading = drive_legs(turn)
+        assert heading == pytest.approx(corner, abs=2e-3)
+        assert turn.offset(x, y) == pytest.approx(0.0, abs=5e-3)
+
+
+def test_the_three_point_turn_ends_before_the_crop_the_arc_beyond_its_beginning() -> None:
+    square = manoeuvre.three_point(VEHICLE, math.pi / 2)
+    x, y, _ = drive_legs(square)
+    assert square.along(x, y) + VEHICLE.blade_x_m < square.crop_begins_m - 0.3
+    arc = manoeuvre.arc(VEHICLE, math.pi / 2)
+    x, y, _ = drive_legs(arc)
+    assert arc.along(x, y) + VEHICLE.blade_x_m > arc.crop_begins_m + 1.0
+
+
+# ---- steering ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("offset", [-0.4, 0.3])
+@pytest.mark.parametrize("heading", [-0.3, 0.0, 0.2])
+def test_the_laws_bring_the_vehicle_onto_the_lane(offset: float, heading: float) -> None:
+    for law, sign in ((steering.forward, 1.0), (steering.reverse, -1.0)):
+        y, angle = offset, heading
+        for _ in range(600):
+            curvature = math.tan(law(y, angle, VEHICLE)) / VEHICLE.wheelbase_m
+            y += sign * 0.01 * math.sin(angle)
+            angle += sign * 0.01 * curvature
+        assert abs(y) < 0.02
+        assert abs(angle) < 0.02
+
+
+# ---- odometry ------------------------------------------------------------------------------------
+
+
+def test_a_hall_sensors_distance_is_believed_over_the_duty() -> None:
+    odometry = Odometry(VEHICLE)
+    for k in range(51):
+        odometry.update(telemetry(k * 0.02, duty=255, speed=0.25, distance=0.25 * k * 0.02))
+    assert odometry.now.distance_m == pytest.approx(0.25, abs=0.01)
+
+
+def test_without_one_the_duty_models_gain_is_learned_from_the_doppler_speed() -> None:
+    odometry = Odometry(VEHICLE)
+    duty = round(0.5 * 255)
+    for k in range(1, 60 * 50):
+        odometry.update(telemetry(k * 0.02, duty=duty))
+        if k % 50 == 0:
+            fix = Fix(k * 0.02, 31.5, 74.3, 1, 1.0, 8, 0.45)
+            odometry.learn(fix, telemetry(k * 0.02, duty=duty), 1.0)
+    assert odometry.gain == pytest.approx(0.9, abs=0.01)
+
+
+def test_the_circle_closes() -> None:
+    odometry = Odometry(VEHICLE)
+    angle = math.radians(30)
+    lap = 2 * math.pi * VEHICLE.wheelbase_m / math.tan(angle)
+    steps = 2000
+    for k in range(steps + 1):
+        odometry.update(
+            telemetry(k * 0.02, angle=angle, speed=lap / steps / 0.02, distance=lap * k / steps)
+        )
+    motion = odometry.now
+    assert motion.yaw_rad == pytest.approx(2 * math.pi, rel=1e-6)
+    assert math.hypot(motion.x_m, motion.y_m) < 0.01
+
+
+def test_telemetry_that_repeats_or_goes_back_moves_nothing() -> None:
+    odometry = Odometry(VEHICLE)
+    odometry.update(telemetry(0.0, duty=255))
+    odometry.update(telemetry(1.0, duty=255))
+    before = odometry.now
+    odometry.update(telemetry(1.0, duty=255))
+    odometry.update(telemetry(0.5, duty=255))
+    assert odometry.now == before
+
+
+# ---- lane ----------------------------------------------------------------------------------------
+
+
+@given(st.floats(-0.15, 0.15), st.floats(-0.12, 0.12))
+def test_the_lane_filter_finds_where_the_vehicle_stands(offset: float, heading: float) -> None:
+    lane = Lane(VEHICLE.blade_x_m)
+    edge = -(offset + VEHICLE.blade_x_m * math.sin(heading)) / math.cos(heading)
+    for _ in range(40):
+        assert lane.correct(edge, -heading, 1.0, (0.0, 0.0))
+    assert lane.offset_m == pytest.approx(offset, abs=0.01)
+    assert lane.heading_rad == pytest.approx(heading, abs=0.01)
+
+
+def test_one_wild_measurement_is_refused() -> None:
+    lane = Lane(VEHICLE.blade_x_m)
+    for _ in range(20):
+        lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
+    assert not lane.correct(0.8, 0.5, 1.0, (0.0, 0.0))
+    assert abs(lane.offset_m) < 0.01
+
+
+def test_contradiction_that_lasts_raises_the_uncertainty_before_it_is_believed() -> None:
+    lane = Lane(VEHICLE.blade_x_m)
+    for _ in range(20):
+        lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
+    worst = 0.0
+    for _ in range(60):
+        if lane.correct(0.6, 0.0, 1.0, (0.0, 0.0)):
+            break
+        worst = max(worst, lane.offset_sigma_m)
+    assert worst > 0.15
+    assert lane.blade_offset_m < -0.3

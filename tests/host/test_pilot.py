@@ -1,0 +1,176 @@
+"""The pilot in a plane world: whole harvests, and what it does when things go wrong."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from simple_world import BLANK, SimpleWorld, harvest
+
+from host.pilot import Phase, Pilot
+from host.plan import spiral
+from host.types import Command, Frame, Request, State
+from host.vehicle import Vehicle
+from host.vision.view import CropView
+
+VEHICLE = Vehicle()
+SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+WIDTH = VEHICLE.blade_width_m - VEHICLE.overlap_m
+
+
+def pilot_for(world: SimpleWorld, turn: str = "three_point") -> Pilot:
+    return Pilot(VEHICLE, world, spiral(SQUARE, 1, WIDTH, turn))
+
+
+def drive(world: SimpleWorld, pilot: Pilot, seconds: float, log: list[Command] | None = None):
+    """Like simple_world.harvest, for a time."""
+    end = world.now + seconds
+    tick = 0
+    while world.now < end - 1e-9:
+        world.advance()
+        tick += 1
+        if tick % 2 == 0:
+            frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
+            world.command = pilot.step(world.now, frame, None, world.telemetry())
+            if log is not None:
+                log.append(world.command)
+
+
+@pytest.mark.parametrize("speed_error", [0.9, 1.0, 1.1])
+def test_cuts_the_whole_field_and_nothing_else(speed_error: float) -> None:
+    world = SimpleWorld(VEHICLE, speed_error=speed_error)
+    pilot = pilot_for(world)
+    harvest(world, pilot)
+    assert pilot.phase is Phase.FINISHED
+    assert pilot.turns == len(spiral(SQUARE, 1, WIDTH).sides) - 1
+    assert world.coverage > 0.995
+    assert world.neighbour_cut == 0
+
+
+def test_the_papers_arc_leaves_more_standing_than_the_three_point_turn() -> None:
+    arc, square = SimpleWorld(VEHICLE), SimpleWorld(VEHICLE)
+    harvest(arc, pilot_for(arc, "arc"), 400.0)
+    harvest(square, pilot_for(square), 400.0)
+    # Looked at where both have turned at the first corner: the 2 m square there.
+    corner = np.s_[round(14 / 0.025) : round(16 / 0.025), round(14 / 0.025) : round(16 / 0.025)]
+    assert arc.crop[corner].sum() > 10 * max(1, square.crop[corner].sum())
+
+
+def test_never_reverses_with_the_blade_on() -> None:
+    world = SimpleWorld(VEHICLE)
+    log: list[Command] = []
+    drive(world, pilot_for(world), 60.0, log)
+    assert any(c.speed_mps < 0 for c in log)
+    assert not any(c.blade and c.speed_mps < 0 for c in log)
+
+
+def test_arms_before_it_moves() -> None:
+    world = SimpleWorld(VEHICLE)
+    log: list[Command] = []
+    drive(world, pilot_for(world), 2.0, log)
+    first_motion = next(k for k, c in enumerate(log) if c.speed_mps != 0)
+    assert any(c.request is Request.ARM for c in log[:first_motion])
+    assert all(not c.blade for c in log[:first_motion])
+
+
+def test_blind_it_stops_within_half_a_metre_blade_off_and_goes_on_when_sight_returns() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    drive(world, pilot, 10.0)
+    assert pilot.phase is Phase.FOLLOW
+    before = world.y
+    world.blind = True
+    drive(world, pilot, 5.0)
+    assert pilot.phase is Phase.HESITATE
+    assert "dust" in pilot.reason
+    assert world.y - before < 0.5
+    assert abs(world.speed) < 0.01
+    assert not world.command.blade
+    world.blind = False
+    drive(world, pilot, 5.0)
+    assert pilot.phase is Phase.FOLLOW
+    assert world.y - before > 1.0
+
+
+def test_without_pictures_it_stops_too() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    drive(world, pilot, 10.0)
+    before = world.y
+    for _ in range(200):
+        world.advance()
+        world.command = pilot.step(world.now, None, None, world.telemetry())
+    assert pilot.phase is Phase.HESITATE
+    assert world.y - before < 0.6
+    assert not world.command.blade
+
+
+def test_a_hesitation_that_lasts_ends_in_a_stop() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    drive(world, pilot, 10.0)
+    world.blind = True
+    drive(world, pilot, 70.0)
+    assert pilot.phase is Phase.FAULT
+    assert "gave up" in pilot.reason
+    assert world.command.request is Request.STOP
+
+
+def test_a_firmware_fault_is_answered_with_stop_and_never_armed_again() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    drive(world, pilot, 10.0)
+    world.state = State.FAULT
+    log: list[Command] = []
+    drive(world, pilot, 5.0, log)
+    assert pilot.phase is Phase.FAULT
+    assert {c.request for c in log} == {Request.STOP}
+
+
+class AlwaysCrop:
+    """Vision that never sees an end: what a neighbour's crop without a gap would look like."""
+
+    def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
+        del bgr, stages
+        return CropView(
+            0.9, edge_offset_m=0.0, edge_heading_rad=0.0, crop_ahead_m=0.0, ahead_confidence=1.0
+        )
+
+    def restart(self) -> None: ...
+
+
+def test_the_boundary_stops_it_where_vision_does_not() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, AlwaysCrop(), spiral(SQUARE, 1, WIDTH))
+    drive(world, pilot, 60.0)
+    assert pilot.phase is Phase.FAULT
+    assert "boundary" in pilot.reason
+    assert world.neighbour_cut == 0
+    assert world.y + VEHICLE.blade_x_m < 12.0
+
+
+def test_a_bare_patch_does_not_end_a_side() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    row = round((4.0 + world.margin) / 0.025)
+    world.crop[row : row + round(1.5 / 0.025), :] = False
+    drive(world, pilot, 18.0)
+    assert pilot.turns == 0
+    assert world.y + VEHICLE.blade_x_m > 6.0
+
+
+def test_steering_in_the_papers_literal_sense_diverges() -> None:
+    """Paper, II, case 1: E_outer left of O_map, "vehicle moves towards right" (design.md, 1)."""
+
+    def final_offset(sense: float) -> float:
+        offset, heading = 0.1, 0.0
+        for _ in range(200):
+            blade = offset + VEHICLE.blade_x_m * math.sin(heading)
+            curvature = -sense * 1.6 * blade
+            offset += 0.02 * math.sin(heading)
+            heading += 0.02 * max(-1.1, min(1.1, curvature))
+        return abs(offset)
+
+    assert final_offset(+1.0) < 0.03
+    assert final_offset(-1.0) > 1.0
