@@ -11,6 +11,13 @@ import click
 
 from host.errors import run
 
+port_option = click.option(
+    "--port",
+    required=True,
+    envvar="DARANTI_PORT",
+    help="The firmware's serial port, or socket://HOST:PORT; DARANTI_PORT names a default.",
+)
+
 
 class LazyGroup(click.Group):
     """A group whose commands are named by `module:attribute` and imported on first use."""

@@ -3,7 +3,7 @@
 | what happened                         | exit code |
 |---------------------------------------|-----------|
 | UserError, bad usage                  | 2         |
-| Ctrl-C, SIGTERM                       | 130       |
+| Ctrl-C, SIGTERM, SIGHUP               | 130       |
 | anything else, that is a programming error | 70 (EX_SOFTWARE of sysexits.h) |
 
 `DARANTI_DEBUG=1` in the environment shows the traceback as well.
@@ -41,9 +41,10 @@ def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
 
 
 def run(command: click.Command, program: str, args: Sequence[str] | None = None) -> NoReturn:
-    """Runs a click command as the process's main function and exits. SIGTERM unwinds as Ctrl-C
-    does, so that whoever holds the outputs gets to switch them off."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    """Runs a click command as the process's main function and exits. SIGTERM and a closed terminal
+    unwind as Ctrl-C does, so that whoever holds the outputs gets to switch them off."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _interrupt)
     try:
         code = command.main(args, prog_name=program, standalone_mode=False)
     except UserError as error:

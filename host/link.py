@@ -166,24 +166,18 @@ def _refusal(ack: protocol.Ack) -> str:
 class Link:
     """A Session on a serial port. Single-threaded: `poll` and `send` are called in turn.
 
-    `tap(direction, stamp, bytes)` sees everything that passes, for the record.
+    `tap(direction, stamp, bytes)`, when set, sees everything that passes: for the record.
     """
 
-    def __init__(
-        self,
-        port: str,
-        clock: Callable[[], float],
-        *,
-        tap: Callable[[Direction, float, bytes], None] | None = None,
-    ) -> None:
+    def __init__(self, port: str, clock: Callable[[], float]) -> None:
         """`port`: a serial device, or pyserial's socket://HOST:PORT or rfc2217://HOST:PORT.
         Raises UserError where it is missing, taken, or not a port."""
         self.port = port
         self.session = Session()
         self.bytes_in = 0
         self.bytes_out = 0
+        self.tap: Callable[[Direction, float, bytes], None] | None = None
         self._clock = clock
-        self._tap = tap
         self._serial = _open(port)
 
     def poll(self, timeout_s: float = 0.0) -> list[Telemetry]:
@@ -200,8 +194,8 @@ class Link:
             return []
         now = self._clock()
         self.bytes_in += len(data)
-        if self._tap:
-            self._tap("to_host", now, data)
+        if self.tap:
+            self.tap("to_host", now, data)
         return self.session.feed(now, data)
 
     def send(self, command: Command) -> None:
@@ -271,8 +265,8 @@ class Link:
         except (OSError, TypeError) as error:
             raise self._vanished() from error
         self.bytes_out += len(data)
-        if self._tap:
-            self._tap("to_firmware", self._clock(), data)
+        if self.tap:
+            self.tap("to_firmware", self._clock(), data)
 
     def _vanished(self) -> UserError:
         return UserError(

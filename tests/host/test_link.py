@@ -177,7 +177,8 @@ def test_what_passes_is_tapped_and_counted(board: FakeFirmware) -> None:
     def tap(direction: str, _stamp: float, data: bytes) -> None:
         seen[direction] += data
 
-    with Link(board.port, time.monotonic, tap=tap) as link:
+    with Link(board.port, time.monotonic) as link:
+        link.tap = tap
         link.meet(LIMIT_S)
         assert link.bytes_in == len(seen["to_host"])
         assert link.bytes_out == len(seen["to_firmware"])

@@ -1,0 +1,394 @@
+"""`daranti drive`: the pilot in wall-clock time, between real devices.
+
+`Drive` is the loop: every 50 ms it gives the pilot what is newest and sends what it decides.
+Whatever ends it, an exception included, the last thing sent is STOP; should even that be
+impossible, the firmware's own watchdog stops the machine 250 ms after the last command.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import click
+import cv2
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from host import protocol
+from host.boundary import load_boundary, nearest_corner, plan_of
+from host.cli import port_option
+from host.errors import UserError
+from host.feed import Feed
+from host.gnss import Receiver, gnss_feed
+from host.link import Link
+from host.pilot import Phase, Pilot
+from host.plan import Plan
+from host.record import Recorder
+from host.stream import Picture, camera_feed
+from host.types import Command, Fix, Frame, Request, State, Telemetry
+from host.vehicle import Mount, Vehicle
+from host.vehicle_file import load_vehicle, mount_of
+from host.vision import make_detector
+
+PERIOD_S = 0.05
+SHOW_S = 0.2
+TELEMETRY_TIMEOUT_S = 1.0
+HALT_S = 0.5
+FIRST_PICTURE_S = 10.0
+FIRST_FIX_S = 10.0
+FIRST_FIXES = 10
+
+
+def fitted(picture: Picture, mount: Mount, delay_s: float) -> Frame | None:
+    """The picture as the mount describes it, stamped with its shutter's time; None where the JPEG
+    is broken. Raises UserError where its proportions are not the mount's."""
+    frame = picture.frame()
+    if frame is None:
+        return None
+    height, width = frame.bgr.shape[:2]
+    bgr = frame.bgr
+    if (width, height) != (mount.width_px, mount.height_px):
+        if width * mount.height_px != height * mount.width_px:
+            raise UserError(
+                f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
+                f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
+            )
+        size = (mount.width_px, mount.height_px)
+        bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA).astype("uint8", copy=False)
+    return Frame(picture.stamp - delay_s, bgr)
+
+
+def halt(link: Link, clock: Callable[[], float], timeout_s: float = HALT_S) -> bool:
+    """Sends STOP until the firmware says that it holds still; False when it has not in time."""
+    deadline = clock() + timeout_s
+    while (now := clock()) < deadline:
+        asked = now
+        link.send(Command(Request.STOP, reason="the run ends"))
+        for telemetry in link.poll(PERIOD_S):
+            if telemetry.stamp > asked and telemetry.state in (State.SAFE, State.FAULT):
+                return True
+    return False
+
+
+class Drive:
+    """One run. The devices are handed in and stay their owner's; nothing here is global."""
+
+    def __init__(
+        self,
+        pilot: Pilot,
+        link: Link,
+        camera: Feed[Picture],
+        gnss: Feed[Fix] | None,
+        mount: Mount,
+        vehicle: Vehicle,
+        clock: Callable[[], float],
+        recorder: Recorder | None = None,
+    ) -> None:
+        self.pilot = pilot
+        self.link = link
+        self.camera = camera
+        self.gnss = gnss
+        self.command = Command(Request.STOP, reason="not started")
+        self.fix: Fix | None = None
+        self.pictures = 0
+        self.pictures_bad = 0
+        self.late = 0
+        """Steps that could not begin in time."""
+        self.step_s = 0.0
+        """How long the longest step since the last look took; the looker sets it back."""
+        self._mount = mount
+        self._delay_s = vehicle.camera_delay_s
+        self._clock = clock
+        self._recorder = recorder
+
+    @property
+    def telemetry(self) -> Telemetry | None:
+        """The latest."""
+        return self.link.session.telemetry
+
+    def run(self, show: Callable[[Drive], None]) -> None:
+        """Until the pilot is done. `show` is called after every step. Raises UserError when a
+        device is lost for good."""
+        begun = self._clock()
+        due = begun
+        while not self.pilot.done:
+            due += PERIOD_S
+            self._listen(due)
+            now = self._clock()
+            if now > due + PERIOD_S:  # what was missed is not caught up
+                self.late += 1
+                due = now
+            heard = self.telemetry.stamp if self.telemetry is not None else begun
+            if now - max(heard, begun) > TELEMETRY_TIMEOUT_S:
+                raise UserError(
+                    f"{self.link.port}: no telemetry for {TELEMETRY_TIMEOUT_S:g} s; the firmware "
+                    "hangs or the cable is broken. Reset the board and start again"
+                )
+            self._step(now)
+            self.step_s = max(self.step_s, self._clock() - now)
+            show(self)
+
+    def _listen(self, until: float) -> None:
+        """Takes telemetry as it comes, at least what is there."""
+        while True:
+            left = until - self._clock()
+            heard = self.link.poll(max(0.0, left))
+            if self._recorder is not None:
+                for telemetry in heard:
+                    self._recorder.telemetry(telemetry)
+            if left <= 0:
+                return
+
+    def _step(self, now: float) -> None:
+        picture = self.camera.take()
+        frame = None
+        if picture is not None:
+            frame = fitted(picture, self._mount, self._delay_s)
+            self.pictures += 1
+            self.pictures_bad += frame is None
+        fix = self.gnss.take() if self.gnss is not None else None
+        self.fix = fix or self.fix
+        self.command = self.pilot.step(now, frame, fix, self.telemetry)
+        self.link.send(self.command)
+        if self._recorder is not None:
+            self._write(self._recorder, now, picture, frame, fix)
+
+    def _write(
+        self,
+        recorder: Recorder,
+        now: float,
+        picture: Picture | None,
+        frame: Frame | None,
+        fix: Fix | None,
+    ) -> None:
+        if picture is not None and frame is not None:
+            jpeg = picture.jpeg or cv2.imencode(".jpg", frame.bgr)[1].tobytes()
+            recorder.picture(frame.stamp, jpeg)
+            if self.pilot.view is not None:
+                recorder.view(frame.stamp, self.pilot.view)
+        if fix is not None:
+            recorder.fix(fix)
+        recorder.command(now, self.command)
+
+
+# ---- what the operator sees ----------------------------------------------------------------------
+
+_STYLES = {Phase.FOLLOW: "bold green", Phase.FINISHED: "bold green", Phase.FAULT: "bold red"}
+
+
+def status(drive: Drive, receiver: Receiver | None) -> Table:
+    """The run at a glance."""
+    pilot, view, telemetry = drive.pilot, drive.pilot.view, drive.telemetry
+    table = Table.grid(padding=(0, 2))
+    table.add_row("pilot", Text(pilot.phase.value, _STYLES.get(pilot.phase, "bold")), pilot.reason)
+    if view is not None:
+        table.add_row(
+            "edge",
+            f"{view.edge_offset_m:+.2f} m",
+            f"confidence {view.confidence:.2f} {view.reason}".rstrip(),
+        )
+    command = drive.command
+    table.add_row(
+        "command",
+        command.request.value,
+        f"{command.speed_mps:+.2f} m/s, steer {_degrees(command.steer_rad)}, blade "
+        f"{'on' if command.blade else 'off'}",
+    )
+    if telemetry is not None:
+        table.add_row(
+            "machine",
+            Text(telemetry.state.name, "bold red" if telemetry.state is State.FAULT else ""),
+            f"steer {_degrees(telemetry.angle_rad)}, battery {telemetry.battery_v:.1f} V"
+            + (f", {drive.link.session.refusal}" if drive.link.session.refusal else ""),
+        )
+        for text in protocol.fault_texts(protocol.Fault(telemetry.faults)):
+            table.add_row("fault", "", Text(text, "red"))
+    table.add_row(
+        "camera",
+        drive.camera.problem or "ok",
+        f"{drive.pictures} pictures, {drive.pictures_bad} bad; longest step "
+        f"{drive.step_s * 1e3:.0f} ms, {drive.late} late",
+    )
+    if drive.gnss is not None and receiver is not None:
+        fix = drive.fix
+        where = f"{fix.lat_deg:.6f} {fix.lon_deg:.6f}, quality {fix.quality}" if fix else "no fix"
+        bad = sum(receiver.bad.values())
+        table.add_row("GNSS", drive.gnss.problem or "ok", f"{where}; {bad} bad sentences")
+    return table
+
+
+def _degrees(rad: float) -> str:
+    return f"{rad * 57.29578:+.1f}°"
+
+
+class Screen:
+    """Live status on a terminal; elsewhere one line at each change of what the pilot does."""
+
+    def __init__(
+        self, clock: Callable[[], float], events: deque[str], receiver: Receiver | None
+    ) -> None:
+        """`events`: lines from other threads, to be shown at the next step."""
+        self._events = events
+        self._console = Console(highlight=False)
+        self._clock = clock
+        self._receiver = receiver
+        self._live: Live | None = None
+        self._shown = -SHOW_S
+        self._last = ""
+
+    @contextmanager
+    def open(self) -> Iterator[None]:
+        """Shows until left."""
+        if not self._console.is_terminal:
+            yield
+            return
+        with Live(console=self._console, auto_refresh=False) as self._live:
+            yield
+        self._live = None
+
+    def say(self, line: str) -> None:
+        """One line that stays."""
+        self._console.print(f"{self._clock():7.1f} s  {line}", soft_wrap=True)
+
+    def show(self, drive: Drive) -> None:
+        """Called at every step; draws five times a second."""
+        now = self._clock()
+        while self._events:
+            self.say(self._events.popleft())
+        line = f"{drive.pilot.phase.value}: {drive.pilot.reason}"
+        if line != self._last:
+            self._last = line
+            self.say(line)
+        if self._live is not None and now - self._shown >= SHOW_S:
+            self._shown = now
+            self._live.update(Group(status(drive, self._receiver)), refresh=True)
+            drive.step_s = 0.0
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+@click.command()
+@port_option
+@click.option("--camera", required=True, metavar="URL", help="http://..., video file, /dev/videoN.")
+@click.option("--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file.")
+@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
+@click.option("--mount", default="mast", show_default=True, help="Which of its camera mounts.")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@click.option(
+    "--boundary",
+    type=click.Path(path_type=Path),
+    help="The crop's corners: GeoJSON or latitude,longitude lines.",
+)
+@click.option("--corner", type=click.IntRange(0), help="Where it stands; default the nearest.")
+@click.option(
+    "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
+)
+@click.option(
+    "--record", type=click.Path(path_type=Path), help="The record's file; default out/drive-*.mcap."
+)
+def drive(
+    port: str,
+    camera: str,
+    gnss: str | None,
+    vehicle: Path | None,
+    mount: str,
+    mode: str,
+    boundary: Path | None,
+    corner: int | None,
+    turn: str,
+    record: Path | None,
+) -> None:
+    """Harvest: follow the crop's edge, turn at its end, go inward, until nothing stands.
+
+    Put the machine at a corner, the crop to its left, the blade's right end on the crop's edge.
+    Ctrl-C stops at once. Exits with 0 when the field is finished."""
+    machine = load_vehicle(vehicle)
+    where = mount_of(machine, mount)
+    corners = load_boundary(boundary) if boundary is not None else None
+    begun = time.monotonic()
+
+    def clock() -> float:
+        return time.monotonic() - begun
+
+    events: deque[str] = deque(maxlen=200)
+    pictures = camera_feed(camera, clock, events.append)
+    fixes, receiver = gnss_feed(gnss, clock, events.append) if gnss else (None, None)
+    screen = Screen(clock, events, receiver)
+    with ExitStack() as stack:
+        link = stack.enter_context(Link(port, clock))
+        version = link.meet()
+        screen.say(f"firmware {version.firmware_major}.{version.firmware_minor} on {port}")
+        for feed in (pictures, fixes):
+            if feed is not None:
+                stack.callback(feed.close)
+                feed.start()
+        _warm_up(pictures, camera, where, machine, mode)
+        plan = Plan(turn=turn)
+        if corners is not None:
+            start = corner if corner is not None else _corner(corners, fixes)
+            plan = plan_of(corners, start % len(corners), machine, turn)[1]
+            screen.say(f"{len(plan.sides)} sides from corner {start}")
+        now = datetime.datetime.now(tz=datetime.UTC)
+        path = record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
+        about = {"begun": now.isoformat(), "mount": mount, "mode": mode, "turn": turn}
+        about["vehicle"] = machine.model_dump_json()
+        recorder = stack.enter_context(Recorder(path, about))
+        link.tap = lambda direction, at, data: recorder.put(
+            f"/serial/{direction}", at, {"data": data}
+        )
+        stack.callback(lambda: screen.say(f"record: {path}"))
+        pilot = Pilot(machine, make_detector(mode, machine, where), plan)
+        run = Drive(pilot, link, pictures, fixes, where, machine, clock, recorder)
+        try:
+            with screen.open():
+                run.run(screen.show)
+        finally:
+            with contextlib.suppress(UserError):
+                held = halt(link, clock)
+                screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
+        if pilot.phase is Phase.FAULT:
+            raise UserError(f"stopped: {_why(run)}")
+        screen.say(f"finished: {pilot.reason}")
+
+
+def _corner(corners: list[tuple[float, float]], fixes: Feed[Fix] | None) -> int:
+    """The corner nearest to where the machine says it is."""
+    for _ in range(FIRST_FIXES):
+        if fixes is None or not fixes.wait(FIRST_FIX_S):
+            break
+        fix = fixes.take()
+        if fix is not None and fix.quality > 0:
+            return nearest_corner(corners, fix.lat_deg, fix.lon_deg)
+    why = "no --gnss" if fixes is None else fixes.problem or "the receiver has no fix yet"
+    raise UserError(
+        f"which corner does the machine stand at? There is no position ({why}): give --corner, "
+        f"0 to {len(corners) - 1}"
+    )
+
+
+def _warm_up(pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: str) -> None:
+    """Lets a detector of its own see one picture: what is compiled at first use takes seconds, and
+    the firmware waits for a command no longer than 250 ms once it is armed."""
+    if not pictures.wait(FIRST_PICTURE_S):
+        raise UserError(
+            f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
+            "start the phone's camera app and check the address"
+        )
+    picture = pictures.take()
+    frame = fitted(picture, mount, 0.0) if picture is not None else None
+    if frame is not None:
+        make_detector(mode, vehicle, mount).see(frame.bgr)
+
+
+def _why(run: Drive) -> str:
+    faults = protocol.Fault(run.telemetry.faults if run.telemetry is not None else 0)
+    return "; ".join([run.pilot.reason, *protocol.fault_texts(faults)])
