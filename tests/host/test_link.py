@@ -9,7 +9,6 @@ import pty
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -34,13 +33,6 @@ def met() -> Session:
     session = Session()
     session.feed(0.0, protocol.encode(VERSION, 0))
     return session
-
-
-@pytest.fixture
-def board() -> Iterator[FakeFirmware]:
-    firmware = FakeFirmware()
-    yield firmware
-    firmware.unplug()
 
 
 # ---- the session, without I/O --------------------------------------------------------------------

@@ -1,0 +1,35 @@
+"""What the host's tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from console import Cli
+from fake_firmware import FakeFirmware
+
+from host.cli import daranti
+from host.errors import run
+
+
+@pytest.fixture
+def board() -> Iterator[FakeFirmware]:
+    """A firmware's stand-in on a pseudo-terminal."""
+    firmware = FakeFirmware()
+    yield firmware
+    firmware.unplug()
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
+    """Runs `daranti` as its console script does: (exit code, stdout, stderr)."""
+
+    def call(*args: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as exit_:
+            run(daranti, "daranti", args)
+        out, err = capsys.readouterr()
+        assert isinstance(exit_.value.code, int)
+        assert "Traceback" not in err
+        return exit_.value.code, out, err
+
+    return call

@@ -1,0 +1,129 @@
+"""Facts about boundary and vehicle files."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from host.boundary import load_boundary, nearest_corner, plan_of
+from host.errors import UserError
+from host.gnss import LocalFrame
+from host.vehicle import Mount, Vehicle
+from host.vehicle_file import load_vehicle, mount_of, save_vehicle
+
+FRAME = LocalFrame(31.5, 74.3)
+SQUARE = [FRAME.to_wgs84(*corner) for corner in ((0, 0), (20, 0), (20, 10), (0, 10))]
+
+
+def geojson(corners: list[tuple[float, float]]) -> dict[str, object]:
+    ring = [[lon, lat] for lat, lon in [*corners, corners[0]]]
+    return {"type": "Polygon", "coordinates": [ring]}
+
+
+def written(folder: Path, text: str, name: str = "field.txt") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1]])
+@pytest.mark.parametrize("form", ["polygon", "feature", "collection", "csv", "csv with heading"])
+def test_every_form_gives_the_same_corners_counter_clockwise(
+    tmp_path: Path, form: str, corners: list[tuple[float, float]]
+) -> None:
+    polygon = geojson(corners)
+    feature = {"type": "Feature", "properties": {}, "geometry": polygon}
+    lines = "\n".join(f"{lat!r},{lon!r}" for lat, lon in corners)
+    text = {
+        "polygon": json.dumps(polygon),
+        "feature": json.dumps(feature),
+        "collection": json.dumps({"type": "FeatureCollection", "features": [feature]}),
+        "csv": lines,
+        "csv with heading": f"latitude,longitude\n{lines}\n",
+    }[form]
+    found = load_boundary(written(tmp_path, text))
+    start = found.index(SQUARE[0])
+    assert found[start:] + found[:start] == SQUARE
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "three or more different corners"),
+        ("1,2\n3,4\n", "three or more different corners"),
+        ("31,74\n31,74\n31,75\n31.1,75\n", "three or more different corners"),
+        ("31,74\nhere\n", "line 2 is not latitude,longitude"),
+        ("{", "give a GeoJSON Polygon"),
+        ('{"type": "Point", "coordinates": [1, 2]}', "its type is Point, not Polygon"),
+        ('{"type": "FeatureCollection", "features": []}', "0 features instead of one"),
+        ("74,131\n74,132\n75,281\n", "not a latitude and longitude"),
+        ("31,74\n31,75\n32,75\n", "km around; are its numbers swapped"),
+    ],
+)
+def test_a_bad_boundary_is_one_message_that_names_the_file(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(UserError, match=message) as error:
+        load_boundary(path)
+    assert str(path) in str(error.value)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    for load in (load_boundary, load_vehicle):
+        with pytest.raises(UserError, match="cannot read"):
+            load(tmp_path / "none")
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_the_nearest_corner_is_where_the_machine_stands(corner: int) -> None:
+    x, y = FRAME.to_local(*SQUARE[corner])
+    assert nearest_corner(SQUARE, *FRAME.to_wgs84(x + 2, y - 2)) == corner
+
+
+@pytest.mark.parametrize(("corner", "first_m"), [(0, 20), (1, 10), (2, 20), (3, 10)])
+def test_the_plan_begins_with_the_side_that_leaves_the_corner(corner: int, first_m: float) -> None:
+    _, plan = plan_of(SQUARE, corner, Vehicle(), "three_point")
+    assert plan.sides[0].length_m == pytest.approx(first_m, abs=1e-3)
+    assert plan.corner_rad(0) == pytest.approx(math.pi / 2, abs=1e-4)
+
+
+# ---- the vehicle file ----------------------------------------------------------------------------
+
+
+def test_a_vehicle_file_reads_back_as_written(tmp_path: Path) -> None:
+    vehicle = Vehicle(wheelbase_m=1.3, mounts={"roof": Mount(x_m=0.2, z_m=2.0, pitch_deg=30)})
+    path = tmp_path / "vehicle.yaml"
+    save_vehicle(path, vehicle)
+    assert load_vehicle(path) == vehicle
+    assert mount_of(load_vehicle(path), "roof").z_m == 2.0
+
+
+def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> None:
+    assert load_vehicle(None) == load_vehicle(written(tmp_path, "")) == Vehicle()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("wheelbase_m: -1", "wheelbase_m: Input should be greater than 0"),
+        ("wheel_base: 1", "wheel_base: Extra inputs are not permitted"),
+        ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: up}}", "mounts.low.pitch_deg"),
+        ("- 1", "give fields"),
+        ("a: [", "is not YAML"),
+    ],
+)
+def test_a_bad_vehicle_file_names_file_and_field(tmp_path: Path, text: str, message: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(UserError, match=message) as error:
+        load_vehicle(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_unknown_mount_names_those_there_are() -> None:
+    with pytest.raises(UserError, match="no camera mount 'roof'; it has low, mast"):
+        mount_of(Vehicle(), "roof")
