@@ -40,6 +40,7 @@ _BLOCK_M: Final = 0.5
 """Side of a block of stalks."""
 _PACKS: Final = 64
 """Different blocks; which one stands where is drawn per block."""
+_SUNLIT, _HEIGHT, _GREEN, _DENSITY, _WEED, _LODGE, _TONE = range(7)
 _SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
 _STRIPS: Final = 8
@@ -94,14 +95,9 @@ class Scene(NamedTuple):
     kind: NDArray[np.uint8]
     clear: NDArray[np.float32]
     """Coarse: a lower bound of the distance to standing crop, m."""
-    sunlit: NDArray[np.float32]
-    """Coarse: above this height (m) the sun reaches."""
-    height: NDArray[np.float32]
-    green: NDArray[np.float32]
-    density: NDArray[np.float32]
-    weed: NDArray[np.float32]
-    lodge: NDArray[np.float32]
-    tone: NDArray[np.float32]
+    stand: NDArray[np.float32]
+    """Coarse, (rows, columns, 8): `_SUNLIT` (above this height in m the sun reaches) and the field's
+    attributes; together, because a lookup costs a cache line."""
     x0: float
     y0: float
     cell: float
@@ -157,8 +153,7 @@ def _standing(kind: int) -> bool:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _shade(
     kind: NDArray[np.uint8],
-    height: NDArray[np.float32],
-    sunlit: NDArray[np.float32],
+    stand: NDArray[np.float32],
     coarse: float,
     east: float,
     north: float,
@@ -168,8 +163,8 @@ def _shade(
     i0: int,
     i1: int,
 ) -> None:
-    """Fills `sunlit` in a range of coarse cells: how high the shadow of the crop sunward reaches."""
-    rows, columns = sunlit.shape
+    """Fills _SUNLIT in a range of coarse cells: how high the shadow of the crop sunward reaches."""
+    rows, columns = stand.shape[:2]
     flat = math.hypot(east, north)
     tangent = up / max(flat, 1e-6)
     dx = east / max(flat, 1e-6)
@@ -185,10 +180,10 @@ def _shade(
                 if p < 0 or q < 0 or p >= columns or q >= rows:
                     break
                 if _standing(kind[2 * q, 2 * p]):
-                    h = height[q, p] - s * tangent
+                    h = stand[q, p, _HEIGHT] - s * tangent
                     highest = max(highest, h)
                 s += 0.05
-            sunlit[j, i] = highest
+            stand[j, i, _SUNLIT] = highest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -237,7 +232,7 @@ def _profile(
             if leap > 0.0:
                 leap += 0.005
             elif _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
-                height = 0.8 * scene.height[j, i]
+                height = 0.8 * scene.stand[j, i, _HEIGHT]
                 leap = 0.08 + 0.02 * r
             else:
                 leap = 0.5 * scene.cell
@@ -282,7 +277,9 @@ def _ground(
     slab = scene.canopy
     side = texture.SIDE
     per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
-    heading = math.atan2(R[2, 1], R[2, 0]) + 3.0 * math.pi
+    heading = math.atan2(R[2, 1], R[2, 0]) + math.pi
+    if heading < 0.5 * math.pi:
+        heading += 2.0 * math.pi
     per_column = paint.panorama.shape[1] / (2 * math.pi)
     hx = R[2, 0]
     hy = R[2, 1]
@@ -324,7 +321,9 @@ def _ground(
             if hit == 0 or r > 240.0:
                 p = int((sky.PANORAMA_TOP - slope) * per_row)
                 p = min(max(p, 0), paint.panorama.shape[0] - 1)
-                c = int((view.azimuth[which] + heading) * per_column) % paint.panorama.shape[1]
+                c = int((view.azimuth[which] + heading) * per_column)
+                if c >= paint.panorama.shape[1]:
+                    c -= paint.panorama.shape[1]
                 depth[v, u] = 1e9
                 label[v, u] = BACKGROUND
                 for q in range(3):
@@ -354,8 +353,8 @@ def _ground(
                 i = int(px)
                 j = int(py)
                 kind = scene.kind[int(2 * py), int(2 * px)]
-                shadow = scene.sunlit[j, i]
-                ao = 0.8 + 0.4 * scene.tone[j, i]
+                shadow = scene.stand[j, i, _SUNLIT]
+                ao = 0.8 + 0.4 * scene.stand[j, i, _TONE]
                 if hit == 3:
                     seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
                     if kind == f.STUBBLE or kind == f.NEIGHBOUR_STUBBLE:
@@ -372,7 +371,7 @@ def _ground(
                         here = SOIL
                 else:
                     here = STANDING if kind == f.CROP else NEIGHBOUR
-                    green = scene.green[j, i]
+                    green = scene.stand[j, i, _GREEN]
                     if hit == 1:
                         tile = texture.TOP
                         depth[v, u] = t + 0.25 / flat
@@ -401,10 +400,10 @@ def _ground(
             fog = paint.haze * t / (1.0 + paint.haze * t)
             label[v, u] = here
             for q in range(3):
-                x = float(paint.tiles[tile, texel, q])
+                tint = ao * paint.light[seen_i, q]
                 if green > 0.0:
-                    x *= 1.0 - green + green * paint.green_bgr[q] / paint.crop_bgr[q]
-                x *= ao * paint.light[seen_i, q]
+                    tint *= 1.0 - green + green * paint.green_bgr[q] / paint.crop_bgr[q]
+                x = paint.tiles[tile, texel, q] * tint
                 image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
 
 
@@ -490,15 +489,15 @@ def _project(
             kind = scene.kind[j, i]
             ci = i >> 1
             cj = j >> 1
-            if kind == f.SOIL or kind == f.OBSTACLE or s[8] > scene.density[cj, ci]:
+            if kind == f.SOIL or kind == f.OBSTACLE or s[8] > scene.stand[cj, ci, _DENSITY]:
                 continue
             tall = _standing(kind)
             lean_x = s[3]
             lean_y = s[4]
             head = 0.0
             if tall:
-                lodge = scene.lodge[cj, ci]
-                height = scene.height[cj, ci] * s[2]
+                lodge = scene.stand[cj, ci, _LODGE]
+                height = scene.stand[cj, ci, _HEIGHT] * s[2]
                 phase = 1.1 * t + 37.0 * s[8]
                 flutter = 4.0 * abs(phase - math.floor(phase) - 0.5) - 1.0
                 bend = wave + gust * flutter
@@ -506,7 +505,7 @@ def _project(
                 lean_y += sway_y * bend
                 if lodge > 0.05:
                     lean = math.tan(lodge)
-                    way = 6.28 * scene.tone[cj, ci]
+                    way = 6.28 * scene.stand[cj, ci, _TONE]
                     lean_x += lean * math.cos(way)
                     lean_y += lean * math.sin(way)
                 head = 0.085 / max(height, 0.1)
@@ -574,7 +573,7 @@ def _project(
             e[8] = head
             e[9] = visible
             e[10] = height
-            e[11] = scene.sunlit[cj, ci]
+            e[11] = scene.stand[cj, ci, _SUNLIT]
             if tall:
                 e[12] = STANDING if kind == f.CROP else NEIGHBOUR
             elif kind == f.WINDROW:
@@ -583,11 +582,11 @@ def _project(
                 e[12] = WEEDS
             else:
                 e[12] = STUBBLE
-            shade = s[5] * (0.86 + 0.28 * scene.tone[cj, ci])
+            shade = s[5] * (0.86 + 0.28 * scene.stand[cj, ci, _TONE])
             green = 0.0
             if tall:
-                green = scene.green[cj, ci] * (0.75 + 0.5 * s[6])
-                if scene.weed[cj, ci] > 0.3 and s[8] < 0.5:
+                green = scene.stand[cj, ci, _GREEN] * (0.75 + 0.5 * s[6])
+                if scene.stand[cj, ci, _WEED] > 0.3 and s[8] < 0.5:
                     green = 1.0
                 green = min(1.0, green)
             elif kind == f.GRASS:
@@ -736,16 +735,20 @@ class Camera:
         self._sun = sky.sun(self.weather)
         rng = np.random.default_rng(seed)
         coarse = field.height.shape
+        stand = np.zeros((*coarse, 8), np.float32)
+        for channel, grid in (
+            (_HEIGHT, field.height),
+            (_GREEN, field.green),
+            (_DENSITY, field.density),
+            (_WEED, field.weed),
+            (_LODGE, field.lodge),
+            (_TONE, field.tone),
+        ):
+            stand[..., channel] = grid
         self._scene = Scene(
             kind=field.kind.copy(),
             clear=np.zeros(coarse, np.float32),
-            sunlit=np.zeros(coarse, np.float32),
-            height=field.height,
-            green=field.green,
-            density=field.density,
-            weed=field.weed,
-            lodge=field.lodge,
-            tone=field.tone,
+            stand=stand,
             x0=field.origin[0],
             y0=field.origin[1],
             cell=field.cell,
@@ -827,8 +830,7 @@ class Camera:
         reach = min(60, math.ceil(reach / self._coarse) + 1)
         _shade(
             scene.kind,
-            scene.height,
-            scene.sunlit,
+            scene.stand,
             self._coarse,
             self._sun.east,
             self._sun.north,

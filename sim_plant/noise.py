@@ -23,7 +23,7 @@ def mix(a: int, b: int, c: int = 0) -> int:
     )
     h = np.uint32(h ^ (h >> np.uint32(16))) * np.uint32(0x7FEB352D)
     h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x846CA68B)
-    return np.uint32(h ^ (h >> np.uint32(16)))
+    return int(np.uint32(h ^ (h >> np.uint32(16))))
 
 
 @njit(cache=True, nogil=True)
@@ -34,9 +34,9 @@ def uniform(a: int, b: int, c: int = 0) -> float:
 
 @njit(cache=True, nogil=True)
 def normal(a: int, b: int, c: int = 0) -> float:
-    """Near-normal, mean 0, sd 1, bounded by ±3.46: four uniforms (Irwin-Hall), no transcendentals."""
+    """Near-normal, mean 0, sd 1, bounded by ±3.46: the sum of four uniforms (Irwin-Hall)."""
     h = mix(a, b, c)
-    g = mix(np.int64(h), b, c + 1)
+    g = mix(h, b, c + 1)
     total = (h & 0xFFFF) + (h >> 16) + (g & 0xFFFF) + (g >> 16)
     return (total / 65536.0 - 2.0) * 1.7320508075688772
 
@@ -50,8 +50,8 @@ def smooth(seed: int, x: float, y: float) -> float:
     fy = y - j
     fx = fx * fx * (3.0 - 2.0 * fx)
     fy = fy * fy * (3.0 - 2.0 * fy)
-    ii = np.int64(i)
-    jj = np.int64(j)
+    ii = int(i)
+    jj = int(j)
     a = uniform(seed, ii, jj)
     b = uniform(seed, ii + 1, jj)
     c = uniform(seed, ii, jj + 1)
