@@ -383,9 +383,9 @@ constexpr uint8_t kParams = 39;
   X(steer_duty_max, 255, 30, 255) \
   X(steer_duty_slew, 5000, 200, 25500) \
   X(speed_max, 1000, 100, 3000) \
-  X(speed_full, 1200, 100, 10000) \
+  X(speed_full, 1000, 100, 10000) \
   X(drive_accel, 1000, 100, 5000) \
-  X(drive_min_duty, 30, 0, 150) \
+  X(drive_min_duty, 0, 0, 150) \
   X(drive_kp, 800, 0, 10000) \
   X(drive_ki, 2000, 0, 20000) \
   X(hall_per_metre, 0, 0, 5000) \

@@ -1,0 +1,244 @@
+#include "controller.h"
+
+#include "fixed.h"
+
+namespace daranti {
+
+using protocol::Param;
+using protocol::Result;
+using protocol::State;
+
+namespace {
+
+constexpr uint8_t kTelemetryTicks = 4;  // 50 Hz
+constexpr uint16_t kHallSilentTicks = 2000 / kTickMs;
+constexpr int16_t kHallSpeed = 100;  // mm/s: slower may well give no pulse
+
+constexpr uint16_t divided(uint16_t analog, uint16_t full) {
+  return static_cast<uint16_t>(static_cast<uint32_t>(analog) * full / kAnalogMax);
+}
+constexpr uint16_t kBatteryFull = 20000;  // mV at the top of the converter, 1:4 divider
+constexpr uint16_t kCurrentFull = 5000;   // 0.01 A at the top of the converter, 100 mV/A
+
+}  // namespace
+
+void Controller::boot(Board& board) {
+  params_bad_ = !params_.load(board);
+  steer_style_ = static_cast<BridgeStyle>(params_[Param::steer_driver]);
+  drive_style_ = static_cast<BridgeStyle>(params_[Param::drive_driver]);
+  board.set_pwm_frequency(static_cast<uint16_t>(params_[Param::steer_pwm_freq]),
+                          static_cast<uint16_t>(params_[Param::drive_pwm_freq]));
+  supervisor_.boot(board.reset_cause());
+  off(board);
+}
+
+void Controller::tick(Board& board) {
+  board.kick_watchdog();
+  hil_ = false;
+  Command command;
+  uint8_t byte;
+  while (board.receive(&byte)) {
+    if (parser_.feed(byte, &command)) take(board, command);
+  }
+  const Params::Saving saving = params_.step_save(board);
+  if (saving == Params::Saving::kDone || saving == Params::Saving::kFailed) {
+    const bool done = saving == Params::Saving::kDone;
+    params_bad_ = !done;
+    acknowledge(board, save_request_, done ? Result::OK : Result::STORE_FAILED);
+  }
+  observe(board);
+  actuate(board);
+  report(board);
+  show_state(board);
+  ++beat_;
+}
+
+void Controller::take(Board& board, const Command& command) {
+  using namespace protocol;
+  last_seq_ = command.seq;
+  const bool idle = !supervisor_.live() && !params_.saving();
+  switch (command.id) {
+    case Hello::kId:
+      answer(board,
+             Version{kVersion, kFirmwareMajor, kFirmwareMinor, board.build(), board.reset_cause()});
+      break;
+    case Arm::kId: {
+      const Arm arm = Arm::read(command.payload);
+      const bool still = asked_.speed == 0 && !params_.saving();
+      const Result result = supervisor_.arm(arm.protocol_version, still);
+      if (result == Result::OK) asked_ = Asked{};
+      acknowledge(board, command, result);
+      break;
+    }
+    case Stop::kId:
+      supervisor_.stop();
+      break;
+    case Clear::kId:
+      acknowledge(board, command, supervisor_.clear());
+      break;
+    case protocol::Drive::kId: {
+      const auto drive = protocol::Drive::read(command.payload);
+      asked_ = Asked{};
+      asked_.steer = drive.steer;
+      asked_.speed = drive.speed;
+      asked_.blade = drive.blade != 0;
+      ident_used_ = 0;
+      supervisor_.command(drive.speed != 0);
+      break;
+    }
+    case Ident::kId:
+      acknowledge(board, command, take_ident(Ident::read(command.payload)));
+      break;
+    case ParamGet::kId: {
+      const ParamGet get = ParamGet::read(command.payload);
+      if (get.param < kParams) {
+        answer(board, ParamValue{get.param, params_.value(get.param)});
+      } else {
+        acknowledge(board, command, Result::UNKNOWN);
+      }
+      break;
+    }
+    case ParamSet::kId:
+      acknowledge(board, command,
+                  idle ? take_param_set(ParamSet::read(command.payload)) : Result::WRONG_STATE);
+      break;
+    case ParamSave::kId:
+      if (idle) {
+        save_request_ = command;
+        params_.begin_save();
+      } else {
+        acknowledge(board, command, Result::WRONG_STATE);
+      }
+      break;
+    case ParamDefaults::kId:
+      if (idle) params_.set_defaults();
+      acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
+      break;
+    case HilSensors::kId:
+      hil_ = board.inject(HilSensors::read(command.payload));
+      if (!hil_) acknowledge(board, command, Result::UNKNOWN);
+      break;
+  }
+}
+
+Result Controller::take_ident(const protocol::Ident& ident) {
+  if (supervisor_.state() != State::ARMED) return Result::WRONG_STATE;
+  if (magnitude(ident.duty) > params_[Param::ident_duty_max]) return Result::OUT_OF_RANGE;
+  if (ident.duration > static_cast<uint16_t>(params_[Param::ident_time_max])) {
+    return Result::OUT_OF_RANGE;
+  }
+  asked_ = Asked{};
+  asked_.ident = true;
+  asked_.duty = ident.duty;
+  asked_.ident_left = static_cast<uint16_t>(ident.duration / kTickMs);
+  supervisor_.command(false);
+  return Result::OK;
+}
+
+Result Controller::take_param_set(const protocol::ParamSet& set) {
+  return params_.set(set.param, set.value);
+}
+
+void Controller::observe(Board& board) {
+  Observation seen{};
+  seen.pot = board.analog(Analog::kPot);
+  // Beyond its range the potentiometer says nothing; two ticks later the supervisor says so.
+  if (seen.pot >= static_cast<uint16_t>(params_[Param::pot_low]) * 16U &&
+      seen.pot <= static_cast<uint16_t>(params_[Param::pot_high]) * 16U && calibrated(params_)) {
+    angle_ = pot_to_angle(params_, seen.pot);
+  }
+  hall_.step(params_, board.hall_pulses(), drive_duty_);
+  battery_ = divided(board.analog(Analog::kBattery), kBatteryFull);
+  seen.angle = angle_;
+  seen.battery = battery_;
+  seen.steer_current = divided(board.analog(Analog::kSteerCurrent), kCurrentFull);
+  seen.drive_current = divided(board.analog(Analog::kDriveCurrent), kCurrentFull);
+  seen.estop_open = board.pin(pins::kEstop);
+  seen.hall_silent = false;
+  seen.params_bad = params_bad_ || !calibrated(params_);
+  seen.ident_limit = ident_limit_;
+  seen.steer_duty = steer_duty_;
+  ident_limit_ = false;
+  supervisor_.watch(params_, seen);
+}
+
+int16_t Controller::steer() {
+  if (!asked_.ident) return steering_.step(params_, asked_.steer, angle_);
+  steering_.release();
+  if (asked_.ident_left == 0 || asked_.duty == 0) return 0;
+  --asked_.ident_left;
+  ++ident_used_;
+  const int16_t limit = params_[Param::ident_angle_max];
+  const bool outward = (angle_ > limit && asked_.duty > 0) || (angle_ < -limit && asked_.duty < 0);
+  if (outward || ident_used_ > static_cast<uint16_t>(params_[Param::ident_time_max]) / kTickMs) {
+    ident_limit_ = true;
+    return 0;
+  }
+  return asked_.duty;
+}
+
+void Controller::actuate(Board& board) {
+  if (!supervisor_.live()) {
+    off(board);
+    return;
+  }
+  steer_duty_ = steer();
+  drive_duty_ = drive_.step(params_, asked_.speed, hall_.speed(), battery_);
+  blade_ = asked_.blade && asked_.speed >= 0 && drive_.setpoint() >= 0;
+  drive_bridge(board, kSteerBridge, steer_style_, steer_duty_);
+  drive_bridge(board, kDriveBridge, drive_style_, drive_duty_);
+  board.set_pin(pins::kBlade, blade_);
+}
+
+void Controller::off(Board& board) {
+  steering_.release();
+  drive_.release();
+  ident_used_ = 0;
+  steer_duty_ = 0;
+  drive_duty_ = 0;
+  blade_ = false;
+  drive_bridge(board, kSteerBridge, steer_style_, 0);
+  drive_bridge(board, kDriveBridge, drive_style_, 0);
+  board.set_pin(pins::kBlade, false);
+}
+
+void Controller::report(Board& board) {
+  if (hil_) answer(board, protocol::HilOutputs{steer_duty_, drive_duty_, blade_});
+  if (beat_ % kTelemetryTicks != 0) return;
+  protocol::Telemetry message{};
+  message.time = board.time_us();
+  message.state = static_cast<uint8_t>(supervisor_.state());
+  message.faults = supervisor_.faults();
+  message.setpoint = steering_.setpoint();
+  message.angle = angle_;
+  message.steer_duty = steer_duty_;
+  message.drive_duty = drive_duty_;
+  message.blade = blade_;
+  message.speed = hall_.speed();
+  message.distance = hall_.distance();
+  message.battery = battery_;
+  message.last_seq = last_seq_;
+  message.frames_bad = parser_.bad();
+  answer(board, message);
+}
+
+// SAFE blinks slowly, FAULT fast, live is on.
+void Controller::show_state(Board& board) {
+  const uint8_t half = supervisor_.state() == State::FAULT ? 16 : 128;
+  board.set_pin(pins::kLed, supervisor_.live() || beat_ % (2 * half) < half);
+}
+
+void Controller::acknowledge(Board& board, const Command& command, Result result) {
+  answer(board, protocol::Ack{command.id, command.seq, static_cast<uint8_t>(result)});
+}
+
+template <typename Message>
+void Controller::answer(Board& board, const Message& message) {
+  uint8_t payload[Message::kSize];
+  message.write(payload);
+  uint8_t frame[Message::kSize + kFrameOverhead];
+  const uint8_t count = encode(Message::kId, sent_, payload, Message::kSize, frame);
+  if (board.send(frame, count)) ++sent_;
+}
+
+}  // namespace daranti

@@ -1,0 +1,129 @@
+#include "supervisor.h"
+
+#include "fixed.h"
+
+namespace daranti {
+
+using protocol::Param;
+using protocol::Result;
+using protocol::State;
+
+namespace {
+
+constexpr uint16_t ticks(uint16_t ms) { return ms / kTickMs; }
+
+// The command was taken up to one tick after its last byte came: 245 + 5 ms.
+constexpr uint8_t kLinkTicks = static_cast<uint8_t>(ticks(250) - 1);
+constexpr uint16_t kPotTicks = 2;
+constexpr uint16_t kCurrentTicks = ticks(50);       // longer than a motor's inrush behind the slew
+constexpr uint16_t kBatteryLowTicks = ticks(1000);  // longer than the sag of a start
+constexpr uint16_t kBatteryHighTicks = ticks(100);
+constexpr int16_t kStillBand = 60;   // centidegree: more than the pot's noise
+constexpr int16_t kDrivenHard = 50;  // duty above the minimum duty
+constexpr int16_t kRunaway = 1000;   // centidegree: more than a reversing motor coasts
+
+constexpr uint8_t kBrownOutReset = 1U << 2;
+constexpr uint8_t kWatchdogReset = 1U << 3;
+
+}  // namespace
+
+uint32_t MotionWatch::step(const Params& params, const Observation& seen) {
+  if (!primed_) {
+    last_angle_ = anchor_ = seen.angle;
+    primed_ = true;
+  }
+  uint32_t found = 0;
+  const int32_t moved = static_cast<int32_t>(seen.angle) - last_angle_;
+  last_angle_ = seen.angle;
+  // deg/s times ms is 0.1 centidegree.
+  if (magnitude(moved) * 10 > static_cast<int32_t>(params[Param::steer_rate_max]) * kTickMs) {
+    found |= protocol::POT_JUMP;
+  }
+
+  const bool hard = magnitude(seen.steer_duty) >= params[Param::steer_min_duty] + kDrivenHard;
+  if (!hard || magnitude(static_cast<int32_t>(seen.angle) - anchor_) > kStillBand) {
+    anchor_ = seen.angle;
+    still_ = 0;
+  } else {
+    ++still_;
+  }
+  if (still_ >= params[Param::stall_time] / kTickMs) {
+    const bool loaded = seen.steer_current >= params[Param::stall_current];
+    found |= loaded ? protocol::STEER_STALL : protocol::POT_FROZEN;
+  }
+
+  const int32_t along = seen.steer_duty < 0 ? -moved : moved;
+  against_ = static_cast<int16_t>(seen.steer_duty == 0 ? 0 : clamp(against_ - along, 0, kRunaway));
+  if (against_ == kRunaway) found |= protocol::STEER_RUNAWAY;
+  return found;
+}
+
+void Supervisor::boot(uint8_t reset_cause) {
+  if (reset_cause & kBrownOutReset) faults_ |= protocol::BROWN_OUT;
+  if (reset_cause & kWatchdogReset) faults_ |= protocol::WATCHDOG;
+  state_ = faults_ == 0 ? State::SAFE : State::FAULT;
+}
+
+void Supervisor::stop() {
+  stopped_ = true;
+  if (live()) state_ = State::SAFE;
+}
+
+Result Supervisor::arm(uint8_t version, bool standstill_asked) {
+  if (version != protocol::kVersion) return Result::WRONG_VERSION;
+  if (stopped_ || state_ != State::SAFE) return Result::WRONG_STATE;
+  if (!standstill_asked) return Result::NOT_PLAUSIBLE;
+  state_ = State::ARMED;
+  quiet_ = 0;
+  return Result::OK;
+}
+
+Result Supervisor::clear() {
+  faults_ &= active_;
+  if (faults_ != 0) return Result::NOT_PLAUSIBLE;
+  if (state_ == State::FAULT) state_ = State::SAFE;
+  return Result::OK;
+}
+
+void Supervisor::command(bool moving) {
+  quiet_ = 0;
+  if (live()) state_ = moving ? State::RUNNING : State::ARMED;
+}
+
+uint32_t Supervisor::conditions(const Params& params, const Observation& seen) {
+  uint32_t found = motion_.step(params, seen);
+  const auto note = [&found](bool bad, uint32_t bit) {
+    if (bad) found |= bit;
+  };
+  note(seen.estop_open, protocol::ESTOP_OPEN);
+  note(seen.params_bad, protocol::PARAMS_BAD);
+  note(seen.hall_silent, protocol::HALL_LOST);
+  note(seen.ident_limit, protocol::IDENT_LIMIT);
+  note(pot_open_.step(seen.pot > params[Param::pot_high] * 16, kPotTicks), protocol::POT_OPEN);
+  note(pot_short_.step(seen.pot < params[Param::pot_low] * 16, kPotTicks), protocol::POT_SHORT);
+  note(steer_current_.step(seen.steer_current > params[Param::steer_current_max], kCurrentTicks),
+       protocol::STEER_OVERCURRENT);
+  note(drive_current_.step(seen.drive_current > params[Param::drive_current_max], kCurrentTicks),
+       protocol::DRIVE_OVERCURRENT);
+  note(battery_low_.step(seen.battery < params[Param::battery_low], kBatteryLowTicks),
+       protocol::BATTERY_LOW);
+  note(battery_high_.step(seen.battery > params[Param::battery_high], kBatteryHighTicks),
+       protocol::BATTERY_HIGH);
+  if (live()) {
+    if (quiet_ < kLinkTicks) {
+      ++quiet_;
+    } else {
+      found |= protocol::LINK_LOST;
+    }
+  }
+  return found;
+}
+
+void Supervisor::watch(const Params& params, const Observation& seen) {
+  active_ = conditions(params, seen);
+  faults_ |= active_;
+  if (faults_ != 0) state_ = State::FAULT;
+  stopped_ = false;
+}
+
+}  // namespace daranti

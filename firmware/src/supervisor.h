@@ -1,0 +1,86 @@
+// What the machine may do: SAFE, ARMED, RUNNING or FAULT, and why.
+//
+// Faults latch in any state and put everything off; CLEAR forgets those whose cause is gone.
+#pragma once
+#include <stdint.h>
+
+#include "params.h"
+#include "protocol.h"
+
+namespace daranti {
+
+// What one tick sees of the machine.
+struct Observation {
+  uint16_t pot;            // 1/16 counts
+  int16_t angle;           // centidegree; meaningless with a pot fault
+  uint16_t battery;        // mV
+  uint16_t steer_current;  // 0.01 A
+  uint16_t drive_current;  // 0.01 A
+  bool estop_open;
+  bool hall_silent;    // driven, yet the configured hall sensor shows nothing
+  bool params_bad;     // stored parameters corrupt or the calibration out of order
+  bool ident_limit;    // identification reached a limit of its own
+  int16_t steer_duty;  // applied during the last tick
+};
+
+// Counts ticks in a row; true from `enough` on.
+class Debounce {
+ public:
+  bool step(bool bad, uint16_t enough) {
+    count_ = static_cast<uint16_t>(!bad ? 0 : count_ < enough ? count_ + 1 : enough);
+    return bad && count_ >= enough;
+  }
+
+ private:
+  uint16_t count_ = 0;
+};
+
+// Steering that moves although, against, or not at all as it is driven.
+class MotionWatch {
+ public:
+  // One tick; returns the bits of POT_JUMP, POT_FROZEN, STEER_STALL and STEER_RUNAWAY that hold.
+  uint32_t step(const Params& params, const Observation& seen);
+
+ private:
+  int16_t last_angle_ = 0;
+  int16_t anchor_ = 0;   // angle where the motionless time began
+  int16_t against_ = 0;  // centidegrees moved against the duty
+  uint16_t still_ = 0;   // ticks driven hard within the band round the anchor
+  bool primed_ = false;
+};
+
+class Supervisor {
+ public:
+  // reset_cause as in MCUSR.
+  void boot(uint8_t reset_cause);
+
+  // Requests, in the order of arrival. A STOP wins over all that comes in the same tick.
+  void stop();
+  protocol::Result arm(uint8_t version, bool standstill_asked);
+  protocol::Result clear();
+  // A valid DRIVE or IDENT came: the link lives. moving: a speed other than zero is asked.
+  void command(bool moving);
+
+  // Once a tick, after the requests: watches the machine and the link.
+  void watch(const Params& params, const Observation& seen);
+
+  protocol::State state() const { return state_; }
+  uint32_t faults() const { return faults_; }
+  // Whether outputs may be on.
+  bool live() const {
+    return state_ == protocol::State::ARMED || state_ == protocol::State::RUNNING;
+  }
+
+ private:
+  uint32_t conditions(const Params& params, const Observation& seen);
+
+  protocol::State state_ = protocol::State::SAFE;
+  uint32_t faults_ = 0;
+  uint32_t active_ = 0;   // faults whose cause held at the last watch
+  uint8_t quiet_ = 0;     // ticks since the last valid command
+  bool stopped_ = false;  // STOP came since the last watch
+  MotionWatch motion_;
+  Debounce pot_open_, pot_short_, steer_current_, drive_current_, battery_low_, battery_high_;
+};
+
+}  // namespace daranti
