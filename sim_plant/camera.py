@@ -41,6 +41,11 @@ _BLOCK_M: Final = 0.5
 _PACKS: Final = 64
 """Different blocks; which one stands where is drawn per block."""
 _SUNLIT, _HEIGHT, _GREEN, _DENSITY, _WEED, _LODGE, _TONE = range(7)
+_SKY, _CANOPY, _FACE, _GROUND = range(100, 104)
+"""Pixels that are found but not painted yet, among the labels."""
+_CANOPY_BACK_M: Final = 0.25
+_FACE_BACK_M: Final = 0.30
+"""How far behind its front the body of the crop lies: stalks fill the space between."""
 _SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
 _STRIPS: Final = 8
@@ -126,8 +131,6 @@ class View(NamedTuple):
     """Of the largest azimuth that the profiles hold, either side of the heading."""
     stretch: NDArray[np.float64]
     """Per azimuth bin: distance per distance ahead."""
-    azimuth: NDArray[np.float64]
-    """Per azimuth bin: radians left of the heading."""
 
 
 class Paint(NamedTuple):
@@ -253,8 +256,73 @@ def _bin_tangent(b: float, bins: int, tangent: float) -> float:
     return ((b + 0.5) / bins * 2.0 - 1.0) * tangent
 
 
+@njit(cache=True, nogil=True)
+def _direction(view: View, u: int, v: int) -> tuple[float, float, float]:
+    """The ray of a pixel in the field frame, 1 long along the optical axis."""
+    R = view.axes
+    a = view.rays[v, u, 0] - view.shear * ((v + 0.5) / view.rays.shape[0] - 0.5) / view.focal
+    b = view.rays[v, u, 1]
+    return (
+        a * R[0, 0] + b * R[1, 0] + R[2, 0],
+        a * R[0, 1] + b * R[1, 1] + R[2, 1],
+        a * R[0, 2] + b * R[1, 2] + R[2, 2],
+    )
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _ground(
+def _find(
+    depth: NDArray[np.float32],
+    label: NDArray[np.uint8],
+    left: int,
+    right: int,
+    view: View,
+    start: NDArray[np.float32],
+    top: NDArray[np.float32],
+    count: NDArray[np.int32],
+) -> None:
+    """Where the rays of columns [left, right) end, from the profile of each one's azimuth.
+
+    `depth` becomes the distance along the optical axis, a little behind canopy and face so that the
+    foremost stalks stand out; `label` becomes what was met: _SKY, _CANOPY, _FACE or _GROUND."""
+    rows = depth.shape[0]
+    bins = start.shape[0]
+    hx = view.axes[2, 0]
+    hy = view.axes[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    hx /= norm
+    hy /= norm
+    to_bin = 0.5 * bins / view.tangent
+    for v in range(rows):
+        for u in range(left, right):
+            dx, dy, dz = _direction(view, u, v)
+            ahead = max(1e-6, dx * hx + dy * hy)
+            lateral = (dy * hx - dx * hy) / ahead
+            which = min(max(int((lateral + view.tangent) * to_bin), 0), bins - 1)
+            flat = ahead * view.stretch[which]
+            slope = dz / flat
+            hit = _SKY
+            r = 1e9
+            last = count[which] - 1
+            for k in range(last + 1):
+                high = top[which, k]
+                near = start[which, k]
+                if view.z + slope * near < high:
+                    hit = _FACE
+                    r = near + _FACE_BACK_M
+                    break
+                if slope < 0.0:
+                    reach = (high - view.z) / slope
+                    if k == last or reach < start[which, k + 1]:
+                        if reach < 240.0:
+                            hit = _CANOPY if high > 0.0 else _GROUND
+                            r = reach + _CANOPY_BACK_M if high > 0.0 else reach
+                        break
+            depth[v, u] = r / flat
+            label[v, u] = hit
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
     label: NDArray[np.uint8],
@@ -263,75 +331,37 @@ def _ground(
     scene: Scene,
     view: View,
     paint: Paint,
-    start: NDArray[np.float32],
-    top: NDArray[np.float32],
-    count: NDArray[np.int32],
 ) -> None:
-    """Fills columns [left, right) of picture, depth and labels with ground, canopy and background,
-    from the profile of each pixel's azimuth."""
+    """Paints what `_find` met in columns [left, right) and no stalk hides, and labels it."""
     rows = depth.shape[0]
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
-    R = view.axes
-    bins = start.shape[0]
     slab = scene.canopy
     side = texture.SIDE
     per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
-    heading = math.atan2(R[2, 1], R[2, 0]) + math.pi
-    if heading < 0.5 * math.pi:
-        heading += 2.0 * math.pi
     per_column = paint.panorama.shape[1] / (2 * math.pi)
-    hx = R[2, 0]
-    hy = R[2, 1]
-    norm = math.sqrt(hx * hx + hy * hy)
-    hx /= norm
-    hy /= norm
-    to_bin = 0.5 * bins / view.tangent
     for v in range(rows):
-        bend = view.shear * ((v + 0.5) / rows - 0.5) / view.focal
         for u in range(left, right):
-            a = view.rays[v, u, 0] - bend
-            b = view.rays[v, u, 1]
-            dx = a * R[0, 0] + b * R[1, 0] + R[2, 0]
-            dy = a * R[0, 1] + b * R[1, 1] + R[2, 1]
-            dz = a * R[0, 2] + b * R[1, 2] + R[2, 2]
-            ahead = max(1e-6, dx * hx + dy * hy)
-            lateral = (dy * hx - dx * hy) / ahead
-            which = min(max(int((lateral + view.tangent) * to_bin), 0), bins - 1)
-            flat = ahead * view.stretch[which]
-            slope = dz / flat
-            # 0 background, 1 canopy from above, 2 the crop's face, 3 ground
-            hit = 0
-            r = 300.0
-            last = count[which] - 1
-            for k in range(last + 1):
-                high = top[which, k]
-                near = start[which, k]
-                if view.z + slope * near < high:
-                    hit = 2
-                    r = near
-                    break
-                if slope < 0.0:
-                    reach = (high - view.z) / slope
-                    if k == last or reach < start[which, k + 1]:
-                        hit = 1 if high > 0.0 else 3
-                        r = reach
-                        break
-            t = r / flat
-            if hit == 0 or r > 240.0:
-                p = int((sky.PANORAMA_TOP - slope) * per_row)
+            hit = label[v, u]
+            if hit < _SKY:
+                continue
+            dx, dy, dz = _direction(view, u, v)
+            flat = math.sqrt(dx * dx + dy * dy)
+            if hit == _SKY:
+                p = int((sky.PANORAMA_TOP - dz / flat) * per_row)
                 p = min(max(p, 0), paint.panorama.shape[0] - 1)
-                c = int((view.azimuth[which] + heading) * per_column)
-                if c >= paint.panorama.shape[1]:
-                    c -= paint.panorama.shape[1]
-                depth[v, u] = 1e9
+                c = int((math.atan2(dy, dx) + math.pi) * per_column)
+                c = min(max(c, 0), paint.panorama.shape[1] - 1)
                 label[v, u] = BACKGROUND
                 for q in range(3):
                     image[v, u, q] = int(min(255.0, paint.panorama[p, c, q] * paint.sky_gain))
                 continue
 
-            if hit == 2:
-                t += 0.01 / flat
+            t = float(depth[v, u])
+            if hit == _CANOPY:
+                t -= _CANOPY_BACK_M / flat
+            elif hit == _FACE:
+                t -= (_FACE_BACK_M - 0.01) / flat
             px = (view.x + t * dx - scene.x0) * inv
             py = (view.y + t * dy - scene.y0) * inv
             outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
@@ -342,12 +372,11 @@ def _ground(
             sy = wy
             ao = 1.0
             green = 0.0
-            depth[v, u] = t
             if outside:
                 # Fields beyond the grid: blocks of some 40 m, ripe or grass.
                 far = noise.mix(77, int(math.floor(wx * 0.025)), int(math.floor(wy * 0.04)))
-                tile = texture.TOP if hit != 3 or far & 3 else texture.GRASS
-                here = NEIGHBOUR if hit != 3 else BACKGROUND
+                tile = texture.TOP if hit != _GROUND or far & 3 else texture.GRASS
+                here = NEIGHBOUR if hit != _GROUND else BACKGROUND
                 seen = 0.85
             else:
                 i = int(px)
@@ -355,7 +384,7 @@ def _ground(
                 kind = scene.kind[int(2 * py), int(2 * px)]
                 shadow = scene.stand[j, i, _SUNLIT]
                 ao = 0.8 + 0.4 * scene.stand[j, i, _TONE]
-                if hit == 3:
+                if hit == _GROUND:
                     seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
                     if kind == f.STUBBLE or kind == f.NEIGHBOUR_STUBBLE:
                         tile = texture.STUBBLE
@@ -372,15 +401,13 @@ def _ground(
                 else:
                     here = STANDING if kind == f.CROP else NEIGHBOUR
                     green = scene.stand[j, i, _GREEN]
-                    if hit == 1:
+                    if hit == _CANOPY:
                         tile = texture.TOP
-                        depth[v, u] = t + 0.25 / flat
                         far_lit = min(0.9, 0.10 + 0.045 * t)
                         seen = max(far_lit, min(1.0, (wz - shadow) * 5.0 + 0.2))
                         ao *= min(1.0, 0.72 + 0.02 * t)
                     else:
                         tile = texture.WALL
-                        depth[v, u] = t + 0.30 / flat
                         sx = 0.83 * wx + 0.57 * wy
                         sy = -wz
                         seen = min(0.85, max(0.0, (wz - shadow) * 4.0 + 0.5))
@@ -781,7 +808,6 @@ class Camera:
         bins = 2 * w
         middles = ((np.arange(bins) + 0.5) / bins * 2 - 1) * self._tangent
         self._stretch = np.sqrt(1 + middles**2)
-        self._azimuth = np.arctan(middles)
         self._start = np.zeros((bins, _SEGMENTS), np.float32)
         self._top = np.zeros((bins, _SEGMENTS), np.float32)
         self._count = np.zeros(bins, np.int32)
@@ -951,7 +977,6 @@ class Camera:
             rays=self._rays,
             tangent=self._tangent,
             stretch=self._stretch,
-            azimuth=self._azimuth,
         )
 
     def _render(self, shot: Shot) -> None:
@@ -998,8 +1023,9 @@ class Camera:
         def draw(part: int) -> None:
             left, right = width * part // _STRIPS, width * (part + 1) // _STRIPS
             canvas = self._image, self._depth, self._label, left, right
-            _ground(*canvas, scene, view, paint, self._start, self._top, self._count)
+            _find(*canvas[1:], view, self._start, self._top, self._count)
             _draw(*canvas, first, drawn, records, paint)
+            _fill(*canvas, scene, view, paint)
 
         for stage in (prepare, draw):
             if self._pool is None:
