@@ -1,0 +1,368 @@
+"""`daranti-hil rig`: the machine on the desk in wall-clock time, for the unmodified host.
+
+Firmware and plant run behind a pseudo-terminal, which pyserial opens like /dev/ttyACM0, and a
+simulated phone serves picture and positions. The bench is the lockstep one; here the wall clock
+advances it, ten milliseconds at a time, each slice at its deadline. A late slice is caught up; a
+rig that falls far behind lets its time slip, and says so.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import socket
+import time
+import tty
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import click
+import numpy as np
+
+from hil import pictures, scenario
+from hil.lockstep import SLICE_US, Bench
+from hil.scenario import Scenario
+from host.errors import UserError
+from host.gnss import LocalFrame
+from host.pilot import Phase
+from host.vehicle_file import save_vehicle
+from sim_plant.camera import Camera, Shot
+from sim_plant.phone import Phone, PhoneSpec
+
+SLICE_S: Final = SLICE_US * 1e-6
+FIX_SLICES: Final = round(1.0 / SLICE_S)
+TRACK_SLICES: Final = 10
+BEHIND_S: Final = 0.5
+"""Farther behind than this the rig does not catch up: its time slips."""
+BACKLOG_BYTES: Final = 4096
+"""What a real USB serial adapter keeps for a reader that does not read."""
+
+
+# ---- the serial port's near end ------------------------------------------------------------------
+
+
+class Port(Protocol):
+    """The cable: bytes both ways, neither blocking. What nobody reads is lost, as on a real one."""
+
+    name: str
+
+    def read(self) -> bytes:
+        """What the host has sent since."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """To the host."""
+        ...
+
+    def close(self) -> None:
+        """Unplugs."""
+        ...
+
+
+class PseudoTerminal:
+    """A port that pyserial opens by its name."""
+
+    def __init__(self, link: Path | None = None) -> None:
+        """`link`: a symbolic link to keep at the same name from run to run."""
+        self._master, self._slave = pty.openpty()  # the slave stays open: hosts come and go
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.name = os.ttyname(self._slave)
+        self._link = link
+        if link is not None:
+            try:
+                if link.is_symlink():
+                    link.unlink()
+                link.symlink_to(self.name)
+            except OSError as error:
+                raise UserError(f"cannot link {link} to the port: {error.strerror}") from error
+            self.name = str(link)
+
+    def read(self) -> bytes:
+        with contextlib.suppress(BlockingIOError):
+            return os.read(self._master, BACKLOG_BYTES)
+        return b""
+
+    def write(self, data: bytes) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._master, data)
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+        os.close(self._master)
+        os.close(self._slave)
+
+
+class TcpPort:
+    """A port that pyserial opens as socket://HOST:PORT, for a host on another machine. One client
+    at a time; when it leaves, the next may come."""
+
+    def __init__(self, port: int, host: str = "0.0.0.0") -> None:
+        try:
+            self._listener = socket.create_server((host, port))
+        except OSError as error:
+            raise UserError(f"cannot serve TCP port {port}: {error.strerror}") from error
+        self._listener.setblocking(False)
+        self._peer: socket.socket | None = None
+        self.name = f"socket://{host}:{self._listener.getsockname()[1]}"
+
+    def read(self) -> bytes:
+        if self._peer is None:
+            with contextlib.suppress(BlockingIOError):
+                self._peer, _ = self._listener.accept()
+                self._peer.setblocking(False)
+                self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return b""
+        try:
+            data = self._peer.recv(BACKLOG_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._hang_up()
+        return data
+
+    def write(self, data: bytes) -> None:
+        if self._peer is None:
+            return
+        try:
+            self._peer.send(data)
+        except BlockingIOError:
+            pass
+        except OSError:
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        if self._peer is not None:
+            self._peer.close()
+            self._peer = None
+
+    def close(self) -> None:
+        self._hang_up()
+        self._listener.close()
+
+
+# ---- time ----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Deadlines:
+    """How well the wall clock was kept."""
+
+    late_s: list[float] = field(default_factory=list)
+    """Per slice: from its deadline to its beginning."""
+    slipped_s: float = 0.0
+    """Wall time that was given up."""
+
+    def summary(self) -> dict[str, float | int]:
+        """Lateness in ms, slices that began more than a slice late, and the time given up."""
+        late = np.array(self.late_s or [0.0])
+        return {
+            "slices": len(self.late_s),
+            "late_median_ms": round(float(np.median(late)) * 1e3, 3),
+            "late_p99_ms": round(float(np.percentile(late, 99)) * 1e3, 3),
+            "late_worst_ms": round(float(late.max()) * 1e3, 3),
+            "deadlines_missed": int((late > SLICE_S).sum()),
+            "slipped_s": round(self.slipped_s, 3),
+        }
+
+
+# ---- the rig -------------------------------------------------------------------------------------
+
+
+def _develop(camera: Camera, shot: Shot) -> bytes:
+    return camera.encode(camera.develop(shot))
+
+
+class Rig:
+    """Bench, ports and phone in wall-clock time. `clock` and `wait` are the wall's; a test may hand
+    in its own."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        ports: list[Port],
+        phone: Phone,
+        *,
+        factor: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """`factor`: simulated seconds per second."""
+        self.bench = bench
+        self.deadlines = Deadlines()
+        self.track: list[tuple[float, float, float, float, Phase]] = []
+        """(t, x, y, yaw, -) of the rear axle, truly; what the pilot does is not known here."""
+        self._ports = ports
+        self._phone = phone
+        self._period = SLICE_S / factor
+        self._clock = clock
+        self._wait = wait
+        self._pool = ThreadPoolExecutor(1)
+        self._pictures: deque[tuple[float, Future[bytes]]] = deque()
+        fps = bench.scenario.lens_truth.fps
+        self._picture_slices = max(1, round(1 / fps / SLICE_S))
+        self._delay = bench.scenario.vehicle.camera_delay_s / factor
+
+    def run(self, duration_s: float | None = None) -> None:
+        """Until `duration_s` of simulated time have passed, or for ever."""
+        start = round(self.bench.now / SLICE_S)
+        count = None if duration_s is None else round(duration_s / SLICE_S)
+        due = self._clock()
+        done = 0
+        while count is None or done < count:
+            done += 1
+            due += self._period
+            now = self._clock()
+            if now < due:
+                self._wait(due - now)
+                now = self._clock()
+            late = now - due
+            self.deadlines.late_s.append(late)
+            if late > BEHIND_S:
+                self.deadlines.slipped_s += late
+                due = now
+            self._slice(start + done, now)
+
+    def _slice(self, number: int, now: float) -> None:
+        bench = self.bench
+        for port in self._ports:
+            data = port.read()
+            if data:
+                bench.target.write(data)
+        for _, data in bench.advance(number * SLICE_S):
+            for port in self._ports:
+                port.write(data)
+        if number % self._picture_slices == 0:
+            work = self._pool.submit(_develop, bench.camera, bench.shutter())
+            self._pictures.append((now + self._delay, work))
+        if number % FIX_SLICES == 0:
+            self._phone.say(bench.fix())
+        if number % TRACK_SLICES == 0:
+            self.track.append((bench.now, *bench.pose, Phase.CONNECT))
+        while self._pictures and self._pictures[0][0] <= now and self._pictures[0][1].done():
+            self._phone.show(self._pictures.popleft()[1].result())
+
+    def close(self) -> None:
+        """Ends the picture worker."""
+        self._pool.shutdown(cancel_futures=True)
+
+
+def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
+    """Writes what the operator of this machine would have: vehicle.yaml with the calibrated camera
+    and boundary.geojson. Returns the options for `daranti drive`."""
+    out.mkdir(parents=True, exist_ok=True)
+    mounts = chosen.vehicle.mounts | {chosen.camera: chosen.mount}
+    save_vehicle(out / "vehicle.yaml", chosen.vehicle.model_copy(update={"mounts": mounts}))
+    frame = LocalFrame(chosen.gnss.lat_deg, chosen.gnss.lon_deg)
+    ring = [frame.to_wgs84(x, y) for x, y in chosen.field.boundary.exterior.coords]
+    polygon = {"type": "Polygon", "coordinates": [[[lon, lat] for lat, lon in ring]]}
+    (out / "boundary.geojson").write_text(json.dumps(polygon), encoding="utf-8")
+    return {
+        "vehicle": str(out / "vehicle.yaml"),
+        "mount": chosen.camera,
+        "mode": chosen.mode,
+        "boundary": str(out / "boundary.geojson"),
+        "corner": str(chosen.start.corner),
+    }
+
+
+def _summary(rig: Rig) -> dict[str, Any]:
+    crop = rig.bench.field
+    return {
+        "simulated_s": round(rig.bench.now, 3),
+        "coverage": round(float(crop.coverage()), 4),
+        "missed_m2": round(float(crop.missed_m2()), 4),
+        "neighbour_cut_m2": round(float(crop.neighbour_cut_m2()), 4),
+        "pose": [round(value, 3) for value in rig.bench.pose],
+        **rig.deadlines.summary(),
+    }
+
+
+@click.command()
+@click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Which build of the firmware.")
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
+@click.option("--duration", type=click.FloatRange(0, min_open=True), help="Seconds; else Ctrl-C.")
+@click.option(
+    "--realtime-factor",
+    "factor",
+    type=click.FloatRange(0, min_open=True),
+    default=1.0,
+    show_default=True,
+)
+@click.option("--link", type=click.Path(path_type=Path), help="Symbolic link to the port.")
+@click.option("--tcp", type=click.IntRange(0, 65535), help="Serve the serial port over TCP, too.")
+@click.option("--http-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--nmea-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/rig"), show_default=True)
+def rig(
+    name: str,
+    duration: float | None,
+    factor: float,
+    link: Path | None,
+    tcp: int | None,
+    http_port: int,
+    nmea_port: int,
+    out: Path,
+    **options: Any,
+) -> None:
+    """The whole machine behind a serial port and a phone, in wall-clock time.
+
+    Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
+    and how well the clock was kept."""
+    chosen = scenario.load(name, {k: v for k, v in options.items() if v is not None})
+    with ExitStack() as stack:
+        bench = stack.enter_context(Bench(chosen))
+        ports: list[Port] = [PseudoTerminal(link)]
+        stack.callback(ports[0].close)
+        if tcp is not None:
+            ports.append(TcpPort(tcp))
+            stack.callback(ports[1].close)
+        spec = PhoneSpec(http_port=http_port, nmea_port=nmea_port, delay_s=0.0)
+        try:
+            phone = stack.enter_context(Phone(spec))
+        except OSError as error:
+            raise UserError(
+                f"cannot serve the phone on ports {http_port} and {nmea_port}: {error.strerror}"
+            ) from error
+        machine = Rig(bench, ports, phone, factor=factor)
+        stack.callback(machine.close)
+        bench.advance(SLICE_S)  # compiles what is not compiled yet, before time begins
+        phone.show(_develop(bench.camera, bench.shutter()))
+        about = {
+            "port": ports[0].name,
+            "camera": phone.camera_url,
+            "gnss": phone.gnss_url,
+            **handouts(chosen, out),
+        }
+        for key, value in about.items():
+            click.echo(f"{key:9} {value}")
+        if tcp is not None:
+            click.echo(f"{'tcp':9} {ports[1].name}")
+            about["tcp"] = ports[1].name
+        line = " ".join(f"--{key} {value}" for key, value in about.items() if key != "tcp")
+        click.echo(f"drive it: daranti drive {line}")
+        (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
+        try:
+            machine.run(duration)
+        except KeyboardInterrupt:
+            pass  # the way to end it
+        finally:
+            summary = _summary(machine)
+            for key, value in summary.items():
+                click.echo(f"{key:18} {value}")
+            (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+            if len(machine.track) > 1:
+                title = f"rig: coverage {summary['coverage']:.3f}"
+                pictures.draw_map(out / "map.png", bench.field, machine.track, title)
