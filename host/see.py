@@ -82,7 +82,7 @@ def write_result(folder: Path, name: str, bgr: Picture, view: CropView, ms: floa
 @click.option(
     "--stages/--no-stages", default=None, help="Write the staged picture, NAME.stages.png."
 )
-def see(  # noqa: PLR0917
+def see(
     source: tuple[str, ...],
     mode: str,
     side: Side | None,

@@ -20,6 +20,7 @@ from host.vehicle import Strict
 from host.vision.geometry import Camera
 from host.vision.lines import rails, upright_pieces
 from host.vision.pictures import Mask, Picture, u8
+from host.vision.score import edge_of
 from host.vision.split import Side, best_line, whiten
 from host.vision.view import NAN, CropView
 
@@ -74,6 +75,8 @@ class Stages:
     """255 where the threshold takes it for ripe crop (TSY)."""
     unripe: Mask
     """255 where it is yellow but greener than ripe."""
+    steps: Mask
+    """255 on every step of brightness across the picture, of any colour and length."""
     upright: Mask
     """255 on upright lines that are long enough (VTSY)."""
 
@@ -117,9 +120,10 @@ class Chain:
         across = cv2.convertScaleAbs(cv2.Sobel(value, cv2.CV_16S, 1, 0, ksize=1))
         along = cv2.convertScaleAbs(cv2.Sobel(value, cv2.CV_16S, 0, 1, ksize=1))
         _, step = cv2.threshold(across, p.contrast, 255, cv2.THRESH_BINARY)
-        sides = cv2.bitwise_and(cv2.bitwise_and(step, ripe), cv2.compare(across, along, cv2.CMP_GT))
-        upright = upright_pieces(u8(sides), self._tracks, self.least_px, p.gap_px)
-        return Stages(u8(sy), u8(ripe), u8(unripe), upright)
+        steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
+        sides = u8(cv2.bitwise_and(steps, ripe))
+        upright = upright_pieces(sides, self._tracks, self.least_px, p.gap_px)
+        return Stages(u8(sy), u8(ripe), u8(unripe), steps, upright)
 
 
 def staged_pictures(bgr: Picture, s: Stages) -> dict[str, Picture]:
@@ -137,28 +141,6 @@ def l_height(upright: Mask, share: float = L_HEIGHT_SHARE) -> float:
     if rows[-1] == 0:
         return NAN
     return float(np.searchsorted(rows, (1.0 - share) * rows[-1]))
-
-
-def right_border(columns: NDArray[np.float32], start: int, level: float = 0.5) -> float:
-    """The rightmost end of the crop that stands left of it: the column where smoothed line density
-    falls below `level` of its median over the columns left of `start`'s run; NaN without crop."""
-    n = len(columns)
-    smooth = cv2.blur(columns.reshape(1, -1), (max(3, n // 50), 1)).ravel()
-    body = smooth[: max(start, 1)]
-    reference = float(np.median(body[body > 0])) if (body > 0).any() else 0.0
-    if reference <= 0:
-        return NAN
-    dense = smooth >= level * reference
-    if not dense[: max(start, 1)].any():
-        return NAN
-    last = int(np.flatnonzero(dense[: max(start, 1)])[-1])
-    width_gap = max(3, n // 25)
-    u = last
-    while True:
-        following = np.flatnonzero(dense[u + 1 : u + 1 + width_gap])
-        if len(following) == 0:
-            return float(u)
-        u += 1 + int(following[-1])
 
 
 class PaperPhoto:
@@ -197,16 +179,3 @@ class PaperPhoto:
             reason="" if more else "the named side shows no more upright lines than the other",
             stages=staged_pictures(bgr, s) if stages else {},
         )
-
-
-def edge_of(standing: NDArray[np.bool_], side: Side) -> NDArray[np.float32]:
-    """(n, 2) points (u, v) where a mask changes, one per row (crop left or right; from top to
-    bottom) or per column (crop above or below; from left to right)."""
-    mask = standing if side in ("left", "right") else standing.T
-    change = mask[:, 1:] != mask[:, :-1]
-    rows = np.flatnonzero(change.any(1))
-    at = change[rows].argmax(1) + 1.0
-    points = np.column_stack([at, rows + 0.5])
-    if side in ("top", "bottom"):
-        points = points[:, ::-1]
-    return np.ascontiguousarray(points, dtype=np.float32)

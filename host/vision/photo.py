@@ -20,4 +20,5 @@ class PhotoDetector(Protocol):
 
 def photo_detector(mode: str, side: Side) -> PhotoDetector:
     """The detector of `mode` for photographs whose crop stands on `side`."""
+    del mode
     return PaperPhoto(side)

@@ -1,0 +1,169 @@
+"""The detectors that drive: pictures of a known mount in, CropView in metres out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from host.vehicle import Mount, Vehicle
+from host.vision.face import BAND_M, Face, FaceFinder
+from host.vision.geometry import Camera
+from host.vision.paper import (
+    L_TOLERANCE,
+    Chain,
+    PaperParams,
+    l_height,
+    staged_pictures,
+)
+from host.vision.pictures import Mask, Picture
+from host.vision.stems import Stems
+from host.vision.view import NAN, CropView
+
+Mode = Literal["paper", "robust"]
+
+ALIGNED_M = 0.15
+"""The first picture's E_outer becomes O_map when it is at most this far from where the mount's
+geometry puts the blade's right end; otherwise the operator has not aligned it."""
+SURE = 0.5
+"""Confidence from which a picture may set the references."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a mode's own stages say of one picture."""
+
+    upright: Mask
+    """255 on the standing crop's stems (VTSY)."""
+    textured: Mask
+    """255 where the picture shows any structure at all."""
+    stages: dict[str, Picture]
+
+
+class Source(Protocol):
+    """A mode's own stages."""
+
+    def look(self, bgr: Picture, stages: bool) -> Evidence: ...
+
+
+class PaperSource:
+    """Colour, threshold and upright lines, as in the paper."""
+
+    def __init__(self, params: PaperParams, camera: Camera, vehicle: Vehicle) -> None:
+        self._chain = Chain(params, camera.size, camera, vehicle.blade_height_m)
+
+    def look(self, bgr: Picture, stages: bool) -> Evidence:
+        s = self._chain.run(bgr)
+        return Evidence(s.upright, s.steps, staged_pictures(bgr, s) if stages else {})
+
+
+class RobustSource:
+    """Stems by brightness alone."""
+
+    def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
+        self._stems = Stems(camera, vehicle.blade_height_m)
+
+    def look(self, bgr: Picture, stages: bool) -> Evidence:
+        upright, steps = self._stems.run(bgr)
+        pictures: dict[str, Picture] = {}
+        if stages:
+            pictures = {"steps": np.dstack([steps] * 3), "stems": np.dstack([upright] * 3)}
+        return Evidence(upright, steps, pictures)
+
+
+class MountedDetector:
+    """A mode's evidence, measured by the mount's geometry (`Detector` in view.py)."""
+
+    def __init__(
+        self, source: Source, camera: Camera, vehicle: Vehicle, overlap_m: float = 0.05
+    ) -> None:
+        """`overlap_m`: how far the blade's right end should reach beyond the crop's edge."""
+        self._source = source
+        self._camera = camera
+        self._vehicle = vehicle
+        self._finder = FaceFinder(camera, vehicle)
+        self._expected_m = -(0.5 * vehicle.blade_width_m - overlap_m)
+        self._l_reference = NAN
+
+    def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
+        evidence = self._source.look(bgr, stages)
+        face = self._finder.find(evidence.upright, evidence.textured)
+        height = l_height(evidence.upright)
+        if math.isnan(self._l_reference) and face.right_confidence >= SURE:
+            self._l_reference = height
+        offset = face.right_m - self._expected_m
+        return CropView(
+            face.right_confidence if math.isfinite(offset) else 0.0,
+            edge_offset_m=offset,
+            crop_ahead_m=face.ahead_m,
+            ahead_confidence=face.ahead_confidence,
+            end_of_field=self._end_of_field(height),
+            e_outer_px=self._column(face.right_m, face),
+            o_map_px=self._column(self._expected_m, face),
+            l_height_px=height,
+            l_reference_px=self._l_reference,
+            standing=face.standing,
+            edge_px=self._edge(face),
+            reason=self._reason(face),
+            stages=evidence.stages,
+        )
+
+    def restart(self) -> None:
+        """Nothing is tracked from picture to picture but the paper's references, which stay."""
+
+    def _end_of_field(self, height: float) -> float:
+        """The paper's rule: l_height below l_reference by more than the tolerance; 0.5 at it."""
+        if math.isnan(height) or math.isnan(self._l_reference):
+            return 0.0
+        tolerance = L_TOLERANCE * self._camera.size[1]
+        # seen from above the tops, what is further away appears higher, not lower
+        sense = 1.0 if self._camera.position[2] < self._vehicle.crop_height_m else -1.0
+        beyond = sense * (height - self._l_reference) / tolerance
+        return float(min(1.0, max(0.0, 0.5 * beyond)))
+
+    def _column(self, lateral_m: float, face: Face) -> float:
+        if math.isnan(lateral_m):
+            return NAN
+        x = face.at_x_m if math.isfinite(face.at_x_m) else self._vehicle.blade_x_m
+        return float(self._camera.project([x, lateral_m, BAND_M[0]])[0])
+
+    def _edge(self, face: Face) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None:
+        """The upright border of the face, from the ground to the tops."""
+        if math.isnan(face.right_m):
+            return None
+        z = np.linspace(0.0, self._vehicle.crop_height_m, 10)
+        points = np.column_stack([np.full(10, face.at_x_m), np.full(10, face.right_m), z])
+        return self._camera.project(points).astype(np.float32)
+
+    @staticmethod
+    def _reason(face: Face) -> str:
+        if face.right_confidence >= SURE:
+            return ""
+        if face.ahead_confidence < SURE:
+            return "the picture shows too little to say anything"
+        if not math.isfinite(face.at_x_m):
+            return "no standing crop near ahead"
+        return "the crop ahead has no clear right end"
+
+
+def make_detector(
+    mode: Mode,
+    vehicle: Vehicle,
+    mount: Mount,
+    *,
+    overlap_m: float = 0.05,
+    side: Literal["left"] = "left",
+    params: PaperParams | None = None,
+) -> MountedDetector:
+    """The detector of `mode` for a mount; `side` is where the crop stands, seen from the cut."""
+    if side != "left":
+        raise ValueError(f"side {side!r}: the machine keeps the standing crop to its left")
+    camera = Camera(mount)
+    source: Source
+    if mode == "paper":
+        source = PaperSource(params or PaperParams(), camera, vehicle)
+    else:
+        source = RobustSource(camera, vehicle)
+    return MountedDetector(source, camera, vehicle, overlap_m)
