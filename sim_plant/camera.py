@@ -243,6 +243,9 @@ def _profile(
             if now < 0.0 or entered or abs(height - now) > 0.06:
                 start[b, n] = r
                 top[b, n] = height
+                if entered and height > 0.0:
+                    # The body's upper border is ragged.
+                    top[b, n] += 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
                 n += 1
                 now = height
             r += leap
@@ -403,16 +406,18 @@ def _fill(
                     green = scene.stand[j, i, _GREEN]
                     if hit == _CANOPY:
                         tile = texture.TOP
-                        far_lit = min(0.9, 0.10 + 0.045 * t)
-                        seen = max(far_lit, min(1.0, (wz - shadow) * 5.0 + 0.2))
-                        ao *= min(1.0, 0.72 + 0.02 * t)
+                        far_lit = min(0.9, 0.25 + 0.035 * t)
+                        seen = max(far_lit, min(1.0, (wz - shadow) * 4.0 + 0.3))
+                        ao *= min(1.0, 0.85 + 0.01 * t)
                     else:
                         tile = texture.WALL
-                        sx = 0.83 * wx + 0.57 * wy
+                        sx = 1.5 * (0.83 * wx + 0.57 * wy)
                         sy = -wz
-                        seen = min(0.85, max(0.0, (wz - shadow) * 4.0 + 0.5))
-                        ao *= min(1.0, 0.45 + 0.55 * wz / slab)
-            foot = t / view.focal / (0.3 + 0.7 * min(1.0, abs(dz) * 2.0)) / texture.TEXEL_M
+                        seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
+                        ao *= min(1.0, 0.6 + 0.4 * wz / slab)
+            foot = t / view.focal / texture.TEXEL_M
+            if hit != _FACE:
+                foot /= 0.3 + 0.7 * min(1.0, abs(dz) * 2.0)
             level = 0
             m = side
             while foot > 1.4 and m > 8:
@@ -596,8 +601,9 @@ def _project(
             e[5] = z1
             scale = F / z1 * wider
             e[6] = 0.0019 * scale
-            e[7] = 0.0056 * scale if tall else 0.0
+            e[7] = 0.0050 * scale if tall else 0.0
             e[8] = head
+            e[16] = s[7] * scale / wider if tall else 0.0
             e[9] = visible
             e[10] = height
             e[11] = scene.stand[cj, ci, _SUNLIT]
@@ -640,7 +646,8 @@ def _draw(
     """Draws the stalks into columns [left, right), front to back.
 
     A stalk: base u, v, z; top u, v, z; half widths of stem and ear in px; the ear's share of the
-    length; visible share from the top; height in m; height above which the sun reaches; label; BGR.
+    length; visible share from the top; height in m; height above which the sun reaches; label; BGR;
+    how far the ear's tip nods aside in px.
     """
     rows = depth.shape[0]
     for k in range(drawn.shape[0]):
@@ -648,7 +655,7 @@ def _draw(
             e = stalks[n]
             u0 = e[0]
             u1 = e[3]
-            wide = max(e[6], e[7]) + 1.0
+            wide = max(e[6], e[7]) + abs(e[16]) + 1.0
             if max(u0, u1) + wide < left or min(u0, u1) - wide > right:
                 continue
             v0 = e[1]
@@ -656,6 +663,7 @@ def _draw(
             long = v0 - v1
             per = 1.0 / long
             slant = 0.5 * abs(u1 - u0) * per
+            ears = int(u1)
             va = max(0, int(math.ceil(v1 - 0.5)))
             vb = min(rows - 1, int(math.floor(v0 - 0.5)), int(v1 + long * e[9]))
             z0 = e[2]
@@ -663,6 +671,7 @@ def _draw(
             fog = 0.5 * (z0 + z1) * paint.haze
             fog = fog / (1.0 + fog)
             here = int(e[12])
+            shaded = 0.22 if e[8] > 0.0 else 0.0
             for v in range(va, vb + 1):
                 a = max(0.0, (v + 0.5 - v1) * per)
                 z = z1 + (z0 - z1) * a
@@ -671,7 +680,8 @@ def _draw(
                 if a < e[8]:
                     p = a / e[8]
                     w = e[7] * (0.4 + 2.4 * p * (1.0 - p))
-                    gain = 1.05
+                    uc += e[16] * (1.0 - p) * (1.0 - p)
+                    gain = 1.08 if (v + ears) & 3 else 0.92
                 else:
                     w = e[6]
                     if e[8] > 0.0:
@@ -686,8 +696,8 @@ def _draw(
                 if ua >= ub or (z >= depth[v, ua] and z >= depth[v, ub - 1]):
                     continue
                 over = (1.0 - a) * e[10] - e[11]
-                seen = min(1.0, max(0.0, over * 5.0 + 0.15))
-                gain *= 1.0 - 0.28 * a * e[9]
+                seen = min(1.0, max(shaded, over * 4.0 + 0.4))
+                gain *= 1.0 - 0.22 * a * e[9]
                 si = int(255.0 * seen)
                 c0 = min(255.0, e[13] * gain * paint.light[si, 0])
                 c1 = min(255.0, e[14] * gain * paint.light[si, 1])
@@ -705,8 +715,8 @@ def _draw(
 
 
 def _bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float32]:
-    """(packs, stalks, 12): x, y in the block; height factor; lean x, y; shade; stub 0..1; spare;
-    rank 0..1 (density, flutter); BGR tint."""
+    """(packs, stalks, 12): x, y in the block; height factor; lean x, y; shade; stub 0..1; nod of
+    the ear (m); rank 0..1 (density, flutter); BGR tint."""
     n = max(1, round(spec.stalks_per_m2 * _BLOCK_M**2))
     shape = (_PACKS, n)
     s = np.empty((*shape, 12), np.float32)
@@ -716,10 +726,10 @@ def _bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float
         row = rng.integers(0, 3, shape) + 0.5
         s[..., 1] = (row * _BLOCK_M / 3 + rng.normal(0, 0.02, shape)).clip(0, _BLOCK_M - 1e-3)
     s[..., 2] = rng.normal(1, 0.06, shape).clip(0.8, 1.15)
-    s[..., 3:5] = rng.normal(0, 0.045, (*shape, 2)).clip(-0.13, 0.13)
+    s[..., 3:5] = rng.normal(0, 0.06, (*shape, 2)).clip(-0.16, 0.16)
     s[..., 5] = rng.uniform(0.72, 1.1, shape)
     s[..., 6] = rng.random(shape)
-    s[..., 7] = 0
+    s[..., 7] = rng.normal(0, 0.022, shape)
     s[..., 8] = rng.random(shape)
     s[..., 9:12] = rng.normal(1, 0.035, (*shape, 3))
     return s
@@ -784,7 +794,7 @@ class Camera:
         )
         self._coarse = field.coarse
         self._refresh(0, coarse[0], 0, coarse[1])
-        soil, straw, crop = (92.0, 118.0, 142.0), (132.0, 184.0, 214.0), (96.0, 164.0, 206.0)
+        soil, straw, crop = (82.0, 110.0, 142.0), (106.0, 156.0, 200.0), (92.0, 142.0, 196.0)
         tiles, levels = texture.bake(rng, soil, straw, crop)
         self._paint = Paint(
             tiles=tiles,
@@ -814,7 +824,7 @@ class Camera:
         self._image = np.zeros((h, w, 3), np.uint8)
         self._depth = np.zeros((h, w), np.float32)
         self._label = np.zeros((h, w), np.uint8)
-        self._records = np.zeros((0, 16), np.float32)
+        self._records = np.zeros((0, 17), np.float32)
         tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
         self._noise = np.rint(tile).astype(np.int16)
         radius = np.linalg.norm(self._rays, axis=2) / np.linalg.norm(self._rays[0, 0])
@@ -1000,7 +1010,7 @@ class Camera:
         first = np.zeros(found + 1, np.int64)
         np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
         if first[-1] > len(self._records):
-            self._records = np.zeros((int(first[-1] * 1.3), 16), np.float32)
+            self._records = np.zeros((int(first[-1] * 1.3), 17), np.float32)
         drawn = np.zeros(found, np.int64)
         weather = self.weather
         toward = math.radians(90 - weather.wind_from_deg + 180)

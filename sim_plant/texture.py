@@ -82,13 +82,13 @@ def bake(
     _strokes(swath, rng, 26000, (25, 110), straw, spread=(0.55, 1.12), shade=0.4)
     grass = ground.copy()
     _strokes(grass, rng, 9000, (5, 20), (58, 122, 98), spread=(0.5, 1.1))
-    dark = tuple(0.42 * c for c in crop)
+    dark = tuple(0.6 * c for c in crop)
     top = np.empty((SIDE, SIDE, 3), np.uint8)
     top[:] = np.array(dark, np.uint8)
-    _strokes(top, rng, 26000, (10, 22), crop, thick=2, spread=(0.55, 1.1))
+    _strokes(top, rng, 26000, (10, 22), crop, thick=2, spread=(0.6, 1.1), shade=0.6)
     wall = np.empty((SIDE, SIDE, 3), np.uint8)
-    wall[:] = np.array([0.36 * c for c in crop], np.uint8)
-    _strokes(wall, rng, 5200, (160, 420), crop, upright=True, spread=(0.35, 0.85))
+    wall[:] = np.array([0.5 * c for c in crop], np.uint8)
+    _strokes(wall, rng, 5200, (160, 420), crop, upright=True, spread=(0.4, 0.95), shade=0.6)
 
     packed = [_mips(t) for t in (ground, stubble, swath, grass, top, wall)]
     return np.stack([p[0] for p in packed]), packed[0][1]
