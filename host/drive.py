@@ -42,6 +42,7 @@ PERIOD_S = 0.05
 SHOW_S = 0.2
 TELEMETRY_TIMEOUT_S = 1.0
 HALT_S = 0.5
+AT_REST = (State.SAFE, State.FAULT)
 FIRST_PICTURE_S = 10.0
 FIRST_FIX_S = 10.0
 FIRST_FIXES = 10
@@ -67,13 +68,14 @@ def fitted(picture: Picture, mount: Mount, delay_s: float) -> Frame | None:
 
 
 def halt(link: Link, clock: Callable[[], float], timeout_s: float = HALT_S) -> bool:
-    """Sends STOP until the firmware says that it holds still; False when it has not in time."""
+    """Sends STOP every 50 ms until the firmware says that it holds still; False when it has not in
+    time."""
     deadline = clock() + timeout_s
-    while (now := clock()) < deadline:
-        asked = now
+    while clock() < deadline:
         link.send(Command(Request.STOP, reason="the run ends"))
-        for telemetry in link.poll(PERIOD_S):
-            if telemetry.stamp > asked and telemetry.state in (State.SAFE, State.FAULT):
+        again = clock() + PERIOD_S
+        while (left := again - clock()) > 0:
+            if any(telemetry.state in AT_REST for telemetry in link.poll(left)):
                 return True
     return False
 

@@ -128,7 +128,7 @@ class Recorder:
     def __init__(self, path: Path, metadata: Mapping[str, str] | None = None) -> None:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb", buffering=0)
+            self._file = path.open("wb")
         except OSError as error:
             raise UserError(f"cannot write the record {path}: {error.strerror}") from error
         self._writer = Writer(
@@ -156,6 +156,7 @@ class Recorder:
         data = json.dumps({key: _clean(value) for key, value in message.items()})
         nanoseconds = max(0, round(stamp * 1e9))
         self._writer.add_message(channel, nanoseconds, data.encode(), nanoseconds, self._sequence)
+        self._file.flush()  # a chunk that is complete is on the disk
         self._sequence += 1
 
     def picture(self, stamp: float, jpeg: bytes) -> None:

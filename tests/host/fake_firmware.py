@@ -9,6 +9,7 @@ import os
 import pty
 import select
 import threading
+import time
 import tty
 from dataclasses import replace
 
@@ -54,6 +55,8 @@ class FakeFirmware:
         self._babble = babble
         self._parser = protocol.Parser()
         self._seq = 0
+        self.mute = threading.Event()
+        """When set, nothing is sent any more."""
         self._pulled = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
@@ -82,17 +85,20 @@ class FakeFirmware:
         self._seq = (self._seq + 1) % 256
 
     def _serve(self) -> None:
-        time = 0.0
+        begun = time.monotonic()
+        due = begun
         while not self._pulled.is_set():
-            ready, _, _ = select.select([self._master], [], [], PERIOD_S)
+            wait_s = max(0.0, due - time.monotonic())
+            ready, _, _ = select.select([self._master], [], [], wait_s)
             if ready:
                 if self._babble:
                     self.write(self._babble)
                 for seq, message in self._parser.feed(os.read(self._master, 4096)):
                     self._take(seq, message)
-            elif not self._silent:
-                time += PERIOD_S
-                self._send(replace(self.telemetry, time=time))
+            if time.monotonic() >= due:
+                due += PERIOD_S
+                if not self._silent and not self.mute.is_set():
+                    self._send(replace(self.telemetry, time=due - begun))
 
     def _take(self, seq: int, message: protocol.Message) -> None:
         if self.deaf_to.get(type(message), 0) > 0:

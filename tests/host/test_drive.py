@@ -1,0 +1,254 @@
+"""Facts about the wall-clock loop: what the pilot gets, what the firmware gets, how it ends."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import cv2
+import numpy as np
+import pytest
+from console import Cli
+from fake_firmware import RESTING, FakeFirmware
+
+from host import protocol
+from host.drive import TELEMETRY_TIMEOUT_S, Drive, fitted, halt
+from host.errors import EXIT_USER, UserError
+from host.feed import Feed
+from host.link import Link
+from host.pilot import Phase, Pilot
+from host.record import Recorder, read
+from host.stream import Picture
+from host.types import Command, Fix, Frame, Request, Telemetry
+from host.vehicle import MAST, Vehicle
+
+LIMIT_S = 10.0
+BGR = np.full((MAST.height_px, MAST.width_px, 3), 90, np.uint8)
+JPEG = cv2.imencode(".jpg", BGR)[1].tobytes()
+FIX = Fix(0.5, 31.5, 74.3, 1, 0.9, 8)
+
+
+class Script:
+    """Stands for the pilot: gives the commands of a list, then is done."""
+
+    def __init__(self, commands: list[Command], then: Phase = Phase.FINISHED) -> None:
+        self.seen: list[tuple[float, Frame | None, Fix | None, Telemetry | None]] = []
+        self.phase = Phase.FOLLOW
+        self.reason = "as the script says"
+        self.view = None
+        self._commands = iter(commands)
+        self._then = then
+
+    @property
+    def done(self) -> bool:
+        return self.phase in (Phase.FINISHED, Phase.FAULT)
+
+    def step(
+        self, now: float, frame: Frame | None, fix: Fix | None, telemetry: Telemetry | None
+    ) -> Command:
+        self.seen.append((now, frame, fix, telemetry))
+        command = next(self._commands, None)
+        if command is None:
+            self.phase = self._then
+            return Command(Request.STOP)
+        return command
+
+
+def feed_of(name: str, items: list[Any]) -> Feed[Any]:
+    """A started feed that has given all its items."""
+
+    def source(feed: Feed[Any]) -> Iterator[Any]:
+        yield from items
+        gone.set()
+        feed.pause(LIMIT_S)
+
+    gone = threading.Event()
+    feed = Feed(name, source, time.monotonic, lambda _: None)
+    feed.start()
+    assert gone.wait(LIMIT_S)
+    return feed
+
+
+@pytest.fixture
+def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
+    """Makes a Drive on the fake board, met and ready."""
+    with ExitStack() as stack:
+
+        def make(
+            pilot: Script,
+            pictures: list[Picture] | None = None,
+            fixes: list[Fix] | None = None,
+            recorder: Recorder | None = None,
+        ) -> Drive:
+            link = stack.enter_context(Link(board.port, time.monotonic))
+            link.meet()
+            camera = feed_of("camera", pictures or [])
+            gnss = feed_of("GNSS", fixes or [])
+            stack.callback(camera.close)
+            stack.callback(gnss.close)
+            return Drive(
+                cast(Pilot, pilot),
+                link,
+                camera,
+                gnss,
+                MAST,
+                Vehicle(),
+                time.monotonic,
+                recorder,
+            )
+
+        yield make
+
+
+def nothing(_drive: Drive) -> None:
+    """Shows nothing."""
+
+
+def test_the_pilots_commands_reach_the_firmware_in_order_every_50_ms(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    commands = [Command(Request.DRIVE, 0.01 * n, 0.5, True) for n in range(10)]
+    script = Script(commands)
+    driven(script).run(nothing)
+    assert board.wait_for(protocol.Stop)
+    drives = [m for m in board.received if isinstance(m, protocol.Drive)]
+    assert [drive.steer for drive in drives] == pytest.approx(
+        [command.steer_rad for command in commands], abs=1e-4
+    )
+    spent = script.seen[-1][0] - script.seen[0][0]
+    assert spent >= 0.5 - 1e-6, "never faster than the period"
+
+
+def test_picture_and_fix_are_given_once_and_telemetry_is_the_latest(
+    driven: Callable[..., Drive],
+) -> None:
+    script = Script([Command(Request.STOP)] * 8)
+    driven(script, [Picture(5.0, JPEG)], [FIX]).run(nothing)
+    frames = [frame for _, frame, _, _ in script.seen if frame is not None]
+    assert [frame.stamp for frame in frames] == [5.0 - Vehicle().camera_delay_s]
+    assert [fix for _, _, fix, _ in script.seen if fix is not None] == [FIX]
+    stamps = [telemetry.stamp for *_, telemetry in script.seen if telemetry is not None]
+    assert stamps == sorted(stamps)
+    assert len(set(stamps)) >= 4
+
+
+def test_a_broken_picture_is_counted_and_not_given(driven: Callable[..., Drive]) -> None:
+    script = Script([Command(Request.STOP)])
+    run = driven(script, [Picture(0.0, b"\xff\xd8 nothing \xff\xd9")])
+    run.run(nothing)
+    assert run.pictures_bad == 1
+    assert all(frame is None for _, frame, _, _ in script.seen)
+
+
+def test_everything_is_recorded(driven: Callable[..., Drive], tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with Recorder(path) as recorder:
+        run = driven(
+            Script([Command(Request.DRIVE, 0.1, reason="so")] * 5),
+            [Picture(5.0, JPEG)],
+            [FIX],
+            recorder,
+        )
+        run.run(nothing)
+    topics: dict[str, list[dict[str, Any]]] = {}
+    for topic, _, message in read(path):
+        topics.setdefault(topic, []).append(message)
+    assert topics["/camera"][0]["data"] == JPEG, "as it came, not compressed again"
+    assert topics["/fix"][0]["latitude"] == FIX.lat_deg
+    assert len(topics["/command"]) == 6
+    assert topics["/command"][0]["reason"] == "so"
+    assert topics["/telemetry"]
+
+
+def test_a_firmware_that_falls_silent_is_one_message(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    run = driven(Script([Command(Request.DRIVE)] * 1000))
+    board.mute.set()
+    begun = time.monotonic()
+    with pytest.raises(UserError, match="no telemetry for 1 s"):
+        run.run(nothing)
+    assert time.monotonic() - begun < 3 * TELEMETRY_TIMEOUT_S
+
+
+def test_a_port_that_vanishes_mid_run_is_one_message(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    run = driven(Script([Command(Request.DRIVE)] * 1000))
+    steps = iter(range(5))
+
+    def unplug_after_five(_drive: Drive) -> None:
+        if next(steps, None) is None:
+            board.unplug()
+
+    with pytest.raises(UserError, match=r"vanished.*within 250 ms"):
+        run.run(unplug_after_five)
+
+
+def test_halt_is_confirmed_by_the_firmware_only(board: FakeFirmware) -> None:
+    with Link(board.port, time.monotonic) as link:
+        link.meet()
+        assert halt(link, time.monotonic)
+        board.telemetry = replace(RESTING, state=protocol.State.RUNNING)
+        assert not halt(link, time.monotonic)
+    assert board.wait_for(protocol.Stop)
+
+
+# ---- pictures and mounts -------------------------------------------------------------------------
+
+
+def test_a_larger_picture_of_the_same_shape_is_brought_to_the_mounts_size() -> None:
+    big = np.zeros((2 * MAST.height_px, 2 * MAST.width_px, 3), np.uint8)
+    big[:, : MAST.width_px] = 200
+    frame = fitted(Picture(1.0, None, big), MAST, 0.25)
+    assert frame is not None
+    assert frame.stamp == 0.75
+    assert frame.bgr.shape == BGR.shape
+    assert frame.bgr[:, : MAST.width_px // 2].min() == 200
+
+
+def test_a_picture_of_another_shape_is_refused_with_both_sizes() -> None:
+    wide = np.zeros((360, 640, 3), np.uint8)
+    with pytest.raises(UserError, match=r"640x360 pixels, the mount expects 640x480"):
+        fitted(Picture(0.0, None, wide), MAST, 0.0)
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--port", "/dev/no-such-port"), "serial port /dev/no-such-port does not exist"),
+        (("--vehicle", "no-such.yaml"), "cannot read the vehicle file no-such.yaml"),
+        (("--mount", "roof"), "no camera mount 'roof'"),
+        (("--camera", "no-such.mp4"), "camera no-such.mp4 does not exist"),
+        (("--gnss", "tcp://nowhere"), "needs a host and a port"),
+        (("--boundary", "no-such.csv"), "cannot read the boundary no-such.csv"),
+    ],
+)
+def test_bad_input_is_one_message(
+    cli: Cli, board: FakeFirmware, options: tuple[str, str], message: str
+) -> None:
+    given = {"--port": board.port, "--camera": "http://127.0.0.1:1/video"}
+    given[options[0]] = options[1]
+    code, _, err = cli("drive", *(word for pair in given.items() for word in pair))
+    assert code == EXIT_USER
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_no_picture_is_one_message_and_the_machine_is_stopped(
+    cli: Cli, board: FakeFirmware, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("host.drive.FIRST_PICTURE_S", 0.3)
+    code, _, err = cli("drive", "--port", board.port, "--camera", "http://127.0.0.1:1/video")
+    assert code == EXIT_USER
+    assert "no picture from the camera http://127.0.0.1:1/video within 0.3 s" in err
+    assert "Connection refused" in err
+    assert board.wait_for(protocol.Stop)
