@@ -5,13 +5,13 @@ BIN := $(VENV)/bin
 OUT ?= out/harvest
 FIRMWARE ?= desk
 
-DESK := .pio/build/desk/libfirmware.so
+DESK := .pio/build/desk/libdaranti.so
 UNO := .pio/build/uno/firmware.elf
-SHIM := build/libsimavr_target.so
+SHIM := build/simavr/libdaranti_avr.so
 SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.*) platformio.ini
 
 .DEFAULT_GOAL := help
-.PHONY: help setup harvest test lint firmware clean
+.PHONY: help setup build harvest test lint clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -42,9 +42,9 @@ $(UNO): $(SOURCES) | .setup/platformio
 $(SHIM): $(wildcard hil/simavr/*) firmware/src/target.h | .setup/debian
 	@$(MAKE) --no-print-directory -s -C hil/simavr
 
-firmware: $(DESK) $(UNO) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
+build: $(DESK) $(UNO) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
 
-setup: .setup/venv firmware ## everything that the other commands need
+setup: .setup/venv build ## everything that the other commands need
 
 harvest: setup ## harvests the default field with the compiled firmware in the loop (FIRMWARE=avr for the Uno's binary)
 	@$(BIN)/daranti-hil harvest --firmware $(FIRMWARE) --out $(OUT)

@@ -20,10 +20,11 @@ from hil.metrics import Truth
 from hil.scenario import Scenario
 from host.gnss import Receiver
 from host.link import Session
-from host.pilot import Phase, Pilot, Plan
+from host.pilot import Phase, Pilot
 from host.record import Recorder
 from host.types import Fix, Frame
 from host.vision import make_detector
+from host.vision.view import Detector
 from sim_plant.camera import Camera, Shot
 
 HOST_S = 0.05
@@ -50,18 +51,27 @@ def _develop(camera: Camera, shot: Shot) -> tuple[bytes, np.ndarray[Any, np.dtyp
     return jpeg, np.asarray(decoded, np.uint8)
 
 
+def _vision(bench: Bench) -> Detector:
+    """The detector that the scenario names; of the bench it sees nothing but the scenario."""
+    s = bench.scenario
+    return make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+
+
 class Harvest:
     """One lockstep run. The camera develops each shot in a worker while machine and firmware go on:
     the picture is due only after the camera's delay, so the result does not depend on it."""
 
-    def __init__(self, scenario: Scenario, record: Path | None, video: Path | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        record: Path | None = None,
+        video: Path | None = None,
+        detector: Callable[[Bench], Detector] | None = None,
+    ) -> None:
         self.scenario = scenario
         self.bench = Bench(scenario)
         self.session = Session()
-        detector = make_detector(
-            scenario.mode, scenario.vehicle, scenario.mount, overlap_m=scenario.vehicle.overlap_m
-        )
-        self.pilot = Pilot(scenario.vehicle, detector, Plan(turn=scenario.turn))
+        self.pilot = Pilot(scenario.vehicle, (detector or _vision)(self.bench), scenario.plan())
         self.truth = Truth(scenario, self.bench.field)
         self.steering: list[tuple[float, float, float, float]] = []
         self.frames = 0

@@ -8,13 +8,15 @@ the firmware run that millisecond.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Final, Self
 
+import numba
 from numba import njit
 
+from hil import targets
 from hil.scenario import Scenario
-from hil.targets import Target
 from host.errors import UserError
 from sim_plant import machine
 from sim_plant.camera import Camera, Shot
@@ -42,12 +44,16 @@ DRIVE_IN: Final = (4, 5)
 def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int, in2: int) -> float:
     """Signed duty -1..1 of a bridge. An L298N's direction pins decide; a BTS7960 leaves them low
     and drives its second PWM input instead."""
-    forward = pin(handle, in1)
-    backward = pin(handle, in2)
-    first = pwm(handle, enable) / 255.0
-    if forward == 0 and backward == 0:
-        return first - pwm(handle, second) / 255.0
-    return first * (forward - backward)
+    duty: float = pwm(handle, enable) / 255.0
+    forward = pin(handle, in1) != 0
+    backward = pin(handle, in2) != 0
+    if forward and backward:
+        return 0.0
+    if forward:
+        return duty
+    if backward:
+        return -duty
+    return duty - pwm(handle, second) / 255.0
 
 
 @njit(cache=True, nogil=True)
@@ -88,6 +94,14 @@ def _run(
     return 0
 
 
+def _entry_point(arguments: tuple[Any, ...]) -> Any:
+    """_run's compiled code for the types of these arguments."""
+    compiled: Any = _run
+    compiled(*arguments)
+    types = tuple(numba.typeof(value) for value in arguments)  # type: ignore[no-untyped-call]
+    return compiled.overloads[types].entry_point
+
+
 class Bench:
     """One machine on one field with its firmware; time in seconds from 0."""
 
@@ -107,8 +121,24 @@ class Bench:
         self._params = machine.parameters(spec, seed)
         self._given = machine.inputs()
         self._slices = 0
-        self.target = Target(scenario.firmware)
-        self.target.set_pin(ESTOP, 0)
+        self.target = targets.avr() if scenario.firmware == "avr" else targets.desk()
+        self.target.set_pin(ESTOP, False)
+        self._inner = self._bind()
+
+    def _bind(self) -> Callable[[int, int], int]:
+        """The compiled inner loop for this bench's arrays. Numba's dispatcher would work out the
+        records' types at every call, which costs more than the call's ten milliseconds of time."""
+        f = self.target.pointers
+        functions = (f.run_until, f.set_analog_mv, f.set_pin, f.pin, f.pwm)
+        records = (self._state, self._params, self._given)
+        first = (*functions, self.target.handle, 0, 0, *records)
+        entry = _entry_point(first)
+        handle = self.target.handle
+
+        def inner(begin_us: int, end_us: int) -> int:
+            return int(entry(*functions, handle, begin_us, end_us, *records))
+
+        return inner
 
     @property
     def now(self) -> float:
@@ -136,19 +166,7 @@ class Bench:
             if self._slices % SLICES_PER_CUT == 0:
                 self._ground()
             begin = self._slices * SLICE_US
-            status = _run(
-                target.fn_run_until,
-                target.fn_set_analog_mv,
-                target.fn_set_pin,
-                target.fn_pin,
-                target.fn_pwm,
-                target.handle,
-                begin,
-                begin + SLICE_US,
-                self._state,
-                self._params,
-                self._given,
-            )
+            status = self._inner(begin, begin + SLICE_US)
             if status != 0:
                 raise UserError(
                     f"the {self.scenario.firmware} firmware crashed at {begin / 1e6:.2f} s "

@@ -15,7 +15,7 @@ from hil.scenario import Scenario
 from host.pilot import EndOfField, Phase, Pilot
 from sim_plant.field import Field
 
-MARGIN_M = 0.3
+MARGIN_M = 0.2
 """The permitted area ends this far before the neighbour's crop."""
 PROBE_AHEAD_M = 0.1
 """The true edge is read this far before the blade, where the crop still stands."""

@@ -15,6 +15,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from host.errors import UserError
+from host.plan import Plan, spiral
 from host.vehicle import Mount, Vehicle
 from sim_plant.camera import CameraSpec
 from sim_plant.field import FieldSpec
@@ -51,7 +52,7 @@ class Start(BaseModel):
     corner: Annotated[int, Field(ge=0)] = 1
     """Index into the boundary (counter-clockwise from the lower left); the first side runs on
     from it."""
-    before_m: Annotated[float, Field(ge=0)] = 0.3
+    before_m: Annotated[float, Field(ge=0)] = 0.0
     """The blade's line before the crop."""
     lateral_error_m: float = 0.0
     heading_error_deg: float = 0.0
@@ -117,9 +118,21 @@ class Scenario(BaseModel):
             rear_overhang_m=v.rear_overhang_m,
         )
 
+    def corners(self) -> list[tuple[float, float]]:
+        """The boundary as surveyed, counter-clockwise; a rectangle's from its lower left."""
+        if self.field.polygon is None:
+            width, height = self.field.size_m
+            return [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
+        return [(x, y) for x, y in list(self.field.boundary.exterior.coords)[:-1]]
+
+    def plan(self) -> Plan:
+        """What the host is told of the field: the spiral of its boundary."""
+        v = self.vehicle
+        return spiral(self.corners(), self.start.corner, v.blade_width_m - v.overlap_m, self.turn)
+
     def start_pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle: on the lane beside the first side, the blade before it."""
-        corners = list(self.field.boundary.exterior.coords)[:-1]
+        corners = self.corners()
         k = self.start.corner % len(corners)
         (ax, ay), (bx, by) = corners[k], corners[(k + 1) % len(corners)]
         yaw = math.atan2(by - ay, bx - ax)

@@ -16,7 +16,14 @@ from host.vehicle import Vehicle
 DUTY_FULL = 255
 HISTORY_S = 1.5
 GAIN_LIMITS = (0.6, 1.4)
-GAIN_TIME_S = 20.0
+HALL_SIGMA = 0.01
+"""Wheel slip."""
+GAIN_SIGMA = 0.12
+"""Of the duty model before anything is learned."""
+GAIN_WALK = 0.004
+"""Growth per square root of a second: load and battery change."""
+DOPPLER_MPS = 0.06
+"""Standard deviation of a phone's speed over ground."""
 STRAIGHT_RAD = math.radians(8)
 
 
@@ -40,6 +47,7 @@ class Odometry:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._gain = 1.0
+        self._gain_sigma = GAIN_SIGMA
         self._speed = 0.0
         self._odometer: float | None = None
         self._history: deque[Motion] = deque()
@@ -49,6 +57,11 @@ class Odometry:
     def gain(self) -> float:
         """Learned ratio of true speed to the duty model's."""
         return self._gain
+
+    @property
+    def scale_sigma(self) -> float:
+        """Standard deviation of a travelled distance, as a share of it."""
+        return HALL_SIGMA if self._odometer is not None else self._gain_sigma
 
     def update(self, telemetry: Telemetry) -> Motion:
         """Advances to the telemetry's stamp. Older or repeated telemetry changes nothing."""
@@ -97,10 +110,14 @@ class Odometry:
             return
         if abs(telemetry.angle_rad) > STRAIGHT_RAD:
             return
-        ratio = fix.speed_mps / self._speed * self._gain
-        blend = 1 - math.exp(-dt / GAIN_TIME_S)
+        model = self._speed / self._gain
+        prior = self._gain_sigma**2 + GAIN_WALK**2 * dt
+        noise = (DOPPLER_MPS / model) ** 2
+        blend = prior / (prior + noise)
         low, high = GAIN_LIMITS
+        ratio = fix.speed_mps / model
         self._gain = min(high, max(low, self._gain + (ratio - self._gain) * blend))
+        self._gain_sigma = math.sqrt((1 - blend) * prior)
 
     def at(self, stamp: float) -> Motion:
         """The motion at an earlier time, the nearest recorded one within the history."""

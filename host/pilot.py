@@ -28,8 +28,8 @@ NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.7
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
-GAIN_DOUBT = 0.04
-"""Share of a length by which dead reckoning may be wrong."""
+MAX_DOUBT = 0.06
+"""Share of a side's length beyond which doubt about dead reckoning does not lengthen it."""
 SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
@@ -41,12 +41,12 @@ GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
-STEER_READY_RAD = math.radians(2.0)
+STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 STOPPED_MPS = 0.03
 SEARCH_PICTURES = 5
 ALIGNED_M = 0.03
-ALIGN_ROOM_M = 0.6
+ALIGN_ROOM_M = 0.5
 """How much farther than planned the vehicle may back to get into line with the edge."""
 ARM_RETRY_S = 0.5
 
@@ -295,14 +295,16 @@ class Pilot:
         """Whether the plan lets the side end here. Clear ground well before is a bare patch: the
         machine creeps on over it."""
         side = self._side()
-        return side is None or self._cut_m(motion) > (1 - GAIN_DOUBT) * side.length_m - EARLY_M
+        doubt = 2 * self._odometry.scale_sigma
+        return side is None or self._cut_m(motion) > (1 - doubt) * side.length_m - EARLY_M
 
     def _overrun(self) -> bool:
         """Whether the blade has passed where the plan ends the side, whatever vision says."""
         side = self._side()
         if side is None:
             return False
-        return self._cut_m(self.motion) > (1 + GAIN_DOUBT) * side.length_m + LATE_M
+        doubt = min(MAX_DOUBT, 2 * self._odometry.scale_sigma)
+        return self._cut_m(self.motion) > (1 + doubt) * side.length_m + LATE_M
 
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
