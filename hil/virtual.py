@@ -264,8 +264,8 @@ def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
     mounts = chosen.vehicle.mounts | {chosen.camera: chosen.mount}
     save_vehicle(out / "vehicle.yaml", chosen.vehicle.model_copy(update={"mounts": mounts}))
     frame = LocalFrame(chosen.gnss.lat_deg, chosen.gnss.lon_deg)
-    ring = [frame.to_wgs84(x, y) for x, y in chosen.field.boundary.exterior.coords]
-    polygon = {"type": "Polygon", "coordinates": [[[lon, lat] for lat, lon in ring]]}
+    ring = [frame.to_wgs84(x, y)[::-1] for x, y in chosen.corners()]
+    polygon = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
     (out / "boundary.geojson").write_text(json.dumps(polygon), encoding="utf-8")
     return {
         "vehicle": str(out / "vehicle.yaml"),

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import click
 import cv2
+import numpy as np
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -37,6 +38,7 @@ from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Mount, Vehicle
 from host.vehicle_file import load_vehicle, mount_of
 from host.vision import make_detector
+from host.vision.mounted import Mode
 
 PERIOD_S = 0.05
 SHOW_S = 0.2
@@ -104,6 +106,10 @@ class Drive:
         self.pictures_bad = 0
         self.late = 0
         """Steps that could not begin in time."""
+        self.latencies_s: list[float] = []
+        """From a picture's shutter to the telemetry that names the command made from it."""
+        self._asked: tuple[int, float] | None = None
+        """(sequence number, shutter) of the command that is on its way."""
         self.step_s = 0.0
         """How long the longest step since the last look took; the looker sets it back."""
         self._mount = mount
@@ -142,9 +148,11 @@ class Drive:
         """Takes telemetry as it comes, at least what is there."""
         while True:
             left = until - self._clock()
-            heard = self.link.poll(max(0.0, left))
-            if self._recorder is not None:
-                for telemetry in heard:
+            for telemetry in self.link.poll(max(0.0, left)):
+                if self._asked is not None and telemetry.last_seq == self._asked[0]:
+                    self.latencies_s.append(telemetry.stamp - self._asked[1])
+                    self._asked = None
+                if self._recorder is not None:
                     self._recorder.telemetry(telemetry)
             if left <= 0:
                 return
@@ -159,7 +167,10 @@ class Drive:
         fix = self.gnss.take() if self.gnss is not None else None
         self.fix = fix or self.fix
         self.command = self.pilot.step(now, frame, fix, self.telemetry)
+        seq = self.link.session.next_seq
         self.link.send(self.command)
+        if frame is not None:
+            self._asked = (seq, frame.stamp)
         if self._recorder is not None:
             self._write(self._recorder, now, picture, frame, fix)
 
@@ -303,7 +314,7 @@ def drive(
     gnss: str | None,
     vehicle: Path | None,
     mount: str,
-    mode: str,
+    mode: Mode,
     boundary: Path | None,
     corner: int | None,
     turn: str,
@@ -347,8 +358,11 @@ def drive(
         link.tap = lambda direction, at, data: recorder.put(
             f"/serial/{direction}", at, {"data": data}
         )
+        stack.callback(setattr, link, "tap", None)
         stack.callback(lambda: screen.say(f"record: {path}"))
-        pilot = Pilot(machine, make_detector(mode, machine, where), plan)
+        pilot = Pilot(
+            machine, make_detector(mode, machine, where, overlap_m=machine.overlap_m), plan
+        )
         run = Drive(pilot, link, pictures, fixes, where, machine, clock, recorder)
         try:
             with screen.open():
@@ -357,6 +371,12 @@ def drive(
             with contextlib.suppress(UserError):
                 held = halt(link, clock)
                 screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
+        if run.latencies_s:
+            late = 1e3 * np.array(run.latencies_s)
+            screen.say(
+                f"shutter to firmware: median {np.median(late):.0f} ms, 99th percentile "
+                f"{np.percentile(late, 99):.0f} ms of {late.size} pictures"
+            )
         if pilot.phase is Phase.FAULT:
             raise UserError(f"stopped: {_why(run)}")
         screen.say(f"finished: {pilot.reason}")
@@ -377,7 +397,7 @@ def _corner(corners: list[tuple[float, float]], fixes: Feed[Fix] | None) -> int:
     )
 
 
-def _warm_up(pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: str) -> None:
+def _warm_up(pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: Mode) -> None:
     """Lets a detector of its own see one picture: what is compiled at first use takes seconds, and
     the firmware waits for a command no longer than 250 ms once it is armed."""
     if not pictures.wait(FIRST_PICTURE_S):
