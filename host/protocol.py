@@ -545,7 +545,7 @@ PARAMS: dict[str, ParamSpec] = {
         2,
         1.0,
         20000,
-        100,
+        123,
         25000,
         "Hz",
         "timer 1 gives any frequency; takes effect at reset",

@@ -96,6 +96,7 @@ def header(schema: Table) -> str:
     """The C++ side: raw integers, sizes known at compile time, no allocation."""
     out = [
         f"// {BANNER}",
+        "// clang-format off",
         "#pragma once",
         "#include <stddef.h>",
         "#include <stdint.h>",

@@ -14,11 +14,12 @@ constexpr uint8_t kTelemetryTicks = 4;  // 50 Hz
 constexpr uint16_t kHallSilentTicks = 2000 / kTickMs;
 constexpr int16_t kHallSpeed = 100;  // mm/s: slower may well give no pulse
 
-constexpr uint16_t divided(uint16_t analog, uint16_t full) {
-  return static_cast<uint16_t>(static_cast<uint32_t>(analog) * full / kAnalogMax);
+// What a channel measures, where `full` is what 5 V mean.
+int16_t measured(const Board& board, Analog channel, int16_t full) {
+  return static_cast<int16_t>(static_cast<int32_t>(board.analog(channel)) * full / kAnalogMax);
 }
-constexpr uint16_t kBatteryFull = 20000;  // mV at the top of the converter, 1:4 divider
-constexpr uint16_t kCurrentFull = 5000;   // 0.01 A at the top of the converter, 100 mV/A
+constexpr int16_t kBatteryFull = 20000;  // mV at the top of the converter, 1:4 divider
+constexpr int16_t kCurrentFull = 5000;   // 0.01 A at the top of the converter, 100 mV/A
 
 }  // namespace
 
@@ -141,18 +142,18 @@ Result Controller::take_param_set(const protocol::ParamSet& set) {
 
 void Controller::observe(Board& board) {
   Observation seen{};
-  seen.pot = board.analog(Analog::kPot);
+  seen.pot = static_cast<int16_t>(board.analog(Analog::kPot));
   // Beyond its range the potentiometer says nothing; two ticks later the supervisor says so.
-  if (seen.pot >= static_cast<uint16_t>(params_[Param::pot_low]) * 16U &&
-      seen.pot <= static_cast<uint16_t>(params_[Param::pot_high]) * 16U && calibrated(params_)) {
+  if (seen.pot >= params_[Param::pot_low] * 16 && seen.pot <= params_[Param::pot_high] * 16 &&
+      calibrated(params_)) {
     angle_ = pot_to_angle(params_, seen.pot);
   }
   hall_.step(params_, board.hall_pulses(), drive_duty_);
-  battery_ = divided(board.analog(Analog::kBattery), kBatteryFull);
+  battery_ = measured(board, Analog::kBattery, kBatteryFull);
   seen.angle = angle_;
   seen.battery = battery_;
-  seen.steer_current = divided(board.analog(Analog::kSteerCurrent), kCurrentFull);
-  seen.drive_current = divided(board.analog(Analog::kDriveCurrent), kCurrentFull);
+  seen.steer_current = measured(board, Analog::kSteerCurrent, kCurrentFull);
+  seen.drive_current = measured(board, Analog::kDriveCurrent, kCurrentFull);
   seen.estop_open = board.pin(pins::kEstop);
   seen.hall_silent = false;
   seen.params_bad = params_bad_ || !calibrated(params_);
@@ -216,7 +217,7 @@ void Controller::report(Board& board) {
   message.blade = blade_;
   message.speed = hall_.speed();
   message.distance = hall_.distance();
-  message.battery = battery_;
+  message.battery = static_cast<uint16_t>(battery_);
   message.last_seq = last_seq_;
   message.frames_bad = parser_.bad();
   answer(board, message);

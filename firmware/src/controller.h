@@ -70,7 +70,7 @@ class Controller {
   int16_t angle_ = 0;        // centidegree
   int16_t steer_duty_ = 0;
   int16_t drive_duty_ = 0;
-  uint16_t battery_ = 0;  // mV
+  int16_t battery_ = 0;  // mV
 };
 
 }  // namespace daranti

@@ -48,7 +48,7 @@ void Drive::release() {
   setpoint_ = 0;
 }
 
-int16_t Drive::step(const Params& params, int16_t target, int16_t measured, uint16_t battery) {
+int16_t Drive::step(const Params& params, int16_t target, int16_t measured, int16_t battery) {
   const int16_t limit = params[Param::speed_max];
   const int32_t ramp = divide(static_cast<int32_t>(params[Param::drive_accel]) * kTickMs, 1000);
   setpoint_ = static_cast<int16_t>(approach(setpoint_, clamp(target, -limit, limit), ramp));

@@ -35,7 +35,7 @@ class Drive {
  public:
   // One tick. target, measured: mm/s (measured may be Hall::kNone); battery: mV.
   // Returns the duty, -255..255, positive forward.
-  int16_t step(const Params& params, int16_t target, int16_t measured, uint16_t battery);
+  int16_t step(const Params& params, int16_t target, int16_t measured, int16_t battery);
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return setpoint_; }

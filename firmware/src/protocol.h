@@ -1,4 +1,5 @@
 // Generated from firmware/protocol.toml by tools/protogen.py. Do not edit.
+// clang-format off
 #pragma once
 #include <stddef.h>
 #include <stdint.h>
@@ -362,7 +363,7 @@ constexpr uint8_t kParams = 39;
 #define DARANTI_PARAMS(X) \
   X(steer_driver, 0, 0, 1) \
   X(drive_driver, 0, 0, 1) \
-  X(steer_pwm_freq, 20000, 100, 25000) \
+  X(steer_pwm_freq, 20000, 123, 25000) \
   X(drive_pwm_freq, 3922, 123, 25000) \
   X(pot_left, 7370, 0, 10230) \
   X(pot_centre, 5120, 0, 10230) \

@@ -20,7 +20,7 @@ bool calibrated(const Params& params) {
   return (left >= kApart && right <= -kApart) || (left <= -kApart && right >= kApart);
 }
 
-int16_t pot_to_angle(const Params& params, uint16_t pot) {
+int16_t pot_to_angle(const Params& params, int16_t pot) {
   // In 1/160 counts, the common unit of pot (1/16) and the parameters (1/10).
   const int32_t centre = params[Param::pot_centre] * int32_t{16};
   const int32_t off = pot * int32_t{10} - centre;

@@ -9,7 +9,7 @@ namespace daranti {
 
 // Steering angle in centidegrees, positive left: two straight lines through the calibration's
 // left, centre and right points. pot: 1/16 counts. Needs calibrated(params).
-int16_t pot_to_angle(const Params& params, uint16_t pot);
+int16_t pot_to_angle(const Params& params, int16_t pot);
 
 // The three calibration points are at least 20 counts apart and in order, whichever way the
 // potentiometer turns.

@@ -11,11 +11,11 @@ namespace daranti {
 
 // What one tick sees of the machine.
 struct Observation {
-  uint16_t pot;            // 1/16 counts
-  int16_t angle;           // centidegree; meaningless with a pot fault
-  uint16_t battery;        // mV
-  uint16_t steer_current;  // 0.01 A
-  uint16_t drive_current;  // 0.01 A
+  int16_t pot;            // 1/16 counts
+  int16_t angle;          // centidegree; meaningless with a pot fault
+  int16_t battery;        // mV
+  int16_t steer_current;  // 0.01 A
+  int16_t drive_current;  // 0.01 A
   bool estop_open;
   bool hall_silent;    // driven, yet the configured hall sensor shows nothing
   bool params_bad;     // stored parameters corrupt or the calibration out of order

@@ -24,9 +24,9 @@ constexpr size_t kPins = 20;
 constexpr size_t kEepromSize = 1024;
 constexpr size_t kQueue = 1 << 16;         // bytes each way before they are refused
 constexpr size_t kUartRing = 128;          // the Uno's send buffer
-constexpr uint64_t kByteNs = 86'806;       // ten bits at 115200 baud
+constexpr uint64_t kByteNs = 85'000;       // ten bits, as the Uno divides 16 MHz for 115200 baud
 constexpr uint64_t kFirstTickUs = 4000;    // as uno/board.cpp has it
-constexpr uint64_t kWatchdogUs = 31'250;   // 4096 cycles of the 131072 Hz watchdog oscillator
+constexpr uint64_t kWatchdogUs = 32'000;   // 4096 cycles of the 128 kHz watchdog oscillator
 constexpr uint64_t kEepromWriteUs = 3400;  // datasheet 8.4.3
 
 struct TimedByte {
