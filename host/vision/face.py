@@ -21,22 +21,49 @@ from host.vision.pictures import Mask, u8
 from host.vision.view import NAN
 
 Floats = NDArray[np.float32]
+Sums = NDArray[np.float64]
 
 BIN_M = 0.005
 """Across the face."""
 SPAN_M = (-1.6, 1.0)
 """Of the face that is looked at, from right to left of the vehicle."""
-BAND_M = (0.06, 0.34)
-"""Heights on the face in which stems are counted: above the stubble's specks, below where the next
-crop behind a gap appears to a camera beneath the tops."""
+LOWEST_M = 0.06
+"""On the face: below this, stubble's specks."""
+HIGHEST_SHARE = 0.8
+"""Of the crop's height on the face: above this, ragged tops."""
+GAP_M = 2.0
+"""Least gap to the next crop behind: what a camera sees of that must not count as this face."""
+WINDOW_M = 0.3
+"""Looked at on either side of a possible right end."""
 DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
+BLOCK_PX = 16
+"""Columns that share a foot."""
+FOOT_M = 0.5
+"""The stems' lower ends fade in shade and dust: the foot is looked for this much nearer."""
+FOOT_WINDOW_M = 0.12
+"""On the face, above and below a possible foot."""
 REACH_M = 12.0
 """Feet further than this from the camera are not told apart from the horizon."""
 FAR_M = 2.5
 """Beyond this the right end of what stands there is of no use to a pilot."""
 NEAR_SHARE = 0.2
 """Share of the blade's width that must be reached for crop to count as ahead."""
+SPREAD = np.array([0.10, 0.10, 20.0])
+"""Within one kind of ground: of the shares of stems and of steps, and of the grey level. A feature
+counts by how far it differs in these units."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a mode's own stages say of one picture; all (height, width)."""
+
+    upright: Mask
+    """255 on the standing crop's stems (VTSY)."""
+    steps: Mask
+    """255 on every step of brightness across the picture."""
+    grey: Mask
+    """Brightness, by its logarithm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,80 +83,133 @@ class Face:
 
 @numba.njit(cache=True, nogil=True)
 def _profile(
-    lit: Mask,
+    upright: Mask,
+    steps: Mask,
+    grey: Mask,
     across: Floats,
     upward: Floats,
     scale: float,
-    origin_y: float,
-    origin_z: float,
+    origin: tuple[float, float],
     band: tuple[float, float],
     right: float,
-    out: Floats,
-    seen: Floats,
+    sums: Sums,
 ) -> None:
-    """Lit and all pixels of the face's band, counted by lateral bins from the right end."""
-    height, width = lit.shape
-    bins = out.shape[0]
+    """Per lateral bin of the face's band, from the right end: pixels, stems, steps, grey (n, 4)."""
+    height, width = upright.shape
+    bins = sums.shape[0]
     for v in range(height):
         for u in range(width):
-            z = origin_z + scale * upward[v, u]
+            z = origin[1] + scale * upward[v, u]
             if z < band[0] or z > band[1]:
                 continue
-            b = int((origin_y + scale * across[v, u] - right) / BIN_M)
+            b = int((origin[0] + scale * across[v, u] - right) / BIN_M)
             if 0 <= b < bins:
-                seen[b] += 1.0
-                if lit[v, u]:
-                    out[b] += 1.0
+                sums[b, 0] += 1.0
+                sums[b, 1] += upright[v, u] != 0
+                sums[b, 2] += steps[v, u] != 0
+                sums[b, 3] += grey[v, u]
 
 
 @numba.njit(cache=True, nogil=True)
-def _feet(dense: Mask, horizon: int, lowest: NDArray[np.int32]) -> None:
-    """Lowest dense row of every column below the horizon; -1 where there is none."""
-    height, width = dense.shape
-    for u in range(width):
-        lowest[u] = -1
-    for v in range(height - 1, horizon - 1, -1):
-        for u in range(width):
-            if lowest[u] < 0 and dense[v, u]:
-                lowest[u] = v
+def _blocks(upright: Mask, steps: Mask, grey: Mask, block: int, sums: Sums) -> None:
+    """Sums of stems, steps and grey per block of columns and row: (blocks, rows + 1, 3), running
+    from the top."""
+    height = upright.shape[0]
+    for b in range(sums.shape[0]):
+        for v in range(height):
+            stems, step, level = 0, 0, 0
+            for u in range(b * block, (b + 1) * block):
+                stems += upright[v, u] != 0
+                step += steps[v, u] != 0
+                level += grey[v, u]
+            sums[b, v + 1, 0] = sums[b, v, 0] + stems
+            sums[b, v + 1, 1] = sums[b, v, 1] + step
+            sums[b, v + 1, 2] = sums[b, v, 2] + level
 
 
 @numba.njit(cache=True, nogil=True)
-def _step(lit: Floats, seen: Floats, window: int, least_inside: float) -> tuple[int, float, float]:
-    """The bin where the crop on the left (higher bins) ends towards the right, and the densities
-    on the crop's side and on the other; -1 where there is none.
+def _feet(
+    dense: Mask,
+    sums: Sums,
+    block: int,
+    horizon: int,
+    limit: NDArray[np.int32],
+    windows: NDArray[np.int32],
+    spread: Sums,
+    feet: NDArray[np.int32],
+) -> None:
+    """Per block of columns the row of its foot, -1 without: below the lowest dense row, the division
+    of the rows above from those below with the greatest difference, at most down to `limit` of the
+    dense row."""
+    height = dense.shape[0]
+    for b in range(feet.shape[0]):
+        feet[b] = -1
+        middle = b * block + block // 2
+        rough = -1
+        for v in range(height - 1, horizon - 1, -1):
+            if dense[v, middle]:
+                rough = v
+                break
+        if rough < 0:
+            continue
+        best, at = -1.0, rough
+        for v in range(rough - windows[rough] // 2, min(height - 2, limit[rough]) + 1):
+            n = windows[v]
+            lo, hi = max(0, v - n), min(height, v + max(3, n // 2))
+            above, below = float((v - lo) * block), float((hi - v) * block)
+            if above <= 0.0 or below <= 0.0:
+                continue
+            score = 0.0
+            for k in range(1, 3):
+                d = (sums[b, v, k] - sums[b, lo, k]) / above
+                d -= (sums[b, hi, k] - sums[b, v, k]) / below
+                if k == 1 and d < 0.0:
+                    d = 0.0
+                score += (d / spread[k]) ** 2
+            if score > best:
+                best, at = score, v
+        feet[b] = at
 
-    It is the division with the greatest two-class variance of windows on either side, or one as
-    good that lies wholly right of it: a stand beside the others is the outer one."""
-    n = lit.shape[0]
-    a = np.zeros(n + 1)
-    b = np.zeros(n + 1)
+
+@numba.njit(cache=True, nogil=True)
+def _step(sums: Sums, window: int, spread: Sums) -> tuple[int, float, float, float]:
+    """The bin where the crop on the left (higher bins) ends towards the right, the shares of stems
+    on the crop's side and on the other, and by how many spreads the sides differ; -1 without.
+
+    It is the division with the greatest difference of the windows on either side, or one as good
+    that lies wholly right of it: a stand beside the others is the outer one."""
+    n = sums.shape[0]
+    run = np.zeros((n + 1, 4))
     for i in range(n):
-        a[i + 1] = a[i] + lit[i]
-        b[i + 1] = b[i] + seen[i]
+        for k in range(4):
+            run[i + 1, k] = run[i, k] + sums[i, k]
     score = np.zeros(n)
     inside = np.zeros(n)
     outside = np.zeros(n)
     at = -1
     for i in range(4, n - 4):
         lo, hi = max(0, i - window), min(n, i + window)
-        below, above = b[i] - b[lo], b[hi] - b[i]
+        below, above = run[i, 0] - run[lo, 0], run[hi, 0] - run[i, 0]
         if above < 1.0 or below < 1.0:
             continue
-        outside[i], inside[i] = (a[i] - a[lo]) / below, (a[hi] - a[i]) / above
-        if inside[i] < least_inside or inside[i] <= outside[i]:
+        outside[i], inside[i] = (run[i, 1] - run[lo, 1]) / below, (run[hi, 1] - run[i, 1]) / above
+        if inside[i] < 0.03 or inside[i] <= 2.0 * outside[i]:
             continue
+        total = 0.0
+        for k in range(1, 4):
+            d = (run[i, k] - run[lo, k]) / below - (run[hi, k] - run[i, k]) / above
+            total += (d / spread[k - 1]) ** 2
         share = above / (above + below)
-        score[i] = (inside[i] - outside[i]) ** 2 * share * (1.0 - share)
+        score[i] = total * 4.0 * share * (1.0 - share)
         if at < 0 or score[i] > score[at]:
             at = i
     if at < 0:
-        return -1, 0.0, 0.0
+        return -1, 0.0, 0.0, 0.0
     further = at
     for i in range(4, at - window):
         if score[i] > 0.5 * score[at] and (further == at or score[i] > score[further]):
             further = i
-    return further, inside[further], outside[further]
+    return further, inside[further], outside[further], math.sqrt(score[further])
 
 
 class FaceFinder:
@@ -140,88 +220,89 @@ class FaceFinder:
         self._vehicle = vehicle
         width, height = camera.size
         u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-        rays = camera.rays(np.stack([u, v], -1))
+        pixels = np.stack([u, v], -1)
+        rays = camera.rays(pixels)
         forward = np.where(rays[..., 0] > 1e-6, rays[..., 0], np.nan)
         far = 1e6
         self._across = np.nan_to_num(rays[..., 1] / forward, nan=far).astype(np.float32)
         self._upward = np.nan_to_num(rays[..., 2] / forward, nan=far).astype(np.float32)
-        ground = camera.on_height(np.stack([u, v], -1), 0.0)
-        x = np.nan_to_num(ground[..., 0], nan=far)
+        x = np.nan_to_num(camera.on_height(pixels, 0.0)[..., 0], nan=far)
         self._ground_x = np.minimum(x, far).astype(np.float32)
-        within = self._ground_x.min(1) < REACH_M
-        self._horizon = int(np.argmax(within)) if within.any() else height
-        self._columns = np.arange(width)
+        middle = self._ground_x[:, width // 2]
+        self._horizon = int(np.argmax(middle < REACH_M)) if middle.min() < REACH_M else height
+        x_c = float(camera.position[0])
+        # rows that a face's foot may be lower than its stems seem to end
+        nearer = np.maximum(middle - FOOT_M, x_c + 0.05)
+        order = np.searchsorted(-middle, -nearer)
+        self._limit = np.minimum(order, height - 1).astype(np.int32)
+        rows = camera.matrix[0, 0] * FOOT_WINDOW_M / np.maximum(middle - x_c, 0.1)
+        self._windows = np.clip(rows, 4, 40).astype(np.int32)
 
-    def find(self, upright: Mask, textured: Mask) -> Face:
-        """`upright` holds the stems' pixels, `textured` all pixels with a step across (without it
-        nothing says that an empty place was seen at all)."""
-        vehicle = self._vehicle
-        near = cv2.boxFilter(upright, cv2.CV_8U, (17, 9))
+    def find(self, seen: Evidence) -> Face:
+        """The face in one picture."""
+        near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
-        lowest = np.empty(upright.shape[1], np.int32)
-        _feet(dense, self._horizon, lowest)
-        x, y = self._contour(lowest)
-        ahead, sight = self._ahead(x, y, textured)
         standing = np.asarray(dense > 0)
+        ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
-        face_x = max(vehicle.blade_x_m, vehicle.blade_x_m + ahead)
-        right, sure = self._right_end(upright, face_x)
+        face_x = self._vehicle.blade_x_m + ahead
+        right, sure = self._right_end(seen, face_x)
         return Face(ahead, sight, right, sure, face_x, standing)
 
-    def _contour(self, lowest: NDArray[np.int32]) -> tuple[Floats, Floats]:
-        """(x, y) on the ground of each column's foot; inf where there is none."""
-        rows = np.maximum(lowest, 0)
-        x = np.where(lowest >= 0, self._ground_x[rows, self._columns], np.inf)
-        y = self._camera.position[1] + self._across[rows, self._columns] * (
-            x - self._camera.position[0]
-        )
-        return x.astype(np.float32), np.where(np.isfinite(x), y, np.inf).astype(np.float32)
+    def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
+        """(x, y) on the ground of the foot of each block of columns that has one."""
+        blocks = seen.upright.shape[1] // BLOCK_PX
+        sums = np.zeros((blocks, seen.upright.shape[0] + 1, 3))
+        feet = np.empty(blocks, np.int32)
+        _blocks(seen.upright, seen.steps, seen.grey, BLOCK_PX, sums)
+        _feet(dense, sums, BLOCK_PX, self._horizon, self._limit, self._windows, SPREAD, feet)
+        columns = np.arange(blocks) * BLOCK_PX + BLOCK_PX // 2
+        rows, columns = feet[feet >= 0], columns[feet >= 0]
+        x = self._ground_x[rows, columns]
+        x_c, y_c, _ = self._camera.position
+        return x, np.asarray(y_c + self._across[rows, columns] * (x - x_c), np.float32)
 
-    def _ahead(self, x: Floats, y: Floats, textured: Mask) -> tuple[float, float]:
+    def _ahead(self, x: Floats, y: Floats, sight: float) -> tuple[float, float]:
         """Distance from the blade's line to the nearest face that fills a share of its width."""
         vehicle = self._vehicle
-        half = 0.5 * vehicle.blade_width_m
-        inside = np.abs(y) < half
-        near = x[inside]
-        sight = self._sight(textured)
-        if near.size == 0:
+        near = np.sort(x[np.abs(y) < 0.5 * vehicle.blade_width_m])
+        width = BLOCK_PX * (near - self._camera.position[0]) / self._camera.matrix[0, 0]
+        reached = np.cumsum(width)
+        enough = int(np.searchsorted(reached, NEAR_SHARE * vehicle.blade_width_m))
+        if enough >= len(near):
             return math.inf, sight
-        order = np.argsort(near)
-        lateral = (near - self._camera.position[0]) / self._camera.matrix[0, 0]
-        reached = np.cumsum(lateral[order])
-        enough = np.searchsorted(reached, NEAR_SHARE * vehicle.blade_width_m)
-        if enough >= len(order):
-            return math.inf, sight
-        distance = float(near[order][enough]) - vehicle.blade_x_m
+        distance = float(near[enough]) - vehicle.blade_x_m
         return max(0.0, distance), max(sight, 0.9 if reached[-1] > 0.3 else 0.5)
 
-    def _sight(self, textured: Mask) -> float:
-        """How surely the picture shows anything at all: the share of textured pixels below the
-        horizon, as a probability."""
-        below = textured[self._horizon :]
+    def _sight(self, seen: Evidence) -> float:
+        """How surely the picture shows anything at all, by the share of steps below the horizon."""
+        below = seen.steps[self._horizon :]
         share = float(cv2.countNonZero(below)) / max(1, below.size)
         return min(0.95, share / 0.05)
 
-    def _right_end(self, upright: Mask, face_x: float) -> tuple[float, float]:
+    def _right_end(self, seen: Evidence, face_x: float) -> tuple[float, float]:
         """Lateral position of the face's right end on the plane at `face_x`, and confidence."""
-        scale = face_x - float(self._camera.position[0])
-        bins = round((SPAN_M[1] - SPAN_M[0]) / BIN_M)
-        lit, seen = np.zeros(bins, np.float32), np.zeros(bins, np.float32)
+        x_c, y_c, z_c = (float(c) for c in self._camera.position)
+        scale = face_x - x_c
+        behind = z_c * (1.0 - scale / (scale + GAP_M))
+        top = min(HIGHEST_SHARE * self._vehicle.crop_height_m, behind - 0.02)
+        sums = np.zeros((round((SPAN_M[1] - SPAN_M[0]) / BIN_M), 4))
         _profile(
-            upright,
+            seen.upright,
+            seen.steps,
+            seen.grey,
             self._across,
             self._upward,
             scale,
-            float(self._camera.position[1]),
-            float(self._camera.position[2]),
-            BAND_M,
+            (y_c, z_c),
+            (LOWEST_M, top),
             SPAN_M[0],
-            lit,
-            seen,
+            sums,
         )
-        at, inside, outside = _step(lit, seen, round(0.3 / BIN_M), DENSE)
+        at, inside, outside, differ = _step(sums, round(WINDOW_M / BIN_M), SPREAD)
         if at < 0:
             return NAN, 0.0
-        contrast = (inside - outside) / max(inside + outside, 1e-6)
-        return SPAN_M[0] + at * BIN_M, max(0.0, min(0.95, 1.5 * contrast - 0.4))
+        contrast = (inside - outside) / (inside + outside)
+        sure = min(1.5 * contrast - 0.4, 0.4 * differ)
+        return SPAN_M[0] + at * BIN_M, max(0.0, min(0.95, sure))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
 
 from host.vehicle import Mount, Vehicle
-from host.vision.face import BAND_M, Face, FaceFinder
+from host.vision.face import LOWEST_M, Evidence, Face, FaceFinder
 from host.vision.geometry import Camera
 from host.vision.paper import (
     L_TOLERANCE,
@@ -18,11 +17,13 @@ from host.vision.paper import (
     l_height,
     staged_pictures,
 )
-from host.vision.pictures import Mask, Picture
+from host.vision.pictures import Picture
 from host.vision.stems import Stems
 from host.vision.view import NAN, CropView
 
 Mode = Literal["paper", "robust"]
+
+Pictures = dict[str, Picture]
 
 ALIGNED_M = 0.15
 """The first picture's E_outer becomes O_map when it is at most this far from where the mount's
@@ -31,21 +32,10 @@ SURE = 0.5
 """Confidence from which a picture may set the references."""
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """What a mode's own stages say of one picture."""
-
-    upright: Mask
-    """255 on the standing crop's stems (VTSY)."""
-    textured: Mask
-    """255 where the picture shows any structure at all."""
-    stages: dict[str, Picture]
-
-
 class Source(Protocol):
     """A mode's own stages."""
 
-    def look(self, bgr: Picture, stages: bool) -> Evidence: ...
+    def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]: ...
 
 
 class PaperSource:
@@ -54,9 +44,10 @@ class PaperSource:
     def __init__(self, params: PaperParams, camera: Camera, vehicle: Vehicle) -> None:
         self._chain = Chain(params, camera.size, camera, vehicle.blade_height_m)
 
-    def look(self, bgr: Picture, stages: bool) -> Evidence:
+    def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]:
         s = self._chain.run(bgr)
-        return Evidence(s.upright, s.steps, staged_pictures(bgr, s) if stages else {})
+        evidence = Evidence(s.upright, s.steps, s.value)
+        return evidence, staged_pictures(bgr, s) if stages else {}
 
 
 class RobustSource:
@@ -65,12 +56,10 @@ class RobustSource:
     def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
         self._stems = Stems(camera, vehicle.blade_height_m)
 
-    def look(self, bgr: Picture, stages: bool) -> Evidence:
-        upright, steps = self._stems.run(bgr)
-        pictures: dict[str, Picture] = {}
-        if stages:
-            pictures = {"steps": np.dstack([steps] * 3), "stems": np.dstack([upright] * 3)}
-        return Evidence(upright, steps, pictures)
+    def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]:
+        seen = self._stems.run(bgr)
+        pictures = {"grey": seen.grey, "steps": seen.steps, "stems": seen.upright}
+        return seen, {k: np.dstack([p] * 3) for k, p in pictures.items()} if stages else {}
 
 
 class MountedDetector:
@@ -88,9 +77,9 @@ class MountedDetector:
         self._l_reference = NAN
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
-        evidence = self._source.look(bgr, stages)
-        face = self._finder.find(evidence.upright, evidence.textured)
-        height = l_height(evidence.upright)
+        seen, pictures = self._source.look(bgr, stages)
+        face = self._finder.find(seen)
+        height = l_height(seen.upright)
         if math.isnan(self._l_reference) and face.right_confidence >= SURE:
             self._l_reference = height
         offset = face.right_m - self._expected_m
@@ -107,7 +96,7 @@ class MountedDetector:
             standing=face.standing,
             edge_px=self._edge(face),
             reason=self._reason(face),
-            stages=evidence.stages,
+            stages=pictures,
         )
 
     def restart(self) -> None:
@@ -127,7 +116,7 @@ class MountedDetector:
         if math.isnan(lateral_m):
             return NAN
         x = face.at_x_m if math.isfinite(face.at_x_m) else self._vehicle.blade_x_m
-        return float(self._camera.project([x, lateral_m, BAND_M[0]])[0])
+        return float(self._camera.project([x, lateral_m, LOWEST_M])[0])
 
     def _edge(self, face: Face) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None:
         """The upright border of the face, from the ground to the tops."""

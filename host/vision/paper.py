@@ -75,6 +75,7 @@ class Stages:
     """255 where the threshold takes it for ripe crop (TSY)."""
     unripe: Mask
     """255 where it is yellow but greener than ripe."""
+    value: Mask
     steps: Mask
     """255 on every step of brightness across the picture, of any colour and length."""
     upright: Mask
@@ -123,7 +124,7 @@ class Chain:
         steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
         sides = u8(cv2.bitwise_and(steps, ripe))
         upright = upright_pieces(sides, self._tracks, self.least_px, p.gap_px)
-        return Stages(u8(sy), u8(ripe), u8(unripe), steps, upright)
+        return Stages(u8(sy), u8(ripe), u8(unripe), u8(value), steps, upright)
 
 
 def staged_pictures(bgr: Picture, s: Stages) -> dict[str, Picture]:

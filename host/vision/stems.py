@@ -10,9 +10,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from host.vision.face import Evidence
 from host.vision.geometry import Camera
 from host.vision.lines import rails, upright_pieces
-from host.vision.pictures import Mask, Picture, u8
+from host.vision.pictures import Picture, u8
 
 TILTS_DEG = (-5.0, 0.0, 5.0)
 """Of wind-blown and leaning stems, about the mount's own verticals."""
@@ -40,11 +41,12 @@ class Stems:
         stubble = camera.stem_rows_px(blade_height_m + RAGGED_M)
         self._least_px = np.maximum(LEAST_PX, LONGER * stubble).astype(np.float32)
 
-    def run(self, bgr: Picture) -> tuple[Mask, Mask]:
-        """(stems, every step across): 255 where there is one."""
-        grey = cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), _LOGARITHM)
+    def run(self, bgr: Picture) -> Evidence:
+        """The evidence of one picture (height, width, 3)."""
+        grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), _LOGARITHM))
         across = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 1, 0, ksize=1))
         along = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 0, 1, ksize=1))
         _, step = cv2.threshold(across, STEP, 255, cv2.THRESH_BINARY)
         steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
-        return upright_pieces(steps, self._tracks, self._least_px, GAP_PX), steps
+        upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
+        return Evidence(upright, steps, grey)
