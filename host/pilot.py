@@ -299,12 +299,12 @@ class Pilot:
         return side is None or self._cut_m(motion) > (1 - doubt) * side.length_m - EARLY_M
 
     def _overrun(self) -> bool:
-        """Whether the blade has passed where the plan ends the side, whatever vision says."""
+        """Whether the blade has passed the field's boundary, whatever vision says."""
         side = self._side()
         if side is None:
             return False
         doubt = min(MAX_DOUBT, 2 * self._odometry.scale_sigma)
-        return self._cut_m(self.motion) > (1 + doubt) * side.length_m + LATE_M
+        return self._cut_m(self.motion) > (1 + doubt) * side.fence_m + LATE_M
 
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry

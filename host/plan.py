@@ -23,13 +23,15 @@ MAX_SIDES = 4000
 @dataclass(frozen=True, slots=True)
 class Side:
     """One pass. The crop's outer edge runs from (x_m, y_m) in direction heading_rad (field frame)
-    for length_m; the strip is width_m wide, left of it."""
+    for length_m; the strip is width_m wide, left of it. From the beginning of the crop it is
+    fence_m to the field's boundary: on inner sides, what has been cut lies between."""
 
     x_m: float
     y_m: float
     heading_rad: float
     length_m: float
     width_m: float
+    fence_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +80,7 @@ def spiral(
     while empty < count and len(sides) < MAX_SIDES:
         heading = headings[k % count]
         k += 1
-        turned = _along(standing, heading)
+        turned, ring_turned = _along(standing, heading), _along(ring, heading)
         if turned.is_empty:
             break
         lo_x, lo_y, hi_x, hi_y = turned.bounds
@@ -90,7 +92,9 @@ def spiral(
         begin, _, end, _ = strip.bounds
         c, s = math.cos(heading), math.sin(heading)
         x, y = c * begin - s * lo_y, s * begin + c * lo_y
-        sides.append(Side(x, y, heading, end - begin, min(width_m, hi_y - lo_y)))
+        path = shapely.box(lo_x, lo_y, ring_turned.bounds[2], min(hi_y, lo_y + width_m))
+        fence = ring_turned.intersection(path).bounds[2] - begin
+        sides.append(Side(x, y, heading, end - begin, min(width_m, hi_y - lo_y), fence))
         rest = turned.intersection(
             shapely.box(lo_x, lo_y + width_m, hi_x, max(hi_y, lo_y + width_m))
         )

@@ -69,6 +69,15 @@ def test_a_square_of_ten_metres_takes_21_sides() -> None:
     assert plan.sides[4].length_m == pytest.approx(8.1)
 
 
+def test_every_side_knows_how_far_the_boundary_is() -> None:
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95)
+    assert plan.sides[0].fence_m == pytest.approx(10.0)
+    assert plan.sides[3].fence_m == pytest.approx(9.05)
+    assert plan.sides[4].fence_m == pytest.approx(9.05)
+    assert plan.sides[5].length_m == pytest.approx(7.15)
+    assert plan.sides[5].fence_m == pytest.approx(8.1)
+
+
 def test_orientation_of_the_boundary_does_not_matter() -> None:
     corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
     assert len(spiral(corners, 0, 0.95).sides) == len(spiral(corners[::-1], 0, 0.95).sides)
