@@ -324,6 +324,19 @@ def _find(
             label[v, u] = hit
 
 
+@njit(cache=True, nogil=True)
+def _between(grids: NDArray[np.float32], x: float, y: float, channel: int) -> float:
+    """Bilinear interpolation between cells, clamped at the border."""
+    rows, columns = grids.shape[:2]
+    i = min(max(int(x), 0), columns - 2)
+    j = min(max(int(y), 0), rows - 2)
+    fx = min(1.0, max(0.0, x - i))
+    fy = min(1.0, max(0.0, y - j))
+    low = grids[j, i, channel] * (1.0 - fx) + grids[j, i + 1, channel] * fx
+    high = grids[j + 1, i, channel] * (1.0 - fx) + grids[j + 1, i + 1, channel] * fx
+    return low * (1.0 - fy) + high * fy
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(
     image: NDArray[np.uint8],
@@ -388,6 +401,7 @@ def _fill(
                 shadow = scene.stand[j, i, _SUNLIT]
                 ao = 0.8 + 0.4 * scene.stand[j, i, _TONE]
                 if hit == _GROUND:
+                    shadow = _between(scene.stand, px - 0.5, py - 0.5, _SUNLIT)
                     seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
                     if kind == f.STUBBLE or kind == f.NEIGHBOUR_STUBBLE:
                         tile = texture.STUBBLE
@@ -600,7 +614,7 @@ def _project(
             e[4] = v1
             e[5] = z1
             scale = F / z1 * wider
-            e[6] = 0.0019 * scale
+            e[6] = (0.0019 if tall else 0.0026) * scale
             e[7] = 0.0050 * scale if tall else 0.0
             e[8] = head
             e[16] = s[7] * scale / wider if tall else 0.0
@@ -616,6 +630,8 @@ def _project(
             else:
                 e[12] = STUBBLE
             shade = s[5] * (0.86 + 0.28 * scene.stand[cj, ci, _TONE])
+            if not tall:
+                shade *= 1.12
             green = 0.0
             if tall:
                 green = scene.stand[cj, ci, _GREEN] * (0.75 + 0.5 * s[6])

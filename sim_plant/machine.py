@@ -142,9 +142,9 @@ class MachineSpec(Strict):
     """The blade's line, ahead of the front axle."""
     blade_height_m: Positive = 0.12
     blade_spin_up_s: Positive = 0.4
-    cornering_front_n: Positive = 12000.0
+    cornering_front_n: Positive = 3000.0
     """Side force of the front wheel per radian of slip."""
-    cornering_rear_n: Positive = 24000.0
+    cornering_rear_n: Positive = 8000.0
     front_load: Annotated[float, Limits(gt=0, lt=1)] = 0.35
     """Share of the weight on the front wheel."""
     steering: SteeringSpec = SteeringSpec()

@@ -77,9 +77,9 @@ def bake(
     ground = np.asarray(np.clip(np.array(soil) * base[..., None], 0, 255), np.uint8)
 
     stubble = ground.copy()
-    _strokes(stubble, rng, 9000, (8, 45), straw, spread=(0.5, 1.0))
+    _strokes(stubble, rng, 20000, (8, 50), straw, spread=(0.6, 1.1), shade=0.6)
     swath = stubble.copy()
-    _strokes(swath, rng, 26000, (25, 110), straw, spread=(0.55, 1.12), shade=0.4)
+    _strokes(swath, rng, 26000, (25, 110), straw, spread=(0.65, 1.15), shade=0.5)
     grass = ground.copy()
     _strokes(grass, rng, 9000, (5, 20), (58, 122, 98), spread=(0.5, 1.1))
     dark = tuple(0.6 * c for c in crop)

@@ -1,0 +1,237 @@
+"""Pictures are a function of seed, time, pose and field; labels agree with projective geometry."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+import pytest
+
+from sim_plant import camera as c
+from sim_plant import sky
+from sim_plant.camera import LOW, MAST, Camera, CameraSpec
+from sim_plant.field import Field, FieldSpec
+from sim_plant.sky import WeatherSpec
+
+SPEC = FieldSpec(size_m=(8.0, 6.0), bare=0, thin=0, edge_wobble_m=0, crop_height_sd_m=0)
+POSE = (0.0, 1.0, 1.5, 0.0)
+PINHOLE = {"k1": 0.0, "k2": 0.0}
+
+
+def half_cut(seed: int = 1, spec: FieldSpec = SPEC) -> Field:
+    """The crop below y = 1 is cut, and so is everything left of x = 3 below y = 2."""
+    field = Field(spec, seed)
+    field.clear(((-1, -1), (9, -1), (9, 1), (-1, 1)))
+    field.clear(((-1, -1), (3, -1), (3, 2), (-1, 2)))
+    return field
+
+
+@pytest.mark.parametrize("mount", [LOW, MAST])
+def test_pictures_do_not_depend_on_the_number_of_threads(mount: CameraSpec) -> None:
+    pictures = [Camera(half_cut(), mount, seed=1, threads=n).capture(*POSE) for n in (1, 2, 3)]
+    assert pictures[0].shape == (480, 640, 3)
+    assert all(np.array_equal(pictures[0], p) for p in pictures[1:])
+
+
+def test_pictures_repeat_and_differ_by_seed_time_and_pose() -> None:
+    def shot(seed: int, t: float, x: float) -> bytes:
+        return Camera(half_cut(), MAST, seed=seed).capture(t, x, 1.5, 0.1).tobytes()
+
+    assert shot(1, 0.0, 1.0) == shot(1, 0.0, 1.0)
+    assert len({shot(1, 0.0, 1.0), shot(2, 0.0, 1.0), shot(1, 0.1, 1.0), shot(1, 0.0, 1.1)}) == 4
+
+
+def test_a_picture_does_not_depend_on_those_before_it() -> None:
+    used, fresh = (Camera(half_cut(), MAST, seed=1) for _ in range(2))
+    used.capture(5.0, 3.0, 3.0, 2.0, yaw_rate=0.3)
+    assert np.array_equal(used.capture(*POSE), fresh.capture(*POSE))
+
+
+def test_cutting_after_the_shutter_does_not_change_the_picture_developed_in_another_thread() -> (
+    None
+):
+    field = half_cut()
+    camera = Camera(field, MAST, seed=1)
+    before = camera.capture(*POSE)
+    shot = camera.shutter(*POSE)
+    with ThreadPoolExecutor(1) as worker:
+        coming = worker.submit(camera.develop, shot)
+        for k in range(100):
+            field.cut((1.5 + 0.02 * k, 1.5, 0.0), (1.5 + 0.02 * (k + 1), 1.5, 0.0))
+        assert np.array_equal(coming.result(), before)
+    after = camera.capture(*POSE)
+    assert np.count_nonzero(np.abs(after.astype(int) - before).max(2) > 40) > 10_000
+
+
+def test_incremental_updates_give_the_picture_of_a_camera_that_saw_the_final_field() -> None:
+    field = half_cut()
+    watching = Camera(field, MAST, seed=1)
+    for k in range(40):
+        field.cut((1.5 + 0.05 * k, 1.5, 0.0), (1.5 + 0.05 * (k + 1), 1.5, 0.0))
+        watching.capture(0.1 * k, 1.5 + 0.05 * k, 1.5, 0.0)
+    late = Camera(field, MAST, seed=1)
+    assert np.array_equal(watching._scene.kind, late._scene.kind)
+    assert np.array_equal(watching._scene.stand, late._scene.stand)
+    # The free distance may stay a lower bound.
+    assert (watching._scene.clear <= late._scene.clear + 1e-6).all()
+    pose = (9.0, 2.0, 1.5, 0.0)
+    differs = watching.labels(*pose) != late.labels(*pose)
+    assert differs.mean() < 0.002
+
+
+def _project(mount: CameraSpec, forward: float, left: float, up: float) -> tuple[float, float]:
+    """Pixel of a point of the vehicle frame, by the pinhole model alone."""
+    p = math.radians(mount.pitch_deg)
+    x, y, z = forward - mount.x_m, left - mount.y_m, up - mount.z_m
+    depth = x * math.cos(p) - z * math.sin(p)
+    down = -x * math.sin(p) - z * math.cos(p)
+    u = mount.width_px / 2 - mount.focal_px * y / depth
+    return u, mount.height_px / 2 + mount.focal_px * down / depth
+
+
+BESIDE = (0.0, 1.0, 0.5, 0.0)
+"""On the stubble, the crop's edge 0.5 m to the left from x = 3 on: its foot is in view."""
+
+
+@pytest.mark.parametrize("mount", [LOW, MAST])
+def test_the_crops_edge_is_where_the_pinhole_model_puts_it(mount: CameraSpec) -> None:
+    mount = mount.model_copy(update=PINHOLE)
+    label = Camera(half_cut(), mount, seed=1).labels(*BESIDE)
+    for ahead in (2.6, 3.5, 5.0):
+        u, v = _project(mount, ahead, 0.5, 0.0)
+        rows = label[round(v) - 2 : round(v) + 3]
+        found = np.median([np.flatnonzero(np.isin(r, (c.STANDING, c.EDGE))).max() for r in rows])
+        # Within 8 cm: stalks lean, and stubble stands before the foot.
+        assert found == pytest.approx(u, abs=0.08 * mount.focal_px / ahead + 2)
+    u, v = _project(mount, 2.6, 0.3, 0.0)
+    assert label[round(v), round(u)] == c.STUBBLE
+
+
+@pytest.mark.parametrize("mount", [LOW, MAST])
+def test_the_marked_edge_lies_on_the_true_edge(mount: CameraSpec) -> None:
+    mount = mount.model_copy(update=PINHOLE)
+    label = Camera(half_cut(), mount, seed=1).labels(*BESIDE)
+    errors = []
+    for ahead in np.linspace(2.6, 6.0, 20):
+        eu, ev = _project(mount, ahead, 0.5, 0.0)
+        marked = np.flatnonzero(label[round(ev)] == c.EDGE)
+        if marked.size:
+            errors.append(np.abs(marked - eu).min() * ahead / mount.focal_px)
+    assert len(errors) > 12
+    assert np.median(errors) < 0.05
+
+
+def test_a_pitched_camera_makes_verticals_at_the_side_lean() -> None:
+    """Design, point 3: pitched by 14 degrees, a vertical at the picture's side leans by 8.5."""
+    mount = MAST.model_copy(update={**PINHOLE, "pitch_deg": 14.0})
+    ahead, left = 4.0, 2.4
+    low, high = (_project(mount, ahead, left, z) for z in (0.0, 0.9))
+    lean = math.degrees(math.atan2(high[0] - low[0], low[1] - high[1]))
+    assert abs(lean) == pytest.approx(8.5, abs=0.3)
+    camera = Camera(half_cut(), mount, seed=1)
+    view = camera._view(camera.shutter(*POSE))
+    for (u, v), z in ((low, 0.0), (high, 0.9)):
+        p = np.array([POSE[1] + ahead - view.x, POSE[2] + left - view.y, z - view.z])
+        right, down, forward = view.axes @ p
+        assert view.focal * right / forward + view.cu == pytest.approx(u, abs=0.01)
+        assert view.focal * down / forward + view.cv == pytest.approx(v, abs=0.01)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.05, 0.0), (-0.05, 0.0), (0.0, 0.06), (0.0, -0.06)])
+def test_the_grounds_slope_reaches_the_horizon(roll: float, pitch: float) -> None:
+    mount = MAST.model_copy(update={**PINHOLE, "pitch_deg": 5.0})
+    field = Field(SPEC.model_copy(update={"neighbours": "none", "size_m": (0.2, 0.2)}))
+    label = Camera(field, mount).labels(0.0, -3.0, 0.1, 0.0, roll=roll, pitch=pitch)
+    top = [int(np.flatnonzero(label[:, u] != c.BACKGROUND).min()) for u in (20, 620)]
+    level = [int(np.flatnonzero(column != c.BACKGROUND).min()) for column in
+             Camera(field, mount).labels(0.0, -3.0, 0.1, 0.0)[:, [20, 620]].T]  # fmt: skip
+    shift = np.subtract(top, level)
+    if pitch:
+        assert shift == pytest.approx(-mount.focal_px * pitch, abs=4)
+    else:
+        # Right side down: the horizon drops on the left and rises on the right.
+        assert shift[1] - shift[0] == pytest.approx(-600 * roll, abs=4)
+
+
+def test_lens_distortion_moves_the_corner_as_its_polynomial_says() -> None:
+    mount = MAST.model_copy(update={"k1": -0.1, "k2": 0.02})
+    rays = Camera(half_cut(), mount)._rays
+    a, b = (float(x) for x in rays[0, 0])
+    r = a * a + b * b
+    factor = mount.focal_px * (1 + mount.k1 * r + mount.k2 * r * r)
+    assert (a * factor + 320, b * factor + 240) == pytest.approx((0.5, 0.5), abs=1e-3)
+
+
+def test_a_rolling_shutter_shears_a_turning_picture() -> None:
+    mount = MAST.model_copy(update={**PINHOLE, "readout_s": 0.05, "shutter_s": 0.0, "noise": 0.0})
+    camera = Camera(half_cut(), mount, seed=1)
+    still, turning = (camera.capture(*POSE, yaw_rate=w) for w in (0.0, 0.6))
+    expected = mount.focal_px * 0.6 * 0.05  # over the whole height
+    shifts = []
+    for v in (60, 420):
+        strip = still[v : v + 8, 100:540]
+        found = cv2.matchTemplate(turning[v : v + 8, 60:580], strip, cv2.TM_CCOEFF_NORMED)
+        shifts.append(int(found.argmax()) - 40)
+    assert shifts[1] - shifts[0] == pytest.approx(expected * 360 / 480, abs=2.5)
+
+
+def test_the_exposure_control_evens_out_haze_cloud_and_hour() -> None:
+    means = [
+        Camera(half_cut(), MAST, WeatherSpec(**w), seed=1).capture(*POSE).mean()
+        for w in ({"hour": 9}, {"hour": 12}, {"hour": 16.5}, {"cloud": 1.0}, {"haze": 0.05})
+    ]
+    assert max(means) / min(means) < 1.25
+
+
+def test_the_sun_rises_in_the_east_and_culminates_at_latitude_less_declination() -> None:
+    morning, noon, evening = (sky.sun(WeatherSpec(hour=h)) for h in (9, 12, 15))
+    assert morning.east > 0.5 > abs(noon.east)
+    assert evening.east == pytest.approx(-morning.east)
+    assert noon.north < 0
+    # 28 April: declination 14.0 degrees.
+    assert math.degrees(noon.elevation) == pytest.approx(90 - 31.5 + 14.0, abs=0.3)
+
+
+def test_shadows_fall_away_from_the_sun() -> None:
+    """At 9 h the sun stands in the east: ground just west of the crop lies in shadow."""
+    scenes = {h: Camera(half_cut(), MAST, WeatherSpec(hour=h))._scene for h in (9.0, 15.0)}
+
+    def shaded(hour: float, x: float, y: float) -> bool:
+        s = scenes[hour]
+        j, i = int((y - s.y0) / s.cell / 2), int((x - s.x0) / s.cell / 2)
+        return bool(s.stand[j, i, 0] > 0)
+
+    west, east = (-0.2, 3.0), (8.2, 3.0)
+    assert (shaded(9.0, *west), shaded(9.0, *east)) == (True, False)
+    assert (shaded(15.0, *west), shaded(15.0, *east)) == (False, True)
+
+
+def test_low_sun_is_warm() -> None:
+    def warmth(hour: float) -> float:
+        direct, _ = sky.daylight(WeatherSpec(hour=hour))
+        return float(direct[2] / direct[0])
+
+    assert warmth(7.0) > warmth(9.0) > warmth(12.0)
+
+
+def test_wind_moves_the_stalks() -> None:
+    camera = Camera(half_cut(), MAST, WeatherSpec(wind_mps=6), seed=1)
+    calm = Camera(half_cut(), MAST, WeatherSpec(wind_mps=0), seed=1)
+
+    def change(cam: Camera) -> float:
+        a, b = (cam.labels(t, *POSE[1:]) for t in (0.0, 0.4))
+        return float((a != b).mean())
+
+    assert change(calm) == 0.0
+    assert change(camera) > 0.005
+
+
+def test_the_jpeg_is_a_jpeg_of_the_picture() -> None:
+    camera = Camera(half_cut(), MAST, seed=1)
+    picture = camera.capture(*POSE)
+    data = camera.encode(picture)
+    assert data[:3] == b"\xff\xd8\xff"
+    back = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert np.abs(back.astype(int) - picture).mean() < 6
