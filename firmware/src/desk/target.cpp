@@ -16,16 +16,23 @@ namespace {
 using daranti::Analog;
 using daranti::Board;
 using daranti::Controller;
-using daranti::kAnalogMax;
 using daranti::kAnalogs;
 using daranti::kTickUs;
 
 constexpr size_t kPins = 20;
 constexpr size_t kEepromSize = 1024;
-constexpr size_t kQueue = 1 << 16;         // bytes each way before they are refused
-constexpr size_t kUartRing = 128;          // the Uno's send buffer
-constexpr uint64_t kByteNs = 85'000;       // ten bits, as the Uno divides 16 MHz for 115200 baud
-constexpr uint64_t kFirstTickUs = 4000;    // as uno/board.cpp has it
+constexpr size_t kQueue = 1 << 16;    // bytes each way before they are refused
+constexpr size_t kUartRing = 128;     // the Uno's send buffer
+constexpr uint64_t kByteNs = 85'000;  // ten bits, as the Uno divides 16 MHz for 115200 baud
+
+// What happens in a tick's period, in microseconds from its start, as uno/board.cpp has it: the
+// burst of conversions, seen here at the middle of each millisecond that it touches, then the tick.
+constexpr uint64_t kEventUs[] = {1500, 2500, 3500, 4000};
+constexpr uint8_t kEvents = 4;
+constexpr uint8_t kTickEvent = 3;
+// How many of the 16ths of a channel's mean each of the three milliseconds gives.
+constexpr uint8_t kShare[kTickEvent][daranti::kAnalogs] = {
+    {0, 16, 16, 12}, {8, 0, 0, 4}, {8, 0, 0, 0}};
 constexpr uint64_t kWatchdogUs = 32'000;   // 4096 cycles of the 128 kHz watchdog oscillator
 constexpr uint64_t kEepromWriteUs = 3400;  // datasheet 8.4.3
 
@@ -49,21 +56,23 @@ struct daranti_target final : Board {
     } else {
       memset(eeprom, 0xFF, kEepromSize);
     }
-    level[daranti::pins::kEstop] = true;
+    level[daranti::pins::kEstop] = level[daranti::pins::kHall] = true;  // pull-ups
     boot(DARANTI_RESET_POWER_ON);
   }
   virtual ~daranti_target() = default;
 
   void boot(uint8_t reset) {
     cause = reset;
-    boot_us = now_us;
-    next_tick_us = now_us + kFirstTickUs;
+    period_us = boot_us = now_us;
+    event = 0;
     hung = false;
     pulses = 0;
     storing_until_us = 0;
     received.clear();
     sent.clear();
     line_free_ns = 0;
+    memset(sum, 0, sizeof sum);
+    memset(mean, 0, sizeof mean);
     memset(pwm, 0, sizeof pwm);
     memset(output, 0, sizeof output);
     new (&controller) Controller();
@@ -71,26 +80,32 @@ struct daranti_target final : Board {
   }
 
   void run_until(uint64_t time_us) {
-    while (next_tick_us < time_us) {
-      now_us = next_tick_us;
-      next_tick_us += kTickUs;
+    while (hung || period_us + kEventUs[event] < time_us) {
       if (hung) {
-        if (now_us >= kicked_us + kWatchdogUs) {
-          now_us = kicked_us + kWatchdogUs;
-          boot(DARANTI_RESET_WATCHDOG);
-        }
+        if (kicked_us + kWatchdogUs >= time_us) break;
+        now_us = kicked_us + kWatchdogUs;
+        boot(DARANTI_RESET_WATCHDOG);
         continue;
       }
-      controller.tick(*this);
+      now_us = period_us + kEventUs[event];
+      if (event == kTickEvent) {
+        memcpy(mean, sum, sizeof mean);
+        memset(sum, 0, sizeof sum);
+        controller.tick(*this);
+        period_us += kTickUs;
+      } else {
+        for (uint8_t i = 0; i < kAnalogs; ++i) {
+          sum[i] = static_cast<uint16_t>(sum[i] + convert(millivolt[i]) * kShare[event][i]);
+        }
+      }
+      event = static_cast<uint8_t>((event + 1) % kEvents);
     }
     now_us = time_us;
   }
 
   // Board
   uint32_t time_us() const override { return static_cast<uint32_t>(now_us - boot_us); }
-  uint16_t analog(Analog channel) const override {
-    return static_cast<uint16_t>(convert(millivolt[static_cast<uint8_t>(channel)]) * 16);
-  }
+  uint16_t analog(Analog channel) const override { return mean[static_cast<uint8_t>(channel)]; }
   bool pin(uint8_t pin) const override { return level[pin]; }
   uint16_t hall_pulses() const override { return pulses; }
   void set_pin(uint8_t pin, bool value) override { output[pin] = value; }
@@ -125,7 +140,7 @@ struct daranti_target final : Board {
   Controller controller;
   uint64_t now_us = 0;
   uint64_t boot_us = 0;
-  uint64_t next_tick_us = 0;
+  uint64_t period_us = 0;  // when the current tick's period began
   uint64_t kicked_us = 0;
   uint64_t storing_until_us = 0;
   uint64_t host_free_ns = 0;  // when the host's line to us is free again
@@ -133,12 +148,15 @@ struct daranti_target final : Board {
   std::deque<TimedByte> received;
   std::deque<TimedByte> sent;
   uint16_t millivolt[kAnalogs] = {};
+  uint16_t sum[kAnalogs] = {};   // of the burst under way, 1/16 counts
+  uint16_t mean[kAnalogs] = {};  // of the last whole burst
   uint16_t pulses = 0;
   uint8_t eeprom[kEepromSize];
   uint8_t pwm[kPins] = {};
   bool output[kPins] = {};
   bool level[kPins] = {};
   uint8_t cause = 0;
+  uint8_t event = 0;  // the next one of kEventUs
   bool hung = false;
 };
 
