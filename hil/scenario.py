@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from host.errors import UserError
 from host.plan import Plan, spiral
@@ -83,12 +83,16 @@ class Scenario(BaseModel):
     limits: Limits = Limits()
     record: Recording = Recording()
 
-    @property
-    def mount(self) -> Mount:
-        """The camera mount as the host knows it, its lens calibrated. UserError on a wrong name."""
+    @model_validator(mode="after")
+    def _camera_is_mounted(self) -> Scenario:
         if self.camera not in self.vehicle.mounts:
             known = ", ".join(sorted(self.vehicle.mounts))
-            raise UserError(f"camera: no mount is named {self.camera!r}; the vehicle has {known}")
+            raise ValueError(f"no camera mount is named {self.camera!r}; the vehicle has {known}")
+        return self
+
+    @property
+    def mount(self) -> Mount:
+        """The camera mount as the host knows it, its lens calibrated."""
         mount = self.vehicle.mounts[self.camera]
         lens = self.lens_truth
         return mount.model_copy(update={"distortion": (lens.k1, lens.k2, 0.0, 0.0, 0.0)})
@@ -214,8 +218,10 @@ def _explain(path: Path, lines: dict[tuple[Any, ...], int], error: ValidationErr
         line = next((lines[loc[:n]] for n in range(len(loc), 0, -1) if loc[:n] in lines), None)
         where = f"{path}, line {line}" if line else f"{path}, or the command line"
         field = ".".join(str(part) for part in loc)
-        what = problem["msg"]
+        what = problem["msg"].removeprefix("Value error, ")
         if problem["type"] == "extra_forbidden":
             what = "no such field"
-        parts.append(f"{where}: {field}: {what} (got {problem['input']!r})")
+        got = problem["input"]
+        shown = f" (got {got!r})" if isinstance(got, str | int | float | bool | None) else ""
+        parts.append(f"{where}: {field + ': ' if field else ''}{what}{shown}")
     return "; ".join(parts)
