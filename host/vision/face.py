@@ -45,6 +45,10 @@ FOOT_WINDOW_M = 0.12
 """On the face, above and below a possible foot."""
 REACH_M = 12.0
 """Feet further than this from the camera are not told apart from the horizon."""
+WAY_M = 1.5
+"""Of the blade's way, ahead of it, that must be seen before "no crop" is believed."""
+SEEN_SHARE = 25.0
+"""Times the share of steps there: the confidence."""
 FAR_M = 2.5
 """Beyond this the right end of what stands there is of no use to a pilot."""
 NEAR_SHARE = 0.2
@@ -138,9 +142,9 @@ def _feet(
     spread: Sums,
     feet: NDArray[np.int32],
 ) -> None:
-    """Per block of columns the row of its foot, -1 without: below the lowest dense row, the division
-    of the rows above from those below with the greatest difference, at most down to `limit` of the
-    dense row."""
+    """Per block of columns the row of its foot, -1 without: below the lowest dense row, the
+    division of the rows above from those below with the greatest difference, at most down to
+    `limit` of the dense row."""
     height = dense.shape[0]
     for b in range(feet.shape[0]):
         feet[b] = -1
@@ -236,7 +240,19 @@ class FaceFinder:
         order = np.searchsorted(-middle, -nearer)
         self._limit = np.minimum(order, height - 1).astype(np.int32)
         rows = camera.matrix[0, 0] * FOOT_WINDOW_M / np.maximum(middle - x_c, 0.1)
+        self._way = self._corridor(camera, vehicle)
         self._windows = np.clip(rows, 4, 40).astype(np.int32)
+
+    @staticmethod
+    def _corridor(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
+        """Rows and columns of the ground that the blade is about to reach."""
+        half, near = 0.5 * vehicle.blade_width_m, vehicle.blade_x_m
+        far = near + WAY_M
+        corners = camera.project([[near, half, 0], [near, -half, 0], [far, 0, 0]])
+        width, height = camera.size
+        top, bottom = (int(np.clip(v, 0, height)) for v in (corners[2, 1], corners[:2, 1].max()))
+        left, right = (int(np.clip(u, 0, width)) for u in (corners[0, 0], corners[1, 0]))
+        return slice(min(top, bottom - 1), bottom), slice(left, max(right, left + 1))
 
     def find(self, seen: Evidence) -> Face:
         """The face in one picture."""
@@ -276,10 +292,10 @@ class FaceFinder:
         return max(0.0, distance), max(sight, 0.9 if reached[-1] > 0.3 else 0.5)
 
     def _sight(self, seen: Evidence) -> float:
-        """How surely the picture shows anything at all, by the share of steps below the horizon."""
-        below = seen.steps[self._horizon :]
-        share = float(cv2.countNonZero(below)) / max(1, below.size)
-        return min(0.95, share / 0.05)
+        """How surely the picture would show crop in the blade's way: ground there has steps too,
+        dust, glare and a covered lens have none."""
+        way = seen.steps[self._way]
+        return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
     def _right_end(self, seen: Evidence, face_x: float) -> tuple[float, float]:
         """Lateral position of the face's right end on the plane at `face_x`, and confidence."""

@@ -15,11 +15,11 @@ from host.vision.geometry import Camera
 from host.vision.lines import rails, upright_pieces
 from host.vision.pictures import Picture, u8
 
-TILTS_DEG = (-5.0, 0.0, 5.0)
+TILTS_DEG = (-3.5, 3.5)
 """Of wind-blown and leaning stems, about the mount's own verticals."""
 STEP = 10
 """Least step between neighbours, in 255ths of the logarithmic range."""
-LONGER = 1.5
+LONGER = 1.7
 """Than stubble: a stem's least length."""
 RAGGED_M = 0.02
 """Stubble stands this much above the blade's height."""
