@@ -11,13 +11,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
 import cv2
 import numpy as np
+from rich import progress
+from rich.console import Console
+from rich.table import Table
 
 from hil import pictures
 from hil.lockstep import Bench
 from hil.metrics import Truth
-from hil.scenario import Scenario
+from hil.scenario import Scenario, load
+from host.errors import UserError
 from host.gnss import Receiver
 from host.link import Session
 from host.pilot import Phase, Pilot
@@ -293,3 +298,49 @@ def harvest(
     if run.steering:
         pictures.draw_steering(out / "steering.png", np.array(run.steering))
     return summary
+
+
+@click.command("harvest")
+@click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Which build of the firmware.")
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), help="Which vision steers.")
+@click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
+@click.option("--film/--no-film", default=True, help="Write camera.mp4.")
+def harvest_command(name: str, out: Path, film: bool, hour: float | None, **options: Any) -> None:
+    """Harvests a field in lockstep and says how well."""
+    overrides: dict[str, Any] = {k: v for k, v in options.items() if v is not None}
+    if hour is not None:
+        overrides["weather"] = {"hour": hour}
+    chosen = load(name, overrides)
+    console = Console(stderr=True)
+    columns = (
+        progress.TextColumn("coverage"),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TextColumn("{task.fields[time]:6.0f} s  {task.description}"),
+    )
+    with progress.Progress(*columns, console=console) as bar:
+        task = bar.add_task("starting", total=1.0, time=0.0)
+
+        def show(step: Progress) -> None:
+            bar.update(
+                task, completed=step.coverage, time=step.time_s, description=step.phase.value
+            )
+
+        summary = harvest(chosen, out, show, film=film)
+    table = Table(title=f"{summary['scenario']}: {summary['outcome']} ({summary['reason']})")
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for key, value in summary.items():
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            table.add_row(key, f"{value:g}")
+    Console().print(table)
+    click.echo(f"written to {out}: summary.json, map.png, steering.png, camera.mp4, record.mcap")
+    if summary["outcome"] != "finished":
+        raise UserError(
+            f"the field was not finished: {summary['outcome']}: {summary['reason']} "
+            f"(see {out / 'map.png'} and {out / 'camera.mp4'})"
+        )

@@ -61,16 +61,16 @@ def draw_map(
     start = 0
     for end in range(1, len(track) + 1):
         if end == len(track) or phases[end] is not phases[start]:
-            colour, _ = _PATH.get(phases[start], ("grey", ""))
+            line, _ = _PATH.get(phases[start], ("grey", ""))
             piece = points[start : end + 1]
-            axes.plot(piece[:, 0], piece[:, 1], color=colour, linewidth=0.9)
+            axes.plot(piece[:, 0], piece[:, 1], color=line, linewidth=0.9)
             start = end
     present = set(np.unique(crop.kind).tolist())
     for kind, name in _NAMES.items():
         if kind in present:
             axes.scatter([], [], color=[_GROUND[kind]], marker="s", s=60, label=name)
-    for colour, name in _PATH.values():
-        axes.plot([], [], color=colour, label=name)
+    for line, name in _PATH.values():
+        axes.plot([], [], color=line, label=name)
     axes.set(
         xlabel="x east (m)", ylabel="y north (m)", title=title, xlim=extent[:2], ylim=extent[2:]
     )

@@ -203,7 +203,7 @@ class Recorder:
 
     def close(self) -> None:
         """Writes the index; without it the record is readable, only slower to seek in."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
     def __enter__(self) -> Self:
