@@ -346,14 +346,13 @@ def rig(
             "gnss": phone.gnss_url,
             **handouts(chosen, out),
         }
+        if tcp is not None:
+            about["tcp"] = ports[1].name
+        (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
         for key, value in about.items():
             click.echo(f"{key:9} {value}")
-        if tcp is not None:
-            click.echo(f"{'tcp':9} {ports[1].name}")
-            about["tcp"] = ports[1].name
         line = " ".join(f"--{key} {value}" for key, value in about.items() if key != "tcp")
         click.echo(f"drive it: daranti drive {line}")
-        (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
         try:
             machine.run(duration)
         except KeyboardInterrupt:

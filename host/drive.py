@@ -126,6 +126,7 @@ class Drive:
         """Until the pilot is done. `show` is called after every step. Raises UserError when a
         device is lost for good."""
         begun = self._clock()
+        resets = self.link.session.resets
         due = begun
         while not self.pilot.done:
             due += PERIOD_S
@@ -134,11 +135,18 @@ class Drive:
             if now > due + PERIOD_S:  # what was missed is not caught up
                 self.late += 1
                 due = now
-            heard = self.telemetry.stamp if self.telemetry is not None else begun
+            telemetry = self.telemetry
+            heard = telemetry.stamp if telemetry is not None else begun
             if now - max(heard, begun) > TELEMETRY_TIMEOUT_S:
                 raise UserError(
                     f"{self.link.port}: no telemetry for {TELEMETRY_TIMEOUT_S:g} s; the firmware "
                     "hangs or the cable is broken. Reset the board and start again"
+                )
+            if telemetry is not None and self.link.session.resets != resets:
+                texts = protocol.fault_texts(protocol.Fault(telemetry.faults))
+                raise UserError(
+                    f"{self.link.port}: the firmware restarted in the middle of the run; its "
+                    f"outputs are off. {'; '.join(texts) or 'Check the 5 V supply'}"
                 )
             self._step(now)
             self.step_s = max(self.step_s, self._clock() - now)
@@ -371,15 +379,20 @@ def drive(
             with contextlib.suppress(UserError):
                 held = halt(link, clock)
                 screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
-        if run.latencies_s:
-            late = 1e3 * np.array(run.latencies_s)
-            screen.say(
-                f"shutter to firmware: median {np.median(late):.0f} ms, 99th percentile "
-                f"{np.percentile(late, 99):.0f} ms of {late.size} pictures"
-            )
+            _report(run, screen)
         if pilot.phase is Phase.FAULT:
             raise UserError(f"stopped: {_why(run)}")
         screen.say(f"finished: {pilot.reason}")
+
+
+def _report(run: Drive, screen: Screen) -> None:
+    """How quick the run was."""
+    late = 1e3 * np.array(run.latencies_s)
+    if late.size:
+        screen.say(
+            f"shutter to firmware: median {np.median(late):.0f} ms, 99th percentile "
+            f"{np.percentile(late, 99):.0f} ms over {late.size} pictures; {run.late} late steps"
+        )
 
 
 def _corner(corners: list[tuple[float, float]], fixes: Feed[Fix] | None) -> int:

@@ -321,7 +321,7 @@ def test_a_rig_that_ends_mid_run_is_one_message_and_leaves_a_readable_record(
     from host.record import read  # noqa: PLC0415
 
     path = tmp_path / "drive.mcap"
-    with a_rig(tmp_path, "--duration", "8") as (_, about):
+    with a_rig(tmp_path, "--duration", "6") as (_, about):
         host = drive(about, path)
         _, err = host.communicate(timeout=60)
     assert host.returncode == 2
@@ -336,7 +336,7 @@ def test_the_unmodified_monitor_and_params_work_on_the_rig(tmp_path: Path) -> No
     with a_rig(tmp_path, "--duration", "60", "--tcp", "0") as (_, about):
         for port in (about["port"], about["tcp"].replace("0.0.0.0", "127.0.0.1")):
             done = subprocess.run(
-                console("host.cli", "monitor", "--port", port, "--duration", "2"),
+                console("host.cli", "monitor", "--port", port, "--duration", "1"),
                 capture_output=True,
                 text=True,
                 timeout=30,

@@ -57,6 +57,9 @@ class FakeFirmware:
         self._seq = 0
         self.mute = threading.Event()
         """When set, nothing is sent any more."""
+        self.echo = threading.Event()
+        """When set, telemetry names the last command taken, as the firmware's does."""
+        self._begun = time.monotonic()
         self._pulled = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
@@ -76,6 +79,10 @@ class FakeFirmware:
             os.close(self._master)
             os.close(self._slave)
 
+    def reset(self) -> None:
+        """The controller restarts: its clock begins again."""
+        self._begun = time.monotonic()
+
     def write(self, data: bytes) -> None:
         """Raw bytes to the host."""
         os.write(self._master, data)
@@ -85,8 +92,7 @@ class FakeFirmware:
         self._seq = (self._seq + 1) % 256
 
     def _serve(self) -> None:
-        begun = time.monotonic()
-        due = begun
+        due = self._begun
         while not self._pulled.is_set():
             wait_s = max(0.0, due - time.monotonic())
             ready, _, _ = select.select([self._master], [], [], wait_s)
@@ -98,12 +104,14 @@ class FakeFirmware:
             if time.monotonic() >= due:
                 due += PERIOD_S
                 if not self._silent and not self.mute.is_set():
-                    self._send(replace(self.telemetry, time=due - begun))
+                    self._send(replace(self.telemetry, time=due - self._begun))
 
     def _take(self, seq: int, message: protocol.Message) -> None:
         if self.deaf_to.get(type(message), 0) > 0:
             self.deaf_to[type(message)] -= 1
             return
+        if self.echo.is_set():
+            self.telemetry = replace(self.telemetry, last_seq=seq)
         with self.changed:
             self.received.append(message)
             self.changed.notify_all()

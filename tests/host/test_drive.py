@@ -137,6 +137,19 @@ def test_picture_and_fix_are_given_once_and_telemetry_is_the_latest(
     assert len(set(stamps)) >= 4
 
 
+def test_the_time_from_shutter_to_firmware_is_measured(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    shutter = time.monotonic()
+    run = driven(
+        Script([Command(Request.DRIVE)] * 20), [Picture(shutter + Vehicle().camera_delay_s, JPEG)]
+    )
+    board.echo.set()
+    run.run(nothing)
+    (latency,) = run.latencies_s
+    assert 0 < latency < time.monotonic() - shutter
+
+
 def test_a_broken_picture_is_counted_and_not_given(driven: Callable[..., Drive]) -> None:
     script = Script([Command(Request.STOP)])
     run = driven(script, [Picture(0.0, b"\xff\xd8 nothing \xff\xd9")])
@@ -174,6 +187,21 @@ def test_a_firmware_that_falls_silent_is_one_message(
     with pytest.raises(UserError, match="no telemetry for 1 s"):
         run.run(nothing)
     assert time.monotonic() - begun < 3 * TELEMETRY_TIMEOUT_S
+
+
+def test_a_firmware_that_restarts_mid_run_ends_it_with_its_faults_in_words(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    run = driven(Script([Command(Request.DRIVE)] * 1000))
+    steps = iter(range(5))
+
+    def reset_after_five(_drive: Drive) -> None:
+        if next(steps, None) is None:
+            board.telemetry = replace(RESTING, faults=protocol.Fault.BROWN_OUT)
+            board.reset()
+
+    with pytest.raises(UserError, match=r"restarted in the middle of the run.*brown-out"):
+        run.run(reset_after_five)
 
 
 def test_a_port_that_vanishes_mid_run_is_one_message(
