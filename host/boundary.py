@@ -16,9 +16,13 @@ import shapely
 from host.errors import UserError
 from host.gnss import LocalFrame
 from host.plan import Plan, spiral
+from host.types import Fix
 from host.vehicle import Vehicle
 
 MAX_FIELD_M = 5000.0
+FENCE_M = 10.0
+"""A phone's position errs by some metres: nearer to the boundary it proves nothing."""
+FENCE_FIXES = 3
 
 
 def load_boundary(path: Path) -> list[tuple[float, float]]:
@@ -89,3 +93,22 @@ def plan_of(
     frame = LocalFrame(*corners[0])
     ring = [frame.to_local(*corner) for corner in corners]
     return frame, spiral(ring, start, vehicle.blade_width_m - vehicle.overlap_m, turn)
+
+
+class Fence:
+    """The last resort against a machine that runs away: positions that lie far outside."""
+
+    def __init__(self, corners: list[tuple[float, float]]) -> None:
+        self._frame = LocalFrame(*corners[0])
+        self._field = shapely.Polygon([self._frame.to_local(*corner) for corner in corners])
+        self._outside = 0
+
+    def breach(self, fix: Fix) -> float | None:
+        """How far outside, in metres, once several fixes in a row lay beyond FENCE_M; else None.
+        A fix without a position neither counts nor clears."""
+        if fix.quality == 0:
+            return None
+        at = shapely.Point(self._frame.to_local(fix.lat_deg, fix.lon_deg))
+        distance = float(self._field.distance(at))
+        self._outside = self._outside + 1 if distance > FENCE_M else 0
+        return distance if self._outside >= FENCE_FIXES else None

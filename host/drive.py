@@ -24,7 +24,7 @@ from rich.table import Table
 from rich.text import Text
 
 from host import protocol
-from host.boundary import load_boundary, nearest_corner, plan_of
+from host.boundary import Fence, load_boundary, nearest_corner, plan_of
 from host.cli import port_option
 from host.errors import UserError
 from host.feed import Feed
@@ -95,6 +95,7 @@ class Drive:
         vehicle: Vehicle,
         clock: Callable[[], float],
         recorder: Recorder | None = None,
+        fence: Fence | None = None,
     ) -> None:
         self.pilot = pilot
         self.link = link
@@ -116,6 +117,7 @@ class Drive:
         self._delay_s = vehicle.camera_delay_s
         self._clock = clock
         self._recorder = recorder
+        self._fence = fence
 
     @property
     def telemetry(self) -> Telemetry | None:
@@ -173,7 +175,14 @@ class Drive:
             self.pictures += 1
             self.pictures_bad += frame is None
         fix = self.gnss.take() if self.gnss is not None else None
-        self.fix = fix or self.fix
+        if fix is not None:
+            self.fix = fix
+            beyond = self._fence.breach(fix) if self._fence is not None else None
+            if beyond is not None:
+                raise UserError(
+                    f"stopped: the positions lie {beyond:.0f} m outside the boundary; look at the "
+                    "machine, then check the boundary file and the receiver"
+                )
         self.command = self.pilot.step(now, frame, fix, self.telemetry)
         seq = self.link.session.next_seq
         self.link.send(self.command)
@@ -353,10 +362,11 @@ def drive(
                 stack.callback(feed.close)
                 feed.start()
         _warm_up(pictures, camera, where, machine, mode)
-        plan = Plan(turn=turn)
+        plan, fence = Plan(turn=turn), None
         if corners is not None:
             start = corner if corner is not None else _corner(corners, fixes)
             plan = plan_of(corners, start % len(corners), machine, turn)[1]
+            fence = Fence(corners)
             screen.say(f"{len(plan.sides)} sides from corner {start}")
         now = datetime.datetime.now(tz=datetime.UTC)
         path = record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
@@ -371,7 +381,7 @@ def drive(
         pilot = Pilot(
             machine, make_detector(mode, machine, where, overlap_m=machine.overlap_m), plan
         )
-        run = Drive(pilot, link, pictures, fixes, where, machine, clock, recorder)
+        run = Drive(pilot, link, pictures, fixes, where, machine, clock, recorder, fence)
         try:
             with screen.open():
                 run.run(screen.show)

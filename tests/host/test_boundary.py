@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from host.boundary import load_boundary, nearest_corner, plan_of
+from host.boundary import FENCE_FIXES, FENCE_M, Fence, load_boundary, nearest_corner, plan_of
 from host.errors import UserError
 from host.gnss import LocalFrame
+from host.types import Fix
 from host.vehicle import Mount, Vehicle
 from host.vehicle_file import load_vehicle, mount_of, save_vehicle
 
@@ -89,6 +90,23 @@ def test_the_plan_begins_with_the_side_that_leaves_the_corner(corner: int, first
     _, plan = plan_of(SQUARE, corner, Vehicle(), "three_point")
     assert plan.sides[0].length_m == pytest.approx(first_m, abs=1e-3)
     assert plan.corner_rad(0) == pytest.approx(math.pi / 2, abs=1e-4)
+
+
+def fix_at(x: float, y: float, quality: int = 1) -> Fix:
+    return Fix(0.0, *FRAME.to_wgs84(x, y), quality, 1.0, 8)
+
+
+def test_the_fence_needs_several_fixes_in_a_row_far_outside() -> None:
+    fence = Fence(SQUARE)
+    outside, near, inside = fix_at(40, 5), fix_at(20 + FENCE_M - 0.1, 5), fix_at(10, 5)
+    for _ in range(FENCE_FIXES - 1):
+        assert fence.breach(outside) is None
+    assert fence.breach(near) is None
+    for _ in range(FENCE_FIXES - 1):
+        assert fence.breach(outside) is None
+    assert fence.breach(fix_at(0, 0, quality=0)) is None, "no fix neither counts nor clears"
+    assert fence.breach(outside) == pytest.approx(20, abs=0.01)
+    assert fence.breach(inside) is None
 
 
 # ---- the vehicle file ----------------------------------------------------------------------------

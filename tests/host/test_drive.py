@@ -17,9 +17,11 @@ from console import Cli
 from fake_firmware import RESTING, FakeFirmware
 
 from host import protocol
+from host.boundary import Fence
 from host.drive import TELEMETRY_TIMEOUT_S, Drive, fitted, halt
 from host.errors import EXIT_USER, UserError
 from host.feed import Feed
+from host.gnss import LocalFrame
 from host.link import Link
 from host.pilot import Phase, Pilot
 from host.record import Recorder, read
@@ -84,6 +86,7 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
             pictures: list[Picture] | None = None,
             fixes: list[Fix] | None = None,
             recorder: Recorder | None = None,
+            fence: Fence | None = None,
         ) -> Drive:
             link = stack.enter_context(Link(board.port, time.monotonic))
             link.meet()
@@ -100,6 +103,7 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
                 Vehicle(),
                 time.monotonic,
                 recorder,
+                fence,
             )
 
         yield make
@@ -216,6 +220,20 @@ def test_a_port_that_vanishes_mid_run_is_one_message(
 
     with pytest.raises(UserError, match=r"vanished.*within 250 ms"):
         run.run(unplug_after_five)
+
+
+def test_positions_far_outside_the_boundary_stop_the_run(driven: Callable[..., Drive]) -> None:
+    frame = LocalFrame(31.5, 74.3)
+    corners = [frame.to_wgs84(*corner) for corner in ((0, 0), (20, 0), (20, 10))]
+    far = replace(FIX, lat_deg=31.6)
+    run = driven(Script([Command(Request.DRIVE)] * 1000), fixes=[far], fence=Fence(corners))
+
+    def again(_drive: Drive) -> None:
+        assert run.gnss is not None
+        run.gnss._put(far)
+
+    with pytest.raises(UserError, match="outside the boundary"):
+        run.run(again)
 
 
 def test_halt_is_confirmed_by_the_firmware_only(board: FakeFirmware) -> None:
