@@ -43,6 +43,8 @@ _PACKS: Final = 64
 _SUNLIT, _HEIGHT, _GREEN, _DENSITY, _WEED, _LODGE, _TONE = range(7)
 _SKY, _CANOPY, _FACE, _GROUND = range(100, 104)
 """Pixels that are found but not painted yet, among the labels."""
+_FLAT: Final = -1
+"""Instead of a tile: no texture."""
 _CANOPY_BACK_M: Final = 0.25
 _FACE_BACK_M: Final = 0.30
 """How far behind its front the body of the crop lies: stalks fill the space between."""
@@ -150,7 +152,12 @@ class Paint(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _standing(kind: int) -> bool:
-    return kind == f.CROP or kind == f.NEIGHBOUR
+    return kind in (f.CROP, f.NEIGHBOUR)
+
+
+@njit(cache=True, nogil=True)
+def _solid(kind: int) -> bool:
+    return kind in (f.OBSTACLE, f.TRUNK)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -161,28 +168,42 @@ def _shade(
     east: float,
     north: float,
     up: float,
+    crowns: NDArray[np.float64],
     j0: int,
     j1: int,
     i0: int,
     i1: int,
 ) -> None:
-    """Fills _SUNLIT in a range of coarse cells: how high the shadow of the crop sunward reaches."""
+    """Fills _SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
+
+    `crowns` (n, 4): x, y, z in coarse cells from the grid's corner and radius of the trees' crowns."""
     rows, columns = stand.shape[:2]
     flat = math.hypot(east, north)
     tangent = up / max(flat, 1e-6)
     dx = east / max(flat, 1e-6)
     dy = north / max(flat, 1e-6)
-    tallest = 1.35
+    tallest = 0.0
+    for j in range(rows):
+        for i in range(columns):
+            tallest = max(tallest, stand[j, i, _HEIGHT])
     for j in range(j0, j1):
         for i in range(i0, i1):
             highest = 0.0
+            for k in range(crowns.shape[0]):
+                # Distance of the crown's centre from the ray towards the sun.
+                cx = crowns[k, 0] - i - 0.5
+                cy = crowns[k, 1] - j - 0.5
+                cz = crowns[k, 2]
+                along = cx * east + cy * north + cz * up
+                if cx * cx + cy * cy + cz * cz - along * along < crowns[k, 3] ** 2:
+                    highest = max(highest, cz * coarse)
             s = 0.15
             while s * tangent < tallest:
                 p = int(i + 0.5 + dx * s / coarse)
                 q = int(j + 0.5 + dy * s / coarse)
                 if p < 0 or q < 0 or p >= columns or q >= rows:
                     break
-                if _standing(kind[2 * q, 2 * p]):
+                if _standing(kind[2 * q, 2 * p]) or _solid(kind[2 * q, 2 * p]):
                     h = stand[q, p, _HEIGHT] - s * tangent
                     highest = max(highest, h)
                 s += 0.05
@@ -223,6 +244,7 @@ def _profile(
         n = 0
         r = 0.0
         now = -1.0
+        rough = 0.0
         while n < most - 1 and r < 80.0:
             px = px0 + r * dx
             py = py0 + r * dy
@@ -237,6 +259,11 @@ def _profile(
             elif _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
                 height = 0.8 * scene.stand[j, i, _HEIGHT]
                 leap = 0.08 + 0.02 * r
+                rough = 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
+            elif _solid(scene.kind[int(2.0 * py), int(2.0 * px)]):
+                height = scene.stand[j, i, _HEIGHT]
+                leap = 0.5 * scene.cell
+                rough = 0.0
             else:
                 leap = 0.5 * scene.cell
             entered = (height > 0.0) != (now > 0.0)
@@ -244,8 +271,8 @@ def _profile(
                 start[b, n] = r
                 top[b, n] = height
                 if entered and height > 0.0:
-                    # The body's upper border is ragged.
-                    top[b, n] += 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
+                    # The crop's upper border is ragged.
+                    top[b, n] += rough
                 n += 1
                 now = height
             r += leap
@@ -322,6 +349,18 @@ def _find(
                         break
             depth[v, u] = r / flat
             label[v, u] = hit
+
+
+@njit(cache=True, nogil=True)
+def _masonry(kind: int, hit: int, x: float, y: float, z: float, channel: int) -> float:
+    """BGR of a trunk's bark, a house's roof, or its wall with windows."""
+    if kind == f.TRUNK:
+        return (38.0, 52.0, 66.0)[channel]
+    if hit == _CANOPY:
+        return (70.0, 84.0, 150.0)[channel]
+    along = 0.6 * (x + y)
+    window = along - math.floor(along) < 0.3 and 0.9 < z < 1.9
+    return (62.0, 66.0, 70.0)[channel] if window else (160.0, 186.0, 198.0)[channel]
 
 
 @njit(cache=True, nogil=True)
@@ -415,6 +454,10 @@ def _fill(
                     else:
                         tile = texture.SOIL
                         here = SOIL
+                elif _solid(kind):
+                    here = BACKGROUND
+                    tile = _FLAT
+                    seen = min(1.0, max(0.0, (wz - shadow) * 3.0 + 0.3))
                 else:
                     here = STANDING if kind == f.CROP else NEIGHBOUR
                     green = scene.stand[j, i, _GREEN]
@@ -449,7 +492,10 @@ def _fill(
                 tint = ao * paint.light[seen_i, q]
                 if green > 0.0:
                     tint *= 1.0 - green + green * paint.green_bgr[q] / paint.crop_bgr[q]
-                x = paint.tiles[tile, texel, q] * tint
+                albedo = (
+                    paint.tiles[tile, texel, q] if tile >= 0 else _masonry(kind, hit, wx, wy, wz, q)
+                )
+                x = albedo * tint
                 image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
 
 
@@ -535,7 +581,7 @@ def _project(
             kind = scene.kind[j, i]
             ci = i >> 1
             cj = j >> 1
-            if kind == f.SOIL or kind == f.OBSTACLE or s[8] > scene.stand[cj, ci, _DENSITY]:
+            if kind == f.SOIL or _solid(kind) or s[8] > scene.stand[cj, ci, _DENSITY]:
                 continue
             tall = _standing(kind)
             lean_x = s[3]
@@ -559,8 +605,8 @@ def _project(
                 if s[8] > 0.75:
                     continue
                 height = 0.02 + 0.10 * s[6]
-                lean_x *= 90.0
-                lean_y *= 90.0
+                lean_x *= 40.0
+                lean_y *= 40.0
             elif kind == f.GRASS:
                 if s[8] > 0.5:
                     continue
@@ -730,6 +776,116 @@ def _draw(
                         image[v, u, 2] = int(c2)
 
 
+_PUFFS: Final = 14
+_PUFF_LIFE_S: Final = 1.6
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _puff(
+    veil: NDArray[np.float32],
+    mount: NDArray[np.float64],
+    focal: float,
+    scale: int,
+    seed: int,
+    t: float,
+    drift: NDArray[np.float64],
+    ahead: float,
+    half_width: float,
+    density: float,
+) -> None:
+    """Lays the blade's dust over `veil` (rows, columns at 1/`scale` of the picture): opacity 0..1.
+
+    A puff is born along the blade's line every life/_PUFFS seconds, rises, grows, drifts by `drift`
+    (m/s in the vehicle frame) and fades. `mount` (4, 3): right, down, forward of the camera in the
+    vehicle frame, and its place."""
+    rows, columns = veil.shape
+    every = _PUFF_LIFE_S / _PUFFS
+    newest = math.floor(t / every)
+    for k in range(_PUFFS):
+        index = newest - k
+        age = t - index * every
+        share = age / _PUFF_LIFE_S
+        if share >= 1.0:
+            continue
+        px = ahead + drift[0] * age - mount[3, 0]
+        py = (2.0 * noise.uniform(seed, index, 1) - 1.0) * half_width + drift[1] * age - mount[3, 1]
+        pz = 0.15 + (0.25 + 0.3 * noise.uniform(seed, index, 2)) * age - mount[3, 2]
+        z = mount[2, 0] * px + mount[2, 1] * py + mount[2, 2] * pz
+        if z < 0.3:
+            continue
+        u = (focal * (mount[0, 0] * px + mount[0, 1] * py + mount[0, 2] * pz) / z) / scale
+        v = (focal * (mount[1, 0] * px + mount[1, 1] * py + mount[1, 2] * pz) / z) / scale
+        u += 0.5 * columns
+        v += 0.5 * rows
+        radius = focal * (0.22 + 0.35 * age) / z / scale
+        strength = density * (1.0 - share) * (0.4 + 0.6 * noise.uniform(seed, index, 3))
+        for j in range(max(0, int(v - radius)), min(rows, int(v + radius) + 1)):
+            for i in range(max(0, int(u - radius)), min(columns, int(u + radius) + 1)):
+                d = ((i - u) ** 2 + (j - v) ** 2) / (radius * radius)
+                if d < 1.0:
+                    cloud = 0.5 + noise.smooth(seed + index, i * 0.15, j * 0.15)
+                    veil[j, i] += (1.0 - veil[j, i]) * min(1.0, strength * (1.0 - d) ** 2 * (cloud - 0.2))
+
+
+@njit(cache=True, nogil=True)
+def _veil(image: NDArray[np.uint8], opacity: NDArray[np.uint8], bgr: NDArray[np.float32]) -> None:
+    """Blends a colour over a picture in place; opacity 0..255 per pixel."""
+    rows, columns = opacity.shape
+    b = int(bgr[0])
+    g = int(bgr[1])
+    r = int(bgr[2])
+    for v in range(rows):
+        for u in range(columns):
+            a = int(opacity[v, u])
+            if a > 0:
+                image[v, u, 0] += ((b - int(image[v, u, 0])) * a) >> 8
+                image[v, u, 1] += ((g - int(image[v, u, 1])) * a) >> 8
+                image[v, u, 2] += ((r - int(image[v, u, 2])) * a) >> 8
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_crowns(
+    image: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+    label: NDArray[np.uint8],
+    left: int,
+    right: int,
+    crowns: NDArray[np.float64],
+    view: View,
+    paint: Paint,
+) -> None:
+    """Draws the trees' crowns (n, 4: x, y, z, radius in m) into columns [left, right): balls of
+    leaves, lit from above."""
+    rows = depth.shape[0]
+    R = view.axes
+    for k in range(crowns.shape[0]):
+        ax = crowns[k, 0] - view.x
+        ay = crowns[k, 1] - view.y
+        az = crowns[k, 2] - view.z
+        z = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
+        if z < 0.5:
+            continue
+        uc = view.focal * (R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az) / z + view.cu
+        vc = view.focal * (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) / z + view.cv
+        radius = view.focal * crowns[k, 3] / z
+        leaf = 40.0 / radius
+        fog = paint.haze * z / (1.0 + paint.haze * z)
+        for v in range(max(0, int(vc - radius)), min(rows, int(vc + radius) + 1)):
+            for u in range(max(left, int(uc - radius)), min(right, int(uc + radius) + 1)):
+                dx = (u - uc) / radius
+                dy = (v - vc) / radius
+                clump = noise.smooth(k + 7, dx * 4.0 + 9.0, dy * 4.0 + 9.0)
+                fine = noise.smooth(k + 8, (u - uc) * leaf + 99.0, (v - vc) * leaf + 99.0)
+                if dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine or z >= depth[v, u]:
+                    continue
+                depth[v, u] = z
+                label[v, u] = BACKGROUND
+                lit = int(255.0 * min(1.0, max(0.0, 0.55 - 0.5 * dy + 0.9 * (clump + fine - 1.0))))
+                for q in range(3):
+                    x = (42.0, 84.0, 66.0)[q] * (0.7 + 0.6 * fine) * paint.light[lit, q]
+                    image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
+
+
 def _bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float32]:
     """(packs, stalks, 12): x, y in the block; height factor; lean x, y; shade; stub 0..1; nod of
     the ear (m); rank 0..1 (density, flutter); BGR tint."""
@@ -778,7 +934,13 @@ class Camera:
         weather: WeatherSpec | None = None,
         seed: int = 0,
         threads: int = 2,
+        *,
+        blade_x_m: float = 1.5,
+        blade_width_m: float = 1.0,
     ) -> None:
+        """The blade's place (ahead of the rear axle) and width are where its dust rises."""
+        self._blade_x_m = blade_x_m
+        self._blade_width_m = blade_width_m
         self.spec = spec or CameraSpec()
         self.weather = weather or WeatherSpec()
         self._seed = seed
@@ -806,9 +968,17 @@ class Camera:
             y0=field.origin[1],
             cell=field.cell,
             beyond_is_crop=field.spec.neighbours != "none",
-            canopy=0.8 * float(field.height.max()),
+            canopy=0.8 * field.tallest_crop_m,
         )
         self._coarse = field.coarse
+        self._tallest = field.tallest_crop_m
+        crowns = [
+            (t.x_m, t.y_m, t.height_m - t.crown_radius_m, t.crown_radius_m)
+            for t in field.spec.trees
+        ]
+        self._crowns = np.array(crowns, np.float64).reshape(-1, 4)
+        corner = np.array([*field.origin, 0.0, 0.0])
+        self._crowns_in_cells = (self._crowns - corner) / self._coarse
         self._refresh(0, coarse[0], 0, coarse[1])
         soil, straw, crop = (82.0, 110.0, 142.0), (106.0, 156.0, 200.0), (92.0, 142.0, 196.0)
         tiles, levels = texture.bake(rng, soil, straw, crop)
@@ -868,7 +1038,7 @@ class Camera:
         a, b = max(0, j0 - 2 * pad), min(rows, j1 + 2 * pad)
         c, d = max(0, i0 - 2 * pad), min(columns, i1 + 2 * pad)
         fine = scene.kind[2 * a : 2 * b, 2 * c : 2 * d]
-        standing = (fine == f.CROP) | (fine == f.NEIGHBOUR)
+        standing = np.isin(fine, (f.CROP, f.NEIGHBOUR, f.OBSTACLE, f.TRUNK))
         free = ~(
             standing[::2, ::2] | standing[1::2, ::2] | standing[::2, 1::2] | standing[1::2, 1::2]
         )
@@ -878,8 +1048,9 @@ class Camera:
         p, q = max(0, j0 - pad), min(rows, j1 + pad)
         r, s = max(0, i0 - pad), min(columns, i1 + pad)
         scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]
-        reach = math.ceil(1.35 * math.hypot(self._sun.east, self._sun.north) / self._sun.up)
-        reach = min(60, math.ceil(reach / self._coarse) + 1)
+        # Only crop is ever cut, so a change lengthens or shortens no longer shadow than the crop's.
+        flat = math.hypot(self._sun.east, self._sun.north) / max(self._sun.up, 0.03)
+        reach = math.ceil(self._tallest * flat / self._coarse) + 1
         _shade(
             scene.kind,
             scene.stand,
@@ -887,6 +1058,7 @@ class Camera:
             self._sun.east,
             self._sun.north,
             self._sun.up,
+            self._crowns_in_cells,
             max(0, j0 - reach),
             min(rows, j1 + reach),
             max(0, i0 - reach),
@@ -1050,6 +1222,7 @@ class Camera:
             left, right = width * part // _STRIPS, width * (part + 1) // _STRIPS
             canvas = self._image, self._depth, self._label, left, right
             _find(*canvas[1:], view, self._start, self._top, self._count)
+            _draw_crowns(*canvas, self._crowns, view, paint)
             _draw(*canvas, first, drawn, records, paint)
             _fill(*canvas, scene, view, paint)
 
@@ -1059,6 +1232,29 @@ class Camera:
                     stage(part)
             else:
                 list(self._pool.map(stage, range(_STRIPS)))
+
+        if shot.blade_on and self.weather.dust > 0:
+            self._raise_dust(shot)
+
+    def _raise_dust(self, shot: Shot) -> None:
+        s, weather = self.spec, self.weather
+        pitch, yaw, scale = math.radians(s.pitch_deg), math.radians(s.yaw_deg), 4
+        forward = (
+            math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)
+        )  # fmt: skip
+        right = (math.sin(yaw), -math.cos(yaw), 0.0)
+        mount = np.array([right, np.cross(forward, right), forward, (s.x_m, s.y_m, s.z_m)])
+        toward = math.radians(90 - weather.wind_from_deg + 180) - shot.yaw
+        wind = 0.4 * weather.wind_mps  # near the ground
+        drift = np.array([wind * math.cos(toward) - shot.v, wind * math.sin(toward)])
+        veil = np.zeros((s.height_px // scale, s.width_px // scale), np.float32)
+        _puff(
+            veil, mount, s.focal_px, scale, self._seed + 13, shot.t, drift, self._blade_x_m,
+            self._blade_width_m / 2, weather.dust,
+        )  # fmt: skip
+        opacity = np.rint(veil * 255).astype(np.uint8)
+        opacity = cv2.resize(opacity, (s.width_px, s.height_px), interpolation=cv2.INTER_LINEAR)
+        _veil(self._image, opacity, np.array([160.0, 182.0, 200.0], np.float32))
 
     # ---- sensor ---------------------------------------------------------------------------------
 

@@ -30,7 +30,9 @@ NEIGHBOUR: Final = 5
 NEIGHBOUR_STUBBLE: Final = 6
 """Crop of a neighbour that the blade has cut: must never exist."""
 OBSTACLE: Final = 7
-"""A tree's trunk, a house, a keep-out."""
+"""A house or a keep-out."""
+TRUNK: Final = 8
+"""Of a tree."""
 
 Share = Annotated[float, Limits(ge=0, le=1)]
 Positive = Annotated[float, Limits(gt=0)]
@@ -367,7 +369,6 @@ class Field:
         rows = 2 * math.ceil((hi_y - lo_y + 2 * margin) / block)
         self.origin: Point = (lo_x - margin, lo_y - margin)
         self.coarse = block
-        shape = (rows, columns)
         half = (rows // 2, columns // 2)
 
         corners = np.array(boundary.exterior.coords[:-1], np.float64)
@@ -403,7 +404,8 @@ class Field:
         self.tone = noise.smooth_grid(seed + 81, *half, block, 1.1)
         bare = _patches(seed + 91, half, block, 0.4 * wave, spec.bare) > 0.5
         self.kind[np.repeat(np.repeat(bare, 2, 0), 2, 1) & (self.kind == CROP)] = SOIL
-        self._block_obstacles()
+        self.tallest_crop_m = float(self.height.max())
+        self.obstacles = self._place_obstacles()
 
         self._initial = int(np.count_nonzero(self.kind == CROP))
         self._counts = np.zeros(2, np.int64)
@@ -416,27 +418,28 @@ class Field:
             return "south" if dx > 0 else "north"
         return "east" if dy > 0 else "west"
 
-    def _block_obstacles(self) -> None:
-        shapes = [shapely.Polygon(k) for k in self.spec.keep_outs]
-        shapes += [
-            shapely.Point(t.x_m, t.y_m).buffer(max(t.trunk_radius_m, self.cell))
-            for t in self.spec.trees
-        ]
+    def _place_obstacles(self) -> tuple[shapely.Polygon, ...]:
+        """Marks houses, trunks and keep-outs in `kind` and their heights in `height`."""
+        placed = [(shapely.Polygon(k), OBSTACLE, 0.0) for k in self.spec.keep_outs]
+        for t in self.spec.trees:
+            trunk = shapely.Point(t.x_m, t.y_m).buffer(max(t.trunk_radius_m, self.coarse))
+            placed.append((trunk, TRUNK, t.height_m - t.crown_radius_m))
         for h in self.spec.houses:
             box = shapely.box(-h.width_m / 2, -h.depth_m / 2, h.width_m / 2, h.depth_m / 2)
             box = shapely.affinity.rotate(box, h.yaw_deg, origin=(0, 0))
-            shapes.append(shapely.affinity.translate(box, h.x_m, h.y_m))
-        self.obstacles: tuple[shapely.Polygon, ...] = tuple(shapes)
-        for shape in shapes:
+            placed.append((shapely.affinity.translate(box, h.x_m, h.y_m), OBSTACLE, h.height_m))
+        rows, columns = self.kind.shape
+        for shape, kind, height in placed:
             lo_x, lo_y, hi_x, hi_y = shape.bounds
             j0, i0 = self._index(lo_x, lo_y)
             j1, i1 = self._index(hi_x, hi_y)
-            j, i = np.mgrid[max(j0, 0) : j1 + 1, max(i0, 0) : i1 + 1]
+            j, i = np.mgrid[max(j0, 0) : min(j1 + 1, rows), max(i0, 0) : min(i1 + 1, columns)]
             x = self.origin[0] + (i + 0.5) * self.cell
             y = self.origin[1] + (j + 0.5) * self.cell
             hit = shapely.contains_xy(shape, x, y)
-            ok = hit & (j < self.kind.shape[0]) & (i < self.kind.shape[1])
-            self.kind[j[ok], i[ok]] = OBSTACLE
+            self.kind[j[hit], i[hit]] = kind
+            self.height[j[hit] // 2, i[hit] // 2] = height
+        return tuple(shape for shape, _, _ in placed)
 
     def _index(self, x: float, y: float) -> tuple[int, int]:
         return (
