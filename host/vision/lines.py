@@ -11,6 +11,18 @@ from numpy.typing import NDArray
 from host.vision.geometry import Camera
 from host.vision.pictures import Mask
 
+LONGER = 1.7
+"""Than stubble: the least length of a standing stem."""
+RAGGED_M = 0.02
+"""Stubble stands this much above the blade's height."""
+LEAST_PX = 6.0
+
+
+def least_length_px(camera: Camera, blade_height_m: float) -> NDArray[np.float32]:
+    """For every picture row, the least length of a line that stands there and is no stubble."""
+    stubble = camera.stem_rows_px(blade_height_m + RAGGED_M)
+    return np.asarray(np.maximum(LEAST_PX, LONGER * stubble), np.float32)
+
 
 def rails(width: int, height: int, camera: Camera | None, tilt_deg: float) -> NDArray[np.float32]:
     """(n, 2): the columns at which each rail crosses the picture's top and bottom rows. A rail is

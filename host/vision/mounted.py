@@ -46,7 +46,7 @@ class PaperSource:
 
     def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]:
         s = self._chain.run(bgr)
-        evidence = Evidence(s.upright, s.steps, s.value)
+        evidence = Evidence(s.upright, s.steps, s.grey)
         return evidence, staged_pictures(bgr, s) if stages else {}
 
 
@@ -54,7 +54,7 @@ class RobustSource:
     """Stems by brightness alone."""
 
     def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
-        self._stems = Stems(camera, vehicle.blade_height_m)
+        self._stems = Stems(camera, vehicle)
 
     def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]:
         seen = self._stems.run(bgr)

@@ -18,10 +18,11 @@ from pydantic import Field
 
 from host.vehicle import Strict
 from host.vision.geometry import Camera
-from host.vision.lines import rails, upright_pieces
+from host.vision.lines import LEAST_PX, least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask, Picture, u8
 from host.vision.score import edge_of
 from host.vision.split import Side, best_line, whiten
+from host.vision.stems import LOGARITHM
 from host.vision.view import NAN, CropView
 
 Hue = Annotated[float, Field(ge=0, le=360)]
@@ -48,8 +49,8 @@ class PaperParams(Strict):
     ripe_to_deg: Hue = 250.0
     """The threshold, on the hue after phi1..phi2 was stretched to 0..360; what lies above it is
     unripe and drawn red."""
-    contrast: Annotated[float, Field(gt=0)] = 14.0
-    """Least brightness step across a stem, of 255."""
+    contrast: Annotated[float, Field(gt=0)] = 10.0
+    """Least step of brightness across a stem, in 255ths of the logarithmic range."""
     gap_px: Annotated[int, Field(ge=0)] = 2
     """Longest interruption of a line."""
 
@@ -75,7 +76,8 @@ class Stages:
     """255 where the threshold takes it for ripe crop (TSY)."""
     unripe: Mask
     """255 where it is yellow but greener than ripe."""
-    value: Mask
+    grey: Mask
+    """Value, by its logarithm."""
     steps: Mask
     """255 on every step of brightness across the picture, of any colour and length."""
     upright: Mask
@@ -104,10 +106,9 @@ class Chain:
         self._unripe = np.where(inside & (hues > hi), 255, 0).astype(np.uint8)
         self._tracks = [rails(width, height, camera, tilt) for tilt in TILTS_DEG]
         if camera is None:
-            self.least_px = np.full(height, max(4.0, least_share * height), np.float32)
+            self.least_px = np.full(height, max(LEAST_PX, least_share * height), np.float32)
         else:
-            # a stubble stem is as long as the blade is high: ask for clearly more
-            self.least_px = np.maximum(4.0, 1.5 * camera.stem_rows_px(blade_height_m))
+            self.least_px = least_length_px(camera, blade_height_m)
 
     def run(self, bgr: Picture) -> Stages:
         """`bgr` (height, width, 3) of the size given."""
@@ -118,13 +119,14 @@ class Chain:
         ripe = cv2.bitwise_and(cv2.LUT(hue, self._ripe), yellow)
         unripe = cv2.bitwise_and(cv2.LUT(hue, self._unripe), yellow)
         sy = cv2.bitwise_and(cv2.LUT(hue, self._hue), yellow)
-        across = cv2.convertScaleAbs(cv2.Sobel(value, cv2.CV_16S, 1, 0, ksize=1))
-        along = cv2.convertScaleAbs(cv2.Sobel(value, cv2.CV_16S, 0, 1, ksize=1))
+        grey = u8(cv2.LUT(value, LOGARITHM))
+        across = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 1, 0, ksize=1))
+        along = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 0, 1, ksize=1))
         _, step = cv2.threshold(across, p.contrast, 255, cv2.THRESH_BINARY)
         steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
         sides = u8(cv2.bitwise_and(steps, ripe))
         upright = upright_pieces(sides, self._tracks, self.least_px, p.gap_px)
-        return Stages(u8(sy), u8(ripe), u8(unripe), u8(value), steps, upright)
+        return Stages(u8(sy), u8(ripe), u8(unripe), grey, steps, upright)
 
 
 def staged_pictures(bgr: Picture, s: Stages) -> dict[str, Picture]:

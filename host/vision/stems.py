@@ -10,43 +10,56 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from host.vehicle import Vehicle
 from host.vision.face import Evidence
 from host.vision.geometry import Camera
-from host.vision.lines import rails, upright_pieces
-from host.vision.pictures import Picture, u8
+from host.vision.lines import least_length_px, rails, upright_pieces
+from host.vision.pictures import Mask, Picture, u8
 
 TILTS_DEG = (-3.5, 3.5)
 """Of wind-blown and leaning stems, about the mount's own verticals."""
-STEP = 10
-"""Least step between neighbours, in 255ths of the logarithmic range."""
-LONGER = 1.7
-"""Than stubble: a stem's least length."""
-RAGGED_M = 0.02
-"""Stubble stands this much above the blade's height."""
-LEAST_PX = 6.0
+CUT_QUANTILE = 0.72
+"""A step counts where it is greater than this share of those on the ground that the machine is
+about to roll over, which is known to be cut: focus, noise and dust set the scale by themselves."""
+STEP_RANGE = (8.0, 11.0)
+"""In 255ths of the logarithmic range."""
 GAP_PX = 2
 
-_DARKEST = 10.0
-_LOGARITHM = np.round(255 * np.log1p(np.arange(256) / _DARKEST) / np.log1p(255 / _DARKEST)).astype(
-    np.uint8
-)
+LOGARITHM = np.round(255 * np.log1p(np.arange(256) / 10.0) / np.log1p(25.5)).astype(np.uint8)
+"""Brightness to its logarithm, both 0..255."""
 
 
 class Stems:
     """The stage for pictures of one mount."""
 
-    def __init__(self, camera: Camera, blade_height_m: float) -> None:
+    def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
         width, height = camera.size
         self._tracks = [rails(width, height, camera, tilt) for tilt in TILTS_DEG]
-        stubble = camera.stem_rows_px(blade_height_m + RAGGED_M)
-        self._least_px = np.maximum(LEAST_PX, LONGER * stubble).astype(np.float32)
+        self._least_px = least_length_px(camera, vehicle.blade_height_m)
+        self._cut = _cut_ground(camera, vehicle)
 
     def run(self, bgr: Picture) -> Evidence:
         """The evidence of one picture (height, width, 3)."""
-        grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), _LOGARITHM))
+        grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), LOGARITHM))
         across = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 1, 0, ksize=1))
         along = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 0, 1, ksize=1))
-        _, step = cv2.threshold(across, STEP, 255, cv2.THRESH_BINARY)
+        _, step = cv2.threshold(across, self._least_step(u8(across)), 255, cv2.THRESH_BINARY)
         steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
         upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
         return Evidence(upright, steps, grey)
+
+    def _least_step(self, across: Mask) -> float:
+        ground = across[self._cut]
+        counts = np.bincount(ground.ravel(), minlength=256)
+        level = float(np.searchsorted(np.cumsum(counts), CUT_QUANTILE * ground.size))
+        return min(max(level, STEP_RANGE[0]), STEP_RANGE[1])
+
+
+def _cut_ground(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
+    """Rows and columns between the picture's lower border and the blade's line."""
+    half = 0.4 * vehicle.blade_width_m
+    ends = camera.project([[vehicle.blade_x_m, half, 0], [vehicle.blade_x_m, -half, 0]])
+    width, height = camera.size
+    top = int(np.clip(ends[:, 1].max() + 4, 0, height - 8))
+    left, right = (int(np.clip(u, 0, width)) for u in ends[:, 0])
+    return slice(top, height), slice(left, max(right, left + 8))
