@@ -1,21 +1,15 @@
 """The lockstep bench: firmware, machine, field and sensors under one clock.
 
-The bench alone advances time. The inner loop is compiled: it reads the pins that the firmware
-drives, moves the machine by a millisecond, sets the voltages that the firmware will read, and lets
-the firmware run that millisecond.
+The bench alone advances time; the loop over milliseconds is hil/inner.py.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Final, Self
 
-import numba
-from numba import njit
-
-from hil import targets
+from hil import inner, targets
 from hil.scenario import Scenario
 from host.errors import UserError
 from sim_plant import machine
@@ -23,83 +17,9 @@ from sim_plant.camera import Camera, Shot
 from sim_plant.field import Field
 from sim_plant.gnss import Gnss
 
-PHYSICS_US: Final = 1000
 SLICE_US: Final = 10_000
 """Serial bytes are stamped to this."""
 SLICES_PER_CUT: Final = 2
-
-# Uno pins (firmware/src/pins.h).
-ESTOP: Final = 2
-BLADE: Final = 6
-HALL: Final = 12
-STEER_PWM: Final = 9
-STEER_PWM_RIGHT: Final = 10
-STEER_IN: Final = (7, 8)
-DRIVE_PWM: Final = 3
-DRIVE_PWM_BACK: Final = 11
-DRIVE_IN: Final = (4, 5)
-
-
-@njit(cache=True, nogil=True)
-def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int, in2: int) -> float:
-    """Signed duty -1..1 of a bridge. An L298N's direction pins decide; a BTS7960 leaves them low
-    and drives its second PWM input instead."""
-    duty: float = pwm(handle, enable) / 255.0
-    forward = pin(handle, in1) != 0
-    backward = pin(handle, in2) != 0
-    if forward and backward:
-        return 0.0
-    if forward:
-        return duty
-    if backward:
-        return -duty
-    return duty - pwm(handle, second) / 255.0
-
-
-@njit(cache=True, nogil=True)
-def _run(
-    run_until: Any,
-    set_analog: Any,
-    set_pin: Any,
-    pin: Any,
-    pwm: Any,
-    handle: int,
-    begin_us: int,
-    end_us: int,
-    state: Any,
-    params: Any,
-    given: Any,
-) -> int:
-    """Machine and firmware from begin_us to end_us. Returns the target's status."""
-    dt = PHYSICS_US * 1e-6
-    now = begin_us
-    while now < end_us:
-        now += PHYSICS_US
-        given[0].steer_duty = _bridge(
-            pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1]
-        )
-        given[0].drive_duty = _bridge(
-            pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1]
-        )
-        given[0].blade_on = pin(handle, BLADE)
-        machine.step(state, params, given, dt)
-        set_analog(handle, 0, int(state[0].pot_mv + 0.5))
-        set_analog(handle, 1, int(state[0].battery_sense_mv + 0.5))
-        set_analog(handle, 2, int(state[0].steer_sense_mv + 0.5))
-        set_analog(handle, 3, int(state[0].drive_sense_mv + 0.5))
-        set_pin(handle, HALL, state[0].hall)
-        status = run_until(handle, now)
-        if status != 0:
-            return status
-    return 0
-
-
-def _entry_point(arguments: tuple[Any, ...]) -> Any:
-    """_run's compiled code for the types of these arguments."""
-    compiled: Any = _run
-    compiled(*arguments)
-    types = tuple(numba.typeof(value) for value in arguments)  # type: ignore[no-untyped-call]
-    return compiled.overloads[types].entry_point
 
 
 class Bench:
@@ -122,23 +42,8 @@ class Bench:
         self._given = machine.inputs()
         self._slices = 0
         self.target = targets.avr() if scenario.firmware == "avr" else targets.desk()
-        self.target.set_pin(ESTOP, False)
-        self._inner = self._bind()
-
-    def _bind(self) -> Callable[[int, int], int]:
-        """The compiled inner loop for this bench's arrays. Numba's dispatcher would work out the
-        records' types at every call, which costs more than the call's ten milliseconds of time."""
-        f = self.target.pointers
-        functions = (f.run_until, f.set_analog_mv, f.set_pin, f.pin, f.pwm)
-        records = (self._state, self._params, self._given)
-        first = (*functions, self.target.handle, 0, 0, *records)
-        entry = _entry_point(first)
-        handle = self.target.handle
-
-        def inner(begin_us: int, end_us: int) -> int:
-            return int(entry(*functions, handle, begin_us, end_us, *records))
-
-        return inner
+        self.target.set_pin(inner.ESTOP, False)
+        self._inner = inner.bind(self.target, self._state, self._params, self._given)
 
     @property
     def now(self) -> float:
