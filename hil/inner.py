@@ -1,0 +1,142 @@
+"""The compiled inner loop of every bench: firmware and machine in turn, a millisecond at a time.
+
+It reads the pins that the firmware drives, moves the machine, sets the voltages that the firmware
+will read, and lets the firmware run that millisecond. Pins as in firmware/src/pins.h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numba import njit
+
+from hil.targets import Target
+from sim_plant import machine
+
+PHYSICS_US: Final = 1000
+LOG_US: Final = 5000
+"""Period of the log's rows: the firmware's tick."""
+
+ESTOP: Final = 2
+BLADE: Final = 6
+HALL: Final = 12
+STEER_PWM: Final = 9
+STEER_PWM_RIGHT: Final = 10
+STEER_IN: Final = (7, 8)
+DRIVE_PWM: Final = 3
+DRIVE_PWM_BACK: Final = 11
+DRIVE_IN: Final = (4, 5)
+
+LOG: Final = np.dtype(
+    [
+        ("steer_angle", np.float64),  # of the wheel, truly, rad
+        ("steer_duty", np.float64),  # -1..1
+        ("steer_a", np.float64),  # A
+        ("battery_v", np.float64),
+    ],
+    align=True,
+)
+"""One row per LOG_US since the target's creation; row i is the state at (i + 1) * LOG_US."""
+
+NO_LOG: Final = np.zeros(0, LOG)
+
+
+@njit(cache=True, nogil=True)
+def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int, in2: int) -> float:
+    """Signed duty -1..1 of a bridge. An L298N's direction pins decide; a BTS7960 leaves them low
+    and drives its second PWM input instead."""
+    duty: float = pwm(handle, enable) / 255.0
+    forward = pin(handle, in1) != 0
+    backward = pin(handle, in2) != 0
+    if forward and backward:
+        return 0.0
+    if forward:
+        return duty
+    if backward:
+        return -duty
+    return duty - pwm(handle, second) / 255.0
+
+
+@njit(cache=True, nogil=True)
+def _run(
+    run_until: Any,
+    set_analog: Any,
+    set_pin: Any,
+    pin: Any,
+    pwm: Any,
+    handle: int,
+    begin_us: int,
+    end_us: int,
+    state: Any,
+    params: Any,
+    given: Any,
+    log: Any,
+) -> int:
+    """Machine and firmware from begin_us to end_us. Returns the target's status."""
+    dt = PHYSICS_US * 1e-6
+    now = begin_us
+    while now < end_us:
+        now += PHYSICS_US
+        given[0].steer_duty = _bridge(
+            pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1]
+        )
+        given[0].drive_duty = _bridge(
+            pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1]
+        )
+        given[0].blade_on = pin(handle, BLADE)
+        machine.step(state, params, given, dt)
+        set_analog(handle, 0, int(state[0].pot_mv + 0.5))
+        set_analog(handle, 1, int(state[0].battery_sense_mv + 0.5))
+        set_analog(handle, 2, int(state[0].steer_sense_mv + 0.5))
+        set_analog(handle, 3, int(state[0].drive_sense_mv + 0.5))
+        set_pin(handle, HALL, state[0].hall)
+        status = run_until(handle, now)
+        if status != 0:
+            return status
+        row = now // LOG_US - 1
+        if now % LOG_US == 0 and row < len(log):
+            log[row].steer_angle = state[0].steer_angle
+            log[row].steer_duty = given[0].steer_duty
+            log[row].steer_a = state[0].steer_a
+            log[row].battery_v = state[0].battery_v
+    return 0
+
+
+def bind(
+    target: Target,
+    state: machine.Record,
+    params: machine.Record,
+    given: machine.Record,
+    log: machine.Record = NO_LOG,
+) -> Callable[[int, int], int]:
+    """The loop for these (1,) records: `run(begin_us, end_us)` returns the target's status.
+
+    Numba's dispatcher would work out the records' types at every call, which costs more than ten
+    simulated milliseconds; the compiled entry point is called directly.
+    """
+    f = target.pointers
+    functions = (f.run_until, f.set_analog_mv, f.set_pin, f.pin, f.pwm)
+    handle = target.handle
+    records = (state, params, given, log)
+    entry = _entry_point((*functions, handle, 0, 0, *records))
+
+    def run(begin_us: int, end_us: int) -> int:
+        return int(entry(*functions, handle, begin_us, end_us, *records))
+
+    return run
+
+
+_compiled: list[Any] = []
+"""_run's compiled code, once there: the arguments' types are the same for all targets."""
+
+
+def _entry_point(arguments: tuple[Any, ...]) -> Any:
+    if not _compiled:
+        dispatcher: Any = _run
+        dispatcher(*arguments)
+        types = tuple(numba.typeof(value) for value in arguments)  # type: ignore[no-untyped-call]
+        _compiled.append(dispatcher.overloads[types].entry_point)
+    return _compiled[0]
