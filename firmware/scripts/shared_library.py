@@ -3,5 +3,5 @@
 from SCons.Script import Import
 
 Import("env")
-env.Append(CCFLAGS=["-fPIC"], LINKFLAGS=["-shared", "-fPIC"])  # noqa: F821
+env.Append(CCFLAGS=["-fPIC"], LINKFLAGS=["-shared", "-fPIC", "-Wl,--no-undefined"])  # noqa: F821
 env.Replace(PROGNAME="libdaranti", PROGSUFFIX=".so")  # noqa: F821

@@ -30,9 +30,9 @@ class Board {
   virtual void set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) = 0;
 
   // Takes one received byte; false when there is none.
-  virtual bool receive(uint8_t* byte) = 0;
+  virtual bool receive(uint8_t *byte) = 0;
   // Queues all bytes or, where they do not fit, none (false).
-  virtual bool send(const uint8_t* bytes, uint8_t count) = 0;
+  virtual bool send(const uint8_t *bytes, uint8_t count) = 0;
 
   virtual uint8_t load(uint16_t address) const = 0;
   // Starts writing one EEPROM byte; only while not storing(). load() is not called meanwhile.
@@ -45,7 +45,7 @@ class Board {
   // Version.build of the schema.
   virtual uint8_t build() const = 0;
   // Sensor readings from the plant over the link; false where the board has sensors of its own.
-  virtual bool inject(const protocol::HilSensors&) { return false; }
+  virtual bool inject(const protocol::HilSensors &) { return false; }
 
  protected:
   ~Board() = default;  // boards are never deleted through this

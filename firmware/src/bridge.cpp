@@ -4,7 +4,7 @@
 
 namespace daranti {
 
-void drive_bridge(Board& board, const BridgePins& pins, BridgeStyle style, int16_t duty) {
+void drive_bridge(Board &board, const BridgePins &pins, BridgeStyle style, int16_t duty) {
   const uint8_t size = static_cast<uint8_t>(clamp(magnitude(duty), 0, 255));
   const uint8_t forward = duty > 0 ? size : uint8_t{0};
   const uint8_t backward = duty < 0 ? size : uint8_t{0};

@@ -20,6 +20,6 @@ constexpr BridgePins kDriveBridge{pins::kDriveEnable, pins::kDriveLpwm, pins::kD
 enum class BridgeStyle : uint8_t { kL298n = 0, kBts7960 = 1 };
 
 // duty: -255..255, positive left or forward; 0 lets the motor coast.
-void drive_bridge(Board& board, const BridgePins& pins, BridgeStyle style, int16_t duty);
+void drive_bridge(Board &board, const BridgePins &pins, BridgeStyle style, int16_t duty);
 
 }  // namespace daranti

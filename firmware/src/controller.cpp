@@ -11,20 +11,19 @@ using protocol::State;
 namespace {
 
 constexpr uint8_t kTelemetryTicks = 4;  // 50 Hz
-constexpr uint16_t kHallSilentTicks = 2000 / kTickMs;
-constexpr int16_t kHallSpeed = 100;  // mm/s: slower may well give no pulse
 
-// What a channel measures, where `full` is what 5 V mean.
-int16_t measured(const Board& board, Analog channel, int16_t full) {
-  return static_cast<int16_t>(static_cast<int32_t>(board.analog(channel)) * full / kAnalogMax);
+// What a channel measures: `scale` is what 5 V mean times 2^14 / kAnalogMax.
+int16_t measured(const Board &board, Analog channel, int32_t scale) {
+  return static_cast<int16_t>((board.analog(channel) * scale) >> 14);
 }
-constexpr int16_t kBatteryFull = 20000;  // mV at the top of the converter, 1:4 divider
-constexpr int16_t kCurrentFull = 5000;   // 0.01 A at the top of the converter, 100 mV/A
+constexpr int32_t kBatteryScale = 20020;  // 20000 mV: 1:4 divider
+constexpr int32_t kCurrentScale = 5005;   // 5000 times 0.01 A: 100 mV/A
 
 }  // namespace
 
-void Controller::boot(Board& board) {
+void Controller::boot(Board &board) {
   params_bad_ = !params_.load(board);
+  configure();
   steer_style_ = static_cast<BridgeStyle>(params_[Param::steer_driver]);
   drive_style_ = static_cast<BridgeStyle>(params_[Param::drive_driver]);
   board.set_pwm_frequency(static_cast<uint16_t>(params_[Param::steer_pwm_freq]),
@@ -33,7 +32,15 @@ void Controller::boot(Board& board) {
   off(board);
 }
 
-void Controller::tick(Board& board) {
+// After any change of the parameters.
+void Controller::configure() {
+  pot_.configure(params_);
+  steering_.configure(params_);
+  drive_.configure(params_);
+  hall_.configure(params_);
+}
+
+void Controller::tick(Board &board) {
   board.kick_watchdog();
   hil_ = false;
   Command command;
@@ -49,12 +56,12 @@ void Controller::tick(Board& board) {
   }
   observe(board);
   actuate(board);
-  report(board);
   show_state(board);
+  report(board);
   ++beat_;
 }
 
-void Controller::take(Board& board, const Command& command) {
+void Controller::take(Board &board, const Command &command) {
   using namespace protocol;
   last_seq_ = command.seq;
   const bool idle = !supervisor_.live() && !params_.saving();
@@ -99,10 +106,13 @@ void Controller::take(Board& board, const Command& command) {
       }
       break;
     }
-    case ParamSet::kId:
-      acknowledge(board, command,
-                  idle ? take_param_set(ParamSet::read(command.payload)) : Result::WRONG_STATE);
+    case ParamSet::kId: {
+      const ParamSet set = ParamSet::read(command.payload);
+      const Result result = idle ? params_.set(set.param, set.value) : Result::WRONG_STATE;
+      if (result == Result::OK) configure();
+      acknowledge(board, command, result);
       break;
+    }
     case ParamSave::kId:
       if (idle) {
         save_request_ = command;
@@ -112,7 +122,10 @@ void Controller::take(Board& board, const Command& command) {
       }
       break;
     case ParamDefaults::kId:
-      if (idle) params_.set_defaults();
+      if (idle) {
+        params_.set_defaults();
+        configure();
+      }
       acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
       break;
     case HilSensors::kId:
@@ -122,7 +135,7 @@ void Controller::take(Board& board, const Command& command) {
   }
 }
 
-Result Controller::take_ident(const protocol::Ident& ident) {
+Result Controller::take_ident(const protocol::Ident &ident) {
   if (supervisor_.state() != State::ARMED) return Result::WRONG_STATE;
   if (magnitude(ident.duty) > params_[Param::ident_duty_max]) return Result::OUT_OF_RANGE;
   if (ident.duration > static_cast<uint16_t>(params_[Param::ident_time_max])) {
@@ -136,27 +149,23 @@ Result Controller::take_ident(const protocol::Ident& ident) {
   return Result::OK;
 }
 
-Result Controller::take_param_set(const protocol::ParamSet& set) {
-  return params_.set(set.param, set.value);
-}
-
-void Controller::observe(Board& board) {
+void Controller::observe(Board &board) {
   Observation seen{};
   seen.pot = static_cast<int16_t>(board.analog(Analog::kPot));
   // Beyond its range the potentiometer says nothing; two ticks later the supervisor says so.
   if (seen.pot >= params_[Param::pot_low] * 16 && seen.pot <= params_[Param::pot_high] * 16 &&
-      calibrated(params_)) {
-    angle_ = pot_to_angle(params_, seen.pot);
+      pot_.calibrated()) {
+    angle_ = pot_.angle(seen.pot);
   }
-  hall_.step(params_, board.hall_pulses(), drive_duty_);
-  battery_ = measured(board, Analog::kBattery, kBatteryFull);
+  hall_.step(board.hall_pulses(), drive_duty_);
+  battery_ = measured(board, Analog::kBattery, kBatteryScale);
   seen.angle = angle_;
   seen.battery = battery_;
-  seen.steer_current = measured(board, Analog::kSteerCurrent, kCurrentFull);
-  seen.drive_current = measured(board, Analog::kDriveCurrent, kCurrentFull);
+  seen.steer_current = measured(board, Analog::kSteerCurrent, kCurrentScale);
+  seen.drive_current = measured(board, Analog::kDriveCurrent, kCurrentScale);
   seen.estop_open = board.pin(pins::kEstop);
-  seen.hall_silent = false;
-  seen.params_bad = params_bad_ || !calibrated(params_);
+  seen.hall_silent = hall_.lost(drive_.setpoint());
+  seen.params_bad = params_bad_ || !pot_.calibrated();
   seen.ident_limit = ident_limit_;
   seen.steer_duty = steer_duty_;
   ident_limit_ = false;
@@ -164,7 +173,7 @@ void Controller::observe(Board& board) {
 }
 
 int16_t Controller::steer() {
-  if (!asked_.ident) return steering_.step(params_, asked_.steer, angle_);
+  if (!asked_.ident) return steering_.step(asked_.steer, angle_);
   steering_.release();
   if (asked_.ident_left == 0 || asked_.duty == 0) return 0;
   --asked_.ident_left;
@@ -178,20 +187,20 @@ int16_t Controller::steer() {
   return asked_.duty;
 }
 
-void Controller::actuate(Board& board) {
+void Controller::actuate(Board &board) {
   if (!supervisor_.live()) {
     off(board);
     return;
   }
   steer_duty_ = steer();
-  drive_duty_ = drive_.step(params_, asked_.speed, hall_.speed(), battery_);
+  drive_duty_ = drive_.step(asked_.speed, hall_.speed(), battery_);
   blade_ = asked_.blade && asked_.speed >= 0 && drive_.setpoint() >= 0;
   drive_bridge(board, kSteerBridge, steer_style_, steer_duty_);
   drive_bridge(board, kDriveBridge, drive_style_, drive_duty_);
   board.set_pin(pins::kBlade, blade_);
 }
 
-void Controller::off(Board& board) {
+void Controller::off(Board &board) {
   steering_.release();
   drive_.release();
   ident_used_ = 0;
@@ -203,7 +212,7 @@ void Controller::off(Board& board) {
   board.set_pin(pins::kBlade, false);
 }
 
-void Controller::report(Board& board) {
+void Controller::report(Board &board) {
   if (hil_) answer(board, protocol::HilOutputs{steer_duty_, drive_duty_, blade_});
   if (beat_ % kTelemetryTicks != 0) return;
   protocol::Telemetry message{};
@@ -224,17 +233,17 @@ void Controller::report(Board& board) {
 }
 
 // SAFE blinks slowly, FAULT fast, live is on.
-void Controller::show_state(Board& board) {
+void Controller::show_state(Board &board) {
   const uint8_t half = supervisor_.state() == State::FAULT ? 16 : 128;
   board.set_pin(pins::kLed, supervisor_.live() || beat_ % (2 * half) < half);
 }
 
-void Controller::acknowledge(Board& board, const Command& command, Result result) {
+void Controller::acknowledge(Board &board, const Command &command, Result result) {
   answer(board, protocol::Ack{command.id, command.seq, static_cast<uint8_t>(result)});
 }
 
 template <typename Message>
-void Controller::answer(Board& board, const Message& message) {
+void Controller::answer(Board &board, const Message &message) {
   uint8_t payload[Message::kSize];
   message.write(payload);
   uint8_t frame[Message::kSize + kFrameOverhead];

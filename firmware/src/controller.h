@@ -18,12 +18,12 @@ constexpr uint8_t kFirmwareMinor = 0;
 class Controller {
  public:
   // Once after reset, before the first tick: outputs off, parameters loaded.
-  void boot(Board& board);
+  void boot(Board &board);
   // Every kTickUs.
-  void tick(Board& board);
+  void tick(Board &board);
 
-  const Params& params() const { return params_; }
-  const Supervisor& supervisor() const { return supervisor_; }
+  const Params &params() const { return params_; }
+  const Supervisor &supervisor() const { return supervisor_; }
 
  private:
   // The last command of its kind; forgotten when the outputs go off.
@@ -36,22 +36,24 @@ class Controller {
     uint16_t ident_left = 0;  // ticks
   };
 
-  void take(Board& board, const Command& command);
-  protocol::Result take_ident(const protocol::Ident& ident);
-  protocol::Result take_param_set(const protocol::ParamSet& set);
-  void observe(Board& board);
-  void actuate(Board& board);
+  void take(Board &board, const Command &command);
+  protocol::Result take_ident(const protocol::Ident &ident);
+  protocol::Result take_param_set(const protocol::ParamSet &set);
+  void configure();
+  void observe(Board &board);
+  void actuate(Board &board);
   int16_t steer();
-  void off(Board& board);
-  void report(Board& board);
-  void show_state(Board& board);
-  void acknowledge(Board& board, const Command& command, protocol::Result result);
+  void off(Board &board);
+  void report(Board &board);
+  void show_state(Board &board);
+  void acknowledge(Board &board, const Command &command, protocol::Result result);
   template <typename Message>
-  void answer(Board& board, const Message& message);
+  void answer(Board &board, const Message &message);
 
   Params params_;
   Parser parser_;
   Supervisor supervisor_;
+  Pot pot_;
   Steering steering_;
   Drive drive_;
   Hall hall_;

@@ -8,39 +8,60 @@ using protocol::Param;
 
 namespace {
 constexpr uint16_t kStandsTicks = 1000 / kTickMs;  // no pulse for so long: standing
-constexpr int32_t kUnit = 10000;                   // the loop's sum is in 1e-4 duty
-constexpr int32_t kErrorMax = 10000;               // mm/s, keeps the products within 32 bits
+constexpr uint16_t kLostTicks = 2000 / kTickMs;
+constexpr int16_t kLostSpeed = 100;   // mm/s: slower may well give no pulse
+constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
+constexpr int32_t kFreshMax = 1000;   // pulses in a tick
+constexpr int32_t kFull = int32_t{255} << 16;
 }  // namespace
 
-void Hall::step(const Params& params, uint16_t pulses, int16_t duty) {
+void Hall::configure(const Params &params) {
+  per_metre_ = params[Param::hall_per_metre];
+  // A pulse is 10000 / per_metre_ mm.
+  one_ = per_metre_ == 0 ? 0 : divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
+  if (per_metre_ == 0) speed_ = kNone;
+}
+
+void Hall::step(uint16_t pulses, int16_t duty) {
   const uint16_t fresh = static_cast<uint16_t>(pulses - last_);
   last_ = pulses;
-  const int16_t per_metre = params[Param::hall_per_metre];  // 0.1 pulses/m
-  if (per_metre == 0) {
-    speed_ = kNone;
-    return;
-  }
+  if (per_metre_ == 0) return;
   if (duty != 0) backward_ = duty < 0;
   if (silent_ != UINT16_MAX) ++silent_;
+  if (driven_ != UINT16_MAX) ++driven_;
+  if (duty == 0 || fresh != 0) driven_ = 0;
 
-  // A pulse is 10000/per_metre mm; so many mm/s if one comes in `silent_` ticks.
-  const int32_t ticks = silent_ == 0 ? 1 : silent_;
-  const int32_t one = divide(10000000 / kTickMs / ticks, per_metre);
   int32_t speed = magnitude(speed_ == kNone ? 0 : speed_);
   if (fresh != 0) {
-    speed = silent_ > kStandsTicks ? 0 : one * fresh;
+    // The first pulse after standing tells nothing about the time since the one before.
+    speed = silent_ > kStandsTicks
+                ? 0
+                : clamp(one_ * clamp(fresh, 0, kFreshMax) / silent_, 0, INT16_MAX);
     silent_ = 0;
     remainder_ += fresh * int32_t{10000};
-    const int32_t whole = remainder_ / per_metre;
-    remainder_ -= whole * per_metre;
+    const int32_t whole = remainder_ / per_metre_;
+    remainder_ -= whole * per_metre_;
     distance_ += backward_ ? -whole : whole;
   } else if (silent_ >= kStandsTicks) {
     speed = 0;
-  } else if (speed > one) {
-    speed = one;
+  } else if (speed * silent_ > one_) {
+    speed = one_ / silent_;
   }
-  speed_ = saturate16(backward_ ? -speed : speed);
-  if (speed_ == kNone) ++speed_;
+  speed_ = static_cast<int16_t>(backward_ ? -speed : speed);
+}
+
+bool Hall::lost(int16_t setpoint) const {
+  return per_metre_ != 0 && magnitude(setpoint) >= kLostSpeed && driven_ >= kLostTicks;
+}
+
+void Drive::configure(const Params &params) {
+  floor_ = params[Param::drive_min_duty];
+  forward_ = divide((255 - floor_) * (int32_t{1} << 16), params[Param::speed_full]);
+  kp_ = divide(params[Param::drive_kp] * (int32_t{1} << 16), 10000);
+  ki_ = divide(params[Param::drive_ki] * (int32_t{1} << 14) * kTickMs, 156250);  // 1e7 / 2^6
+  limit_ = params[Param::speed_max];
+  ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
+  nominal_ = params[Param::battery_nominal];
 }
 
 void Drive::release() {
@@ -48,27 +69,24 @@ void Drive::release() {
   setpoint_ = 0;
 }
 
-int16_t Drive::step(const Params& params, int16_t target, int16_t measured, int16_t battery) {
-  const int16_t limit = params[Param::speed_max];
-  const int32_t ramp = divide(static_cast<int32_t>(params[Param::drive_accel]) * kTickMs, 1000);
-  setpoint_ = static_cast<int16_t>(approach(setpoint_, clamp(target, -limit, limit), ramp));
-  if (setpoint_ == 0) {
+int16_t Drive::step(int16_t target, int16_t measured, int16_t battery) {
+  setpoint_ = approach(setpoint_, clamp(target, -limit_, limit_) * 16, ramp_);
+  const int16_t wanted = setpoint();
+  if (wanted == 0) {
     integral_ = 0;
     return 0;
   }
-  const int16_t floor = params[Param::drive_min_duty];
-  int32_t duty = divide(setpoint_ * (int32_t{255} - floor), params[Param::speed_full]);
-  duty += setpoint_ < 0 ? -floor : floor;
-  const int16_t nominal = params[Param::battery_nominal];
-  if (nominal != 0)
-    duty = divide(clamp(duty, -255, 255) * nominal, battery < 1000 ? 1000 : battery);
+  const bool backward = wanted < 0;
+  int32_t duty = ((wanted * forward_) >> 16) + (backward ? -floor_ : floor_);
+  duty = clamp(duty, -255, 255);
+  if (nominal_ != 0) duty = duty * nominal_ / (battery < 1000 ? 1000 : battery);
   if (measured != Hall::kNone) {
-    const int32_t error = clamp(static_cast<int32_t>(setpoint_) - measured, -kErrorMax, kErrorMax);
-    // 0.1 duty s/m times mm/s is 1e-4 duty. Never against the setpoint: plugging strains the gear.
-    const int32_t sum = duty * kUnit + params[Param::drive_kp] * error + integral_;
-    const int32_t output = setpoint_ > 0 ? clamp(sum, 0, 255 * kUnit) : clamp(sum, -255 * kUnit, 0);
-    if (sum == output) integral_ += divide(params[Param::drive_ki] * error, 1000) * kTickMs;
-    duty = divide(output, kUnit);
+    // Never against the setpoint: plugging strains the gear.
+    const int32_t error = clamp(static_cast<int32_t>(wanted) - measured, -kErrorMax, kErrorMax);
+    const int32_t sum = clamp(duty, -255, 255) * 65536 + kp_ * error + (integral_ >> 4);
+    const int32_t output = backward ? clamp(sum, -kFull, 0) : clamp(sum, 0, kFull);
+    if (sum == output) integral_ = clamp(integral_ + ki_ * error, -16 * kFull, 16 * kFull);
+    duty = output >> 16;
   }
   return static_cast<int16_t>(clamp(duty, -255, 255));
 }

@@ -10,22 +10,26 @@ namespace daranti {
 // from the duty's sign: one sensor does not tell.
 class Hall {
  public:
+  void configure(const Params &params);
   // One tick. pulses: counter modulo 65536; duty: the one that was applied.
-  void step(const Params& params, uint16_t pulses, int16_t duty);
+  void step(uint16_t pulses, int16_t duty);
   // mm/s; kNone where no sensor is configured.
   int16_t speed() const { return speed_; }
   // mm, signed, since boot.
   int32_t distance() const { return distance_; }
-  // Ticks since the last pulse, saturating.
-  uint16_t silent() const { return silent_; }
+  // Driven at a speed that must give pulses, yet none came for two seconds.
+  bool lost(int16_t setpoint) const;
 
   static constexpr int16_t kNone = INT16_MIN;
 
  private:
+  int16_t per_metre_ = 0;  // 0.1 pulses/m; 0: no sensor
+  int32_t one_ = 0;        // mm/s where a pulse comes in every tick
   int32_t distance_ = 0;
-  int32_t remainder_ = 0;  // of a millimetre, in units of 1/(10 pulses_per_metre) mm
+  int32_t remainder_ = 0;  // of a millimetre, in 1/per_metre_ mm
   uint16_t last_ = 0;
-  uint16_t silent_ = UINT16_MAX;
+  uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
+  uint16_t driven_ = 0;           // ticks driven since then
   int16_t speed_ = kNone;
   bool backward_ = false;
 };
@@ -33,16 +37,24 @@ class Hall {
 // Soft start, feed-forward, and a speed loop where a hall sensor is configured.
 class Drive {
  public:
+  void configure(const Params &params);
   // One tick. target, measured: mm/s (measured may be Hall::kNone); battery: mV.
   // Returns the duty, -255..255, positive forward.
-  int16_t step(const Params& params, int16_t target, int16_t measured, int16_t battery);
+  int16_t step(int16_t target, int16_t measured, int16_t battery);
   void release();
   // The ramped setpoint, mm/s; 0 while released.
-  int16_t setpoint() const { return setpoint_; }
+  int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
 
  private:
-  int32_t integral_ = 0;  // 1e-4 duty
-  int16_t setpoint_ = 0;
+  int32_t forward_ = 0;   // duty per mm/s, 2^-16
+  int32_t kp_ = 0;        // duty per mm/s, 2^-16
+  int32_t ki_ = 0;        // duty per mm/s and tick, 2^-20
+  int32_t integral_ = 0;  // duty, 2^-20
+  int32_t setpoint_ = 0;  // mm/s, 1/16
+  int16_t limit_ = 0;     // mm/s
+  int16_t ramp_ = 0;      // mm/s a tick, 1/16
+  int16_t floor_ = 0;     // minimum duty
+  int16_t nominal_ = 0;   // battery, mV; 0: no compensation
 };
 
 }  // namespace daranti

@@ -10,7 +10,7 @@
 
 namespace daranti {
 
-inline int16_t flash_read(const int16_t* at) {
+inline int16_t flash_read(const int16_t *at) {
 #ifdef __AVR__
   return static_cast<int16_t>(pgm_read_word(at));
 #else

@@ -16,7 +16,7 @@ namespace {
 // Appends bytes to a frame under construction, stuffing zeros as they come.
 class Stuffer {
  public:
-  explicit Stuffer(uint8_t* frame) : frame_(frame) {}
+  explicit Stuffer(uint8_t *frame) : frame_(frame) {}
   void put(uint8_t byte) {
     if (byte == 0) {
       close();
@@ -35,13 +35,13 @@ class Stuffer {
   }
 
  private:
-  uint8_t* frame_;
+  uint8_t *frame_;
   uint8_t code_ = 0;  // where the open block's length goes
   uint8_t at_ = 1;
 };
 
 // Decodes `size` stuffed bytes, none of them zero, as one command.
-bool decode(const uint8_t* stuffed, uint8_t size, Command* command) {
+bool decode(const uint8_t *stuffed, uint8_t size, Command *command) {
   const uint8_t body = static_cast<uint8_t>(size - 1);
   const uint8_t length = static_cast<uint8_t>(body - 4);  // of the payload
   uint8_t tail[2];
@@ -72,7 +72,7 @@ bool decode(const uint8_t* stuffed, uint8_t size, Command* command) {
 
 }  // namespace
 
-uint8_t encode(uint8_t id, uint8_t seq, const uint8_t* payload, uint8_t size, uint8_t* frame) {
+uint8_t encode(uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size, uint8_t *frame) {
   Stuffer out(frame);
   uint16_t crc = crc16(crc16(0xFFFF, id), seq);
   out.put(id);
@@ -86,7 +86,7 @@ uint8_t encode(uint8_t id, uint8_t seq, const uint8_t* payload, uint8_t size, ui
   return out.finish();
 }
 
-bool Parser::feed(uint8_t byte, Command* command) {
+bool Parser::feed(uint8_t byte, Command *command) {
   if (byte != 0) {
     if (count_ == kMax) {
       memmove(run_, run_ + 1, kMax - 1);

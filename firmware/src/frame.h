@@ -13,7 +13,7 @@ uint16_t crc16(uint16_t crc, uint8_t byte);
 
 // Writes the frame; `frame` holds at least size + kFrameOverhead bytes, size at most 250.
 // Returns the frame's length with its closing zero.
-uint8_t encode(uint8_t id, uint8_t seq, const uint8_t* payload, uint8_t size, uint8_t* frame);
+uint8_t encode(uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size, uint8_t *frame);
 
 // A message to the firmware whose frame, length, id and CRC hold.
 struct Command {
@@ -27,7 +27,7 @@ struct Command {
 class Parser {
  public:
   // True where this byte completes a valid frame, which then stands in `command`.
-  bool feed(uint8_t byte, Command* command);
+  bool feed(uint8_t byte, Command *command);
 
   // Runs of bytes between zeros that held something else than exactly one valid frame; saturates.
   uint16_t bad() const { return bad_; }

@@ -18,7 +18,7 @@ constexpr uint16_t kCrcAt = Params::kBlock - 2;
 }  // namespace
 
 ParamRange param_range(uint8_t id) {
-  const int16_t* row = kRanges[id];
+  const int16_t *row = kRanges[id];
   return {flash_read(row), flash_read(row + 1), flash_read(row + 2)};
 }
 
@@ -34,7 +34,7 @@ void Params::set_defaults() {
   for (uint8_t id = 0; id < protocol::kParams; ++id) values_[id] = param_range(id).initial;
 }
 
-bool Params::load(const Board& board) {
+bool Params::load(const Board &board) {
   uint16_t crc = 0xFFFF;
   bool erased = true;
   bool whole = board.load(0) == kMagic && board.load(1) == protocol::kVersion;
@@ -55,7 +55,7 @@ bool Params::load(const Board& board) {
   return whole || erased;
 }
 
-uint8_t Params::block_byte(uint16_t at, uint16_t* crc) const {
+uint8_t Params::block_byte(uint16_t at, uint16_t *crc) const {
   if (at == kCrcAt) return static_cast<uint8_t>(*crc);
   if (at == kCrcAt + 1) return static_cast<uint8_t>(*crc >> 8);
   uint8_t byte = at == 0 ? kMagic : protocol::kVersion;
@@ -67,7 +67,7 @@ uint8_t Params::block_byte(uint16_t at, uint16_t* crc) const {
   return byte;
 }
 
-Params::Saving Params::step_save(Board& board) {
+Params::Saving Params::step_save(Board &board) {
   if (save_at_ == kNotSaving) return Saving::kIdle;
   if (board.storing()) return Saving::kBusy;
   if (save_at_ < kBlock) {

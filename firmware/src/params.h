@@ -28,14 +28,14 @@ class Params {
   // EEPROM block: magic u8, protocol version u8, kParams values i16, CRC-16 of all before, from
   // address 0. An erased block (0xFF throughout) was never written and means defaults. Returns
   // false, with the defaults in use, for a block that is anything else than whole and in range.
-  bool load(const Board& board);
+  bool load(const Board &board);
 
   // Saving takes one EEPROM byte a tick: begin, then step once a tick until it is not kBusy. The
   // values must not change meanwhile. Done means that the whole block read back as written.
   enum class Saving : uint8_t { kIdle, kBusy, kDone, kFailed };
   void begin_save() { save_at_ = 0; }
   bool saving() const { return save_at_ != kNotSaving; }
-  Saving step_save(Board& board);
+  Saving step_save(Board &board);
 
   static constexpr uint8_t kMagic = 0xDA;
   static constexpr uint16_t kBlock = 2 + 2 * protocol::kParams + 2;  // bytes
@@ -44,7 +44,7 @@ class Params {
   static constexpr uint16_t kNotSaving = UINT16_MAX;
 
   // The block's byte, for ascending `at`; carries the CRC along.
-  uint8_t block_byte(uint16_t at, uint16_t* crc) const;
+  uint8_t block_byte(uint16_t at, uint16_t *crc) const;
 
   int16_t values_[protocol::kParams];
   uint16_t save_at_ = kNotSaving;  // next byte to write; kBlock: all written

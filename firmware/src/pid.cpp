@@ -5,32 +5,47 @@
 namespace daranti {
 
 namespace {
-constexpr int32_t kUnit = 10000;       // the sum's unit is 1e-4 duty
-constexpr int32_t kErrorMax = 10000;   // 100 deg, keeps every product within 32 bits
-constexpr int32_t kRateMax = 100000L;  // 1000 deg/s
-constexpr int16_t kTrackingMs = 50;    // how fast the integral gives way at the limit
-constexpr int32_t kIntegralMax = 255L * kUnit;
+// Bounds that keep every product and sum below within 32 bits.
+constexpr int32_t kErrorMax = 10000;  // 100 deg
+constexpr int32_t kMovedMax = 200;    // centidegree a step: 400 deg/s at 5 ms
+constexpr int32_t kIntegralMax = int32_t{255} << 20;
+constexpr int32_t kShareOne = int32_t{1} << 14;
+constexpr int32_t kTrackingMs = 50;  // how fast the integral gives way at the limit
 }  // namespace
 
-int16_t pid_step(PidState& state, const PidGains& gains, int16_t setpoint, int16_t measurement,
-                 int16_t limit, uint8_t dt_ms) {
+PidCoefficients pid_prepare(const PidGains &gains, uint8_t dt_ms) {
+  const int32_t dt = dt_ms;
+  PidCoefficients out;
+  out.kp = divide(gains.kp * (int32_t{1} << 16), 10000);
+  out.ki = divide(gains.ki * dt * (int32_t{1} << 14), 156250);  // 1e7 / 2^6
+  out.kd = divide(gains.kd * (int32_t{1} << 8), 100 * dt);
+  out.smooth = static_cast<int16_t>(divide(dt * kShareOne, gains.filter_ms + dt));
+  out.track = static_cast<int16_t>(divide(dt * kShareOne, kTrackingMs + dt));
+  return out;
+}
+
+int16_t pid_step(PidState &state, const PidCoefficients &coefficients, int16_t setpoint,
+                 int16_t measurement, int16_t limit) {
   const int32_t error = clamp(static_cast<int32_t>(setpoint) - measurement, -kErrorMax, kErrorMax);
 
-  const int32_t moved = state.primed ? static_cast<int32_t>(measurement) - state.last : 0;
-  const int32_t rate = clamp(moved * 1000 / dt_ms, -kRateMax, kRateMax) * 16;
-  state.rate += divide((rate - state.rate) * dt_ms, gains.filter_ms + dt_ms);
+  const int32_t change = state.primed ? static_cast<int32_t>(measurement) - state.last : 0;
+  const int32_t moved = clamp(change, -kMovedMax, kMovedMax) * 256;
+  state.rate += ((moved - state.rate) * coefficients.smooth) >> 14;
   state.last = measurement;
   state.primed = true;
 
-  const int32_t proportional = gains.kp * error;
-  const int32_t derivative = divide(gains.kd * divide(state.rate, 16), 10);
-  const int32_t sum = proportional + state.integral - derivative;
-  const int32_t output = clamp(sum, -limit * kUnit, limit * kUnit);
+  const int32_t proportional = coefficients.kp * error;
+  const int32_t derivative = coefficients.kd * state.rate;
+  const int32_t sum = proportional + (state.integral >> 4) - derivative;
+  const int32_t most = static_cast<int32_t>(limit) << 16;
+  const int32_t output = clamp(sum, -most, most);
 
-  const int32_t grown = state.integral + divide(gains.ki * error * dt_ms, 1000);
-  const int32_t excess = divide(output - sum, kTrackingMs + dt_ms) * dt_ms;
-  state.integral = clamp(grown + excess, -kIntegralMax, kIntegralMax);
-  return static_cast<int16_t>(divide(output, kUnit));
+  constexpr int32_t kExcessMax = kIntegralMax >> 4;
+  const int32_t excess =
+      clamp(((output - sum) >> 14) * coefficients.track, -kExcessMax, kExcessMax);
+  const int32_t grown = state.integral + coefficients.ki * error + excess * 16;
+  state.integral = clamp(grown, -kIntegralMax, kIntegralMax);
+  return static_cast<int16_t>((output + (int32_t{1} << 15)) >> 16);
 }
 
 }  // namespace daranti

@@ -27,7 +27,7 @@ constexpr uint8_t kWatchdogReset = 1U << 3;
 
 }  // namespace
 
-uint32_t MotionWatch::step(const Params& params, const Observation& seen) {
+uint32_t MotionWatch::step(const Params &params, const Observation &seen) {
   if (!primed_) {
     last_angle_ = anchor_ = seen.angle;
     primed_ = true;
@@ -90,7 +90,7 @@ void Supervisor::command(bool moving) {
   if (live()) state_ = moving ? State::RUNNING : State::ARMED;
 }
 
-uint32_t Supervisor::conditions(const Params& params, const Observation& seen) {
+uint32_t Supervisor::conditions(const Params &params, const Observation &seen) {
   uint32_t found = motion_.step(params, seen);
   const auto note = [&found](bool bad, uint32_t bit) {
     if (bad) found |= bit;
@@ -119,7 +119,7 @@ uint32_t Supervisor::conditions(const Params& params, const Observation& seen) {
   return found;
 }
 
-void Supervisor::watch(const Params& params, const Observation& seen) {
+void Supervisor::watch(const Params &params, const Observation &seen) {
   active_ = conditions(params, seen);
   faults_ |= active_;
   if (faults_ != 0) state_ = State::FAULT;

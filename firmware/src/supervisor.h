@@ -39,7 +39,7 @@ class Debounce {
 class MotionWatch {
  public:
   // One tick; returns the bits of POT_JUMP, POT_FROZEN, STEER_STALL and STEER_RUNAWAY that hold.
-  uint32_t step(const Params& params, const Observation& seen);
+  uint32_t step(const Params &params, const Observation &seen);
 
  private:
   int16_t last_angle_ = 0;
@@ -62,7 +62,7 @@ class Supervisor {
   void command(bool moving);
 
   // Once a tick, after the requests: watches the machine and the link.
-  void watch(const Params& params, const Observation& seen);
+  void watch(const Params &params, const Observation &seen);
 
   protocol::State state() const { return state_; }
   uint32_t faults() const { return faults_; }
@@ -72,7 +72,7 @@ class Supervisor {
   }
 
  private:
-  uint32_t conditions(const Params& params, const Observation& seen);
+  uint32_t conditions(const Params &params, const Observation &seen);
 
   protocol::State state_ = protocol::State::SAFE;
   uint32_t faults_ = 0;

@@ -24,6 +24,7 @@ extern "C" {
 #include <simavr/avr_eeprom.h>
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
+#include <simavr/avr_timer.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>
@@ -72,9 +73,9 @@ constexpr uint8_t kRjmpSelf[] = {0xFF, 0xCF};
 
 thread_local std::string last_error;
 
-void silence(avr_t*, const int, const char*, va_list) {}
-void sleep_without_waiting(avr_t*, avr_cycle_count_t) {}
-void store_only(avr_t* avr, avr_io_addr_t address, uint8_t value, void*) {
+void silence(avr_t *, const int, const char *, va_list) {}
+void sleep_without_waiting(avr_t *, avr_cycle_count_t) {}
+void store_only(avr_t *avr, avr_io_addr_t address, uint8_t value, void *) {
   avr->data[address] = value;
 }
 
@@ -86,7 +87,7 @@ struct TimedByte {
 }  // namespace
 
 struct daranti_target {
-  avr_t* avr = nullptr;
+  avr_t *avr = nullptr;
   uint64_t origin = 0;  // target time of avr->cycle 0, in cycles; wraps below zero during boot
   uint64_t seen = 0;    // avr->cycle after the last instruction: it falls at a reset
   bool fenced = false;
@@ -107,7 +108,7 @@ struct daranti_target {
   bool in_tick = false, masked = false;
 
   uint64_t now() const { return avr->cycle + origin; }
-  uint8_t& reg(uint16_t address) const { return avr->data[address]; }
+  uint8_t &reg(uint16_t address) const { return avr->data[address]; }
   uint16_t reg16(uint16_t address) const {
     return static_cast<uint16_t>(reg(address) | reg(address + 1) << 8);
   }
@@ -138,18 +139,18 @@ struct daranti_target {
     avr_cycle_timer_register(avr, due > now() ? due - now() : 1, on_byte, this);
   }
   void receive_due();
-  static avr_cycle_count_t on_byte(avr_t*, avr_cycle_count_t, void* param) {
-    auto* self = static_cast<daranti_target*>(param);
+  static avr_cycle_count_t on_byte(avr_t *, avr_cycle_count_t, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
     self->receive_due();
     self->arm_receiver();
     return 0;
   }
-  static avr_cycle_count_t on_fence(avr_t*, avr_cycle_count_t, void* param) {
-    static_cast<daranti_target*>(param)->fenced = true;
+  static avr_cycle_count_t on_fence(avr_t *, avr_cycle_count_t, void *param) {
+    static_cast<daranti_target *>(param)->fenced = true;
     return 0;
   }
-  static uint8_t on_udr_read(avr_t* avr, avr_io_addr_t, void* param) {
-    auto* self = static_cast<daranti_target*>(param);
+  static uint8_t on_udr_read(avr_t *avr, avr_io_addr_t, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
     const uint8_t byte = self->fifo[0];
     if (self->fifo_count != 0) {
       --self->fifo_count;
@@ -161,12 +162,12 @@ struct daranti_target {
   }
   void raise_rx() const {
     for (uint8_t i = 0; i < avr->interrupts.vector_count; ++i) {
-      avr_int_vector_t* vector = avr->interrupts.vector[i];
+      avr_int_vector_t *vector = avr->interrupts.vector[i];
       if (vector->vector == kRxVector) avr_raise_interrupt(avr, vector);
     }
   }
-  static void on_sent(avr_irq_t*, uint32_t value, void* param) {
-    auto* self = static_cast<daranti_target*>(param);
+  static void on_sent(avr_irq_t *, uint32_t value, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
     const uint64_t start = self->line_free > self->now() ? self->line_free : self->now();
     self->line_free = start + kByteCycles;
     if (self->to_host.size() < kQueue) {
@@ -184,6 +185,10 @@ struct daranti_target {
     }
     avr->io[AVR_DATA_TO_IO(kUdr0)].r.c = on_udr_read;
     avr->io[AVR_DATA_TO_IO(kUdr0)].r.param = this;
+    // Else an edge on D8 would capture timer 1 into ICR1, which the hardware leaves alone where
+    // ICR1 is the top (15.6.3).
+    avr_unconnect_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 0),
+                      avr_io_getirq(avr, AVR_IOCTL_TIMER_GETIRQ('1'), TIMER_IRQ_IN_ICP));
     // Else a low level on D2 or D3 costs a poll every cycle, although INT0 and INT1 are off.
     for (const uint8_t interrupt : {0, 1}) avr_extint_set_strict_lvl_trig(avr, interrupt, 0);
     for (uint8_t pin = 0; pin < kPins; ++pin) {
@@ -298,9 +303,9 @@ extern "C" {
 
 uint32_t target_abi(void) { return DARANTI_TARGET_ABI; }
 
-const char* target_error(void) { return last_error.c_str(); }
+const char *target_error(void) { return last_error.c_str(); }
 
-daranti_target* target_create(const char* image, const uint8_t* eeprom) {
+daranti_target *target_create(const char *image, const uint8_t *eeprom) {
   avr_global_logger_set(silence);
   elf_firmware_t firmware;
   memset(&firmware, 0, sizeof firmware);
@@ -308,8 +313,8 @@ daranti_target* target_create(const char* image, const uint8_t* eeprom) {
     last_error = std::string(image ? image : "(no image)") + ": not a readable AVR ELF file";
     return nullptr;
   }
-  auto* self = new (std::nothrow) daranti_target();
-  avr_t* avr = avr_make_mcu_by_name("atmega328p");
+  auto *self = new (std::nothrow) daranti_target();
+  avr_t *avr = avr_make_mcu_by_name("atmega328p");
   if (self == nullptr || avr == nullptr) {
     last_error = "libsimavr does not know the atmega328p, or memory ran out";
     free(firmware.flash);
@@ -347,41 +352,41 @@ daranti_target* target_create(const char* image, const uint8_t* eeprom) {
   return self;
 }
 
-void target_destroy(daranti_target* target) {
+void target_destroy(daranti_target *target) {
   if (target == nullptr) return;
   avr_terminate(target->avr);
   free(target->avr);
   delete target;
 }
 
-int32_t target_run_until(daranti_target* target, uint64_t time_us) {
+int32_t target_run_until(daranti_target *target, uint64_t time_us) {
   return target->run_until(time_us * kCyclesPerUs);
 }
 
-uint64_t target_time_us(const daranti_target* target) { return target->now() / kCyclesPerUs; }
+uint64_t target_time_us(const daranti_target *target) { return target->now() / kCyclesPerUs; }
 
-void target_set_analog_mv(daranti_target* target, uint8_t channel, uint16_t millivolt) {
+void target_set_analog_mv(daranti_target *target, uint8_t channel, uint16_t millivolt) {
   if (channel >= 8) return;
   target->millivolt[channel] = millivolt;
   target->raise(AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + channel, millivolt);
 }
 
-void target_set_pin(daranti_target* target, uint8_t pin, uint8_t level) {
+void target_set_pin(daranti_target *target, uint8_t pin, uint8_t level) {
   if (pin >= kPins) return;
   target->level[pin] = level != 0;
   target->driven[pin] = true;
   target->apply_pin(pin);
 }
 
-uint8_t target_pin(const daranti_target* target, uint8_t pin) {
+uint8_t target_pin(const daranti_target *target, uint8_t pin) {
   return pin < kPins && target->duty(pin) == 255;
 }
 
-uint8_t target_pwm(const daranti_target* target, uint8_t pin) {
+uint8_t target_pwm(const daranti_target *target, uint8_t pin) {
   return pin < kPins ? target->duty(pin) : uint8_t{0};
 }
 
-size_t target_write(daranti_target* target, const uint8_t* bytes, size_t count) {
+size_t target_write(daranti_target *target, const uint8_t *bytes, size_t count) {
   if (target->host_free < target->now()) target->host_free = target->now();
   const bool idle = target->to_firmware.empty();
   size_t taken = 0;
@@ -393,9 +398,9 @@ size_t target_write(daranti_target* target, const uint8_t* bytes, size_t count) 
   return taken;
 }
 
-size_t target_read(daranti_target* target, uint8_t* bytes, size_t capacity) {
+size_t target_read(daranti_target *target, uint8_t *bytes, size_t capacity) {
   size_t copied = 0;
-  auto& queue = target->to_host;
+  auto &queue = target->to_host;
   while (copied < capacity && !queue.empty() && queue.front().due <= target->now()) {
     bytes[copied++] = queue.front().byte;
     queue.pop_front();
@@ -403,14 +408,14 @@ size_t target_read(daranti_target* target, uint8_t* bytes, size_t capacity) {
   return copied;
 }
 
-void target_reset(daranti_target* target, uint8_t cause) { target->boot(cause, target->now()); }
+void target_reset(daranti_target *target, uint8_t cause) { target->boot(cause, target->now()); }
 
-void target_eeprom(const daranti_target* target, uint8_t* bytes1024) {
+void target_eeprom(const daranti_target *target, uint8_t *bytes1024) {
   avr_eeprom_desc_t desc = {bytes1024, 0, kEepromSize};
   avr_ioctl(target->avr, AVR_IOCTL_EEPROM_GET, &desc);
 }
 
-int32_t target_hang(daranti_target* target) {
+int32_t target_hang(daranti_target *target) {
   target->avr->pc = kHangAt;
   target->avr->state = cpu_Running;
   return 0;
@@ -418,15 +423,15 @@ int32_t target_hang(daranti_target* target) {
 
 // ---- beyond the ABI: measurements for tools/avr_budget.py ---------------------------------------
 
-void probe_start(daranti_target* target) { target->probing = true; }
+void probe_start(daranti_target *target) { target->probing = true; }
 
 // Cycles of the longest tick, and of the longest time with interrupts off.
-void probe_read(const daranti_target* target, uint64_t* tick, uint64_t* masked) {
+void probe_read(const daranti_target *target, uint64_t *tick, uint64_t *masked) {
   *tick = target->tick_worst;
   *masked = target->masked_worst;
 }
 
 // The 2048 bytes of SRAM, as they are now, and a way to paint them.
-uint8_t* probe_sram(daranti_target* target) { return target->avr->data + 0x100; }
+uint8_t *probe_sram(daranti_target *target) { return target->avr->data + 0x100; }
 
 }  // extern "C"

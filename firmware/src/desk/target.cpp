@@ -25,14 +25,15 @@ constexpr size_t kQueue = 1 << 16;    // bytes each way before they are refused
 constexpr size_t kUartRing = 128;     // the Uno's send buffer
 constexpr uint64_t kByteNs = 85'000;  // ten bits, as the Uno divides 16 MHz for 115200 baud
 
-// What happens in a tick's period, in microseconds from its start, as uno/board.cpp has it: the
-// burst of conversions, seen here at the middle of each millisecond that it touches, then the tick.
-constexpr uint64_t kEventUs[] = {1500, 2500, 3500, 4000};
-constexpr uint8_t kEvents = 4;
-constexpr uint8_t kTickEvent = 3;
-// How many of the 16ths of a channel's mean each of the three milliseconds gives.
+// What happens in a tick's period, in microseconds from its start, as uno/board.cpp has it: four
+// runs of conversions, each seen here at its middle, then the tick.
+constexpr uint64_t kEventUs[] = {500, 1500, 2500, 3500, 4000};
+constexpr uint8_t kEvents = 5;
+constexpr uint8_t kTickEvent = 4;
+// How many of the 16ths of a channel's mean each run gives.
 constexpr uint8_t kShare[kTickEvent][daranti::kAnalogs] = {
-    {0, 16, 16, 12}, {8, 0, 0, 4}, {8, 0, 0, 0}};
+    {0, 16, 16, 0}, {0, 0, 0, 16}, {8, 0, 0, 0}, {8, 0, 0, 0}};
+
 constexpr uint64_t kWatchdogUs = 32'000;   // 4096 cycles of the 128 kHz watchdog oscillator
 constexpr uint64_t kEepromWriteUs = 3400;  // datasheet 8.4.3
 
@@ -50,7 +51,7 @@ uint16_t convert(uint16_t millivolt) {
 }  // namespace
 
 struct daranti_target final : Board {
-  explicit daranti_target(const uint8_t* image) {
+  explicit daranti_target(const uint8_t *image) {
     if (image != nullptr) {
       memcpy(eeprom, image, kEepromSize);
     } else {
@@ -111,13 +112,13 @@ struct daranti_target final : Board {
   void set_pin(uint8_t pin, bool value) override { output[pin] = value; }
   void set_pwm(uint8_t pin, uint8_t duty) override { pwm[pin] = duty; }
   void set_pwm_frequency(uint16_t, uint16_t) override {}
-  bool receive(uint8_t* byte) override {
+  bool receive(uint8_t *byte) override {
     if (received.empty() || received.front().due_ns > now_us * 1000) return false;
     *byte = received.front().byte;
     received.pop_front();
     return true;
   }
-  bool send(const uint8_t* bytes, uint8_t count) override {
+  bool send(const uint8_t *bytes, uint8_t count) override {
     const uint64_t now_ns = now_us * 1000;
     if (line_free_ns < now_ns) line_free_ns = now_ns;
     if ((line_free_ns - now_ns) / kByteNs + count > kUartRing) return false;
@@ -164,42 +165,42 @@ extern "C" {
 
 uint32_t target_abi(void) { return DARANTI_TARGET_ABI; }
 
-daranti_target* target_create(const char*, const uint8_t* eeprom) {
+daranti_target *target_create(const char *, const uint8_t *eeprom) {
   return new (std::nothrow) daranti_target(eeprom);
 }
 
-void target_destroy(daranti_target* target) { delete target; }
+void target_destroy(daranti_target *target) { delete target; }
 
-const char* target_error(void) { return "out of memory"; }
+const char *target_error(void) { return "out of memory"; }
 
-int32_t target_run_until(daranti_target* target, uint64_t time_us) {
+int32_t target_run_until(daranti_target *target, uint64_t time_us) {
   target->run_until(time_us);
   return 0;
 }
 
-uint64_t target_time_us(const daranti_target* target) { return target->now_us; }
+uint64_t target_time_us(const daranti_target *target) { return target->now_us; }
 
-void target_set_analog_mv(daranti_target* target, uint8_t channel, uint16_t millivolt) {
+void target_set_analog_mv(daranti_target *target, uint8_t channel, uint16_t millivolt) {
   if (channel < kAnalogs) target->millivolt[channel] = millivolt;
 }
 
-void target_set_pin(daranti_target* target, uint8_t pin, uint8_t level) {
+void target_set_pin(daranti_target *target, uint8_t pin, uint8_t level) {
   if (pin >= kPins) return;
   const bool high = level != 0;
   if (pin == daranti::pins::kHall && target->level[pin] && !high) ++target->pulses;
   target->level[pin] = high;
 }
 
-uint8_t target_pin(const daranti_target* target, uint8_t pin) {
+uint8_t target_pin(const daranti_target *target, uint8_t pin) {
   return pin < kPins && (target->output[pin] || target->pwm[pin] == 255);
 }
 
-uint8_t target_pwm(const daranti_target* target, uint8_t pin) {
+uint8_t target_pwm(const daranti_target *target, uint8_t pin) {
   if (pin >= kPins) return 0;
   return target->output[pin] ? uint8_t{255} : target->pwm[pin];
 }
 
-size_t target_write(daranti_target* target, const uint8_t* bytes, size_t count) {
+size_t target_write(daranti_target *target, const uint8_t *bytes, size_t count) {
   const uint64_t now_ns = target->now_us * 1000;
   if (target->host_free_ns < now_ns) target->host_free_ns = now_ns;
   size_t taken = 0;
@@ -210,9 +211,9 @@ size_t target_write(daranti_target* target, const uint8_t* bytes, size_t count) 
   return taken;
 }
 
-size_t target_read(daranti_target* target, uint8_t* bytes, size_t capacity) {
+size_t target_read(daranti_target *target, uint8_t *bytes, size_t capacity) {
   size_t copied = 0;
-  auto& sent = target->sent;
+  auto &sent = target->sent;
   while (copied < capacity && !sent.empty() && sent.front().due_ns <= target->now_us * 1000) {
     bytes[copied++] = sent.front().byte;
     sent.pop_front();
@@ -220,13 +221,13 @@ size_t target_read(daranti_target* target, uint8_t* bytes, size_t capacity) {
   return copied;
 }
 
-void target_reset(daranti_target* target, uint8_t cause) { target->boot(cause); }
+void target_reset(daranti_target *target, uint8_t cause) { target->boot(cause); }
 
-void target_eeprom(const daranti_target* target, uint8_t* bytes1024) {
+void target_eeprom(const daranti_target *target, uint8_t *bytes1024) {
   memcpy(bytes1024, target->eeprom, kEepromSize);
 }
 
-int32_t target_hang(daranti_target* target) {
+int32_t target_hang(daranti_target *target) {
   target->hung = true;
   return 0;
 }

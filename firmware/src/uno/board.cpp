@@ -26,7 +26,7 @@ class Ring {
     head_ = next;
     return true;
   }
-  bool pop(uint8_t* byte) {
+  bool pop(uint8_t *byte) {
     if (head_ == tail_) return false;
     *byte = bytes_[tail_];
     tail_ = (tail_ + 1) & (kSize - 1);
@@ -44,27 +44,29 @@ Ring<128> received;  // at 115200 baud a tick brings at most 59 bytes
 Ring<128> sending;
 volatile uint32_t clock_ms;
 volatile bool tick_due;
-volatile uint16_t analog_sum[kAnalogs];  // of the last finished burst, 1/16 counts
+volatile uint16_t analog_mean[kAnalogs];  // of the last finished group, 1/16 counts
 volatile uint16_t pulses;
 uint8_t mcusr __attribute__((section(".noinit")));
 
 // ---- the 1 ms clock, and the tick ---------------------------------------------------------------
 
-constexpr uint8_t kBurstAt = 1;  // ms within the tick's period: the burst ends just before
-constexpr uint8_t kTickAt = 4;   // the tick, so that it works on fresh samples
-
-// One burst of conversions, 104 us each. The pot comes last, for it must be freshest.
+// The tick's period has five milliseconds. Each of the first four begins a run of eight
+// conversions of 108 us, so that a voltage that changes every millisecond is sampled whole; the pot
+// comes last, for it must be freshest. The tick comes in the fifth.
+constexpr uint8_t kTickAt = 4;
+constexpr uint8_t kRun = 8;
 struct Group {
   uint8_t channel;
   uint8_t count;  // of conversions
   uint8_t shift;  // scales their sum to 16 conversions
 };
-constexpr Group kBurst[] = {{1, 2, 3}, {2, 4, 2}, {3, 4, 2}, {0, 16, 0}};
-constexpr uint8_t kGroups = sizeof kBurst / sizeof kBurst[0];
+constexpr Group kGroups[] = {{1, 4, 2}, {2, 4, 2}, {3, 8, 1}, {0, 16, 0}};
+constexpr uint8_t kPaused = UINT8_MAX;                     // go on with the group under way
+constexpr uint8_t kStartAt[kTickAt] = {0, 2, 3, kPaused};  // group by millisecond; 0 leads on to 1
 
-uint8_t burst_group;
-uint8_t burst_left;
-uint16_t burst_sum;
+uint8_t group_now;
+uint8_t group_left;
+uint16_t group_sum;
 
 void convert(uint8_t channel) {
   ADMUX = static_cast<uint8_t>(_BV(REFS0) | channel);
@@ -72,10 +74,10 @@ void convert(uint8_t channel) {
 }
 
 void start_group(uint8_t group) {
-  burst_group = group;
-  burst_left = kBurst[group].count;
-  burst_sum = 0;
-  convert(kBurst[group].channel);
+  group_now = group;
+  group_left = kGroups[group].count;
+  group_sum = 0;
+  convert(kGroups[group].channel);
 }
 
 }  // namespace
@@ -90,22 +92,29 @@ extern "C" void keep_reset_cause(void) {
 }
 
 ISR(TIMER0_COMPA_vect) {
-  static uint8_t phase;
+  static uint8_t next = 1;
+  const uint8_t phase = next;
+  next = phase + 1 == kTickMs ? 0 : phase + 1;
   ++clock_ms;
-  phase = phase + 1 == kTickMs ? 0 : phase + 1;
-  if (phase == kBurstAt) start_group(0);
-  if (phase == kTickAt) tick_due = true;
+  if (phase == kTickAt) {
+    tick_due = true;
+  } else if (kStartAt[phase] == kPaused) {
+    ADCSRA |= _BV(ADSC);
+  } else {
+    start_group(kStartAt[phase]);
+  }
 }
 
 ISR(ADC_vect) {
-  const Group& group = kBurst[burst_group];
-  burst_sum += ADC;
-  if (--burst_left != 0) {
+  const Group &group = kGroups[group_now];
+  group_sum += ADC;
+  --group_left;
+  if (group_left == 0) {
+    analog_mean[group.channel] = static_cast<uint16_t>(group_sum << group.shift);
+    if (group_now == 0) start_group(1);
+  } else if (group_left != kRun) {
     ADCSRA |= _BV(ADSC);
-    return;
   }
-  analog_sum[group.channel] = static_cast<uint16_t>(burst_sum << group.shift);
-  if (burst_group + 1 < kGroups) start_group(burst_group + 1);
 }
 
 ISR(USART_RX_vect) { received.push(UDR0); }
@@ -132,13 +141,13 @@ static_assert(pins::kDriveEnable == 3 && pins::kDriveLpwm == 11, "timer 2 drives
 static_assert(pins::kHall == 12, "PCINT4 is PB4");
 
 // Uno pins 0-7 are port D, 8-13 port B.
-volatile uint8_t& port_of(uint8_t pin) { return pin < 8 ? PORTD : PORTB; }
+volatile uint8_t &port_of(uint8_t pin) { return pin < 8 ? PORTD : PORTB; }
 uint8_t mask_of(uint8_t pin) { return static_cast<uint8_t>(1U << (pin < 8 ? pin : pin - 8)); }
 
 void make_output(uint8_t pin) { (pin < 8 ? DDRD : DDRB) |= mask_of(pin); }
 
 // Connects a compare output to its pin, or leaves the pin to its port.
-void connect(volatile uint8_t& control, uint8_t bit, bool connected) {
+void connect(volatile uint8_t &control, uint8_t bit, bool connected) {
   if (connected) {
     control |= bit;
   } else {
@@ -168,7 +177,11 @@ void UnoBoard::begin() {
   UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
   UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 
-  ADCSRA = _BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);  // 125 kHz
+  // 125 kHz. The first conversion takes twice as long (23.4): have it behind us.
+  ADMUX = _BV(REFS0);
+  ADCSRA = _BV(ADEN) | _BV(ADSC) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);
+  loop_until_bit_is_set(ADCSRA, ADIF);
+  ADCSRA |= _BV(ADIF) | _BV(ADIE);
   DIDR0 = _BV(ADC0D) | _BV(ADC1D) | _BV(ADC2D) | _BV(ADC3D);
 
   wdt_enable(WDTO_30MS);
@@ -181,6 +194,7 @@ void UnoBoard::wait_for_tick() {
     OCR0A = 249;
     TIMSK0 = _BV(OCIE0A);
     TCCR0B = _BV(CS01) | _BV(CS00);
+    start_group(kStartAt[0]);
   }
   cli();
   while (!tick_due) {
@@ -196,7 +210,7 @@ void UnoBoard::wait_for_tick() {
 }
 
 uint16_t UnoBoard::analog(Analog channel) const {
-  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { return analog_sum[static_cast<uint8_t>(channel)]; }
+  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { return analog_mean[static_cast<uint8_t>(channel)]; }
   __builtin_unreachable();
 }
 
@@ -249,7 +263,7 @@ void UnoBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
                 {491, _BV(CS22)},
                 {246, _BV(CS22) | _BV(CS20)}};
   uint8_t clock = _BV(CS22) | _BV(CS21);  // 123 Hz
-  for (const auto& rate : kRates) {
+  for (const auto &rate : kRates) {
     if (drive_hz >= rate.hz) {
       clock = rate.clock;
       break;
@@ -259,9 +273,9 @@ void UnoBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
   TCCR2B = clock;
 }
 
-bool UnoBoard::receive(uint8_t* byte) { return received.pop(byte); }
+bool UnoBoard::receive(uint8_t *byte) { return received.pop(byte); }
 
-bool UnoBoard::send(const uint8_t* bytes, uint8_t count) {
+bool UnoBoard::send(const uint8_t *bytes, uint8_t count) {
   if (sending.room() < count) return false;
   for (uint8_t i = 0; i < count; ++i) sending.push(bytes[i]);
   ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { UCSR0B |= _BV(UDRIE0); }
@@ -304,7 +318,7 @@ void HilBoard::set_pin(uint8_t pin, bool level) {
   if (pin == pins::kLed) UnoBoard::set_pin(pin, level);
 }
 
-bool HilBoard::inject(const protocol::HilSensors& sensors) {
+bool HilBoard::inject(const protocol::HilSensors &sensors) {
   sensors_ = sensors;
   return true;
 }

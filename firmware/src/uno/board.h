@@ -19,8 +19,8 @@ class UnoBoard : public Board {
   void set_pin(uint8_t pin, bool level) override;
   void set_pwm(uint8_t pin, uint8_t duty) override;
   void set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) override;
-  bool receive(uint8_t* byte) override;
-  bool send(const uint8_t* bytes, uint8_t count) override;
+  bool receive(uint8_t *byte) override;
+  bool send(const uint8_t *bytes, uint8_t count) override;
   uint8_t load(uint16_t address) const override;
   void store(uint16_t address, uint8_t byte) override;
   bool storing() const override;
@@ -42,7 +42,7 @@ class HilBoard final : public UnoBoard {
   uint16_t hall_pulses() const override { return sensors_.hall; }
   void set_pin(uint8_t pin, bool level) override;
   void set_pwm(uint8_t, uint8_t) override {}
-  bool inject(const protocol::HilSensors& sensors) override;
+  bool inject(const protocol::HilSensors &sensors) override;
   uint8_t build() const override { return 2; }
 
  private:
