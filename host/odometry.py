@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from host.types import Fix, Telemetry
 from host.vehicle import Vehicle
 
-DUTY_FULL = 255
 HISTORY_S = 1.5
 GAIN_LIMITS = (0.6, 1.4)
 HALL_SIGMA = 0.01
 """Wheel slip."""
-GAIN_SIGMA = 0.12
-"""Of the duty model before anything is learned."""
+GAIN_PRIOR = {False: (1.0, 0.05), True: (0.9, 0.08)}
+"""Mean and standard deviation of the duty model's gain before anything is learned, by whether the
+blade is on: crop drags."""
 GAIN_WALK = 0.004
 """Growth per square root of a second: load and battery change."""
 DOPPLER_MPS = 0.06
@@ -46,8 +46,9 @@ class Odometry:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._gain = 1.0
-        self._gain_sigma = GAIN_SIGMA
+        self._gain = {blade: mean for blade, (mean, _) in GAIN_PRIOR.items()}
+        self._gain_sigma = {blade: sigma for blade, (_, sigma) in GAIN_PRIOR.items()}
+        self._cutting = False
         self._speed = 0.0
         self._odometer: float | None = None
         self._history: deque[Motion] = deque()
@@ -55,13 +56,14 @@ class Odometry:
 
     @property
     def gain(self) -> float:
-        """Learned ratio of true speed to the duty model's."""
-        return self._gain
+        """Ratio of true speed to the duty model's, as learned with the blade in its present state:
+        cutting loads the wheels."""
+        return self._gain[self._cutting]
 
     @property
     def scale_sigma(self) -> float:
         """Standard deviation of a travelled distance, as a share of it."""
-        return HALL_SIGMA if self._odometer is not None else self._gain_sigma
+        return HALL_SIGMA if self._odometer is not None else self._gain_sigma[self._cutting]
 
     def update(self, telemetry: Telemetry) -> Motion:
         """Advances to the telemetry's stamp. Older or repeated telemetry changes nothing."""
@@ -70,6 +72,7 @@ class Odometry:
         if dt <= 0:
             return past
         dt = dt if math.isfinite(dt) else 0.0
+        self._cutting = telemetry.blade
         vehicle = self._vehicle
         curvature = math.tan(telemetry.angle_rad) / vehicle.wheelbase_m
         if telemetry.speed_mps is not None:
@@ -81,7 +84,7 @@ class Odometry:
             self._odometer = telemetry.distance_m
             self._speed = telemetry.speed_mps
         else:
-            target = telemetry.drive_duty / DUTY_FULL * vehicle.full_duty_speed_mps * self._gain
+            target = vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v) * self.gain
             blend = 1 - math.exp(-dt / vehicle.drive_lag_s)
             before = self._speed
             self._speed += (target - self._speed) * blend
@@ -110,14 +113,15 @@ class Odometry:
             return
         if abs(telemetry.angle_rad) > STRAIGHT_RAD:
             return
-        model = self._speed / self._gain
-        prior = self._gain_sigma**2 + GAIN_WALK**2 * dt
+        gain, sigma = self.gain, self._gain_sigma[self._cutting]
+        model = self._speed / gain
+        prior = sigma**2 + GAIN_WALK**2 * dt
         noise = (DOPPLER_MPS / model) ** 2
         blend = prior / (prior + noise)
         low, high = GAIN_LIMITS
         ratio = fix.speed_mps / model
-        self._gain = min(high, max(low, self._gain + (ratio - self._gain) * blend))
-        self._gain_sigma = math.sqrt((1 - blend) * prior)
+        self._gain[self._cutting] = min(high, max(low, gain + (ratio - gain) * blend))
+        self._gain_sigma[self._cutting] = math.sqrt((1 - blend) * prior)
 
     def at(self, stamp: float) -> Motion:
         """The motion at an earlier time, the nearest recorded one within the history."""

@@ -15,8 +15,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from mcap.exceptions import McapError
-from mcap.stream_reader import StreamReader
 from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.errors import UserError

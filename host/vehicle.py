@@ -20,8 +20,8 @@ class Strict(BaseModel):
 
 
 class Mount(Strict):
-    """Where the camera sits in the vehicle frame (x forward from the rear axle, y left, z up) and how
-    it looks. Pitch is positive downward, yaw positive to the left, roll positive clockwise as seen
+    """Where the camera sits in the vehicle frame (x forward from the rear axle, y left, z up) and
+    how it looks. Pitch is positive downward, yaw positive to the left, roll positive clockwise as seen
     from behind. Pinhole intrinsics follow from width, height and hfov unless `calibrate camera`
     measured them (focal_px, centre_px, distortion k1, k2, p1, p2, k3 as in OpenCV)."""
 
@@ -74,8 +74,11 @@ class Vehicle(Strict):
     blade_height_m: Positive = 0.12
     cutting_speed_mps: Positive = 0.5
     manoeuvre_speed_mps: Positive = 0.3
-    full_duty_speed_mps: Positive = 1.0
-    """Speed at a drive duty of 255 and a nominal battery; the firmware's parameter speed_full."""
+    full_duty_speed_mps: Positive = 1.1
+    """Speed on level stubble at a drive duty of 255 and the nominal battery voltage."""
+    dead_duty: Annotated[float, Field(ge=0, lt=0.5)] = 0.07
+    """Share of the full duty that only just overcomes bridge and friction."""
+    nominal_battery_v: Positive = 12.0
     drive_lag_s: Positive = 0.25
     """First-order lag from drive duty to speed."""
     crop_height_m: Positive = 0.9
@@ -84,6 +87,12 @@ class Vehicle(Strict):
     camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
     """From the shutter to the host, where a source cannot tell."""
     mounts: dict[str, Mount] = {"low": LOW, "mast": MAST}
+
+    def duty_speed(self, duty: int, battery_v: float) -> float:
+        """Steady speed (m/s) at a signed drive duty (-255..255) on level stubble."""
+        effective = abs(duty) / 255 * battery_v / self.nominal_battery_v - self.dead_duty
+        speed = max(0.0, effective) / (1 - self.dead_duty) * self.full_duty_speed_mps
+        return math.copysign(speed, duty)
 
     @property
     def blade_x_m(self) -> float:

@@ -141,7 +141,9 @@ class SimpleWorld:
             self.state = State.ARMED
         elif request is Request.STOP:
             self.state = State.SAFE
-        duty = self.speed / self.speed_error / self.vehicle.full_duty_speed_mps * 255
+        vehicle = self.vehicle
+        share = abs(self.speed) / self.speed_error / vehicle.full_duty_speed_mps
+        duty = 255 * (share * (1 - vehicle.dead_duty) + vehicle.dead_duty) * (share > 1e-3)
         return Telemetry(
             stamp=self.now,
             state=self.state,
@@ -149,7 +151,7 @@ class SimpleWorld:
             setpoint_rad=self.command.steer_rad,
             angle_rad=self.angle,
             steer_duty=0,
-            drive_duty=round(duty),
+            drive_duty=round(math.copysign(duty, self.speed)),
             blade=self.command.blade,
             speed_mps=None,
             distance_m=0.0,

@@ -165,10 +165,11 @@ def test_a_hall_sensors_distance_is_believed_over_the_duty() -> None:
 def test_without_one_the_duty_models_gain_is_learned_from_the_doppler_speed() -> None:
     odometry = Odometry(VEHICLE)
     duty = round(0.5 * 255)
+    model = VEHICLE.duty_speed(duty, 12.0)
     for k in range(1, 60 * 50):
         odometry.update(telemetry(k * 0.02, duty=duty))
         if k % 50 == 0:
-            fix = Fix(k * 0.02, 31.5, 74.3, 1, 1.0, 8, 0.45)
+            fix = Fix(k * 0.02, 31.5, 74.3, 1, 1.0, 8, 0.9 * model)
             odometry.learn(fix, telemetry(k * 0.02, duty=duty), 1.0)
     assert odometry.gain == pytest.approx(0.9, abs=0.01)
 
