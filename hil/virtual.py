@@ -21,10 +21,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Final, Protocol
 
 import click
 import numpy as np
+import serial
+from serial.rfc2217 import PortManager
 
 from hil import pictures, scenario
 from hil.lockstep import SLICE_US, Bench
@@ -41,6 +44,7 @@ FIX_SLICES: Final = round(1.0 / SLICE_S)
 TRACK_SLICES: Final = 10
 BEHIND_S: Final = 0.5
 """Farther behind than this the rig does not catch up: its time slips."""
+NETWORK: Final = ("socket", "rfc2217")
 BACKLOG_BYTES: Final = 4096
 """What a real USB serial adapter keeps for a reader that does not read."""
 
@@ -105,6 +109,8 @@ class TcpPort:
     """A port that pyserial opens as socket://HOST:PORT, for a host on another machine. One client
     at a time; when it leaves, the next may come."""
 
+    SCHEME = "socket"
+
     def __init__(self, port: int, host: str = "0.0.0.0") -> None:
         try:
             self._listener = socket.create_server((host, port))
@@ -112,14 +118,16 @@ class TcpPort:
             raise UserError(f"cannot serve TCP port {port}: {error.strerror}") from error
         self._listener.setblocking(False)
         self._peer: socket.socket | None = None
-        self.name = f"socket://{host}:{self._listener.getsockname()[1]}"
+        self.name = f"{self.SCHEME}://{host}:{self._listener.getsockname()[1]}"
 
     def read(self) -> bytes:
         if self._peer is None:
             with contextlib.suppress(BlockingIOError):
-                self._peer, _ = self._listener.accept()
-                self._peer.setblocking(False)
-                self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                peer, _ = self._listener.accept()
+                peer.setblocking(False)
+                peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._peer = peer
+                self._greet()
             return b""
         try:
             data = self._peer.recv(BACKLOG_BYTES)
@@ -129,9 +137,23 @@ class TcpPort:
             data = b""
         if not data:
             self._hang_up()
-        return data
+        return self._received(data)
 
     def write(self, data: bytes) -> None:
+        self._send(self._to_send(data))
+
+    def _greet(self) -> None:
+        """A client has come."""
+
+    def _received(self, data: bytes) -> bytes:
+        """What of a client's bytes is meant for the firmware."""
+        return data
+
+    def _to_send(self, data: bytes) -> bytes:
+        """The firmware's bytes as the client expects them."""
+        return data
+
+    def _send(self, data: bytes) -> None:
         if self._peer is None:
             return
         try:
@@ -149,6 +171,23 @@ class TcpPort:
     def close(self) -> None:
         self._hang_up()
         self._listener.close()
+
+
+class Rfc2217Port(TcpPort):
+    """The same with the port's settings in the stream (RFC 2217): rfc2217://HOST:PORT."""
+
+    SCHEME = "rfc2217"
+
+    def _greet(self) -> None:
+        settings: Any = serial.serial_for_url("loop://")  # remembers baud rate and lines only
+        network: Any = SimpleNamespace(write=self._send)
+        self._manager = PortManager(settings, network)
+
+    def _received(self, data: bytes) -> bytes:
+        return b"".join(self._manager.filter(data))
+
+    def _to_send(self, data: bytes) -> bytes:
+        return b"" if self._peer is None else b"".join(self._manager.escape(data))
 
 
 # ---- time ----------------------------------------------------------------------------------------
@@ -303,6 +342,7 @@ def _summary(rig: Rig) -> dict[str, Any]:
 )
 @click.option("--link", type=click.Path(path_type=Path), help="Symbolic link to the port.")
 @click.option("--tcp", type=click.IntRange(0, 65535), help="Serve the serial port over TCP, too.")
+@click.option("--rfc2217", type=click.IntRange(0, 65535), help="The same as RFC 2217.")
 @click.option("--http-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
 @click.option("--nmea-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/rig"), show_default=True)
@@ -312,6 +352,7 @@ def rig(
     factor: float,
     link: Path | None,
     tcp: int | None,
+    rfc2217: int | None,
     http_port: int,
     nmea_port: int,
     out: Path,
@@ -324,11 +365,12 @@ def rig(
     chosen = scenario.load(name, {k: v for k, v in options.items() if v is not None})
     with ExitStack() as stack:
         bench = stack.enter_context(Bench(chosen))
-        ports: list[Port] = [PseudoTerminal(link)]
-        stack.callback(ports[0].close)
-        if tcp is not None:
-            ports.append(TcpPort(tcp))
-            stack.callback(ports[1].close)
+        ports: dict[str, Port] = {"port": PseudoTerminal(link)}
+        stack.callback(ports["port"].close)
+        for kind, number in ((TcpPort, tcp), (Rfc2217Port, rfc2217)):
+            if number is not None:
+                served = ports[kind.SCHEME] = kind(number)
+                stack.callback(served.close)
         spec = PhoneSpec(http_port=http_port, nmea_port=nmea_port, delay_s=0.0)
         try:
             phone = stack.enter_context(Phone(spec))
@@ -336,22 +378,20 @@ def rig(
             raise UserError(
                 f"cannot serve the phone on ports {http_port} and {nmea_port}: {error.strerror}"
             ) from error
-        machine = Rig(bench, ports, phone, factor=factor)
+        machine = Rig(bench, list(ports.values()), phone, factor=factor)
         stack.callback(machine.close)
         bench.advance(SLICE_S)  # compiles what is not compiled yet, before time begins
         phone.show(_develop(bench.camera, bench.shutter()))
         about = {
-            "port": ports[0].name,
+            **{kind: port.name for kind, port in ports.items()},
             "camera": phone.camera_url,
             "gnss": phone.gnss_url,
             **handouts(chosen, out),
         }
-        if tcp is not None:
-            about["tcp"] = ports[1].name
         (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
         for key, value in about.items():
             click.echo(f"{key:9} {value}")
-        line = " ".join(f"--{key} {value}" for key, value in about.items() if key != "tcp")
+        line = " ".join(f"--{key} {value}" for key, value in about.items() if key not in NETWORK)
         click.echo(f"drive it: daranti drive {line}")
         try:
             machine.run(duration)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,17 @@ import serial
 
 from hil import scenario, targets
 from hil.lockstep import SLICE_US, Bench
-from hil.virtual import BEHIND_S, Deadlines, Port, PseudoTerminal, Rig, TcpPort, handouts
+from hil.virtual import (
+    BEHIND_S,
+    NETWORK,
+    Deadlines,
+    Port,
+    PseudoTerminal,
+    Rfc2217Port,
+    Rig,
+    TcpPort,
+    handouts,
+)
 from host import protocol
 from host.boundary import load_boundary, plan_of
 from host.errors import UserError
@@ -49,11 +60,27 @@ def until(port: Port, expected: bytes) -> bytes:
 # ---- ports ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["pty", "tcp"])
+def rfc2217_client(near: Port) -> serial.Serial:
+    """Opens while the near end answers, as the rig's loop would: opening negotiates."""
+    with ThreadPoolExecutor(1) as pool:
+        opened = pool.submit(serial.serial_for_url, near.name, timeout=LIMIT_S)
+        while not wait([opened], SLICE_S).done:
+            near.read()
+        return opened.result()
+
+
+@pytest.mark.filterwarnings("ignore:set:DeprecationWarning")  # pyserial's own, in rfc2217
+@pytest.mark.parametrize("kind", ["pty", "tcp", "rfc2217"])
 def test_bytes_pass_both_ways_unchanged(kind: str) -> None:
-    near: Port = PseudoTerminal() if kind == "pty" else TcpPort(0, "127.0.0.1")
+    near: Port
+    if kind == "pty":
+        near = PseudoTerminal()
+    else:
+        near = (TcpPort if kind == "tcp" else Rfc2217Port)(0, "127.0.0.1")
     every = bytes(range(256))
-    with serial.serial_for_url(near.name, timeout=LIMIT_S) as far:
+    client = rfc2217_client(near) if kind == "rfc2217" else serial.serial_for_url(near.name)
+    with client as far:
+        far.timeout = LIMIT_S
         far.write(every)
         assert until(near, every) == every
         near.write(every)
@@ -273,7 +300,7 @@ def a_rig(out: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], dic
 
 
 def drive(about: dict[str, str], record: Path, *options: str) -> subprocess.Popen[str]:
-    given = {key: value for key, value in about.items() if key != "tcp"}
+    given = {key: value for key, value in about.items() if key not in NETWORK}
     words = [word for key, value in given.items() for word in (f"--{key}", value)]
     return subprocess.Popen(
         console("host.cli", "drive", *words, "--record", str(record), *options),
@@ -334,8 +361,9 @@ def test_a_rig_that_ends_mid_run_is_one_message_and_leaves_a_readable_record(
 @needs_firmware
 @pytest.mark.wallclock
 def test_the_unmodified_monitor_and_params_work_on_the_rig(tmp_path: Path) -> None:
-    with a_rig(tmp_path, "--duration", "60", "--tcp", "0") as (_, about):
-        for port in (about["port"], about["tcp"].replace("0.0.0.0", "127.0.0.1")):
+    with a_rig(tmp_path, "--duration", "60", "--tcp", "0", "--rfc2217", "0") as (_, about):
+        for kind in ("port", *NETWORK):
+            port = about[kind].replace("0.0.0.0", "127.0.0.1")
             done = subprocess.run(
                 console("host.cli", "monitor", "--port", port, "--duration", "1"),
                 capture_output=True,
