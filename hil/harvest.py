@@ -32,8 +32,10 @@ from host.vision import make_detector
 from host.vision.view import Detector
 from sim_plant.camera import Camera, Shot
 
-HOST_S = 0.05
-FIX_S = 1.0
+HOST_HZ = 20
+"""Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
+record give exactly the same times again."""
+FIX_TICKS = HOST_HZ
 VIDEO_EVERY = 2
 LINGER_S = 1.0
 """Simulated time after the pilot is done, so that the outputs are seen to be off."""
@@ -49,11 +51,19 @@ class Progress:
     reason: str
 
 
-def _develop(camera: Camera, shot: Shot) -> tuple[bytes, np.ndarray[Any, np.dtype[np.uint8]]]:
+Bgr = np.ndarray[Any, np.dtype[np.uint8]]
+
+
+def _decode(jpeg: bytes) -> Bgr | None:
+    """The picture in a file, None where it is broken."""
+    decoded = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    return None if decoded is None else np.asarray(decoded, np.uint8)
+
+
+def _develop(camera: Camera, shot: Shot) -> tuple[bytes, Bgr | None]:
     """The picture as the host gets it: rendered, JPEG there and back."""
     jpeg = camera.encode(camera.develop(shot))
-    decoded = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    return jpeg, np.asarray(decoded, np.uint8)
+    return jpeg, _decode(jpeg)
 
 
 def _vision(bench: Bench) -> Detector:
@@ -72,40 +82,51 @@ class Harvest:
         record: Path | None = None,
         video: Path | None = None,
         detector: Callable[[Bench], Detector] | None = None,
+        *,
+        camera_threads: int = 1,
     ) -> None:
         self.scenario = scenario
-        self.bench = Bench(scenario)
+        self.bench = Bench(scenario, camera_threads=camera_threads)
+        self._detector = detector or _vision
         self.session = Session()
-        self.pilot = Pilot(scenario.vehicle, (detector or _vision)(self.bench), scenario.plan())
+        self.pilot = self._new_pilot()
         self.truth = Truth(scenario, self.bench.field)
         self.steering: list[tuple[float, float, float, float]] = []
         self.frames = 0
         self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
         self._receiver = Receiver()
+        self._restarts = 0
+        self._events = 0
+        self._inbox: list[tuple[float, bytes]] = []
+        self._host_at = 0.0
+        self._frame: tuple[Frame, bytes] | None = None
+        self._fix: Fix | None = None
         self._pool = ThreadPoolExecutor(1)
         self._videos = ThreadPoolExecutor(1)
         self._due: deque[tuple[float, float, Future[Any]]] = deque()
         self._video: pictures.Video | None = None
         self._video_work: deque[Future[None]] = deque()
         lens = scenario.lens_truth
-        self._frame_ticks = max(1, round(1 / lens.fps / HOST_S))
+        self._frame_ticks = max(1, round(HOST_HZ / lens.fps))
         if video is not None:
             fps = lens.fps / VIDEO_EVERY * 4
             self._video = pictures.Video(video, fps, lens.width_px, lens.height_px)
         self._record: Recorder | None = None
         if record is not None:
-            self._record = Recorder(record)
-            text = scenario.model_dump_json()
-            self._record.put("/scenario", 0.0, {"text": text})
+            self._record = Recorder(record, {"scenario": scenario.model_dump_json()})
+
+    def _new_pilot(self) -> Pilot:
+        s = self.scenario
+        return Pilot(s.vehicle, self._detector(self.bench), s.plan())
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> None:
         """To the pilot's end or the scenario's time limit."""
         tick = 0
         limit = self.scenario.limits.time_s
         done_at: float | None = None
-        while tick * HOST_S < limit:
+        while tick / HOST_HZ < limit:
             tick += 1
-            now = tick * HOST_S
+            now = tick / HOST_HZ
             self._step(tick, now)
             if progress is not None and tick % 20 == 0:
                 coverage = self.bench.field.coverage()
@@ -121,9 +142,55 @@ class Harvest:
         start = clock()
         record = self._record
         for stamp, data in self.bench.advance(now):
+            self._inbox.append((stamp, data))
             if record is not None:
                 record.put("/serial/to_host", stamp, {"data": data})
-            for telemetry in self.session.feed(stamp, data):
+        if tick % self._frame_ticks == 0:
+            work = self._pool.submit(_develop, self.bench.camera, self.bench.shutter())
+            self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
+        if tick % FIX_TICKS == 0:
+            data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
+            self._fix = next(reversed(self._receiver.feed(now, data)), self._fix)
+        mark = clock()
+        seconds["bench"] += mark - start
+        self._picture(now)
+        start = clock()
+        seconds["picture wait"] += start - mark
+
+        pose = self.bench.pose
+        if self.bench.faults.host_runs(now):
+            self._host(now)
+        self.truth.step(now, pose, self.bench.cut_cells, self.pilot)
+        self._note_faults()
+        seconds["pilot"] += clock() - start
+
+    def _picture(self, now: float) -> None:
+        """Takes what the camera sends now; the newest waits for the host."""
+        arrived: tuple[float, bytes] | None = None
+        decoded: Bgr | None = None
+        if self._due and self._due[0][0] <= now:
+            _, stamp, work = self._due.popleft()
+            jpeg, decoded = work.result()
+            arrived = (stamp, jpeg)
+        got = self.bench.faults.camera(now, arrived)
+        if got is None:
+            return
+        if got is not arrived:
+            decoded = _decode(got[1])
+        if decoded is not None:
+            self._frame = (Frame(got[0], decoded), got[1])
+
+    def _host(self, now: float) -> None:
+        """One step of the host: takes what has come, lets the pilot decide, sends, records."""
+        record = self._record
+        if self._restarts != self.bench.faults.host_restarts:
+            self._restarts = self.bench.faults.host_restarts
+            self.session, self.pilot = Session(), self._new_pilot()
+            self._inbox.clear()
+        late = now - self._host_at > 1.5 / HOST_HZ
+        self._host_at = now
+        for stamp, data in self._inbox:
+            for telemetry in self.session.feed(now if late else stamp, data):
                 self.steering.append(
                     (
                         telemetry.stamp,
@@ -134,47 +201,32 @@ class Harvest:
                 )
                 if record is not None:
                     record.telemetry(telemetry)
-        pose = self.bench.pose
-        if tick % self._frame_ticks == 0:
-            work = self._pool.submit(_develop, self.bench.camera, self.bench.shutter())
-            self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
-        fix = self._fix(tick, now)
-        mark = clock()
-        seconds["bench"] += mark - start
-
-        frame: Frame | None = None
-        jpeg = b""
-        if self._due and self._due[0][0] <= now:
-            _, stamp, work = self._due.popleft()
-            jpeg, picture = work.result()
-            frame = Frame(stamp, picture)
-        start = clock()
-        seconds["picture wait"] += start - mark
-
+        self._inbox.clear()
+        frame, jpeg = self._frame or (None, b"")
+        fix, self._frame, self._fix = self._fix, None, None
         command = self.pilot.step(now, frame, fix, self.session.telemetry)
+        self.bench.faults.phase = self.pilot.phase.value
         data = self.session.encode(now, command)
-        if data:
-            self.bench.target.write(data)
-        self.truth.step(now, pose, self.bench.cut_cells, self.pilot)
-        mark = clock()
-        seconds["pilot"] += mark - start
-
+        self.bench.send(data)
+        start = time.perf_counter()
         if record is not None:
             self._write(record, now, frame, jpeg, fix, data)
             record.command(now, command)
-        start = clock()
-        seconds["record"] += start - mark
+        mark = time.perf_counter()
+        self.seconds["record"] += mark - start
         if frame is not None:
             self._film(frame)
             self.frames += 1
-        seconds["video"] += clock() - start
+        self.seconds["video"] += time.perf_counter() - mark
 
-    def _fix(self, tick: int, now: float) -> Fix | None:
-        if tick % round(FIX_S / HOST_S):
-            return None
-        data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
-        fixes = self._receiver.feed(now, data)
-        return fixes[-1] if fixes else None
+    def _note_faults(self) -> None:
+        events = self.bench.faults.events
+        for event in events[self._events :]:
+            if self._record is not None:
+                name = self.scenario.faults[event.index].name
+                message = {"index": event.index, "fault": name, "begins": event.begins}
+                self._record.put("/fault", event.stamp, message)
+        self._events = len(events)
 
     def _write(
         self,

@@ -13,6 +13,8 @@ import numba
 import numpy as np
 from numba import njit
 
+from hil import taps
+from hil.taps import Signal, tap
 from hil.targets import Target
 from sim_plant import machine
 
@@ -43,6 +45,16 @@ LOG: Final = np.dtype(
 
 NO_LOG: Final = np.zeros(0, LOG)
 
+POT: Final = int(Signal.POT)
+BATTERY_SENSE: Final = int(Signal.BATTERY_SENSE)
+STEER_SENSE: Final = int(Signal.STEER_SENSE)
+DRIVE_SENSE: Final = int(Signal.DRIVE_SENSE)
+STEER_DUTY: Final = int(Signal.STEER_DUTY)
+DRIVE_DUTY: Final = int(Signal.DRIVE_DUTY)
+BLADE_WIRE: Final = int(Signal.BLADE)
+HALL_WIRE: Final = int(Signal.HALL)
+ESTOP_WIRE: Final = int(Signal.ESTOP)
+
 
 @njit(cache=True, nogil=True)
 def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int, in2: int) -> float:
@@ -57,7 +69,13 @@ def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int,
         return duty
     if backward:
         return -duty
-    return duty - pwm(handle, second) / 255.0
+    second_duty: float = pwm(handle, second) / 255.0
+    return duty - second_duty
+
+
+@njit(cache=True, nogil=True)
+def _millivolt(volts_mv: float) -> int:
+    return int(min(5000.0, max(0.0, volts_mv)) + 0.5)
 
 
 @njit(cache=True, nogil=True)
@@ -73,6 +91,7 @@ def _run(
     state: Any,
     params: Any,
     given: Any,
+    wires: Any,
     log: Any,
 ) -> int:
     """Machine and firmware from begin_us to end_us. Returns the target's status."""
@@ -80,20 +99,20 @@ def _run(
     now = begin_us
     while now < end_us:
         now += PHYSICS_US
-        given[0].steer_duty = _bridge(
-            pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1]
-        )
-        given[0].drive_duty = _bridge(
-            pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1]
-        )
-        given[0].blade_on = pin(handle, BLADE)
+        steer = _bridge(pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1])
+        drive = _bridge(pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1])
+        given[0].steer_duty = tap(wires, STEER_DUTY, steer, now)
+        given[0].drive_duty = tap(wires, DRIVE_DUTY, drive, now)
+        given[0].blade_on = round(tap(wires, BLADE_WIRE, float(pin(handle, BLADE)), now))
         machine.step(state, params, given, dt)
-        set_analog(handle, 0, int(state[0].pot_mv + 0.5))
-        set_analog(handle, 1, int(state[0].battery_sense_mv + 0.5))
-        set_analog(handle, 2, int(state[0].steer_sense_mv + 0.5))
-        set_analog(handle, 3, int(state[0].drive_sense_mv + 0.5))
-        set_pin(handle, HALL, state[0].hall)
-        status = run_until(handle, now)
+        s = state[0]
+        set_analog(handle, 0, _millivolt(tap(wires, POT, s.pot_mv, now)))
+        set_analog(handle, 1, _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now)))
+        set_analog(handle, 2, _millivolt(tap(wires, STEER_SENSE, s.steer_sense_mv, now)))
+        set_analog(handle, 3, _millivolt(tap(wires, DRIVE_SENSE, s.drive_sense_mv, now)))
+        set_pin(handle, HALL, round(tap(wires, HALL_WIRE, float(s.hall), now)))
+        set_pin(handle, ESTOP, round(tap(wires, ESTOP_WIRE, 0.0, now)))
+        status: int = run_until(handle, now)
         if status != 0:
             return status
         row = now // LOG_US - 1
@@ -111,8 +130,10 @@ def bind(
     params: machine.Record,
     given: machine.Record,
     log: machine.Record = NO_LOG,
+    wires: machine.Record | None = None,
 ) -> Callable[[int, int], int]:
     """The loop for these (1,) records: `run(begin_us, end_us)` returns the target's status.
+    `wires`: the taps of every signal (hil/taps.py), honest ones where none are given.
 
     Numba's dispatcher would work out the records' types at every call, which costs more than ten
     simulated milliseconds; the compiled entry point is called directly.
@@ -120,7 +141,7 @@ def bind(
     f = target.pointers
     functions = (f.run_until, f.set_analog_mv, f.set_pin, f.pin, f.pwm)
     handle = target.handle
-    records = (state, params, given, log)
+    records = (state, params, given, taps.honest() if wires is None else wires, log)
     entry = _entry_point((*functions, handle, 0, 0, *records))
 
     def run(begin_us: int, end_us: int) -> int:

@@ -6,10 +6,12 @@ The bench alone advances time; the loop over milliseconds is hil/inner.py.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Final, Self
 
-from hil import inner, targets
+from hil import inner, provision
+from hil.faults import Injector
 from hil.scenario import Scenario
 from host.errors import UserError
 from sim_plant import machine
@@ -41,14 +43,20 @@ class Bench:
         self._params = machine.parameters(spec, seed)
         self._given = machine.inputs()
         self._slices = 0
-        self.target = targets.avr() if scenario.firmware == "avr" else targets.desk()
+        self._sent = bytearray()
+        self.on_slice: Callable[[], None] | None = None
+        """Called after every slice, for whoever watches more closely than the host steps."""
+        self.faults = Injector(scenario.faults, seed)
+        self.target = provision.target(scenario.firmware, scenario.parameters)
         self.target.set_pin(inner.ESTOP, False)
-        self._inner = inner.bind(self.target, self._state, self._params, self._given)
+        self._inner = inner.bind(
+            self.target, self._state, self._params, self._given, wires=self.faults.taps
+        )
 
     @property
     def now(self) -> float:
-        """Seconds since the start."""
-        return self._slices * SLICE_US * 1e-6
+        """Seconds since the start: whole nanoseconds, as a record keeps them."""
+        return self._slices * SLICE_US / 1e6
 
     @property
     def state(self) -> Any:
@@ -61,6 +69,16 @@ class Bench:
         s = self._state[0]
         return float(s["x"]), float(s["y"]), float(s["yaw"])
 
+    @property
+    def drives(self) -> tuple[float, float, bool]:
+        """What the motors get at last: (steering duty, drive duty, blade), duties -1..1."""
+        given = self._given[0]
+        return float(given["steer_duty"]), float(given["drive_duty"]), bool(given["blade_on"])
+
+    def send(self, data: bytes) -> None:
+        """Puts bytes on the serial line to the firmware."""
+        self._sent += data
+
     def advance(self, until_s: float) -> list[tuple[float, bytes]]:
         """Runs to `until_s`; returns what the firmware sent, with the time of arrival."""
         received: list[tuple[float, bytes]] = []
@@ -71,6 +89,11 @@ class Bench:
             if self._slices % SLICES_PER_CUT == 0:
                 self._ground()
             begin = self._slices * SLICE_US
+            self.faults.step(self.now, self.pose, target, self._given)
+            sent = self.faults.to_firmware(self.now, bytes(self._sent))
+            self._sent.clear()
+            if sent:
+                target.write(sent)
             status = self._inner(begin, begin + SLICE_US)
             if status != 0:
                 raise UserError(
@@ -78,11 +101,13 @@ class Bench:
                     f"(status {status}); the record up to then is kept"
                 )
             self._slices += 1
-            data = target.read()
+            data = self.faults.to_host(self.now, target.read())
             if data:
                 received.append((self.now, data))
             if self._slices % SLICES_PER_CUT == 0:
                 self._cut()
+            if self.on_slice is not None:
+                self.on_slice()
         return received
 
     def _ground(self) -> None:
@@ -120,12 +145,13 @@ class Bench:
         )
 
     def fix(self) -> list[str]:
-        """NMEA sentences of this epoch."""
+        """NMEA sentences that the phone sends now, at its epoch."""
         s = self.state
         x, y, yaw = self.pose
         course = yaw + float(s["slip_rear"])
         v = float(s["v"])
-        return self.gnss.epoch(self.now, x, y, v * math.cos(course), v * math.sin(course))
+        antenna = self.faults.antenna(self.now, x, y, v * math.cos(course), v * math.sin(course))
+        return self.faults.nmea(self.now, self.gnss.epoch(self.now, *antenna))
 
     def close(self) -> None:
         """Ends the target."""

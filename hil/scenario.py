@@ -12,8 +12,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
+from hil.faults import Fault
+from hil.provision import Firmware, raw_values
 from host.errors import UserError
 from host.plan import Plan, spiral
 from host.vehicle import Mount, Vehicle
@@ -65,11 +74,13 @@ class Scenario(BaseModel):
 
     name: str = "default"
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 1
-    firmware: Annotated[str, Field(pattern=r"^(desk|avr)$")] = "desk"
+    firmware: Firmware = "desk"
     camera: str = "mast"
     """One of the vehicle's mounts."""
     mode: Literal["paper", "robust"] = "robust"
     """Which detector steers."""
+    parameters: dict[str, float] = {}
+    """The firmware's, by name and in their units, where they are not the defaults."""
     vehicle: Vehicle = Vehicle()
     machine: MachineSpec | None = None
     """The plant's truth; None: as the vehicle file says."""
@@ -80,6 +91,7 @@ class Scenario(BaseModel):
     gnss: GnssSpec = GnssSpec()
     turn: Literal["three_point", "arc"] = "three_point"
     start: Start = Start()
+    faults: tuple[Fault, ...] = ()
     limits: Limits = Limits()
     record: Recording = Recording()
 
@@ -89,6 +101,12 @@ class Scenario(BaseModel):
             known = ", ".join(sorted(self.vehicle.mounts))
             raise ValueError(f"no camera mount is named {self.camera!r}; the vehicle has {known}")
         return self
+
+    @field_validator("parameters")
+    @classmethod
+    def _known(cls, parameters: dict[str, float]) -> dict[str, float]:
+        raw_values(parameters)
+        return parameters
 
     @property
     def mount(self) -> Mount:

@@ -44,7 +44,6 @@ def _numbers(*names: str) -> dict[str, dict[str, Any]]:
 
 
 SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
-    "/scenario": ("daranti.Scenario", _schema(text=_TEXT)),
     "/camera": (
         "foxglove.CompressedImage",
         _schema(timestamp=_TIME, frame_id=_TEXT, data=_BYTES, format=_TEXT),
@@ -102,6 +101,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "/serial/to_firmware": ("daranti.Bytes", _schema(data=_BYTES)),
     "/serial/to_host": ("daranti.Bytes", _schema(data=_BYTES)),
+    "/fault": ("daranti.Fault", _schema(index=_NUMBER, fault=_TEXT, begins={"type": "boolean"})),
     "/summary": ("daranti.Summary", _schema(text=_TEXT)),
 }
 

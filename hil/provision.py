@@ -1,0 +1,58 @@
+"""A microcontroller as it comes from the workshop: its parameters stored in EEPROM."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal
+
+from hil import targets
+from hil.targets import Target
+from host import protocol
+from host.errors import UserError
+from host.link import Session
+
+Firmware = Literal["desk", "avr"]
+_MAKERS: Final = {"desk": targets.desk, "avr": targets.avr}
+SAVE_S: Final = 3.0
+"""Longer than the EEPROM takes for all parameters."""
+STEP_US: Final = 10_000
+
+
+def raw_values(parameters: Mapping[str, float]) -> dict[int, int]:
+    """Parameter ids and raw values. Raises ValueError for a name or value that does not exist."""
+    out = {}
+    for name, value in parameters.items():
+        spec = protocol.PARAMS.get(name)
+        if spec is None:
+            raise ValueError(f"the firmware has no parameter {name!r}; `daranti params list` has")
+        out[spec.id] = spec.to_raw(value)
+    return out
+
+
+def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) -> Target:
+    """A fresh microcontroller that boots with these parameters, in their units. Raises UserError
+    where the firmware does not store them."""
+    make = _MAKERS[firmware]
+    if not parameters:
+        return make()
+    raw = raw_values(parameters)
+    session = Session()
+    with make() as workshop:
+        data = b"".join(session.request(protocol.ParamSet(k, v)) for k, v in raw.items())
+        workshop.write(data + session.request(protocol.ParamSave()))
+        saved = False
+        while not saved and workshop.time_us < SAVE_S * 1e6:
+            workshop.run_until(workshop.time_us + STEP_US)
+            session.feed(workshop.time_us / 1e6, workshop.read())
+            if session.refusal:
+                raise UserError(
+                    f"the {firmware} firmware did not take {dict(parameters)}: {session.refusal}"
+                )
+            saved = any(
+                isinstance(a, protocol.Ack) and a.request_id == protocol.ParamSave.ID
+                for a in session.answers
+            )
+        if not saved:
+            raise UserError(f"the {firmware} firmware did not store {dict(parameters)}")
+        image = workshop.eeprom()
+    return make(image)
