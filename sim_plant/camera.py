@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -34,13 +34,13 @@ NEIGHBOUR: Final = 5
 WEEDS: Final = 6
 MACHINE: Final = 7
 EDGE: Final = 8
-"""The field's own standing crop where it borders on anything that is not crop to its right."""
+"""The border of the field's own standing crop with open ground to its right."""
 
 _BLOCK_M: Final = 0.5
 """Side of a block of stalks."""
 _PACKS: Final = 64
 """Different blocks; which one stands where is drawn per block."""
-_SUNLIT, _HEIGHT, _GREEN, _DENSITY, _WEED, _LODGE, _TONE = range(7)
+_SUNLIT, _HEIGHT, _GREEN, _DENSITY, _WEED, _LODGE, _TONE, _BODY = range(8)
 _SKY, _CANOPY, _FACE, _GROUND = range(100, 104)
 """Pixels that are found but not painted yet, among the labels."""
 _FLAT: Final = -1
@@ -97,14 +97,14 @@ MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
 
 
 class Scene(NamedTuple):
-    """The grids as the renderer reads them; `coarse` ones have half the rows and columns of `kind`."""
+    """The grids as the renderer reads them; coarse ones have half of `kind`'s rows and columns."""
 
     kind: NDArray[np.uint8]
     clear: NDArray[np.float32]
     """Coarse: a lower bound of the distance to standing crop, m."""
     stand: NDArray[np.float32]
-    """Coarse, (rows, columns, 8): `_SUNLIT` (above this height in m the sun reaches) and the field's
-    attributes; together, because a lookup costs a cache line."""
+    """Coarse, (rows, columns, 8): `_SUNLIT` (above this height in m the sun reaches) and the
+    field's attributes; together, because a lookup costs a cache line."""
     x0: float
     y0: float
     cell: float
@@ -162,7 +162,6 @@ def _solid(kind: int) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _shade(
-    kind: NDArray[np.uint8],
     stand: NDArray[np.float32],
     coarse: float,
     east: float,
@@ -176,7 +175,8 @@ def _shade(
 ) -> None:
     """Fills _SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
 
-    `crowns` (n, 4): x, y, z in coarse cells from the grid's corner and radius of the trees' crowns."""
+    `crowns` (n, 4): x, y, z and radius of the trees' crowns in coarse cells from the grid's corner.
+    """
     rows, columns = stand.shape[:2]
     flat = math.hypot(east, north)
     tangent = up / max(flat, 1e-6)
@@ -203,7 +203,7 @@ def _shade(
                 q = int(j + 0.5 + dy * s / coarse)
                 if p < 0 or q < 0 or p >= columns or q >= rows:
                     break
-                if _standing(kind[2 * q, 2 * p]) or _solid(kind[2 * q, 2 * p]):
+                if stand[q, p, _BODY] > 0.0:
                     h = stand[q, p, _HEIGHT] - s * tangent
                     highest = max(highest, h)
                 s += 0.05
@@ -254,13 +254,14 @@ def _profile(
             j = int(py)
             height = 0.0
             leap = scene.clear[j, i]
+            stands = scene.stand[j, i, _BODY] > 0.0
             if leap > 0.0:
                 leap += 0.005
-            elif _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
+            elif stands and _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
                 height = 0.8 * scene.stand[j, i, _HEIGHT]
                 leap = 0.08 + 0.02 * r
                 rough = 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
-            elif _solid(scene.kind[int(2.0 * py), int(2.0 * px)]):
+            elif stands and _solid(scene.kind[int(2.0 * py), int(2.0 * px)]):
                 height = scene.stand[j, i, _HEIGHT]
                 leap = 0.5 * scene.cell
                 rough = 0.0
@@ -373,7 +374,7 @@ def _between(grids: NDArray[np.float32], x: float, y: float, channel: int) -> fl
     fy = min(1.0, max(0.0, y - j))
     low = grids[j, i, channel] * (1.0 - fx) + grids[j, i + 1, channel] * fx
     high = grids[j + 1, i, channel] * (1.0 - fx) + grids[j + 1, i + 1, channel] * fx
-    return low * (1.0 - fy) + high * fy
+    return float(low * (1.0 - fy) + high * fy)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -429,7 +430,7 @@ def _fill(
             green = 0.0
             if outside:
                 # Fields beyond the grid: blocks of some 40 m, ripe or grass.
-                far = noise.mix(77, int(math.floor(wx * 0.025)), int(math.floor(wy * 0.04)))
+                far = noise.mix(77, math.floor(wx * 0.025), math.floor(wy * 0.04))
                 tile = texture.TOP if hit != _GROUND or far & 3 else texture.GRASS
                 here = NEIGHBOUR if hit != _GROUND else BACKGROUND
                 seen = 0.85
@@ -442,7 +443,7 @@ def _fill(
                 if hit == _GROUND:
                     shadow = _between(scene.stand, px - 0.5, py - 0.5, _SUNLIT)
                     seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
-                    if kind == f.STUBBLE or kind == f.NEIGHBOUR_STUBBLE:
+                    if kind in (f.STUBBLE, f.NEIGHBOUR_STUBBLE):
                         tile = texture.STUBBLE
                         here = STUBBLE
                     elif kind == f.WINDROW:
@@ -468,8 +469,9 @@ def _fill(
                         ao *= min(1.0, 0.85 + 0.01 * t)
                     else:
                         tile = texture.WALL
-                        sx = 1.5 * (0.83 * wx + 0.57 * wy)
-                        sy = -wz
+                        near = 3.0 if t < 2.0 else 1.0
+                        sx = 1.5 * near * (0.83 * wx + 0.57 * wy)
+                        sy = -near * wz
                         seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
                         ao *= min(1.0, 0.6 + 0.4 * wz / slab)
             foot = t / view.focal / texture.TEXEL_M
@@ -482,8 +484,8 @@ def _fill(
                 level += 1
                 m >>= 1
             scale = m / (side * texture.TEXEL_M)
-            ti = int(math.floor(sx * scale)) & (m - 1)
-            tj = int(math.floor(sy * scale)) & (m - 1)
+            ti = math.floor(sx * scale) & (m - 1)
+            tj = math.floor(sy * scale) & (m - 1)
             texel = paint.levels[level] + tj * m + ti
             seen_i = int(255.0 * min(1.0, max(0.0, seen)))
             fog = paint.haze * t / (1.0 + paint.haze * t)
@@ -538,7 +540,6 @@ def _blocks_in_view(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _project(
     blocks: NDArray[np.int32],
-    away: NDArray[np.float32],
     packs: NDArray[np.float32],
     first: NDArray[np.int64],
     scene: Scene,
@@ -726,8 +727,8 @@ def _draw(
             per = 1.0 / long
             slant = 0.5 * abs(u1 - u0) * per
             ears = int(u1)
-            va = max(0, int(math.ceil(v1 - 0.5)))
-            vb = min(rows - 1, int(math.floor(v0 - 0.5)), int(v1 + long * e[9]))
+            va = max(0, math.ceil(v1 - 0.5))
+            vb = min(rows - 1, math.floor(v0 - 0.5), int(v1 + long * e[9]))
             z0 = e[2]
             z1 = e[5]
             fog = 0.5 * (z0 + z1) * paint.haze
@@ -749,8 +750,8 @@ def _draw(
                     if e[8] > 0.0:
                         gain = 0.93
                 w = max(w, slant)
-                ua = int(math.floor(uc - w + 0.5))
-                ub = int(math.floor(uc + w + 0.5))
+                ua = math.floor(uc - w + 0.5)
+                ub = math.floor(uc + w + 0.5)
                 if ub <= ua:
                     ub = ua + 1
                 ua = max(ua, left)
@@ -823,8 +824,8 @@ def _puff(
             for i in range(max(0, int(u - radius)), min(columns, int(u + radius) + 1)):
                 d = ((i - u) ** 2 + (j - v) ** 2) / (radius * radius)
                 if d < 1.0:
-                    cloud = 0.5 + noise.smooth(seed + index, i * 0.15, j * 0.15)
-                    veil[j, i] += (1.0 - veil[j, i]) * min(1.0, strength * (1.0 - d) ** 2 * (cloud - 0.2))
+                    cloud = 0.7 + 0.6 * noise.smooth(seed + index, i * 0.1, j * 0.1)
+                    veil[j, i] += (1.0 - veil[j, i]) * min(1.0, strength * (1.0 - d) ** 2 * cloud)
 
 
 @njit(cache=True, nogil=True)
@@ -981,7 +982,7 @@ class Camera:
         self._crowns_in_cells = (self._crowns - corner) / self._coarse
         self._refresh(0, coarse[0], 0, coarse[1])
         soil, straw, crop = (82.0, 110.0, 142.0), (106.0, 156.0, 200.0), (92.0, 142.0, 196.0)
-        tiles, levels = texture.bake(rng, soil, straw, crop)
+        tiles, levels = texture.bake(seed, soil, straw, crop)
         self._paint = Paint(
             tiles=tiles,
             levels=levels,
@@ -999,8 +1000,8 @@ class Camera:
         h, w = s.height_px, s.width_px
         self._rays = self._bake_rays()
         # Azimuths reach past the picture's sides: pitch and roll spread them.
-        corner = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
-        self._tangent = math.tan(min(1.5, 1.25 * corner + 0.1))
+        half_fov = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
+        self._tangent = math.tan(min(1.5, 1.25 * half_fov + 0.1))
         bins = 2 * w
         middles = ((np.arange(bins) + 0.5) / bins * 2 - 1) * self._tangent
         self._stretch = np.sqrt(1 + middles**2)
@@ -1038,21 +1039,26 @@ class Camera:
         a, b = max(0, j0 - 2 * pad), min(rows, j1 + 2 * pad)
         c, d = max(0, i0 - 2 * pad), min(columns, i1 + 2 * pad)
         fine = scene.kind[2 * a : 2 * b, 2 * c : 2 * d]
-        standing = np.isin(fine, (f.CROP, f.NEIGHBOUR, f.OBSTACLE, f.TRUNK))
-        free = ~(
-            standing[::2, ::2] | standing[1::2, ::2] | standing[::2, 1::2] | standing[1::2, 1::2]
-        )
-        cells = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        solid = np.isin(fine, (f.OBSTACLE, f.TRUNK))
+        crop: NDArray[Any] = np.isin(fine, (f.CROP, f.NEIGHBOUR)).astype(np.uint8)
+        # A strip left standing that is narrower than this is a row of stalks without a body.
+        narrowest = max(2, round(0.25 / scene.cell))
+        block = np.ones((narrowest, narrowest), np.uint8)
+        crop = cv2.morphologyEx(crop, cv2.MORPH_OPEN, block, borderType=cv2.BORDER_REPLICATE)
+        body = (crop > 0) | solid
+        body = body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2]
+        free = (~body).astype(np.uint8)
+        cells = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         # The diagonal: the point and the crop may each lie at the far corner of their cells.
         clear = np.clip((cells - 1.4143) * self._coarse, 0, cap)
         p, q = max(0, j0 - pad), min(rows, j1 + pad)
         r, s = max(0, i0 - pad), min(columns, i1 + pad)
         scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]
+        scene.stand[p:q, r:s, _BODY] = body[p - a : q - a, r - c : s - c]
         # Only crop is ever cut, so a change lengthens or shortens no longer shadow than the crop's.
         flat = math.hypot(self._sun.east, self._sun.north) / max(self._sun.up, 0.03)
         reach = math.ceil(self._tallest * flat / self._coarse) + 1
         _shade(
-            scene.kind,
             scene.stand,
             self._coarse,
             self._sun.east,
@@ -1212,7 +1218,7 @@ class Camera:
                 int(np.searchsorted(first, first[-1] * p / _STRIPS)) for p in (part, part + 1)
             )
             _project(
-                blocks, away, self._packs, first, scene, view, paint, self._seed, shot.t,
+                blocks, self._packs, first, scene, view, paint, self._seed, shot.t,
                 sway_x, sway_y, 0.35, k0, found if part + 1 == _STRIPS else k1, records, drawn,
             )  # fmt: skip
             b0, b1 = bins * part // _STRIPS, bins * (part + 1) // _STRIPS
@@ -1252,15 +1258,17 @@ class Camera:
             veil, mount, s.focal_px, scale, self._seed + 13, shot.t, drift, self._blade_x_m,
             self._blade_width_m / 2, weather.dust,
         )  # fmt: skip
-        opacity = np.rint(veil * 255).astype(np.uint8)
-        opacity = cv2.resize(opacity, (s.width_px, s.height_px), interpolation=cv2.INTER_LINEAR)
+        coarse = np.rint(veil * 255).astype(np.uint8)
+        opacity: NDArray[Any] = cv2.resize(
+            coarse, (s.width_px, s.height_px), interpolation=cv2.INTER_LINEAR
+        )
         _veil(self._image, opacity, np.array([160.0, 182.0, 200.0], np.float32))
 
     # ---- sensor ---------------------------------------------------------------------------------
 
     def _sense(self, shot: Shot) -> NDArray[np.uint8]:
         s = self.spec
-        image = cv2.GaussianBlur(self._image, (3, 3), 0)
+        image: NDArray[Any] = cv2.GaussianBlur(self._image, (3, 3), 0)
         smear = round(s.focal_px * abs(shot.yaw_rate) * s.shutter_s)
         if smear > 1:
             image = cv2.blur(image, (smear, 1))
@@ -1275,7 +1283,7 @@ class Camera:
         level = np.where(level > 200, 200 + 55 * (1 - np.exp(-(level - 200) / 55)), level)
         table = np.rint(np.clip(level, 0, 255)).astype(np.uint8)[None]
         image = cv2.LUT(image, table)
-        h = noise.mix(self._seed, int(round(shot.t * 1e6)), 9)
+        h = noise.mix(self._seed, round(shot.t * 1e6), 9)
         dv, du = int(h) % 128, (int(h) >> 8) % 128
         rough = self._noise[dv : dv + s.height_px, du : du + s.width_px]
         return np.asarray(cv2.add(image, rough, dtype=cv2.CV_8U))

@@ -215,14 +215,14 @@ def sweep(
     hold no crop become windrow at a seeded 85 % instead of being cut.
     """
     rows, columns = kind.shape
-    lo_x = min(min(old[0], old[2]), min(new[0], new[2]))
-    hi_x = max(max(old[0], old[2]), max(new[0], new[2]))
-    lo_y = min(min(old[1], old[3]), min(new[1], new[3]))
-    hi_y = max(max(old[1], old[3]), max(new[1], new[3]))
-    i0 = max(0, int(math.floor((lo_x - x0) / cell)))
-    i1 = min(columns - 1, int(math.floor((hi_x - x0) / cell)))
-    j0 = max(0, int(math.floor((lo_y - y0) / cell)))
-    j1 = min(rows - 1, int(math.floor((hi_y - y0) / cell)))
+    lo_x = min(old[0], old[2], new[0], new[2])
+    hi_x = max(old[0], old[2], new[0], new[2])
+    lo_y = min(old[1], old[3], new[1], new[3])
+    hi_y = max(old[1], old[3], new[1], new[3])
+    i0 = max(0, math.floor((lo_x - x0) / cell))
+    i1 = min(columns - 1, math.floor((hi_x - x0) / cell))
+    j0 = max(0, math.floor((lo_y - y0) / cell))
+    j1 = min(rows - 1, math.floor((hi_y - y0) / cell))
     for j in range(j0, j1 + 1):
         y = y0 + (j + 0.5) * cell
         for i in range(i0, i1 + 1):
@@ -316,8 +316,8 @@ def _lateral_edge(
     step = 0.2 * cell
     lx = -math.sin(yaw)
     ly = math.cos(yaw)
-    i = int(math.floor((x - x0) / cell))
-    j = int(math.floor((y - y0) / cell))
+    i = math.floor((x - x0) / cell)
+    j = math.floor((y - y0) / cell)
     standing = 0 <= i < columns and 0 <= j < rows and kind[j, i] == CROP
     sign = -1.0 if standing else 1.0
     found = -1.0
@@ -325,8 +325,8 @@ def _lateral_edge(
     while s <= reach + run:
         px = x + sign * s * lx
         py = y + sign * s * ly
-        i = int(math.floor((px - x0) / cell))
-        j = int(math.floor((py - y0) / cell))
+        i = math.floor((px - x0) / cell)
+        j = math.floor((py - y0) / cell)
         here = 0 <= i < columns and 0 <= j < rows and kind[j, i] == CROP
         if here != standing:
             if found < 0.0:

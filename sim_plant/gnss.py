@@ -24,7 +24,7 @@ class GnssSpec(Strict):
     """How good the positions are and where the field lies."""
 
     cep_m: NotNegative = 2.5
-    """Half the fixes are nearer to the truth than this, over times much longer than `correlation_s`."""
+    """Half the fixes are nearer to the truth than this, over times far above `correlation_s`."""
     correlation_s: Positive = 180.0
     white_m: NotNegative = 0.05
     """Standard deviation per axis of the part that is new in every fix."""

@@ -225,12 +225,45 @@ INPUTS: Final = np.dtype(
 )
 
 _PARAMETERS: Final = (
-    "wheelbase front_load cornering_front cornering_rear blade_spin_up "
-    "st_drop st_r st_l st_k st_j st_b st_coulomb st_static st_gear st_dead st_backlash st_stop "
-    "pot_centre pot_slope pot_bend pot_noise "
-    "dr_drop dr_r dr_l dr_k dr_mass dr_rolling dr_cutting dr_slip dr_dead hall_ppm "
-    "bat_full bat_empty bat_r bat_as bat_idle bat_blade regulator_drop"
-).split()
+    "wheelbase",
+    "front_load",
+    "cornering_front",
+    "cornering_rear",
+    "blade_spin_up",
+    "st_drop",
+    "st_r",
+    "st_l",
+    "st_k",
+    "st_j",
+    "st_b",
+    "st_coulomb",
+    "st_static",
+    "st_gear",
+    "st_dead",
+    "st_backlash",
+    "st_stop",
+    "pot_centre",
+    "pot_slope",
+    "pot_bend",
+    "pot_noise",
+    "dr_drop",
+    "dr_r",
+    "dr_l",
+    "dr_k",
+    "dr_mass",
+    "dr_rolling",
+    "dr_cutting",
+    "dr_slip",
+    "dr_dead",
+    "hall_ppm",
+    "bat_full",
+    "bat_empty",
+    "bat_r",
+    "bat_as",
+    "bat_idle",
+    "bat_blade",
+    "regulator_drop",
+)
 PARAMS: Final = np.dtype([("seed", np.int64), *((n, np.float64) for n in _PARAMETERS)], align=True)
 
 Record = NDArray[Any]
@@ -312,22 +345,35 @@ def _effective(duty: float, dead: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _current(
-    i: float, duty: float, brake: int, battery: float, drop: float, r: float, l: float, emf: float,
+    current: float,
+    duty: float,
+    brake: int,
+    battery: float,
+    drop: float,
+    ohm: float,
+    henry: float,
+    emf: float,
     dt: float,
-) -> float:  # fmt: skip
+) -> float:
     """The motor's current after `dt` at constant back-EMF, exact for the R-L circuit."""
     if duty == 0.0 and brake == 0:
         # Open bridge: the diodes return the current to the battery within a fraction of a step.
         return 0.0
-    volts = duty * max(0.0, battery - drop)
-    final = (volts - emf) / r
-    return final + (i - final) * math.exp(-dt * r / l)
+    final = (duty * max(0.0, battery - drop) - emf) / ohm
+    return final + (current - final) * math.exp(-dt * ohm / henry)
 
 
 @njit(cache=True, nogil=True)
-def _slide(speed: float, force: float, coulomb: float, static: float, viscous: float, inertia: float,
-           dt: float) -> float:  # fmt: skip
-    """Speed after `dt` under a force and friction that sticks: it can stop a motion, not reverse it."""
+def _slide(
+    speed: float,
+    force: float,
+    coulomb: float,
+    static: float,
+    viscous: float,
+    inertia: float,
+    dt: float,
+) -> float:
+    """Speed after `dt` under a force and friction, which can stop a motion but not reverse it."""
     if speed == 0.0:
         if abs(force) <= static:
             return 0.0

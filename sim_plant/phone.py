@@ -1,4 +1,4 @@
-"""The phone on its mount: pictures over HTTP and positions over TCP, as the common phone apps serve.
+"""The phone on its mount: pictures over HTTP and positions over TCP, as common phone apps do.
 
     GET /video     multipart/x-mixed-replace of JPEG files (also /videofeed)
     GET /shot.jpg  the latest picture
@@ -228,13 +228,13 @@ class Phone:
     def camera_url(self) -> str:
         """Of the MJPEG stream."""
         host, port = self._http.server_address[:2]
-        return f"http://{str(host)}:{port}/video"
+        return f"http://{host!s}:{port}/video"
 
     @property
     def gnss_url(self) -> str:
         """Of the NMEA stream."""
         host, port = self._tcp.server_address[:2]
-        return f"tcp://{str(host)}:{port}"
+        return f"tcp://{host!s}:{port}"
 
     def __enter__(self) -> Phone:
         for thread in self._threads:
