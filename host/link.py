@@ -25,6 +25,8 @@ HELLO_TIMEOUT_S = 5.0
 """A Uno's boot loader keeps the port for up to two seconds after opening it."""
 ANSWER_TIMEOUT_S = 1.0
 WRITE_TIMEOUT_S = 0.5
+READ_S = 0.005
+"""What a read waits for at most. Fixed: pyserial sets up the whole port again at each change."""
 FIRMWARE_CLOCK_S = 2**32 * 1e-6
 """The firmware's microseconds wrap here, which is no reset."""
 
@@ -183,9 +185,11 @@ class Link:
     def poll(self, timeout_s: float = 0.0) -> list[Telemetry]:
         """Takes what has arrived, waiting up to `timeout_s` for the first byte. Raises UserError
         when the port has vanished."""
+        deadline = self._clock() + timeout_s
+        data = b""
         try:
-            self._serial.timeout = timeout_s
-            data = self._serial.read(1) if timeout_s > 0 else b""
+            while not data and self._clock() < deadline:
+                data = self._serial.read(1)
             while waiting := self._serial.in_waiting:  # socket:// counts at most one
                 data += self._serial.read(waiting)
         except (OSError, TypeError) as error:  # pyserial's own, and its use of a closed descriptor
@@ -294,9 +298,14 @@ def _answers(answer: Answer, message: protocol.Message, seq: int) -> bool:
 
 
 def _open(port: str) -> serial.Serial:
+    remote = port.startswith("rfc2217://")  # pyserial has no write timeout there
     try:
         return serial.serial_for_url(
-            port, baudrate=protocol.BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True
+            port,
+            baudrate=protocol.BAUD,
+            timeout=READ_S,
+            write_timeout=None if remote else WRITE_TIMEOUT_S,
+            exclusive=True,
         )
     except (OSError, ValueError) as error:
         raise UserError(_why_not(port, error)) from error

@@ -36,6 +36,7 @@ from host import protocol
 from host.boundary import load_boundary, plan_of
 from host.errors import UserError
 from host.gnss import LocalFrame
+from host.link import Link
 from host.pilot import Phase
 from host.vehicle_file import load_vehicle
 from sim_plant.phone import Phone, PhoneSpec
@@ -60,13 +61,13 @@ def until(port: Port, expected: bytes) -> bytes:
 # ---- ports ---------------------------------------------------------------------------------------
 
 
-def rfc2217_client(near: Port) -> serial.Serial:
-    """Opens while the near end answers, as the rig's loop would: opening negotiates."""
+def opened(near: Port) -> serial.Serial:
+    """The far end; the near end is served meanwhile, as by the rig, for RFC 2217 negotiates."""
     with ThreadPoolExecutor(1) as pool:
-        opened = pool.submit(serial.serial_for_url, near.name, timeout=LIMIT_S)
-        while not wait([opened], SLICE_S).done:
+        far = pool.submit(serial.serial_for_url, near.name, timeout=LIMIT_S)
+        while not wait([far], SLICE_S).done:
             near.read()
-        return opened.result()
+        return far.result()
 
 
 @pytest.mark.filterwarnings("ignore:set:DeprecationWarning")  # pyserial's own, in rfc2217
@@ -78,13 +79,32 @@ def test_bytes_pass_both_ways_unchanged(kind: str) -> None:
     else:
         near = (TcpPort if kind == "tcp" else Rfc2217Port)(0, "127.0.0.1")
     every = bytes(range(256))
-    client = rfc2217_client(near) if kind == "rfc2217" else serial.serial_for_url(near.name)
-    with client as far:
-        far.timeout = LIMIT_S
+    with opened(near) as far:
         far.write(every)
         assert until(near, every) == every
         near.write(every)
         assert far.read(256) == every
+    near.close()
+
+
+@pytest.mark.filterwarnings("ignore:set:DeprecationWarning")
+@pytest.mark.parametrize("kind", [PseudoTerminal, TcpPort, Rfc2217Port])
+def test_the_hosts_link_works_on_every_port(kind: type[Any]) -> None:
+    near: Port = kind() if kind is PseudoTerminal else kind(0, "127.0.0.1")
+    version = protocol.Version(protocol.VERSION, 1, 0, 1, 1)
+
+    def meet() -> protocol.Version:
+        with Link(near.name, time.monotonic) as link:
+            return link.meet(LIMIT_S)
+
+    parser = protocol.Parser()
+    with ThreadPoolExecutor(1) as pool:
+        met = pool.submit(meet)
+        while not wait([met], SLICE_S).done:
+            for _, message in parser.feed(near.read()):
+                if isinstance(message, protocol.Hello):
+                    near.write(protocol.encode(version, 0))
+        assert met.result() == version
     near.close()
 
 
