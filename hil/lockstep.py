@@ -47,7 +47,7 @@ class Bench:
         self.on_slice: Callable[[], None] | None = None
         """Called after every slice, for whoever watches more closely than the host steps."""
         self.faults = Injector(scenario.faults, seed)
-        self.target = provision.target(scenario.firmware, scenario.parameters)
+        self.target = provision.target(scenario.firmware, scenario.firmware_parameters)
         self.target.set_pin(inner.ESTOP, False)
         self._inner = inner.bind(
             self.target, self._state, self._params, self._given, wires=self.faults.taps

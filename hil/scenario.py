@@ -29,7 +29,7 @@ from host.vehicle import Mount, Vehicle
 from sim_plant.camera import CameraSpec
 from sim_plant.field import FieldSpec
 from sim_plant.gnss import GnssSpec
-from sim_plant.machine import MachineSpec
+from sim_plant.machine import DriveSpec, MachineSpec
 from sim_plant.sky import WeatherSpec
 
 FOLDER = Path(__file__).parent / "scenarios"
@@ -138,7 +138,14 @@ class Scenario(BaseModel):
             blade_height_m=v.blade_height_m,
             half_width_m=v.half_width_m,
             rear_overhang_m=v.rear_overhang_m,
+            drive=DriveSpec(hall_pulses_per_m=v.hall_pulses_per_m),
         )
+
+    @property
+    def firmware_parameters(self) -> dict[str, float]:
+        """What the workshop stores in the microcontroller: what the vehicle file says, then
+        `parameters`."""
+        return {"hall_per_metre": self.vehicle.hall_pulses_per_m} | self.parameters
 
     def corners(self) -> list[tuple[float, float]]:
         """The boundary as surveyed, counter-clockwise; a rectangle's from its lower left."""

@@ -79,6 +79,9 @@ class Vehicle(Strict):
     dead_duty: Annotated[float, Field(ge=0, lt=0.5)] = 0.07
     """Share of the full duty that only just overcomes bridge and friction."""
     nominal_battery_v: Positive = 12.0
+    hall_pulses_per_m: Annotated[float, Field(ge=0)] = 50.0
+    """Of the drive wheels' hall sensor (paper, II: "the accuracy of the motors can be increased by
+    using hall sensors"); 0: none fitted, the speed is a model of the duty then."""
     drive_lag_s: Positive = 0.25
     """First-order lag from drive duty to speed."""
     crop_height_m: Positive = 0.9
