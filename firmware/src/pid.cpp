@@ -40,11 +40,14 @@ int16_t pid_step(PidState &state, const PidCoefficients &coefficients, int16_t s
   const int32_t most = static_cast<int32_t>(limit) << 16;
   const int32_t output = clamp(sum, -most, most);
 
-  constexpr int32_t kExcessMax = kIntegralMax >> 4;
-  const int32_t excess =
-      clamp(((output - sum) >> 14) * coefficients.track, -kExcessMax, kExcessMax);
-  const int32_t grown = state.integral + coefficients.ki * error + excess * 16;
-  state.integral = clamp(grown, -kIntegralMax, kIntegralMax);
+  // At the limit the excess is taken back from the integral, but not through zero: with a short
+  // tracking time a large proportional part would otherwise wind it up the other way.
+  const int32_t grown =
+      clamp(state.integral + coefficients.ki * error, -kIntegralMax, kIntegralMax);
+  const int32_t back = clamp((magnitude(output - sum) >> 14) * coefficients.track, 0,
+                             kIntegralMax >> 4) * 16;
+  state.integral = grown > 0 ? clamp(grown - (sum > output ? back : 0), 0, grown)
+                             : clamp(grown + (sum < output ? back : 0), grown, 0);
   return static_cast<int16_t>((output + (int32_t{1} << 15)) >> 16);
 }
 

@@ -336,7 +336,7 @@ enum class Param : uint8_t {
   steer_kd,  // 0.001 duty s/deg; derivative gain, on the measurement
   steer_d_filter,  // 1 ms; time constant of the derivative's low-pass
   steer_min_duty,  // 1 duty; duty at which the steering motor just moves; added to small commands
-  steer_deadband,  // 0.01 deg; error within which a resting motor stays released; it releases again at half of it
+  steer_deadband,  // 0.01 deg; error within which a resting motor stays released; it releases again within two thirds of it
   steer_duty_max,  // 1 duty
   steer_duty_slew,  // 1 duty/s; fastest growth of the steering duty; it falls at once
   speed_max,  // 0.001 m/s; largest speed, forward and in reverse
@@ -375,12 +375,12 @@ constexpr uint8_t kParams = 39;
   X(steer_rate_max, 400, 50, 2000) \
   X(steer_limit, 5000, 500, 5000) \
   X(steer_slew, 1200, 50, 3000) \
-  X(steer_kp, 1600, 0, 10000) \
-  X(steer_ki, 600, 0, 10000) \
-  X(steer_kd, 1000, 0, 20000) \
-  X(steer_d_filter, 15, 0, 200) \
-  X(steer_min_duty, 60, 0, 150) \
-  X(steer_deadband, 30, 0, 500) \
+  X(steer_kp, 4000, 0, 10000) \
+  X(steer_ki, 3300, 0, 10000) \
+  X(steer_kd, 1700, 0, 20000) \
+  X(steer_d_filter, 35, 0, 200) \
+  X(steer_min_duty, 70, 0, 150) \
+  X(steer_deadband, 45, 0, 500) \
   X(steer_duty_max, 255, 30, 255) \
   X(steer_duty_slew, 5000, 200, 25500) \
   X(speed_max, 1000, 100, 3000) \

@@ -8,8 +8,9 @@ using protocol::Param;
 
 namespace {
 
-constexpr int32_t kRestRate = 384;  // 3 deg/s in PidState's unit: slower may come to rest
-constexpr int16_t kSignOn = 3;      // duty at which the minimum duty takes a direction
+constexpr int32_t kRestRate = 384;   // 3 deg/s in PidState's unit: slower may come to rest
+constexpr uint8_t kSmoothShift = 3;  // time constant 8 ticks
+constexpr int16_t kSignOn = 3;       // duty at which the minimum duty takes a direction
 
 }  // namespace
 
@@ -60,13 +61,16 @@ int16_t Steering::step(int16_t target, int16_t angle) {
     pid_ = PidState{};
     setpoint_ = angle;
     sign_ = 0;
+    smooth_ = 0;
   }
   setpoint_ = static_cast<int16_t>(approach(setpoint_, clamp(target, -limit_, limit_), slew_));
   const int16_t output = pid_step(pid_, coefficients_, setpoint_, angle, headroom_);
 
-  const int32_t error = magnitude(static_cast<int32_t>(setpoint_) - angle);
-  if (error > deadband_) resting_ = false;
-  if (error * 2 <= deadband_ && magnitude(pid_.rate) < kRestRate) resting_ = true;
+  // Whether to rest is judged on a smoothed error, or the pot's noise would wake the motor.
+  smooth_ += (((static_cast<int32_t>(setpoint_) - angle) * 256) - smooth_) >> kSmoothShift;
+  const int32_t off = magnitude(smooth_) >> 8;
+  if (off > deadband_) resting_ = false;
+  if (off * 3 <= deadband_ * int32_t{2} && magnitude(pid_.rate) < kRestRate) resting_ = true;
   if (resting_) pid_.integral = 0;
 
   if (output >= kSignOn) sign_ = 1;

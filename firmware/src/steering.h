@@ -40,6 +40,7 @@ class Steering {
  private:
   PidCoefficients coefficients_{};
   PidState pid_;
+  int32_t smooth_ = 0;    // error, centidegree, 2^-8
   int16_t limit_ = 0;     // centidegree
   int16_t slew_ = 0;      // centidegree a tick
   int16_t deadband_ = 0;  // centidegree
