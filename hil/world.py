@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.errors import UserError
-from sim_plant import camera as c
+from sim_plant import labels
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
 from sim_plant.field import Field, FieldSpec, House, Tree
 from sim_plant.sky import WeatherSpec
@@ -30,15 +30,15 @@ Pose = tuple[float, float, float]
 BLADE_AHEAD: Final = 1.5
 WIDTH: Final = 1.0
 PALETTE: Final = {
-    c.BACKGROUND: ("background", (205, 180, 150)),
-    c.STANDING: ("standing crop", (40, 190, 250)),
-    c.STUBBLE: ("stubble", (130, 150, 170)),
-    c.STRAW: ("straw", (170, 225, 240)),
-    c.SOIL: ("soil", (70, 90, 110)),
-    c.NEIGHBOUR: ("neighbour's crop", (40, 110, 190)),
-    c.WEEDS: ("weeds, grass", (70, 150, 70)),
-    c.MACHINE: ("machine", (80, 80, 80)),
-    c.EDGE: ("true edge", (30, 30, 230)),
+    labels.BACKGROUND: ("background", (205, 180, 150)),
+    labels.STANDING: ("standing crop", (40, 190, 250)),
+    labels.STUBBLE: ("stubble", (130, 150, 170)),
+    labels.STRAW: ("straw", (170, 225, 240)),
+    labels.SOIL: ("soil", (70, 90, 110)),
+    labels.NEIGHBOUR: ("neighbour's crop", (40, 110, 190)),
+    labels.WEEDS: ("weeds, grass", (70, 150, 70)),
+    labels.MACHINE: ("machine", (80, 80, 80)),
+    labels.EDGE: ("true edge", (30, 30, 230)),
 }
 SCENERY: Final[dict[str, Any]] = {
     "trees": (

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim_plant import camera as c
-from sim_plant import sky
+from sim_plant import labels, sky
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
 from sim_plant.field import Field, FieldSpec
 from sim_plant.sky import WeatherSpec
@@ -102,11 +101,13 @@ def test_the_crops_edge_is_where_the_pinhole_model_puts_it(mount: CameraSpec) ->
     for ahead in (2.6, 3.5, 5.0):
         u, v = _project(mount, ahead, 0.5, 0.0)
         rows = label[round(v) - 2 : round(v) + 3]
-        found = np.median([np.flatnonzero(np.isin(r, (c.STANDING, c.EDGE))).max() for r in rows])
+        found = np.median(
+            [np.flatnonzero(np.isin(r, (labels.STANDING, labels.EDGE))).max() for r in rows]
+        )
         # Within 8 cm: stalks lean, and stubble stands before the foot.
         assert found == pytest.approx(u, abs=0.08 * mount.focal_px / ahead + 2)
     u, v = _project(mount, 2.6, 0.3, 0.0)
-    assert label[round(v), round(u)] == c.STUBBLE
+    assert label[round(v), round(u)] == labels.STUBBLE
 
 
 @pytest.mark.parametrize("mount", [LOW, MAST])
@@ -116,7 +117,7 @@ def test_the_marked_edge_lies_on_the_true_edge(mount: CameraSpec) -> None:
     errors = []
     for ahead in np.linspace(2.6, 6.0, 20):
         eu, ev = _project(mount, ahead, 0.5, 0.0)
-        marked = np.flatnonzero(label[round(ev)] == c.EDGE)
+        marked = np.flatnonzero(label[round(ev)] == labels.EDGE)
         if marked.size:
             errors.append(np.abs(marked - eu).min() * ahead / mount.focal_px)
     assert len(errors) > 12
@@ -144,8 +145,8 @@ def test_the_grounds_slope_reaches_the_horizon(roll: float, pitch: float) -> Non
     mount = MAST.model_copy(update={**PINHOLE, "pitch_deg": 5.0})
     field = Field(SPEC.model_copy(update={"neighbours": "none", "size_m": (0.2, 0.2)}))
     label = Camera(field, mount).labels(0.0, -3.0, 0.1, 0.0, roll=roll, pitch=pitch)
-    top = [int(np.flatnonzero(label[:, u] != c.BACKGROUND).min()) for u in (20, 620)]
-    level = [int(np.flatnonzero(column != c.BACKGROUND).min()) for column in
+    top = [int(np.flatnonzero(label[:, u] != labels.BACKGROUND).min()) for u in (20, 620)]
+    level = [int(np.flatnonzero(column != labels.BACKGROUND).min()) for column in
              Camera(field, mount).labels(0.0, -3.0, 0.1, 0.0)[:, [20, 620]].T]  # fmt: skip
     shift = np.subtract(top, level)
     if pitch:

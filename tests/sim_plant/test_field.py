@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -77,7 +78,7 @@ def test_a_straight_cut_is_the_same_in_one_step_or_in_many(
         (x + s * math.cos(yaw), y + s * math.sin(yaw), yaw) for s in np.linspace(0, way, parts + 1)
     ]
     one.cut(path[0], path[-1])
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in itertools.pairwise(path):
         many.cut(a, b)
     # Cells whose centre lies on a border within rounding may fall either way.
     assert np.count_nonzero(one.kind != many.kind) <= 2
@@ -106,8 +107,8 @@ def test_a_turning_blade_leaves_no_gap_in_its_wake(
         )
         field.cut(pose, new)
         a, b = (blade_ends(*p, 1.5, -0.5, 0.5) for p in (pose, new))
-        quad = shapely.MultiPoint([a[:2], a[2:], b[2:], b[:2]]).convex_hull
-        swept.append(quad)
+        # A blade that turns about a point of its own sweeps a bow tie.
+        swept.append(shapely.make_valid(shapely.Polygon([a[:2], a[2:], b[2:], b[:2]])))
         pose = new
     wake = shapely.unary_union(swept).buffer(-1e-6)
     j, i = np.nonzero(np.isin(field.kind, (f.CROP, f.NEIGHBOUR)))

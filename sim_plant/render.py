@@ -1,0 +1,850 @@
+"""The kernels that draw a picture of the field: numba, in float64, without a state of their own.
+
+A picture is made in five passes over fixed strips of columns, so that the number of threads cannot
+matter: `profile` (what heights each azimuth crosses), `find` (where each pixel's ray ends),
+`draw_crowns` and `draw_stalks` (z-buffered, front to back), `fill` (what no stalk hides). Colours
+are display-referred BGR; light multiplies them by a factor from `Paint.light`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sim_plant import field as f
+from sim_plant import labels, noise, sky, texture
+
+BLOCK_M: Final = 0.5
+"""Side of a block of stalks."""
+PACKS: Final = 64
+"""Different blocks; which one stands where is drawn per block."""
+SUNLIT, HEIGHT, GREEN, DENSITY, WEED, LODGE, TONE, BODY = range(8)
+_SKY, _CANOPY, _FACE, _GROUND = range(100, 104)
+"""Pixels that are found but not painted yet, among the labels."""
+_FLAT: Final = -1
+"""Instead of a tile: no texture."""
+_CANOPY_BACK_M: Final = 0.25
+_FACE_BACK_M: Final = 0.30
+"""How far behind its front the body of the crop lies: stalks fill the space between."""
+SEGMENTS: Final = 48
+"""Changes of height along an azimuth that a profile holds."""
+STRIPS: Final = 8
+"""The picture is drawn in so many strips of columns, whatever the number of threads."""
+REACH_M: Final = 24.0
+"""Stalks are drawn up to here; the canopy's texture beyond."""
+
+
+class Scene(NamedTuple):
+    """The grids as the renderer reads them; coarse ones have half of `kind`'s rows and columns."""
+
+    kind: NDArray[np.uint8]
+    clear: NDArray[np.float32]
+    """Coarse: a lower bound of the distance to standing crop, m."""
+    stand: NDArray[np.float32]
+    """Coarse, (rows, columns, 8): `SUNLIT` (above this height in m the sun reaches) and the
+    field's attributes; together, because a lookup costs a cache line."""
+    x0: float
+    y0: float
+    cell: float
+    beyond_is_crop: bool
+    canopy: float
+    """Height of the canopy's body below the ears, m, at the field's tallest."""
+
+
+class View(NamedTuple):
+    """Pinhole with radial distortion. `axes` rows: right, down, forward in field coordinates."""
+
+    x: float
+    y: float
+    z: float
+    axes: NDArray[np.float64]
+    focal: float
+    cu: float
+    cv: float
+    k1: float
+    k2: float
+    shear: float
+    """Rolling shutter: horizontal shift in px from first to last row."""
+    rays: NDArray[np.float32]
+    """(rows, columns, 2): undistorted normalised image coordinates."""
+    tangent: float
+    """Of the largest azimuth that the profiles hold, either side of the heading."""
+    stretch: NDArray[np.float64]
+    """Per azimuth bin: distance per distance ahead."""
+
+
+class Paint(NamedTuple):
+    """Colours: tiles, background, light and haze, all BGR."""
+
+    tiles: NDArray[np.uint8]
+    levels: NDArray[np.int32]
+    panorama: NDArray[np.uint8]
+    light: NDArray[np.float32]
+    sky_gain: float
+    haze: float
+    haze_bgr: NDArray[np.float32]
+    crop_bgr: NDArray[np.float32]
+    green_bgr: NDArray[np.float32]
+    straw_bgr: NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True)
+def _standing(kind: int) -> bool:
+    return kind in (f.CROP, f.NEIGHBOUR)
+
+
+@njit(cache=True, nogil=True)
+def _solid(kind: int) -> bool:
+    return kind in (f.OBSTACLE, f.TRUNK)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def shade(
+    stand: NDArray[np.float32],
+    coarse: float,
+    east: float,
+    north: float,
+    up: float,
+    crowns: NDArray[np.float64],
+    j0: int,
+    j1: int,
+    i0: int,
+    i1: int,
+) -> None:
+    """Fills SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
+
+    `crowns` (n, 4): x, y, z and radius of the trees' crowns in coarse cells from the grid's corner.
+    """
+    rows, columns = stand.shape[:2]
+    flat = math.hypot(east, north)
+    tangent = up / max(flat, 1e-6)
+    dx = east / max(flat, 1e-6)
+    dy = north / max(flat, 1e-6)
+    tallest = 0.0
+    for j in range(rows):
+        for i in range(columns):
+            tallest = max(tallest, stand[j, i, HEIGHT])
+    for j in range(j0, j1):
+        for i in range(i0, i1):
+            highest = 0.0
+            for k in range(crowns.shape[0]):
+                # Distance of the crown's centre from the ray towards the sun.
+                cx = crowns[k, 0] - i - 0.5
+                cy = crowns[k, 1] - j - 0.5
+                cz = crowns[k, 2]
+                along = cx * east + cy * north + cz * up
+                if cx * cx + cy * cy + cz * cz - along * along < crowns[k, 3] ** 2:
+                    highest = max(highest, cz * coarse)
+            s = 0.15
+            while s * tangent < tallest:
+                p = int(i + 0.5 + dx * s / coarse)
+                q = int(j + 0.5 + dy * s / coarse)
+                if p < 0 or q < 0 or p >= columns or q >= rows:
+                    break
+                if stand[q, p, BODY] > 0.0:
+                    h = stand[q, p, HEIGHT] - s * tangent
+                    highest = max(highest, h)
+                s += 0.05
+            stand[j, i, SUNLIT] = highest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def profile(
+    scene: Scene,
+    view: View,
+    b0: int,
+    b1: int,
+    start: NDArray[np.float32],
+    top: NDArray[np.float32],
+    count: NDArray[np.int32],
+) -> None:
+    """Heights that azimuths b0..b1 cross: from `start[b, k]` (m, horizontal) on, the crop's body is
+    `top[b, k]` high (0: ground), `count[b]` of them.
+
+    The azimuth of bin b is atan(_bin_tangent(b)) to the left of the view's heading. Free ground is
+    crossed by leaps of the clear distance, crop by steps of 8 cm and more with the distance.
+    """
+    n_j, n_i = scene.clear.shape
+    inv = 0.5 / scene.cell
+    hx = view.axes[2, 0]
+    hy = view.axes[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    hx /= norm
+    hy /= norm
+    bins, most = start.shape
+    for b in range(b0, b1):
+        lateral = _bin_tangent(b, bins, view.tangent)
+        stretch = math.sqrt(1.0 + lateral * lateral)
+        dx = (hx - lateral * hy) / stretch * inv
+        dy = (hy + lateral * hx) / stretch * inv
+        px0 = (view.x - scene.x0) * inv
+        py0 = (view.y - scene.y0) * inv
+        n = 0
+        r = 0.0
+        now = -1.0
+        rough = 0.0
+        while n < most - 1 and r < 80.0:
+            px = px0 + r * dx
+            py = py0 + r * dy
+            if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
+                break
+            i = int(px)
+            j = int(py)
+            height = 0.0
+            leap = scene.clear[j, i]
+            stands = scene.stand[j, i, BODY] > 0.0
+            if leap > 0.0:
+                leap += 0.005
+            elif stands and _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
+                height = 0.8 * scene.stand[j, i, HEIGHT]
+                leap = 0.08 + 0.02 * r
+                rough = 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
+            elif stands and _solid(scene.kind[int(2.0 * py), int(2.0 * px)]):
+                height = scene.stand[j, i, HEIGHT]
+                leap = 0.5 * scene.cell
+                rough = 0.0
+            else:
+                leap = 0.5 * scene.cell
+            entered = (height > 0.0) != (now > 0.0)
+            if now < 0.0 or entered or abs(height - now) > 0.06:
+                start[b, n] = r
+                top[b, n] = height
+                if entered and height > 0.0:
+                    # The crop's upper border is ragged.
+                    top[b, n] += rough
+                n += 1
+                now = height
+            r += leap
+        start[b, n] = r
+        top[b, n] = scene.canopy if scene.beyond_is_crop else 0.0
+        count[b] = n + 1
+
+
+@njit(cache=True, nogil=True)
+def _bin_tangent(b: float, bins: int, tangent: float) -> float:
+    return ((b + 0.5) / bins * 2.0 - 1.0) * tangent
+
+
+@njit(cache=True, nogil=True)
+def _direction(view: View, u: int, v: int) -> tuple[float, float, float]:
+    """The ray of a pixel in the field frame, 1 long along the optical axis."""
+    R = view.axes
+    a = view.rays[v, u, 0] - view.shear * ((v + 0.5) / view.rays.shape[0] - 0.5) / view.focal
+    b = view.rays[v, u, 1]
+    return (
+        a * R[0, 0] + b * R[1, 0] + R[2, 0],
+        a * R[0, 1] + b * R[1, 1] + R[2, 1],
+        a * R[0, 2] + b * R[1, 2] + R[2, 2],
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def find(
+    depth: NDArray[np.float32],
+    label: NDArray[np.uint8],
+    left: int,
+    right: int,
+    view: View,
+    start: NDArray[np.float32],
+    top: NDArray[np.float32],
+    count: NDArray[np.int32],
+) -> None:
+    """Where the rays of columns [left, right) end, from the profile of each one's azimuth.
+
+    `depth` becomes the distance along the optical axis, a little behind canopy and face so that the
+    foremost stalks stand out; `label` becomes what was met: _SKY, _CANOPY, _FACE or _GROUND."""
+    rows = depth.shape[0]
+    bins = start.shape[0]
+    hx = view.axes[2, 0]
+    hy = view.axes[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    hx /= norm
+    hy /= norm
+    to_bin = 0.5 * bins / view.tangent
+    for v in range(rows):
+        for u in range(left, right):
+            dx, dy, dz = _direction(view, u, v)
+            ahead = max(1e-6, dx * hx + dy * hy)
+            lateral = (dy * hx - dx * hy) / ahead
+            which = min(max(int((lateral + view.tangent) * to_bin), 0), bins - 1)
+            flat = ahead * view.stretch[which]
+            slope = dz / flat
+            hit = _SKY
+            r = 1e9
+            last = count[which] - 1
+            for k in range(last + 1):
+                high = top[which, k]
+                near = start[which, k]
+                if view.z + slope * near < high:
+                    hit = _FACE
+                    r = near + _FACE_BACK_M
+                    break
+                if slope < 0.0:
+                    reach = (high - view.z) / slope
+                    if k == last or reach < start[which, k + 1]:
+                        if reach < 240.0:
+                            hit = _CANOPY if high > 0.0 else _GROUND
+                            r = reach + _CANOPY_BACK_M if high > 0.0 else reach
+                        break
+            depth[v, u] = r / flat
+            label[v, u] = hit
+
+
+@njit(cache=True, nogil=True)
+def _masonry(kind: int, hit: int, x: float, y: float, z: float, channel: int) -> float:
+    """BGR of a trunk's bark, a house's roof, or its wall with windows."""
+    if kind == f.TRUNK:
+        return (38.0, 52.0, 66.0)[channel]
+    if hit == _CANOPY:
+        return (70.0, 84.0, 150.0)[channel]
+    along = 0.6 * (x + y)
+    window = along - math.floor(along) < 0.3 and 0.9 < z < 1.9
+    return (62.0, 66.0, 70.0)[channel] if window else (160.0, 186.0, 198.0)[channel]
+
+
+@njit(cache=True, nogil=True)
+def _between(grids: NDArray[np.float32], x: float, y: float, channel: int) -> float:
+    """Bilinear interpolation between cells, clamped at the border."""
+    rows, columns = grids.shape[:2]
+    i = min(max(int(x), 0), columns - 2)
+    j = min(max(int(y), 0), rows - 2)
+    fx = min(1.0, max(0.0, x - i))
+    fy = min(1.0, max(0.0, y - j))
+    low = grids[j, i, channel] * (1.0 - fx) + grids[j, i + 1, channel] * fx
+    high = grids[j + 1, i, channel] * (1.0 - fx) + grids[j + 1, i + 1, channel] * fx
+    return float(low * (1.0 - fy) + high * fy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill(
+    image: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+    label: NDArray[np.uint8],
+    left: int,
+    right: int,
+    scene: Scene,
+    view: View,
+    paint: Paint,
+) -> None:
+    """Paints what `find` met in columns [left, right) and no stalk hides, and labels it."""
+    rows = depth.shape[0]
+    n_j, n_i = scene.clear.shape
+    inv = 0.5 / scene.cell
+    slab = scene.canopy
+    side = texture.SIDE
+    per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
+    per_column = paint.panorama.shape[1] / (2 * math.pi)
+    for v in range(rows):
+        for u in range(left, right):
+            hit = label[v, u]
+            if hit < _SKY:
+                continue
+            dx, dy, dz = _direction(view, u, v)
+            flat = math.sqrt(dx * dx + dy * dy)
+            if hit == _SKY:
+                p = int((sky.PANORAMA_TOP - dz / flat) * per_row)
+                p = min(max(p, 0), paint.panorama.shape[0] - 1)
+                c = int((math.atan2(dy, dx) + math.pi) * per_column)
+                c = min(max(c, 0), paint.panorama.shape[1] - 1)
+                label[v, u] = labels.BACKGROUND
+                for q in range(3):
+                    image[v, u, q] = int(min(255.0, paint.panorama[p, c, q] * paint.sky_gain))
+                continue
+
+            t = float(depth[v, u])
+            if hit == _CANOPY:
+                t -= _CANOPY_BACK_M / flat
+            elif hit == _FACE:
+                t -= (_FACE_BACK_M - 0.01) / flat
+            px = (view.x + t * dx - scene.x0) * inv
+            py = (view.y + t * dy - scene.y0) * inv
+            outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
+            wx = view.x + t * dx
+            wy = view.y + t * dy
+            wz = view.z + t * dz
+            sx = wx
+            sy = wy
+            ao = 1.0
+            green = 0.0
+            if outside:
+                # Fields beyond the grid: blocks of some 40 m, ripe or grass.
+                far = noise.mix(77, math.floor(wx * 0.025), math.floor(wy * 0.04))
+                tile = texture.TOP if hit != _GROUND or far & 3 else texture.GRASS
+                here = labels.NEIGHBOUR if hit != _GROUND else labels.BACKGROUND
+                seen = 0.85
+            else:
+                i = int(px)
+                j = int(py)
+                kind = scene.kind[int(2 * py), int(2 * px)]
+                shadow = scene.stand[j, i, SUNLIT]
+                ao = 0.8 + 0.4 * scene.stand[j, i, TONE]
+                if hit == _GROUND:
+                    shadow = _between(scene.stand, px - 0.5, py - 0.5, SUNLIT)
+                    seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
+                    if kind in (f.STUBBLE, f.NEIGHBOUR_STUBBLE):
+                        tile = texture.STUBBLE
+                        here = labels.STUBBLE
+                    elif kind == f.WINDROW:
+                        tile = texture.STRAW
+                        here = labels.STRAW
+                    elif kind == f.GRASS:
+                        tile = texture.GRASS
+                        here = labels.WEEDS
+                    else:
+                        tile = texture.SOIL
+                        here = labels.SOIL
+                elif _solid(kind):
+                    here = labels.BACKGROUND
+                    tile = _FLAT
+                    seen = min(1.0, max(0.0, (wz - shadow) * 3.0 + 0.3))
+                else:
+                    here = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
+                    green = scene.stand[j, i, GREEN]
+                    if hit == _CANOPY:
+                        tile = texture.TOP
+                        far_lit = min(0.9, 0.25 + 0.035 * t)
+                        seen = max(far_lit, min(1.0, (wz - shadow) * 4.0 + 0.3))
+                        ao *= min(1.0, 0.85 + 0.01 * t)
+                    else:
+                        tile = texture.WALL
+                        near = 3.0 if t < 2.0 else 1.0
+                        sx = 1.5 * near * (0.83 * wx + 0.57 * wy)
+                        sy = -near * wz
+                        seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
+                        ao *= min(1.0, 0.6 + 0.4 * wz / slab)
+            foot = t / view.focal / texture.TEXEL_M
+            if hit != _FACE:
+                foot /= 0.3 + 0.7 * min(1.0, abs(dz) * 2.0)
+            level = 0
+            m = side
+            while foot > 1.4 and m > 8:
+                foot *= 0.5
+                level += 1
+                m >>= 1
+            scale = m / (side * texture.TEXEL_M)
+            ti = math.floor(sx * scale) & (m - 1)
+            tj = math.floor(sy * scale) & (m - 1)
+            texel = paint.levels[level] + tj * m + ti
+            seen_i = int(255.0 * min(1.0, max(0.0, seen)))
+            fog = paint.haze * t / (1.0 + paint.haze * t)
+            label[v, u] = here
+            for q in range(3):
+                tint = ao * paint.light[seen_i, q]
+                if green > 0.0:
+                    tint *= 1.0 - green + green * paint.green_bgr[q] / paint.crop_bgr[q]
+                albedo = (
+                    paint.tiles[tile, texel, q] if tile >= 0 else _masonry(kind, hit, wx, wy, wz, q)
+                )
+                x = albedo * tint
+                image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def blocks_in_view(
+    view: View, half_fov: float, scene: Scene, found: NDArray[np.int32], away: NDArray[np.float32]
+) -> int:
+    """Blocks of stalks within the view's wedge: their (row, column) and distance; how many."""
+    rows, columns = scene.kind.shape
+    width = columns * scene.cell
+    height = rows * scene.cell
+    hx = view.axes[2, 0]
+    hy = view.axes[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    hx /= norm
+    hy /= norm
+    cos = math.cos(half_fov)
+    sin = math.sin(half_fov)
+    i0 = max(0, int((view.x - scene.x0 - REACH_M) / BLOCK_M))
+    i1 = min(int(width / BLOCK_M), int((view.x - scene.x0 + REACH_M) / BLOCK_M) + 1)
+    j0 = max(0, int((view.y - scene.y0 - REACH_M) / BLOCK_M))
+    j1 = min(int(height / BLOCK_M), int((view.y - scene.y0 + REACH_M) / BLOCK_M) + 1)
+    count = 0
+    for j in range(j0, j1):
+        for i in range(i0, i1):
+            ax = scene.x0 + (i + 0.5) * BLOCK_M - view.x
+            ay = scene.y0 + (j + 0.5) * BLOCK_M - view.y
+            ahead = ax * hx + ay * hy
+            aside = abs(ax * hy - ay * hx)
+            d = math.sqrt(ax * ax + ay * ay)
+            if d > REACH_M or ahead < -0.4 or aside * cos - ahead * sin > 0.6:
+                continue
+            found[count, 0] = j
+            found[count, 1] = i
+            away[count] = d
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def project(
+    blocks: NDArray[np.int32],
+    packs: NDArray[np.float32],
+    first: NDArray[np.int64],
+    scene: Scene,
+    view: View,
+    paint: Paint,
+    seed: int,
+    t: float,
+    sway_x: float,
+    sway_y: float,
+    gust: float,
+    k0: int,
+    k1: int,
+    out: NDArray[np.float32],
+    drawn: NDArray[np.int64],
+) -> None:
+    """Projects stalks of blocks k0..k1 into `out`, `drawn[k]` of block k; see `draw_stalks`."""
+    R = view.axes
+    n_j, n_i = scene.kind.shape
+    inv = 1.0 / scene.cell
+    rows, columns = view.rays.shape[:2]
+    F = view.focal
+    for k in range(k0, k1):
+        bj = blocks[k, 0]
+        bi = blocks[k, 1]
+        pack = noise.mix(seed, bi, bj) & (PACKS - 1)
+        x_block = scene.x0 + bi * BLOCK_M
+        y_block = scene.y0 + bj * BLOCK_M
+        shown = first[k + 1] - first[k]
+        wider = min(3.0, packs.shape[1] / max(1, shown))
+        wave = 0.55 + 0.45 * math.sin(1.3 * x_block + 0.7 * y_block - 2.2 * t)
+        n = 0
+        for q in range(shown):
+            s = packs[pack, q]
+            x = x_block + s[0]
+            y = y_block + s[1]
+            i = int((x - scene.x0) * inv)
+            j = int((y - scene.y0) * inv)
+            if i >= n_i or j >= n_j:
+                continue
+            kind = scene.kind[j, i]
+            ci = i >> 1
+            cj = j >> 1
+            if kind == f.SOIL or _solid(kind) or s[8] > scene.stand[cj, ci, DENSITY]:
+                continue
+            tall = _standing(kind)
+            lean_x = s[3]
+            lean_y = s[4]
+            head = 0.0
+            if tall:
+                lodge = scene.stand[cj, ci, LODGE]
+                height = scene.stand[cj, ci, HEIGHT] * s[2]
+                phase = 1.1 * t + 37.0 * s[8]
+                flutter = 4.0 * abs(phase - math.floor(phase) - 0.5) - 1.0
+                bend = wave + gust * flutter
+                lean_x += sway_x * bend
+                lean_y += sway_y * bend
+                if lodge > 0.05:
+                    lean = math.tan(lodge)
+                    way = 6.28 * scene.stand[cj, ci, TONE]
+                    lean_x += lean * math.cos(way)
+                    lean_y += lean * math.sin(way)
+                head = 0.085 / max(height, 0.1)
+            elif kind == f.WINDROW:
+                if s[8] > 0.75:
+                    continue
+                height = 0.02 + 0.10 * s[6]
+                lean_x *= 40.0
+                lean_y *= 40.0
+            elif kind == f.GRASS:
+                if s[8] > 0.5:
+                    continue
+                height = 0.03 + 0.09 * s[6]
+                lean_x *= 8.0
+                lean_y *= 8.0
+            else:
+                height = 0.07 + 0.07 * s[6]
+                lean_x *= 2.5
+                lean_y *= 2.5
+            ax = x - view.x
+            ay = y - view.y
+            az = -view.z
+            bx = ax + height * lean_x
+            by = ay + height * lean_y
+            bz = az + height
+            z0 = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
+            z1 = R[2, 0] * bx + R[2, 1] * by + R[2, 2] * bz
+            if z0 < 0.3 or z1 < 0.3:
+                continue
+            a0 = (R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az) / z0
+            b0 = (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) / z0
+            a1 = (R[0, 0] * bx + R[0, 1] * by + R[0, 2] * bz) / z1
+            b1 = (R[1, 0] * bx + R[1, 1] * by + R[1, 2] * bz) / z1
+            # Beyond twice the picture's corner the distortion polynomial is meaningless.
+            r0 = min(a0 * a0 + b0 * b0, 2.0)
+            r1 = min(a1 * a1 + b1 * b1, 2.0)
+            g0 = F * (1.0 + r0 * (view.k1 + r0 * view.k2))
+            g1 = F * (1.0 + r1 * (view.k1 + r1 * view.k2))
+            v0 = b0 * g0 + view.cv
+            v1 = b1 * g1 + view.cv
+            u0 = a0 * g0 + view.cu + view.shear * (v0 / rows - 0.5)
+            u1 = a1 * g1 + view.cu + view.shear * (v1 / rows - 0.5)
+            if v1 > rows or v0 < 0 or v0 - v1 < 0.7:
+                continue
+            if min(u0, u1) > columns + 8 or max(u0, u1) < -8:
+                continue
+            visible = 1.0
+            if tall:
+                # Crop that stands 0.45 m nearer hides all but the top.
+                near = 0.45 / math.sqrt(ax * ax + ay * ay)
+                ni = int((x - near * ax - scene.x0) * inv)
+                nj = int((y - near * ay - scene.y0) * inv)
+                if 0 <= ni < n_i and 0 <= nj < n_j and _standing(scene.kind[nj, ni]):
+                    visible = 0.42
+            e = out[first[k] + n]
+            e[0] = u0
+            e[1] = v0
+            e[2] = z0
+            e[3] = u1
+            e[4] = v1
+            e[5] = z1
+            scale = F / z1 * wider
+            e[6] = (0.0019 if tall else 0.0026) * scale
+            e[7] = 0.0050 * scale if tall else 0.0
+            e[8] = head
+            e[16] = s[7] * scale / wider if tall else 0.0
+            e[9] = visible
+            e[10] = height
+            e[11] = scene.stand[cj, ci, SUNLIT]
+            if tall:
+                e[12] = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
+            elif kind == f.WINDROW:
+                e[12] = labels.STRAW
+            elif kind == f.GRASS:
+                e[12] = labels.WEEDS
+            else:
+                e[12] = labels.STUBBLE
+            shade = s[5] * (0.86 + 0.28 * scene.stand[cj, ci, TONE])
+            if not tall:
+                shade *= 1.12
+            green = 0.0
+            if tall:
+                green = scene.stand[cj, ci, GREEN] * (0.75 + 0.5 * s[6])
+                if scene.stand[cj, ci, WEED] > 0.3 and s[8] < 0.5:
+                    green = 1.0
+                green = min(1.0, green)
+            elif kind == f.GRASS:
+                green = 1.0
+            for c in range(3):
+                ripe = paint.crop_bgr[c] if tall else paint.straw_bgr[c]
+                e[13 + c] = shade * (ripe + green * (paint.green_bgr[c] - ripe)) * s[9 + c]
+            n += 1
+        drawn[k] = n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw_stalks(
+    image: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+    label: NDArray[np.uint8],
+    left: int,
+    right: int,
+    first: NDArray[np.int64],
+    drawn: NDArray[np.int64],
+    stalks: NDArray[np.float32],
+    paint: Paint,
+) -> None:
+    """Draws the stalks into columns [left, right), front to back.
+
+    A stalk: base u, v, z; top u, v, z; half widths of stem and ear in px; the ear's share of the
+    length; visible share from the top; height in m; height above which the sun reaches; label; BGR;
+    how far the ear's tip nods aside in px.
+    """
+    rows = depth.shape[0]
+    for k in range(drawn.shape[0]):
+        for n in range(first[k], first[k] + drawn[k]):
+            e = stalks[n]
+            u0 = e[0]
+            u1 = e[3]
+            wide = max(e[6], e[7]) + abs(e[16]) + 1.0
+            if max(u0, u1) + wide < left or min(u0, u1) - wide > right:
+                continue
+            v0 = e[1]
+            v1 = e[4]
+            long = v0 - v1
+            per = 1.0 / long
+            slant = 0.5 * abs(u1 - u0) * per
+            ears = int(u1)
+            va = max(0, math.ceil(v1 - 0.5))
+            vb = min(rows - 1, math.floor(v0 - 0.5), int(v1 + long * e[9]))
+            z0 = e[2]
+            z1 = e[5]
+            fog = 0.5 * (z0 + z1) * paint.haze
+            fog = fog / (1.0 + fog)
+            here = int(e[12])
+            shaded = 0.22 if e[8] > 0.0 else 0.0
+            for v in range(va, vb + 1):
+                a = max(0.0, (v + 0.5 - v1) * per)
+                z = z1 + (z0 - z1) * a
+                uc = u1 + (u0 - u1) * a
+                gain = 1.0
+                if a < e[8]:
+                    p = a / e[8]
+                    w = e[7] * (0.4 + 2.4 * p * (1.0 - p))
+                    uc += e[16] * (1.0 - p) * (1.0 - p)
+                    gain = 1.08 if (v + ears) & 3 else 0.92
+                else:
+                    w = e[6]
+                    if e[8] > 0.0:
+                        gain = 0.93
+                w = max(w, slant)
+                ua = math.floor(uc - w + 0.5)
+                ub = math.floor(uc + w + 0.5)
+                if ub <= ua:
+                    ub = ua + 1
+                ua = max(ua, left)
+                ub = min(ub, right)
+                if ua >= ub or (z >= depth[v, ua] and z >= depth[v, ub - 1]):
+                    continue
+                over = (1.0 - a) * e[10] - e[11]
+                seen = min(1.0, max(shaded, over * 4.0 + 0.4))
+                gain *= 1.0 - 0.22 * a * e[9]
+                si = int(255.0 * seen)
+                c0 = min(255.0, e[13] * gain * paint.light[si, 0])
+                c1 = min(255.0, e[14] * gain * paint.light[si, 1])
+                c2 = min(255.0, e[15] * gain * paint.light[si, 2])
+                c0 += fog * (paint.haze_bgr[0] - c0)
+                c1 += fog * (paint.haze_bgr[1] - c1)
+                c2 += fog * (paint.haze_bgr[2] - c2)
+                for u in range(ua, ub):
+                    if z < depth[v, u]:
+                        depth[v, u] = z
+                        label[v, u] = here
+                        image[v, u, 0] = int(c0)
+                        image[v, u, 1] = int(c1)
+                        image[v, u, 2] = int(c2)
+
+
+_PUFFS: Final = 14
+_PUFF_LIFE_S: Final = 1.6
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def puff(
+    veil: NDArray[np.float32],
+    mount: NDArray[np.float64],
+    focal: float,
+    scale: int,
+    seed: int,
+    t: float,
+    drift: NDArray[np.float64],
+    ahead: float,
+    half_width: float,
+    density: float,
+) -> None:
+    """Lays the blade's dust over `veil` (rows, columns at 1/`scale` of the picture): opacity 0..1.
+
+    A puff is born along the blade's line every life/_PUFFS seconds, rises, grows, drifts by `drift`
+    (m/s in the vehicle frame) and fades. `mount` (4, 3): right, down, forward of the camera in the
+    vehicle frame, and its place."""
+    rows, columns = veil.shape
+    every = _PUFF_LIFE_S / _PUFFS
+    newest = math.floor(t / every)
+    for k in range(_PUFFS):
+        index = newest - k
+        age = t - index * every
+        share = age / _PUFF_LIFE_S
+        if share >= 1.0:
+            continue
+        px = ahead + drift[0] * age - mount[3, 0]
+        py = (2.0 * noise.uniform(seed, index, 1) - 1.0) * half_width + drift[1] * age - mount[3, 1]
+        pz = 0.15 + (0.25 + 0.3 * noise.uniform(seed, index, 2)) * age - mount[3, 2]
+        z = mount[2, 0] * px + mount[2, 1] * py + mount[2, 2] * pz
+        if z < 0.3:
+            continue
+        u = (focal * (mount[0, 0] * px + mount[0, 1] * py + mount[0, 2] * pz) / z) / scale
+        v = (focal * (mount[1, 0] * px + mount[1, 1] * py + mount[1, 2] * pz) / z) / scale
+        u += 0.5 * columns
+        v += 0.5 * rows
+        radius = focal * (0.22 + 0.35 * age) / z / scale
+        strength = density * (1.0 - share) * (0.4 + 0.6 * noise.uniform(seed, index, 3))
+        for j in range(max(0, int(v - radius)), min(rows, int(v + radius) + 1)):
+            for i in range(max(0, int(u - radius)), min(columns, int(u + radius) + 1)):
+                d = ((i - u) ** 2 + (j - v) ** 2) / (radius * radius)
+                if d < 1.0:
+                    cloud = 0.7 + 0.6 * noise.smooth(seed + index, i * 0.1, j * 0.1)
+                    veil[j, i] += (1.0 - veil[j, i]) * min(1.0, strength * (1.0 - d) ** 2 * cloud)
+
+
+@njit(cache=True, nogil=True)
+def veil(image: NDArray[np.uint8], opacity: NDArray[np.uint8], bgr: NDArray[np.float32]) -> None:
+    """Blends a colour over a picture in place; opacity 0..255 per pixel."""
+    rows, columns = opacity.shape
+    b = int(bgr[0])
+    g = int(bgr[1])
+    r = int(bgr[2])
+    for v in range(rows):
+        for u in range(columns):
+            a = int(opacity[v, u])
+            if a > 0:
+                image[v, u, 0] += ((b - int(image[v, u, 0])) * a) >> 8
+                image[v, u, 1] += ((g - int(image[v, u, 1])) * a) >> 8
+                image[v, u, 2] += ((r - int(image[v, u, 2])) * a) >> 8
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw_crowns(
+    image: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+    label: NDArray[np.uint8],
+    left: int,
+    right: int,
+    crowns: NDArray[np.float64],
+    view: View,
+    paint: Paint,
+) -> None:
+    """Draws the trees' crowns (n, 4: x, y, z, radius in m) into columns [left, right): balls of
+    leaves, lit from above."""
+    rows = depth.shape[0]
+    R = view.axes
+    for k in range(crowns.shape[0]):
+        ax = crowns[k, 0] - view.x
+        ay = crowns[k, 1] - view.y
+        az = crowns[k, 2] - view.z
+        z = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
+        if z < 0.5:
+            continue
+        uc = view.focal * (R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az) / z + view.cu
+        vc = view.focal * (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) / z + view.cv
+        radius = view.focal * crowns[k, 3] / z
+        leaf = 40.0 / radius
+        fog = paint.haze * z / (1.0 + paint.haze * z)
+        for v in range(max(0, int(vc - radius)), min(rows, int(vc + radius) + 1)):
+            for u in range(max(left, int(uc - radius)), min(right, int(uc + radius) + 1)):
+                dx = (u - uc) / radius
+                dy = (v - vc) / radius
+                clump = noise.smooth(k + 7, dx * 4.0 + 9.0, dy * 4.0 + 9.0)
+                fine = noise.smooth(k + 8, (u - uc) * leaf + 99.0, (v - vc) * leaf + 99.0)
+                if dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine or z >= depth[v, u]:
+                    continue
+                depth[v, u] = z
+                label[v, u] = labels.BACKGROUND
+                lit = int(255.0 * min(1.0, max(0.0, 0.55 - 0.5 * dy + 0.9 * (clump + fine - 1.0))))
+                for q in range(3):
+                    x = (42.0, 84.0, 66.0)[q] * (0.7 + 0.6 * fine) * paint.light[lit, q]
+                    image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
+
+
+def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float32]:
+    """(packs, stalks, 12): x, y in the block; height factor; lean x, y; shade; stub 0..1; nod of
+    the ear (m); rank 0..1 (density, flutter); BGR tint."""
+    n = max(1, round(spec.stalks_per_m2 * BLOCK_M**2))
+    shape = (PACKS, n)
+    s = np.empty((*shape, 12), np.float32)
+    s[..., 0] = rng.random(shape) * BLOCK_M
+    s[..., 1] = rng.random(shape) * BLOCK_M
+    if spec.drilled:
+        row = rng.integers(0, 3, shape) + 0.5
+        s[..., 1] = (row * BLOCK_M / 3 + rng.normal(0, 0.02, shape)).clip(0, BLOCK_M - 1e-3)
+    s[..., 2] = rng.normal(1, 0.06, shape).clip(0.8, 1.15)
+    s[..., 3:5] = rng.normal(0, 0.06, (*shape, 2)).clip(-0.16, 0.16)
+    s[..., 5] = rng.uniform(0.72, 1.1, shape)
+    s[..., 6] = rng.random(shape)
+    s[..., 7] = rng.normal(0, 0.022, shape)
+    s[..., 8] = rng.random(shape)
+    s[..., 9:12] = rng.normal(1, 0.035, (*shape, 3))
+    return s
