@@ -247,7 +247,8 @@ class Rig:
         self._clock = clock
         self._wait = wait
         self._pool = ThreadPoolExecutor(1)
-        self._pictures: deque[tuple[float, Future[bytes]]] = deque()
+        self._pictures: deque[tuple[float, float, Future[bytes]]] = deque()
+        """(when it is due, its shutter in simulated time, the picture in the making)."""
         fps = bench.scenario.lens_truth.fps
         self._picture_slices = max(1, round(1 / fps / SLICE_S))
         self._delay = bench.scenario.vehicle.camera_delay_s / factor
@@ -275,21 +276,24 @@ class Rig:
     def _slice(self, number: int, now: float) -> None:
         bench = self.bench
         for port in self._ports:
-            data = port.read()
-            if data:
-                bench.target.write(data)
+            bench.send(port.read())
         for _, data in bench.advance(number * SLICE_S):
             for port in self._ports:
                 port.write(data)
         if number % self._picture_slices == 0:
             work = self._pool.submit(_develop, bench.camera, bench.shutter())
-            self._pictures.append((now + self._delay, work))
+            self._pictures.append((now + self._delay, bench.now, work))
         if number % FIX_SLICES == 0:
             self._phone.say(bench.fix())
         if number % TRACK_SLICES == 0:
             self.track.append((bench.now, *bench.pose, Phase.CONNECT))
-        while self._pictures and self._pictures[0][0] <= now and self._pictures[0][1].done():
-            self._phone.show(self._pictures.popleft()[1].result())
+        due = None
+        if self._pictures and self._pictures[0][0] <= now and self._pictures[0][2].done():
+            _, shutter, work = self._pictures.popleft()
+            due = (shutter, work.result())
+        seen = bench.faults.camera(bench.now, due)
+        if seen is not None:
+            self._phone.show(seen[1])
 
     def close(self) -> None:
         """Ends the picture worker."""

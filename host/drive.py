@@ -204,6 +204,7 @@ class Drive:
             recorder.picture(frame.stamp, jpeg)
             if self.pilot.view is not None:
                 recorder.view(frame.stamp, self.pilot.view)
+            recorder.pilot(now, self.pilot)
         if fix is not None:
             recorder.fix(fix)
         recorder.command(now, self.command)

@@ -20,6 +20,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.errors import UserError
+from host.pilot import Pilot
 from host.types import Command, Fix, Telemetry
 from host.vision.view import CropView
 
@@ -195,6 +196,22 @@ class Recorder:
             "course_rad": fix.course_rad,
         }
         self.put("/fix", fix.stamp, message)
+
+    def pilot(self, stamp: float, pilot: Pilot) -> None:
+        """What the pilot is doing, and where it believes to be."""
+        lane, motion = pilot.lane, pilot.motion
+        message = {
+            "phase": pilot.phase.value,
+            "reason": pilot.reason,
+            "turns": pilot.turns,
+            "offset_m": lane.offset_m,
+            "heading_rad": lane.heading_rad,
+            "distance_m": motion.distance_m,
+            "x_m": motion.x_m,
+            "y_m": motion.y_m,
+            "yaw_rad": motion.yaw_rad,
+        }
+        self.put("/pilot", stamp, message)
 
     def view(self, stamp: float, view: CropView) -> None:
         """What vision made of the picture taken at `stamp`."""

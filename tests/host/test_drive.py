@@ -22,7 +22,9 @@ from host.drive import PERIOD_S, TELEMETRY_TIMEOUT_S, Drive, fitted, halt
 from host.errors import EXIT_USER, UserError
 from host.feed import Feed
 from host.gnss import LocalFrame
+from host.lane import Lane
 from host.link import Link
+from host.odometry import Odometry
 from host.pilot import Phase, Pilot
 from host.record import Recorder, read
 from host.stream import Picture
@@ -43,6 +45,9 @@ class Script:
         self.phase = Phase.FOLLOW
         self.reason = "as the script says"
         self.view = None
+        self.turns = 0
+        self.lane = Lane(Vehicle().blade_x_m)
+        self.motion = Odometry(Vehicle()).now
         self._commands = iter(commands)
         self._then = then
 
@@ -181,6 +186,7 @@ def test_everything_is_recorded(driven: Callable[..., Drive], tmp_path: Path) ->
     assert topics["/fix"][0]["latitude"] == FIX.lat_deg
     assert len(topics["/command"]) == 6
     assert topics["/command"][0]["reason"] == "so"
+    assert topics["/pilot"][0]["phase"] == "follow"
     assert topics["/telemetry"]
 
 
