@@ -35,8 +35,8 @@ from host.gnss import LocalFrame
 LatLon = tuple[float, float]
 MAX_AROUND_M = 20_000.0
 MIN_AREA_M2 = 1.0
-GEOJSON_DIGITS = 9
-"""Decimals of a degree: a tenth of a millimetre."""
+GEOJSON_DIGITS = 11
+"""Decimals of a degree: GDAL may take the last three for a rounding error."""
 SUFFIXES = ".geojson, .json, .kml, .shp, .xml (ISOXML), .csv, .txt"
 
 # ISO 11783-10: PLN.A, PolygonType; LSG.A, LineStringType; PNT.A, PointType.
