@@ -9,7 +9,7 @@ wheel did. Everything is a function of its arguments: same inputs, same bits, in
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Final, Literal, Self
@@ -255,7 +255,9 @@ def set_params(stand: Stand, session: Session, values: Mapping[str, float]) -> N
     taken = [a for a in session.answers if isinstance(a, protocol.Ack)]
     refused = [a for a in taken if a.result is not protocol.Result.OK]
     if len(taken) != len(values) or refused:
-        raise UserError(f"the firmware took {len(taken) - len(refused)} of {len(values)} parameters")
+        raise UserError(
+            f"the firmware took {len(taken) - len(refused)} of {len(values)} parameters"
+        )
 
 
 # ---- step response -------------------------------------------------------------------------------
@@ -359,4 +361,67 @@ def judge(log: NDArray[Any], spec: MachineSpec, step: Step, faults: int = 0) -> 
         reversals=int(np.count_nonzero(signs[1:] != signs[:-1])),
         largest_deg=float(np.abs(truly).max()),
         faults=faults,
+    )
+
+
+# ---- judgement -----------------------------------------------------------------------------------
+
+
+def deadline_s(spec: MachineSpec, step: Step) -> float:
+    """By when a step must have settled: 0.8 s, or what the motor needs at full duty to travel to
+    the band, spin up and brake, where that is longer. 30 degrees in 0.8 s takes some 50 deg/s."""
+    actuator = truth(spec)
+    travel = abs(step.size_deg) * (1 - step.band)
+    return max(0.8, travel / actuator.slew_degps + 2.5 * actuator.lag_s)
+
+
+def meets(response: Response, spec: MachineSpec, step: Step) -> bool:
+    """Whether a response holds the step figures: settled by the deadline, overshoot at most 5 % (or
+    half a degree), steady error at most half a degree, the motor off at rest, no fault."""
+    size = abs(step.size_deg)
+    return (
+        response.settle_s <= deadline_s(spec, step)
+        and response.overshoot * size <= max(0.05 * size, 0.5)
+        and response.steady_error_deg <= 0.5
+        and response.starts == 0
+        and response.faults == 0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """What a response costs."""
+
+    tracking: float = 1.0
+    """Per second of the normalised error's integral."""
+    settling: float = 2.0
+    """Per second after the deadline."""
+    overshoot: float = 10.0
+    """Per share of the step beyond what `meets` allows, and a tenth of it below."""
+    steady: float = 2.0
+    """Per degree beyond half a degree, and a tenth of it below."""
+    chatter: float = 0.05
+    """Per start of the motor at rest, and a fifth of it per reversal."""
+    energy: float = 0.005
+    """Per joule."""
+    fault: float = 10.0
+
+
+def cost(
+    response: Response, spec: MachineSpec, step: Step, weights: Weights | None = None
+) -> float:
+    """The weighted sum; smaller is better. Comparable on one plant and step only."""
+    w = weights or Weights()
+    size = abs(step.size_deg)
+    over = max(0.0, response.overshoot - max(0.05, 0.5 / size))
+    late = max(0.0, response.settle_s - deadline_s(spec, step))
+    beyond = max(0.0, response.steady_error_deg - 0.5)
+    return (
+        w.tracking * response.error_s
+        + w.settling * late
+        + w.overshoot * (over + 0.1 * response.overshoot)
+        + w.steady * (beyond + 0.1 * response.steady_error_deg)
+        + w.chatter * (response.starts + 0.2 * response.reversals)
+        + w.energy * response.energy_j
+        + w.fault * (response.faults != 0)
     )

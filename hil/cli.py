@@ -12,6 +12,7 @@ cli = LazyGroup(
     {
         "harvest": ("hil.harvest:harvest_command", "Harvest a field in lockstep."),
         "rig": ("hil.virtual:rig", "Serve the machine in wall-clock time for `daranti drive`."),
+        "sweep": ("hil.sweep:sweep", "Tune firmware parameters on a population of actuators."),
         "world": ("hil.world:world", "Contact sheets and videos of the simulated world."),
     },
     "The bench: puts firmware, simulated plant and host together.",
