@@ -102,7 +102,7 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("drive_motor", "slow"): Pair("has `value` of its strength", _RIDE, value=0.7),
     ("drive_motor", "intermittent"): Pair("loose brush", _RIDE),
     ("blade_relay", "off"): Pair("does not close", _STOP, 5.0, 1.0),
-    ("blade_relay", "stuck"): Pair("welded: does not open", _STOP, 0.5),
+    ("blade_relay", "stuck"): Pair("welded: stays as it is", _STOP, 0.5),
     ("blade_relay", "delayed"): Pair("follows `value` s later", _RIDE, value=0.2),
     ("blade_relay", "intermittent"): Pair("chatters", _RIDE),
     ("battery", "off"): Pair("cable off: everything without power", _STOP),
@@ -135,7 +135,7 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("gnss", "stuck"): Pair("the same position and speed", _RIDE, *_SLOW),
     ("gnss", "garbage"): Pair("`value` of the characters wrong", _RIDE, *_SLOW, value=0.05),
     ("gnss", "wrong"): Pair(
-        "off by `value` m at once (jump), or by `value` m more each second (drift)",
+        "off by `value` m at once (jump), or by `value` m more each minute (drift)",
         _RIDE,
         *_SLOW,
         value=20.0,
@@ -178,7 +178,7 @@ _WIRES: Final[dict[tuple[str, str], tuple[Signal, Mode]]] = {
     ("drive_motor", "slow"): (Signal.DRIVE_DUTY, Mode.SCALED),
     ("drive_motor", "intermittent"): (Signal.DRIVE_DUTY, Mode.FLICKERING),
     ("blade_relay", "off"): (Signal.BLADE, Mode.FIXED),
-    ("blade_relay", "stuck"): (Signal.BLADE, Mode.FIXED),
+    ("blade_relay", "stuck"): (Signal.BLADE, Mode.HELD),
     ("blade_relay", "delayed"): (Signal.BLADE, Mode.LATE),
     ("blade_relay", "intermittent"): (Signal.BLADE, Mode.FLICKERING),
     ("battery", "stuck"): (Signal.BATTERY_SENSE, Mode.HELD),
@@ -186,19 +186,23 @@ _WIRES: Final[dict[tuple[str, str], tuple[Signal, Mode]]] = {
     ("battery", "wrong"): (Signal.BATTERY_SENSE, Mode.FIXED),
     ("hall", "off"): (Signal.HALL, Mode.FIXED),
     ("hall", "stuck"): (Signal.HALL, Mode.HELD),
-    ("hall", "garbage"): (Signal.HALL, Mode.FLICKERING),
+    ("hall", "garbage"): (Signal.HALL, Mode.NOISY),
     ("hall", "intermittent"): (Signal.HALL, Mode.FLICKERING),
     ("estop", "off"): (Signal.ESTOP, Mode.FIXED),
     ("estop", "intermittent"): (Signal.ESTOP, Mode.FLICKERING),
 }
 _COUNT_MV: Final = 5000.0 / 1023.0
-_NOISE: Final = {Signal.POT: (0.0, 5000.0), Signal.BATTERY_SENSE: (0.0, 5000.0)}
+_NOISE: Final = {
+    Signal.POT: (0.0, 5000.0),
+    Signal.BATTERY_SENSE: (0.0, 5000.0),
+    Signal.STEER_DUTY: (-1.0, 1.0),
+    Signal.HALL: (0.0, 1.0),
+}
 _WIRE_VALUES: Final[dict[tuple[str, str], float]] = {
     ("pot", "intermittent"): 5000.0,
     ("steering_motor", "wrong"): -1.0,
     ("steering_bridge", "wrong"): -1.0,
     ("drive_motor", "wrong"): -1.0,
-    ("blade_relay", "stuck"): 1.0,
     ("estop", "off"): 1.0,
     ("estop", "intermittent"): 1.0,
 }
@@ -388,7 +392,7 @@ class Injector:
         self.phase: str | None = None
         """The pilot's state, where the bench can see it."""
         self.host_restarts = 0
-        self._rng = np.random.default_rng([seed, 0xFA17])
+        self._rng = [np.random.default_rng([seed, 0xFA17, k]) for k in range(len(faults))]
         self._seed = seed
         self._since: list[float | None] = [None] * len(faults)
         self._begun: list[float | None] = [None] * len(faults)
@@ -403,7 +407,6 @@ class Injector:
         self._epoch_at = -math.inf
         self._host_at = -math.inf
         self._outages: dict[int, tuple[float, bool]] = {}
-        self._shown: dict[int, float] = {}
         self._reset_at: dict[int, float] = {}
 
     # ---- time ------------------------------------------------------------------------------------
@@ -457,7 +460,7 @@ class Injector:
                 value = _WIRE_VALUES.get(key, 0.0)
             low = 0.0
             if mode is Mode.NOISY:
-                low, value = _NOISE.get(signal, (-1.0, 1.0))
+                low, value = _NOISE[signal]
             tap["mode"], tap["value"], tap["low"] = mode, value, low
             tap["seed"], tap["shown_us"] = self._seed + index, taps.NEVER
         elif fault.component == "firmware":
@@ -505,13 +508,10 @@ class Injector:
         """Whether an intermittent thing is gone now: first gone, then there and gone by chance."""
         until, gone = self._outages.get(index, (-math.inf, False))
         if now >= until:
-            until = now + float(self._rng.uniform(0.3, 1.7)) * OUTAGE_S
+            until = now + float(self._rng[index].uniform(0.3, 1.7)) * OUTAGE_S
             gone = not gone
             self._outages[index] = (until, gone)
         return gone
-
-    def _notice(self, index: int, now: float) -> None:
-        self._shown.setdefault(index, now)
 
     def shown_at(self, index: int) -> float | None:
         """When a fault first made a difference; None while it has not."""
@@ -558,7 +558,7 @@ class Injector:
                 case "delayed":
                     delay += fault.amount
                 case _ if picture is not None:
-                    picture = self._spoil(now, picture, fault)
+                    picture = self._spoil(now, picture, index)
         if picture is not None:
             self._pictures.append((now + delay, (picture[0] + delay, picture[1])))
         if not self._has("camera", "stuck"):
@@ -568,8 +568,9 @@ class Injector:
             out = self._pictures.popleft()[1]
         return out
 
-    def _spoil(self, now: float, picture: Picture, fault: Fault) -> Picture | None:
+    def _spoil(self, now: float, picture: Picture, index: int) -> Picture | None:
         stamp, jpeg = picture
+        fault, rng = self.faults[index], self._rng[index]
         match fault.failure:
             case "stuck":
                 return stamp, self._frozen_jpeg or jpeg
@@ -577,8 +578,8 @@ class Injector:
                 return stamp, spoiled(jpeg, fault.kind)
             case "garbage":
                 data = np.frombuffer(jpeg, np.uint8).copy()
-                at = self._rng.integers(len(data), size=max(1, round(fault.amount * len(data))))
-                data[at] = self._rng.integers(256, size=len(at))
+                at = rng.integers(len(data), size=max(1, round(fault.amount * len(data))))
+                data[at] = rng.integers(256, size=len(at))
                 return stamp, data.tobytes()
             case "slow":
                 if now - self._picture_at < fault.amount - 1e-9:
@@ -595,7 +596,7 @@ class Injector:
             if fault.failure == "stuck":
                 return self._frozen_antenna or (x, y, vx, vy)
             if fault.failure == "wrong":
-                x += fault.amount * (1.0 if fault.kind == "jump" else now - begun)
+                x += fault.amount * (1.0 if fault.kind == "jump" else (now - begun) / 60)
         self._frozen_antenna = (x, y, vx, vy)
         return x, y, vx, vy
 
@@ -612,7 +613,7 @@ class Injector:
                     if self._out(index, now):
                         lines = []
                 case "garbage":
-                    lines = [self._mistype(line, fault.amount) for line in lines]
+                    lines = [self._mistype(line, index) for line in lines]
                 case "slow":
                     if now - self._epoch_at < fault.amount - 1e-9:
                         lines = []
@@ -626,10 +627,10 @@ class Injector:
             out += self._sentences.popleft()[1]
         return out
 
-    def _mistype(self, line: str, share: float) -> str:
-        letters = list(line)
-        for k in np.flatnonzero(self._rng.random(len(letters)) < share):
-            letters[k] = chr(int(self._rng.integers(32, 127)))
+    def _mistype(self, line: str, index: int) -> str:
+        letters, rng = list(line), self._rng[index]
+        for k in np.flatnonzero(rng.random(len(letters)) < self.faults[index].amount):
+            letters[k] = chr(int(rng.integers(32, 127)))
         return "".join(letters)
 
     # ---- the host --------------------------------------------------------------------------------

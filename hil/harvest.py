@@ -119,12 +119,16 @@ class Harvest:
         s = self.scenario
         return Pilot(s.vehicle, self._detector(self.bench), s.plan())
 
-    def run(self, progress: Callable[[Progress], None] | None = None) -> None:
-        """To the pilot's end or the scenario's time limit."""
+    def run(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        enough: Callable[[], bool] | None = None,
+    ) -> None:
+        """To the pilot's end, the scenario's time limit, or until there is `enough`."""
         tick = 0
         limit = self.scenario.limits.time_s
         done_at: float | None = None
-        while tick / HOST_HZ < limit:
+        while tick / HOST_HZ < limit and not (enough is not None and enough()):
             tick += 1
             now = tick / HOST_HZ
             self._step(tick, now)
@@ -157,11 +161,10 @@ class Harvest:
         start = clock()
         seconds["picture wait"] += start - mark
 
-        pose = self.bench.pose
+        self._note_faults()
         if self.bench.faults.host_runs(now):
             self._host(now)
-        self.truth.step(now, pose, self.bench.cut_cells, self.pilot)
-        self._note_faults()
+        self.truth.step(now, self.bench.pose, self.bench.cut_cells, self.pilot)
         seconds["pilot"] += clock() - start
 
     def _picture(self, now: float) -> None:

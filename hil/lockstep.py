@@ -44,8 +44,9 @@ class Bench:
         self._given = machine.inputs()
         self._slices = 0
         self._sent = bytearray()
-        self.on_slice: Callable[[], None] | None = None
-        """Called after every slice, for whoever watches more closely than the host steps."""
+        self.on_slice: Callable[[bytes], None] | None = None
+        """Called after every slice with what the firmware sent, before the cable had its way: for
+        whoever watches more closely than the host steps."""
         self.faults = Injector(scenario.faults, seed)
         self.target = provision.target(scenario.firmware, scenario.firmware_parameters)
         self.target.set_pin(inner.ESTOP, False)
@@ -101,13 +102,14 @@ class Bench:
                     f"(status {status}); the record up to then is kept"
                 )
             self._slices += 1
-            data = self.faults.to_host(self.now, target.read())
+            said = target.read()
+            data = self.faults.to_host(self.now, said)
             if data:
                 received.append((self.now, data))
             if self._slices % SLICES_PER_CUT == 0:
                 self._cut()
             if self.on_slice is not None:
-                self.on_slice()
+                self.on_slice(said)
         return received
 
     def _ground(self) -> None:

@@ -194,13 +194,22 @@ def _lines(node: yaml.Node | None, path: tuple[str | int, ...] = ()) -> dict[tup
     return out
 
 
-def _merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """`base` with the fields of `over`, nested mappings field by field."""
     out = dict(base)
     for key, value in over.items():
         old = out.get(key)
         both = isinstance(old, dict) and isinstance(value, dict)
-        out[key] = _merge(old, value) if both else value  # type: ignore[arg-type]
+        out[key] = merge(old, value) if both else value  # type: ignore[arg-type]
     return out
+
+
+def changed(base: Scenario, overrides: dict[str, Any]) -> Scenario:
+    """A scenario with other values in some fields (nested like the file). UserError naming them."""
+    try:
+        return Scenario.model_validate(merge(base.model_dump(mode="json"), overrides))
+    except ValidationError as error:
+        raise UserError(_explain(Path(base.name), {}, error)) from error
 
 
 def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario:
@@ -231,7 +240,7 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
         raise UserError(f"{path}: a scenario is a mapping of fields, such as 'seed: 1'")
     data.setdefault("name", path.stem)
     try:
-        return Scenario.model_validate(_merge(data, overrides or {}))
+        return Scenario.model_validate(merge(data, overrides or {}))
     except ValidationError as error:
         raise UserError(_explain(path, lines, error)) from error
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import json
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -373,6 +375,7 @@ def drive(
         path = record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
         about = {"begun": now.isoformat(), "mount": mount, "mode": mode, "turn": turn}
         about["vehicle"] = machine.model_dump_json()
+        about["plan"] = json.dumps(asdict(plan))
         recorder = stack.enter_context(Recorder(path, about))
         link.tap = lambda direction, at, data: recorder.put(
             f"/serial/{direction}", at, {"data": data}

@@ -1,7 +1,10 @@
 """Records: one MCAP file a run, JSON messages whose schemas Foxglove understands.
 
-Crash-safe by construction: the file is a sequence of chunks of at most about a second, each written
-whole, so a run that was killed leaves everything up to its last chunk; `read` stops there quietly.
+Crash-safe by construction: what the run depends on stands at the beginning, outside any chunk; then
+come chunks of a second or two, each written whole, so a run that was killed leaves everything up to
+its last chunk. Any MCAP reader that reads in the file's order does; `read` stops there quietly.
+
+Numbers are kept in full, so that a replay computes with what the run computed with.
 """
 
 from __future__ import annotations
@@ -9,22 +12,25 @@ from __future__ import annotations
 import base64
 import json
 import math
+import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Schema
+from mcap.records import Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.errors import UserError
 from host.pilot import Pilot
-from host.types import Command, Fix, Telemetry
+from host.types import Command, Fix, Request, State, Telemetry
 from host.vision.view import CropView
 
-CHUNK_BYTES = 256 * 1024
+CHUNK_BYTES = 64 * 1024
+INFINITE = 1e9
+"""Stands for infinity, which JSON does not have."""
 
 _NUMBER: dict[str, Any] = {"type": ["number", "null"]}
 _TEXT: dict[str, Any] = {"type": "string"}
@@ -108,11 +114,11 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def _clean(value: Any) -> Any:
-    """JSON has no NaN: not observable is null; infinities are kept as text of their sign."""
+    """JSON has neither NaN, which becomes null, nor infinity."""
     if isinstance(value, float):
         if math.isfinite(value):
-            return round(value, 6)
-        return None if math.isnan(value) else math.copysign(1e9, value)
+            return value
+        return None if math.isnan(value) else math.copysign(INFINITE, value)
     if isinstance(value, bytes):
         return base64.b64encode(value).decode()
     return value
@@ -123,13 +129,18 @@ def _time(stamp: float) -> dict[str, int]:
     return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}
 
 
+ABOUT = "daranti"
+"""Name of the metadata that say what the run depends on."""
+
+
 class Recorder:
     """Writes one record. Deterministic: the same messages give the same bytes."""
 
     def __init__(self, path: Path, metadata: Mapping[str, str] | None = None) -> None:
+        fresh = path.with_name(f".{path.name}.new")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb")
+            self._file = fresh.open("wb")
         except OSError as error:
             raise UserError(f"cannot write the record {path}: {error.strerror}") from error
         self._writer = Writer(
@@ -141,8 +152,9 @@ class Recorder:
         self._writer.start(profile="", library="daranti")
         self._channels: dict[str, int] = {}
         self._sequence = 0
-        if metadata:
-            self._writer.add_metadata("daranti", dict(metadata))
+        self._writer.add_metadata(ABOUT, dict(metadata or {}))
+        self._file.flush()
+        fresh.replace(path)  # whoever sees the record sees its beginning
 
     def put(self, topic: str, stamp: float, message: Mapping[str, Any]) -> None:
         """Appends a message of a topic in SCHEMAS at `stamp` seconds."""
@@ -235,28 +247,78 @@ class Recorder:
         self.close()
 
 
-def read(path: Path) -> Iterator[tuple[str, float, dict[str, Any]]]:
-    """(topic, stamp in s, message) in the order written; ends at the last whole chunk of a record
-    whose run was killed. UserError where the file is missing or is no record."""
+def _records(path: Path) -> Iterator[McapRecord]:
+    """The file's records up to its end or the first that is not whole. UserError where the file is
+    missing or is no record."""
     try:
         file = path.open("rb")
     except OSError as error:
         raise UserError(f"cannot read the record {path}: {error.strerror}") from error
-    channels: dict[int, str] = {}
-    schemas = 0
+    count = 0
     with file:
         try:
             for record in StreamReader(file).records:
-                if isinstance(record, Channel):
-                    channels[record.id] = record.topic
-                elif isinstance(record, Schema):
-                    schemas += 1
-                elif isinstance(record, Message):
-                    message = json.loads(record.data)
-                    for key in ("data",):
-                        if isinstance(message.get(key), str):
-                            message[key] = base64.b64decode(message[key])
-                    yield channels[record.channel_id], record.log_time / 1e9, message
-        except (McapError, ValueError, KeyError, EOFError) as error:
-            if not schemas:
+                count += 1
+                yield record
+        except (McapError, ValueError, KeyError, EOFError, struct.error) as error:
+            if not count:
                 raise UserError(f"{path} is not a record (MCAP): {error}") from error
+
+
+def about(path: Path) -> dict[str, str]:
+    """What the run depends on, as its Recorder was told. UserError as in `read`."""
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            return dict(record.metadata)
+    return {}
+
+
+def read(path: Path) -> Iterator[tuple[str, float, dict[str, Any]]]:
+    """(topic, stamp in s, message) in the order written; ends at the last whole chunk of a record
+    whose run was killed. UserError where the file is missing or is no record."""
+    channels: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message):
+            message = json.loads(record.data)
+            if isinstance(message.get("data"), str):
+                message["data"] = base64.b64decode(message["data"])
+            yield channels[record.channel_id], record.log_time / 1e9, message
+
+
+def telemetry_of(stamp: float, message: Mapping[str, Any]) -> Telemetry:
+    """A /telemetry message as it went in."""
+    return Telemetry(stamp=stamp, **{**message, "state": State[message["state"]]})
+
+
+def fix_of(stamp: float, message: Mapping[str, Any]) -> Fix:
+    """A /fix message as it went in."""
+    return Fix(
+        stamp,
+        message["latitude"],
+        message["longitude"],
+        message["quality"],
+        message["hdop"],
+        message["satellites"],
+        message["speed_mps"],
+        message["course_rad"],
+    )
+
+
+def view_of(message: Mapping[str, Any]) -> CropView:
+    """The numbers of a /view message as they went in; pictures are not kept."""
+    values: dict[str, Any] = {}
+    for name, value in message.items():
+        if value is None:
+            values[name] = math.nan
+        elif isinstance(value, float) and abs(value) == INFINITE:
+            values[name] = math.copysign(math.inf, value)
+        else:
+            values[name] = value
+    return CropView(**values)
+
+
+def command_of(message: Mapping[str, Any]) -> Command:
+    """A /command message as it went in."""
+    return Command(**{**message, "request": Request(message["request"])})

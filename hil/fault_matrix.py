@@ -1,0 +1,395 @@
+"""`daranti-hil faults`: every supported fault in a short run, and what the machine did about it.
+
+A run follows the crop's edge, or turns, when the fault strikes. Two things are watched every ten
+milliseconds: what the motors truly get (drive and blade off is what counts as a stop), and what the
+firmware says before any cable has its way.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+import cv2
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from hil.campaign import spread
+from hil.faults import PAIRS, At, Expect, Fault
+from hil.harvest import Harvest
+from hil.lockstep import SLICE_US
+from hil.provision import Firmware
+from hil.scenario import Limits, Recording, Scenario
+from host import protocol
+from host.errors import UserError
+from host.link import Session
+from host.pilot import Phase
+from host.types import State
+from sim_plant.field import FieldSpec
+from sim_plant.machine import DriveSpec
+
+Situation = Literal["follow", "turn"]
+SETTLE_S = 3.0
+"""Following for this long before the fault."""
+WATCH_S = 8.0
+"""The run goes on for this long after the fault."""
+OFF_EDGE_M = 0.15
+"""A blade that cuts farther off the edge than this has not ridden through."""
+REVERSING_MPS = -0.05
+AT_REST_MPS = 0.02
+HALL_PER_M = 20.0
+LIMIT_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of one fault; times in ms after it first made a difference."""
+
+    fault: str
+    situation: Situation
+    expect: str
+    bound: str
+    detected_by: str
+    """The firmware's fault bits, the pilot's reason, or nobody."""
+    detected_ms: float | None
+    stop_latency_ms: float | None
+    """Until drive and blade were off for good; None where they were not."""
+    moved_m: float
+    """Travelled meanwhile, the coasting included; over the whole watch where nothing stopped."""
+    ok: bool
+    verdict: str
+
+
+class Watch:
+    """Follows a run at every slice."""
+
+    def __init__(self, run: Harvest) -> None:
+        self.run = run
+        self.last_on: float | None = None
+        """When drive or blade were last on, since the fault began."""
+        self.path: list[tuple[float, float]] = []
+        """(time, distance travelled since the fault began)."""
+        self.rest_m = 0.0
+        self.reversed_blade = False
+        self.faults: list[tuple[float, protocol.Fault]] = []
+        """The firmware's fault word whenever it changed."""
+        self.resets: list[float] = []
+        self._session = Session()
+        self._travel = 0.0
+        self._lateral_from = 0
+        run.bench.on_slice = self
+
+    @property
+    def begun(self) -> float | None:
+        """When the fault began."""
+        events = self.run.bench.faults.events
+        return events[0].stamp if events else None
+
+    def __call__(self, said: bytes) -> None:
+        bench = self.run.bench
+        now = bench.now
+        resets = self._session.resets
+        for telemetry in self._session.feed(now, said):
+            word = protocol.Fault(telemetry.faults)
+            if not self.faults or self.faults[-1][1] != word:
+                self.faults.append((now, word))
+            if telemetry.state is State.FAULT and not word:
+                self.faults.append((now, word))
+        if self._session.resets != resets:
+            self.resets.append(now)
+        if self.begun is None:
+            self._lateral_from = len(self.run.truth.lateral)
+            return
+        speed = float(bench.state["v"])
+        self._travel += abs(speed) * SLICE_US / 1e6
+        self.path.append((now, self._travel))
+        _, drive, blade = bench.drives
+        if drive != 0.0 or blade:
+            self.last_on = now
+        if abs(speed) > AT_REST_MPS:
+            self.rest_m = self._travel
+        if blade and speed < REVERSING_MPS:
+            self.reversed_blade = True
+
+    def enough(self) -> bool:
+        """Whether the fault has been watched for long enough."""
+        begun = self.begun
+        return begun is not None and self.run.bench.now - begun >= WATCH_S
+
+    def _harm(self) -> list[str]:
+        truth = self.run.truth.summary()
+        harm = []
+        if truth["neighbour_cut_m2"]:
+            harm.append(f"neighbour's crop cut: {truth['neighbour_cut_m2']} m2")
+        if truth["outside_m"]:
+            harm.append(f"outside by {truth['outside_m']} m")
+        if self.reversed_blade:
+            harm.append("blade on in reverse")
+        off = max((abs(x) for x in self.run.truth.lateral[self._lateral_from :]), default=0.0)
+        if off > OFF_EDGE_M:
+            harm.append(f"{off:.2f} m off the edge")
+        return harm
+
+    def _detection(self, begun: float) -> tuple[str, float | None]:
+        before = protocol.Fault(0)
+        for stamp, word in self.faults:
+            if stamp < begun:
+                before = word
+            elif word & ~before:
+                names = "|".join(bit.name or "?" for bit in protocol.Fault if bit & word & ~before)
+                return f"firmware {names}", stamp
+        for change in self.run.pilot.transitions:
+            if change.stamp >= begun and change.phase in (Phase.HESITATE, Phase.FAULT):
+                return f"pilot: {change.reason}", change.stamp
+        for stamp in self.resets:
+            if stamp >= begun:
+                return "firmware: boots SAFE", stamp
+        return "nobody", None
+
+    def verdict(self, fault: Fault, situation: Situation) -> Verdict:
+        """After the run."""
+        pair = fault.pair
+        bound = f"{pair.bound_s * 1000:.0f} ms" + (
+            f" or {pair.bound_m:g} m" if pair.bound_m else ""
+        )
+        begun = self.begun
+
+        def made(ok: bool, text: str, **more: Any) -> Verdict:
+            values: dict[str, Any] = {
+                "detected_by": "nobody",
+                "detected_ms": None,
+                "stop_latency_ms": None,
+                "moved_m": 0.0,
+            }
+            expected = pair.expect.value
+            name = fault.name
+            return Verdict(name, situation, expected, bound, ok=ok, verdict=text, **values | more)
+
+        if begun is None:
+            return made(False, f"the run never got to it: {self.run.pilot.reason}")
+        shown = self.run.bench.faults.shown_at(0)
+        end = self.path[-1][0]
+        since = shown if shown is not None else begun
+        by, at = self._detection(begun)
+        last_on = self.last_on if self.last_on is not None else since - SLICE_US / 1e6
+        stopped = end - last_on > 0.5
+        start_m = next((m for t, m in self.path if t >= since), 0.0)
+        until_m = self.rest_m if stopped else self.path[-1][1]
+        latency = max(0.0, last_on + SLICE_US / 1e6 - since) * 1000 if stopped else None
+        moved = max(0.0, until_m - start_m)
+        facts = {
+            "detected_by": by,
+            "detected_ms": None if at is None else round((at - since) * 1000, 1),
+            "stop_latency_ms": None if latency is None else round(latency, 1),
+            "moved_m": round(moved, 3),
+        }
+        harm = self._harm()
+        if harm:
+            return made(False, "UNSAFE: " + "; ".join(harm), **facts)
+        if shown is None:
+            return made(True, "ok: it made no difference in this run", **facts)
+        if pair.expect is Expect.RIDE:
+            return made(True, "ok: stopped" if stopped else "ok: rode through", **facts)
+        if latency is None:
+            unseen = by == "nobody"
+            text = "nobody notices, it goes on" if unseen else "noticed, but it goes on"
+            return made(False, f"UNSAFE: {text}", **facts)
+        in_time = latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m
+        return made(in_time, "ok: stopped" if in_time else "LATE", **facts)
+
+
+def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
+    """A small field; its first side is long enough, or short so that the turn comes soon."""
+    size = (4.0, 5.0) if situation == "follow" else (4.0, 2.0)
+    return Scenario.model_validate(
+        {
+            "name": f"fault-{situation}",
+            "firmware": firmware,
+            "mode": mode,
+            "camera": camera,
+            "field": FieldSpec(size_m=size).model_dump(),
+            "limits": Limits(time_s=LIMIT_S).model_dump(),
+            "record": Recording(pictures_every=1).model_dump(),
+        }
+    )
+
+
+def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str]) -> Scenario:
+    """The scenario with one fault of (component, failure, how), while following or turning."""
+    component, failure, how = name
+    at = At(state="follow", after_s=SETTLE_S)
+    if situation == "turn":
+        # a relay that sticks is noticed when it ought to open: at the end of the side
+        at = At(state="turn", after_s=0.5) if name[:2] != ("blade_relay", "stuck") else at
+    values: dict[str, Any] = {"component": component, "failure": failure, "at": at}
+    if how:
+        values["how"] = how
+    if name == ("host", "stuck", ""):
+        values["for_s"] = 1.0
+    changes: dict[str, Any] = {"faults": (Fault.model_validate(values),)}
+    if component == "hall":
+        drive = DriveSpec(hall_pulses_per_m=HALL_PER_M)
+        changes["machine"] = base.machine_truth.model_copy(update={"drive": drive})
+        changes["parameters"] = {**base.parameters, "hall_per_metre": HALL_PER_M}
+    return base.model_copy(update=changes)
+
+
+def all_faults() -> list[tuple[str, str, str]]:
+    """(component, failure, how) of everything in the table."""
+    return [
+        (component, failure, how)
+        for (component, failure), pair in PAIRS.items()
+        for how in pair.hows or ("",)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run of the matrix; plain data, so that it travels."""
+
+    name: tuple[str, str, str]
+    situation: Situation
+    firmware: Firmware
+    mode: str
+    camera: str
+    record: str | None
+    """Folder for the records; None: none are kept."""
+
+
+def run_case(case: Case) -> Verdict:
+    """Runs one case to its verdict."""
+    cv2.setNumThreads(1)
+    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
+    chosen = with_fault(base, case.situation, case.name)
+    record = None
+    if case.record is not None:
+        words = "-".join(part for part in (*case.name, case.situation) if part)
+        record = Path(case.record) / f"{words}.mcap"
+    run = Harvest(chosen, record)
+    watch = Watch(run)
+    try:
+        run.run(enough=watch.enough)
+    except UserError as error:
+        return Verdict(
+            chosen.faults[0].name,
+            case.situation,
+            "",
+            "",
+            "bench",
+            None,
+            None,
+            0.0,
+            False,
+            str(error),
+        )
+    finally:
+        run.close()
+    return watch.verdict(chosen.faults[0], case.situation)
+
+
+def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:
+    names = all_faults()
+    if not only:
+        return names
+    out = []
+    for wanted in only:
+        words = wanted.replace(".", " ").split()
+        found = [n for n in names if list(n[: len(words)]) == words]
+        if not found:
+            components = ", ".join(dict.fromkeys(n[0] for n in names))
+            known = ", ".join(n[1] for n in names if n[0] == words[0]) if words else ""
+            hint = f"{words[0]} can be: {known}" if known else f"components: {components}"
+            raise UserError(f"--only {wanted}: no such fault; {hint}")
+        out += [n for n in found if n not in out]
+    return out
+
+
+def table_of(verdicts: Sequence[Verdict], title: str) -> Table:
+    """For the terminal."""
+    table = Table(title=title)
+    for name in ("fault", "while", "must", "within", "detected by", "after ms"):
+        table.add_column(name)
+    for name in ("stop_latency_ms", "moved m"):
+        table.add_column(name, justify="right")
+    table.add_column("verdict")
+    for v in verdicts:
+        table.add_row(
+            v.fault,
+            v.situation,
+            v.expect,
+            v.bound if v.expect == Expect.STOP.value else "",
+            v.detected_by,
+            "" if v.detected_ms is None else f"{v.detected_ms:.0f}",
+            "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}",
+            f"{v.moved_m:.2f}",
+            v.verdict,
+            style="" if v.ok else "bold red",
+        )
+    return table
+
+
+@click.command()
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
+@click.option("--only", multiple=True, metavar="COMPONENT[.FAILURE[.HOW]]", help="May be repeated.")
+@click.option("--while", "situation", type=click.Choice(["follow", "turn", "both"]), default="both")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@click.option("--camera", default="mast", show_default=True, metavar="low|mast")
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
+@click.option("--records", is_flag=True, help="Keep a record of every run.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"))
+def faults(
+    firmware: Firmware,
+    only: tuple[str, ...],
+    situation: str,
+    mode: str,
+    camera: str,
+    workers: int,
+    scheduler: str | None,
+    records: bool,
+    out: Path,
+) -> None:
+    """Makes everything fail that can fail, and says who noticed, when, and what moved meanwhile.
+
+    Exits with an error when any outcome is unsafe or late."""
+    from hil import report  # noqa: PLC0415
+
+    wheres: list[Situation] = ["follow", "turn"] if situation == "both" else [situation]  # type: ignore[list-item]
+    out.mkdir(parents=True, exist_ok=True)
+    keep = str((out / "records").resolve()) if records else None
+    cases = [
+        Case(name, where, firmware, mode, camera, keep)
+        for name in _selected(only)
+        for where in wheres
+    ]
+    found: dict[Case, Verdict] = {}
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task(f"{len(cases)} faults", total=len(cases))
+        for case, verdict in spread(run_case, cases, workers=workers, scheduler=scheduler):
+            found[case] = verdict
+            bar.update(task, completed=len(found), description=verdict.fault)
+    verdicts = [found[case] for case in cases]
+    title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
+    summary = {
+        "firmware": firmware,
+        "camera": camera,
+        "mode": mode,
+        "cases": len(verdicts),
+        "bad": sum(not v.ok for v in verdicts),
+        "faults": [asdict(v) for v in verdicts],
+    }
+    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    width = None if Console().is_terminal else 200
+    Console(width=width).print(table_of(verdicts, title))
+    report.faults_report(out, title, verdicts)
+    latencies = [v.stop_latency_ms for v in verdicts if v.stop_latency_ms is not None]
+    worst = max(latencies, default=math.nan)
+    click.echo(f"{len(verdicts)} runs, worst stop_latency_ms {worst:.0f}; written to {out}")
+    if summary["bad"]:
+        raise UserError(f"{summary['bad']} of {len(verdicts)} outcomes are unsafe or late")
