@@ -59,5 +59,8 @@ test: lint ## every test: firmware on the desk and in simavr, host, plant and be
 	@$(BIN)/pio run -e uno
 	@$(BIN)/python -m pytest -n 2 -q
 
+test-wallclock: setup ## drives the machine behind a virtual serial port in real time (90 s, on a quiet machine)
+	@$(BIN)/python -m pytest -q -m wallclock
+
 clean: ## removes what was built, not the virtual environment
 	rm -rf build out .pio .setup

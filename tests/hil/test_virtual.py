@@ -369,13 +369,17 @@ def test_a_rig_that_ends_mid_run_is_one_message_and_leaves_a_readable_record(
     from host.record import read  # noqa: PLC0415
 
     path = tmp_path / "drive.mcap"
-    with a_rig(tmp_path, "--duration", "6") as (_, about):
+    with a_rig(tmp_path) as (machine, about):
         host = drive(about, path)
-        _, err = host.communicate(timeout=60)
+        assert host.stdout is not None
+        for line in host.stdout:
+            if "follow" in line:
+                machine.send_signal(signal.SIGINT)
+        _, err = host.communicate(timeout=LIMIT_S)
     assert host.returncode == 2
     assert re.fullmatch(r"daranti: .* vanished .*\n", err), err
     topics = {topic for topic, _, _ in read(path)}
-    assert {"/camera", "/telemetry", "/command", "/fix"} <= topics
+    assert {"/camera", "/telemetry", "/command", "/pilot"} <= topics
 
 
 @needs_firmware
