@@ -136,6 +136,7 @@ class Camera:
         self._crowns_in_cells = (self._crowns - corner) / self._coarse
         self._refresh(0, coarse[0], 0, coarse[1])
         soil, straw, crop = (82.0, 110.0, 142.0), (106.0, 156.0, 200.0), (92.0, 142.0, 196.0)
+        green = (56.0, 138.0, 118.0)
         tiles, levels = texture.bake(seed, soil, straw, crop)
         self._paint = render.Paint(
             tiles=tiles,
@@ -146,8 +147,9 @@ class Camera:
             haze=self.weather.haze,
             haze_bgr=np.array([196.0, 208.0, 214.0], np.float32),
             crop_bgr=np.array(crop, np.float32),
-            green_bgr=np.array([56.0, 138.0, 118.0], np.float32),
+            green_bgr=np.array(green, np.float32),
             straw_bgr=np.array(straw, np.float32),
+            unripe_loss=np.array(1 - np.array(green) / np.array(crop), np.float32),
         )
         self._packs = render.bake_packs(rng, field.spec)
         s = self.spec
@@ -156,7 +158,7 @@ class Camera:
         # Azimuths reach past the picture's sides: pitch and roll spread them.
         half_fov = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
         self._tangent = math.tan(min(1.5, 1.25 * half_fov + 0.1))
-        bins = 2 * w
+        bins = 3 * w // 2
         middles = ((np.arange(bins) + 0.5) / bins * 2 - 1) * self._tangent
         self._stretch = np.sqrt(1 + middles**2)
         self._start = np.zeros((bins, render.SEGMENTS), np.float32)
@@ -356,7 +358,7 @@ class Camera:
         found = render.blocks_in_view(view, math.atan(corner) + 0.05, scene, blocks, away)
         order = np.argsort(away[:found], kind="stable")
         blocks, away = blocks[order], away[order]
-        share = np.clip(3.5 / np.maximum(away, 0.1), 0.08, 1.0)
+        share = np.clip(3.2 / np.maximum(away, 0.1), 0.07, 1.0)
         first = np.zeros(found + 1, np.int64)
         np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
         if first[-1] > len(self._records):

@@ -90,6 +90,8 @@ class Paint(NamedTuple):
     crop_bgr: NDArray[np.float32]
     green_bgr: NDArray[np.float32]
     straw_bgr: NDArray[np.float32]
+    unripe_loss: NDArray[np.float32]
+    """1 - green/crop: what unripe crop lacks of the ripe one's colour."""
 
 
 @njit(cache=True, nogil=True)
@@ -295,15 +297,16 @@ def find(
 
 
 @njit(cache=True, nogil=True)
-def _masonry(kind: int, hit: int, x: float, y: float, z: float, channel: int) -> float:
+def _masonry(kind: int, hit: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """BGR of a trunk's bark, a house's roof, or its wall with windows."""
     if kind == f.TRUNK:
-        return (38.0, 52.0, 66.0)[channel]
+        return 38.0, 52.0, 66.0
     if hit == _CANOPY:
-        return (70.0, 84.0, 150.0)[channel]
+        return 70.0, 84.0, 150.0
     along = 0.6 * (x + y)
-    window = along - math.floor(along) < 0.3 and 0.9 < z < 1.9
-    return (62.0, 66.0, 70.0)[channel] if window else (160.0, 186.0, 198.0)[channel]
+    if along - math.floor(along) < 0.3 and 0.9 < z < 1.9:
+        return 62.0, 66.0, 70.0
+    return 160.0, 186.0, 198.0
 
 
 @njit(cache=True, nogil=True)
@@ -369,7 +372,7 @@ def fill(
             sx = wx
             sy = wy
             ao = 1.0
-            green = 0.0
+            unripe = 0.0
             if outside:
                 # Fields beyond the grid: blocks of some 40 m, ripe or grass.
                 far = noise.mix(77, math.floor(wx * 0.025), math.floor(wy * 0.04))
@@ -403,7 +406,7 @@ def fill(
                     seen = min(1.0, max(0.0, (wz - shadow) * 3.0 + 0.3))
                 else:
                     here = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
-                    green = scene.stand[j, i, GREEN]
+                    unripe = scene.stand[j, i, GREEN]
                     if hit == _CANOPY:
                         tile = texture.TOP
                         far_lit = min(0.9, 0.25 + 0.035 * t)
@@ -432,15 +435,25 @@ def fill(
             seen_i = int(255.0 * min(1.0, max(0.0, seen)))
             fog = paint.haze * t / (1.0 + paint.haze * t)
             label[v, u] = here
-            for q in range(3):
-                tint = ao * paint.light[seen_i, q]
-                if green > 0.0:
-                    tint *= 1.0 - green + green * paint.green_bgr[q] / paint.crop_bgr[q]
-                albedo = (
-                    paint.tiles[tile, texel, q] if tile >= 0 else _masonry(kind, hit, wx, wy, wz, q)
-                )
-                x = albedo * tint
-                image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
+            blue = ao * paint.light[seen_i, 0]
+            green = ao * paint.light[seen_i, 1]
+            red = ao * paint.light[seen_i, 2]
+            if tile == _FLAT:
+                flat_bgr = _masonry(kind, hit, wx, wy, wz)
+                blue *= flat_bgr[0]
+                green *= flat_bgr[1]
+                red *= flat_bgr[2]
+            else:
+                blue *= paint.tiles[tile, texel, 0]
+                green *= paint.tiles[tile, texel, 1]
+                red *= paint.tiles[tile, texel, 2]
+            if unripe > 0.0:
+                blue *= 1.0 - unripe * paint.unripe_loss[0]
+                green *= 1.0 - unripe * paint.unripe_loss[1]
+                red *= 1.0 - unripe * paint.unripe_loss[2]
+            image[v, u, 0] = int(min(255.0, blue + fog * (paint.haze_bgr[0] - blue)))
+            image[v, u, 1] = int(min(255.0, green + fog * (paint.haze_bgr[1] - green)))
+            image[v, u, 2] = int(min(255.0, red + fog * (paint.haze_bgr[2] - red)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
