@@ -335,18 +335,6 @@ def rehearse(chosen: Scenario) -> None:
         bench.fix()
 
 
-def _summary(rig: Rig) -> dict[str, Any]:
-    crop = rig.bench.field
-    return {
-        "simulated_s": round(rig.bench.now, 3),
-        "coverage": round(float(crop.coverage()), 4),
-        "missed_m2": round(float(crop.missed_m2()), 4),
-        "neighbour_cut_m2": round(float(crop.neighbour_cut_m2()), 4),
-        "pose": [round(value, 3) for value in rig.bench.pose],
-        **rig.deadlines.summary(),
-    }
-
-
 @click.command()
 @click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Which build of the firmware.")
@@ -384,44 +372,58 @@ def rig(
     and how well the clock was kept."""
     chosen = scenario.load(name, {k: v for k, v in options.items() if v is not None})
     rehearse(chosen)
-    with ExitStack() as stack:
-        bench = stack.enter_context(Bench(chosen))
-        ports: dict[str, Port] = {"port": PseudoTerminal(link)}
-        stack.callback(ports["port"].close)
-        for kind, number in ((TcpPort, tcp), (Rfc2217Port, rfc2217)):
-            if number is not None:
-                served = ports[kind.SCHEME] = kind(number)
-                stack.callback(served.close)
-        spec = PhoneSpec(http_port=http_port, nmea_port=nmea_port, delay_s=0.0)
-        try:
-            phone = stack.enter_context(Phone(spec))
-        except OSError as error:
-            raise UserError(
-                f"cannot serve the phone on ports {http_port} and {nmea_port}: {error.strerror}"
-            ) from error
-        machine = Rig(bench, list(ports.values()), phone, factor=factor)
-        stack.callback(machine.close)
-        phone.show(_develop(bench.camera, bench.shutter()))
-        about = {
-            **{kind: port.name for kind, port in ports.items()},
-            "camera": phone.camera_url,
-            "gnss": phone.gnss_url,
-            **handouts(chosen, out),
-        }
-        (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
-        for key, value in about.items():
-            click.echo(f"{key:9} {value}")
-        line = " ".join(f"--{key} {value}" for key, value in about.items() if key not in NETWORK)
-        click.echo(f"drive it: daranti drive {line}")
-        try:
-            machine.run(duration)
-        except KeyboardInterrupt:
-            pass  # the way to end it
-        finally:
-            summary = _summary(machine)
-            for key, value in summary.items():
-                click.echo(f"{key:18} {value}")
-            (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-            if len(machine.track) > 1:
-                title = f"rig: coverage {summary['coverage']:.3f}"
-                pictures.draw_map(out / "map.png", bench.field, machine.track, title)
+    with Bench(chosen) as bench:
+        with ExitStack() as plugged:
+            ports: dict[str, Port] = {"port": PseudoTerminal(link)}
+            plugged.callback(ports["port"].close)
+            for kind, number in ((TcpPort, tcp), (Rfc2217Port, rfc2217)):
+                if number is not None:
+                    served = ports[kind.SCHEME] = kind(number)
+                    plugged.callback(served.close)
+            phone = plugged.enter_context(_phone(http_port, nmea_port))
+            machine = Rig(bench, list(ports.values()), phone, factor=factor)
+            plugged.callback(machine.close)
+            phone.show(_develop(bench.camera, bench.shutter()))
+            addresses = {kind: port.name for kind, port in ports.items()}
+            addresses |= {"camera": phone.camera_url, "gnss": phone.gnss_url}
+            _announce(addresses | handouts(chosen, out), out)
+            with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+                machine.run(duration)
+        _report(machine, out)
+
+
+def _phone(http_port: int, nmea_port: int) -> Phone:
+    try:
+        return Phone(PhoneSpec(http_port=http_port, nmea_port=nmea_port, delay_s=0.0))
+    except OSError as error:
+        raise UserError(
+            f"cannot serve the phone on ports {http_port} and {nmea_port}: {error.strerror}"
+        ) from error
+
+
+def _announce(about: dict[str, str], out: Path) -> None:
+    """Says, and writes to rig.json, how to reach the machine; the command comes last."""
+    (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
+    for key, value in about.items():
+        click.echo(f"{key:9} {value}")
+    line = " ".join(f"--{key} {value}" for key, value in about.items() if key not in NETWORK)
+    click.echo(f"drive it: daranti drive {line}")
+
+
+def _report(machine: Rig, out: Path) -> None:
+    """What was truly harvested, and how well the clock was kept."""
+    crop = machine.bench.field
+    summary: dict[str, Any] = {
+        "simulated_s": round(machine.bench.now, 3),
+        "coverage": round(float(crop.coverage()), 4),
+        "missed_m2": round(float(crop.missed_m2()), 4),
+        "neighbour_cut_m2": round(float(crop.neighbour_cut_m2()), 4),
+        "pose": [round(value, 3) for value in machine.bench.pose],
+        **machine.deadlines.summary(),
+    }
+    for key, value in summary.items():
+        click.echo(f"{key:18} {value}")
+    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    if len(machine.track) > 1:
+        title = f"rig: coverage {summary['coverage']:.3f}"
+        pictures.draw_map(out / "map.png", crop, machine.track, title)
