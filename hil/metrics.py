@@ -20,7 +20,7 @@ MARGIN_M = 0.2
 PROBE_AHEAD_M = 0.1
 """The true edge is read this far before the blade, where the crop still stands."""
 FALSE_END_M = 0.5
-"""An end declared with the field's crop nearer ahead than this was none."""
+"""An end was none where the field's crop still stands this far beyond it."""
 
 
 @dataclass
@@ -98,8 +98,9 @@ class Truth:
         last_cut = max(last_cut_then, self._last_cut_at)
         self.ends.append(travelled - last_cut)
         v = self.scenario.vehicle
-        bx, by = x + v.blade_x_m * math.cos(yaw), y + v.blade_x_m * math.sin(yaw)
-        if self.crop.crop_ahead(bx, by, yaw, 0.6 * v.blade_width_m, 2.0) < FALSE_END_M:
+        beyond = v.blade_x_m + FALSE_END_M
+        bx, by = x + beyond * math.cos(yaw), y + beyond * math.sin(yaw)
+        if self.crop.crop_ahead(bx, by, yaw, 0.6 * v.blade_width_m, 0.5) < 0.5:
             self.false_ends += 1
 
     def summary(self) -> dict[str, float | int | None]:

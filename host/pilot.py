@@ -26,10 +26,8 @@ END_CLEAR_M = 0.8
 END_PICTURES = 3
 NEAR_CROP_M = 0.2
 EARLY_M = 0.8
-LATE_M = 0.7
+LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
-MAX_DOUBT = 0.06
-"""Share of a side's length beyond which doubt about dead reckoning does not lengthen it."""
 SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
@@ -39,12 +37,16 @@ SHORT_SIDE_M = 1.6
 SHORT_SIGMA_M = 0.3
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
+CROP_SEEN_M = 0.1
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 STOPPED_MPS = 0.03
 SEARCH_PICTURES = 5
+PLACE_SIGMA_M = 0.05
+PLACE_SIGMA_RAD = math.radians(1.5)
+"""Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
 ALIGNED_M = 0.03
 ALIGN_ROOM_M = 0.5
 """How much farther than planned the vehicle may back to get into line with the edge."""
@@ -199,10 +201,12 @@ class Pilot:
         self._watch_ahead(view, then, frame.stamp)
 
     def _on_lane(self) -> bool:
-        """Whether the edge in the picture is the lane's: on a side, or backing along the next."""
+        """Whether the edge in the picture is the lane's: on a side, or backing along the next
+        once the crop begins ahead of the blade; before that the picture shows the crop's flank."""
         if self._turn is None or self._leg_index >= len(self._turn.legs):
             return True
-        return self._turn.legs[self._leg_index].follow
+        follows = self._turn.legs[self._leg_index].follow
+        return follows and self._crop_expected_m() > CROP_SEEN_M
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
         """Counts pictures in a row that show no crop before the blade."""
@@ -303,8 +307,8 @@ class Pilot:
         side = self._side()
         if side is None:
             return False
-        doubt = min(MAX_DOUBT, 2 * self._odometry.scale_sigma)
-        return self._cut_m(self.motion) > (1 + doubt) * side.fence_m + LATE_M
+        farthest = (1 + self._odometry.scale_sigma) * self._cut_m(self.motion)
+        return farthest > side.fence_m + LATE_M
 
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
@@ -390,8 +394,12 @@ class Pilot:
     def _place_on_lane(self) -> None:
         assert self._turn is not None
         x, y, heading = self._in_turn_frame()
+        scale = self._odometry.scale_sigma
         self._lane.place(
-            self._turn.offset(x, y), heading - self._turn.lane_rad, 0.15, math.radians(6)
+            self._turn.offset(x, y),
+            heading - self._turn.lane_rad,
+            PLACE_SIGMA_M + 2 * scale,
+            PLACE_SIGMA_RAD + self._turn.lane_rad * scale,
         )
 
     def _crop_expected_m(self) -> float:

@@ -10,7 +10,7 @@ from simple_world import BLANK, SimpleWorld, harvest
 
 from host.pilot import Phase, Pilot
 from host.plan import spiral
-from host.types import Command, Frame, Request, State
+from host.types import Command, Fix, Frame, Request, State
 from host.vehicle import Vehicle
 from host.vision.view import CropView
 
@@ -32,7 +32,8 @@ def drive(world: SimpleWorld, pilot: Pilot, seconds: float, log: list[Command] |
         tick += 1
         if tick % 2 == 0:
             frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
-            world.command = pilot.step(world.now, frame, None, world.telemetry())
+            fix = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed)) if tick % 50 == 0 else None
+            world.command = pilot.step(world.now, frame, fix, world.telemetry())
             if log is not None:
                 log.append(world.command)
 
