@@ -54,7 +54,8 @@ class Session:
         self._parser = protocol.Parser()
         self._seq = 0
         self._hello_at = -math.inf
-        self._firmware_time = -math.inf
+        self.firmware_time = -math.inf
+        """The latest telemetry's time on the firmware's clock, which wraps."""
 
     @property
     def frames_bad(self) -> int:
@@ -104,9 +105,9 @@ class Session:
         return self._seq
 
     def _telemetry(self, now: float, message: protocol.Telemetry) -> Telemetry:
-        if message.time < self._firmware_time < FIRMWARE_CLOCK_S - 1:
+        if message.time < self.firmware_time < FIRMWARE_CLOCK_S - 1:
             self.resets += 1
-        self._firmware_time = message.time
+        self.firmware_time = message.time
         self.telemetry = Telemetry(
             stamp=now,
             state=State(message.state),
