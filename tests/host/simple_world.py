@@ -28,6 +28,8 @@ class SimpleWorld:
     gap: float = 2.0
     speed_error: float = 1.0
     """True speed over what the duty model says."""
+    hall: bool = True
+    distance: float = 0.0
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
@@ -116,6 +118,7 @@ class SimpleWorld:
         self.speed += (wanted * self.speed_error - self.speed) * STEP / v.drive_lag_s
         before = self.pose()
         self.yaw += self.speed * math.tan(self.angle) / v.wheelbase_m * STEP
+        self.distance += self.speed * STEP
         self.x += self.speed * math.cos(self.yaw) * STEP
         self.y += self.speed * math.sin(self.yaw) * STEP
         if driving and c.blade and self.speed >= 0:
@@ -153,8 +156,8 @@ class SimpleWorld:
             steer_duty=0,
             drive_duty=round(math.copysign(duty, self.speed)),
             blade=self.command.blade,
-            speed_mps=None,
-            distance_m=0.0,
+            speed_mps=self.speed if self.hall else None,
+            distance_m=self.distance if self.hall else 0.0,
             battery_v=12.0,
             last_seq=0,
             frames_bad=0,

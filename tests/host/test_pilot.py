@@ -38,9 +38,11 @@ def drive(world: SimpleWorld, pilot: Pilot, seconds: float, log: list[Command] |
                 log.append(world.command)
 
 
-@pytest.mark.parametrize("speed_error", [0.9, 1.0, 1.1])
-def test_cuts_the_whole_field_and_nothing_else(speed_error: float) -> None:
-    world = SimpleWorld(VEHICLE, speed_error=speed_error)
+@pytest.mark.parametrize(
+    ("hall", "speed_error"), [(True, 0.85), (True, 1.15), (False, 0.95), (False, 1.05)]
+)
+def test_cuts_the_whole_field_and_nothing_else(hall: bool, speed_error: float) -> None:
+    world = SimpleWorld(VEHICLE, hall=hall, speed_error=speed_error)
     pilot = pilot_for(world)
     harvest(world, pilot)
     assert pilot.phase is Phase.FINISHED
