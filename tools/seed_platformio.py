@@ -156,7 +156,8 @@ def seed(folder: Path, kind: str, name: str, version: str, files: dict[str, str]
     mark = folder / SEED_MARK
     if folder.exists() and not mark.exists():
         return
-    origin = {"owner": "platformio", "id": None, "name": name, "requirements": None, "uri": None}
+    owner = "doctest" if kind == "library" else "platformio"
+    origin = {"owner": owner, "id": None, "name": name, "requirements": None, "uri": None}
     about = {"type": kind, "name": name, "version": version, "spec": origin}
     for path, text in {**files, ".piopm": json.dumps(about), SEED_MARK: ""}.items():
         target = folder / path

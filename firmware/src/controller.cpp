@@ -194,7 +194,8 @@ void Controller::actuate(Board &board) {
   }
   steer_duty_ = steer();
   drive_duty_ = drive_.step(asked_.speed, hall_.speed(), battery_);
-  blade_ = asked_.blade && asked_.speed >= 0 && drive_.setpoint() >= 0;
+  const bool rolls_back = hall_.speed() < 0 && hall_.speed() != Hall::kNone;
+  blade_ = asked_.blade && asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
   drive_bridge(board, kSteerBridge, steer_style_, steer_duty_);
   drive_bridge(board, kDriveBridge, drive_style_, drive_duty_);
   board.set_pin(pins::kBlade, blade_);

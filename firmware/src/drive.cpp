@@ -13,6 +13,7 @@ constexpr int16_t kLostSpeed = 100;   // mm/s: slower may well give no pulse
 constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
+constexpr int32_t kHalf = int32_t{1} << 15;
 }  // namespace
 
 void Hall::configure(const Params &params) {
@@ -77,18 +78,19 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery) {
     return 0;
   }
   const bool backward = wanted < 0;
-  int32_t duty = ((wanted * forward_) >> 16) + (backward ? -floor_ : floor_);
-  duty = clamp(duty, -255, 255);
-  if (nominal_ != 0) duty = duty * nominal_ / (battery < 1000 ? 1000 : battery);
+  int32_t size = clamp(((magnitude(wanted) * forward_ + kHalf) >> 16) + floor_, 0, 255);
+  if (nominal_ != 0) size = clamp(size * nominal_ / (battery < 1000 ? 1000 : battery), 0, 255);
+  int32_t duty = backward ? -size : size;
   if (measured != Hall::kNone) {
     // Never against the setpoint: plugging strains the gear.
     const int32_t error = clamp(static_cast<int32_t>(wanted) - measured, -kErrorMax, kErrorMax);
-    const int32_t sum = clamp(duty, -255, 255) * 65536 + kp_ * error + (integral_ >> 4);
+    const int32_t sum = duty * 65536 + kp_ * error + (integral_ >> 4);
     const int32_t output = backward ? clamp(sum, -kFull, 0) : clamp(sum, 0, kFull);
-    if (sum == output) integral_ = clamp(integral_ + ki_ * error, -16 * kFull, 16 * kFull);
-    duty = output >> 16;
+    const bool deeper = (sum > output && error > 0) || (sum < output && error < 0);
+    if (!deeper) integral_ = clamp(integral_ + ki_ * error, -16 * kFull, 16 * kFull);
+    duty = (output + kHalf) >> 16;
   }
-  return static_cast<int16_t>(clamp(duty, -255, 255));
+  return static_cast<int16_t>(duty);
 }
 
 }  // namespace daranti

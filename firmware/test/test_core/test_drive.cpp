@@ -1,0 +1,248 @@
+#include <doctest.h>
+
+#include "drive.h"
+#include "params_with.h"
+
+using namespace daranti;
+using protocol::Param;
+
+namespace {
+
+Drive drive_with(std::initializer_list<Set> sets) {
+  Drive drive;
+  drive.configure(with(sets));
+  return drive;
+}
+
+Hall hall_with(int16_t tenths_per_metre) {
+  Hall hall;
+  hall.configure(with({{Param::hall_per_metre, tenths_per_metre}}));
+  return hall;
+}
+
+int16_t settle(Drive &drive, int16_t target, int16_t measured = Hall::kNone,
+               int16_t battery = 12000, int ticks = 1000) {
+  int16_t duty = 0;
+  for (int i = 0; i < ticks; ++i) duty = drive.step(target, measured, battery);
+  return duty;
+}
+
+}  // namespace
+
+TEST_CASE("Half of the full speed at nominal battery is half of the duty") {
+  Drive drive = drive_with({});
+  CHECK(settle(drive, 500) == 128);
+  CHECK(settle(drive, 1000) == 255);
+  CHECK(settle(drive, -500) == -128);
+  CHECK(settle(drive, -1000) == -255);
+  CHECK(settle(drive, 0) == 0);
+}
+
+TEST_CASE("A weak battery is compensated, a strong one too, and the duty stays within its bounds") {
+  Drive drive = drive_with({});
+  CHECK(settle(drive, 500, Hall::kNone, 10000) == 153);
+  CHECK(settle(drive, 500, Hall::kNone, 15000) == 102);
+  CHECK(settle(drive, 1000, Hall::kNone, 10000) == 255);
+  CHECK(settle(drive, -1000, Hall::kNone, 10000) == -255);
+  CHECK(settle(drive, 1000, Hall::kNone, 0) == 255);
+  CHECK(settle(drive, 100, Hall::kNone, 999) == settle(drive, 100, Hall::kNone, 1000));
+  CHECK(settle(drive, 40, Hall::kNone, 2000) == 60);
+  Drive bare = drive_with({{Param::battery_nominal, 0}});
+  CHECK(settle(bare, 500, Hall::kNone, 10000) == 128);
+}
+
+TEST_CASE("The minimum duty is added in the direction of travel") {
+  Drive drive = drive_with({{Param::drive_min_duty, 55}});
+  CHECK(settle(drive, 500) == 155);
+  CHECK(settle(drive, -500) == -155);
+  CHECK(settle(drive, 0) == 0);
+}
+
+TEST_CASE("Soft start: the setpoint changes by 1 m/s each second, up and down") {
+  Drive drive = drive_with({});
+  for (int i = 0; i < 100; ++i) drive.step(1000, Hall::kNone, 12000);
+  CHECK(drive.setpoint() == 500);
+  for (int i = 0; i < 50; ++i) drive.step(-1000, Hall::kNone, 12000);
+  CHECK(drive.setpoint() == 250);
+  for (int i = 0; i < 100; ++i) drive.step(-1000, Hall::kNone, 12000);
+  CHECK(drive.setpoint() == -250);
+  Drive slow = drive_with({{Param::drive_accel, 100}});
+  for (int i = 0; i < 200; ++i) slow.step(1000, Hall::kNone, 12000);
+  CHECK(slow.setpoint() == 100);
+}
+
+TEST_CASE("The setpoint keeps to the largest speed on either side") {
+  Drive drive = drive_with({{Param::speed_max, 700}});
+  settle(drive, 32767);
+  CHECK(drive.setpoint() == 700);
+  settle(drive, -32768);
+  CHECK(drive.setpoint() == -700);
+}
+
+TEST_CASE("Released, it starts again from standstill") {
+  Drive drive = drive_with({});
+  settle(drive, 1000);
+  drive.release();
+  CHECK(drive.setpoint() == 0);
+  CHECK(drive.step(1000, Hall::kNone, 12000) == 1);
+}
+
+TEST_CASE("The speed loop adds duty while the machine is too slow, and never reverses") {
+  Drive drive = drive_with({{Param::drive_ki, 0}});
+  CHECK(settle(drive, 500, 500) == 128);
+  // 0.1 m/s short at 80 duty s/m.
+  CHECK(settle(drive, 500, 400) == 136);
+  CHECK(settle(drive, 500, 600) == 120);
+  CHECK(settle(drive, -500, -400) == -136);
+  CHECK(settle(drive, 100, 32767) == 0);
+  CHECK(settle(drive, -100, -32767) == 0);
+  CHECK(settle(drive, 1000, 0) == 255);
+  CHECK(settle(drive, -1000, 0) == -255);
+}
+
+TEST_CASE("The speed loop's integral: 0.1 m/s short for a second at 200 duty/m gives 20") {
+  Drive drive = drive_with({{Param::drive_kp, 0}});
+  settle(drive, 500);
+  CHECK(settle(drive, 500, 400, 12000, 201) == 148);
+  CHECK(settle(drive, 500, 600, 12000, 400) == 108);
+}
+
+TEST_CASE("The speed loop does not wind up at the limit") {
+  for (const int16_t sign : {1, -1}) {
+    Drive drive = drive_with({{Param::drive_kp, 0}});
+    settle(drive, static_cast<int16_t>(sign * 900));
+    settle(drive, static_cast<int16_t>(sign * 900), 0, 12000, 20000);
+    // 0.3 m/s too fast at 200 duty/m sheds 60 duty in a second.
+    const int16_t before = settle(drive, static_cast<int16_t>(sign * 900),
+                                  static_cast<int16_t>(sign * 1200), 12000, 1);
+    const int16_t after = settle(drive, static_cast<int16_t>(sign * 900),
+                                 static_cast<int16_t>(sign * 1200), 12000, 200);
+    CHECK(sign * (before - after) >= 55);
+  }
+}
+
+TEST_CASE("Standstill empties the speed loop") {
+  Drive drive = drive_with({{Param::drive_kp, 0}});
+  settle(drive, 500, 300);
+  CHECK(settle(drive, 500, 500) > 140);
+  settle(drive, 0);
+  settle(drive, 500);
+  CHECK(settle(drive, 500, 500, 12000, 1) == 128);
+}
+
+TEST_CASE("Without a sensor there is neither speed nor distance") {
+  Hall hall = hall_with(0);
+  hall.step(5, 100);
+  hall.step(50, 100);
+  CHECK(hall.speed() == Hall::kNone);
+  CHECK(hall.distance() == 0);
+  CHECK(!hall.lost(1000));
+}
+
+TEST_CASE("One pulse every 0.1 s at 20 pulses a metre is 0.5 m/s") {
+  for (const int16_t sign : {1, -1}) {
+    Hall hall = hall_with(200);
+    uint16_t pulses = 65530;  // the counter wraps on the way
+    hall.step(pulses, static_cast<int16_t>(sign * 100));
+    const int32_t start = hall.distance();
+    for (int i = 1; i <= 400; ++i) {
+      if (i % 20 == 0) ++pulses;
+      hall.step(pulses, static_cast<int16_t>(sign * 100));
+      if (i > 60) CHECK(hall.speed() == sign * 500);
+    }
+    CHECK(hall.distance() - start == sign * 1000);
+  }
+}
+
+TEST_CASE("Several pulses in a tick are several times the speed") {
+  Hall hall = hall_with(200);
+  uint16_t pulses = 0;
+  for (int i = 0; i < 10; ++i) {
+    pulses = static_cast<uint16_t>(pulses + 2);
+    hall.step(pulses, 100);
+  }
+  CHECK(hall.speed() == 20000);
+  for (int i = 0; i < 10; ++i) {
+    pulses = static_cast<uint16_t>(pulses + 60000);
+    hall.step(pulses, 100);
+  }
+  CHECK(hall.speed() == INT16_MAX);
+}
+
+TEST_CASE("Fractions of a millimetre add up") {
+  Hall hall = hall_with(30);  // 333.33 mm a pulse
+  for (uint16_t pulse = 1; pulse <= 300; ++pulse) hall.step(pulse, 100);
+  CHECK(hall.distance() == 100000);
+}
+
+TEST_CASE("Without pulses the speed falls with the time since the last, and is zero after 1 s") {
+  Hall hall = hall_with(200);
+  uint16_t pulses = 0;
+  for (int i = 1; i <= 100; ++i) {
+    if (i % 10 == 0) ++pulses;
+    hall.step(pulses, 100);
+  }
+  CHECK(hall.speed() == 1000);
+  for (int i = 0; i < 10; ++i) hall.step(pulses, 100);
+  CHECK(hall.speed() == 1000);
+  for (int i = 0; i < 10; ++i) hall.step(pulses, 100);
+  CHECK(hall.speed() == 500);
+  for (int i = 0; i < 179; ++i) hall.step(pulses, 100);
+  CHECK(hall.speed() == 50);
+  hall.step(pulses, 100);
+  CHECK(hall.speed() == 0);
+}
+
+TEST_CASE("The first pulse after standing tells no speed") {
+  Hall hall = hall_with(200);
+  for (int i = 0; i < 300; ++i) hall.step(0, 100);
+  hall.step(1, 100);
+  CHECK(hall.speed() == 0);
+  for (int i = 0; i < 19; ++i) hall.step(1, 100);
+  hall.step(2, 100);
+  CHECK(hall.speed() == 500);
+}
+
+TEST_CASE("Coasting keeps the direction of the last duty") {
+  Hall hall = hall_with(200);
+  uint16_t pulses = 0;
+  for (int i = 1; i <= 100; ++i)
+    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), -100);
+  for (int i = 1; i <= 10; ++i)
+    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), 0);
+  CHECK(hall.speed() == -1000);
+}
+
+TEST_CASE("The sensor counts as lost after 2 s of driving without a pulse") {
+  Hall hall = hall_with(200);
+  for (int i = 0; i < 399; ++i) hall.step(0, 100);
+  CHECK(!hall.lost(500));
+  hall.step(0, 100);
+  CHECK(hall.lost(500));
+  CHECK(hall.lost(-500));
+  CHECK(hall.lost(100));
+  CHECK(!hall.lost(99));
+  hall.step(1, 100);
+  CHECK(!hall.lost(500));
+  for (int i = 0; i < 399; ++i) hall.step(1, 100);
+  CHECK(!hall.lost(500));
+  hall.step(1, 0);
+  hall.step(1, 100);
+  CHECK(!hall.lost(500));
+}
+
+TEST_CASE("The counters of silence do not overflow") {
+  Hall hall = hall_with(200);
+  for (int32_t i = 0; i < 70000; ++i) hall.step(0, 100);
+  CHECK(hall.lost(500));
+  hall.step(1, 100);
+  CHECK(hall.speed() == 0);
+}
+
+TEST_CASE("Taking the sensor's parameter away takes the speed away") {
+  Hall hall = hall_with(200);
+  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(pulse, 100);
+  CHECK(hall.speed() != Hall::kNone);
+  hall.configure(with({}));
+  CHECK(hall.speed() == Hall::kNone);
+}

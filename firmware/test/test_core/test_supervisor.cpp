@@ -1,0 +1,405 @@
+#include <doctest.h>
+
+#include <initializer_list>
+
+#include "params_with.h"
+#include "supervisor.h"
+
+using namespace daranti;
+using protocol::Param;
+using protocol::Result;
+using protocol::State;
+
+namespace {
+
+Observation calm() {
+  Observation seen{};
+  seen.pot = 512 * 16;
+  seen.battery = 12000;
+  return seen;
+}
+
+struct Rig {
+  Supervisor supervisor;
+  Params params;
+  Observation seen = calm();
+  Rig() { supervisor.boot(1); }
+  void watch(int ticks = 1) {
+    for (int i = 0; i < ticks; ++i) supervisor.watch(params, seen);
+  }
+  // Keeps the link alive meanwhile.
+  void live(int ticks = 1) {
+    for (int i = 0; i < ticks; ++i) {
+      supervisor.command(true);
+      watch();
+    }
+  }
+  void run() {
+    watch();
+    REQUIRE(supervisor.arm(protocol::kVersion, true) == Result::OK);
+    supervisor.command(true);
+    watch();
+    REQUIRE(supervisor.state() == State::RUNNING);
+  }
+  // After how many watches the fault latches, the link kept alive; `most` where it does not.
+  int latches_after(uint32_t bit, int most = 2000) {
+    for (int i = 1; i <= most; ++i) {
+      live();
+      if (supervisor.faults() & bit) return i;
+    }
+    return most;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("It boots SAFE, and FAULT where the reset was no good sign") {
+  for (const uint8_t cause : {0, 1, 2}) {
+    Supervisor supervisor;
+    supervisor.boot(cause);
+    CHECK(supervisor.state() == State::SAFE);
+    CHECK(supervisor.faults() == 0);
+    CHECK(!supervisor.live());
+  }
+  Supervisor brown;
+  brown.boot(4 | 1);
+  CHECK(brown.state() == State::FAULT);
+  CHECK(brown.faults() == protocol::BROWN_OUT);
+  Supervisor hung;
+  hung.boot(8);
+  CHECK(hung.state() == State::FAULT);
+  CHECK(hung.faults() == protocol::WATCHDOG);
+  CHECK(hung.clear() == Result::OK);
+  CHECK(hung.state() == State::SAFE);
+  CHECK(hung.faults() == 0);
+}
+
+TEST_CASE("ARM wants the right version, SAFE, and zero speed asked") {
+  Rig rig;
+  rig.watch();
+  CHECK(rig.supervisor.arm(protocol::kVersion + 1, true) == Result::WRONG_VERSION);
+  CHECK(rig.supervisor.arm(protocol::kVersion, false) == Result::NOT_PLAUSIBLE);
+  CHECK(rig.supervisor.state() == State::SAFE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::OK);
+  CHECK(rig.supervisor.state() == State::ARMED);
+  CHECK(rig.supervisor.live());
+  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::WRONG_STATE);
+}
+
+TEST_CASE("A speed other than zero makes it RUNNING, zero ARMED again") {
+  Rig rig;
+  rig.run();
+  CHECK(rig.supervisor.live());
+  rig.supervisor.command(false);
+  CHECK(rig.supervisor.state() == State::ARMED);
+  rig.supervisor.command(true);
+  CHECK(rig.supervisor.state() == State::RUNNING);
+}
+
+TEST_CASE("A command changes nothing while SAFE or in FAULT") {
+  Rig rig;
+  rig.supervisor.command(true);
+  CHECK(rig.supervisor.state() == State::SAFE);
+  rig.seen.estop_open = true;
+  rig.watch();
+  rig.supervisor.command(true);
+  CHECK(rig.supervisor.state() == State::FAULT);
+}
+
+TEST_CASE("STOP makes it SAFE and wins over an ARM before or after it in the same tick") {
+  Rig rig;
+  rig.run();
+  rig.supervisor.stop();
+  CHECK(rig.supervisor.state() == State::SAFE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::WRONG_STATE);
+  rig.supervisor.command(true);
+  CHECK(rig.supervisor.state() == State::SAFE);
+  rig.watch();
+  CHECK(rig.supervisor.state() == State::SAFE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::OK);
+  rig.supervisor.stop();
+  CHECK(rig.supervisor.state() == State::SAFE);
+}
+
+TEST_CASE("STOP does not clear a fault") {
+  Rig rig;
+  rig.seen.estop_open = true;
+  rig.watch();
+  rig.supervisor.stop();
+  CHECK(rig.supervisor.state() == State::FAULT);
+}
+
+TEST_CASE("A fault latches in any state, and CLEAR needs its cause gone") {
+  Rig rig;
+  rig.run();
+  rig.seen.estop_open = true;
+  rig.watch();
+  CHECK(rig.supervisor.state() == State::FAULT);
+  CHECK(rig.supervisor.faults() == protocol::ESTOP_OPEN);
+  CHECK(rig.supervisor.clear() == Result::NOT_PLAUSIBLE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::WRONG_STATE);
+  rig.seen.estop_open = false;
+  rig.watch(100);
+  CHECK(rig.supervisor.state() == State::FAULT);
+  CHECK(rig.supervisor.clear() == Result::OK);
+  CHECK(rig.supervisor.state() == State::SAFE);
+  CHECK(rig.supervisor.faults() == 0);
+}
+
+TEST_CASE("CLEAR forgets the faults that are gone and keeps the others") {
+  Rig rig;
+  rig.seen.estop_open = true;
+  rig.watch();
+  rig.seen.estop_open = false;
+  rig.seen.params_bad = true;
+  rig.watch();
+  CHECK(rig.supervisor.faults() == (protocol::ESTOP_OPEN | protocol::PARAMS_BAD));
+  CHECK(rig.supervisor.clear() == Result::NOT_PLAUSIBLE);
+  CHECK(rig.supervisor.faults() == protocol::PARAMS_BAD);
+  CHECK(rig.supervisor.state() == State::FAULT);
+}
+
+TEST_CASE("CLEAR without a fault changes nothing") {
+  Rig rig;
+  CHECK(rig.supervisor.clear() == Result::OK);
+  CHECK(rig.supervisor.state() == State::SAFE);
+  rig.run();
+  CHECK(rig.supervisor.clear() == Result::OK);
+  CHECK(rig.supervisor.state() == State::RUNNING);
+}
+
+TEST_CASE("The link is lost in the 50th tick that saw no command: at most 250 ms") {
+  Rig rig;
+  rig.run();
+  rig.live(200);
+  rig.watch(48);
+  CHECK(rig.supervisor.state() == State::RUNNING);
+  rig.watch();
+  CHECK(rig.supervisor.state() == State::FAULT);
+  CHECK(rig.supervisor.faults() == protocol::LINK_LOST);
+  rig.watch();
+  CHECK(rig.supervisor.clear() == Result::OK);
+}
+
+TEST_CASE("Arming starts the link's time afresh") {
+  Rig rig;
+  rig.run();
+  rig.watch(40);
+  rig.supervisor.stop();
+  rig.watch();
+  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::OK);
+  rig.watch(49);
+  CHECK(rig.supervisor.state() == State::ARMED);
+  rig.watch();
+  CHECK(rig.supervisor.faults() == protocol::LINK_LOST);
+}
+
+TEST_CASE("A machine that is SAFE needs no host") {
+  Rig rig;
+  rig.watch(1000);
+  CHECK(rig.supervisor.state() == State::SAFE);
+  CHECK(rig.supervisor.faults() == 0);
+}
+
+TEST_CASE("What the controller reports at once becomes a fault at once") {
+  struct Case {
+    bool Observation::*flag;
+    uint32_t bit;
+  };
+  for (const Case &each : {Case{&Observation::estop_open, protocol::ESTOP_OPEN},
+                           Case{&Observation::params_bad, protocol::PARAMS_BAD},
+                           Case{&Observation::hall_silent, protocol::HALL_LOST},
+                           Case{&Observation::ident_limit, protocol::IDENT_LIMIT}}) {
+    Rig rig;
+    rig.run();
+    rig.seen.*each.flag = true;
+    rig.watch();
+    CHECK(rig.supervisor.faults() == each.bit);
+    CHECK(rig.supervisor.state() == State::FAULT);
+  }
+}
+
+TEST_CASE("Each measured limit latches after its time beyond it, and not at it") {
+  struct Case {
+    int16_t Observation::*value;
+    int16_t good;
+    int16_t bad;
+    uint32_t bit;
+    int ticks;
+  };
+  for (const Case &each :
+       {Case{&Observation::pot, 904 * 16, 904 * 16 + 1, protocol::POT_OPEN, 2},
+        Case{&Observation::pot, 120 * 16, 120 * 16 - 1, protocol::POT_SHORT, 2},
+        Case{&Observation::steer_current, 2000, 2001, protocol::STEER_OVERCURRENT, 10},
+        Case{&Observation::drive_current, 4000, 4001, protocol::DRIVE_OVERCURRENT, 10},
+        Case{&Observation::battery, 10000, 9999, protocol::BATTERY_LOW, 200},
+        Case{&Observation::battery, 15500, 15501, protocol::BATTERY_HIGH, 20}}) {
+    Rig rig;
+    rig.run();
+    rig.seen.*each.value = each.good;
+    rig.live(300);
+    CHECK(rig.supervisor.faults() == 0);
+    rig.seen.*each.value = each.bad;
+    CHECK(rig.latches_after(each.bit) == each.ticks);
+    CHECK(rig.supervisor.faults() == each.bit);
+    CHECK(rig.supervisor.clear() == Result::NOT_PLAUSIBLE);
+    rig.seen.*each.value = each.good;
+    rig.watch();
+    CHECK(rig.supervisor.clear() == Result::OK);
+  }
+}
+
+TEST_CASE("A limit passed for one tick less than its time is forgiven") {
+  Rig rig;
+  rig.run();
+  for (int i = 0; i < 20; ++i) {
+    rig.seen.steer_current = 3000;
+    rig.live(9);
+    rig.seen.steer_current = 0;
+    rig.live(1);
+  }
+  CHECK(rig.supervisor.faults() == 0);
+}
+
+TEST_CASE("An angle that changes faster than 400 deg/s is a jump") {
+  for (const int16_t sign : {1, -1}) {
+    Rig rig;
+    rig.seen.angle = 1000;
+    rig.run();
+    rig.seen.angle = static_cast<int16_t>(1000 + sign * 200);
+    rig.live();
+    CHECK(rig.supervisor.faults() == 0);
+    rig.seen.angle = static_cast<int16_t>(1000 - sign * 1);
+    rig.live();
+    CHECK(rig.supervisor.faults() == protocol::POT_JUMP);
+    rig.watch();
+    CHECK(rig.supervisor.clear() == Result::OK);
+  }
+}
+
+TEST_CASE("The first angle after boot is no jump") {
+  Rig rig;
+  rig.seen.angle = 5000;
+  rig.watch();
+  CHECK(rig.supervisor.faults() == 0);
+}
+
+TEST_CASE("Driven hard without movement for 500 ms: frozen, or stalled where the current is high") {
+  for (const int16_t sign : {1, -1}) {
+    Rig rig;
+    rig.seen.angle = 200;
+    rig.run();
+    rig.seen.steer_duty = static_cast<int16_t>(sign * 120);
+    CHECK(rig.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL) == 100);
+    CHECK(rig.supervisor.faults() == protocol::POT_FROZEN);
+    Rig loaded;
+    loaded.run();
+    loaded.seen.steer_duty = static_cast<int16_t>(sign * 120);
+    loaded.seen.steer_current = 300;
+    CHECK(loaded.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL) == 100);
+    CHECK(loaded.supervisor.faults() == protocol::STEER_STALL);
+    Rig below;
+    below.run();
+    below.seen.steer_duty = static_cast<int16_t>(sign * 120);
+    below.seen.steer_current = 299;
+    below.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL);
+    CHECK(below.supervisor.faults() == protocol::POT_FROZEN);
+  }
+}
+
+TEST_CASE("Movement beyond the noise, or an easy duty, is no stall") {
+  Rig moving;
+  moving.run();
+  moving.seen.steer_duty = 120;
+  for (int i = 0; i < 50; ++i) {
+    moving.live(90);
+    moving.seen.angle = static_cast<int16_t>(moving.seen.angle + 61);
+  }
+  CHECK(moving.supervisor.faults() == 0);
+  Rig noisy;
+  noisy.run();
+  noisy.seen.steer_duty = 120;
+  noisy.seen.angle = 60;
+  noisy.live(99);
+  CHECK(noisy.supervisor.faults() == 0);
+  noisy.live();
+  CHECK(noisy.supervisor.faults() == protocol::POT_FROZEN);
+  Rig easy;
+  easy.run();
+  easy.seen.steer_duty = 119;
+  easy.live(500);
+  CHECK(easy.supervisor.faults() == 0);
+  // An easy tick begins the time anew.
+  easy.seen.steer_duty = 120;
+  easy.live(99);
+  easy.seen.steer_duty = 0;
+  easy.live();
+  easy.seen.steer_duty = -120;
+  easy.live(99);
+  CHECK(easy.supervisor.faults() == 0);
+}
+
+TEST_CASE("Ten degrees against the duty are a runaway, with either sign") {
+  for (const int16_t sign : {1, -1}) {
+    Rig rig;
+    rig.run();
+    rig.seen.steer_duty = static_cast<int16_t>(sign * 80);
+    for (int i = 1; i <= 9; ++i) {
+      rig.seen.angle = static_cast<int16_t>(-sign * i * 100);
+      rig.live();
+    }
+    rig.seen.angle = static_cast<int16_t>(-sign * 999);
+    rig.live();
+    CHECK(rig.supervisor.faults() == 0);
+    rig.seen.angle = static_cast<int16_t>(-sign * 1000);
+    rig.live();
+    CHECK(rig.supervisor.faults() == protocol::STEER_RUNAWAY);
+  }
+}
+
+TEST_CASE("Movement along the duty, or without one, is no runaway") {
+  Rig along;
+  along.run();
+  along.seen.steer_duty = 80;
+  for (int i = 0; i < 40; ++i) {
+    along.seen.angle = static_cast<int16_t>(along.seen.angle + 100);
+    along.live();
+  }
+  // And what went along does not pay for what goes against.
+  for (int i = 0; i < 10; ++i) {
+    along.seen.angle = static_cast<int16_t>(along.seen.angle - 100);
+    along.live();
+  }
+  CHECK(along.supervisor.faults() == protocol::STEER_RUNAWAY);
+  Rig released;
+  released.run();
+  for (int i = 0; i < 40; ++i) {
+    released.seen.angle = static_cast<int16_t>(released.seen.angle - 100);
+    released.live();
+  }
+  CHECK(released.supervisor.faults() == 0);
+  // A tick without duty forgets.
+  released.seen.steer_duty = 80;
+  for (int k = 0; k < 4; ++k) {
+    for (int i = 0; i < 9; ++i) {
+      released.seen.angle = static_cast<int16_t>(released.seen.angle - 100);
+      released.live();
+    }
+    released.seen.steer_duty = 0;
+    released.live();
+    released.seen.steer_duty = 80;
+  }
+  CHECK(released.supervisor.faults() == 0);
+}
+
+TEST_CASE("A debounce counts ticks in a row") {
+  Debounce debounce;
+  CHECK(!debounce.step(true, 3));
+  CHECK(!debounce.step(true, 3));
+  CHECK(debounce.step(true, 3));
+  CHECK(debounce.step(true, 3));
+  CHECK(!debounce.step(false, 3));
+  CHECK(!debounce.step(true, 3));
+  for (int i = 0; i < 70000; ++i) debounce.step(true, 65535);
+  CHECK(debounce.step(true, 65535));
+}
