@@ -12,6 +12,7 @@ import hashlib
 import itertools
 import json
 import os
+import re
 import shutil
 import statistics
 import tempfile
@@ -47,7 +48,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
 
     if scheduler is not None:
         try:
-            client = distributed.Client(scheduler, timeout=10)
+            client = distributed.Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
         except (OSError, ValueError, TimeoutError) as error:
             raise UserError(
                 f"no Dask scheduler answers at {scheduler}: start one with `dask scheduler` and "
@@ -58,7 +59,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
         return
     local = Path(tempfile.gettempdir()) / f"daranti-dask-{os.getuid()}"
     with (
-        distributed.LocalCluster(
+        distributed.LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
@@ -66,7 +67,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
             local_directory=str(local),
             silence_logs="ERROR",
         ) as cluster,
-        distributed.Client(cluster) as client,
+        distributed.Client(cluster) as client,  # type: ignore[no-untyped-call]
     ):
         yield client
 
@@ -90,7 +91,8 @@ def spread(
 
     with _client(workers, scheduler) as client:
         futures = {client.submit(function, item, pure=False): item for item in items}
-        for future in distributed.as_completed(list(futures)):
+        done = distributed.as_completed(list(futures))  # type: ignore[no-untyped-call]
+        for future in done:
             yield futures[future], future.result()
             future.release()
 
@@ -112,7 +114,8 @@ class Job:
         """The run's name: scenario, seed, and a digest of everything else it depends on."""
         chosen = Scenario.model_validate_json(self.scenario)
         digest = hashlib.sha256(self.scenario.encode()).hexdigest()[:10]
-        return f"{chosen.name}-{chosen.seed:05d}-{digest}"
+        name = re.sub(r"[^\w.=]+", "-", chosen.name)
+        return f"{name}-{chosen.seed:05d}-{digest}"
 
     @property
     def place(self) -> Path:
@@ -230,11 +233,12 @@ def overview(summaries: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         }
         for figure in FIGURES:
             source = finished if figure in ("coverage", "missed_m2") else runs
-            values = [s[figure] for s in source if s.get(figure) is not None]
+            values = [float(s[figure]) for s in source if s.get(figure) is not None]
             if values:
                 low = figure in ("coverage", "realtime_factor")
                 row[f"{figure} median"] = round(statistics.median(values), 4)
-                row[f"{figure} worst"] = round(min(values) if low else max(values, key=abs), 4)
+                worst = min(values) if low else sorted(values, key=abs)[-1]
+                row[f"{figure} worst"] = round(worst, 4)
         rows.append(row)
     return rows
 
