@@ -375,14 +375,14 @@ constexpr uint8_t kParams = 39;
   X(steer_rate_max, 400, 50, 2000) \
   X(steer_limit, 5000, 500, 5000) \
   X(steer_slew, 1200, 50, 3000) \
-  X(steer_kp, 4000, 0, 10000) \
-  X(steer_ki, 3300, 0, 10000) \
-  X(steer_kd, 1700, 0, 20000) \
+  X(steer_kp, 7500, 0, 10000) \
+  X(steer_ki, 5500, 0, 10000) \
+  X(steer_kd, 3000, 0, 20000) \
   X(steer_d_filter, 35, 0, 200) \
-  X(steer_min_duty, 70, 0, 150) \
+  X(steer_min_duty, 53, 0, 150) \
   X(steer_deadband, 45, 0, 500) \
   X(steer_duty_max, 255, 30, 255) \
-  X(steer_duty_slew, 5000, 200, 25500) \
+  X(steer_duty_slew, 15000, 200, 25500) \
   X(speed_max, 1000, 100, 3000) \
   X(speed_full, 1000, 100, 10000) \
   X(drive_accel, 1000, 100, 5000) \
