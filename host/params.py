@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import sys
 import time
 from collections.abc import Sequence
 
@@ -15,6 +16,9 @@ from host.cli import port_option
 from host.errors import UserError
 from host.link import Link
 from host.protocol import ParamSpec
+
+PIPE_WIDTH = 240
+"""Columns of a table that goes into a file or a pipe: one line a parameter."""
 
 
 def spec_of(name: str) -> ParamSpec:
@@ -97,7 +101,8 @@ def list_(port: str) -> None:
     """All parameters with units, ranges and meanings."""
     with _connected(port) as link:
         rows = [(spec, read(link, spec)) for spec in protocol.PARAMS.values()]
-    Console().print(table(rows))
+    console = Console() if sys.stdout.isatty() else Console(width=PIPE_WIDTH)
+    console.print(table(rows))
 
 
 @params.command()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -15,13 +18,14 @@ import numpy as np
 import pytest
 from console import Cli
 from fake_firmware import RESTING, FakeFirmware
+from rich.console import Console
 
 from host import protocol
 from host.boundary import Fence
-from host.drive import PERIOD_S, TELEMETRY_TIMEOUT_S, Drive, fitted, halt
+from host.drive import PERIOD_S, TELEMETRY_TIMEOUT_S, Drive, Screen, fitted, halt, status
 from host.errors import EXIT_USER, UserError
 from host.feed import Feed
-from host.gnss import LocalFrame
+from host.gnss import LocalFrame, Receiver
 from host.lane import Lane
 from host.link import Link
 from host.odometry import Odometry
@@ -30,6 +34,7 @@ from host.record import Recorder, read
 from host.stream import Picture
 from host.types import Command, Fix, Frame, Request, Telemetry
 from host.vehicle import MAST, Vehicle
+from host.vision.view import CropView
 
 LIMIT_S = 10.0
 BGR = np.full((MAST.height_px, MAST.width_px, 3), 90, np.uint8)
@@ -44,7 +49,7 @@ class Script:
         self.seen: list[tuple[float, Frame | None, Fix | None, Telemetry | None]] = []
         self.phase = Phase.FOLLOW
         self.reason = "as the script says"
-        self.view = None
+        self.view: CropView | None = None
         self.turns = 0
         self.lane = Lane(Vehicle().blade_x_m)
         self.motion = Odometry(Vehicle()).now
@@ -251,6 +256,53 @@ def test_halt_is_confirmed_by_the_firmware_only(board: FakeFirmware) -> None:
         board.telemetry = replace(RESTING, state=protocol.State.RUNNING)
         assert not halt(link, time.monotonic)
     assert board.wait_for(protocol.Stop)
+
+
+# ---- what the operator sees ----------------------------------------------------------------------
+
+
+def text_of(renderable: Any) -> str:
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(renderable)
+    return console.export_text()
+
+
+def test_the_status_says_what_the_pilot_does_and_every_fault_in_words(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    faults = protocol.Fault.POT_OPEN | protocol.Fault.BATTERY_LOW
+    board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=faults, battery=9.5)
+    script = Script([Command(Request.DRIVE, math.radians(12), 0.5, True)] * 3)
+    run = driven(script, [Picture(5.0, JPEG)], [FIX])
+    run.run(nothing)
+    script.view = CropView(0.3, edge_offset_m=-0.07, reason="dust")
+    text = text_of(status(run, Receiver()))
+    for words in (
+        "finished",
+        "as the script says",
+        "-0.07 m",
+        "confidence 0.30 dust",
+        "FAULT",
+        "battery 9.5 V",
+        "31.500000 74.300000, quality 1",
+        "1 pictures, 0 bad",
+        *protocol.fault_texts(faults),
+    ):
+        assert words in text
+
+
+def test_without_a_terminal_each_change_is_one_line(
+    driven: Callable[..., Drive], capsys: pytest.CaptureFixture[str]
+) -> None:
+    events = deque(["camera lost: it fell off"])
+    screen = Screen(lambda: 12.5, events, None)
+    with screen.open():
+        driven(Script([Command(Request.STOP)] * 5)).run(screen.show)
+    assert capsys.readouterr().out.splitlines() == [
+        "   12.5 s  camera lost: it fell off",
+        "   12.5 s  follow: as the script says",
+        "   12.5 s  finished: as the script says",
+    ]
 
 
 # ---- pictures and mounts -------------------------------------------------------------------------
