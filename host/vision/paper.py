@@ -163,13 +163,13 @@ class PaperPhoto:
         lit = float((s.upright > 0).mean())
         if lit < 1e-3:
             return CropView(0.0, reason="no upright crop of ripe colour in the picture")
-        line = best_line(whiten(density[..., None]), self.side, w / grid[0])
+        line = best_line(whiten(density[..., None]), self.side).scaled(w / grid[0])
         v, u = np.mgrid[0:h, 0:w]
         standing = line.signed(u + 0.5, v + 0.5) > 0
         inside = float(s.upright[standing].mean()) if standing.any() else 0.0
         outside = float(s.upright[~standing].mean()) if (~standing).any() else 0.0
-        more = inside > 1.3 * outside
-        confidence = min(0.95, 2.0 * line.explained) if more else 0.0
+        ratio = inside / max(outside, 1e-3)
+        confidence = max(0.0, min(0.95, 2.0 * (line.explained - 0.2), 0.2 * (ratio - 1.0)))
         height = l_height(s.upright)
         edge = edge_of(standing, self.side)
         return CropView(
@@ -179,6 +179,6 @@ class PaperPhoto:
             l_reference_px=height,
             standing=standing,
             edge_px=edge,
-            reason="" if more else "the named side shows no more upright lines than the other",
+            reason="" if confidence >= 0.5 else "the named side hardly shows more upright lines",
             stages=staged_pictures(bgr, s) if stages else {},
         )

@@ -1,8 +1,9 @@
-"""The straight line that best divides a picture's features into two kinds.
+"""The straight line that best divides a picture's features into standing and cut.
 
-Fisher's criterion for two classes, after the features were whitened by their total covariance, is a
-monotone function of p1 p2 |m1 - m2|^2 (p: shares, m: means), the share R^2 of the variance that the
-division explains. That needs first-order sums only, so that every line of a fan can be tried.
+Over features whitened by their total covariance, the share of the variance that a division explains
+is Fisher's criterion in another guise, and needs first-order sums only: every line of a fan is
+tried. A cut face, a shadow or trampled stalks may lie between crop and stubble as a strip of a third kind;
+where a division into three explains clearly more than one into two, the crop ends at its border.
 """
 
 from __future__ import annotations
@@ -23,56 +24,116 @@ TOWARDS_CROP: dict[Side, float] = {"right": 0.0, "bottom": 90.0, "left": 180.0, 
 
 Features = NDArray[np.float32]
 
+HALF_FAN_DEG = 65.0
+LEAST_VARIANCE = 0.02
+"""Directions in which the features vary less than this share are left small."""
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What `best_line` may be told."""
+
+    strip_share: float = 0.10
+    """Greatest width of a strip, of the picture's shorter side."""
+    strip_gain: float = 0.025
+    """Least gain in explained variance, of all features' together, that makes a strip believed."""
+    least_share: float = 0.05
+    """Of the picture on either side of the line."""
+
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Where u cos + v sin = offset, in pixels; standing crop is where it is greater."""
+    """Where u cos + v sin = offset, in pixels or cells; standing crop is where it is greater."""
 
     angle_rad: float
     """Direction towards the standing crop, from u towards v."""
-    offset_px: float
-    explained: float
-    """Share 0..1 of the features' variance that the division explains."""
+    offset: float
+    explained: float = 0.0
+    """Fisher's criterion 0..1 of the division into two: the share of the variance that it explains
+    in the direction in which the two kinds differ most."""
+    strip: float = 0.0
+    """Width of the strip beside it, 0 without."""
 
     def signed(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance in pixels, positive on the standing side."""
-        d = u * math.cos(self.angle_rad) + v * math.sin(self.angle_rad) - self.offset_px
+        """Distance, positive on the standing side."""
+        d = u * math.cos(self.angle_rad) + v * math.sin(self.angle_rad) - self.offset
         return np.asarray(d)
+
+    def scaled(self, factor: float) -> Line:
+        """The same line on a grid that is finer by `factor`."""
+        return Line(self.angle_rad, self.offset * factor, self.explained, self.strip * factor)
+
+
+@numba.njit(cache=True, nogil=True)
+def _covariance(flat: Features, mean: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """Plain loops: a threaded matrix product costs more than it saves at this size."""
+    rows, n = flat.shape
+    for i in range(rows):
+        for j in range(n):
+            mean[j] += flat[i, j]
+    mean /= rows
+    for i in range(rows):
+        for j in range(n):
+            d = flat[i, j] - mean[j]
+            for k in range(j + 1):
+                out[j, k] += d * (flat[i, k] - mean[k])
+    for j in range(n):
+        for k in range(j + 1):
+            out[j, k] /= rows
+            out[k, j] = out[j, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def _turned(
+    flat: Features, mean: NDArray[np.float64], turn: NDArray[np.float64], out: Features
+) -> None:
+    rows, n = flat.shape
+    for i in range(rows):
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += (flat[i, k] - mean[k]) * turn[k, j]
+            out[i, j] = total
 
 
 def whiten(features: Features) -> Features:
-    """(h, w, n) features to (h, w, n) with zero mean and unit covariance; directions in which they
-    hardly vary are left small instead of being blown up."""
+    """(h, w, n) features to (h, w, n) with zero mean and unit covariance."""
     h, w, n = features.shape
-    flat = features.reshape(-1, n).astype(np.float64)
-    flat = flat - flat.mean(0)
-    scale = flat.std(0)
-    flat = flat / np.where(scale > 1e-6, scale, 1.0)
-    values, vectors = np.linalg.eigh(flat.T @ flat / len(flat))
-    out = flat @ (vectors / np.sqrt(np.maximum(values, 0.02)))
-    return np.ascontiguousarray(out.reshape(h, w, n), dtype=np.float32)
+    flat = np.ascontiguousarray(features.reshape(-1, n))
+    mean, covariance = np.zeros(n), np.zeros((n, n))
+    _covariance(flat, mean, covariance)
+    deviation = np.sqrt(np.diag(covariance))
+    scale = np.where(deviation > 1e-6, deviation, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    turn = vectors / np.sqrt(np.maximum(values, LEAST_VARIANCE)) / scale[:, None]
+    out = np.empty_like(flat)
+    _turned(flat, mean, turn, out)
+    return out.reshape(h, w, n)
 
 
 @functools.lru_cache(maxsize=64)
-def fan(side: Side, half_deg: float, step_deg: float) -> NDArray[np.float32]:
+def _fan(side: Side, step_deg: float) -> NDArray[np.float32]:
     """Angles in radians around the side's own direction."""
-    a = np.arange(-half_deg, half_deg + step_deg / 2, step_deg)
+    a = np.arange(-HALF_FAN_DEG, HALF_FAN_DEG + step_deg / 2, step_deg)
     return np.radians(TOWARDS_CROP[side] + a).astype(np.float32)
 
 
 @numba.njit(cache=True, nogil=True)
 def _explained(
-    f: Features, angles: NDArray[np.float32], least: float, out: NDArray[np.float32]
+    f: Features,
+    angles: NDArray[np.float32],
+    widest: int,
+    least: float,
+    two: NDArray[np.float64],
+    three: NDArray[np.float64],
+    strip: NDArray[np.int32],
 ) -> None:
+    """For every angle and bin border: the variance explained by the division there, the greatest by
+    that division with a strip before it, and that strip's width in bins."""
     height, width, n = f.shape
-    bins = out.shape[1]
-    total = np.zeros(n)
-    for v in range(height):
-        for u in range(width):
-            for k in range(n):
-                total[k] += f[v, u, k]
-    sums = np.zeros((bins, n))
-    counts = np.zeros(bins)
+    bins = two.shape[1]
+    sums = np.zeros((bins + 1, n))
+    counts = np.zeros(bins + 1)
     for a in range(angles.shape[0]):
         sums[:] = 0.0
         counts[:] = 0.0
@@ -80,70 +141,60 @@ def _explained(
         middle = 0.5 * bins - c * 0.5 * (width - 1) - s * 0.5 * (height - 1)
         for v in range(height):
             for u in range(width):
-                b = int(c * u + s * v + middle)
+                b = int(c * u + s * v + middle) + 1
                 counts[b] += 1.0
                 for k in range(n):
                     sums[b, k] += f[v, u, k]
-        all_ = float(height * width)
-        before = 0.0
-        part = np.zeros(n)
         for b in range(bins):
-            before += counts[b]
+            counts[b + 1] += counts[b]
             for k in range(n):
-                part[k] += sums[b, k]
-            after = all_ - before
-            out[a, b] = 0.0
-            if before < least * all_ or after < least * all_:
+                sums[b + 1, k] += sums[b, k]
+        total = counts[bins]
+        for b in range(1, bins):
+            before, after = counts[b], total - counts[b]
+            if before < least * total or after < least * total:
                 continue
-            j = 0.0
+            crop, cut = 0.0, 0.0
             for k in range(n):
-                d = part[k] / before - (total[k] - part[k]) / after
-                j += d * d
-            out[a, b] = j * before * after / (all_ * all_)
+                crop += (sums[bins, k] - sums[b, k]) ** 2
+                cut += sums[b, k] ** 2
+            crop /= after
+            two[a, b] = (crop + cut / before) / total
+            for w in range(2, min(widest, b - 1) + 1):
+                rest, inside = counts[b - w], before - counts[b - w]
+                if rest < least * total or inside < 0.01 * total:
+                    continue
+                cut, between = 0.0, 0.0
+                for k in range(n):
+                    cut += sums[b - w, k] ** 2
+                    between += (sums[b, k] - sums[b - w, k]) ** 2
+                value = (crop + cut / rest + between / inside) / total
+                if value > three[a, b]:
+                    three[a, b] = value
+                    strip[a, b] = w
 
 
-def explained(
-    features: Features, angles: NDArray[np.float32], least_share: float = 0.05
-) -> tuple[NDArray[np.float32], float]:
-    """R^2 (angle, offset bin) of every dividing line, 0 where a side would hold less than
-    `least_share` of the picture; and the offset in grid cells, from the picture's middle, of bin
-    0's upper border. Bins are one cell wide."""
-    h, w, _ = features.shape
+def best_line(features: Features, side: Side, search: Search | None = None) -> Line:
+    """The dividing line of whitened (h, w, n) features on a grid of square cells, in cells (cell
+    (i, j) covers [j, j + 1) x [i, i + 1))."""
+    search = search or Search()
+    h, w, n = features.shape
     bins = math.ceil(math.hypot(h, w)) + 2
-    out = np.zeros((len(angles), bins), np.float32)
-    _explained(features, angles, least_share, out)
-    return out, 1.0 - 0.5 * bins
-
-
-def best_line(
-    features: Features,
-    side: Side,
-    cell_px: float,
-    *,
-    half_deg: float = 65.0,
-    step_deg: float = 5.0,
-    least_share: float = 0.05,
-) -> Line:
-    """The dividing line with the greatest R^2 over whitened (h, w, n) features on a grid of square
-    cells of `cell_px`, refined below the grid's step by parabolas."""
-    angles = fan(side, half_deg, step_deg)
-    r2, first = explained(features, angles, least_share)
-    a, b = (int(i) for i in np.unravel_index(int(r2.argmax()), r2.shape))
-    fine = (angles[a] + np.radians(np.arange(-0.8, 0.81, 0.2) * step_deg)).astype(np.float32)
-    r2, first = explained(features, fine, least_share)
-    a, b = (int(i) for i in np.unravel_index(int(r2.argmax()), r2.shape))
-    h, w, _ = features.shape
-    angle = float(fine[a])
-    offset = first + b + _vertex(r2[a], b)
-    # cell (i, j) covers pixels [j, j + 1) * cell_px, so its middle is half a cell further
-    middle = math.cos(angle) * 0.5 * w + math.sin(angle) * 0.5 * h
-    return Line(angle, (offset + middle) * cell_px, float(r2[a, b]))
-
-
-def _vertex(values: NDArray[np.float32], i: int) -> float:
-    """Where the parabola through three neighbouring values peaks, relative to the middle one."""
-    if not 0 < i < len(values) - 1:
-        return 0.0
-    lo, mid, hi = float(values[i - 1]), float(values[i]), float(values[i + 1])
-    bend = lo - 2 * mid + hi
-    return 0.0 if bend >= 0 else max(-0.5, min(0.5, 0.5 * (lo - hi) / bend))
+    widest = int(search.strip_share * min(h, w))
+    angles = _fan(side, 5.0)
+    line = Line(float(angles[len(angles) // 2]), 0.0)
+    for _ in range(2):
+        two, three = np.zeros((len(angles), bins)), np.zeros((len(angles), bins))
+        strip = np.zeros((len(angles), bins), np.int32)
+        _explained(features, angles, widest, search.least_share, two, three, strip)
+        a, b = (int(i) for i in np.unravel_index(int(two.argmax()), two.shape))
+        i, j = (int(k) for k in np.unravel_index(int(three.argmax()), three.shape))
+        explained = float(two[a, b])
+        beside = 0.0
+        if float(three[i, j]) - explained > n * search.strip_gain:
+            a, b, beside = i, j, float(strip[i, j])
+        angle = float(angles[a])
+        middle = math.cos(angle) * 0.5 * w + math.sin(angle) * 0.5 * h
+        line = Line(angle, b - 0.5 * bins + middle, explained, beside)
+        angles = (angle + np.radians(np.arange(-4.0, 4.1, 1.0))).astype(np.float32)
+    return line
