@@ -107,8 +107,8 @@ def placed(
 ) -> NDArray[np.float64]:
     """An outline of the vehicle frame in the field frame."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
-    turned: NDArray[np.float64] = outline @ np.array([[c, s], [-s, c]])
-    return turned + np.array([x_m, y_m])
+    found: NDArray[np.float64] = outline @ np.array([[c, s], [-s, c]]) + (x_m, y_m)
+    return found
 
 
 class Level(enum.IntEnum):

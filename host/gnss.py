@@ -89,7 +89,9 @@ class Receiver:
     dropped by reason; a sentence without a checksum is dropped, for it proves nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tap: Callable[[bytes], object] | None = None) -> None:
+        """`tap` is given every byte that comes, as it comes."""
+        self._tap = tap
         self.sentences: Counter[str] = Counter()
         self.bad: Counter[str] = Counter()
         self._rest = b""
@@ -99,6 +101,8 @@ class Receiver:
     def feed(self, now: float, data: bytes) -> list[Fix]:
         """`now` is the bytes' arrival time; a fix carries that of its epoch's first sentence. Call
         it with b"" when nothing came: an epoch does not wait for its second sentence for ever."""
+        if self._tap is not None and data:
+            self._tap(data)
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > 3 * MAX_SENTENCE:
             self._rest = b""
@@ -232,13 +236,14 @@ def gnss_feed(
     clock: Callable[[], float],
     report: Callable[[str], None],
     baud: int = 9600,
+    tap: Callable[[bytes], object] | None = None,
 ) -> tuple[Feed[Fix], Receiver]:
     """`url`: tcp://HOST:PORT (what phone apps offer), a serial port (/dev/ttyUSB0), or a file.
 
-    The feed runs when it is started; the receiver carries the counts. Raises UserError on a URL
-    that cannot mean any of these.
+    The feed runs when it is started; the receiver carries the counts and hands every byte to `tap`,
+    in the feed's thread. Raises UserError on a URL that cannot mean any of these.
     """
-    receiver = Receiver()
+    receiver = Receiver(tap)
     parts = urlsplit(url)
     path = Path(url)
     source: Callable[[Feed[Fix]], Iterator[Fix]]
