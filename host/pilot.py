@@ -117,6 +117,7 @@ class Pilot:
         self._looks = 0
         self._empty = 0
         self._run_from: Motion | None = None
+        self._search_m = math.inf
 
     # ---- what others may read --------------------------------------------------------------------
 
@@ -265,6 +266,9 @@ class Pilot:
         ):
             self._begin_turn(now, self._clear_since)
             return self._hold()
+        if self._entered_at is None and self._cut_m(self.motion) > self._search_m:
+            self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
+            return Command(Request.STOP, reason=self.reason)
         if self._overrun():
             self._go(now, Phase.FAULT, "the side is longer than the boundary allows")
             return Command(Request.STOP, reason=self.reason)
@@ -336,6 +340,7 @@ class Pilot:
         self._leg_index = 0
         self._leg_running = False
         self._leg_stamp = now
+        self._search_m = math.inf
         self._detector.restart()
         self._go(now, Phase.TURN, f"end of side {self.turns}: no crop before the blade")
 
@@ -422,12 +427,22 @@ class Pilot:
         if view.crop_ahead_m > self._crop_expected_m() + NO_CROP_M:
             self._empty += 1
             if self._empty >= SEARCH_PICTURES:
-                self._go(now, Phase.FINISHED, "no crop left beside the last swath")
+                self._nothing_there(now)
             return self._hold()
         if view.confidence >= CONFIDENT or self._looks >= SEARCH_PICTURES:
             self._start_side(now, f"side {self.turns + 1}: crop {view.crop_ahead_m:.1f} m ahead")
         del telemetry
         return self._hold()
+
+    def _nothing_there(self, now: float) -> None:
+        """No crop in view after a turn: the end, unless the plan still has a long side here. Then
+        the machine may be out of line, and looks for it along the lane."""
+        side = self._side()
+        if side is None or side.length_m < SHORT_SIDE_M:
+            self._go(now, Phase.FINISHED, "no crop left beside the last swath")
+        else:
+            self._search_m = self._crop_expected_m() + NO_CROP_M
+            self._start_side(now, f"side {self.turns + 1}: no crop in view, looking for it")
 
     def _rest(self, now: float, telemetry: Telemetry) -> Command:
         del now, telemetry
