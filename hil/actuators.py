@@ -197,8 +197,8 @@ class Stand:
         self.target.write(data)
 
     def advance(self, seconds: float) -> bytes:
-        """Runs on, in whole rows of the log; returns what the firmware sent meanwhile."""
-        end = self._now_us + math.ceil(seconds / LOG_S - 1e-6) * inner.LOG_US
+        """Runs on, in whole milliseconds; returns what the firmware sent meanwhile."""
+        end = self._now_us + math.ceil(seconds * 1e6 / inner.PHYSICS_US - 1e-6) * inner.PHYSICS_US
         status = self._run(self._now_us, end)
         if status != 0:
             raise UserError(
@@ -319,7 +319,7 @@ def step_response(
         stand.advance(0.01)
         set_params(stand, session, calibration(spec.steering) | dict(gains))
         stand.write(session.request(protocol.Arm(protocol.VERSION)))
-        stand.advance(0.01)
+        stand.advance(LOG_S)
         begin = len(stand.log())
         target = math.radians(step.start_deg + step.size_deg)
         said = b""

@@ -207,6 +207,10 @@ class Link:
         """Raises UserError when the port has vanished or takes no bytes."""
         self._write(self.session.encode(self._clock(), command))
 
+    def request(self, message: protocol.Message) -> None:
+        """Sends any message, once; raises as `send` does."""
+        self._write(self.session.request(message))
+
     def meet(self, timeout_s: float = HELLO_TIMEOUT_S) -> protocol.Version:
         """The handshake. Raises UserError when nobody answers in this protocol."""
         deadline = self._clock() + timeout_s
