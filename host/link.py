@@ -235,8 +235,9 @@ class Link:
                 self.poll(deadline - now)
                 for answer in self.session.answers:
                     if _answers(answer, message, seq):
-                        if isinstance(answer, protocol.Ack) and self.session.refusal:
-                            raise UserError(f"{self.port}: {self.session.refusal}")
+                        why = _refusal(answer) if isinstance(answer, protocol.Ack) else ""
+                        if why:
+                            raise UserError(f"{self.port}: {why}")
                         return answer
         raise UserError(
             f"{self.port}: no answer to {type(message).__name__} in {attempts} attempts of "

@@ -47,6 +47,8 @@ class FakeFirmware:
         self.changed = threading.Condition()
         self.telemetry = RESTING
         self.refuse: dict[type[protocol.Message], protocol.Result] = {}
+        self.stale: protocol.Result | None = None
+        """When set, late answers to the request before, with this result, surround each Ack."""
         self.deaf_to: dict[type[protocol.Message], int] = {}
         """How many messages of a kind are lost before one is heard."""
         self.params = {spec.id: spec.default_raw for spec in protocol.PARAMS.values()}
@@ -134,4 +136,7 @@ class FakeFirmware:
                 if isinstance(message, protocol.ParamDefaults) and result is protocol.Result.OK:
                     for spec in protocol.PARAMS.values():
                         self.params[spec.id] = spec.default_raw
-                self._send(protocol.Ack(message.ID, seq, result))
+                late = self.stale
+                for asked, answer in ((seq - 1, late), (seq, result), (seq - 1, late)):
+                    if answer is not None:
+                        self._send(protocol.Ack(message.ID, asked % 256, answer))

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, cast
 
@@ -97,6 +98,7 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
             fixes: list[Fix] | None = None,
             recorder: Recorder | None = None,
             fence: Fence | None = None,
+            clock: Callable[[], float] = time.monotonic,
         ) -> Drive:
             link = stack.enter_context(Link(board.port, time.monotonic))
             link.meet()
@@ -111,7 +113,7 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
                 gnss,
                 MAST,
                 Vehicle(),
-                time.monotonic,
+                clock,
                 recorder,
                 fence,
             )
@@ -151,6 +153,39 @@ def test_picture_and_fix_are_given_once_and_telemetry_is_the_latest(
     stamps = [telemetry.stamp for *_, telemetry in script.seen if telemetry is not None]
     assert stamps == sorted(stamps)
     assert len(set(stamps)) >= 4
+
+
+class ManualClock:
+    """Stands still but for a millisecond at each look, and for what a step is said to take."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        self.now += 0.001
+        return self.now
+
+
+def test_a_step_that_takes_too_long_is_counted_and_not_made_up_for(
+    driven: Callable[..., Drive],
+) -> None:
+    clock = ManualClock()
+
+    class Slow(Script):
+        def step(self, *given: Any) -> Command:
+            if len(self.seen) == 2:
+                clock.now += 0.23
+            return super().step(*given)
+
+    script = Slow([Command(Request.STOP)] * 8)
+    run = driven(script, clock=clock)
+    run.run(nothing)
+    times = [now for now, *_ in script.seen]
+    gaps = [after - before for before, after in pairwise(times)]
+    assert run.late == 1
+    assert 0.23 < run.step_s < 0.25
+    assert gaps[2] == pytest.approx(0.24, abs=0.02)
+    assert [gap for n, gap in enumerate(gaps) if n != 2] == pytest.approx([0.05] * 7, abs=0.02)
 
 
 def test_the_time_from_shutter_to_firmware_is_measured(

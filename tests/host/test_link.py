@@ -185,6 +185,23 @@ def test_a_lost_request_is_sent_again(board: FakeFirmware) -> None:
     assert isinstance(answer, protocol.Ack)
 
 
+@pytest.mark.parametrize("late", [protocol.Result.OK, protocol.Result.STORE_FAILED])
+@pytest.mark.parametrize("result", [protocol.Result.OK, protocol.Result.WRONG_STATE])
+def test_a_late_answer_to_an_earlier_request_is_none_to_this(
+    board: FakeFirmware, late: protocol.Result, result: protocol.Result
+) -> None:
+    board.stale = late
+    board.refuse[protocol.ParamSave] = result
+    with Link(board.port, time.monotonic) as link:
+        if result is protocol.Result.OK:
+            answer = link.ask(protocol.ParamSave())
+            assert isinstance(answer, protocol.Ack)
+            assert answer.result is protocol.Result.OK
+        else:
+            with pytest.raises(UserError, match="not allowed in the present state"):
+                link.ask(protocol.ParamSave())
+
+
 def test_a_refused_request_raises_its_reason(board: FakeFirmware) -> None:
     board.refuse[protocol.ParamSave] = protocol.Result.WRONG_STATE
     with (

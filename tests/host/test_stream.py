@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,8 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.errors import UserError
-from host.feed import Feed
-from host.stream import MAX_JPEG_BYTES, MultipartJpeg, Picture, camera_feed
+from host.feed import Feed, SourceLostError
+from host.stream import MAX_JPEG_BYTES, MultipartJpeg, Picture, _from_multipart, camera_feed
 
 LIMIT_S = 10.0
 
@@ -115,6 +116,25 @@ def test_a_broken_jpeg_has_no_frame() -> None:
     assert frame.stamp == 3.0
     assert frame.bgr.shape == (48, 64, 3)
     assert abs(int(frame.bgr.mean()) - 120) <= 2
+
+
+class Burst:
+    """An HTTP response that gives everything at once, and then closes."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = [data, b""]
+
+    def read1(self, _count: int) -> bytes:
+        return self._data.pop(0)
+
+
+def test_of_pictures_that_come_at_once_only_the_newest_is_given() -> None:
+    burst: Any = Burst(b"".join(with_length(picture) for picture in PICTURES))
+    feed: Feed[Picture] = Feed("camera", lambda _: iter(()), lambda: 4.0, print)
+    given = _from_multipart(burst, MultipartJpeg("frame"), feed)
+    assert next(given) == Picture(4.0, PICTURES[-1])
+    with pytest.raises(SourceLostError, match="closed the stream"):
+        next(given)
 
 
 # ---- the sources ---------------------------------------------------------------------------------

@@ -54,6 +54,15 @@ def test_set_takes_the_limits_and_refuses_what_lies_beyond(
         assert board.params[spec.id] == spec.max_raw
 
 
+def test_set_shows_what_the_firmware_keeps_and_not_what_was_asked(
+    cli: Cli, board: FakeFirmware
+) -> None:
+    kept = SCALED.from_raw(SCALED.min_raw + 1)
+    asked = kept + 0.4 * SCALED.scale
+    _, out, _ = cli("params", "set", SCALED.name, f"{asked}", "--port", board.port)
+    assert out.splitlines()[0] == f"{SCALED.name} = {kept:g} {SCALED.unit}".rstrip()
+
+
 def test_set_says_that_it_is_not_saved_and_save_saves(cli: Cli, board: FakeFirmware) -> None:
     value = f"{ANY.from_raw(ANY.max_raw)}"
     _, out, _ = cli("params", "set", ANY.name, value, "--port", board.port)
