@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 import time
 from pathlib import Path
 
@@ -12,11 +13,16 @@ import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
 
 from host.errors import UserError
+from host.vision import bench
 from host.vision.figure import staged
-from host.vision.photo import photo_detector
+from host.vision.paper import PaperPhoto
+from host.vision.photo import RobustPhoto, photo_detector
 from host.vision.pictures import Picture, frames
+from host.vision.score import labelled_set
 from host.vision.split import SIDES, Side
 from host.vision.view import CropView
 
@@ -122,3 +128,95 @@ def see(
             click.echo(f"{name}: confidence {view.confidence:.2f}, {ms:.1f} ms{text}")
     if failed:
         raise UserError(f"{failed} of the sources could not be used, see above")
+
+
+def data_folder() -> Path:
+    """`DARANTI_DATA`, or shared/data beside the checkout."""
+    named = os.environ.get("DARANTI_DATA")
+    return Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def overlay(photo: bench.Photo, result: bench.Result) -> Picture:
+    """The label's edge in blue, the found one in red."""
+    out = photo.bgr.copy()
+    for mask, colour in ((photo.standing, (235, 120, 30)), (result.standing, (40, 40, 235))):
+        shapes, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(out, shapes, -1, colour, max(1, out.shape[1] // 250))
+    scale = 360 / out.shape[0]
+    return np.asarray(cv2.resize(out, None, fx=scale, fy=scale), np.uint8)
+
+
+@click.command()
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    help="Labelled photographs: manifest.csv, images/, masks/. Default: DARANTI_DATA or "
+    "../shared/data, its wheat-edge.",
+)
+@click.option("--out", type=click.Path(path_type=Path), default=Path("bench"), show_default=True)
+@click.option("--worst", type=click.IntRange(0, 50), default=8, show_default=True, metavar="N")
+def bench_vision(data: Path | None, out: Path, worst: int) -> None:
+    """Scores both modes and two baselines on labelled photographs; writes summary.json, the folds
+    and overlays of the worst pictures."""
+    folder = data or data_folder() / "wheat-edge"
+    if not (folder / "manifest.csv").exists() and (folder / "wheat-edge").is_dir():
+        folder = folder / "wheat-edge"
+    photos = [bench.Photo(item, item.picture(), item.standing()) for item in labelled_set(folder)]
+    out.mkdir(parents=True, exist_ok=True)
+    robust, folds = bench.cross_validated(photos)
+
+    def robust_see(p: bench.Photo) -> CropView:
+        return RobustPhoto(p.item.side).see(p.bgr)
+
+    def paper_see(p: bench.Photo) -> CropView:
+        return PaperPhoto(p.item.side).see(p.bgr)
+
+    def fixed(see: bench.See) -> list[bench.Result]:
+        return [bench.judge(p, see(p)) for p in photos]
+
+    paper_ms = bench.median_ms(photos, paper_see)
+    modes = {
+        "robust": (robust, bench.median_ms(photos, robust_see)),
+        "paper": (fixed(paper_see), paper_ms),
+        "paper_tuned_per_scene": (bench.tuned_per_scene(photos), paper_ms),
+        "lab_and_texture": (
+            fixed(bench.lab_and_texture),
+            bench.median_ms(photos, bench.lab_and_texture),
+        ),
+        "hough": (fixed(bench.hough), bench.median_ms(photos, bench.hough)),
+    }
+    figures = {name: bench.summary(results, ms) for name, (results, ms) in modes.items()}
+    table = Table(
+        "mode",
+        "mIoU",
+        "lateral %",
+        "within 5 %",
+        "heading 5°",
+        "sure and wrong",
+        "sure",
+        "ms",
+        title=f"{len(photos)} photographs, {len(folds)} scenes",
+    )
+    for name, f in figures.items():
+        table.add_row(
+            name,
+            f"{f['miou_mean']:.3f}",
+            f"{100 * f['lateral_median']:.2f}",
+            *(f"{100 * f[k]:.1f} %" for k in ("within_5pct", "heading_within_5deg")),
+            *(f"{100 * f[k]:.1f} %" for k in ("confident_wrong", "confident")),
+            f"{f['ms_median']:.1f}",
+        )
+    console = Console()
+    console.print(table)
+    stages = bench.stage_times(photos)
+    times = Table("stage, 640x480, one thread", "ms")
+    for name, ms in stages.items():
+        times.add_row(name, f"{ms:.2f}")
+    console.print(times)
+    record = {**figures, "stages_ms": stages, "folds": folds}
+    (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    by_error = sorted(zip(photos, robust, strict=True), key=lambda pair: pair[1].miou)
+    for rank, (photo, result) in enumerate(by_error[:worst], start=1):
+        name = f"worst-{rank:02d}-{photo.item.name}-{result.miou:.2f}.png"
+        cv2.imwrite(str(out / name), overlay(photo, result))
+    console.print(f"{out}/summary.json, {min(worst, len(photos))} overlays of the worst")

@@ -21,7 +21,7 @@ from host.vision.geometry import Camera
 from host.vision.lines import LEAST_PX, least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask, Picture, u8
 from host.vision.score import edge_of
-from host.vision.split import Side, best_line, whiten
+from host.vision.split import Line, Side, best_line, whiten
 from host.vision.stems import LOGARITHM
 from host.vision.view import NAN, CropView
 
@@ -153,23 +153,41 @@ class PaperPhoto:
         self.side = side
         self.params = params or PaperParams()
 
-    def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
-        h, w = bgr.shape[:2]
-        s = Chain(self.params, (w, h)).run(bgr)
+    def contrast(self, bgr: Picture) -> float:
+        """How clearly the upright lines tell the named side from the other, 0..1."""
+        stages = Chain(self.params, (bgr.shape[1], bgr.shape[0])).run(bgr)
+        return self._divide(stages.upright)[1]
+
+    def _divide(self, upright: Mask) -> tuple[Line, float]:
+        """The line that divides dense from sparse upright lines, in pixels, and the contrast: the
+        explained variance, 0 where the named side is the sparse one."""
+        h, w = upright.shape
         cell = max(1, round(max(h, w) / 64))
         grid = (max(2, w // cell), max(2, h // cell))
-        coarse = cv2.resize(s.upright, grid, interpolation=cv2.INTER_AREA)
+        coarse = cv2.resize(upright, grid, interpolation=cv2.INTER_AREA)
         density = cv2.GaussianBlur(coarse, (0, 0), 1.0).astype(np.float32)
-        lit = float((s.upright > 0).mean())
-        if lit < 1e-3:
-            return CropView(0.0, reason="no upright crop of ripe colour in the picture")
-        line = best_line(whiten(density[..., None]), self.side).scaled(w / grid[0])
-        v, u = np.mgrid[0:h, 0:w]
-        standing = line.signed(u + 0.5, v + 0.5) > 0
-        inside = float(s.upright[standing].mean()) if standing.any() else 0.0
-        outside = float(s.upright[~standing].mean()) if (~standing).any() else 0.0
-        ratio = inside / max(outside, 1e-3)
-        confidence = max(0.0, min(0.95, 2.0 * (line.explained - 0.2), 0.2 * (ratio - 1.0)))
+        line = best_line(whiten(density[..., None]), self.side)
+        u, v = np.meshgrid(np.arange(grid[0]) + 0.5, np.arange(grid[1]) + 0.5)
+        crop = line.signed(u, v) > 0
+        inside = float(density[crop].mean()) if crop.any() else 0.0
+        outside = float(density[~crop].mean()) if (~crop).any() else 0.0
+        share = (inside - outside) / max(inside + outside, 1.0)
+        return line.scaled(w / grid[0]), max(0.0, line.explained * share)
+
+    def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
+        """`bgr` (height, width, 3)."""
+        h, w = bgr.shape[:2]
+        s = Chain(self.params, (w, h)).run(bgr)
+        if float((s.upright > 0).mean()) < 1e-3:
+            return CropView(
+                0.0,
+                reason="no upright crop of ripe colour in the picture",
+                stages=staged_pictures(bgr, s) if stages else {},
+            )
+        line, contrast = self._divide(s.upright)
+        u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+        standing = np.asarray(line.signed(u, v) > 0)
+        confidence = min(0.95, 1.25 * contrast)
         height = l_height(s.upright)
         edge = edge_of(standing, self.side)
         return CropView(

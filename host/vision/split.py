@@ -2,8 +2,9 @@
 
 Over features whitened by their total covariance, the share of the variance that a division explains
 is Fisher's criterion in another guise, and needs first-order sums only: every line of a fan is
-tried. A cut face, a shadow or trampled stalks may lie between crop and stubble as a strip of a third kind;
-where a division into three explains clearly more than one into two, the crop ends at its border.
+tried. A cut face, a shadow or trampled stalks may lie between crop and stubble as a strip of a
+third kind; where a division into three explains clearly more than one into two, the crop ends at
+its border.
 """
 
 from __future__ import annotations

@@ -1,0 +1,129 @@
+"""`daranti tune vision`: the paper's parameters, from photographs, a camera or a video."""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import cv2
+from rich.console import Console
+from rich.table import Table
+
+from host.errors import UserError
+from host.see import read_sides
+from host.vehicle import Vehicle
+from host.vision.figure import staged
+from host.vision.mounted import MountedDetector, make_detector
+from host.vision.paper import PaperParams, PaperPhoto
+from host.vision.pictures import Picture, frames
+from host.vision.profiles import Circumstance, Profiles
+from host.vision.split import SIDES, Side
+from host.vision.tuning import Contrast, mounted_contrast, photo_contrast, tune
+from host.vision.view import Detector
+
+DATABASE = Path.home() / ".local" / "share" / "daranti" / "profiles.sqlite"
+
+
+def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
+    """Parameters and contrast before and after."""
+    table = Table("parameter", "before", "after")
+    for name in PaperParams.model_fields:
+        before, after = getattr(old, name), getattr(new, name)
+        table.add_row(name, f"{before:g}", f"{after:g}" if after != before else "")
+    table.add_row("contrast reached", f"{contrast[0]:.3f}", f"{contrast[1]:.3f}")
+    return table
+
+
+@click.command()
+@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|URL...")
+@click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Default: now.")
+@click.option("--terrain", default="flat", show_default=True)
+@click.option("--crop", default="wheat", show_default=True)
+@click.option("--weather", default="clear", show_default=True)
+@click.option(
+    "--mount",
+    default="photo",
+    show_default=True,
+    help="A mount (low, mast) for the machine's own camera; photo: any picture.",
+)
+@click.option("--side", type=click.Choice(SIDES), help="Where the crop stands on photographs.")
+@click.option("--manifest", type=click.Path(path_type=Path), help="The side of each photograph.")
+@click.option("--pictures", type=click.IntRange(1, 100), default=8, show_default=True)
+@click.option("--db", type=click.Path(path_type=Path), default=DATABASE, show_default=True)
+@click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True)
+@click.option("--save/--no-save", default=True, show_default=True)
+def tune_vision(
+    source: tuple[str, ...],
+    hour: float | None,
+    terrain: str,
+    crop: str,
+    weather: str,
+    mount: str,
+    side: Side | None,
+    manifest: Path | None,
+    pictures: int,
+    db: Path,
+    out: Path,
+    save: bool,
+) -> None:
+    """Finds the paper's parameters on the first pictures, starting from the nearest profile; shows
+    before and after, and saves the profile."""
+    sides = read_sides(manifest) if manifest else {}
+    taken: list[tuple[str, Picture]] = []
+    for item in source:
+        taken += itertools.islice(frames(item), pictures - len(taken))
+    now = datetime.datetime.now().astimezone()
+    where = Circumstance(
+        now.hour + now.minute / 60 if hour is None else hour, terrain, crop, weather, mount
+    )
+    contrast: Contrast
+    if mount == "photo":
+        named = [(bgr, side or sides.get(name, "left")) for name, bgr in taken]
+        contrast = photo_contrast(named)
+    else:
+        detector = _mounted(mount, taken)
+        contrast = mounted_contrast([bgr for _, bgr in taken], detector)
+    with Profiles(db) as profiles:
+        near = profiles.nearest(where)
+        start = near.params if near else PaperParams()
+        params, reached = tune(contrast, start)
+        if save:
+            profiles.save(where, params, reached, now)
+    console = Console()
+    console.print(show_change(start, params, (contrast(start), reached)))
+    out.mkdir(parents=True, exist_ok=True)
+    for name, bgr in taken:
+        for when, used in (("before", start), ("after", params)):
+            eye: Detector | PaperPhoto
+            if mount == "photo":
+                eye = PaperPhoto(side or sides.get(name, "left"), used)
+            else:
+                eye = detector(used)
+            cv2.imwrite(str(out / f"{name}.{when}.png"), staged(bgr, eye.see(bgr, stages=True)))
+    saved = f"; saved in {db}" if save else ""
+    console.print(f"{len(taken)} pictures before and after in {out}{saved}")
+
+
+def _mounted(
+    name: str, taken: list[tuple[str, Picture]]
+) -> Callable[[PaperParams], MountedDetector]:
+    """Makes the detector of a mount for given parameters, once the pictures turn out to be its."""
+    vehicle = Vehicle()
+    if name not in vehicle.mounts:
+        known = ", ".join(["photo", *vehicle.mounts])
+        raise UserError(f"--mount {name}: no such mount; choose one of {known}")
+    mount = vehicle.mounts[name]
+    for label, bgr in taken:
+        if (bgr.shape[1], bgr.shape[0]) != (mount.width_px, mount.height_px):
+            raise UserError(
+                f"{label}: {bgr.shape[1]}x{bgr.shape[0]} pixels, but the mount {name} takes "
+                f"{mount.width_px}x{mount.height_px}; use its own pictures or --mount photo"
+            )
+
+    def make(params: PaperParams) -> MountedDetector:
+        return make_detector("paper", vehicle, mount, params=params)
+
+    return make
