@@ -50,6 +50,10 @@ class CameraSpec(Strict):
     """How much of the scene's brightness the exposure control evens out."""
     target: Annotated[float, Limits(gt=0, lt=255)] = 118.0
     """Mean brightness that the exposure control aims at."""
+    vibration_deg: NotNegative = 0.1
+    """Standard deviation of the mount's roll and pitch from the engine."""
+    machine_in_view: bool = False
+    """Draws the reaper's header where it is in view."""
     jpeg_quality: Annotated[int, Limits(ge=1, le=100)] = 80
 
     @property
@@ -60,6 +64,22 @@ class CameraSpec(Strict):
 
 LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
+
+
+def _axes(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
+    """Rows right, down, forward of a camera; pitch positive downward, roll clockwise."""
+    forward = np.array(
+        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
+    )
+    level = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
+    under = np.cross(forward, level)
+    return np.stack(
+        [
+            math.cos(roll) * level + math.sin(roll) * under,
+            math.cos(roll) * under - math.sin(roll) * level,
+            forward,
+        ]
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,9 +155,9 @@ class Camera:
         corner = np.array([*field.origin, 0.0, 0.0])
         self._crowns_in_cells = (self._crowns - corner) / self._coarse
         self._refresh(0, coarse[0], 0, coarse[1])
-        soil, straw, crop = (82.0, 110.0, 142.0), (106.0, 156.0, 200.0), (92.0, 142.0, 196.0)
+        crop, straw = field.spec.crop_bgr, field.spec.straw_bgr
         green = (56.0, 138.0, 118.0)
-        tiles, levels = texture.bake(seed, soil, straw, crop)
+        tiles, levels = texture.bake(seed, field.spec.soil_bgr, straw, crop)
         self._paint = render.Paint(
             tiles=tiles,
             levels=levels,
@@ -168,6 +188,7 @@ class Camera:
         self._depth = np.zeros((h, w), np.float32)
         self._label = np.zeros((h, w), np.uint8)
         self._records = np.zeros((0, 17), np.float32)
+        self._header = self._bake_header() if s.machine_in_view else None
         tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
         self._noise = np.rint(tile).astype(np.int16)
         radius = np.linalg.norm(self._rays, axis=2) / np.linalg.norm(self._rays[0, 0])
@@ -306,19 +327,12 @@ class Camera:
     def _view(self, shot: Shot) -> render.View:
         s = self.spec
         yaw = shot.yaw + math.radians(s.yaw_deg)
-        pitch = shot.pitch + math.radians(s.pitch_deg)
-        roll = shot.roll + math.radians(s.roll_deg)
-        forward = np.array(
-            [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
+        instant = round(shot.t * 1e6)
+        pitch = shot.pitch + math.radians(
+            s.pitch_deg + s.vibration_deg * noise.normal(self._seed + 3, instant, 0)
         )
-        level = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
-        under = np.cross(forward, level)
-        axes = np.stack(
-            [
-                math.cos(roll) * level + math.sin(roll) * under,
-                math.cos(roll) * under - math.sin(roll) * level,
-                forward,
-            ]
+        roll = shot.roll + math.radians(
+            s.roll_deg + s.vibration_deg * noise.normal(self._seed + 4, instant, 0)
         )
         c, n = math.cos(shot.yaw), math.sin(shot.yaw)
         # The mount tips with the vehicle about its ground point.
@@ -329,7 +343,7 @@ class Camera:
             x=shot.x + ahead * c - aside * n,
             y=shot.y + ahead * n + aside * c,
             z=max(0.05, up),
-            axes=axes,
+            axes=_axes(yaw, pitch, roll),
             focal=s.focal_px,
             cu=s.width_px / 2,
             cv=s.height_px / 2,
@@ -397,17 +411,52 @@ class Camera:
             else:
                 list(self._pool.map(stage, range(render.STRIPS)))
 
+        if self._header is not None:
+            picture, mask = self._header
+            self._image[mask] = picture[mask]
+            self._label[mask] = labels.MACHINE
         if shot.blade_on and self.weather.dust > 0:
             self._raise_dust(shot)
 
+    def _mount_axes(self) -> NDArray[np.float64]:
+        """Right, down and forward of the camera in the vehicle frame."""
+        s = self.spec
+        return _axes(*(math.radians(a) for a in (s.yaw_deg, s.pitch_deg, s.roll_deg)))
+
+    def _bake_header(self) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+        """The machine's own parts as the camera sees them, and where: blade bar, frame and the
+        dividers at its ends. They keep their place in the picture."""
+        s = self.spec
+        half, front = self._blade_width_m / 2, self._blade_x_m
+        steel, paint = (96, 100, 104), (40, 48, 150)
+        parts = [
+            (paint, [(front - 0.12, y, z) for y, z in ((half, 0.4), (-half, 0.4))]
+             + [(front - 0.06, y, z) for y, z in ((-half, 0.16), (half, 0.16))]),
+            (steel, [(front - 0.06, -half, 0.16), (front - 0.06, half, 0.16),
+                     (front, half, 0.12), (front, -half, 0.12)]),
+            *((paint, [(front - 0.12, y, 0.42), (front - 0.12, y, 0.12), (front + 0.2, y, 0.12),
+                       (front + 0.05, y + 0.03, 0.22)]) for y in (half, -half)),
+        ]  # fmt: skip
+        picture = np.zeros((s.height_px, s.width_px, 3), np.uint8)
+        drawn = np.zeros((s.height_px, s.width_px), np.uint8)
+        axes, place = self._mount_axes(), np.array([s.x_m, s.y_m, s.z_m])
+        for colour, corners in parts:
+            right, down, ahead = axes @ (np.array(corners) - place).T
+            if ahead.min() < 0.1:
+                continue
+            a, b = right / ahead, down / ahead
+            r = a * a + b * b
+            lens = s.focal_px * (1 + r * (s.k1 + r * s.k2))
+            points = np.stack([a * lens + s.width_px / 2, b * lens + s.height_px / 2], 1)
+            polygon = np.rint(points).astype(np.int32)
+            cv2.fillPoly(picture, [polygon], colour)
+            cv2.fillPoly(drawn, [polygon], 1)
+        return picture, drawn > 0
+
     def _raise_dust(self, shot: Shot) -> None:
         s, weather = self.spec, self.weather
-        pitch, yaw, scale = math.radians(s.pitch_deg), math.radians(s.yaw_deg), 4
-        forward = (
-            math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)
-        )  # fmt: skip
-        right = (math.sin(yaw), -math.cos(yaw), 0.0)
-        mount = np.array([right, np.cross(forward, right), forward, (s.x_m, s.y_m, s.z_m)])
+        scale = 4
+        mount = np.vstack([self._mount_axes(), (s.x_m, s.y_m, s.z_m)])
         toward = math.radians(90 - weather.wind_from_deg + 180) - shot.yaw
         wind = 0.4 * weather.wind_mps  # near the ground
         drift = np.array([wind * math.cos(toward) - shot.v, wind * math.sin(toward)])

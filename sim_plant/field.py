@@ -38,6 +38,8 @@ Share = Annotated[float, Limits(ge=0, le=1)]
 Positive = Annotated[float, Limits(gt=0)]
 NotNegative = Annotated[float, Limits(ge=0)]
 Point = tuple[float, float]
+Channel = Annotated[float, Limits(ge=0, le=255)]
+Colour = tuple[Channel, Channel, Channel]
 Side = Literal["south", "east", "north", "west"]
 
 
@@ -95,6 +97,10 @@ class FieldSpec(Strict):
     bare: Share = 0.002
     grass: Share = 0.3
     """Of the ground outside the crop."""
+    crop_bgr: Colour = (92.0, 142.0, 196.0)
+    """Of the ripe crop in daylight, display-referred; likewise below."""
+    straw_bgr: Colour = (98.0, 150.0, 200.0)
+    soil_bgr: Colour = (82.0, 110.0, 142.0)
     patch_m: Positive = 1.5
     """Wavelength of the patches."""
     windrow_m: tuple[float, NotNegative] = (0.1, 0.45)

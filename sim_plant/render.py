@@ -859,5 +859,5 @@ def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float3
     s[..., 6] = rng.random(shape)
     s[..., 7] = rng.normal(0, 0.022, shape)
     s[..., 8] = rng.random(shape)
-    s[..., 9:12] = rng.normal(1, 0.035, (*shape, 3))
+    s[..., 9:12] = rng.normal(1, 0.045, (*shape, 3))
     return s

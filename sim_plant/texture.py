@@ -46,10 +46,14 @@ def _strokes(
     reach = rng.integers(*length, count)
     angle = rng.normal(np.pi / 2, 0.12, count) if upright else rng.random(count) * np.pi
     tone = rng.uniform(*spread, count)
+    # Straws differ in hue and saturation, not in brightness alone.
+    tint = rng.normal(1, 0.08, (count, 3))
+    paint = tone[:, None] * tint * np.array(colour)
     step = np.stack([reach * np.cos(angle), reach * np.sin(angle)], 1).astype(int)
-    for (x, y), (dx, dy), g in zip(xy.tolist(), step.tolist(), tone.tolist(), strict=True):
-        lit = tuple(min(255.0, c * g) for c in colour)
-        dark = tuple(c * shade * g for c in colour)
+    lit_bgr, dark_bgr = np.minimum(255.0, paint).tolist(), (shade * paint).tolist()
+    for (x, y), (dx, dy), lit, dark in zip(
+        xy.tolist(), step.tolist(), lit_bgr, dark_bgr, strict=True
+    ):
         for ox in (0, -SIDE if x + dx >= SIDE else SIDE if x + dx < 0 else 0):
             for oy in (0, -SIDE if y + dy >= SIDE else 0):
                 a, b = (x + ox, y + oy), (x + ox + dx, y + oy + dy)
@@ -76,7 +80,8 @@ def bake(seed: int, soil: Colour, straw: Colour, crop: Colour) -> tuple[Tile, ND
     written to, because equal calls share them."""
     rng = np.random.default_rng([seed, 0x7E])
     base = 1 + _noise(rng, (1, 0.05), (2, 0.06), (8, 0.07), (32, 0.06), (128, 0.05))
-    ground = np.asarray(np.clip(np.array(soil) * base[..., None], 0, 255), np.uint8)
+    cast = 1 + np.stack([_noise(rng, (4, 0.03), (64, 0.04)) for _ in range(3)], -1)
+    ground = np.asarray(np.clip(np.array(soil) * base[..., None] * cast, 0, 255), np.uint8)
 
     stubble = ground.copy()
     _strokes(stubble, rng, 20000, (8, 50), straw, spread=(0.6, 1.1), shade=0.6)

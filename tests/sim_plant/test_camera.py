@@ -16,7 +16,7 @@ from sim_plant.sky import WeatherSpec
 
 SPEC = FieldSpec(size_m=(8.0, 6.0), bare=0, thin=0, edge_wobble_m=0, crop_height_sd_m=0)
 POSE = (0.0, 1.0, 1.5, 0.0)
-PINHOLE = {"k1": 0.0, "k2": 0.0}
+PINHOLE = {"k1": 0.0, "k2": 0.0, "vibration_deg": 0.0}
 
 
 def half_cut(seed: int = 1, spec: FieldSpec = SPEC) -> Field:
@@ -218,8 +218,9 @@ def test_low_sun_is_warm() -> None:
 
 
 def test_wind_moves_the_stalks() -> None:
-    camera = Camera(half_cut(), MAST, WeatherSpec(wind_mps=6), seed=1)
-    calm = Camera(half_cut(), MAST, WeatherSpec(wind_mps=0), seed=1)
+    mount = MAST.model_copy(update={"vibration_deg": 0.0})
+    camera = Camera(half_cut(), mount, WeatherSpec(wind_mps=6), seed=1)
+    calm = Camera(half_cut(), mount, WeatherSpec(wind_mps=0), seed=1)
 
     def change(cam: Camera) -> float:
         a, b = (cam.labels(t, *POSE[1:]) for t in (0.0, 0.4))
@@ -227,6 +228,36 @@ def test_wind_moves_the_stalks() -> None:
 
     assert change(calm) == 0.0
     assert change(camera) > 0.005
+
+
+def test_the_engine_shakes_the_mount() -> None:
+    mount = MAST.model_copy(update={"vibration_deg": 0.5})
+    camera = Camera(half_cut(), mount, seed=1)
+    axes = [camera._view(camera.shutter(0.1 * k, *POSE[1:])).axes for k in range(400)]
+    pitch = np.degrees([-math.asin(a[2, 2]) for a in axes])
+    assert pitch.mean() == pytest.approx(28.0, abs=0.1)
+    assert pitch.std() == pytest.approx(0.5, abs=0.06)
+
+
+def test_the_header_hides_the_ground_behind_it_and_moves_with_the_camera() -> None:
+    mount = MAST.model_copy(update={**PINHOLE, "machine_in_view": True})
+    field = half_cut()
+    camera = Camera(field, mount, seed=1)
+    masks = [camera.labels(*p) == labels.MACHINE for p in (POSE, (0.0, 4.0, 4.0, 1.0))]
+    assert np.array_equal(masks[0], masks[1])
+    u, v = _project(mount, 1.5 - 0.1, 0.0, 0.3)
+    assert masks[0][round(v), round(u)]
+    bare = Camera(field, MAST.model_copy(update=PINHOLE), seed=1).labels(*POSE)
+    assert not (bare == labels.MACHINE).any()
+
+
+def test_dust_veils_the_blade_and_nothing_far_from_it() -> None:
+    camera = Camera(half_cut(), MAST, WeatherSpec(dust=1.0, wind_mps=0.5), seed=1)
+    off, on = (camera.capture(*POSE, blade_on=b).astype(int) for b in (False, True))
+    veiled = np.abs(on - off).max(2) > 40
+    u, v = _project(MAST, 1.5, 0.0, 0.3)
+    assert veiled[round(v) - 60 : round(v) + 10, round(u) - 120 : round(u) + 120].mean() > 0.2
+    assert veiled[:40].mean() < 0.01
 
 
 def test_the_jpeg_is_a_jpeg_of_the_picture() -> None:
