@@ -30,8 +30,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from hil import scenario as scenarios
-from hil.scenario import Scenario
+from hil.scenario import Scenario, assigned, changed, load, merge
 from host.errors import UserError
 
 Item = TypeVar("Item")
@@ -135,7 +134,7 @@ def run_job(job: Job) -> dict[str, Any]:
     work = Path(tempfile.mkdtemp(prefix=f".{job.key}-", dir=place.parent))
     chosen = Scenario.model_validate_json(job.scenario)
     try:
-        summary = harvest(chosen, work, film=False)
+        summary = harvest(chosen, work)
     except Exception as error:  # one run's failure must not end the others
         summary = {
             "scenario": chosen.name,
@@ -169,7 +168,8 @@ def summary_of(place: Path) -> dict[str, Any]:
 def jobs_of(chosen: Iterable[Scenario], out: Path, keep_records: bool) -> list[Job]:
     """One job per scenario. UserError where two are the same run."""
     folder = str((out / "runs").resolve())
-    jobs = [Job(s.model_dump_json(), folder, keep_records) for s in chosen]
+    quiet = {"record": {"film": False}}
+    jobs = [Job(changed(s, quiet).model_dump_json(), folder, keep_records) for s in chosen]
     if len({job.scenario for job in jobs}) != len(jobs):
         raise UserError("the same scenario and seed are named twice; name each once")
     return jobs
@@ -257,32 +257,22 @@ def seeds_of(text: str) -> list[int]:
     return seeds
 
 
-def _nested(path: str, value: Any) -> dict[str, Any]:
-    """{"a": {"b": value}} of "a.b"."""
-    for name in reversed(path.split(".")):
-        value = {name: value}
-    return dict(value)
-
-
 def variants(settings: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Every combination of `field.name=a,b,c` settings: (its name, overrides for a scenario)."""
     choices: list[list[tuple[str, dict[str, Any]]]] = []
     for setting in settings:
-        path, equals, values = setting.partition("=")
-        if not equals or not path or not values:
-            raise UserError(f"--set {setting}: say FIELD=VALUE or FIELD=VALUE,VALUE,...")
-        many = len(values.split(",")) > 1
+        path, _, values = setting.partition("=")
+        each = [values] if values.startswith("[") else values.split(",")
         choices.append(
             [
-                (f"{path.split('.')[-1]}={value}" if many else "", _nested(path, parsed))
-                for value in values.split(",")
-                for parsed in (yaml.safe_load(value),)
+                (f"{path.split('.')[-1]}={value}" * (len(each) > 1), assigned(f"{path}={value}"))
+                for value in each
             ]
         )
     for combination in itertools.product(*choices):
         merged: dict[str, Any] = {}
         for _, overrides in combination:
-            merged = scenarios.merge(merged, overrides)
+            merged = merge(merged, overrides)
         yield " ".join(name for name, _ in combination if name), merged
 
 
@@ -320,10 +310,10 @@ def campaign(
     for label, overrides in variants(settings):
         for seed in numbers:
             for name in names or (() if random_fields else ("default",)):
-                one = scenarios.load(name, scenarios.merge(overrides, {"seed": seed}))
+                one = load(name, merge(overrides, {"seed": seed}))
                 chosen.append(one.model_copy(update={"name": f"{one.name} {label}".strip()}))
             if random_fields:
-                one = scenarios.changed(random_field(seed), overrides)
+                one = changed(random_field(seed), overrides)
                 chosen.append(one.model_copy(update={"name": f"{one.name} {label}".strip()}))
     jobs = jobs_of(chosen, out, keep_records)
     console = Console(stderr=True)

@@ -1,15 +1,15 @@
 """`daranti-hil faults`: every supported fault in a short run, and what the machine did about it.
 
-A run follows the crop's edge, or turns, when the fault strikes. Two things are watched every ten
-milliseconds: what the motors truly get (drive and blade off is what counts as a stop), and what the
-firmware says before any cable has its way.
+A run follows the crop's edge, or turns, when the fault strikes. Watched are what the motors truly
+get, to the millisecond (drive and blade off is what counts as a stop), and what the firmware says
+before any cable has its way.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -23,14 +23,16 @@ from rich.table import Table
 from hil.campaign import spread
 from hil.faults import PAIRS, At, Expect, Fault
 from hil.harvest import Harvest
-from hil.lockstep import SLICE_US
+from hil.lockstep import SLICE_US, Bench
 from hil.provision import Firmware
 from hil.scenario import Limits, Recording, Scenario
+from hil.taps import Signal
 from host import protocol
 from host.errors import UserError
 from host.link import Session
 from host.pilot import Phase
 from host.types import State
+from host.vision.view import Detector
 from sim_plant.field import FieldSpec
 from sim_plant.machine import DriveSpec
 
@@ -45,6 +47,7 @@ REVERSING_MPS = -0.05
 AT_REST_MPS = 0.02
 HALL_PER_M = 20.0
 LIMIT_S = 60.0
+_MOVERS = (Signal.DRIVE_DUTY, Signal.BLADE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +74,6 @@ class Watch:
 
     def __init__(self, run: Harvest) -> None:
         self.run = run
-        self.last_on: float | None = None
-        """When drive or blade were last on, since the fault began."""
         self.path: list[tuple[float, float]] = []
         """(time, distance travelled since the fault began)."""
         self.rest_m = 0.0
@@ -109,9 +110,7 @@ class Watch:
         speed = float(bench.state["v"])
         self._travel += abs(speed) * SLICE_US / 1e6
         self.path.append((now, self._travel))
-        _, drive, blade = bench.drives
-        if drive != 0.0 or blade:
-            self.last_on = now
+        _, _, blade = bench.drives
         if abs(speed) > AT_REST_MPS:
             self.rest_m = self._travel
         if blade and speed < REVERSING_MPS:
@@ -177,11 +176,13 @@ class Watch:
         end = self.path[-1][0]
         since = shown if shown is not None else begun
         by, at = self._detection(begun)
-        last_on = self.last_on if self.last_on is not None else since - SLICE_US / 1e6
+        wires = self.run.bench.faults.taps
+        # The pins were read as this millisecond began: by its end they were off.
+        last_on = max(float(wires[k]["alive_us"]) for k in _MOVERS) / 1e6
         stopped = end - last_on > 0.5
         start_m = next((m for t, m in self.path if t >= since), 0.0)
         until_m = self.rest_m if stopped else self.path[-1][1]
-        latency = max(0.0, last_on + SLICE_US / 1e6 - since) * 1000 if stopped else None
+        latency = max(0.0, last_on - since) * 1000 if stopped else None
         moved = max(0.0, until_m - start_m)
         facts = {
             "detected_by": by,
@@ -262,35 +263,34 @@ class Case:
     """Folder for the records; None: none are kept."""
 
 
-def run_case(case: Case) -> Verdict:
-    """Runs one case to its verdict."""
-    cv2.setNumThreads(1)
-    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
-    chosen = with_fault(base, case.situation, case.name)
-    record = None
-    if case.record is not None:
-        words = "-".join(part for part in (*case.name, case.situation) if part)
-        record = Path(case.record) / f"{words}.mcap"
-    run = Harvest(chosen, record)
+def watched(
+    chosen: Scenario,
+    situation: Situation,
+    record: Path | None = None,
+    detector: Callable[[Bench], Detector] | None = None,
+) -> Verdict:
+    """Runs a scenario with one fault to its verdict."""
+    run = Harvest(chosen, record, detector=detector)
     watch = Watch(run)
     try:
         run.run(enough=watch.enough)
     except UserError as error:
-        return Verdict(
-            chosen.faults[0].name,
-            case.situation,
-            "",
-            "",
-            "bench",
-            None,
-            None,
-            0.0,
-            False,
-            str(error),
-        )
+        name = chosen.faults[0].name
+        return Verdict(name, situation, "", "", "bench", None, None, 0.0, False, str(error))
     finally:
         run.close()
-    return watch.verdict(chosen.faults[0], case.situation)
+    return watch.verdict(chosen.faults[0], situation)
+
+
+def run_case(case: Case) -> Verdict:
+    """Runs one case to its verdict."""
+    cv2.setNumThreads(1)
+    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
+    record = None
+    if case.record is not None:
+        words = "-".join(part for part in (*case.name, case.situation) if part)
+        record = Path(case.record) / f"{words}.mcap"
+    return watched(with_fault(base, case.situation, case.name), case.situation, record)
 
 
 def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:

@@ -425,7 +425,9 @@ class Injector:
                     self._begun[index] = now
                     self.events.append(Event(now, index, True))
                     self._begin(index, fault, target)
-            elif not self._ended[index] and fault.for_s is not None and now - begun >= fault.for_s:
+            elif self._ended[index] or fault.for_s is None:
+                continue
+            elif now - begun >= fault.for_s - 1e-9:
                 self._ended[index] = True
                 self.events.append(Event(now, index, False))
                 self._end(fault)

@@ -21,7 +21,7 @@ from rich.table import Table
 from hil import pictures
 from hil.lockstep import Bench
 from hil.metrics import Truth
-from hil.scenario import Scenario, load
+from hil.scenario import Scenario, assigned, load, merge
 from host.errors import UserError
 from host.gnss import Receiver
 from host.link import Session
@@ -315,14 +315,13 @@ def harvest(
     scenario: Scenario,
     out: Path,
     progress: Callable[[Progress], None] | None = None,
-    *,
-    film: bool = True,
 ) -> dict[str, Any]:
     """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4 and record.mcap
     into `out`. Returns the summary."""
+    film = out / "camera.mp4" if scenario.record.film else None
     out.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
-    run = Harvest(scenario, out / "record.mcap", out / "camera.mp4" if film else None)
+    run = Harvest(scenario, out / "record.mcap", film)
     try:
         run.run(progress)
     finally:
@@ -363,12 +362,24 @@ def harvest(
 @click.option("--mode", type=click.Choice(["paper", "robust"]), help="Which vision steers.")
 @click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
-@click.option("--film/--no-film", default=True, help="Write camera.mp4.")
-def harvest_command(name: str, out: Path, film: bool, hour: float | None, **options: Any) -> None:
+@click.option("--film/--no-film", default=None, help="Write camera.mp4.")
+@click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
+def harvest_command(
+    name: str,
+    out: Path,
+    film: bool | None,
+    hour: float | None,
+    settings: tuple[str, ...],
+    **options: Any,
+) -> None:
     """Harvests a field in lockstep and says how well."""
     overrides: dict[str, Any] = {k: v for k, v in options.items() if v is not None}
     if hour is not None:
         overrides["weather"] = {"hour": hour}
+    if film is not None:
+        overrides["record"] = {"film": film}
+    for setting in settings:
+        overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)
     console = Console(stderr=True)
     columns = (
@@ -385,7 +396,7 @@ def harvest_command(name: str, out: Path, film: bool, hour: float | None, **opti
                 task, completed=step.coverage, time=step.time_s, description=step.phase.value
             )
 
-        summary = harvest(chosen, out, show, film=film)
+        summary = harvest(chosen, out, show)
     table = Table(title=f"{summary['scenario']}: {summary['outcome']} ({summary['reason']})")
     table.add_column("figure")
     table.add_column("value", justify="right")
@@ -393,9 +404,9 @@ def harvest_command(name: str, out: Path, film: bool, hour: float | None, **opti
         if isinstance(value, int | float) and not isinstance(value, bool):
             table.add_row(key, f"{value:g}")
     Console().print(table)
-    click.echo(f"written to {out}: summary.json, map.png, steering.png, camera.mp4, record.mcap")
+    click.echo(f"written to {out}: {', '.join(sorted(path.name for path in out.iterdir()))}")
     if summary["outcome"] != "finished":
         raise UserError(
             f"the field was not finished: {summary['outcome']}: {summary['reason']} "
-            f"(see {out / 'map.png'} and {out / 'camera.mp4'})"
+            f"(see {out / 'map.png'}; `daranti-hil report {out}` shows it all)"
         )

@@ -51,6 +51,8 @@ class Recording(BaseModel):
 
     pictures_every: Annotated[int, Field(ge=0)] = 10
     """Every n-th picture; 1 keeps all (a replay through vision needs that), 0 none."""
+    film: bool = True
+    """Write camera.mp4, annotated."""
 
 
 class Start(BaseModel):
@@ -202,6 +204,20 @@ def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
         both = isinstance(old, dict) and isinstance(value, dict)
         out[key] = merge(old, value) if both else value  # type: ignore[arg-type]
     return out
+
+
+def assigned(setting: str) -> dict[str, Any]:
+    """The overrides of `field.name=value`, the value as in YAML. Raises UserError."""
+    path, equals, value = setting.partition("=")
+    if not equals or not path or not value:
+        raise UserError(f"{setting!r}: say FIELD=VALUE, such as weather.hour=9.5")
+    try:
+        nested: Any = yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise UserError(f"{setting!r}: {value!r} is not YAML") from error
+    for name in reversed(path.split(".")):
+        nested = {name: nested}
+    return dict(nested)
 
 
 def changed(base: Scenario, overrides: dict[str, Any]) -> Scenario:

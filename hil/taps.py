@@ -74,6 +74,7 @@ TAP: Final = np.dtype(
         ("count", np.int64),
         ("tolerance", np.float64),
         ("shown_us", np.int64),
+        ("alive_us", np.int64),  # when the result was last other than 0
         ("past", np.float64, (DELAY_MS,)),
     ],
     align=True,
@@ -95,6 +96,8 @@ def tap(taps: Any, index: int, truth: float, now_us: int) -> float:
     if t.mode == 0:
         t.held = truth
         t.count = 0
+        if truth != 0.0:
+            t.alive_us = now_us
         return truth
     out = truth
     if t.mode == 1:
@@ -119,4 +122,6 @@ def tap(taps: Any, index: int, truth: float, now_us: int) -> float:
         out = t.value
     if t.shown_us < 0 and abs(out - truth) > t.tolerance:
         t.shown_us = now_us
+    if out != 0.0:
+        t.alive_us = now_us
     return out
