@@ -78,8 +78,8 @@ def simulated(mount: CameraSpec, seed: int, count: int = 24) -> list[Sample]:
             weeds=float(rng.uniform(0, 0.1)),
             lodged=float(rng.choice([0.0, 0.15])),
             green=float(rng.uniform(0, 0.08)),
-            crop_bgr=_ripe(rng, 196.0),
-            straw_bgr=_ripe(rng, 200.0),
+            crop_bgr=_ripe(rng, float(rng.uniform(165, 215))),
+            straw_bgr=_ripe(rng, float(rng.uniform(150, 240))),
         )
         crop = Field(spec, seed + k)
         edge = float(rng.uniform(1.5, 3.0))
