@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 from hil import inner, targets
 from host import protocol
+from host import step_response as step_figures
 from host.errors import UserError
 from host.link import Session
+from host.step_response import Response, Step
 from sim_plant import machine
 from sim_plant.machine import BatterySpec, BridgeSpec, MachineSpec, SteeringSpec
 
@@ -263,46 +265,6 @@ def set_params(stand: Stand, session: Session, values: Mapping[str, float]) -> N
 # ---- step response -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """A step of the steering setpoint, and what counts as having followed it."""
-
-    size_deg: float = 30.0
-    start_deg: float = 0.0
-    duration_s: float = 2.5
-    band: float = 0.02
-    """Share of the step's size within which it has settled."""
-    rest_s: float = 0.6
-    """The end of the response that is judged for steady error and chatter."""
-
-
-@dataclass(frozen=True, slots=True)
-class Response:
-    """How a step went. The angle is the wheel's as an ideal, noise-free potentiometer of the same
-    bend would show it: what the loop can know; `true_error_deg` is the wheel's own."""
-
-    settle_s: float
-    """From the command until it stays within the band; the duration where it never does."""
-    overshoot: float
-    """Beyond the target, as a share of the step."""
-    steady_error_deg: float
-    """Largest, at rest."""
-    true_error_deg: float
-    """Mean, at rest, with the potentiometer's bend."""
-    starts: int
-    """How often the motor was switched on at rest."""
-    error_s: float
-    """Integral of |error| over the step's size."""
-    energy_j: float
-    """Drawn from the battery by the motor."""
-    reversals: int
-    """Changes of the duty's sign during the whole response."""
-    largest_deg: float
-    """Of the wheel's angle."""
-    faults: int
-    """Bits of protocol.Fault at the end."""
-
-
 def step_response(
     plant: Plant,
     gains: Mapping[str, float],
@@ -334,94 +296,20 @@ def step_response(
 
 
 def judge(log: NDArray[Any], spec: MachineSpec, step: Step, faults: int = 0) -> Response:
-    """The figures of a response: `log` from the command on."""
+    """The figures of a response: `log` from the command on. The angle is the wheel's as a
+    potentiometer of the same bend, but without noise, would show it: what the loop can know."""
     s = spec.steering
     truly = np.degrees(log["steer_angle"])
     bend = s.pot_bend_counts / s.pot_counts_per_deg * np.sin(log["steer_angle"] * 3.6)
-    angle = truly + bend
-    way = math.copysign(1.0, step.size_deg)
-    size = abs(step.size_deg)
-    target = step.start_deg + step.size_deg
-    error = way * (target - angle)
-    outside = np.nonzero(np.abs(error) > step.band * size)[0]
-    settled = 0 if len(outside) == 0 else int(outside[-1]) + 1
-    rest = round(step.rest_s / LOG_S)
     duty = log["steer_duty"]
-    on = duty[-rest:] != 0
-    signs = np.sign(duty[duty != 0])
     volts = np.abs(duty) * np.maximum(0.0, log["battery_v"])
-    return Response(
-        settle_s=min(step.duration_s, settled * LOG_S),
-        overshoot=max(0.0, float(-error.min()) / size),
-        steady_error_deg=float(np.abs(error[-rest:]).max()),
-        true_error_deg=abs(float(np.mean(target - truly[-rest:]))),
-        starts=int(np.count_nonzero(on[1:] & ~on[:-1])) + int(on[0]),
-        error_s=float(np.abs(error).sum()) * LOG_S / size,
-        energy_j=float((volts * np.abs(log["steer_a"])).sum()) * LOG_S,
-        reversals=int(np.count_nonzero(signs[1:] != signs[:-1])),
-        largest_deg=float(np.abs(truly).max()),
-        faults=faults,
+    energy = float((volts * np.abs(log["steer_a"])).sum()) * LOG_S
+    return step_figures.judge(
+        truly + bend, duty, LOG_S, step, truly_deg=truly, energy_j=energy, faults=faults
     )
-
-
-# ---- judgement -----------------------------------------------------------------------------------
 
 
 def deadline_s(spec: MachineSpec, step: Step) -> float:
-    """By when a step must have settled: 0.8 s, or what the motor needs at full duty to travel to
-    the band, spin up and brake, where that is longer. 30 degrees in 0.8 s takes some 50 deg/s."""
+    """By when this machine must have settled."""
     actuator = truth(spec)
-    travel = abs(step.size_deg) * (1 - step.band)
-    return max(0.8, travel / actuator.slew_degps + 2.5 * actuator.lag_s)
-
-
-def meets(response: Response, spec: MachineSpec, step: Step) -> bool:
-    """Whether a response holds the step figures: settled by the deadline, overshoot at most 5 % (or
-    half a degree), steady error at most half a degree, the motor off at rest, no fault."""
-    size = abs(step.size_deg)
-    return (
-        response.settle_s <= deadline_s(spec, step)
-        and response.overshoot * size <= max(0.05 * size, 0.5)
-        and response.steady_error_deg <= 0.5
-        and response.starts == 0
-        and response.faults == 0
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Weights:
-    """What a response costs."""
-
-    tracking: float = 1.0
-    """Per second of the normalised error's integral."""
-    settling: float = 2.0
-    """Per second after the deadline."""
-    overshoot: float = 10.0
-    """Per share of the step beyond what `meets` allows, and a tenth of it below."""
-    steady: float = 2.0
-    """Per degree beyond half a degree, and a tenth of it below."""
-    chatter: float = 0.05
-    """Per start of the motor at rest, and a fifth of it per reversal."""
-    energy: float = 0.005
-    """Per joule."""
-    fault: float = 10.0
-
-
-def cost(
-    response: Response, spec: MachineSpec, step: Step, weights: Weights | None = None
-) -> float:
-    """The weighted sum; smaller is better. Comparable on one plant and step only."""
-    w = weights or Weights()
-    size = abs(step.size_deg)
-    over = max(0.0, response.overshoot - max(0.05, 0.5 / size))
-    late = max(0.0, response.settle_s - deadline_s(spec, step))
-    beyond = max(0.0, response.steady_error_deg - 0.5)
-    return (
-        w.tracking * response.error_s
-        + w.settling * late
-        + w.overshoot * (over + 0.1 * response.overshoot)
-        + w.steady * (beyond + 0.1 * response.steady_error_deg)
-        + w.chatter * (response.starts + 0.2 * response.reversals)
-        + w.energy * response.energy_j
-        + w.fault * (response.faults != 0)
-    )
+    return step_figures.deadline_s(actuator.slew_degps, actuator.lag_s, step)

@@ -31,14 +31,13 @@ from hil.actuators import (
     NOMINAL_RANGES,
     Firmware,
     Plant,
-    Step,
-    cost,
-    meets,
+    deadline_s,
     population,
     step_response,
 )
 from host import protocol
 from host.errors import UserError
+from host.step_response import Step, cost, meets
 
 Method = Literal["grid", "random", "optuna"]
 Gains = dict[str, float]
@@ -166,8 +165,8 @@ def run_job(job: Job) -> list[dict[str, Any]]:
                         **gains,
                         **{f"plant_{n}": getattr(plant, n) for n in PLANT_COLUMNS},
                         **asdict(response),
-                        "meets": meets(response, spec, step),
-                        "cost": cost(response, spec, step),
+                        "meets": meets(response, step, deadline_s(spec, step)),
+                        "cost": cost(response, step, deadline_s(spec, step)),
                     }
                 )
     return rows

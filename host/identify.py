@@ -55,7 +55,10 @@ RELAY_TURNS: Final = 9
 class Wire(Protocol):
     """The machine, as the experiments see it."""
 
-    session: Session
+    @property
+    def session(self) -> Session:
+        """The conversation: answers, refusals, the firmware's time."""
+        ...
 
     @property
     def now(self) -> float:
@@ -280,15 +283,15 @@ class Experimenter:
 
     # -- the pieces
 
-    def find_direction(self) -> int:
+    def find_direction(self, enough_deg: float = 1.5) -> int:
         """The duty that surely moves the wheel. Raises UserError where it moves the wrong way."""
         way = -1 if self.angle() > 0 else 1
         for duty in range(40, self.duty_max + 1, 20):
             before = self.angle()
-            self.drive(way * duty, 0.25, lambda t, b=before: abs(math.degrees(t.angle_rad) - b) > 3)
+            self.drive(way * duty, 0.25, _far_from(before, 2 * enough_deg))
             self.release()
             moved = self.angle() - before
-            if abs(moved) > 1.5:
+            if abs(moved) > enough_deg:
                 self._way = way
                 if moved * way < 0:
                     raise UserError(
@@ -311,14 +314,10 @@ class Experimenter:
             if abs(off) < 3.0:
                 return
             way = 1 if off > 0 else -1
-            far = abs(off) > 12.0
-            self.drive(
-                way * (brisk if far else duty),
-                1.5,
-                lambda t, w=way, lead=9.0 if far else 2.5: (
-                    w * (angle_deg - math.degrees(t.angle_rad)) < lead
-                ),
-            )
+            if abs(off) > 12.0:
+                self.drive(way * brisk, 1.5, _past(way, angle_deg - way * 9.0))
+            else:
+                self.drive(way * duty, 1.5, _past(way, angle_deg - way * 2.5))
             self.release()
             self._way = way
 
@@ -328,18 +327,14 @@ class Experimenter:
         self.go_to(-way * START_DEG * 0.6, moving_duty)
         self._fresh_budget()
         before = self.angle(4)
-        self.drive(way * moving_duty, 1.5, lambda t: way * (math.degrees(t.angle_rad) - before) > 1)
+        self.drive(way * moving_duty, 1.5, _past(way, before + way))
         self.release()
         low, high = moving_duty // 4, moving_duty
         before = self.angle()
         while high - low > 1:
             duty = (low + high) // 2
             self._fresh_budget()
-            self.drive(
-                way * duty,
-                PULSE_S,
-                lambda t: way * (math.degrees(t.angle_rad) - before) > 1.0,  # noqa: B023
-            )
+            self.drive(way * duty, PULSE_S, _past(way, before + way))
             self.release()
             after = self.angle()
             if way * (after - before) > MOVED_DEG:
@@ -350,6 +345,24 @@ class Experimenter:
         self._way = way
         return (low + high) / 2
 
+    def find_stop(self, way: int, duty: int, scale: float) -> float:
+        """Creeps `way` until the wheel no longer moves; the angle there, as the firmware reads it.
+        `scale`: true degrees in one that it reads. Short pulses, so that no stall is suspected."""
+        before = self.angle(4)
+        stuck = 0
+        for _ in range(400):
+            self._fresh_budget()
+            self.drive(way * duty, 0.3)
+            self.drive(0, 0.1)
+            here = self.angle(4)
+            # The backlash takes a pulse or two that move nothing either.
+            stuck = stuck + 1 if abs(here - before) * scale < 0.25 else 0
+            if stuck == 4:
+                self.release()
+                return self.angle()
+            before = here
+        raise UserError("no stop found: the steering goes on and on; check the potentiometer")
+
     def run(self, kind: str, play: Iterator[tuple[int, float]], way: int) -> Run:
         """One excitation, the duties and seconds of `play`, recorded from rest to release."""
         self._fresh_budget()
@@ -359,8 +372,8 @@ class Experimenter:
         segments: list[_Segment] = []
         last = way
         for duty, seconds in play:
-            segments += self.drive(duty, seconds, self._bounded(duty))
             last = 1 if duty > 0 else -1
+            segments += self.drive(duty, seconds, _past(last, last * TURN_DEG))
         stop = self.release()
         self._way = last
         times, duties = self._edges([*segments, stop])
@@ -376,11 +389,6 @@ class Experimenter:
             angle_deg=tuple(angle[keep].tolist()),
             start_deg=start,
         )
-
-    @staticmethod
-    def _bounded(duty: int) -> Callable[[Telemetry], bool]:
-        """Whether the wheel is out where it must be released, going outwards."""
-        return lambda t: math.copysign(1, duty) * math.degrees(t.angle_rad) > TURN_DEG
 
     def _edges(self, segments: Sequence[_Segment]) -> tuple[Floats, list[int]]:
         """When each change of the duty happened on the firmware's clock, and the duties.
@@ -468,6 +476,15 @@ class Experimenter:
             if way * here > 0.6:
                 way = -way
                 turns += 1
+
+
+def _past(way: int, angle_deg: float) -> Callable[[Telemetry], bool]:
+    """Whether the wheel is beyond an angle, `way` +1 to the left of it, -1 to the right."""
+    return lambda telemetry: way * (math.degrees(telemetry.angle_rad) - angle_deg) > 0
+
+
+def _far_from(angle_deg: float, far_deg: float) -> Callable[[Telemetry], bool]:
+    return lambda telemetry: abs(math.degrees(telemetry.angle_rad) - angle_deg) > far_deg
 
 
 @contextmanager
@@ -665,9 +682,15 @@ def fit(findings: Findings) -> ActuatorModel:
         sd = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)) * variance)
     except np.linalg.LinAlgError as error:
         raise UserError("the runs do not determine the model: the steering hardly moved") from error
-    estimates = [Estimate(float(v), float(s)) for v, s in zip(best.x, sd, strict=True)]
+    gain, lag, dead, friction, gap = (
+        Estimate(float(value), float(error)) for value, error in zip(best.x, sd, strict=True)
+    )
     return ActuatorModel(
-        *estimates,
+        gain_degps=gain,
+        lag_s=lag,
+        dead_time_s=dead,
+        friction_duty=friction,
+        backlash_deg=gap,
         min_left=findings.min_left,
         min_right=findings.min_right,
         noise_deg=findings.noise_deg,
@@ -686,3 +709,57 @@ def _first_gain(runs: Sequence[Run], friction: float) -> float:
         if run.kind == "step" and len(run.time_s) >= 8:
             gains.append(speed_of(run) / max(10.0, abs(run.duties[0]) - 0.8 * friction))
     return float(np.median(gains)) if gains else 0.2
+
+
+# ---- potentiometer -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PotCalibration:
+    """The potentiometer at both mechanical stops and half way between."""
+
+    left_counts: float
+    right_counts: float
+    stop_deg: float
+
+    @property
+    def centre_counts(self) -> float:
+        """Straight ahead, where the stops are symmetric."""
+        return (self.left_counts + self.right_counts) / 2
+
+    def params(self) -> dict[str, float]:
+        """As the firmware's parameters."""
+        return {
+            "pot_left": self.left_counts,
+            "pot_centre": self.centre_counts,
+            "pot_right": self.right_counts,
+            "angle_left": self.stop_deg,
+            "angle_right": -self.stop_deg,
+        }
+
+
+def counts_of(angle_deg: float, params: dict[str, float]) -> float:
+    """The potentiometer's counts where the firmware, with this calibration, reads an angle."""
+    side = "left" if angle_deg >= 0 else "right"
+    slope = (params[f"pot_{side}"] - params["pot_centre"]) / params[f"angle_{side}"]
+    return params["pot_centre"] + slope * angle_deg
+
+
+def calibrate_pot(
+    experimenter: Experimenter, params: dict[str, float], stop_deg: float
+) -> PotCalibration:
+    """Creeps into both stops, `stop_deg` from straight ahead, and reads the potentiometer there.
+
+    `params` holds the calibration that the firmware has now. It should give angles well below the
+    identification's limit at the stops, or that limit ends the search first.
+    """
+    scale = max(1.0, stop_deg / abs(params["angle_left"]))
+    moving = experimenter.find_direction(1.5 / scale)
+    duty = min(experimenter.duty_max, round(1.2 * moving) + 10)
+    ends = {way: counts_of(experimenter.find_stop(way, duty, scale), params) for way in (1, -1)}
+    if abs(ends[1] - ends[-1]) < 100:
+        raise UserError(
+            f"the potentiometer moved only {abs(ends[1] - ends[-1]):.0f} counts between the stops: "
+            "check its coupling to the steering rod"
+        )
+    return PotCalibration(ends[1], ends[-1], stop_deg)
