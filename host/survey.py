@@ -268,9 +268,12 @@ def survey_track(
         if lap > len(laps):
             raise UserError(f"--lap {lap}: the walk has {len(laps)} laps around the field")
         laps = [laps[lap - 1]]
-    for number, loop in enumerate(laps, start=1):
-        if loop.jumps_m > 0:
-            warnings.append(f"lap {number} holds jumps of {loop.jumps_m:.1f} m; walk it again")
+    whole = [loop for loop in laps if loop.jumps_m == 0]
+    if len(whole) < len(laps):
+        jumps = ", ".join(f"{loop.jumps_m:.1f}" for loop in laps if loop.jumps_m > 0)
+        what = "laps with jumps left aside" if whole else "every lap jumps, walk it again"
+        warnings.append(f"{what}: {jumps} m")
+        laps = whole or laps
     if loops.others:
         warnings.append(f"other loops outside the field, left aside: {loops.others}")
     rings = [loop.xy for loop in laps]

@@ -30,7 +30,7 @@ WALKING_MPS = 2.0
 PAUSE_S = 3.0
 """What was walked while the receiver was silent for longer is not known: it counts as a jump."""
 SPIKE_FIXES = 10
-"""A jump that is undone within so many fixes was a spike."""
+"""A jump that another one undoes within so many fixes was a spike."""
 POOR_HDOP = 5.0
 STEP_M = 0.5
 """Loops are looked for among points at least so far apart."""
@@ -41,6 +41,7 @@ KEEP_OUT_COMPACT = 0.3
 KEEP_OUT_M2 = 3.0
 KEEP_OUT_AROUND_M = 8.0
 SAME_SCORE = 0.8
+AS_GOOD = 0.97
 SAME_PLACE = 0.6
 """Laps of one field overlap at least so much (intersection over union)."""
 GAP_PRICE = 3.0
@@ -108,23 +109,33 @@ def track_of(fixes: Iterable[Fix]) -> Track | None:
             k += 1
             continue
         ahead = range(k + 1, min(k + 1 + SPIKE_FIXES, len(good)))
-        back = next((j for j in ahead if not _jumps(good, xy, last, j)), None)
+        back = next(
+            (
+                j
+                for j in ahead
+                if _jumps(good, xy, j - 1, j)
+                and not _jumps(good, xy, last, j, SPIKE_FIXES + PAUSE_S)
+            ),
+            None,
+        )
         if back is None:
             kept.append(k)
             jumps.append(math.dist(xy[last], xy[k]))
             k += 1
         else:
             spikes += range(k, back)
-            k = back
+            kept.append(back)
+            jumps.append(0.0)
+            k = back + 1
     if spikes:
         dropped["spike"] += len(spikes)
     return Track(frame, xy[kept], np.array(jumps), xy[spikes], dropped)
 
 
-def _jumps(fixes: list[Fix], xy: Points, a: int, b: int) -> bool:
+def _jumps(fixes: list[Fix], xy: Points, a: int, b: int, pause_s: float = PAUSE_S) -> bool:
     speeds = [s for fix in (fixes[a], fixes[b]) if (s := fix.speed_mps) is not None]
     seconds = max(0.0, fixes[b].stamp - fixes[a].stamp)
-    reach = max(speeds, default=WALKING_MPS) * min(seconds, PAUSE_S)
+    reach = max(speeds, default=WALKING_MPS) * min(seconds, pause_s)
     return math.dist(xy[a], xy[b]) > reach + JUMP_M
 
 
@@ -211,10 +222,12 @@ def _candidates(track: Track, close_m: float) -> _Candidates:
 
 def _loop(track: Track, first: int, last: int) -> Loop:
     xy = track.xy[first : last + 1]
-    ring = shapely.LinearRing(xy)
+    # The sign of the area, not LinearRing.is_ccw: that is undefined where a ring crosses itself.
+    x, y = (xy - xy[0]).T
+    ccw = float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) > 0
     gap = float(math.dist(xy[0], xy[-1]))
     jumps = float(track.jumps_m[first + 1 : last + 1].sum())
-    return Loop(first, last, xy if ring.is_ccw else xy[::-1], gap, jumps)
+    return Loop(first, last, xy if ccw else xy[::-1], gap, jumps)
 
 
 def _best(found: _Candidates, ok: NDArray[np.bool_]) -> int | None:
@@ -241,12 +254,12 @@ def find_loops(track: Track, close_m: float) -> Loops | None:
     laps, others = [], 0
     begin = 0
     while (later := similar & (first >= begin)).any():
-        # Earliest end first gives the most laps; the best one that ends about there is taken.
+        # Ending earliest gives the most laps; a little later may close better.
         soonest = int(np.where(later, last, len(track.xy)).argmin())
-        slack = (last[soonest] - first[soonest]) // 8
-        k = _best(found, later & (last <= last[soonest] + slack))
-        assert k is not None
-        loop = _loop(track, int(first[k]), int(last[k]))
+        later &= last <= last[soonest] + (last[soonest] - first[soonest]) // 8
+        later &= found.score >= AS_GOOD * found.score[later].max()
+        lap = int(np.where(later, last, len(track.xy)).argmin())
+        loop = _loop(track, int(first[lap]), int(last[lap]))
         shape = loop.polygon
         if shape.intersection(field_).area > SAME_PLACE * shape.union(field_).area:
             laps.append(loop)
