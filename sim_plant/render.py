@@ -32,7 +32,7 @@ _FACE_BACK_M: Final = 0.30
 """How far behind its front the body of the crop lies: stalks fill the space between."""
 SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
-STRIPS: Final = 8
+STRIPS: Final = 4
 """The picture is drawn in so many strips of columns, whatever the number of threads."""
 REACH_M: Final = 24.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
@@ -275,6 +275,7 @@ def find(
             which = min(max(int((lateral + view.tangent) * to_bin), 0), bins - 1)
             flat = ahead * view.stretch[which]
             slope = dz / flat
+            per_slope = 1.0 / slope
             hit = _SKY
             r = 1e9
             last = count[which] - 1
@@ -286,7 +287,7 @@ def find(
                     r = near + _FACE_BACK_M
                     break
                 if slope < 0.0:
-                    reach = (high - view.z) / slope
+                    reach = (high - view.z) * per_slope
                     if k == last or reach < start[which, k + 1]:
                         if reach < 240.0:
                             hit = _CANOPY if high > 0.0 else _GROUND
@@ -339,6 +340,8 @@ def fill(
     inv = 0.5 / scene.cell
     slab = scene.canopy
     side = texture.SIDE
+    texels_per_m = 1.0 / (side * texture.TEXEL_M)
+    per_footprint = 1.0 / (view.focal * texture.TEXEL_M)
     per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
     per_column = paint.panorama.shape[1] / (2 * math.pi)
     for v in range(rows):
@@ -363,12 +366,12 @@ def fill(
                 t -= _CANOPY_BACK_M / flat
             elif hit == _FACE:
                 t -= (_FACE_BACK_M - 0.01) / flat
-            px = (view.x + t * dx - scene.x0) * inv
-            py = (view.y + t * dy - scene.y0) * inv
-            outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
             wx = view.x + t * dx
             wy = view.y + t * dy
             wz = view.z + t * dz
+            px = (wx - scene.x0) * inv
+            py = (wy - scene.y0) * inv
+            outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
             sx = wx
             sy = wy
             ao = 1.0
@@ -419,7 +422,7 @@ def fill(
                         sy = -near * wz
                         seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
                         ao *= min(1.0, 0.6 + 0.4 * wz / slab)
-            foot = t / view.focal / texture.TEXEL_M
+            foot = t * per_footprint
             if hit != _FACE:
                 foot /= 0.3 + 0.7 * min(1.0, abs(dz) * 2.0)
             level = 0
@@ -428,7 +431,7 @@ def fill(
                 foot *= 0.5
                 level += 1
                 m >>= 1
-            scale = m / (side * texture.TEXEL_M)
+            scale = m * texels_per_m
             ti = math.floor(sx * scale) & (m - 1)
             tj = math.floor(sy * scale) & (m - 1)
             texel = paint.levels[level] + tj * m + ti
@@ -583,10 +586,12 @@ def project(
             z1 = R[2, 0] * bx + R[2, 1] * by + R[2, 2] * bz
             if z0 < 0.3 or z1 < 0.3:
                 continue
-            a0 = (R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az) / z0
-            b0 = (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) / z0
-            a1 = (R[0, 0] * bx + R[0, 1] * by + R[0, 2] * bz) / z1
-            b1 = (R[1, 0] * bx + R[1, 1] * by + R[1, 2] * bz) / z1
+            per_z0 = 1.0 / z0
+            per_z1 = 1.0 / z1
+            a0 = (R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az) * per_z0
+            b0 = (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) * per_z0
+            a1 = (R[0, 0] * bx + R[0, 1] * by + R[0, 2] * bz) * per_z1
+            b1 = (R[1, 0] * bx + R[1, 1] * by + R[1, 2] * bz) * per_z1
             # Beyond twice the picture's corner the distortion polynomial is meaningless.
             r0 = min(a0 * a0 + b0 * b0, 2.0)
             r1 = min(a1 * a1 + b1 * b1, 2.0)
@@ -615,7 +620,7 @@ def project(
             e[3] = u1
             e[4] = v1
             e[5] = z1
-            scale = F / z1 * wider
+            scale = F * per_z1 * wider
             e[6] = (0.0019 if tall else 0.0026) * scale
             e[7] = 0.0050 * scale if tall else 0.0
             e[8] = head
@@ -689,20 +694,31 @@ def draw_stalks(
             fog = 0.5 * (z0 + z1) * paint.haze
             fog = fog / (1.0 + fog)
             here = int(e[12])
-            shaded = 0.22 if e[8] > 0.0 else 0.0
+            head = e[8]
+            per_head = 1.0 / max(1e-6, head)
+            stem_width = e[6]
+            head_width = e[7]
+            nod = e[16]
+            height = e[10]
+            sunlit = e[11]
+            darker = 0.22 * e[9]
+            blue = e[13]
+            green = e[14]
+            red = e[15]
+            shaded = 0.22 if head > 0.0 else 0.0
             for v in range(va, vb + 1):
                 a = max(0.0, (v + 0.5 - v1) * per)
                 z = z1 + (z0 - z1) * a
                 uc = u1 + (u0 - u1) * a
                 gain = 1.0
-                if a < e[8]:
-                    p = a / e[8]
-                    w = e[7] * (0.4 + 2.4 * p * (1.0 - p))
-                    uc += e[16] * (1.0 - p) * (1.0 - p)
+                if a < head:
+                    p = a * per_head
+                    w = head_width * (0.4 + 2.4 * p * (1.0 - p))
+                    uc += nod * (1.0 - p) * (1.0 - p)
                     gain = 1.08 if (v + ears) & 3 else 0.92
                 else:
-                    w = e[6]
-                    if e[8] > 0.0:
+                    w = stem_width
+                    if head > 0.0:
                         gain = 0.93
                 w = max(w, slant)
                 ua = math.floor(uc - w + 0.5)
@@ -713,13 +729,13 @@ def draw_stalks(
                 ub = min(ub, right)
                 if ua >= ub or (z >= depth[v, ua] and z >= depth[v, ub - 1]):
                     continue
-                over = (1.0 - a) * e[10] - e[11]
+                over = (1.0 - a) * height - sunlit
                 seen = min(1.0, max(shaded, over * 4.0 + 0.4))
-                gain *= 1.0 - 0.22 * a * e[9]
+                gain *= 1.0 - darker * a
                 si = int(255.0 * seen)
-                c0 = min(255.0, e[13] * gain * paint.light[si, 0])
-                c1 = min(255.0, e[14] * gain * paint.light[si, 1])
-                c2 = min(255.0, e[15] * gain * paint.light[si, 2])
+                c0 = min(255.0, blue * gain * paint.light[si, 0])
+                c1 = min(255.0, green * gain * paint.light[si, 1])
+                c2 = min(255.0, red * gain * paint.light[si, 2])
                 c0 += fog * (paint.haze_bgr[0] - c0)
                 c1 += fog * (paint.haze_bgr[1] - c1)
                 c2 += fog * (paint.haze_bgr[2] - c2)
