@@ -48,6 +48,8 @@ BEHIND_S: Final = 0.05
 of the rig would be one of the host, whose commands of all that time arrive at once; the firmware's
 watchdog ends that after 0.25 s."""
 NETWORK: Final = ("socket", "rfc2217")
+IN_THE_MAKING: Final = 2
+"""Pictures developed or waiting for it."""
 BACKLOG_BYTES: Final = 4096
 """What a real USB serial adapter keeps for a reader that does not read."""
 
@@ -204,6 +206,7 @@ class Deadlines:
     """Per slice: from its deadline to its beginning."""
     slipped_s: float = 0.0
     """Wall time that was given up."""
+    pictures_skipped: int = 0
 
     def summary(self) -> dict[str, float | int]:
         """Lateness in ms, slices that began more than a slice late, and the time given up."""
@@ -215,6 +218,7 @@ class Deadlines:
             "late_worst_ms": round(float(late.max()) * 1e3, 3),
             "deadlines_missed": int((late > SLICE_S).sum()),
             "slipped_s": round(self.slipped_s, 3),
+            "pictures_skipped": self.pictures_skipped,
         }
 
 
@@ -284,8 +288,7 @@ class Rig:
             for port in self._ports:
                 port.write(data)
         if number % self._picture_slices == 0:
-            work = self._pool.submit(_develop, bench.camera, bench.shutter())
-            self._pictures.append((now + self._delay, bench.now, work))
+            self._shoot(now)
         if number % FIX_SLICES == 0:
             self._phone.say(bench.fix())
         if number % TRACK_SLICES == 0:
@@ -297,6 +300,15 @@ class Rig:
         seen = bench.faults.camera(bench.now, due)
         if seen is not None:
             self._phone.show(seen[1])
+
+    def _shoot(self, now: float) -> None:
+        """Begins a picture; a machine too slow to develop them all loses some, as a phone does, and
+        shows none late."""
+        if sum(not work.done() for _, _, work in self._pictures) >= IN_THE_MAKING:
+            self.deadlines.pictures_skipped += 1
+            return
+        work = self._pool.submit(_develop, self.bench.camera, self.bench.shutter())
+        self._pictures.append((now + self._delay, self.bench.now, work))
 
     def close(self) -> None:
         """Ends the picture worker."""

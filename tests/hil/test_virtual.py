@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -23,6 +24,7 @@ from hil import scenario, targets
 from hil.lockstep import SLICE_US, Bench
 from hil.virtual import (
     BEHIND_S,
+    IN_THE_MAKING,
     NETWORK,
     Deadlines,
     Port,
@@ -39,6 +41,7 @@ from host.gnss import LocalFrame
 from host.link import Link
 from host.pilot import Phase
 from host.vehicle_file import load_vehicle
+from sim_plant.camera import Camera, Shot
 from sim_plant.phone import Phone, PhoneSpec
 
 LIMIT_S = 10.0
@@ -262,6 +265,23 @@ def test_far_behind_the_rigs_time_slips_and_says_how_much(bench: Bench) -> None:
         rig.run(0.2)
         assert wall.now - 100.0 == pytest.approx(cost + 0.2 - SLICE_S, abs=1e-9)
     assert rig.deadlines.summary()["slipped_s"] == pytest.approx(cost - SLICE_S, abs=1e-3)
+
+
+@needs_firmware
+def test_a_camera_that_is_too_slow_skips_pictures_and_never_shows_them_late(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = threading.Event()
+
+    def develop(_camera: Camera, _shot: Shot) -> bytes:
+        slow.wait(LIMIT_S)
+        return b"picture"
+
+    monkeypatch.setattr("hil.virtual._develop", develop)
+    with timed(bench, []) as (rig, _):
+        rig.run(1.0)
+        assert rig.deadlines.pictures_skipped == 10 - IN_THE_MAKING
+        slow.set()
 
 
 def test_no_slices_have_a_summary() -> None:
