@@ -270,16 +270,17 @@ def watched(
     detector: Callable[[Bench], Detector] | None = None,
 ) -> Verdict:
     """Runs a scenario with one fault to its verdict."""
-    run = Harvest(chosen, record, detector=detector)
-    watch = Watch(run)
+    fault = chosen.faults[0]
     try:
-        run.run(enough=watch.enough)
-    except UserError as error:
-        name = chosen.faults[0].name
-        return Verdict(name, situation, "", "", "bench", None, None, 0.0, False, str(error))
-    finally:
-        run.close()
-    return watch.verdict(chosen.faults[0], situation)
+        run = Harvest(chosen, record, detector=detector)
+        try:
+            watch = Watch(run)
+            run.run(enough=watch.enough)
+        finally:
+            run.close()
+    except UserError as error:  # the bench itself failed: a result, but no good one
+        return Verdict(fault.name, situation, "", "", "bench", None, None, 0.0, False, str(error))
+    return watch.verdict(fault, situation)
 
 
 def run_case(case: Case) -> Verdict:

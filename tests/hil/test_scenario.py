@@ -1,0 +1,97 @@
+"""Facts about scenarios: what is wrong with one is said with its file, line and field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.random_fields import MIN_SIDE_M, random_field
+from hil.scenario import Scenario, assigned, changed, load, merge, named
+from host.errors import UserError
+
+
+@pytest.mark.parametrize("name", named())
+def test_every_named_scenario_is_sound(name: str) -> None:
+    scenario = load(name)
+    assert scenario.name == name
+    assert scenario.plan().sides
+    assert len(scenario.start_pose()) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "field"),
+    [
+        ("seed: 1\nsped: 2\n", 2, "sped: no such field"),
+        ("seed: -1\n", 1, "seed"),
+        ("field:\n  size_m: [4, -4]\n", 2, "field.size_m"),
+        ("weather:\n  hour: 11\n  wind: 3\n", 3, "weather.wind: no such field"),
+        ("camera: nose\n", 1, "camera"),
+        ("parameters:\n  steer_kq: 3\n", 1, "no parameter 'steer_kq'"),
+        ("parameters: {steer_kp: 1e6}\n", 1, "steer_kp must be"),
+        (
+            "faults:\n  - {component: pot, failure: off, at: {time_s: 1}}\n"
+            "  - {component: estop, failure: slow, at: {time_s: 1}}\n",
+            3,
+            "estop can be: off, intermittent",
+        ),
+        ("faults:\n  - component: pot\n    failure: off\n    at: {time_s: 1, state: turn}\n", 4,
+         "exactly one of"),
+    ],
+)  # fmt: skip
+def test_an_error_names_file_line_and_field(
+    tmp_path: Path, text: str, line: int, field: str
+) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError) as error:
+        load(str(path))
+    message = str(error.value)
+    assert "odd.yaml" in message
+    if "camera" not in text:
+        assert f"line {line}:" in message
+    assert field in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("text", ["a: [", "- 1\n", "\t"])
+def test_what_is_no_mapping_is_one_message(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=r"odd\.yaml"):
+        load(str(path))
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(UserError, match="default"):
+        load("nowhere")
+
+
+def test_settings_reach_nested_fields() -> None:
+    scenario = load("default", merge(assigned("weather.hour=9.5"), assigned("seed=7")))
+    assert (scenario.weather.hour, scenario.seed) == (9.5, 7)
+    with pytest.raises(UserError, match="say FIELD=VALUE"):
+        assigned("weather.hour")
+    with pytest.raises(UserError, match=r"weather\.hour"):
+        changed(scenario, assigned("weather.hour=late"))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**31 - 1))
+def test_a_random_field_is_sound_convex_and_the_same_again(seed: int) -> None:
+    scenario = random_field(seed)
+    assert scenario == random_field(seed)
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+    assert 9 <= scenario.weather.hour <= 16
+    assert 0.5 <= scenario.gnss.cep_m <= 2.5
+    sides = scenario.plan().sides
+    corners = len(scenario.corners())
+    assert all(side.length_m > MIN_SIDE_M - 1.1 for side in sides[:corners])
+
+
+def test_random_fields_are_of_all_kinds() -> None:
+    names = {random_field(seed).name for seed in range(60)}
+    assert names == {"random rectangle", "random trapezoid", "random irregular"}
+    assert {random_field(seed).camera for seed in range(20)} == {"low", "mast"}
