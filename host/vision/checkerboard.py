@@ -1,8 +1,8 @@
 """Lens and mount from pictures of a printed checkerboard.
 
-Lens: several pictures of the board held at many angles. Mount: one picture of the board lying on the
-ground, at a measured place ahead of the machine; its nearer row of inner corners square to the
-machine."""
+Lens: several pictures of the board held at many angles. Mount: one picture of the board lying on
+the ground at a measured place ahead of the machine, its longer side square to the machine's
+length."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def calibrate_mount(
             candidates.append((position, np.asarray(rotation, np.float64)))
     if not candidates:
         raise UserError(
-            "the board on the ground gives no camera above the ground that looks ahead; lay it flat "
+            "the board gives no camera above ground that looks ahead; lay it flat on the ground "
             "with its longer side across the machine and measure --ahead again"
         )
     position, rotation = candidates[0]

@@ -23,6 +23,8 @@ from host.vision.view import NAN
 Floats = NDArray[np.float32]
 Sums = NDArray[np.float64]
 
+LOGARITHM = np.round(255 * np.log1p(np.arange(256) / 10.0) / np.log1p(25.5)).astype(np.uint8)
+"""Brightness to its logarithm, both 0..255."""
 BIN_M = 0.005
 """Across the face."""
 SPAN_M = (-1.6, 1.0)
@@ -45,6 +47,8 @@ FOOT_WINDOW_M = 0.12
 """On the face, above and below a possible foot."""
 REACH_M = 12.0
 """Feet further than this from the camera are not told apart from the horizon."""
+DARK = float(LOGARITHM[16])
+"""Mean grey level below the horizon under which steps are the sensor's own noise."""
 WAY_M = 1.5
 """Of the blade's way, ahead of it, that must be seen before "no crop" is believed."""
 SEEN_SHARE = 25.0
@@ -259,7 +263,10 @@ class FaceFinder:
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
-        ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
+        sight = self._sight(seen)
+        if sight == 0.0:
+            return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
+        ahead, sight = self._ahead(*self._contour(seen, dense), sight)
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
         face_x = self._vehicle.blade_x_m + ahead
@@ -295,6 +302,8 @@ class FaceFinder:
         """How surely the picture would show crop in the blade's way: ground there has steps too,
         dust, glare and a covered lens have none."""
         way = seen.steps[self._way]
+        if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
+            return 0.0
         return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
     def _right_end(self, seen: Evidence, face_x: float) -> tuple[float, float]:

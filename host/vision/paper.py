@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from host.vehicle import Strict
+from host.vision.face import LOGARITHM
 from host.vision.geometry import Camera
 from host.vision.lines import LEAST_PX, least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask, Picture, u8
 from host.vision.score import edge_of
 from host.vision.split import Line, Side, best_line, whiten
-from host.vision.stems import LOGARITHM
 from host.vision.view import NAN, CropView
 
 Hue = Annotated[float, Field(ge=0, le=360)]

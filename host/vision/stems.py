@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from host.vehicle import Vehicle
-from host.vision.face import Evidence
+from host.vision.face import LOGARITHM, Evidence
 from host.vision.geometry import Camera
 from host.vision.lines import least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask, Picture, u8
@@ -24,9 +24,6 @@ about to roll over, which is known to be cut: focus, noise and dust set the scal
 STEP_RANGE = (8.0, 11.0)
 """In 255ths of the logarithmic range."""
 GAP_PX = 2
-
-LOGARITHM = np.round(255 * np.log1p(np.arange(256) / 10.0) / np.log1p(25.5)).astype(np.uint8)
-"""Brightness to its logarithm, both 0..255."""
 
 
 class Stems:

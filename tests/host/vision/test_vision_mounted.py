@@ -1,0 +1,121 @@
+"""The detectors that drive, on drawn pictures whose truth is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scenery import field
+
+from host.vehicle import LOW, MAST, Mount, Vehicle
+from host.vision import make_detector
+from host.vision.mounted import Mode, MountedDetector
+from host.vision.paper import l_height
+
+MODES: tuple[Mode, ...] = ("robust", "paper")
+MOUNTS = {"low": LOW, "mast": MAST}
+
+
+def detector(mode: Mode, mount: Mount) -> MountedDetector:
+    return make_detector(mode, Vehicle(), mount)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+@pytest.mark.parametrize("offset", [-0.2, 0.0, 0.2])
+def test_the_edge_is_found_where_it_is(mode: Mode, mount: Mount, offset: float) -> None:
+    view = detector(mode, mount).see(field(mount, right_m=-0.45 + offset))
+    assert view.confidence >= 0.5
+    assert view.edge_offset_m == pytest.approx(offset, abs=0.05)
+    assert view.crop_ahead_m == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+def test_an_edge_left_of_where_it_should_be_is_a_positive_offset(mount: Mount) -> None:
+    """The paper's sign would turn the vehicle away from the crop: a forward camera sees the edge on
+    the left when the vehicle is too far right."""
+    view = detector("robust", mount).see(field(mount, right_m=-0.15))
+    assert view.e_outer_px < view.o_map_px
+    assert view.edge_offset_m > 0.2
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+@pytest.mark.parametrize("ahead", [0.5, 1.0, 1.8])
+def test_crop_further_ahead_is_measured_from_the_blade(
+    mode: Mode, mount: Mount, ahead: float
+) -> None:
+    view = detector(mode, mount).see(field(mount, face_x_m=1.5 + ahead, next_crop_m=7))
+    assert view.ahead_confidence >= 0.5
+    assert view.crop_ahead_m == pytest.approx(ahead, abs=0.25)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+def test_the_next_crop_behind_a_gap_is_not_crop_ahead(mode: Mode, mount: Mount) -> None:
+    picture = field(mount, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 2.0)
+    view = detector(mode, mount).see(picture)
+    assert view.crop_ahead_m > 1.6
+    assert view.ahead_confidence >= 0.5
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+@pytest.mark.parametrize("level", [0, 90, 255])
+def test_a_picture_without_anything_in_it_says_so(mode: Mode, mount: Mount, level: int) -> None:
+    rng = np.random.default_rng(0)
+    picture = np.clip(level + rng.normal(0, 2, (480, 640, 3)), 0, 255).astype(np.uint8)
+    view = detector(mode, mount).see(picture)
+    assert view.confidence < 0.5
+    assert view.ahead_confidence < 0.5
+    assert view.reason
+
+
+@pytest.mark.parametrize(("mount", "next_is_lower"), [(LOW, True), (MAST, False)])
+def test_the_next_crop_appears_lower_only_below_the_tops(mount: Mount, next_is_lower: bool) -> None:
+    """The paper's l_height rule has its sense from a camera below the crop's top."""
+    eye = detector("paper", mount)
+    first = eye.see(field(mount, next_crop_m=None))
+    end = eye.see(field(mount, right_m=-2.99, face_x_m=30, next_crop_m=4.5))
+    assert first.l_reference_px == end.l_reference_px
+    assert (end.l_height_px > first.l_height_px) == next_is_lower
+    assert first.end_of_field < 0.5 <= end.end_of_field
+
+
+def test_the_references_outlive_a_restart() -> None:
+    eye = detector("paper", LOW)
+    reference = eye.see(field(LOW)).l_reference_px
+    eye.restart()
+    assert eye.see(field(LOW, right_m=-0.3, seed=3)).l_reference_px == reference
+
+
+def test_the_same_pictures_give_the_same_views() -> None:
+    picture = field(MAST)
+    a, b = (detector("robust", MAST).see(picture) for _ in range(2))
+    assert (a.edge_offset_m, a.confidence, a.crop_ahead_m) == (
+        b.edge_offset_m,
+        b.confidence,
+        b.crop_ahead_m,
+    )
+
+
+def test_four_fifths_of_the_crop_pixels_lie_below_l_height() -> None:
+    upright = np.zeros((100, 10), np.uint8)
+    upright[50:] = 255
+    assert l_height(upright) == pytest.approx(60, abs=1)
+    assert math.isnan(l_height(np.zeros((100, 10), np.uint8)))
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_stages_are_there_when_asked_for(mode: Mode) -> None:
+    eye, picture = detector(mode, LOW), field(LOW)
+    assert not eye.see(picture).stages
+    stages = eye.see(picture, stages=True).stages
+    assert set(stages) >= ({"SY", "TSY", "VTSY"} if mode == "paper" else {"steps", "stems"})
+    assert all(p.shape == picture.shape and p.dtype == np.uint8 for p in stages.values())
+
+
+def test_only_the_left_side_drives() -> None:
+    with pytest.raises(ValueError, match="left"):
+        make_detector("robust", Vehicle(), LOW, side="right")  # type: ignore[arg-type]

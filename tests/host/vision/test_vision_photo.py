@@ -1,0 +1,191 @@
+"""Photographs: the dividing line, the curve, bad pictures, scores."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from host.see import data_folder
+from host.vision import bench
+from host.vision.paper import Chain, PaperParams
+from host.vision.photo import photo_detector
+from host.vision.score import heading_error_deg, labelled_set, lateral_error, miou
+from host.vision.split import SIDES, TOWARDS_CROP, Line, Side, best_line, whiten
+from host.vision.view import CropView
+
+Bgr = NDArray[np.uint8]
+
+
+def halves(
+    side: Side, lean_deg: float = 0.0, shift: float = 0.0, seed: int = 1
+) -> tuple[Bgr, Line]:
+    """A picture of rough, darker crop on `side` and smooth, brighter stubble, and the line."""
+    rng = np.random.default_rng(seed)
+    h, w = 300, 400
+    angle = math.radians(TOWARDS_CROP[side] + lean_deg)
+    middle = 0.5 * w * math.cos(angle) + 0.5 * h * math.sin(angle)
+    line = Line(angle, middle + shift)
+    u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+    crop = line.signed(u, v) > 0
+    grain = cv2.GaussianBlur(rng.normal(0, 60, (h, w)), (0, 0), 1.2)
+    light = np.where(crop, 120 + grain, 165 + 0.15 * grain)
+    tone = np.where(crop[..., None], (0.45, 0.75, 1.0), (0.62, 0.86, 1.0))
+    return np.clip(light[..., None] * tone, 0, 255).astype(np.uint8), line
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.sampled_from(SIDES), st.floats(-35, 35), st.floats(-50, 50))
+def test_the_edge_between_two_kinds_is_found_on_every_side(
+    side: Side, lean: float, shift: float
+) -> None:
+    bgr, line = halves(side, lean, shift)
+    view = photo_detector("robust", side).see(bgr)
+    u, v = np.meshgrid(np.arange(400) + 0.5, np.arange(300) + 0.5)
+    assert view.standing is not None
+    assert miou(line.signed(u, v) > 0, view.standing) > 0.93
+    assert view.confidence >= 0.5
+
+
+def test_a_strip_beside_the_crop_is_not_crop() -> None:
+    """A cut face in shade: the best division into two lies at its far side."""
+    bgr, line = halves("left")
+    u, v = np.meshgrid(np.arange(400) + 0.5, np.arange(300) + 0.5)
+    strip = (line.signed(u, v) <= 0) & (line.signed(u, v) > -24)
+    shaded = bgr.copy()
+    shaded[strip] = (0.35 * shaded[strip]).astype(np.uint8)
+    view = photo_detector("robust", "left").see(shaded)
+    assert view.standing is not None
+    assert view.standing[strip].mean() < 0.25
+
+
+def test_whitened_features_are_uncorrelated_with_unit_variance() -> None:
+    rng = np.random.default_rng(0)
+    mixed = rng.normal(size=(40, 50, 4)) @ rng.normal(size=(4, 4)) * [1, 10, 100, 0.1]
+    flat = whiten(mixed.astype(np.float32)).reshape(-1, 4)
+    covariance = np.cov(flat.T)
+    assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 1e-3
+    assert np.diag(covariance).max() == pytest.approx(1, abs=1e-3)
+
+
+def test_a_line_without_a_contrast_explains_nothing() -> None:
+    noise = np.random.default_rng(0).normal(size=(48, 64, 3)).astype(np.float32)
+    assert best_line(whiten(noise), "left").explained < 0.1
+
+
+def bad_pictures() -> dict[str, Bgr]:
+    rng = np.random.default_rng(0)
+    wheat, _ = halves("left")
+    street = np.full((480, 640, 3), 96, np.uint8)
+    street[:200] = (230, 190, 150)
+    cv2.line(street, (320, 200), (100, 480), (255, 255, 255), 8)
+    maize = np.array([40, 110, 60]) + rng.normal(0, 25, (480, 640, 3))
+    maize[:, 320:] = np.array([45, 90, 50]) + rng.normal(0, 10, (480, 320, 3))
+    return {
+        "black": np.zeros((480, 640, 3), np.uint8),
+        "white": np.full((480, 640, 3), 255, np.uint8),
+        "noise": rng.integers(0, 255, (480, 640, 3)).astype(np.uint8),
+        "street": np.clip(street + rng.normal(0, 8, street.shape), 0, 255).astype(np.uint8),
+        "maize": np.clip(maize, 0, 255).astype(np.uint8),
+        "grey": np.repeat(cv2.cvtColor(wheat, cv2.COLOR_BGR2GRAY)[..., None], 3, 2).astype(
+            np.uint8
+        ),
+        "covered lens": np.asarray(cv2.GaussianBlur(wheat, (0, 0), 40), np.uint8),
+        "no edge": np.ascontiguousarray(wheat[:, :150]),
+        "tiny": np.ascontiguousarray(wheat[:20, :20]),
+        "huge": np.tile(wheat[:, :150], (8, 20, 1)),
+    }
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+@pytest.mark.parametrize("name", bad_pictures())
+def test_a_bad_picture_gives_no_confident_edge(name: str, mode: str) -> None:
+    view = photo_detector(mode, "left").see(bad_pictures()[name])
+    assert view.confidence < 0.5
+    assert view.reason
+
+
+# ---- the paper's colour stages -------------------------------------------------------------------
+
+
+def coloured(hue_deg: float, saturation: float, value: float) -> Bgr:
+    hsv = np.array([[[hue_deg * 256 / 360, saturation * 255, value * 255]]]).astype(np.uint8)
+    return np.repeat(
+        np.repeat(np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR_FULL), np.uint8), 32, 0), 32, 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("hue", "kind"),
+    [(45.0, "ripe"), (62.0, "unripe"), (110.0, "neither"), (210.0, "neither"), (5.0, "neither")],
+)
+def test_ripe_crop_is_kept_unripe_marked_and_weeds_left_out(
+    hue: float, kind: Literal["ripe", "unripe", "neither"]
+) -> None:
+    stages = Chain(PaperParams(), (32, 32)).run(coloured(hue, 0.6, 0.7))
+    assert bool(stages.ripe.all()) == (kind == "ripe")
+    assert bool(stages.unripe.all()) == (kind == "unripe")
+    assert bool(stages.sy.any()) == (kind != "neither")
+
+
+def test_the_tilted_plane_leaves_out_what_is_pale_and_bright() -> None:
+    chain = Chain(PaperParams(), (32, 32))
+    assert chain.run(coloured(45, 0.5, 0.8)).sy.any()
+    assert not chain.run(coloured(45, 0.08, 0.95)).sy.any()
+
+
+@given(st.floats(0, 100), st.floats(110, 250))
+def test_the_wedge_is_stretched_over_the_full_circle(phi1: float, phi2: float) -> None:
+    table = PaperParams(phi1_deg=phi1, phi2_deg=phi2).hue_table()
+    inside = table[table > 0]
+    step = 254 * 360 / 256 / (phi2 - phi1)
+    assert inside.min() <= 1 + step
+    assert inside.max() >= 254 - step
+    assert (np.diff(inside.astype(int)) > 0).all()
+
+
+# ---- scores --------------------------------------------------------------------------------------
+
+
+def test_scores_of_a_shifted_edge() -> None:
+    true, found = np.zeros((100, 200), bool), np.zeros((100, 200), bool)
+    true[:, :100], found[:, :110] = True, True
+    assert lateral_error(true, found) == pytest.approx(0.05)
+    assert miou(true, found) == pytest.approx(0.5 * (100 / 110 + 90 / 100))
+    assert heading_error_deg(true, found, "left") == pytest.approx(0, abs=1e-3)
+    assert miou(true, true) == 1
+
+
+def test_rows_with_two_edges_do_not_count_laterally() -> None:
+    true, found = np.zeros((100, 200), bool), np.zeros((100, 200), bool)
+    true[:50, 50:100] = True
+    true[50:, :100] = True
+    found[:, :100] = True
+    assert lateral_error(true, found) == 0
+
+
+# ---- the labelled set ----------------------------------------------------------------------------
+
+
+def test_robust_mode_on_the_labelled_photographs() -> None:
+    folder = data_folder() / "wheat-edge"
+    if not folder.exists():
+        pytest.skip(f"no labelled photographs at {folder} (DARANTI_DATA names another place)")
+    photos = [bench.Photo(i, i.picture(), i.standing()) for i in labelled_set(folder)]
+    assert len(photos) == 96
+
+    def see(photo: bench.Photo) -> CropView:
+        return photo_detector("robust", photo.item.side).see(photo.bgr)
+
+    figures = bench.summary([bench.judge(p, see(p)) for p in photos], 0.0)
+    assert figures["lateral_pictures"] == 64
+    assert figures["miou_mean"] >= 0.93
+    assert figures["within_5pct"] >= 0.90
+    assert figures["confident_wrong"] <= 0.01
+    assert figures["confident"] >= 0.8

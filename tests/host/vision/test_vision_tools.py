@@ -1,0 +1,267 @@
+"""Profiles, tuning, calibration and the commands around the detectors."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scenery import field
+
+from host.calibrate import calibrate_camera
+from host.errors import UserError
+from host.see import see
+from host.tune_vision import tune_vision
+from host.vehicle import LOW, Mount, Vehicle
+from host.vision.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
+from host.vision.geometry import Camera
+from host.vision.mounted import make_detector
+from host.vision.paper import PaperParams
+from host.vision.pictures import read_photo, to_bgr
+from host.vision.profiles import Circumstance, Profiles
+from host.vision.tuning import mounted_contrast, tune
+
+NOW = datetime.datetime(2026, 4, 28, 9, tzinfo=datetime.UTC)
+RIPE = PaperParams(phi1_deg=25, phi2_deg=60)
+
+
+# ---- profiles ------------------------------------------------------------------------------------
+
+
+def test_the_nearest_profile_is_of_the_nearest_hour_on_the_same_mount(tmp_path: Path) -> None:
+    with Profiles(tmp_path / "p.sqlite") as profiles:
+        assert profiles.nearest(Circumstance(9)) is None
+        profiles.save(Circumstance(9, mount="mast"), PaperParams(), 0.9, NOW)
+        profiles.save(Circumstance(12), RIPE, 0.5, NOW)
+        profiles.save(Circumstance(16), PaperParams(gap_px=4), 0.5, NOW)
+        near = profiles.nearest(Circumstance(10))
+        assert near is not None
+        assert near.params == RIPE
+
+
+def test_of_equal_profiles_the_one_of_better_contrast_is_chosen(tmp_path: Path) -> None:
+    with Profiles(tmp_path / "p.sqlite") as profiles:
+        profiles.save(Circumstance(9), RIPE, 0.8, NOW)
+        profiles.save(Circumstance(9), PaperParams(), 0.3, NOW)
+    with Profiles(tmp_path / "p.sqlite") as again:
+        near = again.nearest(Circumstance(9))
+        assert near is not None
+        assert (near.params, near.contrast) == (RIPE, 0.8)
+
+
+def test_a_file_that_is_no_database_gives_one_clear_message(tmp_path: Path) -> None:
+    path = tmp_path / "p.sqlite"
+    path.write_bytes(b"not a database, but long enough to be looked at" * 40)
+    with pytest.raises(UserError, match=r"not a database of profiles.*--db"):
+        Profiles(path)
+
+
+CIRCUMSTANCES = st.builds(
+    Circumstance, st.floats(0, 24), st.sampled_from("ab"), st.sampled_from("ab")
+)
+
+
+@given(CIRCUMSTANCES, CIRCUMSTANCES)
+def test_distance_is_symmetric_and_zero_only_for_the_same(a: Circumstance, b: Circumstance) -> None:
+    assert a.distance(b) == b.distance(a) >= 0
+    assert (a.distance(b) == 0) == (a == b)
+
+
+def test_the_tuner_repairs_parameters_that_see_nothing() -> None:
+    blind = PaperParams(phi1_deg=0, phi2_deg=20)
+    vehicle = Vehicle()
+    contrast = mounted_contrast(
+        [field(LOW)], lambda params: make_detector("paper", vehicle, LOW, params=params)
+    )
+    params, reached = tune(contrast, blind, rounds=1)
+    assert contrast(blind) < 0.5 <= reached == contrast(params)
+
+
+# ---- checkerboard --------------------------------------------------------------------------------
+
+BOARD = Board(9, 6, 0.05)
+LENS = Lens((640, 480), 532.6, (322.0, 238.0), (-0.06, 0.01, 0.0, 0.0, 0.0), 0.0)
+TRUE = Mount(
+    x_m=0.05,
+    y_m=0.02,
+    z_m=1.5,
+    pitch_deg=27.0,
+    yaw_deg=1.5,
+    roll_deg=-2.0,
+    focal_px=LENS.focal_px,
+    centre_px=LENS.centre_px,
+    distortion=LENS.distortion,
+)
+
+
+def on_ground(mount: Mount, ahead_m: float) -> NDArray[np.float32]:
+    """The board's corners as a camera at `mount` sees them."""
+    flat = BOARD.points()[:, :2].astype(np.float64)
+    middle = flat.mean(0)
+    ground = np.column_stack(
+        [ahead_m - (flat[:, 1] - middle[1]), -(flat[:, 0] - middle[0]), np.zeros(len(flat))]
+    )
+    return Camera(mount).project(ground).astype(np.float32)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_mount_is_found_from_a_board_on_the_ground(turned: bool) -> None:
+    seen = on_ground(TRUE, 2.0)
+    found = calibrate_mount(seen[::-1] if turned else seen, LENS, BOARD, 2.0)
+    assert (found.x_m, found.y_m, found.z_m) == pytest.approx((0.05, 0.02, 1.5), abs=0.005)
+    angles = (found.pitch_deg, found.yaw_deg, found.roll_deg)
+    assert angles == pytest.approx((27.0, 1.5, -2.0), abs=0.2)
+
+
+def printed(turn: tuple[float, float, float]) -> NDArray[np.uint8]:
+    """A picture of the board held before the camera, turned about its middle (radians)."""
+    square = 40
+    paper = np.full(((BOARD.rows + 3) * square, (BOARD.columns + 3) * square), 255, np.uint8)
+    for i in range(BOARD.rows + 1):
+        for j in range(BOARD.columns + 1):
+            if (i + j) % 2:
+                paper[(i + 1) * square : (i + 2) * square, (j + 1) * square : (j + 2) * square] = 0
+    h, w = paper.shape
+    px = np.array([[0, 0], [w, 0], [w, h], [0, h]], np.float32)
+    metres = (px - [w / 2, h / 2]) * BOARD.square_m / square
+    rotation, _ = cv2.Rodrigues(np.array(turn))
+    eye = np.column_stack([metres, np.zeros(4)]) @ rotation.T + [0, 0, 0.75]
+    seen = (eye[:, :2] / eye[:, 2:] * LENS.focal_px + LENS.centre_px).astype(np.float32)
+    flat = cv2.warpPerspective(
+        paper, cv2.getPerspectiveTransform(px, seen), (640, 480), borderValue=200
+    )
+    return to_bgr(np.asarray(cv2.GaussianBlur(flat, (0, 0), 0.7), np.uint8))
+
+
+TURNS = [(0.5, 0.1, 0.0), (-0.5, 0.2, 0.1), (0.1, 0.6, -0.1), (0.2, -0.6, 0.0), (0.4, 0.4, 0.3),
+         (-0.4, -0.3, 0.2)]  # fmt: skip
+
+
+def test_the_lens_is_found_from_printed_boards() -> None:
+    seen = [corners(printed(turn), BOARD) for turn in TURNS]
+    lens = calibrate_lens([s for s in seen if s is not None], (640, 480), BOARD)
+    assert lens.focal_px == pytest.approx(LENS.focal_px, rel=0.02)
+    assert lens.error_px < 0.5
+
+
+def test_too_few_boards_say_how_many_are_needed() -> None:
+    with pytest.raises(UserError, match="2 pictures, 5 are needed"):
+        calibrate_lens([on_ground(TRUE, 2.0)] * 2, (640, 480), BOARD)
+
+
+# ---- commands ------------------------------------------------------------------------------------
+
+
+def run(command: object, *args: str | Path) -> Result:
+    return CliRunner().invoke(command, [str(a) for a in args])  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "wheat.jpg"
+    cv2.imwrite(str(path), field(LOW))
+    return path
+
+
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_see_writes_mask_edge_and_stages(photo: Path, tmp_path: Path, mode: str) -> None:
+    out = tmp_path / "out"
+    result = run(see, photo, "--mode", mode, "--side", "left", "--out", out, "--stages")
+    assert result.exit_code == 0, result.output
+    mask = cv2.imread(str(out / "wheat.mask.png"), cv2.IMREAD_UNCHANGED)
+    assert mask is not None
+    assert mask.shape == (480, 640)
+    assert set(np.unique(mask)) <= {0, 255}
+    record = json.loads((out / "wheat.json").read_text())
+    assert set(record) == {"edge_px", "heading_deg", "confidence", "reason", "ms"}
+    assert 0 <= record["confidence"] <= 1
+    assert (out / "wheat.stages.png").exists()
+
+
+def test_see_takes_the_side_from_a_manifest(photo: Path, tmp_path: Path) -> None:
+    manifest = tmp_path / "manifest.csv"
+    manifest.write_text("file,standing_side\nwheat,right\n")
+    out = tmp_path / "out"
+    assert run(see, photo, "--manifest", manifest, "--out", out).exit_code == 0
+    mask = cv2.imread(str(out / "wheat.mask.png"), cv2.IMREAD_UNCHANGED)
+    assert mask is not None
+    assert mask[240, 5] == 255
+    assert mask[240, -5] == 0
+
+
+def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "torn.jpg"
+    torn.write_bytes(photo.read_bytes()[:200])
+    out = tmp_path / "out"
+    result = run(see, torn, photo, "--out", out)
+    assert isinstance(result.exception, UserError)
+    assert "torn.jpg" in result.output
+    assert (out / "wheat.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [(b"", "not a picture"), (b"GIF89a nonsense", "not a picture")],
+)
+def test_what_is_no_picture_gives_one_clear_message(
+    tmp_path: Path, content: bytes, says: str
+) -> None:
+    path = tmp_path / "x.jpg"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=says):
+        read_photo(path)
+
+
+def test_a_manifest_without_its_columns_is_refused(photo: Path, tmp_path: Path) -> None:
+    manifest = tmp_path / "m.csv"
+    manifest.write_text("name,side\nwheat,left\n")
+    result = run(see, photo, "--manifest", manifest, "--out", tmp_path)
+    assert isinstance(result.exception, UserError)
+    assert "line 2" in str(result.exception)
+
+
+@pytest.mark.parametrize("shape", [(20, 20), (20, 20, 1), (20, 20, 3), (20, 20, 4)])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_every_decoded_picture_becomes_8_bit_colour(
+    shape: tuple[int, ...], kind: type[np.generic]
+) -> None:
+    bgr = to_bgr(np.ones(shape, kind))
+    assert bgr.shape == (20, 20, 3)
+    assert bgr.dtype == np.uint8
+
+
+def test_tune_vision_saves_what_it_found_and_shows_before_and_after(
+    photo: Path, tmp_path: Path
+) -> None:
+    db, out = tmp_path / "p.sqlite", tmp_path / "out"
+    result = run(tune_vision, photo, "--mount", "low", "--hour", "9", "--db", db, "--out", out)
+    assert result.exit_code == 0, result.output
+    with Profiles(db) as profiles:
+        (saved,) = profiles.all()
+    assert saved.circumstance == Circumstance(9.0)
+    assert saved.contrast >= 0.5
+    assert {p.name for p in out.iterdir()} == {"wheat.before.png", "wheat.after.png"}
+
+
+def test_tune_vision_refuses_pictures_of_another_size_for_a_mount(tmp_path: Path) -> None:
+    path = tmp_path / "small.jpg"
+    cv2.imwrite(str(path), np.zeros((100, 100, 3), np.uint8))
+    result = run(tune_vision, path, "--mount", "low", "--db", tmp_path / "p.sqlite")
+    assert isinstance(result.exception, UserError)
+    assert "100x100" in str(result.exception)
+
+
+def test_calibrate_camera_writes_a_lens_for_the_vehicle_file(tmp_path: Path) -> None:
+    for number, turn in enumerate(TURNS):
+        cv2.imwrite(str(tmp_path / f"board{number}.png"), printed(turn))
+    out = tmp_path / "mount.yaml"
+    result = run(calibrate_camera, tmp_path, "--square", "0.05", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "focal_px" in out.read_text()
