@@ -129,7 +129,9 @@ def about_of(path: Path) -> About:
     plan = None
     if "plan" in about:
         data = json.loads(about["plan"])
-        plan = Plan(tuple(Side(**side) for side in data["sides"]), data["turn"])
+        corners = tuple((float(x), float(y)) for x, y in data.get("boundary", ()))
+        sides = tuple(Side(**side) for side in data["sides"])
+        plan = Plan(sides, data["turn"], corners, data.get("gap_m"))
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])
     return About(vehicle, plan, mode, about.get("mount", "mast"), None)

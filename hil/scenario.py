@@ -159,7 +159,8 @@ class Scenario(BaseModel):
     def plan(self) -> Plan:
         """What the host is told of the field: the spiral of its boundary."""
         v = self.vehicle
-        return spiral(self.corners(), self.start.corner, v.blade_width_m - v.overlap_m, self.turn)
+        width = v.blade_width_m - v.overlap_m
+        return spiral(self.corners(), self.start.corner, width, self.turn, self.field.gap_m)
 
     def start_pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle: on the lane beside the first side, the blade before it."""

@@ -99,7 +99,7 @@ def arc(vehicle: Vehicle, turn_rad: float) -> Turn:
 
 
 def three_point(
-    vehicle: Vehicle, turn_rad: float, *, swing: float = 0.5, run_in_m: float = 0.45
+    vehicle: Vehicle, turn_rad: float, *, swing: float = 0.55, run_in_m: float = 0.45
 ) -> Turn:
     """Forward on the left lock for `swing` of the turn, back on the right lock for the rest, then
     straight back until the blade stands run_in_m before the crop."""

@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import shapely
 
 from host import manoeuvre, steering
+from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
 from host.lane import Lane
 from host.manoeuvre import Goal, Leg, Turn
 from host.odometry import Motion, Odometry
 from host.plan import Plan, Side
+from host.position import Position
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
 from host.vision.view import CropView, Detector
@@ -37,6 +41,9 @@ SHORT_SIDE_M = 1.6
 SHORT_SIGMA_M = 0.3
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
+CREEP_MPS = 0.15
+"""Near the geofence."""
+ANCHOR_EVERY_M = 0.5
 CROP_SEEN_M = 0.1
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
@@ -93,6 +100,14 @@ class Pilot:
         self._plan = plan or Plan()
         self._odometry = Odometry(vehicle)
         self._lane = Lane(vehicle.blade_x_m)
+        self._position = Position(vehicle)
+        self._anchored: Motion | None = None
+        self._outline = outline_of(vehicle)
+        self._fence: Geofence | None = None
+        if self._plan.boundary and self._plan.gap_m is not None:
+            field = shapely.Polygon(self._plan.boundary)
+            margin = min(GAP_MARGIN_M, self._plan.gap_m)
+            self._fence = Geofence(areas_of(field, self._plan.gap_m, margin_m=margin))
         self.phase = Phase.CONNECT
         self.reason = "waiting for the firmware's telemetry"
         self.view: CropView | None = None
@@ -132,6 +147,11 @@ class Pilot:
         return self._lane
 
     @property
+    def position(self) -> Position:
+        """Where the machine is in the field frame, once the plan's first corner is known."""
+        return self._position
+
+    @property
     def done(self) -> bool:
         """Nothing more will be commanded: the field is finished, or a fault needs a person."""
         return self.phase in (Phase.FINISHED, Phase.FAULT)
@@ -146,7 +166,9 @@ class Pilot:
             fresh = self._telemetry is None or telemetry.stamp > self._telemetry.stamp
             self._telemetry = telemetry
             if fresh:
-                self._lane.predict(self._odometry.update(telemetry))
+                motion = self._odometry.update(telemetry)
+                self._lane.predict(motion)
+                self._position.predict(motion)
         if fix is not None and telemetry is not None:
             self._odometry.learn(fix, telemetry, min(2.0, fix.stamp - self._fix_stamp))
             self._fix_stamp = fix.stamp
@@ -159,7 +181,7 @@ class Pilot:
             Phase.FINISHED,
         ):
             self._go(now, Phase.FAULT, "the firmware reports a fault")
-        return {
+        command = {
             Phase.CONNECT: self._connect,
             Phase.ALIGN: self._align,
             Phase.FOLLOW: self._follow,
@@ -169,6 +191,38 @@ class Pilot:
             Phase.FINISHED: self._rest,
             Phase.FAULT: self._rest,
         }[self.phase](now, self._telemetry)
+        return self._fenced(now, command)
+
+    def _fenced(self, now: float, command: Command) -> Command:
+        """The command as the geofence lets it pass, whatever vision says. What leads away from the
+        border (a clear place has no clearance, NaN) is let pass slowly: a machine that stands too
+        near must be able to leave."""
+        if command.request is not Request.DRIVE or command.speed_mps == 0.0:
+            return command
+        verdict = self._verdict(command.speed_mps)
+        if verdict is None or verdict.level is Level.CLEAR:
+            return command
+        slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
+        if verdict.level is Level.SLOW:
+            return replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
+        later = self._verdict(command.speed_mps, ahead_s=0.5)
+        if later is not None and not later.clearance_m <= verdict.clearance_m + 1e-3:
+            return replace(command, speed_mps=slow)
+        if self._backing():
+            self._leg_index += 1
+            self._leg_stamp = now
+            return self._hold()
+        self._go(now, Phase.FAULT, verdict.reason)
+        return Command(Request.STOP, reason=self.reason)
+
+    def _verdict(self, speed_mps: float, ahead_s: float = 0.0) -> Verdict | None:
+        """The geofence's answer for the place reached in ahead_s; None without fence or place."""
+        if self._fence is None or not self._position.known:
+            return None
+        x, y, yaw = self._position.pose
+        vx, vy = speed_mps * math.cos(yaw), speed_mps * math.sin(yaw)
+        outline = placed(self._outline, x + vx * ahead_s, y + vy * ahead_s, yaw)
+        return self._fence.check(outline, self._position.covariance, (vx, vy))
 
     def _go(self, now: float, phase: Phase, reason: str) -> None:
         if phase is not self.phase:
@@ -206,8 +260,17 @@ class Pilot:
         once the crop begins ahead of the blade; before that the picture shows the crop's flank."""
         if self._turn is None or self._leg_index >= len(self._turn.legs):
             return True
-        follows = self._turn.legs[self._leg_index].follow
-        return follows and self._crop_expected_m() > CROP_SEEN_M
+        return self._backing() and self._crop_expected_m() > CROP_SEEN_M
+
+    def _backing(self) -> bool:
+        """Whether this is a turn's last leg, back along the new side."""
+        turn = self._turn
+        return (
+            self.phase is Phase.TURN
+            and turn is not None
+            and self._leg_index < len(turn.legs)
+            and turn.legs[self._leg_index].follow
+        )
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
         """Counts pictures in a row that show no crop before the blade."""
@@ -246,6 +309,10 @@ class Pilot:
             return self._hold()
         self._lane.place(0.0, 0.0, 0.15, math.radians(8))
         self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
+        side = self._side()
+        if side is not None:
+            ahead = view.crop_ahead_m if view.ahead_confidence >= CONFIDENT else 0.0
+            self._position.place(side, -ahead, self._lane.offset_m, self._lane.heading_rad)
         self._start_side(now, "the edge is in view")
         return self._hold()
 
@@ -273,6 +340,7 @@ class Pilot:
             self._go(now, Phase.FAULT, "the side is longer than the boundary allows")
             return Command(Request.STOP, reason=self.reason)
         lane, vehicle = self._lane, self._vehicle
+        self._anchor()
         quiet = now - self._sure_stamp
         if quiet > STOP_AFTER_S or lane.offset_sigma_m > self._sigma_limit_m():
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
@@ -282,6 +350,19 @@ class Pilot:
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)
+
+    def _anchor(self) -> None:
+        """Once per half metre cut along a side: its line is a known place."""
+        side = self._side()
+        here = self.motion
+        since = self._anchored
+        if side is None or self._entered_at is None or not self._position.known:
+            return
+        if since is not None and abs(here.distance_m - since.distance_m) < ANCHOR_EVERY_M:
+            return
+        self._anchored = here
+        lane = self._lane
+        self._position.on_lane(side, self.turns, lane.offset_m, lane.heading_rad)
 
     def _cut_m(self, motion: Motion) -> float:
         """How far the blade has come along this side since it met the crop."""
@@ -330,6 +411,9 @@ class Pilot:
             self.ends.append(end)
             self._go(now, Phase.FINISHED, "the last side of the plan is cut")
             return
+        side = self._side()
+        if side is not None and self._position.known:
+            self._position.at_end(side, self.motion.distance_m - end.motion.distance_m)
         plan = manoeuvre.arc if self._plan.turn == "arc" else manoeuvre.three_point
         self._turn = plan(self._vehicle, self._plan.corner_rad(self.turns))
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.

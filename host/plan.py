@@ -41,6 +41,10 @@ class Plan:
 
     sides: tuple[Side, ...] = ()
     turn: str = "three_point"
+    boundary: tuple[tuple[float, float], ...] = ()
+    """Corners of the crop's outer edge, metres of the field frame."""
+    gap_m: float | None = None
+    """From the boundary to the neighbours' crop; None: unknown, no geofence."""
 
     def corner_rad(self, index: int) -> float:
         """The left turn from side `index` to the next."""
@@ -57,7 +61,11 @@ def _along(polygon: shapely.Polygon, heading: float) -> shapely.Polygon:
 
 
 def spiral(
-    boundary: list[tuple[float, float]], start: int, width_m: float, turn: str = "three_point"
+    boundary: list[tuple[float, float]],
+    start: int,
+    width_m: float,
+    turn: str = "three_point",
+    gap_m: float | None = None,
 ) -> Plan:
     """The inward spiral of left turns through a convex boundary (corners in metres, either
     orientation), beginning with the side that leaves corner `start`; `width_m` is the blade's
@@ -99,4 +107,4 @@ def spiral(
             shapely.box(lo_x, lo_y + width_m, hi_x, max(hi_y, lo_y + width_m))
         )
         standing = _along(rest, -heading)
-    return Plan(tuple(sides), turn)
+    return Plan(tuple(sides), turn, tuple(corners), gap_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,3 +186,32 @@ def test_steering_in_the_papers_literal_sense_diverges() -> None:
 
     assert final_offset(+1.0) < 0.03
     assert final_offset(-1.0) > 1.0
+
+
+def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_says() -> None:
+    world = SimpleWorld(VEHICLE)
+    plan = spiral(SQUARE, 1, WIDTH, "three_point", world.gap)
+    endless = tuple(replace(side, length_m=99.0, fence_m=99.0) for side in plan.sides)
+    pilot = Pilot(VEHICLE, AlwaysCrop(), replace(plan, sides=endless))
+    drive(world, pilot, 60.0)
+    assert pilot.phase is Phase.FAULT
+    assert "geofence" in pilot.reason
+    assert world.y + VEHICLE.blade_x_m < 10 + world.gap - 0.2
+
+
+def test_the_stated_uncertainty_of_the_position_holds() -> None:
+    world = SimpleWorld(VEHICLE, speed_error=1.1)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, WIDTH, "three_point", world.gap))
+    beyond = looks = 0
+    for _ in range(200):
+        drive(world, pilot, 2.0)
+        if not pilot.position.known:
+            continue
+        x, y, _ = pilot.position.pose
+        error = np.array([x - world.x, y - world.y])
+        distance = error @ np.linalg.solve(pilot.position.covariance, error)
+        looks += 1
+        beyond += distance > 9.0
+    assert looks > 150
+    assert beyond < 0.02 * looks
+    assert world.coverage > 0.5

@@ -1,0 +1,108 @@
+"""Where the machine is in the field frame, and how surely: dead reckoning anchored to the plan.
+
+A phone's position is good to some 2.5 m, slowly wandering: no use beside a gap of 2 m. But the
+operator puts the blade on a known corner, every side lies along a known line, and every end of a
+side is a known place: those anchor an extended Kalman filter over (x, y, yaw).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.odometry import Motion
+from host.plan import Side
+from host.vehicle import Vehicle
+
+START_SIGMA = (0.1, 0.1, math.radians(2))
+LANE_SIGMA_M = 0.06
+RING_SIGMA_M = 0.02
+"""Growth of the lane's uncertainty with every side cut beside it."""
+LANE_SIGMA_RAD = math.radians(2)
+END_SIGMA_M = 0.15
+STEP_SIGMA = 0.03
+"""Error of a step as a share of it, along and across."""
+YAW_SIGMA_PER_M = math.radians(1)
+YAW_SIGMA_SHARE = 0.05
+
+
+class Position:
+    """Unknown until `place`."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._x: NDArray[np.float64] = np.zeros(3)
+        self._p: NDArray[np.float64] = np.full((3, 3), math.inf)
+        self._past: Motion | None = None
+        self.known = False
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """(x, y, yaw) of the rear axle, m and rad."""
+        return float(self._x[0]), float(self._x[1]), float(self._x[2])
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(2, 2) of the place, m²."""
+        return self._p[:2, :2]
+
+    def place(self, side: Side, along_m: float, offset_m: float, heading_rad: float) -> None:
+        """On a side's lane: the blade along_m past the side's beginning, the rear axle offset_m
+        left of the lane, the vehicle heading_rad left of its direction."""
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        back = along_m - self._vehicle.blade_x_m
+        inside = self._vehicle.blade_width_m / 2 - self._vehicle.overlap_m + offset_m
+        self._x = np.array(
+            [
+                side.x_m + c * back - s * inside,
+                side.y_m + s * back + c * inside,
+                side.heading_rad + heading_rad,
+            ]
+        )
+        self._p = np.diag([sigma**2 for sigma in START_SIGMA])
+        self.known = True
+
+    def predict(self, motion: Motion) -> None:
+        """Moves with the vehicle."""
+        past, self._past = self._past, motion
+        if past is None or not self.known:
+            return
+        step = motion.distance_m - past.distance_m
+        turn = motion.yaw_rad - past.yaw_rad
+        if step == 0.0 and turn == 0.0:
+            return
+        middle = self._x[2] + turn / 2
+        c, s = math.cos(middle), math.sin(middle)
+        self._x = self._x + np.array([step * c, step * s, turn])
+        jacobian = np.array([[1.0, 0.0, -step * s], [0.0, 1.0, step * c], [0.0, 0.0, 1.0]])
+        # Neighbouring steps err alike: their errors grow along a metre as one.
+        run = abs(step)
+        place = STEP_SIGMA**2 * run
+        yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
+        self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw])
+
+    def on_lane(self, side: Side, index: int, offset_m: float, heading_rad: float) -> None:
+        """The lane filter's place against the lane of side number `index`."""
+        s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
+        inside = self._vehicle.blade_width_m / 2 - self._vehicle.overlap_m
+        across = -(self._x[0] - side.x_m) * s + (self._x[1] - side.y_m) * c - inside
+        turn = math.remainder(side.heading_rad + heading_rad - self._x[2], math.tau)
+        sigma = LANE_SIGMA_M + RING_SIGMA_M * index / 4
+        self._correct(np.array([[-s, c, 0.0]]), offset_m - across, sigma)
+        self._correct(np.array([[0.0, 0.0, 1.0]]), turn, LANE_SIGMA_RAD)
+
+    def at_end(self, side: Side, ago_m: float) -> None:
+        """The blade met the end of a side, and has travelled ago_m since."""
+        s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
+        along = (self._x[0] - side.x_m) * c + (self._x[1] - side.y_m) * s
+        expected = side.length_m + ago_m - self._vehicle.blade_x_m
+        self._correct(np.array([[c, s, 0.0]]), expected - along, END_SIGMA_M)
+
+    def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> None:
+        variance = (h @ self._p @ h.T).item() + sigma**2
+        gain = (self._p @ h.T) / variance
+        self._x = self._x + gain[:, 0] * innovation
+        keep = np.eye(3) - gain @ h
+        self._p = keep @ self._p @ keep.T + gain @ gain.T * sigma**2
