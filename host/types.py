@@ -22,7 +22,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """One GNSS epoch (WGS 84). `quality` is GGA's: 0 none, 1 autonomous, 2 differential, 4/5 RTK."""
+    """One GNSS epoch (WGS 84). `quality` is GGA's: 0 none, 1 alone, 2 differential, 4/5 RTK."""
 
     stamp: float
     lat_deg: float

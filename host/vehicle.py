@@ -21,9 +21,9 @@ class Strict(BaseModel):
 
 class Mount(Strict):
     """Where the camera sits in the vehicle frame (x forward from the rear axle, y left, z up) and
-    how it looks. Pitch is positive downward, yaw positive to the left, roll positive clockwise as seen
-    from behind. Pinhole intrinsics follow from width, height and hfov unless `calibrate camera`
-    measured them (focal_px, centre_px, distortion k1, k2, p1, p2, k3 as in OpenCV)."""
+    how it looks. Pitch is positive downward, yaw positive to the left, roll positive clockwise as
+    seen from behind. Pinhole intrinsics follow from width, height and hfov unless `calibrate
+    camera` measured them (focal_px, centre_px, distortion k1, k2, p1, p2, k3 as in OpenCV)."""
 
     x_m: float
     y_m: float = 0.0
