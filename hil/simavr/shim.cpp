@@ -89,8 +89,11 @@ struct TimedByte {
 struct daranti_target {
   avr_t *avr = nullptr;
   uint64_t origin = 0;  // target time of avr->cycle 0, in cycles; wraps below zero during boot
-  uint64_t seen = 0;    // avr->cycle after the last instruction: it falls at a reset
+  uint64_t seen = 0;    // target time after the last instruction
+  bool was_reset = false;
+  void (*core_reset)(avr_t *) = nullptr;
   bool fenced = false;
+  uint32_t resets = 0;  // since the fence was set
   std::deque<TimedByte> to_firmware;
   std::deque<TimedByte> to_host;
   uint64_t host_free = 0;  // when the host's line is free again
@@ -175,10 +178,17 @@ struct daranti_target {
     }
   }
 
-  // After any reset: libsimavr has zeroed its clock, its timers and the input registers.
+  static void on_reset(avr_t *avr) {
+    auto *self = static_cast<daranti_target *>(avr->custom.data);
+    self->was_reset = true;
+    if (self->core_reset != nullptr) self->core_reset(avr);
+  }
+
+  // After any reset: libsimavr has dropped its timers and the input registers' contents.
   void restore_inputs(uint64_t at) {
-    origin = at;
-    seen = 0;
+    origin = at - avr->cycle;
+    was_reset = false;
+    ++resets;
     fifo_count = 0;
     for (const uint16_t address : kPwmRegisters) {
       avr->io[AVR_DATA_TO_IO(address)].w.c = store_only;
@@ -207,8 +217,8 @@ struct daranti_target {
 
   bool step() {
     const int state = avr_run(avr);
-    if (avr->cycle < seen) restore_inputs(origin + seen);
-    seen = avr->cycle;
+    if (was_reset) restore_inputs(seen);
+    seen = now();
     if (probing) probe();
     return state != cpu_Done && state != cpu_Crashed;
   }
@@ -247,10 +257,10 @@ struct daranti_target {
     if (until <= now()) return 0;
     while (now() < until) {
       fenced = false;
-      const uint64_t base = origin;
+      resets = 0;
       avr_cycle_timer_register(avr, until - now(), on_fence, this);
-      // A reset on the way drops the fence and moves the origin: set it anew.
-      while (!fenced && origin == base) {
+      // A reset on the way drops the fence: set it anew.
+      while (!fenced && resets == 0) {
         if (!step()) return -1;
       }
     }
@@ -326,6 +336,9 @@ daranti_target *target_create(const char *image, const uint8_t *eeprom) {
   avr_load_firmware(avr, &firmware);
   free(firmware.flash);
   avr->sleep = sleep_without_waiting;
+  avr->custom.data = self;
+  self->core_reset = avr->reset;
+  avr->reset = daranti_target::on_reset;
   avr->vcc = avr->avcc = avr->aref = 5000;
   memcpy(avr->flash + kHangAt, kRjmpSelf, sizeof kRjmpSelf);
   self->avr = avr;

@@ -1,0 +1,426 @@
+"""What the firmware does, on the desk build and on the Uno's binary in simavr alike.
+
+Each scenario holds its facts on either target, and then the two traces are compared: the duties,
+blade and LED of every millisecond and every telemetry message (state, faults, angle, setpoint,
+duties, times, sequence numbers) must be equal, without tolerance. The input voltages change on
+whole milliseconds only, which is what makes both converters see the same samples. The scenarios
+that reset the firmware inside are compared up to the reset: the AVR's boot takes about 1 ms.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+
+import pytest
+
+from hil.targets import ResetCause
+from host import protocol
+from host.protocol import Fault, Result, State
+from tests.firmware.actuator import ActuatorSpec
+from tests.firmware.bench import (
+    BATTERY,
+    BLADE,
+    DRIVE_SENSE,
+    ESTOP,
+    STEER_SENSE,
+    Bench,
+)
+from tests.firmware.conftest import Maker, maker_of
+
+Scenario = Callable[[Maker], Bench]
+SCENARIOS: dict[str, Scenario] = {}
+
+
+def scenario(function: Scenario) -> Scenario:
+    """Registers a scenario under its function's name."""
+    SCENARIOS[function.__name__] = function
+    return function
+
+
+def bench_running(make: Maker, **options: object) -> Bench:
+    """ARMED, then RUNNING at 0.5 m/s with the blade on for half a second."""
+    bench = Bench(make(), **options)  # type: ignore[arg-type]
+    bench.arm()
+    bench.ask(steer_deg=0.0, speed=0.5, blade=1)
+    bench.run(500)
+    assert bench.last.state == State.RUNNING
+    assert bench.target.pin(BLADE)
+    assert bench.drive_duty > 0
+    return bench
+
+
+def faulted(bench: Bench, fault: Fault, within_ms: int) -> Bench:
+    """The fault latches within the time, everything goes off and stays off."""
+    for _ in range(within_ms):
+        bench.run(1)
+        if bench.off():
+            break
+    assert bench.off()
+    bench.run(60)
+    assert bench.last.state == State.FAULT
+    assert bench.last.faults == fault
+    bench.send(protocol.Arm(protocol.VERSION))
+    bench.run(200)
+    assert bench.result() == Result.WRONG_STATE
+    assert bench.off()
+    return bench
+
+
+@scenario
+def boots_safe_and_says_so(make: Maker) -> Bench:
+    bench = Bench(make())
+    bench.send(protocol.Hello(protocol.VERSION))
+    bench.run(500)
+    version = bench.answers.pop(0)  # names its build, which differs
+    assert isinstance(version, protocol.Version)
+    assert version.protocol_version == protocol.VERSION
+    assert version.reset_cause == ResetCause.POWER_ON
+    assert bench.off()
+    assert bench.last.state == State.SAFE
+    assert bench.last.faults == 0
+    assert bench.last.speed is None
+    assert bench.last.battery == pytest.approx(12.0, abs=0.03)
+    times = [each.time for each in bench.telemetry]
+    assert times == pytest.approx([0.004 + 0.02 * i for i in range(len(times))])
+    return bench
+
+
+@scenario
+def steers_both_ways(make: Maker) -> Bench:
+    bench = Bench(make(), start_deg=5.0)
+    bench.arm()
+    for angle in (30.0, -45.0, 80.0, 0.0):
+        bench.ask(steer_deg=angle)
+        bench.run(2200)
+        limited = max(-50.0, min(50.0, angle))
+        assert bench.actuator.angle_deg == pytest.approx(limited, abs=0.7)
+        assert math.degrees(bench.last.angle) == pytest.approx(bench.actuator.angle_deg, abs=0.5)
+        assert math.degrees(bench.last.setpoint) == pytest.approx(limited, abs=0.01)
+    assert bench.last.faults == 0
+    return bench
+
+
+@scenario
+def drives_forward_and_back_with_a_soft_start(make: Maker) -> Bench:
+    bench = bench_running(make)
+    duties = [drive for _, drive, _, _ in bench.trace]
+    assert max(b - a for a, b in itertools.pairwise(duties)) <= 2
+    bench.ask(speed=-0.3, blade=1)
+    bench.run(1200)
+    assert bench.drive_duty == -77
+    assert not bench.target.pin(BLADE)
+    bench.ask(speed=0.5, blade=1)
+    bench.run(1200)
+    assert bench.drive_duty == 128
+    assert bench.target.pin(BLADE)
+    return bench
+
+
+@scenario
+def stop_wins(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.drive_period_ms = 0
+    bench.send(protocol.Stop())
+    bench.send(protocol.Arm(protocol.VERSION))
+    bench.run(7)
+    assert bench.off()
+    bench.ask(speed=0.5)
+    bench.run(100)
+    assert bench.off()
+    assert bench.last.state == State.SAFE
+    return bench
+
+
+@scenario
+def link_loss(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.drive_period_ms = 0
+    return faulted(bench, Fault.LINK_LOST, 250)
+
+
+@scenario
+def garbage_is_no_command(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.drive_period_ms = 0
+    for k in range(13):
+        bench.target.write(bytes((k * 37 + i * 91) % 255 + 1 for i in range(40)) + b"\0")
+        bench.run(20)
+    assert bench.off()
+    bench.run(40)
+    assert bench.last.faults == Fault.LINK_LOST
+    assert bench.last.frames_bad == 13
+    bench.target.write(b"\x11\x22\x33")
+    bench.send(protocol.Clear())
+    bench.run(30)
+    assert bench.result() == Result.OK
+    assert bench.last.state == State.SAFE
+    return bench
+
+
+@scenario
+def estop_opens(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.target.set_pin(ESTOP, True)
+    faulted(bench, Fault.ESTOP_OPEN, 10)
+    bench.send(protocol.Clear())
+    bench.run(20)
+    assert bench.result() == Result.NOT_PLAUSIBLE
+    bench.target.set_pin(ESTOP, False)
+    bench.run(5)
+    bench.send(protocol.Clear())
+    bench.run(20)
+    assert bench.result() == Result.OK
+    return bench
+
+
+@scenario
+def pot_opens(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.pot_mv = 5000
+    return faulted(bench, Fault.POT_OPEN, 20)
+
+
+@scenario
+def pot_shorts(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.pot_mv = 0
+    return faulted(bench, Fault.POT_SHORT, 20)
+
+
+@scenario
+def pot_jumps(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.pot_mv = bench.actuator.pot_mv() + 150
+    return faulted(bench, Fault.POT_JUMP, 10)
+
+
+@scenario
+def pot_freezes(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.pot_mv = bench.actuator.pot_mv()
+    bench.ask(steer_deg=20.0, speed=0.5)
+    return faulted(bench, Fault.POT_FROZEN, 900)
+
+
+@scenario
+def steering_stalls(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.actuator.jammed = True
+    bench.target.set_analog_mv(STEER_SENSE, 800)
+    bench.ask(steer_deg=20.0, speed=0.5)
+    return faulted(bench, Fault.STEER_STALL, 900)
+
+
+@scenario
+def steering_runs_away(make: Maker) -> Bench:
+    bench = bench_running(make, spec=ActuatorSpec(polarity=-1))
+    bench.ask(steer_deg=5.0, speed=0.5)
+    return faulted(bench, Fault.STEER_RUNAWAY, 900)
+
+
+@scenario
+def steering_draws_too_much(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.target.set_analog_mv(STEER_SENSE, 2500)
+    return faulted(bench, Fault.STEER_OVERCURRENT, 70)
+
+
+@scenario
+def drive_draws_too_much(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.target.set_analog_mv(DRIVE_SENSE, 4500)
+    return faulted(bench, Fault.DRIVE_OVERCURRENT, 70)
+
+
+@scenario
+def battery_falls(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.target.set_analog_mv(BATTERY, 2400)
+    return faulted(bench, Fault.BATTERY_LOW, 1020)
+
+
+@scenario
+def battery_rises(make: Maker) -> Bench:
+    bench = bench_running(make)
+    bench.target.set_analog_mv(BATTERY, 4000)
+    return faulted(bench, Fault.BATTERY_HIGH, 120)
+
+
+@scenario
+def hall_sensor_closes_the_loop_and_goes_silent(make: Maker) -> Bench:
+    bench = Bench(make())
+    bench.run(10)
+    bench.set_param("hall_per_metre", 20)
+    bench.hall_per_metre = 20.0
+    bench.arm()
+    bench.ask(speed=0.4)
+    bench.run(4000)
+    assert bench.last.speed == pytest.approx(0.4, abs=0.03)
+    assert bench.last.distance == pytest.approx(bench.wheel_m, abs=0.06)
+    bench.hall_per_metre = 0.0
+    return faulted(bench, Fault.HALL_LOST, 2100)
+
+
+@scenario
+def parameters_change_when_safe(make: Maker) -> Bench:
+    bench = Bench(make())
+    bench.run(10)
+    bench.set_param("steer_limit", 12.5)
+    spec = protocol.PARAMS["steer_limit"]
+    bench.send(protocol.ParamGet(spec.id))
+    bench.run(10)
+    value = bench.answers[-1]
+    assert isinstance(value, protocol.ParamValue)
+    assert spec.from_raw(value.value) == 12.5
+    bench.send(protocol.ParamSet(spec.id, spec.max_raw + 1))
+    bench.run(10)
+    assert bench.result() == Result.OUT_OF_RANGE
+    bench.save_params()
+    bench.arm()
+    bench.ask(steer_deg=50.0)
+    bench.run(1000)
+    assert bench.actuator.angle_deg == pytest.approx(12.5, abs=0.7)
+    bench.send(protocol.ParamDefaults())
+    bench.run(10)
+    assert bench.result() == Result.WRONG_STATE
+    return bench
+
+
+@scenario
+def two_pwm_driver(make: Maker) -> Bench:
+    first = Bench(make())
+    first.run(10)
+    for name in ("steer_driver", "drive_driver"):
+        first.set_param(name, 1)
+    first.set_param("steer_pwm_freq", 4000)
+    first.set_param("drive_pwm_freq", 500)
+    first.save_params()
+    bench = Bench(make(first.target.eeprom()), bts7960=True)
+    bench.arm()
+    bench.ask(steer_deg=20.0, speed=0.5)
+    bench.run(1500)
+    assert bench.actuator.angle_deg == pytest.approx(20.0, abs=0.7)
+    assert bench.drive_duty == 128
+    bench.ask(steer_deg=-20.0, speed=-0.5)
+    bench.run(2000)
+    assert bench.actuator.angle_deg == pytest.approx(-20.0, abs=0.7)
+    assert bench.drive_duty == -128
+    assert not any(bench.target.pin(pin) for pin in (4, 5, 7, 8))
+    return bench
+
+
+@scenario
+def identification_is_bounded(make: Maker) -> Bench:
+    bench = Bench(make())
+    bench.send(protocol.Ident(100, 0.1))
+    bench.run(20)
+    assert bench.result() == Result.WRONG_STATE
+    bench.arm()
+    bench.send(protocol.Ident(120, 0.1))
+    bench.run(10)
+    assert bench.steer_duty == 120
+    bench.run(100)
+    assert bench.off()
+    assert bench.actuator.angle_deg > 0.5
+    for _ in range(40):
+        bench.send(protocol.Ident(200, 0.1))
+        bench.run(50)
+    assert bench.off()
+    assert bench.last.faults == Fault.IDENT_LIMIT
+    assert bench.actuator.angle_deg < 35 + 10  # released, it coasts
+    return bench
+
+
+@scenario
+def corrupt_parameters_are_reported(make: Maker) -> Bench:
+    first = Bench(make())
+    first.run(10)
+    first.save_params()
+    eeprom = bytearray(first.target.eeprom())
+    eeprom[10] ^= 0x40
+    bench = Bench(make(bytes(eeprom)))
+    bench.run(50)
+    assert bench.last.state == State.FAULT
+    assert bench.last.faults == Fault.PARAMS_BAD
+    bench.send(protocol.Clear())
+    bench.run(20)
+    assert bench.result() == Result.NOT_PLAUSIBLE
+    bench.save_params()
+    bench.send(protocol.Clear())
+    bench.run(20)
+    assert bench.result() == Result.OK
+    bench.arm()
+    return bench
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_holds(name: str, make_target: Maker) -> None:
+    SCENARIOS[name](make_target)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_desk_and_avr_agree_tick_for_tick(name: str) -> None:
+    desk, avr = (SCENARIOS[name](maker_of(kind)) for kind in ("desk", "avr"))
+    assert len(desk.trace) > 100
+    assert desk.trace == avr.trace
+    assert desk.answers == avr.answers
+    # The last message may still be on the line of the one and through on the other's.
+    count = min(len(desk.telemetry), len(avr.telemetry))
+    assert abs(len(desk.telemetry) - len(avr.telemetry)) <= 1
+    assert desk.telemetry[:count] == avr.telemetry[:count]
+    for bench in (desk, avr):
+        bench.target.close()
+
+
+@pytest.mark.parametrize(
+    ("cause", "fault"),
+    [(ResetCause.BROWN_OUT, Fault.BROWN_OUT), (ResetCause.WATCHDOG, Fault.WATCHDOG)],
+)
+def test_a_bad_reset_boots_into_fault_with_outputs_off(
+    cause: ResetCause, fault: Fault, make_target: Maker
+) -> None:
+    bench = bench_running(make_target)
+    bench.cut_frames = 1
+    bench.target.reset(cause)
+    bench.run(1)
+    assert bench.off()
+    bench.run(100)
+    assert bench.off()
+    assert bench.last.state == State.FAULT
+    assert bench.last.faults == fault
+
+
+def test_an_external_reset_boots_safe(make_target: Maker) -> None:
+    bench = bench_running(make_target)
+    bench.cut_frames = 1
+    bench.target.reset(ResetCause.EXTERNAL)
+    bench.run(100)
+    assert bench.off()
+    assert bench.last.state == State.SAFE
+    assert bench.last.faults == 0
+
+
+def test_a_hung_main_loop_ends_in_the_watchdog(make_target: Maker) -> None:
+    bench = bench_running(make_target)
+    bench.cut_frames = 1
+    bench.target.hang()
+    hung_at = bench.now_us
+    while not bench.off():
+        bench.run(1)
+        assert bench.now_us - hung_at < 60_000
+    bench.run(100)
+    assert bench.off()
+    assert bench.last.state == State.FAULT
+    assert bench.last.faults == Fault.WATCHDOG
+
+
+def test_the_blade_needs_more_than_a_command(make_target: Maker) -> None:
+    bench = Bench(make_target())
+    bench.ask(speed=0.0, blade=1)
+    bench.run(100)
+    assert not bench.target.pin(BLADE)
+    bench.arm()
+    bench.run(30)
+    assert bench.target.pin(BLADE)
