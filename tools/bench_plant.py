@@ -61,7 +61,7 @@ def camera_cost(
     return _timed(lambda k: frame(k + 3), frames)
 
 
-@njit(cache=True)
+@njit
 def _alone(state: machine.Record, params: machine.Record, given: machine.Record, n: int) -> None:
     for k in range(n):
         given[0].steer_duty = 0.5 if k % 1000 < 500 else -0.5

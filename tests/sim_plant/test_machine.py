@@ -33,7 +33,7 @@ LOOSE = SteeringSpec(
 """A steering motor without friction or play: linear."""
 
 
-@njit(cache=True)
+@njit
 def run(state: Any, params: Any, given: Any, steps: int) -> None:
     for _ in range(steps):
         step(state, params, given, STEP_S)
