@@ -53,6 +53,7 @@ daranti = LazyGroup(
         "see": ("host.see:see", "Show what the vision finds in photographs."),
         "monitor": ("host.monitor:monitor", "Show the firmware's telemetry, faults in words."),
         "params": ("host.params:params", "List, read, change and save the firmware's parameters."),
+        "plan": ("host.preview:plan", "Preview the harvest of a field before anything moves."),
         "survey": ("host.survey:survey", "The field's boundary from a walk around it."),
         "convert": ("host.boundary:convert", "Write a field's boundary in another format."),
         "flash": ("host.flash:flash", "Write the firmware onto the board."),

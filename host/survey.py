@@ -357,13 +357,13 @@ def draw_survey(path: Path, survey: Survey, title: str) -> None:
 
 def _draw(axes: Axes, survey: Survey) -> None:
     for number, piece in enumerate(pieces(survey.track)):
-        label = "walked" if number == 0 else None
+        label = "walked" if number == 0 else ""
         axes.plot(*piece.T, color="0.6", lw=0.8, marker=".", ms=2, label=label)
     if len(survey.track.rejected):
         axes.plot(*survey.track.rejected.T, "rx", ms=6, label="rejected")
     jumps = np.flatnonzero(survey.track.jumps_m > 0)
     for number, k in enumerate(jumps):
-        label = "jump" if number == 0 else None
+        label = "jump" if number == 0 else ""
         axes.plot(*survey.track.xy[k - 1 : k + 1].T, "r:", lw=1, label=label)
     for number, loop in enumerate(survey.loops.laps, start=1):
         _draw_ring(axes, loop, f"lap {number}")
@@ -373,7 +373,7 @@ def _draw(axes: Axes, survey: Survey) -> None:
     if survey.corners is not None:
         axes.plot(*outer.T, "o", color="tab:green", ms=7)
     for number, hole in enumerate(survey.polygon.interiors):
-        label = "keep-out" if number == 0 else None
+        label = "keep-out" if number == 0 else ""
         axes.fill(*np.array(hole.coords).T, color="tab:red", alpha=0.6, label=label)
     axes.set_aspect("equal")
     axes.set(xlabel="east (m)", ylabel="north (m)")
