@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import random
@@ -14,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader, make_reader
+from mcap.reader import NonSeekingReader
 from oracle import Oracle, quick
 
 from hil import targets
@@ -172,17 +173,11 @@ def test_a_run_killed_at_any_moment_leaves_a_record_that_replays(
         killed_run(path, draw.randrange(400_000))
         assert path.exists()
         with path.open("rb") as file:
-            assert list(NonSeekingReader(file).iter_metadata())
+            assert next(iter(NonSeekingReader(file).iter_metadata())).name == record.ABOUT
         seen = 0
-        with path.open("rb") as file:
-            reader = make_reader(file)
-            assert isinstance(reader, NonSeekingReader) or reader.get_header() is not None
-        with path.open("rb") as file:
-            try:
-                for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
-                    seen += 1
-            except (McapError, EOFError):
-                pass  # the cut tail
+        with path.open("rb") as file, contextlib.suppress(McapError):  # raised at the cut tail
+            for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+                seen += 1
         assert seen == sum(1 for _ in record.read(path))
         outcome = replay(path)
         assert not outcome.pilot, outcome.pilot[0]
