@@ -89,7 +89,7 @@ SHEETS: Final[dict[str, tuple[bool, tuple[View, ...]]]] = {
         (
             View("lodged", crop={"lodged": 0.3}),
             View("weeds and green patches", crop={"weeds": 0.15, "green": 0.15}),
-            View("thin and bare", crop={"thin": 0.3, "bare": 0.03}),
+            View("thin and bare", crop={"thin": 0.7, "bare": 0.06}),
             View("drilled rows", crop={"drilled": True}),
         ),
     ),

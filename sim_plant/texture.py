@@ -47,7 +47,7 @@ def _strokes(
     angle = rng.normal(np.pi / 2, 0.12, count) if upright else rng.random(count) * np.pi
     tone = rng.uniform(*spread, count)
     # Straws differ in hue and saturation, not in brightness alone.
-    tint = rng.normal(1, 0.08, (count, 3))
+    tint = rng.normal(1, 0.06, (count, 3))
     paint = tone[:, None] * tint * np.array(colour)
     step = np.stack([reach * np.cos(angle), reach * np.sin(angle)], 1).astype(int)
     lit_bgr, dark_bgr = np.minimum(255.0, paint).tolist(), (shade * paint).tolist()
@@ -80,7 +80,7 @@ def bake(seed: int, soil: Colour, straw: Colour, crop: Colour) -> tuple[Tile, ND
     written to, because equal calls share them."""
     rng = np.random.default_rng([seed, 0x7E])
     base = 1 + _noise(rng, (1, 0.05), (2, 0.06), (8, 0.07), (32, 0.06), (128, 0.05))
-    cast = 1 + np.stack([_noise(rng, (4, 0.03), (64, 0.04)) for _ in range(3)], -1)
+    cast = 1 + np.stack([_noise(rng, (4, 0.03), (64, 0.012)) for _ in range(3)], -1)
     ground = np.asarray(np.clip(np.array(soil) * base[..., None] * cast, 0, 255), np.uint8)
 
     stubble = ground.copy()
