@@ -70,16 +70,15 @@ uint8_t Params::block_byte(uint16_t at, uint16_t *crc) const {
 Params::Saving Params::step_save(Board &board) {
   if (save_at_ == kNotSaving) return Saving::kIdle;
   if (board.storing()) return Saving::kBusy;
-  if (save_at_ < kBlock) {
-    board.store(save_at_, block_byte(save_at_, &save_crc_));
-    ++save_at_;
-    return Saving::kBusy;
-  }
+  const bool writing = save_at_ < kBlock;
+  const uint16_t at = static_cast<uint16_t>(writing ? save_at_ : save_at_ - kBlock);
+  const uint8_t byte = block_byte(at, &save_crc_);
+  const bool wrong = !writing && board.load(at) != byte;
+  if (writing) board.store(at, byte);
+  ++save_at_;
+  if (!wrong && save_at_ < 2 * kBlock) return Saving::kBusy;
   save_at_ = kNotSaving;
-  for (uint16_t at = 0; at < kBlock; ++at) {
-    if (board.load(at) != block_byte(at, &save_crc_)) return Saving::kFailed;
-  }
-  return Saving::kDone;
+  return wrong ? Saving::kFailed : Saving::kDone;
 }
 
 }  // namespace daranti

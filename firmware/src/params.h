@@ -30,7 +30,7 @@ class Params {
   // false, with the defaults in use, for a block that is anything else than whole and in range.
   bool load(const Board &board);
 
-  // Saving takes one EEPROM byte a tick: begin, then step once a tick until it is not kBusy. The
+  // Saving writes, then reads back one byte a tick: begin, then step until it is not kBusy. The
   // values must not change meanwhile. Done means that the whole block read back as written.
   enum class Saving : uint8_t { kIdle, kBusy, kDone, kFailed };
   void begin_save() { save_at_ = 0; }
@@ -47,7 +47,7 @@ class Params {
   uint8_t block_byte(uint16_t at, uint16_t *crc) const;
 
   int16_t values_[protocol::kParams];
-  uint16_t save_at_ = kNotSaving;  // next byte to write; kBlock: all written
+  uint16_t save_at_ = kNotSaving;  // next byte to write, from kBlock on to read back
   uint16_t save_crc_ = 0;
 };
 

@@ -33,7 +33,7 @@ void Pot::configure(const Params &params) {
 
 int16_t Pot::angle(int16_t reading) const {
   const int32_t off = rising_ ? reading - centre_ : centre_ - reading;
-  return static_cast<int16_t>((off * (off > 0 ? left_ : right_) + (int32_t{1} << 13)) >> 14);
+  return saturate16((off * (off > 0 ? left_ : right_) + (int32_t{1} << 13)) >> 14);
 }
 
 void Steering::configure(const Params &params) {

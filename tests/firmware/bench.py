@@ -136,9 +136,9 @@ class Bench:
         assert self.result() == protocol.Result.OK
 
     def save_params(self) -> None:
-        """Saves them; a byte takes a tick."""
+        """Saves them; a byte takes a tick to write and another to read back."""
         self.send(protocol.ParamSave())
-        self.run(600)
+        self.run(1000)
         assert self.result() == protocol.Result.OK
 
     @property

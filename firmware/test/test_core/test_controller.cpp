@@ -217,7 +217,7 @@ TEST_CASE("Telemetry counts bad frames and carries faults and the duties' signs"
   Rig rig;
   rig.arm();
   rig.ask(-300, -2000);
-  rig.drive_for(100);
+  rig.drive_for(50);
   rig.board.input = {1, 2, 3, 0};
   auto payload = rig.telemetry();
   CHECK(protocol::get<uint16_t>(payload.data() + 27) == 1);
@@ -591,7 +591,7 @@ TEST_CASE("Parameters change in SAFE and FAULT only, and act at once") {
   rig.set(Param::steer_limit, 1000);
   rig.arm();
   rig.ask(0, 3000);
-  rig.drive_for(100);
+  rig.drive_for(50);
   CHECK(protocol::get<int16_t>(rig.telemetry().data() + 9) == 1000);
   rig.board.answers();
   rig.board.type(protocol::ParamSet::kId, {static_cast<uint8_t>(Param::steer_limit), 0, 8});

