@@ -319,7 +319,7 @@ class Screen:
 @click.option(
     "--boundary",
     type=click.Path(path_type=Path),
-    help="The crop's corners: GeoJSON or latitude,longitude lines.",
+    help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML or latitude,longitude lines.",
 )
 @click.option("--corner", type=click.IntRange(0), help="Where it stands; default the nearest.")
 @click.option(
