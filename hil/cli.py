@@ -16,6 +16,7 @@ cli = LazyGroup(
         "plot": ("hil.plot:plot", "Draw a record."),
         "replay": ("hil.replay:command", "Feed a record through today's pilot and firmware."),
         "report": ("hil.report:report", "Write report.html of results."),
+        "identify": ("hil.identify:command", "Identify and tune simulated actuators."),
         "rig": ("hil.virtual:rig", "Serve the machine in wall-clock time for `daranti drive`."),
         "sweep": ("hil.sweep:sweep", "Tune firmware parameters on a population of actuators."),
         "world": ("hil.world:world", "Contact sheets and videos of the simulated world."),

@@ -52,6 +52,10 @@ daranti = LazyGroup(
         "drive": ("host.drive:drive", "Harvest: camera, GNSS and firmware together."),
         "see": ("host.see:see", "Show what the vision finds in photographs."),
         "monitor": ("host.monitor:monitor", "Show the firmware's telemetry, faults in words."),
+        "identify": (
+            "host.identify_command:identify",
+            "Measure the steering actuator, and its potentiometer.",
+        ),
         "params": ("host.params:params", "List, read, change and save the firmware's parameters."),
         "plan": ("host.preview:plan", "Preview the harvest of a field before anything moves."),
         "survey": ("host.survey:survey", "The field's boundary from a walk around it."),
@@ -63,7 +67,10 @@ daranti = LazyGroup(
 daranti.add_command(
     LazyGroup(
         "tune",
-        {"vision": ("host.tune_vision:tune_vision", "Colour thresholds on a page with sliders.")},
+        {
+            "pid": ("host.tune_pid:pid", "The steering loop, from the identified actuator."),
+            "vision": ("host.tune_vision:tune_vision", "Colour thresholds on a page with sliders."),
+        },
         "Adjust on the machine.",
     )
 )

@@ -38,16 +38,20 @@ BYTE_S: Final = 10 / protocol.BAUD
 REST_S: Final = 0.2
 STILL_DEG: Final = 0.15
 """Between means of five samples: a wheel that coasts moves more."""
-STILL_SAMPLES: Final = 12
+STILL_SAMPLES: Final = 14
 """Telemetry samples in the mean of a resting angle."""
-MOVED_DEG: Final = 0.13
+MOVED_DEG: Final = 0.14
 """Between two such means: more than the pot's noise, less than the slowest motion."""
 PULSE_S: Final = 0.5
 START_DEG: Final = 24.0
 """Runs begin here on one side ..."""
 TURN_DEG: Final = 14.0
-"""... and are released here on the other; the rest is for coasting."""
-RUN_S: Final = 1.2
+"""... and are released here on the other, ..."""
+COAST_DEG: Final = 20.0
+"""Until it has been seen."""
+REACH_DEG: Final = 28.0
+"""... or earlier, where the motor would coast beyond this."""
+RUN_S: Final = 1.0
 RELAY_S: Final = 3.0
 RELAY_TURNS: Final = 9
 
@@ -196,6 +200,8 @@ class Experimenter:
     _segments: dict[int, _Segment] = field(default_factory=dict)
     _offset_s: float = math.inf
     _way: int = 0
+    _coasts_deg: list[float] = field(default_factory=list)
+    """How far the released motor ran on, run by run."""
 
     # -- talking
 
@@ -331,7 +337,7 @@ class Experimenter:
         self.release()
         low, high = moving_duty // 4, moving_duty
         before = self.angle()
-        while high - low > 1:
+        while high - low > 2:
             duty = (low + high) // 2
             self._fresh_budget()
             self.drive(way * duty, PULSE_S, _past(way, before + way))
@@ -371,10 +377,13 @@ class Experimenter:
         begin = len(self.trace)
         segments: list[_Segment] = []
         last = way
+        bound = max(3.0, min(TURN_DEG, REACH_DEG - max(self._coasts_deg, default=COAST_DEG)))
         for duty, seconds in play:
             last = 1 if duty > 0 else -1
-            segments += self.drive(duty, seconds, _past(last, last * TURN_DEG))
+            segments += self.drive(duty, seconds, _past(last, last * bound))
+        released = math.degrees(self.trace[-1].angle_rad)
         stop = self.release()
+        self._coasts_deg.append(abs(math.degrees(self.trace[-1].angle_rad) - released))
         self._way = last
         times, duties = self._edges([*segments, stop])
         clock = np.array(self._clock[begin:])
@@ -433,8 +442,8 @@ class Experimenter:
             for way in (1, -1):
                 self.say(f"step of duty {way * level:+d}")
                 runs.append(self.run("step", iter([(way * level, RUN_S)]), way))
-        dwell = min(0.4, max(0.1, 4.0 / speed_of(runs[0])))
-        for number in range(3):
+        dwell = min(0.4, max(0.12, 5.0 / speed_of(runs[0])))
+        for number in range(2):
             self.go_to(0.0, moving)
             self.say("pseudo-random binary sequence")
             runs.append(self.run("prbs", self._prbs(strong, dwell, number), 1))
@@ -518,12 +527,7 @@ def _first_telemetry(wire: Wire, name: str) -> Telemetry:
 
 
 def _why(telemetry: Telemetry) -> str:
-    faults = protocol.Fault(telemetry.faults)
-    texts = [
-        f"{protocol.FAULT_TEXTS[bit][0]} ({protocol.FAULT_TEXTS[bit][1]})"
-        for bit in protocol.Fault
-        if bit in faults
-    ]
+    texts = protocol.fault_texts(protocol.Fault(telemetry.faults))
     return "; ".join(texts) if texts else f"it went to {telemetry.state.name}"
 
 

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+
+STEADY_DEG: Final = 0.5
+"""Steady error that the figures allow; what lies below is the potentiometer's noise."""
+OVERSHOOT: Final = 0.05
+SETTLE_S: Final = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +24,13 @@ class Step:
     size_deg: float = 30.0
     start_deg: float = 0.0
     duration_s: float = 2.5
-    band: float = 0.02
-    """Share of the step's size within which it has settled."""
     rest_s: float = 0.6
     """The end of the response that is judged for steady error and chatter."""
+
+    @property
+    def band_deg(self) -> float:
+        """Within this it has settled: 2 % of the step, or the steady error allowed if larger."""
+        return max(0.02 * abs(self.size_deg), STEADY_DEG)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +75,7 @@ def judge(
     size = abs(step.size_deg)
     target = step.start_deg + step.size_deg
     error = math.copysign(1.0, step.size_deg) * (target - angle_deg)
-    outside = np.nonzero(np.abs(error) > step.band * size)[0]
+    outside = np.nonzero(np.abs(error) > step.band_deg)[0]
     settled = 0 if len(outside) == 0 else int(outside[-1]) + 1
     rest = max(1, round(step.rest_s / dt))
     on = duty[-rest:] != 0
@@ -88,8 +97,8 @@ def judge(
 def deadline_s(slew_degps: float, lag_s: float, step: Step) -> float:
     """By when a step must have settled: 0.8 s, or what the motor needs at full duty to travel to
     the band, spin up and brake, where that is longer. 30 degrees in 0.8 s takes some 50 deg/s."""
-    travel = abs(step.size_deg) * (1 - step.band)
-    return max(0.8, travel / slew_degps + 2.5 * lag_s)
+    travel = abs(step.size_deg) - step.band_deg
+    return max(SETTLE_S, travel / slew_degps + 2.5 * lag_s)
 
 
 def meets(response: Response, step: Step, deadline: float) -> bool:
@@ -98,8 +107,8 @@ def meets(response: Response, step: Step, deadline: float) -> bool:
     size = abs(step.size_deg)
     return (
         response.settle_s <= deadline
-        and response.overshoot * size <= max(0.05 * size, 0.5)
-        and response.steady_error_deg <= 0.5
+        and response.overshoot * size <= max(OVERSHOOT * size, STEADY_DEG)
+        and response.steady_error_deg <= STEADY_DEG
         and response.starts == 0
         and response.faults == 0
     )
@@ -128,9 +137,9 @@ def cost(response: Response, step: Step, deadline: float, weights: Weights | Non
     """The weighted sum; smaller is better. Comparable on one plant and step only."""
     w = weights or Weights()
     size = abs(step.size_deg)
-    over = max(0.0, response.overshoot - max(0.05, 0.5 / size))
+    over = max(0.0, response.overshoot - max(OVERSHOOT, STEADY_DEG / size))
     late = max(0.0, response.settle_s - deadline)
-    beyond = max(0.0, response.steady_error_deg - 0.5)
+    beyond = max(0.0, response.steady_error_deg - STEADY_DEG)
     return (
         w.tracking * response.error_s
         + w.settling * late

@@ -1,199 +1,192 @@
-"""`daranti tune pid`: the steering loop's gains from an identified actuator.
-
-Three ways to gains: lambda tuning (pole placement on gain, lag and dead time), relay rules
-(Ziegler-Nichols; Åström and Hägglund 1984 for a phase margin), and direct optimisation of the
-step figures on the firmware's law round the model, today's and other days' versions of it.
-Margins and the sensitivity's peak are of the loop without friction, backlash and limits.
-"""
+"""`daranti tune pid`: gains for the steering loop, written to the firmware and verified."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
+import click
 import control
 import numpy as np
-from scipy.optimize import minimize
+from rich.console import Console
+from rich.table import Table
 
-from host import protocol, steering_loop
-from host.identify import ActuatorModel
-from host.step_response import Floats, Step, cost, deadline_s, meets
+from host import params, protocol, steering_loop
+from host.cli import port_option
+from host.errors import UserError
+from host.identify import ActuatorModel, Wire, armed
+from host.identify_command import LinkWire, connect, measure, read_params, write_params
+from host.step_response import Floats, Response, Step, deadline_s, judge, meets
+from host.steering_gains import RULES, gains, loops, margins
+from host.types import State, Telemetry
 
-Gains = dict[str, float]
-
-PHASE_MARGIN_DEG: Final = 60.0
-AGOPEN_TAPER_DEG: Final = 3.0
-DAYS: Final = ((1.0, 1.0, 1.0), (0.85, 1.15, 1.15), (1.15, 0.85, 0.9))
-"""Factors on gain, friction and lag: low battery and load; full battery and warm grease."""
-STEPS: Final = (Step(), Step(size_deg=-5.0, start_deg=5.0))
-
-
-@dataclass(frozen=True, slots=True)
-class Margins:
-    """Of the linear loop."""
-
-    gain_db: float
-    phase_deg: float
-    sensitivity: float
-    """Largest |S|: 1.4 is calm, 2 is lively."""
-    crossover_radps: float
+KEEPALIVE_S: Final = 0.1
+VERIFY_SIZE_DEG: Final = 30.0
+VERIFY_S: Final = 3.0
+TELEMETRY_S: Final = 0.02
 
 
-def ultimate(model: ActuatorModel) -> tuple[float, float]:
-    """Ultimate gain (duty/deg) and period (s) of the model: gain, lag and dead time, with the
-    firmware's tick as half a tick's delay."""
-    k, lag = model.gain_degps.value, model.lag_s.value
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * steering_loop.TICK_S
-    low, high = 1e-3, math.pi / 2 / delay
-    for _ in range(60):
-        w = 0.5 * (low + high)
-        phase = math.atan(w * lag) + w * delay
-        low, high = (w, high) if phase < math.pi / 2 else (low, w)
-    w = 0.5 * (low + high)
-    return w * math.hypot(1.0, w * lag) / k, 2 * math.pi / w
+def verify(wire: Wire, name: str, step: Step) -> tuple[Response, Floats]:
+    """Makes the step on the machine: first to its start, then the step. The angle is the reading's
+    running mean over five samples. Also returns (2, n) angle in degrees and duty, every 20 ms."""
+    with armed(wire, name, {"ident_duty_max": 0.0}):
+        _hold(wire, step.start_deg, VERIFY_S)
+        seen = _hold(wire, step.start_deg + step.size_deg, step.duration_s)
+    readings = np.degrees([t.angle_rad for t in seen])
+    padded = np.concatenate([np.full(2, readings[0]), readings, np.full(2, readings[-1])])
+    angle = np.convolve(padded, np.full(5, 0.2), mode="valid")
+    duty = np.array([float(t.steer_duty) for t in seen])
+    response = judge(angle, duty, TELEMETRY_S, step, faults=seen[-1].faults)
+    return response, np.stack([angle, duty])
 
 
-def _law(model: ActuatorModel, kp: float, ki: float, kd: float, **others: float) -> Gains:
-    """The firmware's parameters, within their ranges and as its integers hold them."""
-    values = steering_loop.defaults() | {
-        "steer_kp": kp,
-        "steer_ki": ki,
-        "steer_kd": kd,
-        "steer_min_duty": 0.85 * min(model.min_left, model.min_right),
-        **others,
-    }
-    held = {}
-    for name, value in values.items():
-        spec = protocol.PARAMS[name]
-        raw = min(spec.max_raw, max(spec.min_raw, round(value / spec.scale)))
-        held[name] = spec.from_raw(raw)
-    return held
+def _hold(wire: Wire, angle_deg: float, seconds: float) -> list[Telemetry]:
+    """Commands an angle for a time. Raises UserError when the firmware gives up."""
+    seen: list[Telemetry] = []
+    end = wire.now + seconds
+    due = wire.now
+    while wire.now < end:
+        if wire.now >= due:
+            due += KEEPALIVE_S
+            wire.request(protocol.Drive(math.radians(angle_deg), 0.0, 0))
+        for telemetry in wire.poll():
+            if telemetry.state is not State.ARMED:
+                texts = protocol.fault_texts(protocol.Fault(telemetry.faults))
+                raise UserError(f"the firmware gave up the step: {'; '.join(texts)}")
+            seen.append(telemetry)
+    if len(seen) < 0.8 * seconds / TELEMETRY_S:
+        raise UserError(f"only {len(seen)} telemetry messages in {seconds:g} s: check the cable")
+    return seen
 
 
-def ziegler_nichols(model: ActuatorModel) -> Gains:
-    """The classic PID rule from the ultimate gain and period."""
-    ku, pu = ultimate(model)
-    return _law(model, 0.6 * ku, 1.2 * ku / pu, 0.075 * ku * pu)
+def _shown(
+    model: ActuatorModel, before: Mapping[str, float], after: Mapping[str, float]
+) -> tuple[Table, Table]:
+    parameters = Table(title="parameters")
+    for column in ("parameter", "before", "after", "unit"):
+        parameters.add_column(column)
+    for name in steering_loop.LAW:
+        unit = protocol.PARAMS[name].unit
+        parameters.add_row(name, f"{before[name]:g}", f"{after[name]:g}", unit)
+    loop = Table(title="loop on the identified model")
+    for column in ("figure", "before", "after"):
+        loop.add_column(column)
+    both = [margins(model, law) for law in (before, after)]
+    steps = [steering_loop.respond(model, law, Step())[0] for law in (before, after)]
+    rows = [
+        ("gain margin, dB", *(f"{m.gain_db:.1f}" for m in both)),
+        ("phase margin, deg", *(f"{m.phase_deg:.1f}" for m in both)),
+        ("sensitivity's peak", *(f"{m.sensitivity:.2f}" for m in both)),
+        ("crossover, rad/s", *(f"{m.crossover_radps:.1f}" for m in both)),
+        ("30 degrees settle, s", *(f"{r.settle_s:.2f}" for r in steps)),
+        ("overshoot, %", *(f"{100 * r.overshoot:.1f}" for r in steps)),
+        ("steady error, deg", *(f"{r.steady_error_deg:.2f}" for r in steps)),
+    ]
+    for row in rows:
+        loop.add_row(*row)
+    return parameters, loop
 
 
-def astrom_hagglund(model: ActuatorModel) -> Gains:
-    """PID for a phase margin at the ultimate frequency (Åström and Hägglund 1984, Ti = 4 Td); from
-    the relay on the machine where it oscillated, else from the model."""
-    ku, pu = ultimate(model)
-    if model.relay_gain > 0:
-        ku, pu = model.relay_gain, model.relay_period_s
-    margin = math.radians(PHASE_MARGIN_DEG)
-    kp = ku * math.cos(margin)
-    td = pu / (4 * math.pi) * (math.tan(margin) + math.sqrt(1 + math.tan(margin) ** 2))
-    return _law(model, kp, kp / (4 * td), kp * td)
+def draw(
+    path: Path,
+    model: ActuatorModel,
+    laws: Mapping[str, Mapping[str, float]],
+    measured: Floats | None,
+    step: Step,
+) -> None:
+    """Step responses and loops before and after, and the machine's own step."""
+    import matplotlib  # noqa: PLC0415
 
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt  # noqa: PLC0415
 
-def lambda_tuning(model: ActuatorModel, factor: float = 2.0) -> Gains:
-    """PD that cancels the lag and closes the loop with time constant `factor` times what delay
-    allows; the small integral only carries what friction leaves."""
-    k, lag = model.gain_degps.value, model.lag_s.value
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * steering_loop.TICK_S
-    spec = protocol.PARAMS["steer_d_filter"]
-    closed = factor * (delay + spec.from_raw(spec.default_raw) * 1e-3)
-    kp = 1.0 / (k * closed)
-    return _law(model, kp, kp / (8 * closed), kp * lag)
-
-
-def agopen(model: ActuatorModel, hand_kp: float = 40.0) -> Gains:
-    """Hand gains of AgOpenGPS's shape: P on top of the minimum PWM, its ceiling falling linearly to
-    the minimum inside 3 degrees. Within the firmware's law that ceiling is a largest gain."""
-    least = max(model.min_left, model.min_right)
-    ceiling = (255.0 - least) / AGOPEN_TAPER_DEG
-    return _law(model, min(hand_kp, ceiling), 0.0, 0.0, steer_min_duty=least)
-
-
-def figure(model: ActuatorModel, law: Mapping[str, float]) -> float:
-    """Mean cost of the steps over the days; smaller is better."""
-    total = 0.0
-    for day in DAYS:
-        actuator = steering_loop.varied(model, *day)
-        for step in STEPS:
-            response, _ = steering_loop.respond(actuator, law, step)
-            deadline = deadline_s(actuator.slew_degps, actuator.lag_s.value, step)
-            total += cost(response, step, deadline) + (not meets(response, step, deadline))
-    return total / (len(DAYS) * len(STEPS))
-
-
-_LOW: Final = np.array([math.log(10.0), 0.0, 0.0, 15.0, 0.5])
-_HIGH: Final = np.array([math.log(100.0), 100.0, 6.0, 60.0, 1.05])
-
-
-def optimise(model: ActuatorModel, samples: int = 250, seed: int = 0) -> Gains:
-    """The law that costs least on the model: a random search from the rules' and the default
-    gains, refined by Nelder and Mead's simplex. Deterministic."""
-    least = min(model.min_left, model.min_right)
-    band = min(0.6, max(0.35, 4.5 * model.noise_deg))
-
-    def law(x: Floats) -> Gains:
-        log_kp, ki, kd, filter_ms, share = np.clip(x, _LOW, _HIGH).tolist()
-        return _law(
-            model,
-            math.exp(log_kp),
-            ki,
-            kd,
-            steer_d_filter=filter_ms,
-            steer_min_duty=share * least,
-            steer_deadband=band,
-            steer_duty_slew=15000.0,
+    figure_, (left, right) = plt.subplots(1, 2, figsize=(13, 4.6))
+    for name, law in laws.items():
+        _, trace = steering_loop.respond(model, law, step)
+        time = np.arange(trace.shape[1]) * steering_loop.TICK_S
+        left.plot(time, trace[0], label=f"{name}, firmware's law on the model")
+        opened, closed = loops(model, law)
+        linear = control.step_response(closed, np.linspace(0, 1.5, 600))
+        value = step.start_deg + step.size_deg * linear.outputs
+        left.plot(linear.time, value, ":", lw=1, label=f"{name}, linear loop")
+        w = np.logspace(-0.5, 2.5, 400)
+        right.loglog(w, np.abs(opened(1j * w)), label=f"|L| {name}")
+        right.loglog(w, np.abs(1 / (1 + opened(1j * w))), "--", label=f"|S| {name}")
+    if measured is not None:
+        left.plot(
+            np.arange(measured.shape[1]) * TELEMETRY_S, measured[0], "k.", ms=4, label="machine"
         )
-
-    def dear(x: Floats) -> float:
-        return figure(model, law(x))
-
-    random = np.random.default_rng(seed)
-    tries = _LOW + random.random((samples, len(_LOW))) * (_HIGH - _LOW)
-    tries[0] = [math.log(75.0), 55.0, 3.0, 35.0, 0.85]
-    costs = [dear(x) for x in tries]
-    order = np.argsort(costs, kind="stable")[: len(_LOW) + 1]
-    best = minimize(
-        dear,
-        tries[order[0]],
-        method="Nelder-Mead",
-        options={"initial_simplex": tries[order], "maxfev": samples, "xatol": 1e-2, "fatol": 1e-3},
-    )
-    return law(best.x)
+    left.set(xlabel="s", ylabel="steering angle, deg")
+    right.set(xlabel="rad/s")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    figure_.tight_layout()
+    figure_.savefig(path, dpi=80)
+    plt.close(figure_)
 
 
-RULES: Final = {
-    "optimise": optimise,
-    "lambda": lambda_tuning,
-    "astrom-hagglund": astrom_hagglund,
-    "ziegler-nichols": ziegler_nichols,
-    "agopen": agopen,
-}
-
-
-def loops(
-    model: ActuatorModel, law: Mapping[str, float]
-) -> tuple[control.xferfcn, control.xferfcn]:
-    """Open loop, and closed loop from setpoint to angle: the derivative is on the measurement."""
-    k, lag = model.gain_degps.value, model.lag_s.value
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * steering_loop.TICK_S
-    plant = control.tf([k], [lag, 1.0, 0.0]) * control.tf(*control.pade(delay, 3))
-    kp, ki, kd = (law[f"steer_{name}"] for name in ("kp", "ki", "kd"))
-    forward = control.tf([kp, ki], [1.0, 0.0]) if ki > 0 else control.tf([kp], [1.0])
-    damping = control.tf([kd, 0.0], [law["steer_d_filter"] * 1e-3 + steering_loop.TICK_S, 1.0])
-    opened = control.minreal(plant * (forward + damping), verbose=False)
-    inner = control.feedback(plant, damping)
-    return opened, control.feedback(control.minreal(inner * forward, verbose=False), 1)
-
-
-def margins(model: ActuatorModel, law: Mapping[str, float]) -> Margins:
-    """Stability margins of the linear loop."""
-    opened, _ = loops(model, law)
-    gain, phase, _, _, crossover, _ = control.stability_margins(opened)
-    w = np.logspace(-1, 3, 2000)
-    sensitivity = float(np.max(np.abs(1.0 / (1.0 + opened(1j * w)))))
-    return Margins(
-        gain_db=20 * math.log10(gain) if 0 < gain < math.inf else math.inf,
-        phase_deg=float(phase),
-        sensitivity=sensitivity,
-        crossover_radps=float(crossover),
-    )
+@click.command()
+@port_option
+@click.option(
+    "--model",
+    "model_file",
+    type=click.Path(path_type=Path),
+    help="What `daranti identify` wrote; without it the machine is identified first.",
+)
+@click.option("--rule", type=click.Choice(RULES), default="optimise", show_default=True)
+@click.option("--save", "keep", is_flag=True, help="Store the parameters in the EEPROM.")
+@click.option("--dry-run", is_flag=True, help="Show what would be written; move nothing more.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/tune"), show_default=True)
+def pid(
+    port: str, model_file: Path | None, rule: str, keep: bool, dry_run: bool, out: Path
+) -> None:
+    """Tunes the steering loop: chooses gains on the actuator's model, writes them to the firmware
+    and verifies them with a step of 30 degrees. If that fails, the old parameters are restored."""
+    console = Console()
+    model = None if model_file is None else ActuatorModel.load(model_file)
+    out.mkdir(parents=True, exist_ok=True)
+    with connect(port) as link:
+        values = read_params(link)
+        if model is None:
+            _, model = measure(link, port, console, values)
+            model.save(out / "model.json")
+        before = {name: values[name] for name in steering_loop.LAW}
+        with console.status(f"choosing gains: {rule}"):
+            after = gains(rule, model)
+        for shown in _shown(model, before, after):
+            console.print(shown)
+        size = min(VERIFY_SIZE_DEG, 2 * values["steer_limit"])
+        step = Step(size_deg=size, start_deg=-size / 2, duration_s=VERIFY_S)
+        laws = {"before": before, rule: after}
+        if dry_run:
+            draw(out / "tune.png", model, laws, None, step)
+            return
+        write_params(link, after)
+        try:
+            with console.status("verifying with a step; keep clear (Ctrl-C stops)"):
+                response, trace = verify(LinkWire(link), port, step)
+            deadline = deadline_s(model.slew_degps, model.lag_s.value, step)
+            if not meets(response, step, deadline):
+                raise UserError(
+                    f"the step on the machine misses the figures: settled after "
+                    f"{response.settle_s:.2f} s (at most {deadline:.2f}), overshoot "
+                    f"{100 * response.overshoot:.1f} % (5), steady error "
+                    f"{response.steady_error_deg:.2f} deg (0.5), {response.starts} starts at rest "
+                    "(0). The old parameters are restored; identify again with the wheel free"
+                )
+        except BaseException:
+            link.request(protocol.Stop())
+            write_params(link, before)
+            raise
+        draw(out / "tune.png", model, laws, trace, step)
+        click.echo(
+            f"verified on the machine: settles in {response.settle_s:.2f} s, overshoot "
+            f"{100 * response.overshoot:.1f} %, steady error {response.steady_error_deg:.2f} deg"
+        )
+        if keep:
+            params.save(link)
+        click.echo("saved" if keep else "not saved: lost at the next reset (`--save` keeps them)")
+    click.echo(f"written to {out}: tune.png")
