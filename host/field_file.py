@@ -94,25 +94,21 @@ def load_field(path: Path) -> Boundary:
 
 
 def save_field(path: Path, boundary: Boundary) -> None:
-    """Writes by suffix; `load_field` reads the same places back, to a millimetre."""
-    writers: dict[str, Callable[[Path, Boundary], None]] = {
-        ".geojson": _write_gdal,
-        ".json": _write_gdal,
-        ".kml": _write_gdal,
-        ".shp": _write_gdal,
-        ".xml": _write_isoxml,
-        ".csv": _write_csv,
-        ".txt": _write_csv,
-    }
-    writer = writers.get(path.suffix.lower())
-    if writer is None:
+    """Writes by suffix; `load_field` reads the same places back, to a millimetre. UserError where
+    `check_target` has one, or the format cannot hold what the boundary has."""
+    check_target(path)
+    try:
+        _WRITERS[path.suffix.lower()](path, boundary)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def check_target(path: Path) -> None:
+    """UserError where a field can never be written to this path: better before the work."""
+    if path.suffix.lower() not in _WRITERS:
         raise UserError(f"cannot write {path}: its suffix names no format; use {SUFFIXES}")
     if not path.parent.is_dir():
         raise UserError(f"cannot write {path}: there is no folder {path.parent}")
-    try:
-        writer(path, boundary)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 # ---- what makes a field --------------------------------------------------------------------------
@@ -398,3 +394,14 @@ def _write_csv(path: Path, boundary: Boundary) -> None:
         raise UserError(f"cannot write {path}: CSV has no keep-outs; use another suffix")
     lines = [f"{lat:.9f},{lon:.9f}\n" for lat, lon in boundary.crop]
     path.write_text("latitude,longitude\n" + "".join(lines), encoding="utf-8")
+
+
+_WRITERS: dict[str, Callable[[Path, Boundary], None]] = {
+    ".geojson": _write_gdal,
+    ".json": _write_gdal,
+    ".kml": _write_gdal,
+    ".shp": _write_gdal,
+    ".xml": _write_isoxml,
+    ".csv": _write_csv,
+    ".txt": _write_csv,
+}

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from host.errors import UserError
-from host.field_file import Boundary, boundary_of, save_field
+from host.field_file import Boundary, boundary_of, check_target, save_field
 from host.gnss import Receiver, gnss_feed
 from host.walk import (
     Loop,
@@ -406,14 +406,19 @@ def _read(path: Path) -> tuple[Track, Receiver]:
 
 
 def _record(url: str, path: Path) -> None:
-    """Writes what a receiver sends until Ctrl-C."""
+    """Writes what a receiver sends until Ctrl-C, every byte as it comes: a walk is not repeated
+    because a laptop's battery went flat."""
     begun = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begun
 
     try:
-        file = path.open("wb")
+        file = path.open("xb", buffering=0)
+    except FileExistsError as error:
+        raise UserError(
+            f"{path} is there already; name it as the source, or move it away to walk again"
+        ) from error
     except OSError as error:
         raise UserError(f"cannot write the recording {path}: {error.strerror}") from error
     with file:
@@ -509,6 +514,7 @@ def survey(
     until Ctrl-C first. Writes OUT and a picture of what was understood."""
     if irregular and corners is not None:
         raise UserError("--corners and --irregular exclude each other; give one of them")
+    check_target(out)
     path = Path(source)
     if not path.is_file():
         path = out.with_suffix(".nmea")

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import math
 import os
+import signal
+import socket
+import subprocess
+import sys
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -24,6 +29,7 @@ from host.walk import SPIKE_FIXES, Track, find_loops, mean_ring, read_fixes, res
 from sim_plant.gnss import GnssSpec
 
 DATA = Path(os.environ.get("DARANTI_DATA", Path(__file__).parents[3] / "shared" / "data"))
+LIMIT_S = 60.0
 ORIGIN = LocalFrame(PERFECT.lat_deg, PERFECT.lon_deg)
 SQUARE: list[Place] = [(0, 0), (20, 0), (20, 20), (0, 20)]
 ELL: list[Place] = [(0, 0), (30, 0), (30, 12), (14, 12), (14, 25), (0, 25)]
@@ -341,6 +347,53 @@ def test_a_source_that_is_not_there_is_said(tmp_path: Path, cli: Cli) -> None:
     code, _, err = cli("survey", str(tmp_path / "no"), "--out", str(tmp_path / "field.kml"))
     assert code == 2
     assert "does not exist" in err
+
+
+def test_a_walk_is_recorded_from_the_phone_until_ctrl_c(tmp_path: Path) -> None:
+    stream = "".join(line + "\r\n" for line in walk(around(SQUARE))).encode()
+    out = tmp_path / "field.geojson"
+    recording = out.with_suffix(".nmea")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        command = [sys.executable, "-c", "from host.cli import main; main()", "survey"]
+        url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        process = subprocess.Popen(
+            [*command, url, "--out", str(out)], stdout=subprocess.PIPE, text=True
+        )
+        try:
+            listener.settimeout(LIMIT_S)
+            phone, _ = listener.accept()
+            with phone:
+                # What comes while a port is being opened is thrown away: speak until heard.
+                deadline = time.monotonic() + LIMIT_S
+                while not (recording.is_file() and recording.stat().st_size):
+                    assert time.monotonic() < deadline
+                    phone.sendall(b"\r\n")
+                    time.sleep(0.01)
+                phone.sendall(stream)
+                while recording.stat().st_size < len(stream):
+                    assert time.monotonic() < deadline
+                    time.sleep(0.01)
+                process.send_signal(signal.SIGINT)
+                text, _ = process.communicate(timeout=LIMIT_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0
+    assert "4 corners" in text
+    assert recording.read_bytes().endswith(stream)
+    assert load_field(out).crop
+
+
+def test_a_recorded_walk_is_not_written_over(tmp_path: Path, cli: Cli) -> None:
+    recorded(tmp_path, ["precious"], "field.nmea")
+    code, _, err = cli("survey", "tcp://127.0.0.1:9", "--out", str(tmp_path / "field.kml"))
+    assert code == 2
+    assert "is there already" in err
+
+
+def test_a_target_that_cannot_be_is_said_before_the_walk(tmp_path: Path, cli: Cli) -> None:
+    code, _, err = cli("survey", "tcp://127.0.0.1:9", "--out", str(tmp_path / "field.dwg"))
+    assert code == 2
+    assert "its suffix names no format" in err
 
 
 def test_a_real_phones_walk_becomes_a_closed_boundary(tmp_path: Path, cli: Cli) -> None:
