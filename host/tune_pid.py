@@ -18,8 +18,8 @@ from host.cli import port_option
 from host.errors import UserError
 from host.identify import ActuatorModel, Wire, armed
 from host.identify_command import LinkWire, connect, measure, read_params, write_params
-from host.step_response import Floats, Response, Step, deadline_s, judge, meets
 from host.steering_gains import RULES, gains, loops, margins
+from host.step_response import Floats, Response, Step, deadline_s, judge, meets
 from host.types import State, Telemetry
 
 KEEPALIVE_S: Final = 0.1
