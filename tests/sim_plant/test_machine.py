@@ -179,6 +179,30 @@ def test_mud_slows_the_machine_and_raises_its_current() -> None:
     assert (muddy.drive_a - dry.drive_a) * DriveSpec().k_vspm == pytest.approx(60, rel=1e-3)
 
 
+def test_cutting_takes_its_force() -> None:
+    free, cutting = (Bench(MachineSpec()).run(4.0, drive_duty=0.6, cutting=c) for c in (0, 0.5))
+    force = (cutting.drive_a - free.drive_a) * DriveSpec().k_vspm
+    assert force == pytest.approx(0.5 * DriveSpec().cutting_n, rel=1e-3)
+
+
+@pytest.mark.parametrize("duty", [0.6, -0.6])
+def test_the_wheels_slip_by_the_share_of_their_driving_force(duty: float) -> None:
+    spec = DriveSpec(slip_n=500.0)
+    bench = Bench(MachineSpec(drive=spec)).run(4.0, drive_duty=duty)
+    lost = spec.k_vspm * abs(bench.drive_a) / spec.slip_n
+    assert lost > 0.05
+    assert bench.v == pytest.approx(bench.wheel_v * (1 - lost), rel=1e-3)
+
+
+def test_a_turn_pushes_the_rear_outward() -> None:
+    spec = MachineSpec(cornering_rear_n=800.0, cornering_front_n=800.0)
+    bench = Bench(spec, steer=0.3).run(4.0, drive_duty=0.9)
+    outward = spec.drive.mass_kg * bench.v * bench.yaw_rate * (1 - spec.front_load)
+    assert bench.yaw_rate > 0
+    assert bench.slip_rear == pytest.approx(-outward / 800.0, rel=0.01)
+    assert bench.slip_rear < -0.02
+
+
 def test_the_battery_sags_under_current_and_the_rail_browns_out() -> None:
     weak = BatterySpec(r_ohm=0.6, idle_a=0.0)
     bench = Bench(MachineSpec(battery=weak))
