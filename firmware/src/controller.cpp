@@ -128,7 +128,7 @@ void Controller::take(Board &board, const Command &command) {
       }
       acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
       break;
-    case HilSensors::kId:
+    default:  // HilSensors: the parser lets no other id through
       hil_ = board.inject(HilSensors::read(command.payload));
       if (!hil_) acknowledge(board, command, Result::UNKNOWN);
       break;
