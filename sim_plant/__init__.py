@@ -19,12 +19,13 @@ _KEPT_S: Final = 86400.0
 """Folders of older contents are kept so long, for processes that still run."""
 
 
-def cache_folder(package: Path) -> Path:
-    """Where compiled code of a package with the present content belongs."""
+def cache_folder(package: Path, base: Path | None = None) -> Path:
+    """Where compiled code of a package with the present content belongs: below `base`
+    (NUMBA_CACHE_DIR), or beside the package's byte code."""
     content = hashlib.sha256()
     for source in sorted(package.glob("*.py")):
         content.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
-    return package / "__pycache__" / f"numba-{content.hexdigest()[:16]}"
+    return (base or package / "__pycache__") / f"numba-{content.hexdigest()[:16]}"
 
 
 def _use(folder: Path) -> None:
@@ -40,5 +41,5 @@ def _use(folder: Path) -> None:
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
 
 
-if not config.CACHE_DIR:  # type: ignore[attr-defined]
-    _use(cache_folder(Path(__file__).parent))
+_given: str = config.CACHE_DIR  # type: ignore[attr-defined]
+_use(cache_folder(Path(__file__).parent, Path(_given) if _given else None))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 from sim_plant import cache_folder
 
@@ -38,7 +41,13 @@ def test_the_folder_follows_the_content(tmp_path: Path) -> None:
     assert len({one, two, cache_folder(tmp_path)}) == 3
 
 
-def test_a_cached_caller_in_another_package_sees_the_change(tmp_path: Path) -> None:
+@pytest.mark.parametrize("base", [None, "elsewhere"])
+def test_a_cached_caller_in_another_package_sees_the_change(
+    tmp_path: Path, base: str | None
+) -> None:
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    if base is not None:
+        environment["NUMBA_CACHE_DIR"] = str(tmp_path / base)
     package = tmp_path / "sim_plant"
     package.mkdir()
     real = Path(sys.modules["sim_plant"].__file__ or "")
@@ -48,7 +57,9 @@ def test_a_cached_caller_in_another_package_sees_the_change(tmp_path: Path) -> N
     def run(value: int) -> str:
         (package / "machine.py").write_text(PLANT.format(value=value))
         script = [sys.executable, "-B", "-c", "import loop"]
-        done = subprocess.run(script, cwd=tmp_path, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            script, cwd=tmp_path, capture_output=True, text=True, check=True, env=environment
+        )
         return done.stdout.strip()
 
     assert (run(1), run(1), run(2), run(1)) == ("1", "1", "2", "1")

@@ -159,6 +159,12 @@ def test_coasting_slows_by_rolling_resistance_alone() -> None:
     assert bench.run(0.5).wheel_v == pytest.approx(before - 0.5 * 0.05 * 9.81, rel=1e-6)
 
 
+def test_friction_ends_a_motion_and_does_not_reverse_it() -> None:
+    bench = Bench(MachineSpec()).run(1.0, drive_duty=0.8, steer_duty=0.5)
+    bench.run(5.0, drive_duty=0.0, steer_duty=0.0)
+    assert (bench.wheel_v, bench.v, bench.steer_speed) == (0.0, 0.0, 0.0)
+
+
 def test_braking_stops_sooner_than_coasting() -> None:
     coasting, braking = (Bench(MachineSpec()).run(3.0, drive_duty=0.8) for _ in range(2))
     coasting.run(0.3, drive_duty=0.0)
