@@ -219,6 +219,24 @@ def test_the_battery_sags_under_current_and_the_rail_browns_out() -> None:
     assert bench.run(0.05, blade_on=1).rail_v < 2.7
 
 
+def test_the_pins_see_the_contract_s_voltages() -> None:
+    """12 V reads 3.0 V through the divider; both bridges give 100 mV per A, up to 5 V."""
+    bench = Bench(MachineSpec(battery=STIFF)).run(0.2, drive_duty=0.5, steer_duty=0.5)
+    assert bench.battery_sense_mv == pytest.approx(3000)
+    assert bench.drive_sense_mv == pytest.approx(100 * bench.drive_a)
+    assert bench.steer_sense_mv == pytest.approx(100 * bench.steer_a)
+    assert Bench(MachineSpec(battery=STIFF)).run(0.02, drive_duty=1.0).drive_sense_mv == 5000
+
+
+def test_the_bridge_loses_its_drop_and_its_dead_time() -> None:
+    bridge = BridgeSpec(drop_v=2.0, r_ohm=0.2, dead_time_s=4e-6, pwm_hz=10_000)
+    steering = SteeringSpec(bridge=bridge)
+    bench = Bench(MachineSpec(steering=steering, battery=STIFF))
+    bench.run(0.1, steer_duty=0.5, steer_jam=1)
+    assert bench.steer_a == pytest.approx((0.5 - 0.04) * 10.0 / (steering.r_ohm + 0.2), rel=1e-6)
+    assert Bench(MachineSpec(steering=steering)).run(0.1, steer_duty=0.03).steer_a == 0.0
+
+
 def test_the_charge_taken_lowers_the_battery() -> None:
     small = BatterySpec(capacity_ah=0.01, idle_a=0.36, r_ohm=0.0)
     assert Bench(MachineSpec(battery=small)).run(50.0).battery_v == pytest.approx(12.1, abs=0.01)
