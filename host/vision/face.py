@@ -31,8 +31,15 @@ SPAN_M = (-1.6, 1.0)
 """Of the face that is looked at, from right to left of the vehicle."""
 LOWEST_M = 0.06
 """On the face: below this, stubble's specks."""
-HIGHEST_SHARE = 0.8
+HIGHEST_SHARE = 0.9
 """Of the crop's height on the face: above this, ragged tops."""
+TALLEST = 1.1
+"""Of the crop's height: what the next field's tops may reach."""
+HIDDEN_M = 0.3
+HIDDEN_PX = 300.0
+HIDDEN_DENSE = 0.05
+"""From this distance on a face is doubted whose foot dust may hide; what may stand at the blade is
+judged by at least so many pixels and this share of stems among them: only ears reach that high."""
 GAP_M = 2.0
 """Least gap to the next crop behind: what a camera sees of that must not count as this face."""
 WINDOW_M = 0.3
@@ -98,17 +105,18 @@ def _profile(
     upward: Floats,
     scale: float,
     origin: tuple[float, float],
-    band: tuple[float, float],
+    bands: tuple[float, float, float, float],
     right: float,
     sums: Sums,
 ) -> None:
-    """Per lateral bin of the face's band, from the right end: pixels, stems, steps, grey (n, 4)."""
+    """Per lateral bin of the face's two bands of height (lower from, to, upper from, to), from the
+    right end: pixels, stems, steps, grey (n, 4)."""
     height, width = upright.shape
     bins = sums.shape[0]
     for v in range(height):
         for u in range(width):
             z = origin[1] + scale * upward[v, u]
-            if z < band[0] or z > band[1]:
+            if not (bands[0] <= z <= bands[1] or bands[2] <= z <= bands[3]):
                 continue
             b = int((origin[0] + scale * across[v, u] - right) / BIN_M)
             if 0 <= b < bins:
@@ -267,10 +275,13 @@ class FaceFinder:
         if sight == 0.0:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         ahead, sight = self._ahead(*self._contour(seen, dense), sight)
+        hidden = ahead > HIDDEN_M and self._stands_at_blade(seen, ahead)
+        if hidden:
+            ahead = 0.0
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
         face_x = self._vehicle.blade_x_m + ahead
-        right, sure = self._right_end(seen, face_x)
+        right, sure = self._right_end(seen, face_x, hidden)
         return Face(ahead, sight, right, sure, face_x, standing)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
@@ -306,12 +317,36 @@ class FaceFinder:
             return 0.0
         return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
-    def _right_end(self, seen: Evidence, face_x: float) -> tuple[float, float]:
-        """Lateral position of the face's right end on the plane at `face_x`, and confidence."""
+    def _right_end(self, seen: Evidence, face_x: float, hidden: bool) -> tuple[float, float]:
+        """Lateral position of the face's right end on the plane at `face_x`, and confidence;
+        by the tops alone where dust hides the foot."""
+        bands = self._bands(face_x, GAP_M)
+        if hidden:
+            bands = (1.0, 0.0, bands[2], TALLEST * self._vehicle.crop_height_m)
+        at, inside, outside, differ = _step(
+            self._sums(seen, face_x, bands), round(WINDOW_M / BIN_M), SPREAD
+        )
+        if at < 0:
+            return NAN, 0.0
+        contrast = (inside - outside) / (inside + outside)
+        sure = min(1.5 * contrast - 0.4, 0.4 * differ)
+        return SPAN_M[0] + at * BIN_M, max(0.0, min(0.95, sure))
+
+    def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:
+        """Heights on the face where nothing that stands `gap_m` or more behind it is seen: below
+        that crop's foot and, for a camera beneath the tops, above its tops."""
+        x_c, _, z_c = (float(c) for c in self._camera.position)
+        height = self._vehicle.crop_height_m
+        share = (face_x - x_c) / (face_x - x_c + gap_m)
+        foot = z_c * (1.0 - share)
+        tops = z_c + (TALLEST * height - z_c) * share
+        highest = HIGHEST_SHARE * height
+        return LOWEST_M, min(highest, foot - 0.02), tops + 0.02, highest
+
+    def _sums(
+        self, seen: Evidence, face_x: float, bands: tuple[float, float, float, float]
+    ) -> Sums:
         x_c, y_c, z_c = (float(c) for c in self._camera.position)
-        scale = face_x - x_c
-        behind = z_c * (1.0 - scale / (scale + GAP_M))
-        top = min(HIGHEST_SHARE * self._vehicle.crop_height_m, behind - 0.02)
         sums = np.zeros((round((SPAN_M[1] - SPAN_M[0]) / BIN_M), 4))
         _profile(
             seen.upright,
@@ -319,15 +354,24 @@ class FaceFinder:
             seen.grey,
             self._across,
             self._upward,
-            scale,
+            face_x - x_c,
             (y_c, z_c),
-            (LOWEST_M, top),
+            bands,
             SPAN_M[0],
             sums,
         )
-        at, inside, outside, differ = _step(sums, round(WINDOW_M / BIN_M), SPREAD)
-        if at < 0:
-            return NAN, 0.0
-        contrast = (inside - outside) / (inside + outside)
-        sure = min(1.5 * contrast - 0.4, 0.4 * differ)
-        return SPAN_M[0] + at * BIN_M, max(0.0, min(0.95, sure))
+        return sums
+
+    def _stands_at_blade(self, seen: Evidence, ahead: float) -> bool:
+        """Whether crop stands at the blade though its foot is not seen: dust hides it, and what was
+        taken for the foot is the upper border of the dust. Crop that began `ahead` would leave the
+        bands of `_bands` empty."""
+        vehicle = self._vehicle
+        bands = self._bands(vehicle.blade_x_m, ahead)
+        sums = self._sums(
+            seen, vehicle.blade_x_m, (1.0, 0.0, bands[2], TALLEST * vehicle.crop_height_m)
+        )
+        half = 0.5 * vehicle.blade_width_m
+        inside = slice(round((-half - SPAN_M[0]) / BIN_M), round((half - SPAN_M[0]) / BIN_M))
+        pixels, stems = sums[inside, 0].sum(), sums[inside, 1].sum()
+        return bool(pixels > HIDDEN_PX and stems > HIDDEN_DENSE * pixels)
