@@ -565,6 +565,10 @@ class Field:
         area = self.spec.boundary.buffer(self.spec.gap_m - margin_m, join_style="mitre")
         return area.difference(shapely.unary_union(self.obstacles)) if self.obstacles else area
 
+    def under_trees(self, x: float, y: float) -> bool:
+        """Whether a tree's crown covers a point: what takes GNSS fixes away."""
+        return any(math.hypot(x - t.x_m, y - t.y_m) < t.crown_radius_m for t in self.spec.trees)
+
     def slopes(self, x: float, y: float, yaw: float) -> tuple[float, float]:
         """(roll, pitch) in radians that the ground gives the vehicle: roll positive clockwise seen
         from behind, pitch positive nose down."""

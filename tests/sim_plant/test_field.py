@@ -173,6 +173,13 @@ def test_the_permitted_area_ends_at_the_neighbours_and_at_obstacles() -> None:
     assert not area.contains(shapely.Point(2.2, 1))
 
 
+def test_a_crown_covers_what_is_below_it() -> None:
+    tree = Tree(x_m=2.0, y_m=1.0, crown_radius_m=1.5)
+    field = Field(PLAIN.model_copy(update={"trees": (tree,)}))
+    assert field.under_trees(3.4, 1.0)
+    assert not field.under_trees(3.6, 1.0)
+
+
 def test_patches_cover_their_share() -> None:
     spec = PLAIN.model_copy(update={"size_m": (20.0, 20.0), "lodged": 0.2, "green": 0.1})
     field = Field(spec, seed=2)
