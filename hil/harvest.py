@@ -334,8 +334,10 @@ def harvest(
         "firmware": scenario.firmware,
         "camera": scenario.camera,
         "mode": scenario.mode,
-        "outcome": run.pilot.phase.value,
-        "reason": run.pilot.reason,
+        "outcome": run.pilot.phase.value if run.pilot.done else "broken off",
+        "reason": run.pilot.reason
+        if run.pilot.done
+        else f"at {simulated:g} s, limits.time_s, in {run.pilot.phase.value}: {run.pilot.reason}",
         **run.truth.summary(),
         "turns": run.pilot.turns,
         "simulated_s": round(simulated, 2),
