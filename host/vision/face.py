@@ -266,8 +266,9 @@ class FaceFinder:
         left, right = (int(np.clip(u, 0, width)) for u in (corners[0, 0], corners[1, 0]))
         return slice(min(top, bottom - 1), bottom), slice(left, max(right, left + 1))
 
-    def find(self, seen: Evidence) -> Face:
-        """The face in one picture."""
+    def find(self, seen: Evidence, cutting: bool = False) -> Face:
+        """The face in one picture. `cutting`: the blade has reached the crop and raises dust, which
+        may hide the foot."""
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
@@ -275,7 +276,7 @@ class FaceFinder:
         if sight == 0.0:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         ahead, sight = self._ahead(*self._contour(seen, dense), sight)
-        hidden = ahead > HIDDEN_M and self._stands_at_blade(seen, ahead)
+        hidden = cutting and ahead > HIDDEN_M and self._stands_at_blade(seen, ahead)
         if hidden:
             ahead = 0.0
         if ahead > FAR_M:

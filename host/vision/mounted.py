@@ -28,6 +28,8 @@ Pictures = dict[str, Picture]
 ALIGNED_M = 0.15
 """The first picture's E_outer becomes O_map when it is at most this far from where the mount's
 geometry puts the blade's right end; otherwise the operator has not aligned it."""
+AT_BLADE_M = 0.2
+"""Crop nearer than this is being cut."""
 SURE = 0.5
 """Confidence from which a picture may set the references."""
 
@@ -75,10 +77,13 @@ class MountedDetector:
         self._finder = FaceFinder(camera, vehicle)
         self._expected_m = -(0.5 * vehicle.blade_width_m - overlap_m)
         self._l_reference = NAN
+        self._cutting = False
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         seen, pictures = self._source.look(bgr, stages)
-        face = self._finder.find(seen)
+        face = self._finder.find(seen, self._cutting)
+        if face.ahead_confidence >= SURE and face.ahead_m < AT_BLADE_M:
+            self._cutting = True
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and face.right_confidence >= SURE:
             self._l_reference = height
@@ -100,7 +105,8 @@ class MountedDetector:
         )
 
     def restart(self) -> None:
-        """Nothing is tracked from picture to picture but the paper's references, which stay."""
+        """The blade is out of the crop; the paper's references stay."""
+        self._cutting = False
 
     def _end_of_field(self, height: float) -> float:
         """The paper's rule: l_height below l_reference by more than the tolerance; 0.5 at it."""
