@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -35,6 +36,7 @@ TICK_S: Final = 0.005
 REFRESH_S: Final = 0.1
 """Between repeated commands; the firmware's link watchdog takes 250 ms."""
 BYTE_S: Final = 10 / protocol.BAUD
+OFFSETS: Final = 12
 REST_S: Final = 0.2
 STILL_DEG: Final = 0.15
 """Between means of five samples: a wheel that coasts moves more."""
@@ -181,7 +183,10 @@ class _Segment:
     duty: int
     duration_s: float
     taken_s: float = math.nan
-    """On the firmware's clock."""
+    """On the firmware's clock, by the acknowledgement's arrival."""
+    after_s: float = -math.inf
+    """Times of the telemetry before and at which the firmware had taken it."""
+    until_s: float = math.inf
 
 
 @dataclass
@@ -198,7 +203,8 @@ class Experimenter:
     trace: list[Telemetry] = field(default_factory=list)
     _clock: list[float] = field(default_factory=list)
     _segments: dict[int, _Segment] = field(default_factory=dict)
-    _offset_s: float = math.inf
+    _offsets_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS))
+    """Host's clock less the firmware's, of the latest telemetry: the two drift apart."""
     _way: int = 0
     _coasts_deg: list[float] = field(default_factory=list)
     """How far the released motor ran on, run by run."""
@@ -220,8 +226,12 @@ class Experimenter:
         firmware_s = self.wire.session.firmware_time
         self.trace.append(telemetry)
         self._clock.append(firmware_s)
-        sent_s = telemetry.stamp - _wire_s(protocol.Telemetry)
-        self._offset_s = min(self._offset_s, sent_s - firmware_s)
+        segment = self._segments.get(telemetry.last_seq)
+        if segment is not None and segment.until_s == math.inf:
+            segment.until_s = firmware_s
+            if len(self._clock) > 1:
+                segment.after_s = self._clock[-2]
+        self._offsets_s.append(telemetry.stamp - _wire_s(protocol.Telemetry) - firmware_s)
         if telemetry.state is not State.ARMED:
             raise UserError(f"the firmware ended the identification: {_why(telemetry)}")
 
@@ -238,12 +248,12 @@ class Experimenter:
             segment = self._segments.get(answer.request_seq)
             if segment is not None and math.isnan(segment.taken_s):
                 sent_s = self.wire.now - _wire_s(protocol.Ack)
-                segment.taken_s = sent_s - self._offset_s
+                segment.taken_s = sent_s - min(self._offsets_s, default=math.nan)
 
     def _ident(self, duty: int, duration_s: float) -> _Segment:
         session = self.wire.session
         segment = _Segment(self.wire.now, duty, duration_s)
-        self._segments[session.next_seq] = segment
+        self._segments[session.next_seq] = segment  # replaces the one of 256 messages ago
         self.wire.request(protocol.Ident(duty, duration_s))
         return segment
 
@@ -403,7 +413,8 @@ class Experimenter:
         """When each change of the duty happened on the firmware's clock, and the duties.
 
         Acknowledgements leave in the tick that took the message, as telemetry does; the quickest
-        telemetry gives the clocks' offset, and the tick's grid the rest.
+        of the latest telemetry gives the clocks' offset, the telemetry that first names the
+        message bounds the error, and the tick's grid does the rest.
         """
         times: list[float] = []
         duties: list[int] = []
@@ -413,8 +424,8 @@ class Experimenter:
                 continue
             if math.isnan(segment.taken_s):
                 raise UserError("an acknowledgement got lost during a run: check the cable")
-            tick = round((segment.taken_s - phase) / TICK_S) * TICK_S + phase
-            times.append(tick)
+            taken = min(segment.until_s, max(segment.after_s + TICK_S, segment.taken_s))
+            times.append(round((taken - phase) / TICK_S) * TICK_S + phase)
             duties.append(segment.duty)
         return np.array(times), duties[:-1]
 
@@ -553,6 +564,8 @@ def relay_figures(run: Run) -> tuple[float, float]:
     period = 2 * float(np.mean(np.diff(late)))
     time, angle = np.array(run.time_s), np.array(run.angle_deg)
     tail = angle[time >= late[0]]
+    if len(tail) == 0:
+        return 0.0, 0.0
     swing = float(np.percentile(tail, 97) - np.percentile(tail, 3)) / 2
     if swing <= 0:
         return 0.0, 0.0
