@@ -3,7 +3,8 @@
 Straight-edged fields need their corners only (paper, II): each side is a robust line through what
 was walked along it, corners are where lines meet, averaged over the laps. Irregular fields keep all
 of the edge, averaged and smoothed. What stands in the field (a tree, a well) is a smaller loop in
-the same walk, or a walk of its own.
+the same walk, or a walk of its own; there the hull of what was walked counts, nothing is smoothed
+away.
 """
 
 from __future__ import annotations
@@ -26,7 +27,6 @@ from host.errors import UserError
 from host.field_file import Boundary, boundary_of, check_target, save_field
 from host.gnss import Receiver, gnss_feed
 from host.walk import (
-    Loop,
     Loops,
     Points,
     Track,
@@ -52,14 +52,16 @@ MIN_TURN_RAD = math.radians(12)
 """Lines that differ less meet nowhere in particular."""
 SIDE_ENDS = 0.12
 """Share of a side at each end, where the walker rounds the corner, that its line does not see."""
-DECORRELATION_M = 3.0
+DECORRELATION_M = 5.0
 """A walker's and a receiver's wobble over so much way counts as one observation."""
-WOBBLE_M = 0.1
-"""Nobody walks straighter."""
+WOBBLE_M = 0.3
+"""Nobody walks straighter, and no phone would know."""
 STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
 SMOOTH_M = 5.0
 SIMPLIFY_M = 0.15
+LAP_COLOURS = (4, 0, 1, 5)
+"""Of matplotlib's cycle: those unlike the boundary's green and the keep-outs' red."""
 HUBER = 1.345
 
 
@@ -290,9 +292,9 @@ def survey_track(
     field_ = shapely.Polygon(outline)
     holes = []
     for loop in loops.keep_outs:
-        hole = any_edge(resampled(loop.xy, _even(loop.xy)))
-        if field_.contains(shapely.Polygon(hole)):
-            holes.append(hole)
+        hole = shapely.convex_hull(loop.polygon)
+        if field_.contains(hole):
+            holes.append(hole.exterior)
         else:
             warnings.append("a loop that crosses the field's edge was left aside")
     number_of = None if irregular else len(outline)
@@ -307,15 +309,15 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
     loops = find_loops(track, close_m)
     if loops is None:
         raise UserError(f"{name}: no closed loop; walk around the keep-out back to where you began")
-    mean, _ = mean_ring([loop.xy for loop in loops.laps], _even(loops.laps[0].xy))
-    moved = [
-        survey.track.frame.to_local(*track.frame.to_wgs84(x, y)) for x, y in any_edge(mean).tolist()
-    ]
+    walked = np.concatenate([loop.xy for loop in loops.laps]).tolist()
+    frame = survey.track.frame
+    places = [frame.to_local(*track.frame.to_wgs84(x, y)) for x, y in walked]
+    keep_out = shapely.convex_hull(shapely.MultiPoint(places))
     field_ = shapely.Polygon(survey.polygon.exterior)
-    if not field_.contains(shapely.Polygon(moved)):
+    if not field_.contains(keep_out):
         raise UserError(f"{name}: the keep-out does not lie inside the field")
     holes = [shapely.Polygon(hole) for hole in survey.polygon.interiors]
-    together = shapely.union_all([*holes, shapely.Polygon(moved)])
+    together = shapely.union_all([*holes, keep_out])
     return Survey(
         survey.track,
         survey.loops,
@@ -366,7 +368,8 @@ def _draw(axes: Axes, survey: Survey) -> None:
         label = "jump" if number == 0 else ""
         axes.plot(*survey.track.xy[k - 1 : k + 1].T, "r:", lw=1, label=label)
     for number, loop in enumerate(survey.loops.laps, start=1):
-        _draw_ring(axes, loop, f"lap {number}")
+        ring = np.vstack([loop.xy, loop.xy[:1]])
+        axes.plot(*ring.T, lw=1.0, color=f"C{LAP_COLOURS[number % 4]}", label=f"lap {number}")
     outer = np.array(survey.polygon.exterior.coords)
     axes.plot(*outer.T, color="tab:green", lw=2.5, label="boundary")
     axes.fill(*outer.T, color="tab:green", alpha=0.12)
@@ -378,10 +381,6 @@ def _draw(axes: Axes, survey: Survey) -> None:
     axes.set_aspect("equal")
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.grid(alpha=0.3)
-
-
-def _draw_ring(axes: Axes, loop: Loop, label: str) -> None:
-    axes.plot(*np.vstack([loop.xy, loop.xy[:1]]).T, lw=1.0, label=label)
 
 
 # ---- the command ---------------------------------------------------------------------------------
@@ -530,6 +529,7 @@ def survey(
     save_field(out, found.boundary(name))
     lines = _report(found, receiver)
     picture = out.with_suffix(".png")
-    draw_survey(picture, found, f"{name}: {lines[-1 - len(found.warnings)]}")
+    about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
+    draw_survey(picture, found, f"{name}: {about}")
     for text in (*lines, f"written: {out}, {picture}"):
         click.echo(text)

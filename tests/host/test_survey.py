@@ -276,6 +276,7 @@ def test_a_keep_out_may_be_a_walk_of_its_own() -> None:
     found = with_keep_out(field, tracked(walk(around(TREE, 2))), "tree.nmea")
     (hole,) = in_field(found).interiors
     assert iou(shapely.Polygon(hole), shapely.Polygon(TREE)) > 0.8
+    assert shapely.Polygon(hole).buffer(0.01).contains(shapely.Polygon(TREE)), "nothing is cut off"
     far = tracked(walk(around([(x + 50, y) for x, y in TREE])))
     with pytest.raises(UserError, match=r"tree\.nmea: the keep-out does not lie inside"):
         with_keep_out(field, far, "tree.nmea")
