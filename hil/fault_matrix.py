@@ -226,8 +226,8 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
     component, failure, how = name
     at = At(state="follow", after_s=SETTLE_S)
     if situation == "turn":
-        # a relay that sticks is noticed when it ought to open: at the end of the side
-        at = At(state="turn", after_s=0.5) if name[:2] != ("blade_relay", "stuck") else at
+        # what a relay does wrong shows when it ought to open: at the end of the side
+        at = At(state="turn", after_s=0.5) if component != "blade_relay" else at
     values: dict[str, Any] = {"component": component, "failure": failure, "at": at}
     if how:
         values["how"] = how

@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hil import pictures
+from hil.live import HOST, LiveView
 from hil.lockstep import Bench
 from hil.metrics import Truth
 from hil.scenario import Scenario, assigned, load, merge
@@ -112,8 +113,13 @@ class Harvest:
             fps = lens.fps / VIDEO_EVERY * 4
             self._video = pictures.Video(video, fps, lens.width_px, lens.height_px)
         self._record: Recorder | None = None
+        self.live: LiveView | None = None
         if record is not None:
-            self._record = Recorder(record, {"scenario": scenario.model_dump_json()})
+            if scenario.record.live_port is not None:
+                self.live = LiveView(scenario.record.live_port)
+            tee = self.live.put if self.live is not None else None
+            about = {"scenario": scenario.model_dump_json()}
+            self._record = Recorder(record, about, tee)
 
     def _new_pilot(self) -> Pilot:
         s = self.scenario
@@ -308,6 +314,8 @@ class Harvest:
             self._video.close()
         if self._record is not None:
             self._record.close()
+        if self.live is not None:
+            self.live.close()
         self.bench.close()
 
 
@@ -365,11 +373,13 @@ def harvest(
 @click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
 @click.option("--film/--no-film", default=None, help="Write camera.mp4.")
+@click.option("--live", type=click.IntRange(1, 65535), help="Port of a live view for Foxglove.")
 @click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
 def harvest_command(
     name: str,
     out: Path,
     film: bool | None,
+    live: int | None,
     hour: float | None,
     settings: tuple[str, ...],
     **options: Any,
@@ -380,6 +390,9 @@ def harvest_command(
         overrides["weather"] = {"hour": hour}
     if film is not None:
         overrides["record"] = {"film": film}
+    if live is not None:
+        overrides = merge(overrides, {"record": {"live_port": live}})
+        click.echo(f"live view: open ws://{HOST}:{live} in Foxglove", err=True)
     for setting in settings:
         overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)

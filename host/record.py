@@ -13,7 +13,7 @@ import base64
 import json
 import math
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -136,7 +136,15 @@ ABOUT = "daranti"
 class Recorder:
     """Writes one record. Deterministic: the same messages give the same bytes."""
 
-    def __init__(self, path: Path, metadata: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str] | None = None,
+        tee: Callable[[str, int, bytes], None] | None = None,
+    ) -> None:
+        """`metadata` says what the run depends on; `tee(topic, nanoseconds, JSON)` gets every
+        message as well. Raises UserError where the file cannot be written."""
+        self._tee = tee
         fresh = path.with_name(f".{path.name}.new")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -166,11 +174,13 @@ class Recorder:
             )
             channel = self._writer.register_channel(topic, "json", schema_id)
             self._channels[topic] = channel
-        data = json.dumps({key: _clean(value) for key, value in message.items()})
+        data = json.dumps({key: _clean(value) for key, value in message.items()}).encode()
         nanoseconds = max(0, round(stamp * 1e9))
-        self._writer.add_message(channel, nanoseconds, data.encode(), nanoseconds, self._sequence)
+        self._writer.add_message(channel, nanoseconds, data, nanoseconds, self._sequence)
         self._file.flush()  # a chunk that is complete is on the disk
         self._sequence += 1
+        if self._tee is not None:
+            self._tee(topic, nanoseconds, data)
 
     def picture(self, stamp: float, jpeg: bytes) -> None:
         """A camera picture as it came from the phone; `stamp` is the shutter's."""

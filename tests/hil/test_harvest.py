@@ -56,7 +56,7 @@ def test_a_run_leaves_what_it_promises(tmp_path: Path) -> None:
 
 def test_every_option_of_the_command_is_a_field_of_the_scenario() -> None:
     fields = set(Scenario.model_fields)
-    inside = {"hour": "weather", "film": "record"}
+    inside = {"hour": "weather", "film": "record", "live": "record"}
     for option in harvest_command.params:
         assert isinstance(option, click.Option)
         name = option.name or ""
