@@ -272,10 +272,9 @@ class FaceFinder:
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
-        sight = self._sight(seen)
-        if sight == 0.0:
+        if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
-        ahead, sight = self._ahead(*self._contour(seen, dense), sight)
+        ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
         hidden = cutting and ahead > HIDDEN_M and self._stands_at_blade(seen, ahead)
         if hidden:
             ahead = 0.0
@@ -314,8 +313,6 @@ class FaceFinder:
         """How surely the picture would show crop in the blade's way: ground there has steps too,
         dust, glare and a covered lens have none."""
         way = seen.steps[self._way]
-        if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
-            return 0.0
         return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
     def _right_end(self, seen: Evidence, face_x: float, hidden: bool) -> tuple[float, float]:

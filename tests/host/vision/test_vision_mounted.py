@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scenery import field
 
 from host.vehicle import LOW, MAST, Mount, Vehicle
@@ -81,6 +82,24 @@ def test_the_next_crop_appears_lower_only_below_the_tops(mount: Mount, next_is_l
     assert first.l_reference_px == end.l_reference_px
     assert (end.l_height_px > first.l_height_px) == next_is_lower
     assert first.end_of_field < 0.5 <= end.end_of_field
+
+
+def dusty(picture: NDArray[np.uint8], first_row: int) -> NDArray[np.uint8]:
+    """Hides what lies below a row, as a puff before the crop's foot does."""
+    rows = np.arange(picture.shape[0])
+    thick = 0.97 * np.clip((rows - first_row) / 30, 0, 1)[:, None, None]
+    return np.clip(picture * (1 - thick) + 150 * thick, 0, 255).astype(np.uint8)
+
+
+def test_dust_before_the_foot_of_crop_that_is_being_cut_is_not_its_end() -> None:
+    eye = detector("robust", LOW)
+    assert eye.see(field(LOW, next_crop_m=None)).crop_ahead_m == pytest.approx(0, abs=0.1)
+    hidden = dusty(field(LOW, next_crop_m=None, seed=2), 230)
+    view = eye.see(hidden)
+    assert view.crop_ahead_m < 0.3
+    assert view.edge_offset_m == pytest.approx(0, abs=0.1)
+    fresh = detector("robust", LOW)
+    assert fresh.see(hidden).crop_ahead_m > 0.3
 
 
 def test_the_references_outlive_a_restart() -> None:
