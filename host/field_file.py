@@ -154,8 +154,10 @@ def _checked(
         raise UserError(f"it encloses {field.area:.1f} m2; that is no field")
     if not shapely.Polygon(local[0], local[1:]).is_valid:
         raise UserError("its keep-outs cross each other or the field's edge; correct them")
+    # The first corner stays the first: people know corners by their numbers.
     ccw = [
-        tuple(ring if line.is_ccw else ring[::-1]) for ring, line in zip(rings, local, strict=True)
+        tuple(ring if line.is_ccw else [ring[0], *ring[:0:-1]])
+        for ring, line in zip(rings, local, strict=True)
     ]
     return Boundary(ccw[0], tuple(ccw[1:]), name)
 

@@ -79,6 +79,15 @@ def test_what_is_written_is_read_back(suffix: str, field: Boundary) -> None:
         assert back.name == field.name
 
 
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+def test_corners_keep_their_numbers(tmp_path: Path, suffix: str) -> None:
+    """The survey's picture numbers them, `--start` and `--corner` name them."""
+    field = boundary_of(shapely.Polygon(POND.exterior), FRAME)
+    save_field(path := tmp_path / f"field{suffix}", field)
+    for before, after in zip(field.crop, load_field(path).crop, strict=True):
+        assert after == pytest.approx(before, abs=1e-8)
+
+
 @settings(max_examples=25, deadline=None)
 @given(field=fields())
 def test_csv_keeps_the_crops_edge(field: Boundary) -> None:
