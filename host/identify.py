@@ -454,7 +454,7 @@ class Experimenter:
                 self.say(f"step of duty {way * level:+d}")
                 runs.append(self.run("step", iter([(way * level, RUN_S)]), way))
         dwell = min(0.4, max(0.12, 5.0 / speed_of(runs[0])))
-        for number in range(2):
+        for number in range(3):
             self.go_to(0.0, moving)
             self.say("pseudo-random binary sequence")
             runs.append(self.run("prbs", self._prbs(strong, dwell, number), 1))
