@@ -22,6 +22,12 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+REFERENCES = sorted((Path(__file__).parent / "references").glob("*.mcap"))
+"""Small records that today's pilot and firmware must still reproduce. Where a change is meant to
+show, make them anew: `daranti-hil harvest --scenario reference --out out/reference`, and copy
+out/reference/record.mcap to tests/hil/references/reference.mcap."""
+
+
 def recorded(path: Path, scenario: Scenario) -> Harvest:
     run = Harvest(scenario, path, detector=Oracle)
     run.run()
@@ -46,6 +52,14 @@ def test_a_harvest_gives_the_same_commands_and_messages_again(run: Path) -> None
     assert outcome.notes == [
         "not every picture was kept: vision is not replayed, its views are",
     ]
+
+
+@pytest.mark.parametrize("path", REFERENCES, ids=lambda path: path.stem)
+def test_a_reference_is_reproduced(path: Path) -> None:
+    outcome = replay(path)
+    assert outcome.commands > 0
+    assert not outcome.pilot, outcome.pilot[0]
+    assert not outcome.firmware, outcome.firmware[0]
 
 
 def test_with_one_gain_of_the_firmware_changed_the_first_difference_is_named(run: Path) -> None:

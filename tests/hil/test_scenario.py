@@ -19,6 +19,8 @@ def test_every_named_scenario_is_sound(name: str) -> None:
     assert scenario.name == name
     assert scenario.plan().sides
     assert len(scenario.start_pose()) == 3
+    fitted = scenario.machine_truth.drive.hall_pulses_per_m
+    assert scenario.firmware_parameters["hall_per_metre"] == fitted
 
 
 @pytest.mark.parametrize(
