@@ -347,6 +347,10 @@ def drive(
     machine = load_vehicle(vehicle)
     where = mount_of(machine, mount)
     corners = load_boundary(boundary) if boundary is not None else None
+    if corner is not None and corners is None:
+        raise UserError("--corner names a corner of --boundary, which is not given")
+    if corner is not None and corners is not None and corner >= len(corners):
+        raise UserError(f"--corner {corner}: {boundary} has the corners 0 to {len(corners) - 1}")
     begun = time.monotonic()
 
     def clock() -> float:
@@ -368,7 +372,7 @@ def drive(
         plan, fence = Plan(turn=turn), None
         if corners is not None:
             start = corner if corner is not None else _corner(corners, fixes)
-            plan = plan_of(corners, start % len(corners), machine, turn)[1]
+            plan = plan_of(corners, start, machine, turn)[1]
             fence = Fence(corners)
             screen.say(f"{len(plan.sides)} sides from corner {start}")
         now = datetime.datetime.now(tz=datetime.UTC)

@@ -384,6 +384,21 @@ def test_bad_input_is_one_message(
     assert err.count("\n") == 1
 
 
+def test_a_corner_that_the_boundary_has_not_is_one_message(
+    cli: Cli, board: FakeFirmware, tmp_path: Path
+) -> None:
+    field = tmp_path / "field.csv"
+    field.write_text("31.5,74.3\n31.5,74.301\n31.501,74.301\n")
+    given = ("drive", "--port", board.port, "--camera", "http://127.0.0.1:1/video", "--corner", "3")
+    for more, message in (
+        (("--boundary", str(field)), "has the corners 0 to 2"),
+        ((), "--boundary, which is not given"),
+    ):
+        code, _, err = cli(*given, *more)
+        assert code == EXIT_USER
+        assert message in err
+
+
 def test_no_picture_is_one_message_and_the_machine_is_stopped(
     cli: Cli, board: FakeFirmware, monkeypatch: pytest.MonkeyPatch
 ) -> None:
