@@ -372,7 +372,7 @@ class Camera:
         found = render.blocks_in_view(view, math.atan(corner) + 0.05, scene, blocks, away)
         order = np.argsort(away[:found], kind="stable")
         blocks, away = blocks[order], away[order]
-        share = np.clip(3.2 / np.maximum(away, 0.1), 0.07, 1.0)
+        share = np.clip(2.8 / np.maximum(away, 0.1), 0.06, 1.0)
         first = np.zeros(found + 1, np.int64)
         np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
         if first[-1] > len(self._records):

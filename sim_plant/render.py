@@ -334,7 +334,9 @@ def fill(
     view: View,
     paint: Paint,
 ) -> None:
-    """Paints what `find` met in columns [left, right) and no stalk hides, and labels it."""
+    """Paints what `find` met in columns [left, right) and no stalk hides, and labels it.
+
+    Two neighbours that met the same share light, haze, tile and label; each has its own texel."""
     rows = depth.shape[0]
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
@@ -345,10 +347,15 @@ def fill(
     per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
     per_column = paint.panorama.shape[1] / (2 * math.pi)
     for v in range(rows):
-        for u in range(left, right):
+        next_u = left
+        while next_u < right:
+            u = next_u
+            next_u = u + 1
             hit = label[v, u]
             if hit < _SKY:
                 continue
+            if next_u < right and label[v, next_u] == hit:
+                next_u += 1
             dx, dy, dz = _direction(view, u, v)
             flat = math.sqrt(dx * dx + dy * dy)
             if hit == _SKY:
@@ -356,27 +363,28 @@ def fill(
                 p = min(max(p, 0), paint.panorama.shape[0] - 1)
                 c = int((math.atan2(dy, dx) + math.pi) * per_column)
                 c = min(max(c, 0), paint.panorama.shape[1] - 1)
-                label[v, u] = labels.BACKGROUND
-                for q in range(3):
-                    image[v, u, q] = int(min(255.0, paint.panorama[p, c, q] * paint.sky_gain))
+                for w in range(u, next_u):
+                    label[v, w] = labels.BACKGROUND
+                    for q in range(3):
+                        image[v, w, q] = int(min(255.0, paint.panorama[p, c, q] * paint.sky_gain))
                 continue
 
-            t = float(depth[v, u])
+            forward = 0.0
             if hit == _CANOPY:
-                t -= _CANOPY_BACK_M / flat
+                forward = _CANOPY_BACK_M / flat
             elif hit == _FACE:
-                t -= (_FACE_BACK_M - 0.01) / flat
+                forward = (_FACE_BACK_M - 0.01) / flat
+            t = depth[v, u] - forward
             wx = view.x + t * dx
             wy = view.y + t * dy
             wz = view.z + t * dz
             px = (wx - scene.x0) * inv
             py = (wy - scene.y0) * inv
-            outside = px < 0.0 or py < 0.0 or px >= n_i or py >= n_j
-            sx = wx
-            sy = wy
             ao = 1.0
             unripe = 0.0
-            if outside:
+            stretch = 1.0
+            kind = f.SOIL
+            if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
                 # Fields beyond the grid: blocks of some 40 m, ripe or grass.
                 far = noise.mix(77, math.floor(wx * 0.025), math.floor(wy * 0.04))
                 tile = texture.TOP if hit != _GROUND or far & 3 else texture.GRASS
@@ -417,11 +425,21 @@ def fill(
                         ao *= min(1.0, 0.85 + 0.01 * t)
                     else:
                         tile = texture.WALL
-                        near = 3.0 if t < 2.0 else 1.0
-                        sx = 1.5 * near * (0.83 * wx + 0.57 * wy)
-                        sy = -near * wz
+                        stretch = 3.0 if t < 2.0 else 1.0
                         seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
                         ao *= min(1.0, 0.6 + 0.4 * wz / slab)
+            seen_i = int(255.0 * min(1.0, max(0.0, seen)))
+            fog = paint.haze * t / (1.0 + paint.haze * t)
+            blue = ao * paint.light[seen_i, 0]
+            green = ao * paint.light[seen_i, 1]
+            red = ao * paint.light[seen_i, 2]
+            if unripe > 0.0:
+                blue *= 1.0 - unripe * paint.unripe_loss[0]
+                green *= 1.0 - unripe * paint.unripe_loss[1]
+                red *= 1.0 - unripe * paint.unripe_loss[2]
+            blue *= 1.0 - fog
+            green *= 1.0 - fog
+            red *= 1.0 - fog
             foot = t * per_footprint
             if hit != _FACE:
                 foot /= 0.3 + 0.7 * min(1.0, abs(dz) * 2.0)
@@ -432,31 +450,32 @@ def fill(
                 level += 1
                 m >>= 1
             scale = m * texels_per_m
-            ti = math.floor(sx * scale) & (m - 1)
-            tj = math.floor(sy * scale) & (m - 1)
-            texel = paint.levels[level] + tj * m + ti
-            seen_i = int(255.0 * min(1.0, max(0.0, seen)))
-            fog = paint.haze * t / (1.0 + paint.haze * t)
-            label[v, u] = here
-            blue = ao * paint.light[seen_i, 0]
-            green = ao * paint.light[seen_i, 1]
-            red = ao * paint.light[seen_i, 2]
-            if tile == _FLAT:
-                flat_bgr = _masonry(kind, hit, wx, wy, wz)
-                blue *= flat_bgr[0]
-                green *= flat_bgr[1]
-                red *= flat_bgr[2]
-            else:
-                blue *= paint.tiles[tile, texel, 0]
-                green *= paint.tiles[tile, texel, 1]
-                red *= paint.tiles[tile, texel, 2]
-            if unripe > 0.0:
-                blue *= 1.0 - unripe * paint.unripe_loss[0]
-                green *= 1.0 - unripe * paint.unripe_loss[1]
-                red *= 1.0 - unripe * paint.unripe_loss[2]
-            image[v, u, 0] = int(min(255.0, blue + fog * (paint.haze_bgr[0] - blue)))
-            image[v, u, 1] = int(min(255.0, green + fog * (paint.haze_bgr[1] - green)))
-            image[v, u, 2] = int(min(255.0, red + fog * (paint.haze_bgr[2] - red)))
+            for w in range(u, next_u):
+                if w > u:
+                    dx, dy, dz = _direction(view, w, v)
+                    t = depth[v, w] - forward
+                    wx = view.x + t * dx
+                    wy = view.y + t * dy
+                    wz = view.z + t * dz
+                label[v, w] = here
+                if tile == _FLAT:
+                    b, g, r = _masonry(kind, hit, wx, wy, wz)
+                else:
+                    if tile == texture.WALL:
+                        sx = 1.5 * stretch * (0.83 * wx + 0.57 * wy)
+                        sy = -stretch * wz
+                    else:
+                        sx = wx
+                        sy = wy
+                    ti = math.floor(sx * scale) & (m - 1)
+                    tj = math.floor(sy * scale) & (m - 1)
+                    texel = paint.levels[level] + tj * m + ti
+                    b = float(paint.tiles[tile, texel, 0])
+                    g = float(paint.tiles[tile, texel, 1])
+                    r = float(paint.tiles[tile, texel, 2])
+                image[v, w, 0] = int(min(255.0, b * blue + fog * paint.haze_bgr[0]))
+                image[v, w, 1] = int(min(255.0, g * green + fog * paint.haze_bgr[1]))
+                image[v, w, 2] = int(min(255.0, r * red + fog * paint.haze_bgr[2]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -873,7 +892,7 @@ def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float3
     s[..., 3:5] = rng.normal(0, 0.06, (*shape, 2)).clip(-0.16, 0.16)
     s[..., 5] = rng.uniform(0.72, 1.1, shape)
     s[..., 6] = rng.random(shape)
-    s[..., 7] = rng.normal(0, 0.022, shape)
+    s[..., 7] = rng.normal(0, 0.03, shape)
     s[..., 8] = rng.random(shape)
     s[..., 9:12] = rng.normal(1, 0.045, (*shape, 3))
     return s

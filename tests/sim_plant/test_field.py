@@ -187,6 +187,13 @@ def test_patches_cover_their_share() -> None:
     assert (field.green > 0.5).mean() == pytest.approx(0.1, abs=0.01)
 
 
+def test_lodged_crop_is_lower() -> None:
+    spec = PLAIN.model_copy(update={"size_m": (20.0, 20.0), "lodged": 0.3})
+    field = Field(spec, seed=2)
+    assert np.median(field.height[field.lodge > 1.1]) < 0.45
+    assert np.median(field.height[field.lodge == 0]) == pytest.approx(0.9, abs=0.05)
+
+
 def test_a_field_is_the_same_for_the_same_seed_and_another_for_another() -> None:
     spec = FieldSpec(size_m=(5, 5), weeds=0.1, lodged=0.1)
     a, b, c = (Field(spec, seed) for seed in (3, 3, 4))
