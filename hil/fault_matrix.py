@@ -227,7 +227,8 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
     at = At(state="follow", after_s=SETTLE_S)
     if situation == "turn":
         # what a relay does wrong shows when it ought to open: at the end of the side
-        at = At(state="turn", after_s=0.5) if component != "blade_relay" else at
+        if component != "blade_relay":
+            at = At(state="turn", moving="backward", after_s=0.5)
     values: dict[str, Any] = {"component": component, "failure": failure, "at": at}
     if how:
         values["how"] = how

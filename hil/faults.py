@@ -43,6 +43,7 @@ Failure = Literal["off", "stuck", "garbage", "wrong", "slow", "delayed", "interm
 
 BLOCKED_N: Final = 1e5
 """Drag of wheels that cannot turn."""
+MOVING_MPS: Final = 0.1
 OUTAGE_S: Final = 0.3
 """An intermittent source is there and gone for this long on average."""
 
@@ -229,7 +230,8 @@ class Place(Strict):
 
 
 class At(Strict):
-    """When a fault begins: `after_s` behind exactly one of a time, a pilot's state and a place."""
+    """When a fault begins: `after_s` behind exactly one of a time, a pilot's state and a place,
+    and not before the machine is moving, where a direction is given."""
 
     time_s: Annotated[float, Field(ge=0)] | None = None
     state: (
@@ -237,6 +239,7 @@ class At(Strict):
         | None
     ) = None
     place: Place | None = None
+    moving: Literal["forward", "backward"] | None = None
     after_s: Annotated[float, Field(ge=0)] = 0.0
 
     @model_validator(mode="after")
@@ -412,7 +415,12 @@ class Injector:
     # ---- time ------------------------------------------------------------------------------------
 
     def step(
-        self, now: float, pose: tuple[float, float, float], target: Target, given: Any
+        self,
+        now: float,
+        pose: tuple[float, float, float],
+        speed_mps: float,
+        target: Target,
+        given: Any,
     ) -> None:
         """Before each slice: begins and ends faults, and does to the target and to the plant's
         inputs (a (1,) machine.INPUTS record) what the active ones do."""
@@ -421,7 +429,7 @@ class Injector:
         for index, fault in enumerate(self.faults):
             begun = self._begun[index]
             if begun is None:
-                if self._due(index, fault.at, now, pose):
+                if self._due(index, fault.at, now, pose, speed_mps):
                     self._begun[index] = now
                     self.events.append(Event(now, index, True))
                     self._begin(index, fault, target)
@@ -435,7 +443,9 @@ class Injector:
         given[0]["load_n"] = BLOCKED_N if self._has("drive_motor", "stuck") else 0.0
         self._power(now, target)
 
-    def _due(self, index: int, at: At, now: float, pose: tuple[float, float, float]) -> bool:
+    def _due(
+        self, index: int, at: At, now: float, pose: tuple[float, float, float], speed_mps: float
+    ) -> bool:
         if self._since[index] is None:
             if at.time_s is not None:
                 here = now >= at.time_s - 1e-9
@@ -445,7 +455,8 @@ class Injector:
                 assert at.place is not None
                 away = math.hypot(pose[0] - at.place.x_m, pose[1] - at.place.y_m)
                 here = away <= at.place.radius_m
-            if not here:
+            way = {"forward": 1.0, "backward": -1.0, None: 0.0}[at.moving]
+            if not here or (way and way * speed_mps < MOVING_MPS):
                 return False
             self._since[index] = now
         since = self._since[index]

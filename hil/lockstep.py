@@ -90,7 +90,7 @@ class Bench:
             if self._slices % SLICES_PER_CUT == 0:
                 self._ground()
             begin = self._slices * SLICE_US
-            self.faults.step(self.now, self.pose, target, self._given)
+            self.faults.step(self.now, self.pose, float(self.state["v"]), target, self._given)
             sent = self.faults.to_firmware(self.now, bytes(self._sent))
             self._sent.clear()
             if sent:

@@ -225,7 +225,7 @@ def injector(*faults: Fault) -> Injector:
     """With faults that have begun."""
     made = Injector(faults, 1)
     with target("desk") as board:
-        made.step(0.0, (0.0, 0.0, 0.0), board, machine.inputs())
+        made.step(0.0, (0.0, 0.0, 0.0), 0.0, board, machine.inputs())
     return made
 
 
@@ -242,7 +242,7 @@ def test_a_frozen_camera_repeats_its_picture_with_new_times() -> None:
     first = now.camera(0.5, (0.4, b"first"))
     assert first == (0.4, b"first")
     with target("desk") as board:
-        now.step(1.0, (0.0, 0.0, 0.0), board, machine.inputs())
+        now.step(1.0, (0.0, 0.0, 0.0), 0.0, board, machine.inputs())
     assert now.camera(1.1, (1.0, b"second")) == (1.0, b"first")
 
 
@@ -272,6 +272,7 @@ def test_a_phone_that_is_gone_gives_neither_pictures_nor_positions() -> None:
         (At(time_s=0.5), 0.5),
         (At(time_s=0.5, after_s=0.3), 0.8),
         (At(state="follow", after_s=0.2), 0.7),
+        (At(time_s=0.5, moving="forward"), 0.9),
         (At(place=Place(x_m=0.6, y_m=0.0, radius_m=0.105)), 0.5),
     ],
 )
@@ -281,7 +282,7 @@ def test_a_fault_begins_and_ends_when_it_is_told(at: At, begins: float) -> None:
     with target("desk") as board:
         for k in range(200):
             now.phase = "follow" if k >= 50 else "align"
-            now.step(k / 100, (k / 100, 0.0, 0.0), board, machine.inputs())
+            now.step(k / 100, (k / 100, 0.0, 0.0), 0.3 if k >= 90 else 0.0, board, machine.inputs())
     assert [(e.stamp, e.begins) for e in now.events] == [
         (pytest.approx(begins), True),
         (pytest.approx(begins + 0.4), False),
