@@ -225,10 +225,9 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
     """The scenario with one fault of (component, failure, how), while following or turning."""
     component, failure, how = name
     at = At(state="follow", after_s=SETTLE_S)
-    if situation == "turn":
-        # what a relay does wrong shows when it ought to open: at the end of the side
-        if component != "blade_relay":
-            at = At(state="turn", moving="backward", after_s=0.5)
+    # what a relay does wrong shows when it ought to open: at the end of the side
+    if situation == "turn" and component != "blade_relay":
+        at = At(state="turn", moving="backward", after_s=0.5)
     values: dict[str, Any] = {"component": component, "failure": failure, "at": at}
     if how:
         values["how"] = how
