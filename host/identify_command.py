@@ -145,20 +145,28 @@ def draw(findings: Findings, model: ActuatorModel, path: Path) -> None:
 def calibrate(
     link: Link, name: str, stop_deg: float, values: dict[str, float], console: Console
 ) -> PotCalibration:
-    """Drives gently into both stops and writes the potentiometer's calibration."""
+    """Drives gently into both stops and writes the calibration. Meanwhile the angles are scaled
+    down, so that the angle limit of the identification mode does not end the search."""
     wide = {"angle_left": 10.0, "angle_right": -10.0}
     kept = {key: values[key] for key in wide}
-    write_params(link, wide)
+    _recalibrate(link, wide)
     try:
         with armed(LinkWire(link), name, values) as experimenter:
             console.print("driving gently into both stops; keep clear")
             found = calibrate_pot(experimenter, values | wide, stop_deg)
     except BaseException:
         link.request(protocol.Stop())
-        write_params(link, kept)
+        _recalibrate(link, kept)
         raise
-    write_params(link, found.params())
+    _recalibrate(link, found.params())
     return found
+
+
+def _recalibrate(link: Link, values: dict[str, float]) -> None:
+    """Another calibration makes the reading jump, which the firmware takes for a fault; a fault
+    that has another reason comes back."""
+    write_params(link, values)
+    link.ask(protocol.Clear())
 
 
 @click.command()
