@@ -36,6 +36,9 @@ HIGHEST_SHARE = 0.9
 TALLEST = 1.1
 """Of the crop's height: what the next field's tops may reach."""
 HIDDEN_M = 0.3
+SLACK_M = 0.5
+"""While cutting, no crop begins anew nearer than the least gap less this: what seems to is the
+upper border of dust."""
 HIDDEN_PX = 300.0
 HIDDEN_DENSE = 0.05
 """From this distance on a face is doubted whose foot dust may hide; what may stand at the blade is
@@ -275,7 +278,11 @@ class FaceFinder:
         if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
-        hidden = cutting and ahead > HIDDEN_M and self._stands_at_blade(seen, ahead)
+        hidden = (
+            cutting
+            and ahead > HIDDEN_M
+            and (ahead < GAP_M - SLACK_M or self._stands_at_blade(seen, ahead))
+        )
         if hidden:
             ahead = 0.0
         if ahead > FAR_M:
@@ -319,8 +326,9 @@ class FaceFinder:
         """Lateral position of the face's right end on the plane at `face_x`, and confidence;
         by the tops alone where dust hides the foot."""
         bands = self._bands(face_x, GAP_M)
-        if hidden:
-            bands = (1.0, 0.0, bands[2], TALLEST * self._vehicle.crop_height_m)
+        highest = TALLEST * self._vehicle.crop_height_m
+        if hidden and highest > bands[2] + HIDDEN_M / 10:
+            bands = (1.0, 0.0, bands[2], highest)
         at, inside, outside, differ = _step(
             self._sums(seen, face_x, bands), round(WINDOW_M / BIN_M), SPREAD
         )

@@ -18,7 +18,7 @@ from host.vision.paper import (
     staged_pictures,
 )
 from host.vision.pictures import Picture
-from host.vision.stems import Stems
+from host.vision.stems import FAINTER, Stems
 from host.vision.view import NAN, CropView
 
 Mode = Literal["paper", "robust"]
@@ -28,7 +28,7 @@ Pictures = dict[str, Picture]
 ALIGNED_M = 0.15
 """The first picture's E_outer becomes O_map when it is at most this far from where the mount's
 geometry puts the blade's right end; otherwise the operator has not aligned it."""
-AT_BLADE_M = 0.2
+AT_BLADE_M = 0.3
 """Crop nearer than this is being cut."""
 SURE = 0.5
 """Confidence from which a picture may set the references."""
@@ -37,7 +37,7 @@ SURE = 0.5
 class Source(Protocol):
     """A mode's own stages."""
 
-    def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]: ...
+    def look(self, bgr: Picture, stages: bool, cutting: bool) -> tuple[Evidence, Pictures]: ...
 
 
 class PaperSource:
@@ -46,8 +46,8 @@ class PaperSource:
     def __init__(self, params: PaperParams, camera: Camera, vehicle: Vehicle) -> None:
         self._chain = Chain(params, camera.size, camera, vehicle.blade_height_m)
 
-    def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]:
-        s = self._chain.run(bgr)
+    def look(self, bgr: Picture, stages: bool, cutting: bool) -> tuple[Evidence, Pictures]:
+        s = self._chain.run(bgr, FAINTER if cutting else 1.0)
         evidence = Evidence(s.upright, s.steps, s.grey)
         return evidence, staged_pictures(bgr, s) if stages else {}
 
@@ -58,8 +58,8 @@ class RobustSource:
     def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
         self._stems = Stems(camera, vehicle)
 
-    def look(self, bgr: Picture, stages: bool) -> tuple[Evidence, Pictures]:
-        seen = self._stems.run(bgr)
+    def look(self, bgr: Picture, stages: bool, cutting: bool) -> tuple[Evidence, Pictures]:
+        seen = self._stems.run(bgr, cutting)
         pictures = {"grey": seen.grey, "steps": seen.steps, "stems": seen.upright}
         return seen, {k: np.dstack([p] * 3) for k, p in pictures.items()} if stages else {}
 
@@ -77,13 +77,15 @@ class MountedDetector:
         self._finder = FaceFinder(camera, vehicle)
         self._expected_m = -(0.5 * vehicle.blade_width_m - overlap_m)
         self._l_reference = NAN
+        # the blade's dust then hides the crop's foot; a camera above the tops looks over most of it
+        self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
         self._cutting = False
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
-        seen, pictures = self._source.look(bgr, stages)
+        seen, pictures = self._source.look(bgr, stages, self._cutting)
         face = self._finder.find(seen, self._cutting)
         if face.ahead_confidence >= SURE and face.ahead_m < AT_BLADE_M:
-            self._cutting = True
+            self._cutting = self._below_tops
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and face.right_confidence >= SURE:
             self._l_reference = height
@@ -114,7 +116,7 @@ class MountedDetector:
             return 0.0
         tolerance = L_TOLERANCE * self._camera.size[1]
         # seen from above the tops, what is further away appears higher, not lower
-        sense = 1.0 if self._camera.position[2] < self._vehicle.crop_height_m else -1.0
+        sense = 1.0 if self._below_tops else -1.0
         beyond = sense * (height - self._l_reference) / tolerance
         return float(min(1.0, max(0.0, 0.5 * beyond)))
 

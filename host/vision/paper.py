@@ -110,8 +110,8 @@ class Chain:
         else:
             self.least_px = least_length_px(camera, blade_height_m)
 
-    def run(self, bgr: Picture) -> Stages:
-        """`bgr` (height, width, 3) of the size given."""
+    def run(self, bgr: Picture, fainter: float = 1.0) -> Stages:
+        """`bgr` (height, width, 3) of the size given; `fainter` scales the least contrast."""
         p = self.params
         hue, saturation, value = cv2.split(cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV_FULL))
         plane = cv2.addWeighted(saturation, p.a, value, p.b, 0.0)
@@ -122,7 +122,7 @@ class Chain:
         grey = u8(cv2.LUT(value, LOGARITHM))
         across = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 1, 0, ksize=1))
         along = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 0, 1, ksize=1))
-        _, step = cv2.threshold(across, p.contrast, 255, cv2.THRESH_BINARY)
+        _, step = cv2.threshold(across, p.contrast * fainter, 255, cv2.THRESH_BINARY)
         steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
         sides = u8(cv2.bitwise_and(steps, ripe))
         upright = upright_pieces(sides, self._tracks, self.least_px, p.gap_px)

@@ -21,6 +21,7 @@ TILTS_DEG = (-3.5, 3.5)
 CUT_QUANTILE = 0.72
 """A step counts where it is greater than this share of those on the ground that the machine is
 about to roll over, which is known to be cut: focus, noise and dust set the scale by themselves."""
+FAINTER = 0.7
 STEP_RANGE = (8.0, 11.0)
 """In 255ths of the logarithmic range."""
 GAP_PX = 2
@@ -35,12 +36,18 @@ class Stems:
         self._least_px = least_length_px(camera, vehicle.blade_height_m)
         self._cut = _cut_ground(camera, vehicle)
 
-    def run(self, bgr: Picture) -> Evidence:
-        """The evidence of one picture (height, width, 3)."""
+    def run(self, bgr: Picture, cutting: bool = False) -> Evidence:
+        """The evidence of one picture (height, width, 3). `cutting`: through the blade's dust,
+        fainter steps count; stubble that then passes for stems is behind the blade."""
         grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), LOGARITHM))
         across = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 1, 0, ksize=1))
         along = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 0, 1, ksize=1))
-        _, step = cv2.threshold(across, self._least_step(u8(across)), 255, cv2.THRESH_BINARY)
+        _, step = cv2.threshold(
+            across,
+            self._least_step(u8(across)) * (FAINTER if cutting else 1.0),
+            255,
+            cv2.THRESH_BINARY,
+        )
         steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
         upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
         return Evidence(upright, steps, grey)
