@@ -46,8 +46,8 @@ def main() -> None:
             wrong, area, place, overlap = np.array(rows, dtype=float).T
             print(
                 f"{cep} | {laps} | {wrong.sum():.0f} of {len(rows)} | "
-                f"{100 * np.median(area):.1f} %, {100 * np.percentile(area, 95):.1f} % | {np.median(place):.1f} | "
-                f"{np.median(overlap):.3f}, {overlap.min():.2f}"
+                f"{100 * np.median(area):.1f} %, {100 * np.percentile(area, 95):.1f} % | "
+                f"{np.median(place):.1f} | {np.median(overlap):.3f}, {overlap.min():.2f}"
             )
 
 

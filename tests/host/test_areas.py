@@ -8,6 +8,7 @@ import timeit
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -101,6 +102,24 @@ def test_the_border_slows_and_then_stops(x: float, speed: float, level: Level) -
     if level is not Level.CLEAR:
         assert verdict.clearance_m == pytest.approx(21.8 - 1.55 - x)
         assert "the permitted area's border" in verdict.reason
+
+
+def test_travel_counts_in_every_direction() -> None:
+    outline = placed(OUTLINE, 3.0, 20.1, math.pi / 2)
+    assert FENCE.check(outline, CERTAIN, (0.0, 0.5)).level is Level.STOP
+    assert FENCE.check(outline, CERTAIN, (0.5, 0.0)).level is Level.SLOW
+
+
+@pytest.mark.parametrize("way_deg", [0.0, 22.5, 40.0])
+def test_two_standard_deviations_count_in_every_direction(way_deg: float) -> None:
+    way = math.radians(way_deg)
+    field = shapely.affinity.rotate(shapely.box(-10, -10, 10, 10), way_deg, (0, 0))
+    fence = Geofence(areas_of(field, GAP_M))
+    speck = np.array([(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3)])
+    reach = 10 + GAP_M - GAP_MARGIN_M - 0.39
+    spread = 0.2**2 * np.eye(2)
+    at = (reach * math.cos(way), reach * math.sin(way))
+    assert fence.check(speck + np.array(at), spread).level is Level.STOP
 
 
 def test_a_keep_out_stops_and_is_named() -> None:

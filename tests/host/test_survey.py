@@ -242,6 +242,12 @@ def test_laps_average_a_phones_drift_away() -> None:
     assert four < 0.7 * one
 
 
+def test_a_phones_drift_makes_no_corners() -> None:
+    spec = GnssSpec(cep_m=0.5, jumps_per_hour=0.0, outages_per_hour=0.0)
+    counted = [survey_track(tracked(walk(around(SQUARE), spec, seed))).corners for seed in range(8)]
+    assert counted == [4] * 8
+
+
 def test_one_lap_can_be_taken_alone() -> None:
     larger = [(1.2 * x, 1.2 * y) for x, y in SQUARE]
     track = tracked(walk([*around(SQUARE), *around(larger)]))
