@@ -187,7 +187,7 @@ class Camera:
         self._image = np.zeros((h, w, 3), np.uint8)
         self._depth = np.zeros((h, w), np.float32)
         self._label = np.zeros((h, w), np.uint8)
-        self._records = np.zeros((0, 17), np.float32)
+        self._records = np.zeros(0, render.STALK)
         self._header = self._bake_header() if s.machine_in_view else None
         tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
         self._noise = np.rint(tile).astype(np.int16)
@@ -376,7 +376,7 @@ class Camera:
         first = np.zeros(found + 1, np.int64)
         np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
         if first[-1] > len(self._records):
-            self._records = np.zeros((int(first[-1] * 1.3), 17), np.float32)
+            self._records = np.zeros(int(first[-1] * 1.3), render.STALK)
         drawn = np.zeros(found, np.int64)
         weather = self.weather
         toward = math.radians(90 - weather.wind_from_deg + 180)

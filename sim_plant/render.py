@@ -9,7 +9,7 @@ are display-referred BGR; light multiplies them by a factor from `Paint.light`.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -36,6 +36,48 @@ STRIPS: Final = 4
 """The picture is drawn in so many strips of columns, whatever the number of threads."""
 REACH_M: Final = 24.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
+
+
+GROWN: Final = np.dtype(
+    [
+        ("x", np.float32),  # in its block, m
+        ("y", np.float32),
+        ("height", np.float32),  # factor on the field's
+        ("lean_x", np.float32),  # horizontal per vertical
+        ("lean_y", np.float32),
+        ("shade", np.float32),
+        ("stub", np.float32),  # 0..1, of what remains when cut
+        ("nod", np.float32),  # of the ear's tip aside, m
+        ("rank", np.float32),  # 0..1: the thin crop's stalks have the low ones
+        ("blue", np.float32),  # tint, about 1
+        ("green", np.float32),
+        ("red", np.float32),
+    ]
+)
+"""A stalk as it grows in a block."""
+
+STALK: Final = np.dtype(
+    [
+        ("u0", np.float32),  # base in the picture, px, and its depth, m
+        ("v0", np.float32),
+        ("z0", np.float32),
+        ("u1", np.float32),  # top
+        ("v1", np.float32),
+        ("z1", np.float32),
+        ("stem", np.float32),  # half widths, px
+        ("ear", np.float32),
+        ("ear_share", np.float32),  # of the length, from the top
+        ("visible", np.float32),  # share of the length, from the top
+        ("height", np.float32),  # m
+        ("sunlit", np.float32),  # above this height, m
+        ("label", np.float32),
+        ("blue", np.float32),
+        ("green", np.float32),
+        ("red", np.float32),
+        ("nod", np.float32),  # px
+    ]
+)
+"""A stalk as it is drawn."""
 
 
 class Scene(NamedTuple):
@@ -517,7 +559,7 @@ def blocks_in_view(
 @njit(cache=True, nogil=True, error_model="numpy")
 def project(
     blocks: NDArray[np.int32],
-    packs: NDArray[np.float32],
+    packs: NDArray[Any],
     first: NDArray[np.int64],
     scene: Scene,
     view: View,
@@ -529,7 +571,7 @@ def project(
     gust: float,
     k0: int,
     k1: int,
-    out: NDArray[np.float32],
+    out: NDArray[Any],
     drawn: NDArray[np.int64],
 ) -> None:
     """Projects stalks of blocks k0..k1 into `out`, `drawn[k]` of block k; see `draw_stalks`."""
@@ -550,8 +592,8 @@ def project(
         n = 0
         for q in range(shown):
             s = packs[pack, q]
-            x = x_block + s[0]
-            y = y_block + s[1]
+            x = x_block + s.x
+            y = y_block + s.y
             i = int((x - scene.x0) * inv)
             j = int((y - scene.y0) * inv)
             if i >= n_i or j >= n_j:
@@ -559,16 +601,16 @@ def project(
             kind = scene.kind[j, i]
             ci = i >> 1
             cj = j >> 1
-            if kind == f.SOIL or _solid(kind) or s[8] > scene.stand[cj, ci, DENSITY]:
+            if kind == f.SOIL or _solid(kind) or s.rank > scene.stand[cj, ci, DENSITY]:
                 continue
             tall = _standing(kind)
-            lean_x = s[3]
-            lean_y = s[4]
+            lean_x = s.lean_x
+            lean_y = s.lean_y
             head = 0.0
             if tall:
                 lodge = scene.stand[cj, ci, LODGE]
-                height = scene.stand[cj, ci, HEIGHT] * s[2]
-                phase = 1.1 * t + 37.0 * s[8]
+                height = scene.stand[cj, ci, HEIGHT] * s.height
+                phase = 1.1 * t + 37.0 * s.rank
                 flutter = 4.0 * abs(phase - math.floor(phase) - 0.5) - 1.0
                 bend = wave + gust * flutter
                 lean_x += sway_x * bend
@@ -580,19 +622,19 @@ def project(
                     lean_y += lean * math.sin(way)
                 head = 0.085 / max(height, 0.1)
             elif kind == f.WINDROW:
-                if s[8] > 0.75:
+                if s.rank > 0.75:
                     continue
-                height = 0.02 + 0.10 * s[6]
+                height = 0.02 + 0.10 * s.stub
                 lean_x *= 40.0
                 lean_y *= 40.0
             elif kind == f.GRASS:
-                if s[8] > 0.5:
+                if s.rank > 0.5:
                     continue
-                height = 0.03 + 0.09 * s[6]
+                height = 0.03 + 0.09 * s.stub
                 lean_x *= 8.0
                 lean_y *= 8.0
             else:
-                height = 0.07 + 0.07 * s[6]
+                height = 0.07 + 0.07 * s.stub
                 lean_x *= 2.5
                 lean_y *= 2.5
             ax = x - view.x
@@ -633,42 +675,43 @@ def project(
                 if 0 <= ni < n_i and 0 <= nj < n_j and _standing(scene.kind[nj, ni]):
                     visible = 0.42
             e = out[first[k] + n]
-            e[0] = u0
-            e[1] = v0
-            e[2] = z0
-            e[3] = u1
-            e[4] = v1
-            e[5] = z1
+            e.u0 = u0
+            e.v0 = v0
+            e.z0 = z0
+            e.u1 = u1
+            e.v1 = v1
+            e.z1 = z1
             scale = F * per_z1 * wider
-            e[6] = (0.0019 if tall else 0.0026) * scale
-            e[7] = 0.0050 * scale if tall else 0.0
-            e[8] = head
-            e[16] = s[7] * scale / wider if tall else 0.0
-            e[9] = visible
-            e[10] = height
-            e[11] = scene.stand[cj, ci, SUNLIT]
+            e.stem = (0.0019 if tall else 0.0026) * scale
+            e.ear = 0.0050 * scale if tall else 0.0
+            e.ear_share = head
+            e.nod = s.nod * scale / wider if tall else 0.0
+            e.visible = visible
+            e.height = height
+            e.sunlit = scene.stand[cj, ci, SUNLIT]
             if tall:
-                e[12] = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
+                e.label = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
             elif kind == f.WINDROW:
-                e[12] = labels.STRAW
+                e.label = labels.STRAW
             elif kind == f.GRASS:
-                e[12] = labels.WEEDS
+                e.label = labels.WEEDS
             else:
-                e[12] = labels.STUBBLE
-            shade = s[5] * (0.86 + 0.28 * scene.stand[cj, ci, TONE])
+                e.label = labels.STUBBLE
+            shade = s.shade * (0.86 + 0.28 * scene.stand[cj, ci, TONE])
             if not tall:
                 shade *= 1.12
             green = 0.0
             if tall:
-                green = scene.stand[cj, ci, GREEN] * (0.75 + 0.5 * s[6])
-                if scene.stand[cj, ci, WEED] > 0.3 and s[8] < 0.5:
+                green = scene.stand[cj, ci, GREEN] * (0.75 + 0.5 * s.stub)
+                if scene.stand[cj, ci, WEED] > 0.3 and s.rank < 0.5:
                     green = 1.0
                 green = min(1.0, green)
             elif kind == f.GRASS:
                 green = 1.0
-            for c in range(3):
-                ripe = paint.crop_bgr[c] if tall else paint.straw_bgr[c]
-                e[13 + c] = shade * (ripe + green * (paint.green_bgr[c] - ripe)) * s[9 + c]
+            ripe = paint.crop_bgr if tall else paint.straw_bgr
+            e.blue = shade * (ripe[0] + green * (paint.green_bgr[0] - ripe[0])) * s.blue
+            e.green = shade * (ripe[1] + green * (paint.green_bgr[1] - ripe[1])) * s.green
+            e.red = shade * (ripe[2] + green * (paint.green_bgr[2] - ripe[2])) * s.red
             n += 1
         drawn[k] = n
 
@@ -682,48 +725,43 @@ def draw_stalks(
     right: int,
     first: NDArray[np.int64],
     drawn: NDArray[np.int64],
-    stalks: NDArray[np.float32],
+    stalks: NDArray[Any],
     paint: Paint,
 ) -> None:
-    """Draws the stalks into columns [left, right), front to back.
-
-    A stalk: base u, v, z; top u, v, z; half widths of stem and ear in px; the ear's share of the
-    length; visible share from the top; height in m; height above which the sun reaches; label; BGR;
-    how far the ear's tip nods aside in px.
-    """
+    """Draws the projected stalks into columns [left, right), front to back."""
     rows = depth.shape[0]
     for k in range(drawn.shape[0]):
         for n in range(first[k], first[k] + drawn[k]):
             e = stalks[n]
-            u0 = e[0]
-            u1 = e[3]
-            wide = max(e[6], e[7]) + abs(e[16]) + 1.0
+            u0 = e.u0
+            u1 = e.u1
+            wide = max(e.stem, e.ear) + abs(e.nod) + 1.0
             if max(u0, u1) + wide < left or min(u0, u1) - wide > right:
                 continue
-            v0 = e[1]
-            v1 = e[4]
+            v0 = e.v0
+            v1 = e.v1
             long = v0 - v1
             per = 1.0 / long
             slant = 0.5 * abs(u1 - u0) * per
             ears = int(u1)
             va = max(0, math.ceil(v1 - 0.5))
-            vb = min(rows - 1, math.floor(v0 - 0.5), int(v1 + long * e[9]))
-            z0 = e[2]
-            z1 = e[5]
+            vb = min(rows - 1, math.floor(v0 - 0.5), int(v1 + long * e.visible))
+            z0 = e.z0
+            z1 = e.z1
             fog = 0.5 * (z0 + z1) * paint.haze
             fog = fog / (1.0 + fog)
-            here = int(e[12])
-            head = e[8]
+            here = int(e.label)
+            head = e.ear_share
             per_head = 1.0 / max(1e-6, head)
-            stem_width = e[6]
-            head_width = e[7]
-            nod = e[16]
-            height = e[10]
-            sunlit = e[11]
-            darker = 0.22 * e[9]
-            blue = e[13]
-            green = e[14]
-            red = e[15]
+            stem_width = e.stem
+            head_width = e.ear
+            nod = e.nod
+            height = e.height
+            sunlit = e.sunlit
+            darker = 0.22 * e.visible
+            blue = e.blue
+            green = e.green
+            red = e.red
             shaded = 0.22 if head > 0.0 else 0.0
             for v in range(va, vb + 1):
                 a = max(0.0, (v + 0.5 - v1) * per)
@@ -877,22 +915,23 @@ def draw_crowns(
                     image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
 
 
-def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[np.float32]:
-    """(packs, stalks, 12): x, y in the block; height factor; lean x, y; shade; stub 0..1; nod of
-    the ear (m); rank 0..1 (density, flutter); BGR tint."""
+def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[Any]:
+    """(PACKS, stalks) of GROWN: the blocks that the field's spec asks for."""
     n = max(1, round(spec.stalks_per_m2 * BLOCK_M**2))
     shape = (PACKS, n)
-    s = np.empty((*shape, 12), np.float32)
-    s[..., 0] = rng.random(shape) * BLOCK_M
-    s[..., 1] = rng.random(shape) * BLOCK_M
+    s = np.zeros(shape, GROWN)
+    s["x"] = rng.random(shape) * BLOCK_M
+    s["y"] = rng.random(shape) * BLOCK_M
     if spec.drilled:
         row = rng.integers(0, 3, shape) + 0.5
-        s[..., 1] = (row * BLOCK_M / 3 + rng.normal(0, 0.02, shape)).clip(0, BLOCK_M - 1e-3)
-    s[..., 2] = rng.normal(1, 0.06, shape).clip(0.8, 1.15)
-    s[..., 3:5] = rng.normal(0, 0.06, (*shape, 2)).clip(-0.16, 0.16)
-    s[..., 5] = rng.uniform(0.72, 1.1, shape)
-    s[..., 6] = rng.random(shape)
-    s[..., 7] = rng.normal(0, 0.03, shape)
-    s[..., 8] = rng.random(shape)
-    s[..., 9:12] = rng.normal(1, 0.045, (*shape, 3))
+        s["y"] = (row * BLOCK_M / 3 + rng.normal(0, 0.02, shape)).clip(0, BLOCK_M - 1e-3)
+    s["height"] = rng.normal(1, 0.06, shape).clip(0.8, 1.15)
+    lean = rng.normal(0, 0.06, (*shape, 2)).clip(-0.16, 0.16)
+    s["lean_x"], s["lean_y"] = lean[..., 0], lean[..., 1]
+    s["shade"] = rng.uniform(0.72, 1.1, shape)
+    s["stub"] = rng.random(shape)
+    s["nod"] = rng.normal(0, 0.03, shape)
+    s["rank"] = rng.random(shape)
+    tint = rng.normal(1, 0.045, (*shape, 3))
+    s["blue"], s["green"], s["red"] = tint[..., 0], tint[..., 1], tint[..., 2]
     return s
