@@ -216,31 +216,32 @@ FIGURES = (
 )
 
 
+def _row(name: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    finished = [s for s in runs if s["outcome"] == "finished"]
+    row: dict[str, Any] = {
+        "scenario": name,
+        "runs": len(runs),
+        "finished": len(finished),
+        "crashed": sum(s["outcome"] == "crashed" for s in runs),
+    }
+    for figure in FIGURES:
+        source = finished if figure in ("coverage", "missed_m2") else runs
+        values = [float(s[figure]) for s in source if s.get(figure) is not None]
+        if values:
+            low = figure in ("coverage", "realtime_factor")
+            worst = min(values) if low else sorted(values, key=abs)[-1]
+            row[f"{figure} median"] = round(statistics.median(values), 4)
+            row[f"{figure} worst"] = round(worst, 4)
+    return row
+
+
 def overview(summaries: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row per scenario: how many runs finished, and median and worst of each figure of merit
-    over those that have it (coverage: over the finished ones)."""
-    rows = []
-    for name, group in itertools.groupby(
-        sorted(summaries, key=lambda s: str(s["scenario"])), key=lambda s: str(s["scenario"])
-    ):
-        runs = list(group)
-        finished = [s for s in runs if s["outcome"] == "finished"]
-        row: dict[str, Any] = {
-            "scenario": name,
-            "runs": len(runs),
-            "finished": len(finished),
-            "crashed": sum(s["outcome"] == "crashed" for s in runs),
-        }
-        for figure in FIGURES:
-            source = finished if figure in ("coverage", "missed_m2") else runs
-            values = [float(s[figure]) for s in source if s.get(figure) is not None]
-            if values:
-                low = figure in ("coverage", "realtime_factor")
-                row[f"{figure} median"] = round(statistics.median(values), 4)
-                worst = min(values) if low else sorted(values, key=abs)[-1]
-                row[f"{figure} worst"] = round(worst, 4)
-        rows.append(row)
-    return rows
+    """One row per scenario, and one of all where there are several: how many runs finished, and
+    median and worst of each figure of merit over those that have it (coverage: over the finished
+    ones)."""
+    names = sorted({str(s["scenario"]) for s in summaries})
+    rows = [_row(name, [s for s in summaries if s["scenario"] == name]) for name in names]
+    return [*rows, _row("all", summaries)] if len(names) > 1 else rows
 
 
 # ---- the command ---------------------------------------------------------------------------------

@@ -315,7 +315,8 @@ def faults_sections(verdicts: Sequence[Verdict]) -> list[Section]:
          "moved m", "verdict")
     )  # fmt: skip
     for v in verdicts:
-        cells = [v.fault, v.situation, v.expect, v.bound, v.detected_by]
+        bound = v.bound if v.expect == "stop" else ""
+        cells = [v.fault, v.situation, v.expect, bound, v.detected_by]
         cells += [show(v.detected_ms), show(v.stop_latency_ms), show(v.moved_m), v.verdict]
         grid.rows.append(("" if v.ok else "bad", cells))
     text = f"{len(verdicts)} faults, {bad} unsafe or late."

@@ -82,10 +82,12 @@ def test_an_overview_counts_what_finished_and_finds_the_worst() -> None:
         {"scenario": "a", "outcome": "fault", "coverage": 0.2, "false_ends": None},
         {"scenario": "b", "outcome": "crashed"},
     ]
-    a, b = overview(runs)
+    a, b, every = overview(runs)
     assert (a["runs"], a["finished"], a["coverage worst"]) == (3, 2, 0.97)
     assert (a["coverage median"], a["false_ends worst"]) == (0.98, 2)
     assert (b["finished"], b["crashed"]) == (0, 1)
+    assert (every["scenario"], every["runs"], every["finished"]) == ("all", 4, 2)
+    assert overview(runs[:3]) == [a]
 
 
 # ---- one run -------------------------------------------------------------------------------------
