@@ -77,6 +77,18 @@ def test_jumps_and_outages_come_at_their_rates() -> None:
     assert lost / 7200 == pytest.approx(5 / 60, abs=0.025)
 
 
+@pytest.mark.parametrize(
+    ("vx", "vy", "course"), [(0.0, 0.5, 0.0), (0.5, 0.0, 90.0), (-0.5, 0.0, 270.0)]
+)
+def test_speed_is_in_knots_and_course_clockwise_from_north(
+    vx: float, vy: float, course: float
+) -> None:
+    gnss = Gnss(GnssSpec(speed_noise_mps=0.0, **CALM))
+    rmc = pynmea2.parse(gnss.epoch(0.0, 0, 0, vx, vy)[-2])
+    assert rmc.spd_over_grnd == pytest.approx(0.5 / 0.5144, abs=0.06)
+    assert rmc.true_course == pytest.approx(course)
+
+
 def test_canopy_takes_fixes_only_under_trees() -> None:
     gnss = Gnss(GnssSpec(canopy_loss=0.5, **CALM), seed=4)
     lost = {
