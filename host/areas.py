@@ -200,6 +200,11 @@ class Geofence:
         )
         return Verdict(level, reason, clearance)
 
+    def clearance(self, outline: NDArray[np.float64]) -> float:
+        """Metres from an outline to the permitted area's border or the nearest keep-out, negative
+        beyond; for choosing between manoeuvres before one is driven."""
+        return self._clearance(outline)
+
     def _inside(
         self,
         outline: NDArray[np.float64],

@@ -29,16 +29,24 @@ class Goal(enum.Enum):
     """Along the new lane, rear axle."""
 
 
+class Follow(enum.Enum):
+    """What a leg steers by instead of a held angle."""
+
+    NOTHING = "nothing"
+    OLD_LANE = "old lane"
+    NEW_LANE = "new lane"
+    """Corrected by vision as soon as the new side begins ahead of the blade."""
+
+
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """Steering held at steer_rad and driven until the goal's coordinate reaches `value`. `follow`:
-    steer along the new lane instead, corrected by vision."""
+    """Steering held at steer_rad and driven until the goal's coordinate reaches `value`."""
 
     steer_rad: float
     reverse: bool
     goal: Goal
     value: float
-    follow: bool = False
+    follow: Follow = Follow.NOTHING
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +121,37 @@ def three_point(
         Leg(0.0, start < 0, Goal.X, start),
         Leg(lock, False, Goal.HEADING, first),
         Leg(-lock, True, Goal.HEADING, turn_rad),
-        Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, follow=True),
+        Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, Follow.NEW_LANE),
     )
     return Turn(legs, x, y, turn_rad, begins)
+
+
+def shuttle(vehicle: Vehicle, begins_m: float, shift_m: float, *, run_in_m: float = 0.1) -> Turn:
+    """Back along the swath and shift_m to the left, to take the next strip of the same edge, whose
+    crop begins begins_m ahead of where the blade stands (so negative). The shift needs some
+    1.6 m; it begins when the rear axle leaves the crop's beginning behind."""
+    begins = vehicle.blade_x_m + begins_m
+    legs = (
+        Leg(0.0, True, Goal.ALONG, begins, Follow.OLD_LANE),
+        Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, Follow.NEW_LANE),
+    )
+    return Turn(legs, 0.0, shift_m, 0.0, begins)
+
+
+def path(vehicle: Vehicle, turn: Turn, step_m: float = 0.1) -> list[tuple[float, float, float]]:
+    """Ideal poses (x, y, heading) of the rear axle along a turn, in its frame."""
+    x = y = heading = 0.0
+    poses = [(x, y, heading)]
+    for leg in turn.legs:
+        sign = -1.0 if leg.reverse else 1.0
+        curvature = math.tan(leg.steer_rad) / vehicle.wheelbase_m
+        for _ in range(round(30 / step_m)):
+            place = {Goal.X: x, Goal.HEADING: heading, Goal.ALONG: turn.along(x, y)}[leg.goal]
+            back = leg.reverse and leg.goal is not Goal.HEADING
+            if place <= leg.value if back else place >= leg.value:
+                break
+            heading += sign * step_m * curvature
+            x += sign * step_m * math.cos(heading)
+            y += sign * step_m * math.sin(heading)
+            poses.append((x, y, heading))
+    return poses

@@ -16,7 +16,7 @@ import shapely
 from host import manoeuvre, steering
 from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
 from host.lane import Lane
-from host.manoeuvre import Goal, Leg, Turn
+from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
 from host.plan import Plan, Side
 from host.position import Position
@@ -41,6 +41,10 @@ SHORT_SIDE_M = 1.6
 SHORT_SIGMA_M = 0.3
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
+SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
+"""Shares of a turn that the forward arc of a three-point turn may take, best first."""
+ROOM_M = 0.6
+"""Clearance to the geofence's border that any turn may be driven with."""
 CREEP_MPS = 0.15
 """Near the geofence."""
 ANCHOR_EVERY_M = 0.5
@@ -51,6 +55,8 @@ STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 STOPPED_MPS = 0.03
 SEARCH_PICTURES = 5
+TRUST_AFTER_S = 3.0
+"""An edge that stays hidden (at a slanting corner) is where the operator has put the blade."""
 PLACE_SIGMA_M = 0.05
 PLACE_SIGMA_RAD = math.radians(1.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
@@ -105,7 +111,7 @@ class Pilot:
         self._outline = outline_of(vehicle)
         self._fence: Geofence | None = None
         if self._plan.boundary and self._plan.gap_m is not None:
-            field = shapely.Polygon(self._plan.boundary)
+            field = shapely.Polygon(self._plan.boundary, self._plan.keep_outs)
             margin = min(GAP_MARGIN_M, self._plan.gap_m)
             self._fence = Geofence(areas_of(field, self._plan.gap_m, margin_m=margin))
         self.phase = Phase.CONNECT
@@ -269,7 +275,7 @@ class Pilot:
             self.phase is Phase.TURN
             and turn is not None
             and self._leg_index < len(turn.legs)
-            and turn.legs[self._leg_index].follow
+            and turn.legs[self._leg_index].follow is Follow.NEW_LANE
         )
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
@@ -305,15 +311,23 @@ class Pilot:
     def _align(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
         view = self.view
-        if view is None or view.confidence < CONFIDENT:
+        if view is None or view.ahead_confidence < CONFIDENT:
             return self._hold()
-        self._lane.place(0.0, 0.0, 0.15, math.radians(8))
-        self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
+        waited = now - self.transitions[-1].stamp
+        if view.confidence < CONFIDENT and (waited < TRUST_AFTER_S or not self._plan.sides):
+            return self._hold()
+        if view.confidence < CONFIDENT:
+            self._lane.place(0.0, 0.0, 0.05, math.radians(2))
+        else:
+            self._lane.place(0.0, 0.0, 0.15, math.radians(8))
+            here = (0.0, 0.0)
+            self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, here)
         side = self._side()
         if side is not None:
             ahead = view.crop_ahead_m if view.ahead_confidence >= CONFIDENT else 0.0
             self._position.place(side, -ahead, self._lane.offset_m, self._lane.heading_rad)
-        self._start_side(now, "the edge is in view")
+        seen = view.confidence >= CONFIDENT
+        self._start_side(now, "the edge is in view" if seen else "on the operator's alignment")
         return self._hold()
 
     def _start_side(self, now: float, reason: str) -> None:
@@ -414,8 +428,7 @@ class Pilot:
         side = self._side()
         if side is not None and self._position.known:
             self._position.at_end(side, self.motion.distance_m - end.motion.distance_m)
-        plan = manoeuvre.arc if self._plan.turn == "arc" else manoeuvre.three_point
-        self._turn = plan(self._vehicle, self._plan.corner_rad(self.turns))
+        self._turn = self._manoeuvre(end)
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
         lane_heading_then = self._lane.heading_rad - (self.motion.yaw_rad - end.motion.yaw_rad)
         self._turn_from = (end.motion, lane_heading_then)
@@ -423,10 +436,43 @@ class Pilot:
         self.turns += 1
         self._leg_index = 0
         self._leg_running = False
+        self._begin_leg(self._turn.legs[0])
         self._leg_stamp = now
         self._search_m = math.inf
         self._detector.restart()
         self._go(now, Phase.TURN, f"end of side {self.turns}: no crop before the blade")
+
+    def _manoeuvre(self, end: EndOfField) -> Turn:
+        """The turn from the side that has ended to the next."""
+        plan, index = self._plan, self.turns
+        corner = plan.corner_rad(index)
+        if corner == 0.0:
+            next_side = plan.sides[index + 1]
+            c, s = math.cos(next_side.heading_rad), math.sin(next_side.heading_rad)
+            this = plan.sides[index]
+            dx, dy = next_side.x_m - this.x_m, next_side.y_m - this.y_m
+            begins = c * dx + s * dy - self._cut_m(end.motion)
+            return manoeuvre.shuttle(self._vehicle, begins, c * dy - s * dx)
+        if plan.turn == "arc":
+            return manoeuvre.arc(self._vehicle, corner)
+        turns = [manoeuvre.three_point(self._vehicle, corner, swing=swing) for swing in SWINGS]
+        # The first that leaves room enough, else the one that leaves the most.
+        return max(turns, key=lambda turn: min(ROOM_M, self._room_m(turn, end)))
+
+    def _room_m(self, turn: Turn, end: EndOfField) -> float:
+        """The least clearance to the geofence along a turn that begins where the side ended."""
+        if self._fence is None or not self._position.known:
+            return ROOM_M
+        x, y, yaw = self._position.pose
+        back = self.motion.distance_m - end.motion.distance_m
+        c, s = math.cos(yaw), math.sin(yaw)
+        x, y = x - back * c, y - back * s
+        return min(
+            self._fence.clearance(
+                placed(self._outline, x + c * px - s * py, y + s * px + c * py, yaw + turned)
+            )
+            for px, py, turned in manoeuvre.path(self._vehicle, turn)
+        )
 
     def _in_turn_frame(self) -> tuple[float, float, float]:
         """The rear axle's (x, y, heading) in the turn's frame; x runs along the old lane."""
@@ -450,11 +496,11 @@ class Pilot:
             self._leg_index += 1
             self._leg_running = False
             self._leg_stamp = now
-            if self._leg_index < len(turn.legs) and turn.legs[self._leg_index].follow:
-                self._place_on_lane()
+            if self._leg_index < len(turn.legs):
+                self._begin_leg(turn.legs[self._leg_index])
             return self._drive(leg.steer_rad, 0.0, False)
         steer = leg.steer_rad
-        if leg.follow:
+        if leg.follow is not Follow.NOTHING:
             steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
         if not self._leg_running:
             stopped = abs(self.motion.speed_mps) < STOPPED_MPS
@@ -476,12 +522,15 @@ class Pilot:
             return heading + coast * self.motion.curvature_1pm >= leg.value
         place = x if leg.goal is Goal.X else self._turn.along(x, y)
         ahead = leg.value - place - coast
-        if leg.follow and 0 <= ahead < ALIGN_ROOM_M:
+        if leg.follow is Follow.NEW_LANE and 0 <= ahead < ALIGN_ROOM_M:
             return abs(self._lane.blade_offset_m) < ALIGNED_M
         return ahead >= 0 if leg.reverse else ahead <= 0
 
-    def _place_on_lane(self) -> None:
+    def _begin_leg(self, leg: Leg) -> None:
+        """From here on the lane filter speaks of the new lane, where the leg follows that."""
         assert self._turn is not None
+        if leg.follow is not Follow.NEW_LANE:
+            return
         x, y, heading = self._in_turn_frame()
         scale = self._odometry.scale_sigma
         self._lane.place(

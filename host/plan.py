@@ -1,12 +1,16 @@
-"""The plan of a field: the sides of the inward spiral, computed before anything moves.
+"""The plan of a field: the sides to cut, in order, computed before anything moves.
 
 Paper, II and Fig. 1 (c): along the outer boundary with left turns, then inward by the blade's
-width. A convex field is cut like paper: each side takes a strip of the effective width off what
-still stands, so lengths, corner angles and the last leftover strip all come out of the geometry.
+width. The field is cut like paper: each side takes a strip off what still stands, along an edge
+whose both ends are open ground, so the crop's edge is always in view on the right and every end
+can be seen. A convex field becomes the paper's spiral. Where a reflex corner or a keep-out makes
+the next edge end inside the crop, the machine shuttles: it backs along the swath and takes the
+next strip of the same edge, until the corner is gone.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -18,13 +22,24 @@ from host.errors import UserError
 MIN_STRIP_M2 = 0.02
 """What a side would cut at least; smaller remains are nothing a camera could find."""
 MAX_SIDES = 4000
+SAME_RAD = 1e-3
+NEAR_M = 1e-3
+CONVEX_RAD = 1e-3
+MIN_EDGE_M = 0.05
+KEEP_OUT_M = 0.7
+"""How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
+SHUTTLE_ROOM_M = 0.8
+"""Free ground that a shuttle needs behind the crop's beginning besides a gap of 2 m."""
+REACH = 2.5
+"""Widths from a side's end within which the next must begin, to be reached by a turn."""
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
     """One pass. The crop's outer edge runs from (x_m, y_m) in direction heading_rad (field frame)
     for length_m; the strip is width_m wide, left of it. From the beginning of the crop it is
-    fence_m to the field's boundary: on inner sides, what has been cut lies between."""
+    fence_m to the field's boundary or a keep-out: on inner sides, what has been cut lies
+    between."""
 
     x_m: float
     y_m: float
@@ -32,6 +47,8 @@ class Side:
     length_m: float
     width_m: float
     fence_m: float
+    back_m: float = 0.0
+    """From the beginning of the crop back to the boundary or a keep-out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,19 +62,174 @@ class Plan:
     """Corners of the crop's outer edge, metres of the field frame."""
     gap_m: float | None = None
     """From the boundary to the neighbours' crop; None: unknown, no geofence."""
+    keep_outs: tuple[tuple[tuple[float, float], ...], ...] = ()
+    leftover_m2: float = 0.0
+    """What no side of the plan reaches."""
 
     def corner_rad(self, index: int) -> float:
-        """The left turn from side `index` to the next."""
+        """The left turn from side `index` to the next; 0 where the same edge is taken again."""
         if index + 1 >= len(self.sides):
             return math.pi / 2
         turn = self.sides[index + 1].heading_rad - self.sides[index].heading_rad
-        return turn % (2 * math.pi)
+        turn %= 2 * math.pi
+        return 0.0 if 2 * math.pi - turn < SAME_RAD else turn
 
 
-def _along(polygon: shapely.Polygon, heading: float) -> shapely.Polygon:
-    """The polygon turned so that `heading` points along x."""
+@dataclass(frozen=True, slots=True)
+class _Edge:
+    """An edge of what stands, with the interior angles' convexity at both ends."""
+
+    ax: float
+    ay: float
+    bx: float
+    by: float
+    open_ends: bool
+
+    @property
+    def heading(self) -> float:
+        return math.atan2(self.by - self.ay, self.bx - self.ax)
+
+    @property
+    def length(self) -> float:
+        return math.hypot(self.bx - self.ax, self.by - self.ay)
+
+
+def _turned(shape: shapely.Geometry, heading: float) -> shapely.Geometry:
+    """The shape turned so that `heading` points along x."""
     c, s = math.cos(heading), math.sin(heading)
-    return affine_transform(polygon, [c, s, -s, c, 0, 0])
+    return affine_transform(shape, [c, s, -s, c, 0, 0])
+
+
+def _edges(standing: shapely.Polygon) -> list[_Edge]:
+    """Of the outer ring, counter-clockwise."""
+    ring = shapely.geometry.polygon.orient(standing).exterior
+    points = list(ring.coords[:-1])
+    count = len(points)
+
+    def turn(k: int) -> float:
+        (ax, ay), (bx, by), (cx, cy) = points[k - 1], points[k], points[(k + 1) % count]
+        first, second = math.atan2(by - ay, bx - ax), math.atan2(cy - by, cx - bx)
+        return math.remainder(second - first, 2 * math.pi)
+
+    convex = [turn(k) > CONVEX_RAD for k in range(count)]
+    return [
+        _Edge(a[0], a[1], b[0], b[1], convex[k] and convex[(k + 1) % count])
+        for k, (a, b) in enumerate(zip(points, points[1:] + points[:1], strict=True))
+    ]
+
+
+def _clean(shape: shapely.Geometry) -> shapely.Polygon:
+    """The largest part, its collinear and nearly doubled points removed."""
+    parts = [g for g in getattr(shape, "geoms", [shape]) if isinstance(g, shapely.Polygon)]
+    if not parts:
+        return shapely.Polygon()
+    largest = max(parts, key=lambda g: g.area)
+    simple = shapely.simplify(largest.buffer(0), 0.01)
+    return simple if isinstance(simple, shapely.Polygon) else largest
+
+
+def _depth_of_reflex(turned: shapely.Polygon, low: float) -> float:
+    """How far inside the edge at y = low the nearest reflex corner or keep-out lies; inf."""
+    best = math.inf
+    oriented = shapely.geometry.polygon.orient(turned)
+    for ring, hole in [(oriented.exterior, False), *((r, True) for r in oriented.interiors)]:
+        points = ring.coords[:-1]
+        for k, (x, y) in enumerate(points):
+            (ax, ay), (cx, cy) = points[k - 1], points[(k + 1) % len(points)]
+            cross = (x - ax) * (cy - y) - (y - ay) * (cx - x)
+            if (hole or cross < 0) and y - low > MIN_EDGE_M:
+                best = min(best, y - low)
+    return best
+
+
+def _cut(
+    standing: shapely.Polygon, field: shapely.Polygon, edge: _Edge, width_m: float
+) -> tuple[Side, shapely.Polygon, float] | None:
+    """The side along an edge, what stands after it, and the area it cut; None for a sliver."""
+    heading = edge.heading
+    turned = _turned(standing, heading)
+    line = _turned(shapely.LineString([(edge.ax, edge.ay), (edge.bx, edge.by)]), heading)
+    low = (line.coords[0][1] + line.coords[-1][1]) / 2
+    depth = _depth_of_reflex(turned, low)
+    # A strip ends exactly where a reflex corner begins, so that no strip ends inside the crop.
+    width = depth / math.ceil(depth / width_m - 1e-9) if depth < 20 * width_m else width_m
+    lo_x, _, hi_x, _ = turned.bounds
+    band = turned.intersection(shapely.box(lo_x, low, hi_x, low + width))
+    parts = [g for g in getattr(band, "geoms", [band]) if isinstance(g, shapely.Polygon)]
+    near = [g for g in parts if g.distance(line) < NEAR_M]
+    if not near:
+        return None
+    strip = max(near, key=lambda g: g.area)
+    if strip.area < MIN_STRIP_M2:
+        return None
+    begin, _, end, top = strip.bounds
+    room = _turned(field, heading).intersection(shapely.box(begin, low, hi_x + 1e3, top))
+    rooms = [g for g in getattr(room, "geoms", [room]) if g.intersects(strip)]
+    fence = max(g.bounds[2] for g in rooms) - begin
+    room = _turned(field, heading).intersection(shapely.box(lo_x - 1e3, low, end, top))
+    rooms = [g for g in getattr(room, "geoms", [room]) if g.intersects(strip)]
+    back = begin - min(g.bounds[0] for g in rooms)
+    c, s = math.cos(heading), math.sin(heading)
+    side = Side(
+        c * begin - s * low,
+        s * begin + c * low,
+        heading,
+        end - begin,
+        min(width, top - low),
+        fence,
+        back,
+    )
+    rest = turned.difference(strip.buffer(1e-4, join_style="mitre"))
+    return side, _clean(_turned(rest, -heading)), strip.area
+
+
+def _follow(edges: list[_Edge], heading: float, x: float, y: float) -> _Edge | None:
+    """The edge of the given direction that passes nearest to a point."""
+    same = [
+        e
+        for e in edges
+        if abs(math.remainder(e.heading - heading, 2 * math.pi)) < 0.02 and e.length > MIN_EDGE_M
+    ]
+    point = shapely.Point(x, y)
+    return min(
+        same,
+        key=lambda e: shapely.LineString([(e.ax, e.ay), (e.bx, e.by)]).distance(point),
+        default=None,
+    )
+
+
+def _walk(
+    field: shapely.Polygon, first: int, width_m: float, shuttle: bool
+) -> tuple[list[Side], shapely.Polygon]:
+    """Sides from the edge that leaves corner `first`. With `shuttle` an edge is taken again and
+    again while a reflex corner lies inside it, otherwise the next edge is preferred."""
+    standing = field
+    edges = _edges(standing)
+    edge: _Edge | None = edges[first % len(edges)]
+    sides: list[Side] = []
+    idle = 0
+    while edge is not None and len(sides) < MAX_SIDES and idle < len(edges):
+        following = edges[(edges.index(edge) + 1) % len(edges)]
+        done = _cut(standing, field, edge, width_m) if edge.open_ends else None
+        idle += 1
+        if done is not None:
+            side, standing, _ = done
+            sides.append(side)
+            idle = 0
+        if standing.area < MIN_STRIP_M2:
+            break
+        edges = _edges(standing)
+        x, y = following.ax, following.ay
+        onward = _follow(edges, following.heading, x, y)
+        if onward is not None and math.hypot(onward.ax - x, onward.ay - y) > REACH * width_m:
+            onward = None
+        again = _follow(edges, edge.heading, edge.ax, edge.ay)
+        reflex = any(not e.open_ends for e in edges)
+        choices = [onward, again]
+        if shuttle and reflex and done is not None:
+            choices = [again, onward]
+        edge = next((e for e in choices if e is not None and e.open_ends), None)
+    return sides, standing
 
 
 def spiral(
@@ -66,45 +238,35 @@ def spiral(
     width_m: float,
     turn: str = "three_point",
     gap_m: float | None = None,
+    keep_outs: list[list[tuple[float, float]]] | None = None,
 ) -> Plan:
-    """The inward spiral of left turns through a convex boundary (corners in metres, either
-    orientation), beginning with the side that leaves corner `start`; `width_m` is the blade's
-    width less the overlap. UserError where the boundary is not a convex polygon."""
+    """The sides of a simple boundary (corners in metres, either orientation), beginning with the
+    side that leaves corner `start`, or the next that can be begun with; `width_m` is the blade's
+    width less the overlap. UserError where the boundary's sides cross."""
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
     if not ring.is_valid or ring.area <= 0:
         raise UserError("boundary: its sides cross; walk it again or correct its corners")
-    if ring.area < 0.99 * ring.convex_hull.area:
-        raise UserError("boundary: it is not convex; split the field into convex parts")
     corners = list(ring.exterior.coords)[:-1]
-    count = len(corners)
-    headings = []
-    for k in range(count):
-        (ax, ay), (bx, by) = corners[(start + k) % count], corners[(start + k + 1) % count]
-        headings.append(math.atan2(by - ay, bx - ax))
-    standing: shapely.Geometry = ring
-    sides: list[Side] = []
-    empty = 0
-    k = 0
-    while empty < count and len(sides) < MAX_SIDES:
-        heading = headings[k % count]
-        k += 1
-        turned, ring_turned = _along(standing, heading), _along(ring, heading)
-        if turned.is_empty:
-            break
-        lo_x, lo_y, hi_x, hi_y = turned.bounds
-        strip = turned.intersection(shapely.box(lo_x, lo_y, hi_x, lo_y + width_m))
-        if strip.area < MIN_STRIP_M2:
-            empty += 1
+    holes = [shapely.Polygon(k) for k in keep_outs or []]
+    away = [hole.buffer(KEEP_OUT_M, join_style="mitre") for hole in holes]
+    field = ring.difference(shapely.unary_union(away)) if holes else ring
+    if not isinstance(field, shapely.Polygon):
+        raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
+    best: tuple[tuple[float, int, int, int], list[Side], float] | None = None
+    edges = _edges(field)
+    for ahead in range(len(edges)):
+        if not edges[(start + ahead) % len(edges)].open_ends:
             continue
-        empty = 0
-        begin, _, end, _ = strip.bounds
-        c, s = math.cos(heading), math.sin(heading)
-        x, y = c * begin - s * lo_y, s * begin + c * lo_y
-        path = shapely.box(lo_x, lo_y, ring_turned.bounds[2], min(hi_y, lo_y + width_m))
-        fence = ring_turned.intersection(path).bounds[2] - begin
-        sides.append(Side(x, y, heading, end - begin, min(width_m, hi_y - lo_y), fence))
-        rest = turned.intersection(
-            shapely.box(lo_x, lo_y + width_m, hi_x, max(hi_y, lo_y + width_m))
-        )
-        standing = _along(rest, -heading)
-    return Plan(tuple(sides), turn, tuple(corners), gap_m)
+        for shuttle in (False, True):
+            sides, left = _walk(field, start + ahead, width_m, shuttle)
+            cramped = sum(
+                abs(b.heading_rad - a.heading_rad) < SAME_RAD and b.back_m < SHUTTLE_ROOM_M
+                for a, b in itertools.pairwise(sides)
+            )
+            rank = (round(left.area, 1), cramped, ahead, len(sides))
+            if best is None or rank < best[0]:
+                best = (rank, sides, left.area)
+    if best is None:
+        raise UserError("boundary: no side of it has open ground at both ends; split the field")
+    outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
+    return Plan(tuple(best[1]), turn, tuple(corners), gap_m, outs, best[2])

@@ -66,6 +66,8 @@ class Telemetry:
     battery_v: float
     last_seq: int
     frames_bad: int
+    firmware_s: float = 0.0
+    """When it was sent, on the firmware's clock, which wraps."""
 
 
 class Request(enum.Enum):

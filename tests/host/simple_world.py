@@ -10,8 +10,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
 from host.pilot import Pilot
+from host.plan import Side
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
 from host.vision.view import CropView
@@ -28,6 +30,9 @@ class SimpleWorld:
     gap: float = 2.0
     speed_error: float = 1.0
     """True speed over what the duty model says."""
+    polygon: list[tuple[float, float]] | None = None
+    """The field instead of a rectangle, which must enclose it."""
+    keep_out: tuple[float, float, float, float] | None = None
     hall: bool = True
     distance: float = 0.0
     x: float = 0.0
@@ -48,6 +53,13 @@ class SimpleWorld:
         inside = (x > 0) & (x < self.width) & (y > 0) & (y < self.height)
         g = self.gap
         near = (x > -g) & (x < self.width + g) & (y > -g) & (y < self.height + g)
+        if self.polygon is not None:
+            shape = shapely.Polygon(self.polygon)
+            inside = shapely.contains_xy(shape, x, y)
+            near = shapely.contains_xy(shape.buffer(g, join_style="mitre"), x, y)
+        if self.keep_out is not None:
+            lo_x, lo_y, hi_x, hi_y = self.keep_out
+            inside &= ~((x > lo_x) & (x < hi_x) & (y > lo_y) & (y < hi_y))
         self.crop = inside.copy()
         self.neighbour = ~near
         self.field_cells = int(inside.sum())
@@ -56,6 +68,17 @@ class SimpleWorld:
         self.x = self.width - v.blade_width_m / 2 + v.overlap_m
         self.y = -v.blade_x_m - 0.3
         self.yaw = math.pi / 2
+
+    def stand_at(self, side: Side) -> None:
+        """Puts the vehicle where the operator would for a side: the blade before the crop, its
+        right end on the outer edge."""
+        v = self.vehicle
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        inside = v.blade_width_m / 2 - v.overlap_m
+        back = v.blade_x_m + 0.05
+        self.x = side.x_m - back * c - inside * s
+        self.y = side.y_m - back * s + inside * c
+        self.yaw = side.heading_rad
 
     # ---- vision ----
     def _standing(self, forward: np.ndarray, left: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import hypothesis.strategies as st
@@ -12,7 +13,7 @@ from hypothesis import given
 from host import manoeuvre, steering
 from host.errors import UserError
 from host.lane import Lane
-from host.manoeuvre import Goal
+from host.manoeuvre import Follow, Goal
 from host.odometry import Odometry
 from host.plan import spiral
 from host.types import Fix, State, Telemetry
@@ -44,13 +45,14 @@ def convex_fields(draw: st.DrawFn) -> list[tuple[float, float]]:
 def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int) -> None:
     width = 0.95
     plan = spiral(field, start, width)
-    left = shapely.Polygon(field)
+    whole = left = shapely.Polygon(field)
     for side in plan.sides:
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         corners = [(0, 0), (side.length_m, 0), (side.length_m, width), (0, width)]
         strip = [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
         left = left.difference(shapely.Polygon(strip).buffer(1e-6))
-    assert left.area < 0.02 * len(field)
+    # Slivers below what a side is planned for, and outlines simplified by a centimetre.
+    assert left.area < 0.02 * len(field) + 0.01 * whole.length
 
 
 @given(convex_fields())
@@ -65,17 +67,17 @@ def test_every_corner_is_a_left_turn_of_less_than_half_a_circle(
 def test_a_square_of_ten_metres_takes_21_sides() -> None:
     plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95)
     assert len(plan.sides) == 21
-    assert plan.sides[0].length_m == pytest.approx(10.0)
-    assert plan.sides[4].length_m == pytest.approx(8.1)
+    assert plan.sides[0].length_m == pytest.approx(10.0, abs=1e-3)
+    assert plan.sides[4].length_m == pytest.approx(8.1, abs=1e-3)
 
 
 def test_every_side_knows_how_far_the_boundary_is() -> None:
     plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95)
-    assert plan.sides[0].fence_m == pytest.approx(10.0)
-    assert plan.sides[3].fence_m == pytest.approx(9.05)
-    assert plan.sides[4].fence_m == pytest.approx(9.05)
-    assert plan.sides[5].length_m == pytest.approx(7.15)
-    assert plan.sides[5].fence_m == pytest.approx(8.1)
+    assert plan.sides[0].fence_m == pytest.approx(10.0, abs=1e-3)
+    assert plan.sides[3].fence_m == pytest.approx(9.05, abs=1e-3)
+    assert plan.sides[4].fence_m == pytest.approx(9.05, abs=1e-3)
+    assert plan.sides[5].length_m == pytest.approx(7.15, abs=1e-3)
+    assert plan.sides[5].fence_m == pytest.approx(8.1, abs=1e-3)
 
 
 def test_orientation_of_the_boundary_does_not_matter() -> None:
@@ -87,7 +89,7 @@ def test_orientation_of_the_boundary_does_not_matter() -> None:
     ("corners", "word"),
     [
         ([(0, 0), (10, 10), (10, 0), (0, 10)], "cross"),
-        ([(0, 0), (10, 0), (10, 10), (5, 2)], "convex"),
+        ([(0, 0), (10, 0), (10, 0), (0, 0)], "cross"),
     ],
 )
 def test_a_boundary_that_cannot_be_planned_is_refused(
@@ -106,7 +108,8 @@ def drive_legs(turn: manoeuvre.Turn) -> tuple[float, float, float]:
     ds = 0.0005
     for leg in turn.legs:
         sign = -1.0 if leg.reverse else 1.0
-        curvature = 0.0 if leg.follow else math.tan(leg.steer_rad) / VEHICLE.wheelbase_m
+        held = leg.follow is Follow.NOTHING
+        curvature = 0.0 if not held else math.tan(leg.steer_rad) / VEHICLE.wheelbase_m
         for _ in range(40000):
             reached = {Goal.X: x, Goal.HEADING: heading, Goal.ALONG: turn.along(x, y)}[leg.goal]
             growing = leg.goal is Goal.HEADING or not leg.reverse
@@ -230,3 +233,34 @@ def test_contradiction_that_lasts_raises_the_uncertainty_before_it_is_believed()
         worst = max(worst, lane.offset_sigma_m)
     assert worst > 0.15
     assert lane.blade_offset_m < -0.3
+
+
+L_SHAPE = [(0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (5.0, 5.0), (5.0, 10.0), (0.0, 10.0)]
+
+
+def test_every_side_of_an_l_shape_begins_where_the_last_one_can_reach() -> None:
+    plan = spiral(L_SHAPE, 0, 0.95)
+    assert plan.leftover_m2 < 0.1
+    for k, (this, then) in enumerate(itertools.pairwise(plan.sides)):
+        if plan.corner_rad(k) == 0.0:
+            continue
+        end_x = this.x_m + this.length_m * math.cos(this.heading_rad)
+        end_y = this.y_m + this.length_m * math.sin(this.heading_rad)
+        assert math.hypot(then.x_m - end_x, then.y_m - end_y) < 3.0
+
+
+def test_strips_end_where_a_reflex_corner_begins() -> None:
+    plan = spiral(L_SHAPE, 1, 0.95)
+    north = [s for s in plan.sides if s.heading_rad == pytest.approx(math.pi / 2)]
+    assert any(side.x_m - side.width_m == pytest.approx(5.0, abs=0.02) for side in north)
+
+
+def test_strips_stay_off_a_keep_out() -> None:
+    hole = [(4.0, 4.0), (5.0, 4.0), (5.0, 5.0), (4.0, 5.0)]
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95, keep_outs=[hole])
+    for side in plan.sides:
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        w = side.width_m
+        corners = [(0, 0), (side.length_m, 0), (side.length_m, w), (0, w)]
+        strip = [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
+        assert shapely.Polygon(strip).distance(shapely.Polygon(hole)) > 0.6

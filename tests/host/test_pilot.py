@@ -215,3 +215,21 @@ def test_the_stated_uncertainty_of_the_position_holds() -> None:
     assert looks > 150
     assert beyond < 0.02 * looks
     assert world.coverage > 0.5
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(0.0, 0.0), (12.0, 0.0), (9.0, 8.0), (2.0, 8.0)],
+        [(0.0, 1.0), (7.0, 0.0), (12.0, 4.0), (11.0, 9.0), (5.0, 11.0), (1.0, 7.0)],
+    ],
+)
+def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, float]]) -> None:
+    world = SimpleWorld(VEHICLE, width=12.0, height=11.0, polygon=corners)
+    plan = spiral(corners, 0, WIDTH, "three_point", world.gap)
+    world.stand_at(plan.sides[0])
+    pilot = Pilot(VEHICLE, world, plan)
+    harvest(world, pilot, 2000.0)
+    assert pilot.done
+    assert world.coverage > 0.98
+    assert world.neighbour_cut == 0
