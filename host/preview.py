@@ -36,6 +36,9 @@ STEER_DPS = 40.0
 LOOK_S = 0.6
 """Standing still after a turn until the crop is seen."""
 STEP_M = 0.1
+SAME_EDGE_RAD = 1e-2
+"""Where sides differ by less, the same edge is taken again: the machine backs up."""
+BACK_M = 0.1
 SPECK_M2 = 0.01
 """Smaller pieces are rounding."""
 
@@ -117,6 +120,14 @@ def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float
     return np.array(poses), way, seconds
 
 
+def _back(start: Pose, end: Pose) -> NDArray[np.float64]:
+    """(n, 3) poses straight back to take the next strip of the same edge; the shift to its lane is
+    spread over the way."""
+    shares = np.array([0.0, *_parts(math.dist(start[:2], end[:2]))])
+    poses: NDArray[np.float64] = np.array(start) + np.outer(shares, np.subtract(end, start))
+    return poses
+
+
 def _parts(length_m: float) -> list[float]:
     count = max(1, math.ceil(length_m / STEP_M))
     return [k / count for k in range(1, count + 1)]
@@ -157,15 +168,24 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         seconds += (side.length_m - begin) / vehicle.cutting_speed_mps
         if number + 1 == len(plan.sides):
             break
-        turn = planned(vehicle, plan.corner_rad(number))
-        poses, way, spent = drive_turn(turn, vehicle)
-        turning += way
-        seconds += spent + LOOK_S
-        # Beyond 0 the blade comes down late: the corner behind it stays. Below 0 it runs in.
-        blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
-        late = max(0.0, blade - turn.crop_begins_m)
-        seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
-        turns.append(_placed_poses(poses, ends[1]))
+        corner = plan.corner_rad(number)
+        if corner < SAME_EDGE_RAD:
+            poses = _back(ends[1], lane_pose(plan.sides[number + 1], -BACK_M, vehicle))
+            way = math.dist(poses[0, :2], poses[-1, :2])
+            turning += way
+            seconds += way / vehicle.manoeuvre_speed_mps + LOOK_S
+            late = 0.0
+            turns.append(poses)
+        else:
+            turn = planned(vehicle, corner)
+            poses, way, spent = drive_turn(turn, vehicle)
+            turning += way
+            seconds += spent + LOOK_S
+            # Beyond 0 the blade comes down late: the corner behind stays. Below 0 it runs in.
+            blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
+            late = max(0.0, blade - turn.crop_begins_m)
+            seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
+            turns.append(_placed_poses(poses, ends[1]))
         corners = np.concatenate([placed(outline, *pose) for pose in turns[-1].tolist()])
         needed = float(shapely.distance(field_, shapely.points(corners)).max())
         room = max(room, needed)

@@ -17,7 +17,7 @@ from host.areas import areas_of
 from host.field_file import boundary_of, save_field
 from host.gnss import LocalFrame
 from host.manoeuvre import arc, three_point, turning_radius
-from host.plan import Side
+from host.plan import Plan, Side
 from host.preview import Preview, drive_turn, lane_pose, plan_field, preview
 from host.vehicle import Vehicle
 
@@ -139,6 +139,16 @@ def test_what_is_cut_and_what_stays_make_the_crop(a: float, b: float, c: float, 
     whole = found.cut.intersection(found.areas.crop).area + found.leftover.area
     assert whole == pytest.approx(found.areas.crop.area, abs=0.5)
     assert 0 <= found.coverage <= 1 + 1e-9
+
+
+def test_the_same_edge_again_is_reached_by_backing_up() -> None:
+    first = Side(0.0, 0.0, 0.0, 20.0, 0.95, 20.0)
+    plan = Plan((first, replace(first, y_m=0.95)))
+    found = preview(plan, areas_of(SQUARE, 2.0), VEHICLE)
+    (turn,) = found.turns
+    assert turn[-1] == pytest.approx(lane_pose(plan.sides[1], -0.1, VEHICLE))
+    assert found.turning_m == pytest.approx(math.hypot(20.1, 0.95))
+    assert found.cut.intersection(SQUARE).area == pytest.approx(20 * 1.9)
 
 
 def test_a_wider_blade_needs_fewer_sides() -> None:
