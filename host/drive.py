@@ -107,6 +107,7 @@ class Drive:
         self.fix: Fix | None = None
         self.pictures = 0
         self.pictures_bad = 0
+        self.pictures_repeated = 0
         self.late = 0
         """Steps that could not begin in time."""
         self.latencies_s: list[float] = []
@@ -115,6 +116,7 @@ class Drive:
         """(sequence number, shutter) of the command that is on its way."""
         self.step_s = 0.0
         """How long the longest step since the last look took; the looker sets it back."""
+        self._jpeg: bytes | None = None
         self._mount = mount
         self._delay_s = vehicle.camera_delay_s
         self._clock = clock
@@ -170,7 +172,7 @@ class Drive:
                 return
 
     def _step(self, now: float) -> None:
-        picture = self.camera.take()
+        picture = self._new_picture()
         frame = None
         if picture is not None:
             frame = fitted(picture, self._mount, self._delay_s)
@@ -192,6 +194,17 @@ class Drive:
             self._asked = (seq, frame.stamp)
         if self._recorder is not None:
             self._write(self._recorder, now, picture, frame, fix)
+
+    def _new_picture(self) -> Picture | None:
+        """The camera's newest, unless it is byte for byte the one before: a phone that is back, or
+        whose camera hangs, sends what it had, and that is no view of now."""
+        picture = self.camera.take()
+        if picture is None or picture.jpeg is None:
+            return picture
+        repeated = picture.jpeg == self._jpeg
+        self._jpeg = picture.jpeg
+        self.pictures_repeated += repeated
+        return None if repeated else picture
 
     def _write(
         self,
@@ -247,7 +260,8 @@ def status(drive: Drive, receiver: Receiver | None) -> Table:
     table.add_row(
         "camera",
         drive.camera.problem or "ok",
-        f"{drive.pictures} pictures, {drive.pictures_bad} bad; longest step "
+        f"{drive.pictures} pictures, {drive.pictures_bad} bad, "
+        f"{drive.pictures_repeated} repeated; longest step "
         f"{drive.step_s * 1e3:.0f} ms, {drive.late} late",
     )
     if drive.gnss is not None and receiver is not None:

@@ -155,6 +155,22 @@ def test_picture_and_fix_are_given_once_and_telemetry_is_the_latest(
     assert len(set(stamps)) >= 4
 
 
+def test_a_picture_that_repeats_the_one_before_is_no_new_view(
+    driven: Callable[..., Drive],
+) -> None:
+    script = Script([Command(Request.STOP)] * 6)
+    run = driven(script, [Picture(5.0, JPEG)])
+
+    def again(_drive: Drive) -> None:
+        run.camera._put(Picture(6.0, JPEG))
+
+    run.run(again)
+    assert [frame.stamp for _, frame, *_ in script.seen if frame is not None] == [
+        5.0 - Vehicle().camera_delay_s
+    ]
+    assert run.pictures_repeated >= 5
+
+
 class ManualClock:
     """Stands still but for a millisecond at each look, and for what a step is said to take."""
 
@@ -320,7 +336,7 @@ def test_the_status_says_what_the_pilot_does_and_every_fault_in_words(
         "FAULT",
         "battery 9.5 V",
         "31.500000 74.300000, quality 1",
-        "1 pictures, 0 bad",
+        "1 pictures, 0 bad, 0 repeated",
         *protocol.fault_texts(faults),
     ):
         assert words in text
