@@ -63,7 +63,7 @@ class Wire(Protocol):
 
     @property
     def session(self) -> Session:
-        """The conversation: answers, refusals, the firmware's time."""
+        """The conversation: answers and refusals."""
         ...
 
     @property
@@ -201,7 +201,6 @@ class Experimenter:
     say: Callable[[str], None] = lambda _: None
     duty_max: int = 200
     trace: list[Telemetry] = field(default_factory=list)
-    _clock: list[float] = field(default_factory=list)
     _segments: dict[int, _Segment] = field(default_factory=dict)
     _offsets_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS))
     """Host's clock less the firmware's, of the latest telemetry: the two drift apart."""
@@ -223,14 +222,13 @@ class Experimenter:
         return False
 
     def _take(self, telemetry: Telemetry) -> None:
-        firmware_s = self.wire.session.firmware_time
+        firmware_s = telemetry.firmware_s
         self.trace.append(telemetry)
-        self._clock.append(firmware_s)
         segment = self._segments.get(telemetry.last_seq)
         if segment is not None and segment.until_s == math.inf:
             segment.until_s = firmware_s
-            if len(self._clock) > 1:
-                segment.after_s = self._clock[-2]
+            if len(self.trace) > 1:
+                segment.after_s = self.trace[-2].firmware_s
         self._offsets_s.append(telemetry.stamp - _wire_s(protocol.Telemetry) - firmware_s)
         if telemetry.state is not State.ARMED:
             raise UserError(f"the firmware ended the identification: {_why(telemetry)}")
@@ -396,7 +394,7 @@ class Experimenter:
         self._coasts_deg.append(abs(math.degrees(self.trace[-1].angle_rad) - released))
         self._way = last
         times, duties = self._edges([*segments, stop])
-        clock = np.array(self._clock[begin:])
+        clock = np.array([t.firmware_s for t in self.trace[begin:]])
         angle = np.degrees([t.angle_rad for t in self.trace[begin:]])
         keep = (clock >= times[0] - TICK_S) & (clock <= times[-1] + TICK_S)
         return Run(
@@ -418,7 +416,7 @@ class Experimenter:
         """
         times: list[float] = []
         duties: list[int] = []
-        phase = self._clock[-1] % TICK_S
+        phase = self.trace[-1].firmware_s % TICK_S
         for segment in segments:
             if duties and segment.duty == duties[-1]:
                 continue

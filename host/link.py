@@ -54,8 +54,7 @@ class Session:
         self._parser = protocol.Parser()
         self._seq = 0
         self._hello_at = -math.inf
-        self.firmware_time = -math.inf
-        """The latest telemetry's time on the firmware's clock, which wraps."""
+        self._firmware_time = -math.inf
 
     @property
     def frames_bad(self) -> int:
@@ -105,9 +104,9 @@ class Session:
         return self._seq
 
     def _telemetry(self, now: float, message: protocol.Telemetry) -> Telemetry:
-        if message.time < self.firmware_time < FIRMWARE_CLOCK_S - 1:
+        if message.time < self._firmware_time < FIRMWARE_CLOCK_S - 1:
             self.resets += 1
-        self.firmware_time = message.time
+        self._firmware_time = message.time
         self.telemetry = Telemetry(
             stamp=now,
             state=State(message.state),
@@ -122,6 +121,7 @@ class Session:
             battery_v=message.battery,
             last_seq=message.last_seq,
             frames_bad=message.frames_bad,
+            firmware_s=message.time,
         )
         return self.telemetry
 
