@@ -247,6 +247,8 @@ class Pilot:
     def _look(self, frame: Frame) -> None:
         if self.phase in (Phase.FINISHED, Phase.FAULT):
             return
+        if self.phase is not Phase.FOLLOW:
+            self._detector.restart()  # nothing is being cut: no dust is to be reckoned with
         view = self._detector.see(frame.bgr)
         self.view = view
         self._view_stamp = frame.stamp
@@ -439,7 +441,6 @@ class Pilot:
         self._begin_leg(self._turn.legs[0])
         self._leg_stamp = now
         self._search_m = math.inf
-        self._detector.restart()
         self._go(now, Phase.TURN, f"end of side {self.turns}: no crop before the blade")
 
     def _manoeuvre(self, end: EndOfField) -> Turn:

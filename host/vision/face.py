@@ -278,17 +278,17 @@ class FaceFinder:
         if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
-        hidden = (
+        dust = 0.0
+        if (
             cutting
             and ahead > HIDDEN_M
             and (ahead < GAP_M - SLACK_M or self._stands_at_blade(seen, ahead))
-        )
-        if hidden:
-            ahead = 0.0
+        ):
+            dust, ahead = ahead, 0.0
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
         face_x = self._vehicle.blade_x_m + ahead
-        right, sure = self._right_end(seen, face_x, hidden)
+        right, sure = self._right_end(seen, face_x, dust)
         return Face(ahead, sight, right, sure, face_x, standing)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
@@ -322,13 +322,19 @@ class FaceFinder:
         way = seen.steps[self._way]
         return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
-    def _right_end(self, seen: Evidence, face_x: float, hidden: bool) -> tuple[float, float]:
-        """Lateral position of the face's right end on the plane at `face_x`, and confidence;
-        by the tops alone where dust hides the foot."""
+    def _right_end(self, seen: Evidence, face_x: float, dust: float) -> tuple[float, float]:
+        """Lateral position of the face's right end on the plane at `face_x`, and confidence.
+        `dust`: how far ahead its upper border made the foot appear, 0 without; only what rises
+        above it is then looked at."""
         bands = self._bands(face_x, GAP_M)
-        highest = TALLEST * self._vehicle.crop_height_m
-        if hidden and highest > bands[2] + HIDDEN_M / 10:
-            bands = (1.0, 0.0, bands[2], highest)
+        if dust > 0.0:
+            highest = TALLEST * self._vehicle.crop_height_m
+            if highest > bands[2] + HIDDEN_M / 10:
+                bands = (1.0, 0.0, bands[2], highest)
+            else:
+                x_c, _, z_c = (float(c) for c in self._camera.position)
+                border = z_c * dust / (face_x - x_c + dust)
+                bands = (min(border, bands[1] - 0.1), bands[1], bands[2], bands[3])
         at, inside, outside, differ = _step(
             self._sums(seen, face_x, bands), round(WINDOW_M / BIN_M), SPREAD
         )

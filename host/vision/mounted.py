@@ -77,15 +77,15 @@ class MountedDetector:
         self._finder = FaceFinder(camera, vehicle)
         self._expected_m = -(0.5 * vehicle.blade_width_m - overlap_m)
         self._l_reference = NAN
-        # the blade's dust then hides the crop's foot; a camera above the tops looks over most of it
+        # such a camera looks through the blade's dust; one above the tops looks over most of it
         self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
         self._cutting = False
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
-        seen, pictures = self._source.look(bgr, stages, self._cutting)
+        seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         face = self._finder.find(seen, self._cutting)
         if face.ahead_confidence >= SURE and face.ahead_m < AT_BLADE_M:
-            self._cutting = self._below_tops
+            self._cutting = True
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and face.right_confidence >= SURE:
             self._l_reference = height
