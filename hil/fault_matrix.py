@@ -137,19 +137,22 @@ class Watch:
 
     def _detection(self, begun: float) -> tuple[str, float | None]:
         before = protocol.Fault(0)
+        found: list[tuple[float, str]] = []
         for stamp, word in self.faults:
             if stamp < begun:
                 before = word
             elif word & ~before:
                 names = "|".join(bit.name or "?" for bit in protocol.Fault if bit & word & ~before)
-                return f"firmware {names}", stamp
-        for change in self.run.pilot.transitions:
-            if change.stamp >= begun and change.phase in (Phase.HESITATE, Phase.FAULT):
-                return f"pilot: {change.reason}", change.stamp
-        for stamp in self.resets:
-            if stamp >= begun:
-                return "firmware: boots SAFE", stamp
-        return "nobody", None
+                found.append((stamp, f"firmware {names}"))
+        found += [(stamp, "firmware: boots SAFE") for stamp in self.resets if stamp >= begun]
+        found += [
+            (change.stamp, f"pilot: {change.reason}")
+            for change in self.run.pilot.transitions
+            if change.stamp >= begun and change.phase in (Phase.HESITATE, Phase.FAULT)
+        ]
+        # What says why wins over the bare restart in the same telemetry.
+        found.sort(key=lambda item: (item[0], item[1].startswith("firmware: ")))
+        return (found[0][1], found[0][0]) if found else ("nobody", None)
 
     def verdict(self, fault: Fault, situation: Situation) -> Verdict:
         """After the run."""
