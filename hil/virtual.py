@@ -383,6 +383,10 @@ def rig(
     Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
     and how well the clock was kept."""
     chosen = scenario.load(name, {k: v for k, v in options.items() if v is not None})
+    if any(fault.at.state is not None for fault in chosen.faults):
+        raise UserError(
+            f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
+        )
     rehearse(chosen)
     with Bench(chosen) as bench:
         with ExitStack() as plugged:

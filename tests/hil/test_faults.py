@@ -8,6 +8,7 @@ from typing import Any, get_args
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from oracle import Oracle, quick
@@ -32,6 +33,8 @@ from hil.lockstep import Bench
 from hil.provision import target
 from hil.scenario import Scenario
 from hil.taps import Mode, Signal, tap
+from hil.virtual import rig
+from host.errors import UserError
 from host.link import Session
 from sim_plant import machine
 
@@ -395,3 +398,9 @@ def test_the_same_seed_gives_the_same_faulty_run() -> None:
 
     assert run(1) == run(1)
     assert run(1) != run(2)
+
+
+def test_the_rig_refuses_faults_that_wait_for_a_state_it_does_not_see() -> None:
+    done = CliRunner().invoke(rig, ["--scenario", "phone-lost"])
+    assert isinstance(done.exception, UserError)
+    assert "does not see the pilot's state" in str(done.exception)
