@@ -187,6 +187,8 @@ class Pilot:
             Phase.FINISHED,
         ):
             self._go(now, Phase.FAULT, "the firmware reports a fault")
+        elif self._telemetry.state is State.SAFE and not resting and not self.done:
+            self._go(now, Phase.FAULT, "the firmware has disarmed: it was stopped or restarted")
         command = {
             Phase.CONNECT: self._connect,
             Phase.ALIGN: self._align,

@@ -233,3 +233,15 @@ def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, 
     assert pilot.done
     assert world.coverage > 0.98
     assert world.neighbour_cut == 0
+
+
+def test_a_firmware_that_has_restarted_is_not_driven_on() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    drive(world, pilot, 10.0)
+    world.state = State.SAFE
+    log: list[Command] = []
+    drive(world, pilot, 2.0, log)
+    assert pilot.phase is Phase.FAULT
+    assert "disarmed" in pilot.reason
+    assert Request.ARM not in {c.request for c in log}
