@@ -182,12 +182,10 @@ class Pilot:
             self._look(frame)
         if self._telemetry is None:
             return Command(Request.STOP, reason=self.reason)
-        if self._telemetry.state is State.FAULT and self.phase not in (
-            Phase.CONNECT,
-            Phase.FINISHED,
-        ):
+        state = self._telemetry.state if self.phase is not Phase.CONNECT and not self.done else None
+        if state is State.FAULT:
             self._go(now, Phase.FAULT, "the firmware reports a fault")
-        elif self._telemetry.state is State.SAFE and not resting and not self.done:
+        elif state is State.SAFE:
             self._go(now, Phase.FAULT, "the firmware has disarmed: it was stopped or restarted")
         command = {
             Phase.CONNECT: self._connect,
