@@ -32,8 +32,8 @@ void Controller::boot(Board &board) {
   off(board);
 }
 
-// After any change of the parameters.
 void Controller::configure() {
+  unconfigured_ = false;
   pot_.configure(params_);
   steering_.configure(params_);
   drive_.configure(params_);
@@ -48,6 +48,8 @@ void Controller::tick(Board &board) {
   while (board.receive(&byte)) {
     if (parser_.feed(byte, &command)) take(board, command);
   }
+  // Once a tick, however many parameters came in it: this is full of divisions.
+  if (unconfigured_) configure();
   const Params::Saving saving = params_.step_save(board);
   if (saving == Params::Saving::kDone || saving == Params::Saving::kFailed) {
     const bool done = saving == Params::Saving::kDone;
@@ -109,7 +111,7 @@ void Controller::take(Board &board, const Command &command) {
     case ParamSet::kId: {
       const ParamSet set = ParamSet::read(command.payload);
       const Result result = idle ? params_.set(set.param, set.value) : Result::WRONG_STATE;
-      if (result == Result::OK) configure();
+      if (result == Result::OK) unconfigured_ = true;
       acknowledge(board, command, result);
       break;
     }
@@ -124,7 +126,7 @@ void Controller::take(Board &board, const Command &command) {
     case ParamDefaults::kId:
       if (idle) {
         params_.set_defaults();
-        configure();
+        unconfigured_ = true;
       }
       acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
       break;
