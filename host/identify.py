@@ -36,6 +36,7 @@ TICK_S: Final = 0.005
 REFRESH_S: Final = 0.1
 """Between repeated commands; the firmware's link watchdog takes 250 ms."""
 BYTE_S: Final = 10 / protocol.BAUD
+CLEAR_S: Final = 0.5
 OFFSETS: Final = 12
 REST_S: Final = 0.2
 STILL_DEG: Final = 0.15
@@ -447,7 +448,7 @@ class Experimenter:
         strong = max(self.duty_max, round(low))
         middle = round(low + 0.45 * (strong - low))
         self.go_to(-START_DEG, moving)
-        for level in (strong, middle, strong, middle):
+        for level in (strong, middle, strong):
             for way in (1, -1):
                 self.say(f"step of duty {way * level:+d}")
                 runs.append(self.run("step", iter([(way * level, RUN_S)]), way))
@@ -507,9 +508,16 @@ def _far_from(angle_deg: float, far_deg: float) -> Callable[[Telemetry], bool]:
 
 @contextmanager
 def armed(wire: Wire, name: str, params: dict[str, float]) -> Iterator[Experimenter]:
-    """Arms the machine for experiments and stops it whatever happens. `params`: the firmware's
-    parameters that bound them. Raises UserError where it does not arm."""
+    """Arms the machine for experiments and stops it whatever happens. Latched faults whose cause is
+    gone are cleared: the operator asked for a new start. `params`: the firmware's parameters that
+    bound the experiments. Raises UserError where it does not arm."""
     telemetry = _first_telemetry(wire, name)
+    if telemetry.state is State.FAULT:
+        wire.request(protocol.Clear())
+        deadline = wire.now + CLEAR_S
+        while telemetry.state is State.FAULT and wire.now < deadline:
+            telemetry = (wire.poll() or [telemetry])[-1]
+        wire.session.refusal = ""
     if telemetry.state is not State.SAFE:
         raise UserError(f"{name}: the machine is {telemetry.state.name}: {_why(telemetry)}")
     try:
