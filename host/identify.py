@@ -33,7 +33,7 @@ from host.types import State, Telemetry
 Floats = NDArray[np.float64]
 
 TICK_S: Final = 0.005
-REFRESH_S: Final = 0.1
+REFRESH_S: Final = 0.05
 """Between repeated commands; the firmware's link watchdog takes 250 ms."""
 BYTE_S: Final = 10 / protocol.BAUD
 CLEAR_S: Final = 0.5
