@@ -23,7 +23,7 @@ YAW_PER_RAD = 0.08
 YAW_PER_M = math.radians(1.0)
 GATE = 9.0
 """Squared Mahalanobis distance per component beyond which a measurement is another edge's."""
-DOUBT = 1.25
+DOUBT = 1.1
 """Growth of the covariance with each contradiction: one that lasts is believed in the end, after
 the uncertainty has stopped the machine."""
 
@@ -79,6 +79,13 @@ class Lane:
         run = abs(step)
         noise = np.diag([SLIP_PER_M**2 * run, YAW_PER_M**2 * run + (YAW_PER_RAD * turn) ** 2])
         self._p = jacobian @ self._p @ jacobian.T + noise
+
+    def correct_heading(self, heading_rad: float, sigma_rad: float) -> None:
+        """What dead reckoning in the field frame says of the heading: offsets alone, where vision
+        sees no direction, could be explained by any heading for a while."""
+        gain = self._p[:, 1] / (self._p[1, 1] + sigma_rad**2)
+        self._x = self._x + gain * (heading_rad - self._x[1])
+        self._p = self._p - np.outer(gain, self._p[1])
 
     def correct(
         self,

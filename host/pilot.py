@@ -48,6 +48,9 @@ ROOM_M = 0.6
 CREEP_MPS = 0.15
 """Near the geofence."""
 ANCHOR_EVERY_M = 0.5
+MOVED_M = 0.01
+"""The same view again from the same place is no second measurement."""
+HEADING_SIGMA_RAD = math.radians(4)
 CROP_SEEN_M = 0.1
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
@@ -139,6 +142,7 @@ class Pilot:
         self._empty = 0
         self._run_from: Motion | None = None
         self._search_m = math.inf
+        self._corrected_m = math.inf
 
     # ---- what others may read --------------------------------------------------------------------
 
@@ -259,9 +263,19 @@ class Pilot:
             self._sure_stamp = frame.stamp
         else:
             self._unsure_stamp = frame.stamp
-        if sure and self._on_lane():
+        moved = abs(then.distance_m - self._corrected_m) > MOVED_M
+        if sure and moved and self._on_lane():
+            self._corrected_m = then.distance_m
             self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, since)
+            self._believe_heading()
         self._watch_ahead(view, then, frame.stamp)
+
+    def _believe_heading(self) -> None:
+        side = self._side()
+        if side is None or not self._position.known:
+            return
+        heading = math.remainder(self._position.pose[2] - side.heading_rad, math.tau)
+        self._lane.correct_heading(heading, HEADING_SIGMA_RAD)
 
     def _on_lane(self) -> bool:
         """Whether the edge in the picture is the lane's: on a side, or backing along the next

@@ -85,7 +85,7 @@ class Vehicle(Strict):
     drive_lag_s: Positive = 0.25
     """First-order lag from drive duty to speed."""
     crop_height_m: Positive = 0.9
-    overlap_m: Annotated[float, Field(ge=0, lt=0.5)] = 0.05
+    overlap_m: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
     """How far the blade's right end runs outside the crop's edge, so that no sliver stays."""
     camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
     """From the shutter to the host, where a source cannot tell."""

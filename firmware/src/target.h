@@ -38,17 +38,21 @@ const char *target_error(void);  // of the last failed target_create() in this t
 int32_t target_run_until(daranti_target *, uint64_t time_us);
 uint64_t target_time_us(const daranti_target *);
 
-void target_set_analog_mv(daranti_target *, uint8_t channel, uint16_t millivolt);  // 0..5000, A0 = 0
+void target_set_analog_mv(daranti_target *, uint8_t channel,
+                          uint16_t millivolt);                      // 0..5000, A0 = 0
 void target_set_pin(daranti_target *, uint8_t pin, uint8_t level);  // an external driver: 0 or 1
-uint8_t target_pin(const daranti_target *, uint8_t pin);   // level the firmware drives; input reads 0
-uint8_t target_pwm(const daranti_target *, uint8_t pin);   // duty 0..255 of 255; 0/255 also for a plain pin
+uint8_t target_pin(const daranti_target *,
+                   uint8_t pin);  // level the firmware drives; input reads 0
+uint8_t target_pwm(const daranti_target *,
+                   uint8_t pin);  // duty 0..255 of 255; 0/255 also for a plain pin
 
 // Serial bytes into and out of the UART; both directions take the baud rate's time per byte.
-// write returns how many bytes were queued (the queue holds at least 4096), read how many were copied.
+// write returns how many bytes were queued (the queue holds at least 4096), read how many were
+// copied.
 size_t target_write(daranti_target *, const uint8_t *bytes, size_t count);
 size_t target_read(daranti_target *, uint8_t *bytes, size_t capacity);
 
-void target_reset(daranti_target *, uint8_t cause);         // enum daranti_reset; EEPROM is kept
+void target_reset(daranti_target *, uint8_t cause);  // enum daranti_reset; EEPROM is kept
 void target_eeprom(const daranti_target *, uint8_t *bytes1024);  // copies the EEPROM out
 
 // Puts the firmware into an endless loop that no interrupt leaves, as a hung main loop would

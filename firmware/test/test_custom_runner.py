@@ -1,5 +1,5 @@
-"""Runs the doctest suites. PlatformIO's own doctest runner asks its registry for the library in every
-environment; this one takes it from `lib_deps` of [env:native] alone, seeded or downloaded."""
+"""Runs the doctest suites. PlatformIO's own doctest runner asks its registry for the library in
+every environment; this one takes it from `lib_deps` of [env:native] alone, seeded or downloaded."""
 
 from platformio.test.runners.doctest import DoctestTestRunner
 
