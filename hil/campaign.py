@@ -33,6 +33,9 @@ from rich.table import Table
 from hil.scenario import Scenario, assigned, changed, load, merge
 from host.errors import UserError
 
+REASONS = 40
+"""Runs that did not finish whose reasons the command prints."""
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -208,6 +211,7 @@ FIGURES = (
     "missed_m2",
     "neighbour_cut_m2",
     "outside_m",
+    "keep_out_m",
     "lateral_rms_m",
     "end_of_field_error_worst_m",
     "false_ends",
@@ -216,12 +220,22 @@ FIGURES = (
 )
 
 
+HARM = ("neighbour_cut_m2", "outside_m", "keep_out_m")
+
+
+def stopped_safely(summary: dict[str, Any]) -> bool:
+    """Whether a run that was not finished ended by the pilot's own decision, without harm."""
+    harmless = all(summary.get(figure) == 0 for figure in HARM)
+    return summary["outcome"] == "fault" and harmless
+
+
 def _row(name: str, runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
     finished = [s for s in runs if s["outcome"] == "finished"]
     row: dict[str, Any] = {
         "scenario": name,
         "runs": len(runs),
         "finished": len(finished),
+        "stopped safely": sum(map(stopped_safely, runs)),
         "crashed": sum(s["outcome"] == "crashed" for s in runs),
     }
     for figure in FIGURES:
@@ -332,8 +346,11 @@ def campaign(
     report.campaign_report(out, summaries, rows)
     click.echo(f"written to {out}: campaign.json, report.html, runs/")
     bad = [s for s in summaries if s["outcome"] != "finished"]
-    for summary in bad[:10]:
-        click.echo(f"not finished: runs/{summary['run']}: {summary['reason']}")
+    for summary in bad[:REASONS]:
+        how = "stopped safely" if stopped_safely(summary) else summary["outcome"]
+        click.echo(f"{how}: runs/{summary['run']}: {summary['reason']}")
+    if len(bad) > REASONS:
+        click.echo(f"{len(bad) - REASONS} more that did not finish: see {out}/report.html")
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:

@@ -23,6 +23,16 @@ FALSE_END_M = 0.5
 """An end was none where the field's crop still stands this far beyond it."""
 
 
+def depth_m(outline: shapely.Polygon, keep_out: shapely.Polygon) -> float:
+    """How deep the machine's outline stands in a keep-out, or a smaller keep-out in the machine; 0
+    where they do not touch."""
+    if not keep_out.intersects(outline):
+        return 0.0
+    corners = shapely.points(shapely.get_coordinates(outline.intersection(keep_out)))
+    borders = (keep_out.exterior, outline.exterior)
+    return max(float(shapely.distance(border, corners).max()) for border in borders)
+
+
 @dataclass
 class Truth:
     """Follows one run. Poses are (x, y, yaw) of the rear axle in the field frame."""
@@ -35,10 +45,13 @@ class Truth:
     ends: list[float] = field(default_factory=list)
     false_ends: int = 0
     outside_m: float = 0.0
+    keep_out_m: float = 0.0
 
     def __post_init__(self) -> None:
         self._permitted = self.crop.permitted(MARGIN_M)
-        shapely.prepare(self._permitted)
+        self._keep_outs = [shapely.Polygon(ring) for ring in self.crop.spec.keep_outs]
+        for shape in (self._permitted, *self._keep_outs):
+            shapely.prepare(shape)
         v = self.scenario.vehicle
         half = v.half_width_m
         body = shapely.box(-v.rear_overhang_m, -half, v.blade_x_m, half)
@@ -71,6 +84,8 @@ class Truth:
                 points = shapely.get_coordinates(beyond)
                 worst = float(shapely.distance(shapely.points(points), self._permitted).max())
                 self.outside_m = max(self.outside_m, worst)
+        for keep_out in self._keep_outs:
+            self.keep_out_m = max(self.keep_out_m, depth_m(outline, keep_out))
         if pilot.phase is Phase.FOLLOW and cut_cells:
             offset = self.edge_offset(pose)
             if math.isfinite(offset):
@@ -116,6 +131,7 @@ class Truth:
             "missed_m2": figure(self.crop.missed_m2()),
             "neighbour_cut_m2": figure(self.crop.neighbour_cut_m2()),
             "outside_m": figure(self.outside_m),
+            "keep_out_m": figure(self.keep_out_m),
             "lateral_rms_m": figure(np.sqrt(np.mean(lateral**2))) if lateral.size else None,
             "lateral_p95_m": figure(np.percentile(np.abs(lateral), 95)) if lateral.size else None,
             "lateral_mean_m": figure(lateral.mean()) if lateral.size else None,

@@ -162,19 +162,19 @@ class Scenario(BaseModel):
         """What the host is told of the field: the spiral of its boundary."""
         v = self.vehicle
         width = v.blade_width_m - v.overlap_m
-        return spiral(self.corners(), self.start.corner, width, self.turn, self.field.gap_m)
+        holes = [list(ring) for ring in self.field.keep_outs]
+        return spiral(self.corners(), self.start.corner, width, self.turn, self.field.gap_m, holes)
 
     def start_pose(self) -> tuple[float, float, float]:
-        """(x, y, yaw) of the rear axle: on the lane beside the first side, the blade before it."""
-        corners = self.corners()
-        k = self.start.corner % len(corners)
-        (ax, ay), (bx, by) = corners[k], corners[(k + 1) % len(corners)]
-        yaw = math.atan2(by - ay, bx - ax)
+        """(x, y, yaw) of the rear axle: on the lane beside the plan's first side, the blade before
+        it."""
+        side = self.plan().sides[0]
+        yaw = side.heading_rad
         v = self.vehicle
         inside = v.blade_width_m / 2 - v.overlap_m + self.start.lateral_error_m
         back = v.blade_x_m + self.start.before_m
-        x = ax - back * math.cos(yaw) - inside * math.sin(yaw)
-        y = ay - back * math.sin(yaw) + inside * math.cos(yaw)
+        x = side.x_m - back * math.cos(yaw) - inside * math.sin(yaw)
+        y = side.y_m - back * math.sin(yaw) + inside * math.cos(yaw)
         return x, y, yaw + math.radians(self.start.heading_error_deg)
 
 

@@ -17,7 +17,15 @@ from pathlib import Path
 import pytest
 
 from hil import targets
-from hil.campaign import jobs_of, overview, run_campaign, run_job, seeds_of, variants
+from hil.campaign import (
+    jobs_of,
+    overview,
+    run_campaign,
+    run_job,
+    seeds_of,
+    stopped_safely,
+    variants,
+)
 from hil.scenario import Scenario, changed, load
 from host.errors import UserError
 
@@ -88,6 +96,18 @@ def test_an_overview_counts_what_finished_and_finds_the_worst() -> None:
     assert (b["finished"], b["crashed"]) == (0, 1)
     assert (every["scenario"], every["runs"], every["finished"]) == ("all", 4, 2)
     assert overview(runs[:3]) == [a]
+
+
+def test_safely_stopped_is_who_decided_so_and_did_no_harm() -> None:
+    calm = {"outcome": "fault", "neighbour_cut_m2": 0, "outside_m": 0.0, "keep_out_m": 0.0}
+    assert stopped_safely(calm)
+    assert not stopped_safely(calm | {"outcome": "broken off"})
+    assert not stopped_safely(calm | {"outcome": "finished"})
+    for harm in ("neighbour_cut_m2", "outside_m", "keep_out_m"):
+        assert not stopped_safely(calm | {harm: 0.01})
+    assert not stopped_safely({"outcome": "crashed"})
+    (row,) = overview([calm | {"scenario": "a"}, {"scenario": "a", "outcome": "crashed"}])
+    assert (row["runs"], row["stopped safely"], row["crashed"]) == (2, 1, 1)
 
 
 # ---- one run -------------------------------------------------------------------------------------

@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from hil.random_fields import MIN_SIDE_M, random_field
-from hil.scenario import Scenario, assigned, changed, load, merge, named
+from hil.scenario import assigned, changed, load, merge, named
 from host.errors import UserError
 
 
@@ -78,22 +75,3 @@ def test_settings_reach_nested_fields() -> None:
         assigned("weather.hour")
     with pytest.raises(UserError, match=r"weather\.hour"):
         changed(scenario, assigned("weather.hour=late"))
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**31 - 1))
-def test_a_random_field_is_sound_convex_and_the_same_again(seed: int) -> None:
-    scenario = random_field(seed)
-    assert scenario == random_field(seed)
-    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
-    assert 9 <= scenario.weather.hour <= 16
-    assert 0.5 <= scenario.gnss.cep_m <= 2.5
-    sides = scenario.plan().sides
-    corners = len(scenario.corners())
-    assert all(side.length_m > MIN_SIDE_M - 1.1 for side in sides[:corners])
-
-
-def test_random_fields_are_of_all_kinds() -> None:
-    names = {random_field(seed).name for seed in range(60)}
-    assert names == {"random rectangle", "random trapezoid", "random irregular"}
-    assert {random_field(seed).camera for seed in range(20)} == {"low", "mast"}
