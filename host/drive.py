@@ -32,6 +32,7 @@ from host.errors import UserError
 from host.feed import Feed
 from host.gnss import Receiver, gnss_feed
 from host.link import Link
+from host.picture_watch import WatchedDetector
 from host.pilot import Phase, Pilot
 from host.plan import Plan
 from host.record import Recorder
@@ -400,9 +401,8 @@ def drive(
         )
         stack.callback(setattr, link, "tap", None)
         stack.callback(lambda: screen.say(f"record: {path}"))
-        pilot = Pilot(
-            machine, make_detector(mode, machine, where, overlap_m=machine.overlap_m), plan
-        )
+        detector = make_detector(mode, machine, where, overlap_m=machine.overlap_m)
+        pilot = Pilot(machine, WatchedDetector(detector, where), plan)
         run = Drive(pilot, link, pictures, fixes, where, machine, clock, recorder, fence)
         try:
             with screen.open():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import socket
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -200,22 +201,46 @@ class LocalFrame:
 
 
 READ_S = 0.1
+CONNECT_S = 5.0
 BYTES_AT_ONCE = 4096
 
 
-def _from_port(url: str, baud: int, receiver: Receiver, feed: Feed[Fix]) -> Iterator[Fix]:
-    """From a serial port, or a TCP port by pyserial's socket://."""
+def _serial_reader(path: str, baud: int) -> Iterator[bytes]:
+    """What came within READ_S, perhaps nothing, for ever."""
+    with serial.Serial(path, baudrate=baud, timeout=READ_S) as port:
+        while True:
+            yield port.read(max(1, min(BYTES_AT_ONCE, port.in_waiting)))
+
+
+def _tcp_reader(host: str, tcp_port: int) -> Iterator[bytes]:
+    """The same from a TCP server. (pyserial's socket:// discards what has come when it opens.)"""
+    with socket.create_connection((host, tcp_port), CONNECT_S) as connection:
+        connection.settimeout(READ_S)
+        while True:
+            try:
+                data = connection.recv(BYTES_AT_ONCE)
+            except TimeoutError:
+                yield b""
+                continue
+            if not data:
+                raise OSError("the phone has closed the connection")
+            yield data
+
+
+def _from_port(
+    reader: Callable[[], Iterator[bytes]], receiver: Receiver, feed: Feed[Fix]
+) -> Iterator[Fix]:
+    heard = feed.clock()
     try:
-        with serial.serial_for_url(url, baudrate=baud, timeout=READ_S) as port:
-            heard = feed.clock()
-            while not feed.stopping:
-                data = port.read(max(1, min(BYTES_AT_ONCE, port.in_waiting)))
-                now = feed.clock()
-                if data:
-                    heard = now
-                elif now - heard > feed.silence_s:
-                    raise SourceLostError(f"silent for {feed.silence_s:.0f} s")
-                yield from receiver.feed(now, data)
+        for data in reader():
+            now = feed.clock()
+            if data:
+                heard = now
+            elif now - heard > feed.silence_s:
+                raise SourceLostError(f"silent for {feed.silence_s:.0f} s")
+            yield from receiver.feed(now, data)
+            if feed.stopping:
+                return
     except (OSError, ValueError) as error:
         raise SourceLostError(str(error)) from error
 
@@ -256,11 +281,11 @@ def gnss_feed(
             raise UserError(
                 f"GNSS address {url}: needs a host and a port, as tcp://192.168.1.7:2947"
             )
-        source = partial(_from_port, f"socket://{host}:{port}", baud, receiver)
+        source = partial(_from_port, partial(_tcp_reader, host, port), receiver)
     elif path.is_file():
         source = partial(_from_file, path, receiver)
     elif path.is_char_device():
-        source = partial(_from_port, url, baud, receiver)
+        source = partial(_from_port, partial(_serial_reader, url, baud), receiver)
     elif parts.scheme:
         raise UserError(
             f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT"

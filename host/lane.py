@@ -21,8 +21,9 @@ SLIP_PER_M = 0.02
 YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
 YAW_PER_M = math.radians(1.0)
-GATE = 9.0
-"""Squared Mahalanobis distance per component beyond which a measurement is another edge's."""
+GATE = (9.0, 11.8)
+"""Squared Mahalanobis distance beyond which a measurement is another edge's: three sigma of one
+component (offset) or of two (offset and heading)."""
 DOUBT = 1.1
 """Growth of the covariance with each contradiction: one that lasts is believed in the end, after
 the uncertainty has stopped the machine."""
@@ -116,7 +117,7 @@ class Lane:
         z = np.array(innovation)
         s = h @ self._p @ h.T + np.diag(variances)
         gain = np.linalg.solve(s, h @ self._p).T
-        if float(z @ np.linalg.solve(s, z)) > GATE * len(z):
+        if float(z @ np.linalg.solve(s, z)) > GATE[len(z) - 1]:
             self._p *= DOUBT
             return False
         self._x = self._x + gain @ z

@@ -129,6 +129,8 @@ class Pilot:
         self._view_stamp = -math.inf
         self._sure_stamp = -math.inf
         self._unsure_stamp = -math.inf
+        self._usable_stamp = -math.inf
+        self._spoilt_stamp = -math.inf
         self._fix_stamp = -math.inf
         self._entered_at: Motion | None = None
         self._clear_since: EndOfField | None = None
@@ -256,6 +258,10 @@ class Pilot:
         view = self._detector.see(frame.bgr)
         self.view = view
         self._view_stamp = frame.stamp
+        if view.usable:
+            self._usable_stamp = frame.stamp
+        else:
+            self._spoilt_stamp = frame.stamp
         then = self._odometry.at(frame.stamp)
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
@@ -425,12 +431,29 @@ class Pilot:
         farthest = (1 + self._odometry.scale_sigma) * self._cut_m(self.motion)
         return farthest > side.fence_m + LATE_M
 
+    def _blind(self, now: float) -> bool:
+        """Whether a turn is to be broken off: it is driven by dead reckoning, but not without eyes,
+        which everything after it depends on."""
+        if now - self._usable_stamp <= STOP_AFTER_S:
+            return False
+        view = self.view
+        why = view.reason if view is not None and not view.usable else "no pictures come"
+        self._go(now, Phase.HESITATE, f"nothing is seen: {why}")
+        return True
+
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
-        sure_for = self._sure_stamp - self._unsure_stamp
         if now - self.transitions[-1].stamp > GIVE_UP_S:
             self._go(now, Phase.FAULT, f"gave up after {GIVE_UP_S:.0f} s: {self.reason}")
             return Command(Request.STOP, reason=self.reason)
+        if self._turn is not None:
+            usable_for = self._usable_stamp - self._spoilt_stamp
+            if now - self._usable_stamp < SLOW_AFTER_S and usable_for > RESUME_AFTER_S:
+                self._leg_running = False
+                self._leg_stamp = now
+                self._go(now, Phase.TURN, "the camera sees again")
+            return self._hold()
+        sure_for = self._sure_stamp - self._unsure_stamp
         known = self._lane.offset_sigma_m < self._sigma_limit_m()
         if known and now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
             self._go(now, Phase.FOLLOW, "the edge is in view again")
@@ -501,6 +524,8 @@ class Pilot:
     def _drive_turn(self, now: float, telemetry: Telemetry) -> Command:
         turn = self._turn
         assert turn is not None
+        if self._blind(now):
+            return self._hold()
         if self._leg_index >= len(turn.legs):
             self._looks = self._empty = 0
             self._leg_stamp = now
@@ -563,6 +588,8 @@ class Pilot:
 
     def _search(self, now: float, telemetry: Telemetry) -> Command:
         """Standing still after the turn: is there crop where it should be?"""
+        if self._blind(now):
+            return self._hold()
         view = self.view
         if abs(self.motion.speed_mps) > STOPPED_MPS or self._view_stamp <= self._leg_stamp:
             return self._hold()

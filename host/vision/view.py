@@ -45,6 +45,8 @@ class CropView:
     """(n, 2) points (u, v) on the edge."""
     reason: str = ""
     """Why the confidence is low, in words."""
+    usable: bool = True
+    """False where the picture shows nothing of the world of now, whatever is in it."""
     stages: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """The intermediate pictures (SY, TSY, VTSY, lines) when they were asked for."""
 

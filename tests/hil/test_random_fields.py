@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from hil.metrics import depth_m
+from hil.metrics import Truth, depth_m
 from hil.random_fields import (
     AREA_M2,
     CONVEX_DEG,
@@ -25,8 +26,13 @@ from hil.random_fields import (
     random_field,
 )
 from hil.scenario import Scenario
+from host.pilot import Pilot
+from host.vehicle import Vehicle
+from host.vision.view import Detector
 from sim_plant.field import Field
 
+IDLE = Pilot(Vehicle(), cast(Detector, None))
+"""Only asked for its phase."""
 MANY = [random_field(seed) for seed in range(200)]
 
 
@@ -73,8 +79,16 @@ def test_the_machine_begins_on_the_lane_of_the_plan_s_first_side() -> None:
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         along = (x - side.x_m) * c + (y - side.y_m) * s
         across = -(x - side.x_m) * s + (y - side.y_m) * c
-        assert along == pytest.approx(-vehicle.blade_x_m - scenario.start.before_m)
+        assert -vehicle.blade_x_m - scenario.start.before_m - 1e-9 <= along < -1.0
         assert across == pytest.approx(vehicle.blade_width_m / 2 - vehicle.overlap_m)
+
+
+def test_the_machine_begins_inside_the_permitted_area() -> None:
+    for scenario in MANY[:40]:
+        truth = Truth(scenario, Field(scenario.field))
+        truth.step(0.0, scenario.start_pose(), 0, IDLE)
+        assert truth.outside_m == 0, scenario.seed
+        assert truth.keep_out_m == 0
 
 
 def test_the_host_is_told_of_the_keep_outs_and_the_world_has_them() -> None:

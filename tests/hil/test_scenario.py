@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -75,3 +76,12 @@ def test_settings_reach_nested_fields() -> None:
         assigned("weather.hour")
     with pytest.raises(UserError, match=r"weather\.hour"):
         changed(scenario, assigned("weather.hour=late"))
+
+
+def test_a_machine_that_fits_nowhere_stands_where_it_was_asked_to() -> None:
+    narrow = load("default", {"field": {"gap_m": 0.5}, "start": {"before_m": 0.3}})
+    wide = load("default", {"field": {"gap_m": 5.0}, "start": {"before_m": 0.3}})
+    usual = load("default", {"start": {"before_m": 0.3}})
+    assert narrow.start_pose() == wide.start_pose()
+    x, y, _ = usual.start_pose()
+    assert math.dist((x, y), wide.start_pose()[:2]) == pytest.approx(0.25, abs=0.011)

@@ -227,7 +227,7 @@ def test_contradiction_that_lasts_raises_the_uncertainty_before_it_is_believed()
     for _ in range(20):
         lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
     worst = 0.0
-    for _ in range(60):
+    for _ in range(100):
         if lane.correct(0.6, 0.0, 1.0, (0.0, 0.0)):
             break
         worst = max(worst, lane.offset_sigma_m)

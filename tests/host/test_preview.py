@@ -22,6 +22,7 @@ from host.preview import Preview, drive_turn, lane_pose, plan_field, preview
 from host.vehicle import Vehicle
 
 VEHICLE = Vehicle()
+PASS_M = VEHICLE.blade_width_m - VEHICLE.overlap_m
 SQUARE = shapely.box(0, 0, 20, 20)
 FRAME = LocalFrame(31.5, 74.3)
 
@@ -75,7 +76,7 @@ def test_three_point_turns_leave_nothing_of_a_square() -> None:
     assert found.coverage == pytest.approx(1.0, abs=1e-4), "the last sliver is below MIN_STRIP_M2"
     assert found.warnings == []
     # Every strip is one effective width: their lengths sum to the area over it, and the overlaps.
-    assert found.cutting_m == pytest.approx(400 / 0.95, rel=0.01)
+    assert found.cutting_m == pytest.approx(400 / PASS_M, rel=0.01)
     assert len(found.turns) == len(found.plan.sides) - 1
 
 
@@ -142,13 +143,13 @@ def test_what_is_cut_and_what_stays_make_the_crop(a: float, b: float, c: float, 
 
 
 def test_the_same_edge_again_is_reached_by_backing_up() -> None:
-    first = Side(0.0, 0.0, 0.0, 20.0, 0.95, 20.0)
-    plan = Plan((first, replace(first, y_m=0.95)))
+    first = Side(0.0, 0.0, 0.0, 20.0, PASS_M, 20.0)
+    plan = Plan((first, replace(first, y_m=PASS_M)))
     found = preview(plan, areas_of(SQUARE, 2.0), VEHICLE)
     (turn,) = found.turns
     assert turn[-1] == pytest.approx(lane_pose(plan.sides[1], -0.1, VEHICLE))
-    assert found.turning_m == pytest.approx(math.hypot(20.1, 0.95))
-    assert found.cut.intersection(SQUARE).area == pytest.approx(20 * 1.9)
+    assert found.turning_m == pytest.approx(math.hypot(20.1, PASS_M))
+    assert found.cut.intersection(SQUARE).area == pytest.approx(20 * 2 * PASS_M)
 
 
 def test_a_wider_blade_needs_fewer_sides() -> None:

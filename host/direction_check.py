@@ -1,0 +1,51 @@
+"""Whether the machine moves the way its motors are told: only the receiver's Doppler course knows.
+
+A hall sensor counts pulses and not their direction, so with swapped motor wires everything on board
+agrees and is wrong. The receiver's course settles it once the machine has gone one way for a
+metre: phones smooth their speed over a second or two, which each change of direction blurs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from host.odometry import Motion
+from host.types import Fix
+
+RUN_M: Final = 1.0
+MOVING_MPS: Final = 0.2
+"""A phone's course means little at less."""
+SHARE: Final = 0.5
+"""Of the reckoned speed that must be seen the other way."""
+FIXES: Final = 2
+"""In a row."""
+
+
+class DirectionCheck:
+    """Fed with every motion and every fix of a run."""
+
+    def __init__(self) -> None:
+        self._sign = 0.0
+        self._since_m = 0.0
+        self._against = 0
+
+    def move(self, motion: Motion) -> None:
+        """Notes where the present direction was taken."""
+        if motion.speed_mps * self._sign <= 0.0 and motion.speed_mps != 0.0:
+            self._sign = math.copysign(1.0, motion.speed_mps)
+            self._since_m = motion.distance_m
+            self._against = 0
+
+    def contradicted(self, fix: Fix, motion: Motion, heading_rad: float) -> bool:
+        """Whether this fix and the ones before it show the machine going the other way. The heading
+        is the vehicle's in the field frame."""
+        if fix.speed_mps is None or fix.course_rad is None or fix.quality == 0:
+            return False
+        speed = motion.speed_mps
+        if abs(speed) < MOVING_MPS or abs(motion.distance_m - self._since_m) < RUN_M:
+            self._against = 0
+            return False
+        along = fix.speed_mps * math.cos(fix.course_rad - heading_rad)
+        self._against = self._against + 1 if along * self._sign < -SHARE * abs(speed) else 0
+        return self._against >= FIXES
