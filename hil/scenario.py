@@ -11,6 +11,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import shapely
 import yaml
 from pydantic import (
     BaseModel,
@@ -23,6 +24,7 @@ from pydantic import (
 
 from hil.faults import Fault
 from hil.provision import Firmware, raw_values
+from host.areas import GAP_MARGIN_M, outline_of, placed
 from host.errors import UserError
 from host.plan import Plan, spiral
 from host.vehicle import Mount, Vehicle
@@ -32,6 +34,9 @@ from sim_plant.gnss import GnssSpec
 from sim_plant.machine import DriveSpec, MachineSpec
 from sim_plant.sky import WeatherSpec
 
+NEARER_M = 1.0
+NEARER_STEP_M = 0.01
+"""How an operator moves the machine up where there is no room behind it."""
 FOLDER = Path(__file__).parent / "scenarios"
 
 
@@ -66,7 +71,7 @@ class Start(BaseModel):
     """Index into the boundary (counter-clockwise from the lower left); the first side runs on
     from it."""
     before_m: Annotated[float, Field(ge=0)] = 0.0
-    """The blade's line before the crop."""
+    """The blade's line before the crop, at most."""
     lateral_error_m: float = 0.0
     heading_error_deg: float = 0.0
 
@@ -167,15 +172,26 @@ class Scenario(BaseModel):
 
     def start_pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle: on the lane beside the plan's first side, the blade before
-        it."""
+        it, but nearer than `start.before_m` where the machine would stand outside the permitted
+        area."""
         side = self.plan().sides[0]
         yaw = side.heading_rad
-        v = self.vehicle
-        inside = v.blade_width_m / 2 - v.overlap_m + self.start.lateral_error_m
-        back = v.blade_x_m + self.start.before_m
-        x = side.x_m - back * math.cos(yaw) - inside * math.sin(yaw)
-        y = side.y_m - back * math.sin(yaw) + inside * math.cos(yaw)
-        return x, y, yaw + math.radians(self.start.heading_error_deg)
+        v, start = self.vehicle, self.start
+        inside = v.blade_width_m / 2 - v.overlap_m + start.lateral_error_m
+        room = max(0.0, self.field.gap_m - GAP_MARGIN_M)
+        permitted = self.field.boundary.buffer(room, join_style="mitre")
+        outline = outline_of(v)
+        heading = yaw + math.radians(start.heading_error_deg)
+
+        def pose(nearer_m: float) -> tuple[float, float, float]:
+            back = v.blade_x_m + start.before_m - nearer_m
+            x = side.x_m - back * math.cos(yaw) - inside * math.sin(yaw)
+            y = side.y_m - back * math.sin(yaw) + inside * math.cos(yaw)
+            return x, y, heading
+
+        tries = (pose(k * NEARER_STEP_M) for k in range(1 + round(NEARER_M / NEARER_STEP_M)))
+        fits = (at for at in tries if permitted.contains(shapely.Polygon(placed(outline, *at))))
+        return next(fits, pose(0.0))
 
 
 def named() -> list[str]:
