@@ -15,6 +15,7 @@ import shapely
 
 from host import manoeuvre, steering
 from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
+from host.direction_check import DirectionCheck
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
@@ -110,6 +111,7 @@ class Pilot:
         self._odometry = Odometry(vehicle)
         self._lane = Lane(vehicle.blade_x_m)
         self._position = Position(vehicle)
+        self._direction = DirectionCheck()
         self._anchored: Motion | None = None
         self._outline = outline_of(vehicle)
         self._fence: Geofence | None = None
@@ -181,7 +183,12 @@ class Pilot:
                 motion = self._odometry.update(telemetry)
                 self._lane.predict(motion)
                 self._position.predict(motion)
+                self._direction.move(motion)
+        backwards = False
         if fix is not None and telemetry is not None:
+            if self._position.known and self.phase in (Phase.FOLLOW, Phase.TURN):
+                yaw = self._position.pose[2]
+                backwards = self._direction.contradicted(fix, self.motion, yaw)
             self._odometry.learn(fix, telemetry, min(2.0, fix.stamp - self._fix_stamp))
             self._fix_stamp = fix.stamp
         if frame is not None:
@@ -193,6 +200,8 @@ class Pilot:
             self._go(now, Phase.FAULT, "the firmware reports a fault")
         elif state is State.SAFE:
             self._go(now, Phase.FAULT, "the firmware has disarmed: it was stopped or restarted")
+        elif backwards:
+            self._go(now, Phase.FAULT, "it moves the other way: look at the drive motors' wires")
         command = {
             Phase.CONNECT: self._connect,
             Phase.ALIGN: self._align,
