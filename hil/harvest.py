@@ -26,6 +26,7 @@ from hil.scenario import Scenario, assigned, load, merge
 from host.errors import UserError
 from host.gnss import Receiver
 from host.link import Session
+from host.picture_watch import WatchedDetector
 from host.pilot import Phase, Pilot
 from host.record import Recorder
 from host.types import Fix, Frame
@@ -70,7 +71,8 @@ def _develop(camera: Camera, shot: Shot) -> tuple[bytes, Bgr | None]:
 def _vision(bench: Bench) -> Detector:
     """The detector that the scenario names; of the bench it sees nothing but the scenario."""
     s = bench.scenario
-    return make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+    detector = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+    return WatchedDetector(detector, s.mount)
 
 
 class Harvest:

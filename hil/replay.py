@@ -26,6 +26,7 @@ from hil.lockstep import Bench
 from hil.scenario import Scenario
 from host import protocol, record
 from host.errors import UserError
+from host.picture_watch import WatchedDetector
 from host.pilot import Pilot
 from host.plan import Plan, Side
 from host.types import Command, Fix, Frame, Telemetry
@@ -171,8 +172,9 @@ class _PilotReplay:
             mount = about.vehicle.mounts[about.mount]
             if about.scenario is not None:
                 mount = about.scenario.mount
-            detector = make_detector(
-                about.mode, about.vehicle, mount, overlap_m=about.vehicle.overlap_m
+            overlap_m = about.vehicle.overlap_m
+            detector = WatchedDetector(
+                make_detector(about.mode, about.vehicle, mount, overlap_m=overlap_m), mount
             )
         self._pilot = Pilot(about.vehicle, detector, about.plan)
 

@@ -44,6 +44,8 @@ class SimpleWorld:
     state: State = State.SAFE
     command: Command = field(default_factory=lambda: Command(Request.STOP))
     blind: bool = False
+    unusable: bool = False
+    """The camera shows nothing of now."""
 
     def __post_init__(self) -> None:
         self.margin = 6.0
@@ -93,6 +95,8 @@ class SimpleWorld:
 
     def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
         del bgr, stages
+        if self.unusable:
+            return CropView(0.0, usable=False, reason="the camera repeats its picture")
         if self.blind:
             return CropView(0.0, reason="dust")
         v = self.vehicle

@@ -118,6 +118,44 @@ def test_without_pictures_it_stops_too() -> None:
     assert not world.command.blade
 
 
+@pytest.mark.parametrize("spoilt", [False, True], ids=["no pictures", "unusable pictures"])
+def test_blind_in_a_turn_it_stops_and_finishes_the_turn_when_it_sees_again(spoilt: bool) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    while not (pilot.phase is Phase.TURN and world.speed < -0.2):
+        drive(world, pilot, 0.2)
+    before, began = world.distance, world.now
+    world.unusable = spoilt
+    while world.now < began + 5.0:
+        world.advance()
+        frame = Frame(world.now, BLANK) if spoilt else None
+        world.command = pilot.step(world.now, frame, None, world.telemetry())
+    assert pilot.phase is Phase.HESITATE
+    assert pilot.transitions[-1].stamp - began < 1.0
+    assert abs(world.distance - before) < 0.5
+    assert world.speed == pytest.approx(0.0, abs=0.01)
+    world.unusable = False
+    drive(world, pilot, 30.0)
+    phases = [t.phase for t in pilot.transitions]
+    after = phases.index(Phase.HESITATE)
+    assert phases[after : after + 4] == [Phase.HESITATE, Phase.TURN, Phase.LOOK, Phase.FOLLOW]
+
+
+def test_positions_that_show_it_going_backwards_stop_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = pilot_for(world)
+    drive(world, pilot, 8.0)
+    assert pilot.phase is Phase.FOLLOW
+    for tick in range(150):
+        world.advance()
+        frame = Frame(world.now, BLANK) if tick % 5 == 0 else None
+        south = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, 0.5, -math.pi / 2) if tick % 50 == 0 else None
+        world.command = pilot.step(world.now, frame, south, world.telemetry())
+    assert pilot.phase is Phase.FAULT
+    assert "other way" in pilot.reason
+    assert world.command.request is Request.STOP
+
+
 def test_a_hesitation_that_lasts_ends_in_a_stop() -> None:
     world = SimpleWorld(VEHICLE)
     pilot = pilot_for(world)

@@ -1,0 +1,83 @@
+"""Facts about the direction check: swapped wires are found, a slow receiver is not blamed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from host.direction_check import DirectionCheck
+from host.odometry import Motion
+from host.types import Fix
+
+
+def motion(distance_m: float, speed_mps: float) -> Motion:
+    return Motion(0.0, speed_mps, 0.0, distance_m, 0.0, 0.0, 0.0)
+
+
+def fix(speed_mps: float | None, course_rad: float | None, quality: int = 1) -> Fix:
+    return Fix(0.0, 31.5, 74.3, quality, 1.0, 8, speed_mps, course_rad)
+
+
+def driven(
+    seconds: int, speed_mps: float, along_mps: float, heading_rad: float = 0.3
+) -> list[bool]:
+    """What the check says at each second's fix of a drive at a reckoned speed, while the receiver
+    sees another along the heading."""
+    check, out, distance = DirectionCheck(), [], 0.0
+    for _ in range(seconds):
+        for _ in range(10):
+            distance += speed_mps / 10
+            check.move(motion(distance, speed_mps))
+        course = heading_rad if along_mps >= 0 else heading_rad + math.pi
+        seen = fix(abs(along_mps), course)
+        out.append(check.contradicted(seen, motion(distance, speed_mps), heading_rad))
+    return out
+
+
+@pytest.mark.parametrize("speed", [0.5, 0.3, -0.3])
+def test_swapped_wires_are_found_after_a_metre_and_two_fixes(speed: float) -> None:
+    said = driven(8, speed, -speed)
+    first = said.index(True)
+    assert abs(speed) * first >= 1.0
+    assert abs(speed) * first <= 1.0 + 2 * abs(speed)
+
+
+@given(
+    st.sampled_from([0.5, 0.3, -0.3]),
+    st.floats(-0.3, 0.3),
+    st.floats(-math.pi, math.pi),
+)
+def test_what_moves_as_it_is_told_is_never_blamed(speed: float, noise: float, yaw: float) -> None:
+    assert not any(driven(10, speed, speed + noise * abs(speed), yaw))
+
+
+def test_a_receiver_that_is_two_seconds_late_is_not_blamed_at_a_change_of_direction() -> None:
+    check, distance = DirectionCheck(), 0.0
+    past = [0.3] * 30 + [-0.3] * 60
+    for k, speed in enumerate(past):
+        distance += speed / 10
+        check.move(motion(distance, speed))
+        if k % 10 == 0:
+            seen = past[max(0, k - 20)]
+            course = 0.0 if seen > 0 else math.pi
+            assert not check.contradicted(fix(abs(seen), course), motion(distance, speed), 0.0)
+
+
+@pytest.mark.parametrize("seen", [fix(None, math.pi), fix(0.5, None), fix(0.5, math.pi, quality=0)])
+def test_a_fix_without_speed_or_course_says_nothing(seen: Fix) -> None:
+    check = DirectionCheck()
+    check.move(motion(0.1, 0.5))
+    assert not any(check.contradicted(seen, motion(5.0, 0.5), 0.0) for _ in range(5))
+
+
+def test_one_wrong_fix_is_not_enough() -> None:
+    check = DirectionCheck()
+    check.move(motion(0.1, 0.5))
+    wrong, right = fix(0.5, math.pi), fix(0.5, 0.0)
+    now = motion(5.0, 0.5)
+    assert [check.contradicted(f, now, 0.0) for f in (wrong, right, wrong, right, wrong)] == [
+        False
+    ] * 5
