@@ -68,6 +68,7 @@ ALIGNED_M = 0.03
 ALIGN_ROOM_M = 0.5
 """How much farther than planned the vehicle may back to get into line with the edge."""
 ARM_RETRY_S = 0.5
+PAUSED = "paused by the operator"
 
 
 class Phase(enum.Enum):
@@ -119,6 +120,8 @@ class Pilot:
             field = shapely.Polygon(self._plan.boundary, self._plan.keep_outs)
             margin = min(GAP_MARGIN_M, self._plan.gap_m)
             self._fence = Geofence(areas_of(field, self._plan.gap_m, margin_m=margin))
+        self.paused = False
+        """Set from outside: stand still with the blade off until it is cleared, then go on."""
         self.phase = Phase.CONNECT
         self.reason = "waiting for the firmware's telemetry"
         self.view: CropView | None = None
@@ -127,6 +130,7 @@ class Pilot:
         self.turns = 0
         self._telemetry: Telemetry | None = None
         self._asked = -math.inf
+        self._phase_stamp = -math.inf
         self._cleared = False
         self._view_stamp = -math.inf
         self._sure_stamp = -math.inf
@@ -166,6 +170,13 @@ class Pilot:
         return self._position
 
     @property
+    def cut_m(self) -> float:
+        """How far the blade has come along the side since it met its crop; 0 before that."""
+        if self._turn is not None or self._entered_at is None:
+            return 0.0
+        return max(0.0, self._cut_m(self.motion))
+
+    @property
     def done(self) -> bool:
         """Nothing more will be commanded: the field is finished, or a fault needs a person."""
         return self.phase in (Phase.FINISHED, Phase.FAULT)
@@ -202,6 +213,9 @@ class Pilot:
             self._go(now, Phase.FAULT, "the firmware has disarmed: it was stopped or restarted")
         elif backwards:
             self._go(now, Phase.FAULT, "it moves the other way: look at the drive motors' wires")
+        if self.paused and not self.done:
+            self._phase_stamp = self._leg_stamp = self._sure_stamp = now  # nothing runs out
+            return replace(self._hold(), reason=PAUSED)
         command = {
             Phase.CONNECT: self._connect,
             Phase.ALIGN: self._align,
@@ -248,6 +262,7 @@ class Pilot:
     def _go(self, now: float, phase: Phase, reason: str) -> None:
         if phase is not self.phase:
             self.transitions.append(Transition(now, phase, reason))
+            self._phase_stamp = now
         self.phase, self.reason = phase, reason
 
     def _drive(self, steer_rad: float, speed_mps: float, blade: bool) -> Command:
@@ -344,7 +359,7 @@ class Pilot:
         view = self.view
         if view is None or view.ahead_confidence < CONFIDENT:
             return self._hold()
-        waited = now - self.transitions[-1].stamp
+        waited = now - self._phase_stamp
         if view.confidence < CONFIDENT and (waited < TRUST_AFTER_S or not self._plan.sides):
             return self._hold()
         if view.confidence < CONFIDENT:
@@ -452,7 +467,7 @@ class Pilot:
 
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
-        if now - self.transitions[-1].stamp > GIVE_UP_S:
+        if now - self._phase_stamp > GIVE_UP_S:
             self._go(now, Phase.FAULT, f"gave up after {GIVE_UP_S:.0f} s: {self.reason}")
             return Command(Request.STOP, reason=self.reason)
         if self._turn is not None:
