@@ -283,6 +283,8 @@ class Pilot:
         self.view = view
         self._view_stamp = frame.stamp
         if view.usable:
+            if frame.stamp - self._usable_stamp > STOP_AFTER_S:
+                self._spoilt_stamp = frame.stamp  # after a gap it has to prove itself anew
             self._usable_stamp = frame.stamp
         else:
             self._spoilt_stamp = frame.stamp
@@ -290,6 +292,8 @@ class Pilot:
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
         if sure or view.ahead_confidence >= CONFIDENT:
+            if frame.stamp - self._sure_stamp > STOP_AFTER_S:
+                self._unsure_stamp = frame.stamp
             self._sure_stamp = frame.stamp
         else:
             self._unsure_stamp = frame.stamp
