@@ -322,8 +322,11 @@ def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
     mounts = chosen.vehicle.mounts | {chosen.camera: chosen.mount}
     save_vehicle(out / "vehicle.yaml", chosen.vehicle.model_copy(update={"mounts": mounts}))
     frame = LocalFrame(chosen.gnss.lat_deg, chosen.gnss.lon_deg)
-    ring = [frame.to_wgs84(x, y)[::-1] for x, y in chosen.corners()]
-    polygon = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+    rings = [
+        [frame.to_wgs84(x, y)[::-1] for x, y in (*ring, ring[0])]
+        for ring in (chosen.corners(), *chosen.field.keep_outs)
+    ]
+    polygon = {"type": "Polygon", "coordinates": rings}
     (out / "boundary.geojson").write_text(json.dumps(polygon), encoding="utf-8")
     return {
         "vehicle": str(out / "vehicle.yaml"),
@@ -331,6 +334,7 @@ def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
         "mode": chosen.mode,
         "boundary": str(out / "boundary.geojson"),
         "corner": str(chosen.start.corner),
+        "gap": str(chosen.field.gap_m),
     }
 
 

@@ -34,8 +34,8 @@ class Areas:
     """What the field bears: its edge as walked, less the keep-outs as walked."""
     crop: shapely.Polygon
     """What is to be cut: the field inset, less the keep-outs with their margin."""
-    permitted: shapely.Polygon
-    """Field and gap up to the neighbour's crop less a margin."""
+    permitted: shapely.Polygon | None
+    """Field and gap up to the neighbour's crop less a margin; None where the gap is not known."""
     keep_outs: tuple[shapely.Polygon, ...] = ()
     """With their margin."""
 
@@ -47,20 +47,21 @@ class Areas:
 
 def areas_of(
     field: shapely.Polygon,
-    gap_m: float,
+    gap_m: float | None,
     *,
     inset_m: float = 0.0,
     margin_m: float = GAP_MARGIN_M,
     keep_out_margin_m: float = KEEP_OUT_MARGIN_M,
 ) -> Areas:
     """The areas of a field (its holes the keep-outs) with a gap of gap_m to the neighbours' crop on
-    all sides. The inset is the paper's other approach: a boundary "slightly inside our target field
-    to cater for the positional errors" (II); `Areas.price` says what it costs.
+    all sides, None where nobody has measured it. The inset is the paper's other approach: a
+    boundary "slightly inside our target field to cater for the positional errors" (II);
+    `Areas.price` says what it costs.
 
     UserError where a length is negative, the margin exceeds the gap, or what is left to cut is
     nothing or falls apart."""
     lengths = {
-        "gap": gap_m,
+        "gap": margin_m if gap_m is None else gap_m,
         "inset": inset_m,
         "margin": margin_m,
         "keep-out margin": keep_out_margin_m,
@@ -68,7 +69,7 @@ def areas_of(
     for name, length in lengths.items():
         if not (math.isfinite(length) and length >= 0):
             raise UserError(f"the {name} is {length:g} m; it must be 0 or more")
-    if margin_m > gap_m:
+    if gap_m is not None and margin_m > gap_m:
         raise UserError(
             f"the gap of {gap_m:g} m is less than the margin of {margin_m:g} m to the neighbour's "
             "crop: there is no room for the machine's wheels"
@@ -88,8 +89,10 @@ def areas_of(
             f"an inset of {inset_m:g} m and the keep-outs part the crop into {len(crop.geoms)} "
             "pieces; choose a smaller inset or survey the pieces as fields of their own"
         )
-    permitted = outline.buffer(gap_m - margin_m, join_style="mitre")
-    return Areas(field, crop, shapely.Polygon(permitted.exterior), grown)
+    permitted = None
+    if gap_m is not None:
+        permitted = shapely.Polygon(outline.buffer(gap_m - margin_m, join_style="mitre").exterior)
+    return Areas(field, crop, permitted, grown)
 
 
 def outline_of(vehicle: Vehicle) -> NDArray[np.float64]:
@@ -158,7 +161,9 @@ class Geofence:
         slow_m: float = 0.15,
     ) -> None:
         """`stop_s` covers what passes between the question and standstill. Prepares the areas'
-        geometry: ask often, build once."""
+        geometry: ask often, build once. ValueError without a permitted area."""
+        if areas.permitted is None:
+            raise ValueError("a geofence needs the gap's width")
         self._permitted = areas.permitted
         self._border = areas.permitted.exterior
         self._keep_outs = shapely.MultiPolygon(areas.keep_outs)

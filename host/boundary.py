@@ -6,12 +6,14 @@ Files and their formats: `host.field_file`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 import shapely
 
-from host.field_file import load_field, save_field
+from host.errors import UserError
+from host.field_file import Boundary, LatLon, load_field, save_field
 from host.gnss import LocalFrame
 from host.plan import Plan, spiral
 from host.types import Fix
@@ -22,31 +24,36 @@ FENCE_M = 10.0
 FENCE_FIXES = 3
 
 
-def load_boundary(path: Path) -> list[tuple[float, float]]:
-    """(latitude, longitude) of the crop's corners, counter-clockwise, none twice, without the
-    keep-outs. UserError as `load_field` has it."""
-    return list(load_field(path).crop)
-
-
-def nearest_corner(corners: list[tuple[float, float]], lat_deg: float, lon_deg: float) -> int:
+def nearest_corner(corners: Sequence[LatLon], lat_deg: float, lon_deg: float) -> int:
     """Index of the corner that the machine stands at."""
     frame = LocalFrame(lat_deg, lon_deg)
     return min(range(len(corners)), key=lambda k: math.hypot(*frame.to_local(*corners[k])))
 
 
 def plan_of(
-    corners: list[tuple[float, float]], start: int, vehicle: Vehicle, turn: str
+    field: Boundary, start: int, vehicle: Vehicle, turn: str, gap_m: float | None = None
 ) -> tuple[LocalFrame, Plan]:
-    """The field frame (origin at the first corner) and the spiral that begins at corner `start`."""
-    frame = LocalFrame(*corners[0])
-    ring = [frame.to_local(*corner) for corner in corners]
-    return frame, spiral(ring, start, vehicle.blade_width_m - vehicle.overlap_m, turn)
+    """The field frame (origin at the first corner) and the plan that begins at corner `start`. With
+    a gap of `gap_m` between field and neighbour's crop the pilot has a geofence. UserError where
+    the field cannot be begun there: a strip's both ends must be open ground."""
+    frame = field.frame
+    ring = [frame.to_local(*corner) for corner in field.crop]
+    holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
+    plan = spiral(ring, start, vehicle.pass_m, turn, gap_m, holes)
+    first = plan.sides[0]
+    begins = min(range(len(ring)), key=lambda k: math.dist(ring[k], (first.x_m, first.y_m)))
+    if begins != start:
+        raise UserError(
+            f"this field is not to be begun at corner {start}: put the machine at corner {begins}, "
+            f"heading for corner {(begins + 1) % len(ring)}, and give --corner {begins}"
+        )
+    return frame, plan
 
 
 class Fence:
     """The last resort against a machine that runs away: positions that lie far outside."""
 
-    def __init__(self, corners: list[tuple[float, float]]) -> None:
+    def __init__(self, corners: Sequence[LatLon]) -> None:
         self._frame = LocalFrame(*corners[0])
         self._field = shapely.Polygon([self._frame.to_local(*corner) for corner in corners])
         self._outside = 0

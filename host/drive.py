@@ -10,12 +10,16 @@ from __future__ import annotations
 import contextlib
 import datetime
 import json
+import math
+import select
+import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from typing import TextIO
 
 import click
 import cv2
@@ -26,15 +30,18 @@ from rich.table import Table
 from rich.text import Text
 
 from host import protocol
-from host.boundary import Fence, load_boundary, nearest_corner, plan_of
+from host.areas import areas_of
+from host.boundary import Fence, nearest_corner, plan_of
 from host.cli import port_option
 from host.errors import UserError
 from host.feed import Feed
-from host.gnss import Receiver, gnss_feed
+from host.field_file import Boundary, LatLon, load_field
+from host.gnss import LocalFrame, Receiver, gnss_feed
 from host.link import Link
 from host.picture_watch import WatchedDetector
-from host.pilot import Phase, Pilot
+from host.pilot import PAUSED, Phase, Pilot
 from host.plan import Plan
+from host.progress import Keeper, Progress, load, remaining, resume_at
 from host.record import Recorder
 from host.stream import Picture, camera_feed
 from host.types import Command, Fix, Frame, Request, State, Telemetry
@@ -99,7 +106,10 @@ class Drive:
         clock: Callable[[], float],
         recorder: Recorder | None = None,
         fence: Fence | None = None,
+        paused: Callable[[], bool] | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
+        """`paused`: whether the operator wants the machine to stand still."""
         self.pilot = pilot
         self.link = link
         self.camera = camera
@@ -123,6 +133,8 @@ class Drive:
         self._clock = clock
         self._recorder = recorder
         self._fence = fence
+        self._paused = paused
+        self._keeper = keeper
 
     @property
     def telemetry(self) -> Telemetry | None:
@@ -188,11 +200,18 @@ class Drive:
                     f"stopped: the positions lie {beyond:.0f} m outside the boundary; look at the "
                     "machine, then check the boundary file and the receiver"
                 )
+        paused = self._paused is not None and self._paused()
+        if paused is not self.pilot.paused:
+            self.pilot.paused = paused
+            if self._recorder is not None:
+                self._recorder.put("/operator", now, {"paused": paused})
         self.command = self.pilot.step(now, frame, fix, self.telemetry)
         seq = self.link.session.next_seq
         self.link.send(self.command)
         if frame is not None:
             self._asked = (seq, frame.stamp)
+        if self._keeper is not None:
+            self._keeper.note(self.pilot)
         if self._recorder is not None:
             self._write(self._recorder, now, picture, frame, fix)
 
@@ -235,7 +254,8 @@ def status(drive: Drive, receiver: Receiver | None) -> Table:
     """The run at a glance."""
     pilot, view, telemetry = drive.pilot, drive.pilot.view, drive.telemetry
     table = Table.grid(padding=(0, 2))
-    table.add_row("pilot", Text(pilot.phase.value, _STYLES.get(pilot.phase, "bold")), pilot.reason)
+    reason = f"{PAUSED}; Enter goes on" if pilot.paused else pilot.reason
+    table.add_row("pilot", Text(pilot.phase.value, _STYLES.get(pilot.phase, "bold")), reason)
     if view is not None:
         table.add_row(
             "edge",
@@ -277,6 +297,25 @@ def _degrees(rad: float) -> str:
     return f"{rad * 57.29578:+.1f}°"
 
 
+class Keyboard:
+    """Enter pauses, Enter again goes on. Without a terminal nothing ever does."""
+
+    def __init__(self, terminal: TextIO) -> None:
+        self._terminal = terminal if terminal.isatty() else None
+        self._paused = False
+
+    def __call__(self) -> bool:
+        """Whether the machine is to stand still; returns at once."""
+        terminal = self._terminal
+        while terminal is not None and select.select([terminal], [], [], 0)[0]:
+            if not terminal.readline():  # the terminal is gone
+                terminal = self._terminal = None
+                self._paused = True
+            else:
+                self._paused = not self._paused
+        return self._paused
+
+
 class Screen:
     """Live status on a terminal; elsewhere one line at each change of what the pilot does."""
 
@@ -311,7 +350,8 @@ class Screen:
         now = self._clock()
         while self._events:
             self.say(self._events.popleft())
-        line = f"{drive.pilot.phase.value}: {drive.pilot.reason}"
+        reason = PAUSED if drive.pilot.paused else drive.pilot.reason
+        line = f"{drive.pilot.phase.value}: {reason}"
         if line != self._last:
             self._last = line
             self.say(line)
@@ -337,11 +377,17 @@ class Screen:
     help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML or latitude,longitude lines.",
 )
 @click.option("--corner", type=click.IntRange(0), help="Where it stands; default the nearest.")
+@click.option("--gap", type=float, metavar="METRES", help="To the neighbour's crop: the geofence.")
 @click.option(
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
 @click.option(
     "--record", type=click.Path(path_type=Path), help="The record's file; default out/drive-*.mcap."
+)
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path),
+    help="Go on where the run that left this .progress.json ended.",
 )
 def drive(
     port: str,
@@ -352,20 +398,20 @@ def drive(
     mode: Mode,
     boundary: Path | None,
     corner: int | None,
+    gap: float | None,
     turn: str,
     record: Path | None,
+    resume: Path | None,
 ) -> None:
     """Harvest: follow the crop's edge, turn at its end, go inward, until nothing stands.
 
     Put the machine at a corner, the crop to its left, the blade's right end on the crop's edge.
-    Ctrl-C stops at once. Exits with 0 when the field is finished."""
+    Enter pauses and goes on, Ctrl-C stops at once. Exits with 0 when the field is finished."""
     machine = load_vehicle(vehicle)
     where = mount_of(machine, mount)
-    corners = load_boundary(boundary) if boundary is not None else None
-    if corner is not None and corners is None:
-        raise UserError("--corner names a corner of --boundary, which is not given")
-    if corner is not None and corners is not None and corner >= len(corners):
-        raise UserError(f"--corner {corner}: {boundary} has the corners 0 to {len(corners) - 1}")
+    field = load_field(boundary) if boundary is not None else None
+    saved = load(resume) if resume is not None else None
+    corner = _chosen_corner(field, boundary, corner, gap, saved)
     begun = time.monotonic()
 
     def clock() -> float:
@@ -384,14 +430,24 @@ def drive(
                 stack.callback(feed.close)
                 feed.start()
         _warm_up(pictures, camera, where, machine, mode)
-        plan, fence = Plan(turn=turn), None
-        if corners is not None:
-            start = corner if corner is not None else _corner(corners, fixes)
-            plan = plan_of(corners, start, machine, turn)[1]
-            fence = Fence(corners)
-            screen.say(f"{len(plan.sides)} sides from corner {start}")
         now = datetime.datetime.now(tz=datetime.UTC)
         path = record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
+        plan, fence, keeper = Plan(turn=turn), None, None
+        for line in _warnings(field, gap):
+            screen.say(line)
+        if field is not None:
+            start = corner if corner is not None else _corner(field.crop, fixes)
+            frame, whole = plan_of(field, start, machine, turn, gap)
+            begun_at = (0, 0.0)
+            screen.say(f"{len(whole.sides)} sides from corner {start}")
+            if saved is not None and resume is not None:
+                begun_at = resume_at(saved, whole, resume)
+                screen.say(_where_to_go_on(whole, begun_at, frame))
+            plan = remaining(whole, *begun_at)
+            fence = Fence(field.crop)
+            progress = resume or path.with_suffix(".progress.json")
+            progress.parent.mkdir(parents=True, exist_ok=True)
+            keeper = Keeper(progress, whole, start, events.append, begun_at)
         about = {"begun": now.isoformat(), "mount": mount, "mode": mode, "turn": turn}
         about["vehicle"] = machine.model_dump_json()
         about["plan"] = json.dumps(asdict(plan))
@@ -403,7 +459,10 @@ def drive(
         stack.callback(lambda: screen.say(f"record: {path}"))
         detector = make_detector(mode, machine, where, overlap_m=machine.overlap_m)
         pilot = Pilot(machine, WatchedDetector(detector, where), plan)
-        run = Drive(pilot, link, pictures, fixes, where, machine, clock, recorder, fence)
+        keyboard = Keyboard(sys.stdin)
+        run = Drive(
+            pilot, link, pictures, fixes, where, machine, clock, recorder, fence, keyboard, keeper
+        )
         try:
             with screen.open():
                 run.run(screen.show)
@@ -411,6 +470,10 @@ def drive(
             with contextlib.suppress(UserError):
                 held = halt(link, clock)
                 screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
+            if keeper is not None:
+                keeper.close(pilot)
+                if pilot.phase is not Phase.FINISHED:
+                    screen.say(f"to go on: the same command with --resume {keeper.path}")
             _report(run, screen)
         if pilot.phase is Phase.FAULT:
             raise UserError(f"stopped: {_why(run)}")
@@ -427,7 +490,67 @@ def _report(run: Drive, screen: Screen) -> None:
         )
 
 
-def _corner(corners: list[tuple[float, float]], fixes: Feed[Fix] | None) -> int:
+def _chosen_corner(
+    field: Boundary | None,
+    path: Path | None,
+    corner: int | None,
+    gap: float | None,
+    saved: Progress | None,
+) -> int | None:
+    """The corner that the plan begins at, None where the position has to tell. UserError where the
+    options do not fit the boundary or each other."""
+    for given, name, what in (
+        (corner, "--corner", "names a corner"),
+        (gap, "--gap", "is measured from the edge"),
+        (saved, "--resume", "goes on with the plan"),
+    ):
+        if given is not None and field is None:
+            raise UserError(f"{name} {what} of --boundary, which is not given")
+    if field is None:
+        return None
+    if corner is not None and corner >= len(field.crop):
+        raise UserError(f"--corner {corner}: {path} has the corners 0 to {len(field.crop) - 1}")
+    areas_of(field.polygon(field.frame), gap)
+    if saved is None:
+        return corner
+    if corner is not None and corner != saved.corner:
+        raise UserError(f"--corner {corner}: the run to be resumed began at corner {saved.corner}")
+    if saved.corner >= len(field.crop):
+        raise UserError(f"--resume: {path} is not the boundary of that run; give the same one")
+    return saved.corner
+
+
+def _warnings(field: Boundary | None, gap: float | None) -> list[str]:
+    """What does not watch over the run."""
+    if field is None:
+        return [
+            "no --boundary: no plan and no geofence. Only the picture ends a side and keeps the "
+            "machine out of the neighbour's crop, and the run cannot be resumed"
+        ]
+    if gap is None:
+        return [
+            "no --gap: there is no geofence. Only the picture and the sides' lengths keep the "
+            "machine out of the neighbour's crop; measure the ground between and give --gap METRES"
+        ]
+    return []
+
+
+def _where_to_go_on(plan: Plan, begun: tuple[int, float], frame: LocalFrame) -> str:
+    """Where the operator has to put the machine."""
+    index, cut_m = begun
+    side = plan.sides[index]
+    x = side.x_m + cut_m * math.cos(side.heading_rad)
+    y = side.y_m + cut_m * math.sin(side.heading_rad)
+    lat, lon = frame.to_wgs84(x, y)
+    compass = (90.0 - math.degrees(side.heading_rad)) % 360
+    place = f"{cut_m:.1f} m along it, where its crop still stands" if cut_m else "at its beginning"
+    return (
+        f"going on with side {index + 1} of {len(plan.sides)}: the machine has to stand {place} "
+        f"(near {lat:.6f} {lon:.6f}), heading {compass:.0f} degrees by the compass"
+    )
+
+
+def _corner(corners: Sequence[LatLon], fixes: Feed[Fix] | None) -> int:
     """The corner nearest to where the machine says it is."""
     for _ in range(FIRST_FIXES):
         if fixes is None or not fixes.wait(FIRST_FIX_S):

@@ -82,6 +82,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             reason=_TEXT,
         ),
     ),
+    "/operator": ("daranti.Operator", _schema(paused={"type": "boolean"})),
     "/view": (
         "daranti.CropView",
         _schema(

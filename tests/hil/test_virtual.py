@@ -35,8 +35,9 @@ from hil.virtual import (
     handouts,
 )
 from host import protocol
-from host.boundary import load_boundary, plan_of
+from host.boundary import plan_of
 from host.errors import UserError
+from host.field_file import load_field
 from host.gnss import LocalFrame
 from host.link import Link
 from host.pilot import Phase
@@ -296,13 +297,14 @@ def test_the_handouts_describe_the_simulated_machine_and_field(tmp_path: Path) -
     options = handouts(chosen, tmp_path)
     vehicle = load_vehicle(Path(options["vehicle"]))
     assert vehicle.mounts[options["mount"]] == chosen.mount
-    corners = load_boundary(Path(options["boundary"]))
+    field = load_field(Path(options["boundary"]))
     frame = LocalFrame(chosen.gnss.lat_deg, chosen.gnss.lon_deg)
     x, y, yaw = chosen.start_pose()
-    _, plan = plan_of(corners, int(options["corner"]), vehicle, "three_point")
+    _, plan = plan_of(field, int(options["corner"]), vehicle, "three_point")
+    assert float(options["gap"]) == chosen.field.gap_m
     side = plan.sides[0]
     assert side.heading_rad == pytest.approx(yaw, abs=1e-3)
-    at = frame.to_local(*corners[int(options["corner"])])
+    at = frame.to_local(*field.crop[int(options["corner"])])
     assert abs(at[0] - x) < 3
     assert abs(at[1] - y) < 3
 

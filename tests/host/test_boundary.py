@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from host.boundary import FENCE_FIXES, FENCE_M, Fence, load_boundary, nearest_corner, plan_of
+from host.boundary import FENCE_FIXES, FENCE_M, Fence, nearest_corner, plan_of
 from host.errors import UserError
+from host.field_file import Boundary, load_field
 from host.gnss import LocalFrame
 from host.types import Fix
 from host.vehicle import Mount, Vehicle
@@ -45,7 +46,7 @@ def test_every_form_gives_the_same_corners_counter_clockwise(
         "csv": lines,
         "csv with heading": f"latitude,longitude\n{lines}\n",
     }[form]
-    found = load_boundary(written(tmp_path, text))
+    found = list(load_field(written(tmp_path, text)).crop)
     start = found.index(SQUARE[0])
     assert found[start:] + found[:start] == SQUARE
 
@@ -69,12 +70,12 @@ def test_a_bad_boundary_is_one_message_that_names_the_file(
 ) -> None:
     path = written(tmp_path, text)
     with pytest.raises(UserError, match=message) as error:
-        load_boundary(path)
+        load_field(path)
     assert str(path) in str(error.value)
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
-    for load in (load_boundary, load_vehicle):
+    for load in (load_field, load_vehicle):
         with pytest.raises(UserError, match="cannot read"):
             load(tmp_path / "none")
 
@@ -87,9 +88,26 @@ def test_the_nearest_corner_is_where_the_machine_stands(corner: int) -> None:
 
 @pytest.mark.parametrize(("corner", "first_m"), [(0, 20), (1, 10), (2, 20), (3, 10)])
 def test_the_plan_begins_with_the_side_that_leaves_the_corner(corner: int, first_m: float) -> None:
-    _, plan = plan_of(SQUARE, corner, Vehicle(), "three_point")
+    _, plan = plan_of(Boundary(tuple(SQUARE)), corner, Vehicle(), "three_point")
     assert plan.sides[0].length_m == pytest.approx(first_m, abs=1e-3)
     assert plan.corner_rad(0) == pytest.approx(math.pi / 2, abs=1e-4)
+
+
+def test_gap_and_keep_outs_reach_the_plan() -> None:
+    well = [FRAME.to_wgs84(*corner) for corner in ((9, 5), (10, 5), (10, 6), (9, 6))]
+    field = Boundary(tuple(SQUARE), (tuple(well),))
+    _, plan = plan_of(field, 3, Vehicle(), "arc", 1.5)
+    assert (plan.gap_m, plan.turn, len(plan.keep_outs)) == (1.5, "arc", 1)
+    assert plan_of(field, 3, Vehicle(), "arc")[1].gap_m is None
+
+
+def test_a_corner_that_a_field_cannot_be_begun_at_names_the_one_that_can() -> None:
+    shape = ((0, 0), (12, 0), (12, 6), (6, 6), (6, 12), (0, 12))
+    field = Boundary(tuple(FRAME.to_wgs84(*corner) for corner in shape))
+    with pytest.raises(UserError, match=r"corner 3: put the machine at corner \d") as error:
+        plan_of(field, 3, Vehicle(), "three_point")
+    begin = int(str(error.value).rsplit(" ", 1)[1])
+    assert plan_of(field, begin, Vehicle(), "three_point")[1].sides
 
 
 def fix_at(x: float, y: float, quality: int = 1) -> Fix:

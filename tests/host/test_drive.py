@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+import os
+import pty
+import select
 import threading
 import time
 from collections import deque
@@ -23,14 +26,17 @@ from rich.console import Console
 
 from host import protocol
 from host.boundary import Fence
-from host.drive import PERIOD_S, TELEMETRY_TIMEOUT_S, Drive, Screen, fitted, halt, status
+from host.drive import PERIOD_S, TELEMETRY_TIMEOUT_S, Drive, Keyboard, Screen, fitted, halt, status
 from host.errors import EXIT_USER, UserError
 from host.feed import Feed
 from host.gnss import LocalFrame, Receiver
 from host.lane import Lane
 from host.link import Link
 from host.odometry import Odometry
-from host.pilot import Phase, Pilot
+from host.pilot import PAUSED, Phase, Pilot
+from host.plan import Plan, spiral
+from host.position import Position
+from host.progress import Keeper, Progress, digest, load, save
 from host.record import Recorder, read
 from host.stream import Picture
 from host.types import Command, Fix, Frame, Request, Telemetry
@@ -51,7 +57,10 @@ class Script:
         self.phase = Phase.FOLLOW
         self.reason = "as the script says"
         self.view: CropView | None = None
+        self.paused = False
         self.turns = 0
+        self.cut_m = 0.0
+        self.position = Position(Vehicle())
         self.lane = Lane(Vehicle().blade_x_m)
         self.motion = Odometry(Vehicle()).now
         self._commands = iter(commands)
@@ -99,6 +108,8 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
             recorder: Recorder | None = None,
             fence: Fence | None = None,
             clock: Callable[[], float] = time.monotonic,
+            paused: Callable[[], bool] | None = None,
+            keeper: Keeper | None = None,
         ) -> Drive:
             link = stack.enter_context(Link(board.port, time.monotonic))
             link.meet()
@@ -116,6 +127,8 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
                 clock,
                 recorder,
                 fence,
+                paused,
+                keeper,
             )
 
         yield make
@@ -300,6 +313,73 @@ def test_positions_far_outside_the_boundary_stop_the_run(driven: Callable[..., D
         run.run(again)
 
 
+def test_the_operators_pause_reaches_the_pilot_and_the_record(
+    driven: Callable[..., Drive], tmp_path: Path
+) -> None:
+    wants = iter([False, True, True, False, False])
+    script = Script([Command(Request.DRIVE)] * 4)
+    seen: list[bool] = []
+    path = tmp_path / "run.mcap"
+    with Recorder(path) as recorder:
+        run = driven(script, recorder=recorder, paused=lambda: next(wants))
+        run.run(lambda drive: seen.append(drive.pilot.paused))
+    assert seen == [False, True, True, False, False]
+    told = [message["paused"] for topic, _, message in read(path) if topic == "/operator"]
+    assert told == [True, False]
+
+
+def test_the_progress_is_on_the_disk_when_a_run_dies(
+    board: FakeFirmware, driven: Callable[..., Drive], tmp_path: Path
+) -> None:
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.92)
+    path = tmp_path / "run.progress.json"
+    script = Script([Command(Request.DRIVE)] * 1000)
+    keeper = Keeper(path, plan, 1, print)
+    run = driven(script, keeper=keeper)
+
+    def cut_on(_drive: Drive) -> None:
+        script.cut_m += 0.2
+        if script.cut_m > 3.0:
+            script.turns, script.cut_m = 2, 1.4
+            board.unplug()
+
+    with pytest.raises(UserError, match="vanished"):
+        run.run(cut_on)
+    keeper.close(cast(Pilot, script))
+    saved = load(path)
+    assert (saved.side, saved.cut_m, saved.corner) == (2, pytest.approx(1.4), 1)
+
+
+def keyboard() -> tuple[Keyboard, Any, Any]:
+    """One on a terminal, the end that types, and the one that is read."""
+    master, slave = pty.openpty()
+    terminal = os.fdopen(slave)
+    return Keyboard(terminal), os.fdopen(master, "wb", buffering=0), terminal
+
+
+def test_enter_pauses_and_enter_goes_on() -> None:
+    keys, types, terminal = keyboard()
+    assert [keys(), keys()] == [False, False]
+    types.write(b"\n")
+    until(lambda: select.select([terminal], [], [], LIMIT_S)[0])
+    assert [keys(), keys()] == [True, True]
+    types.write(b"what\n")
+    until(lambda: select.select([terminal], [], [], LIMIT_S)[0])
+    assert not keys()
+
+
+def test_without_a_terminal_nothing_pauses(tmp_path: Path) -> None:
+    text = tmp_path / "text"
+    text.write_text("\n\n\n")
+    with text.open() as file:
+        assert not Keyboard(file)()
+
+
+def until(condition: Callable[[], object]) -> None:
+    """A condition that itself waits must hold."""
+    assert condition()
+
+
 def test_halt_is_confirmed_by_the_firmware_only(board: FakeFirmware) -> None:
     with Link(board.port, time.monotonic) as link:
         link.meet()
@@ -340,6 +420,14 @@ def test_the_status_says_what_the_pilot_does_and_every_fault_in_words(
         *protocol.fault_texts(faults),
     ):
         assert words in text
+
+
+def test_a_pause_is_shown(driven: Callable[..., Drive]) -> None:
+    script = Script([Command(Request.DRIVE)] * 3)
+    run = driven(script)
+    run.run(nothing)
+    script.paused = True
+    assert f"{PAUSED}; Enter goes on" in text_of(status(run, None))
 
 
 def test_without_a_terminal_each_change_is_one_line(
@@ -413,6 +501,35 @@ def test_a_corner_that_the_boundary_has_not_is_one_message(
         code, _, err = cli(*given, *more)
         assert code == EXIT_USER
         assert message in err
+
+
+SQUARE = "31.5,74.3\n31.5,74.3002\n31.5002,74.3002\n31.5002,74.3\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--gap", "2"), "--gap is measured from the edge of --boundary, which is not given"),
+        (("--boundary", "FIELD", "--gap", "0.1"), "no room for the machine's wheels"),
+        (("--boundary", "FIELD", "--gap", "-1"), "the gap is -1 m"),
+        (("--resume", "SAVED"), "--resume goes on with the plan of --boundary"),
+        (("--boundary", "FIELD", "--resume", "none.json"), "cannot read the saved progress"),
+        (("--boundary", "FIELD", "--resume", "FIELD"), "is no saved progress"),
+        (("--boundary", "FIELD", "--resume", "SAVED", "--corner", "0"), "began at corner 9"),
+        (("--boundary", "FIELD", "--resume", "SAVED"), "is not the boundary of that run"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_message(
+    cli: Cli, board: FakeFirmware, tmp_path: Path, options: tuple[str, ...], message: str
+) -> None:
+    names = {"FIELD": tmp_path / "field.csv", "SAVED": tmp_path / "run.progress.json"}
+    names["FIELD"].write_text(SQUARE)
+    save(names["SAVED"], Progress(plan=digest(Plan()), corner=9, side=0, phase=Phase.FAULT))
+    given = ("drive", "--port", board.port, "--camera", "http://127.0.0.1:1/video")
+    code, _, err = cli(*given, *(str(names.get(word, word)) for word in options))
+    assert code == EXIT_USER
+    assert message in err
+    assert err.count("\n") == 1
 
 
 def test_no_picture_is_one_message_and_the_machine_is_stopped(
