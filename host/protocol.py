@@ -874,11 +874,11 @@ PARAMS: dict[str, ParamSpec] = {
         "stall_time",
         35,
         1.0,
-        500,
+        250,
         100,
         3000,
         "ms",
-        "driven without movement for this long is a stall or a frozen potentiometer",
+        "driven at full duty without movement for this long is a stall or a frozen potentiometer; at less duty longer, in proportion to what is above steer_min_duty",
     ),
     "ident_duty_max": ParamSpec(
         "ident_duty_max",

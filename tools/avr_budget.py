@@ -11,6 +11,7 @@ import math
 import random
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -28,6 +29,8 @@ RAM_LIMIT = int(1.2 * 1024)
 TICK_LIMIT = 40.0
 MASKED_LIMIT_US = 85.0
 """One byte's time on the line: with the UART's two-byte buffer nothing is lost."""
+LINE_MS = 100
+"""How often a load that fills the line is topped up."""
 
 
 def sections() -> dict[str, int]:
@@ -67,11 +70,13 @@ class Probe:
         self._sram = (ctypes.c_uint8 * SRAM_SIZE).from_address(start)
         self._bottom = static_end() - SRAM_AT
 
-    def start(self) -> None:
+    def paint(self) -> None:
         """Paints what lies between the static data and the sleeping main loop's stack."""
-        top = SRAM_SIZE - 64
-        for at in range(self._bottom, top):
+        for at in range(self._bottom, SRAM_SIZE - 64):
             self._sram[at] = PAINT
+
+    def start(self) -> None:
+        """Forgets the longest times so far."""
         self._library.probe_start(self._handle)
 
     def stack_bytes(self) -> int:
@@ -88,49 +93,105 @@ class Probe:
         return tick.value, masked.value
 
 
-def busy(target: Target) -> None:
-    """Half a minute of all that costs time."""
-    noise = random.Random(1)
-    target.set_analog_mv(1, 3000)
-    target.set_analog_mv(0, 2502)
-    target.set_pin(2, False)
-    now = 0
+def filler(bytes_: bytes) -> Callable[[int], bytes]:
+    """A load that repeats these bytes for as long as the line takes them."""
+    return lambda k: bytes_ if k % LINE_MS == 0 else b""
 
-    def run(ms: int, message: protocol.Message | None = None, every: int = 5) -> None:
-        nonlocal now
+
+def flood(*messages: protocol.Message) -> Callable[[int], bytes]:
+    """A load of these messages over and over, without a pause on the line."""
+    once = b"".join(protocol.encode(message, 1) for message in messages)
+    return filler(once * (LINE_MS * protocol.BAUD // 10_000 // len(once) + 1))
+
+
+NEAR_MISS = bytes((16, 11, 9, 9, 9, 9, 10, 5, 10, 9, 6, 1, 4, 9, 9, 9, 0))
+"""Its suffixes of 16, 10, 9, 6 and 5 bytes are HilSensors, Drive, Ident, Hello and Clear, whole but
+for their CRCs."""
+DRIVE = protocol.Drive(0.2, 0.5, 1)
+IDENT = protocol.Ident(100, 0.1)
+HALL = protocol.PARAMS["hall_per_metre"]
+PARAM_SET = protocol.ParamSet(HALL.id, HALL.to_raw(20.0))
+HIL_SENSORS = protocol.HilSensors(2.5, 3.0, 0.0, 0.0, 0, 0)
+NOISE = random.Random(1)
+
+
+def weave(k: int) -> bytes:
+    """A setpoint that wanders, forward and then in reverse."""
+    steer = math.radians(25 * math.sin(k / 150) + NOISE.uniform(-3, 3))
+    return protocol.encode(protocol.Drive(steer, 0.5 if k < 1000 else -0.5, 1), k & 0xFF)
+
+
+ARM = flood(protocol.Clear(), protocol.Arm(protocol.VERSION))
+LOADS: dict[str, tuple[int, Callable[[int], bytes]]] = {
+    "at rest": (200, lambda _: b""),
+    "parameters saved": (1000, lambda k: protocol.encode(protocol.ParamSave(), 1) * (k == 0)),
+    "driving, 400 commands a second": (2000, lambda k: weave(k) if k % 5 < 2 else b""),
+    "driving, line full of DRIVE": (300, flood(DRIVE)),
+    "identification": (300, flood(IDENT)),
+    "line full of Hello": (300, flood(protocol.Hello(1))),
+    "line full of Arm and Clear": (300, ARM),
+    "line full of ParamGet": (300, flood(protocol.ParamGet(3))),
+    "line full of ParamSet": (300, flood(PARAM_SET)),
+    "line full of ParamDefaults": (300, flood(protocol.ParamDefaults())),
+    "ParamSet twice a tick": (300, lambda k: protocol.encode(PARAM_SET, 1) * 2 * (k % 5 == 0)),
+    "ParamSet among Hello": (300, flood(PARAM_SET, PARAM_SET, *[protocol.Hello(1)] * 5)),
+    "ParamSet and ParamDefaults": (300, flood(protocol.ParamDefaults(), PARAM_SET)),
+    "line full of HilSensors": (300, flood(HIL_SENSORS)),
+    "line full of STOP": (300, flood(protocol.Stop())),
+    "line full of zeros": (300, filler(bytes(1200))),
+    "random bytes": (1000, lambda _: bytes(NOISE.randrange(256) for _ in range(12))),
+    "bytes without a zero": (300, filler(b"\x07" * 1200)),
+    "frames that nearly hold": (300, filler(NEAR_MISS * 70)),
+    "frames cut short": (300, filler((b"\x05" * 15 + b"\0") * 75)),
+}
+"""What costs time: milliseconds, and the bytes to send in each."""
+ARMED = ("driving", "identification")
+"""Loads that begin armed, by their names' first words."""
+
+
+class Run:
+    """The Uno's binary under one load after the other."""
+
+    def __init__(self, target: Target) -> None:
+        self.target = target
+        self.now_us = 0
+        target.set_analog_mv(1, 3000)
+        target.set_analog_mv(0, 2502)
+        target.set_pin(2, False)
+
+    def run(self, ms: int, load: Callable[[int], bytes]) -> None:
+        """Milliseconds under a load, the steering moving and the wheels turning."""
         for k in range(ms):
-            if message is not None and k % every == 0:
-                target.write(protocol.encode(message, k & 0xFF))
-            now += 1000
-            target.run_until(now)
-            target.set_pin(12, k % 8 < 4)
-            target.read()
+            self.target.write(load(k))
+            self.now_us += 1000
+            self.target.run_until(self.now_us)
+            self.target.set_pin(12, self.now_us // 1000 % 8 < 4)
+            angle = 25 * math.sin(self.now_us / 150e3)
+            self.target.set_analog_mv(0, round((512 + 4.5 * angle) * 5000 / 1023))
+            self.target.read()
 
-    hall = protocol.PARAMS["hall_per_metre"]
-    run(20)
-    run(20, protocol.ParamSet(hall.id, hall.to_raw(50.0)), 10)
-    run(1000, protocol.ParamSave(), 1000)
-    for _ in range(4):
-        run(10, protocol.Clear(), 5)
-        run(10, protocol.Arm(protocol.VERSION), 5)
-        for k in range(2000):
-            angle = 25 * math.sin(k / 150)
-            target.set_analog_mv(0, round((512 + 4.5 * angle) * 5000 / 1023))
-            steer = math.radians(angle + noise.uniform(-3, 3))
-            run(1, protocol.Drive(steer, 0.5 if k < 1000 else -0.5, 1))
-        target.write(bytes(noise.randrange(256) for _ in range(2000)))
-        run(200)
-        target.write(bytes(noise.randrange(1, 256) for _ in range(17)) * 60 + bytes(1))
-        target.write(b"".join(bytes((5,)) * 15 + b"\0" for _ in range(60)))
-        run(200)
-        target.write(protocol.encode(protocol.Hello(1), 0) * 200)
-        run(200)
-        target.write(protocol.encode(protocol.ParamGet(3), 0) * 200)
-        run(200)
+    def quiet(self) -> None:
+        """Until the line is empty, and what was asked is forgotten."""
+        self.run(120, lambda k: protocol.encode(protocol.Stop(), 0) * (k == 100))
+
+
+def loads(run: Run, probe: Probe) -> dict[str, tuple[int, int]]:
+    """Each load's longest tick and longest time with interrupts off, in cycles."""
+    run.run(20, lambda k: protocol.encode(PARAM_SET, 1) * (k == 10))
+    out = {}
+    for name, (ms, load) in LOADS.items():
+        run.quiet()
+        if name.startswith(ARMED):
+            run.run(10, lambda k: protocol.encode(protocol.Clear(), 1) * (k == 0))
+            run.run(10, lambda k: protocol.encode(protocol.Arm(protocol.VERSION), 1) * (k == 0))
+        probe.start()
+        run.run(ms, load)
+        out[name] = probe.cycles()
+    return out
 
 
 def main() -> int:
-    """Prints the table."""
+    """Prints the loads, and then the table."""
     try:
         target = avr()
         size = sections()
@@ -141,9 +202,14 @@ def main() -> int:
     flash = size[".text"] + size[".data"]
     ram = sum(size.get(name, 0) for name in (".data", ".bss", ".noinit"))
     target.run_until(0)
-    probe.start()
-    busy(target)
-    tick, masked = probe.cycles()
+    probe.paint()
+    found = loads(Run(target), probe)
+    print(f"{'load':<34}{'worst tick':>12}{'':>9}")
+    for name, (cycles, _) in found.items():
+        print(f"{name:<34}{cycles:>12}{100 * cycles / TICK_CYCLES:>7.1f} %")
+    print()
+    tick = max(cycles for cycles, _ in found.values())
+    masked = max(cycles for _, cycles in found.values())
     stack = probe.stack_bytes()
     share = 100 * tick / TICK_CYCLES
     masked_us = masked / CLOCK_HZ * 1e6

@@ -14,10 +14,11 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from clang import cindex
 from clang.cindex import CursorKind as Kind
@@ -31,9 +32,11 @@ FILES = (
     "bridge.cpp",
     "controller.cpp",
     "drive.cpp",
+    "drive.h",
     "fixed.h",
     "frame.cpp",
     "params.cpp",
+    "params.h",
     "pid.cpp",
     "steering.cpp",
     "supervisor.cpp",
@@ -41,6 +44,8 @@ FILES = (
 )
 TIMEOUT_S = 20
 """A mutant that loops for ever counts as killed."""
+SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+"""A mutant that writes where it must not is killed by that."""
 
 BINARY = {
     "<": ("lt", ("<=", ">=")),
@@ -59,8 +64,8 @@ BINARY = {
     "&": ("band", ("|",)),
     "|": ("bor", ("&",)),
     "^": ("bxor", ("|",)),
-    "&&": ("land", ("||", "left side only")),
-    "||": ("lor", ("&&", "left side only")),
+    "&&": ("land", ("||", "")),
+    "||": ("lor", ("&&", "")),
     "+=": ("add_to", ("-=",)),
     "-=": ("sub_from", ("+=",)),
     "|=": ("or_to", ("&=",)),
@@ -68,19 +73,25 @@ BINARY = {
 }
 
 
+class Name(NamedTuple):
+    """What a mutant is called; nothing in it changes when lines move."""
+
+    file: str
+    function: str
+    original: str
+    mutated: str
+
+    def __str__(self) -> str:
+        return f"{self.file} {self.function}: {self.original}  ->  {self.mutated}"
+
+
 @dataclass
 class Mutant:
-    """One change; `key` names it independently of line numbers."""
+    """One change."""
 
     id: int
-    file: str
     line: int
-    text: str
-    change: str
-
-    @property
-    def key(self) -> str:
-        return f"{self.file} | {self.text} | {self.change}"
+    name: Name
 
 
 @dataclass
@@ -90,22 +101,38 @@ class Rewriter:
     name: str
     source: bytes
     mutants: list[Mutant]
+    function: str = ""
+    """Where `visit` is."""
+    names: Counter[Name] = field(default_factory=Counter)
+    """How many mutants would have had this name; from the second on it carries a number."""
     openings: dict[int, list[str]] = field(default_factory=lambda: defaultdict(list))
     closings: dict[int, list[str]] = field(default_factory=lambda: defaultdict(list))
     replaced: dict[int, tuple[int, str]] = field(default_factory=dict)
 
-    def add(self, node: Any, *changes: str) -> int:
-        """Registers the changes at a node and returns the first one's id."""
+    def add(self, node: Any, *changes: str, within: Any = None) -> int:
+        """Registers what may stand in the node's place and returns the first one's id. `within`: a
+        node around it, whose text then names the mutants."""
         first = len(self.mutants)
-        line = node.extent.start.line
-        text = self.source.decode().splitlines()[line - 1].strip()
-        what = self.source[node.extent.start.offset : node.extent.end.offset].decode()
-        what = " ".join(what.split())
+        around = within or node
+        start, end = node.extent.start.offset, node.extent.end.offset
+        original = self._plain(around.extent.start.offset, around.extent.end.offset)
         for change in changes:
-            self.mutants.append(
-                Mutant(len(self.mutants), self.name, line, text, f"{what}: {change}")
-            )
+            before = self.source[around.extent.start.offset : start].decode()
+            after = self.source[end : around.extent.end.offset].decode()
+            mutated = " ".join(f"{before}{change}{after}".split())
+            name = Name(self.name, self.function, original, mutated)
+            self.names[name] += 1
+            if self.names[name] > 1:
+                name = name._replace(mutated=f"{mutated} [{self.names[name]}]")
+            self.mutants.append(Mutant(len(self.mutants), node.extent.start.line, name))
         return first
+
+    def _plain(self, start: int, end: int) -> str:
+        return " ".join(self.source[start:end].decode().split())
+
+    def text_of(self, node: Any) -> str:
+        """The node's source in one line."""
+        return self._plain(node.extent.start.offset, node.extent.end.offset)
 
     def wrap(self, node: Any, before: str, after: str) -> None:
         """Puts text round a node; outer nodes must be wrapped before inner ones."""
@@ -144,14 +171,25 @@ def operator_token(node: Any, left: Any, right: Any) -> Any:
     return None
 
 
-def visit(node: Any, parent: Any, out: Rewriter, literals: bool) -> None:
-    """Registers what can change at this node, then goes on inside it."""
+def around(node: Any, parents: Sequence[Any]) -> Any:
+    """The nearest node that has more text than this one, or the statement of a bare value."""
+    extent = node.extent
+    for parent in reversed(parents):
+        wider = parent.extent.end.offset - parent.extent.start.offset
+        if wider > extent.end.offset - extent.start.offset:
+            return parent
+    return node
+
+
+def visit(node: Any, parents: Sequence[Any], out: Rewriter, literals: bool) -> None:
+    """Registers what can change at this node, then goes on inside it. parents: outermost first."""
     children = list(node.get_children())
+    inside = (*parents, node)
     if is_constant(node):
         return
     if node.kind == Kind.CASE_STMT:
         for child in children[1:]:
-            visit(child, node, out, literals)
+            visit(child, inside, out, literals)
         return
     if node.kind in (Kind.VAR_DECL, Kind.FUNCTION_DECL, Kind.FIELD_DECL):
         for token in node.get_tokens():
@@ -169,15 +207,18 @@ def visit(node: Any, parent: Any, out: Rewriter, literals: bool) -> None:
         Kind.UNARY_OPERATOR,
         Kind.BINARY_OPERATOR,
     )
-    if statement and parent.kind == Kind.COMPOUND_STMT:
-        number = out.add(node, "deleted")
+    if statement and parents[-1].kind == Kind.COMPOUND_STMT:
+        number = out.add(node, "")
         out.wrap(node, f"if (!mut::is({number})) ", "")
     if node.kind in (Kind.BINARY_OPERATOR, Kind.COMPOUND_ASSIGNMENT_OPERATOR):
         left, right = children
         token = operator_token(node, left, right)
         if token is not None and token.spelling in BINARY:
             name, changes = BINARY[token.spelling]
-            number = out.add(node, *changes)
+            before = out.text_of(left)
+            after = out.text_of(right)
+            changed = [f"{before} {c} {after}" if c else before for c in changes]
+            number = out.add(node, *changed)
             lazy = name in ("land", "lor")
             before, between, after = (
                 (f"mut::{name}({number}, [&] {{ return bool(", "); }, [&] { return bool(", "); })")
@@ -190,14 +231,15 @@ def visit(node: Any, parent: Any, out: Rewriter, literals: bool) -> None:
     elif node.kind == Kind.UNARY_OPERATOR:
         first = next((token.spelling for token in node.get_tokens()), "")
         if first in ("!", "-") and children:
-            number = out.add(node, f"without {first}")
+            number = out.add(node, out.text_of(children[0]), within=around(node, parents))
             out.wrap(node, f"mut::{'lnot' if first == '!' else 'neg'}({number}, ", ")")
             out.replaced[node.extent.start.offset] = (1, " ")
     elif node.kind == Kind.INTEGER_LITERAL and literals:
-        number = out.add(node, "+ 1")
+        number = out.add(node, f"({out.text_of(node)} + 1)", within=around(node, parents))
         out.wrap(node, f"mut::lit({number}, ", ")")
     elif node.kind == Kind.CXX_BOOL_LITERAL_EXPR:
-        number = out.add(node, "flipped")
+        flipped = "false" if out.text_of(node) == "true" else "true"
+        number = out.add(node, flipped, within=around(node, parents))
         out.wrap(node, f"mut::cond({number}, ", ")")
     if node.kind in (Kind.IF_STMT, Kind.CONDITIONAL_OPERATOR, Kind.WHILE_STMT) and children:
         condition = children[0]
@@ -207,11 +249,11 @@ def visit(node: Any, parent: Any, out: Rewriter, literals: bool) -> None:
                 break
             condition = inner[0]
         if condition.kind not in (Kind.BINARY_OPERATOR, Kind.UNARY_OPERATOR):
-            number = out.add(condition, "negated")
+            number = out.add(condition, f"!({out.text_of(condition)})")
             out.wrap(condition, f"mut::cond({number}, bool(", "))")
     inner_literals = literals and node.kind != Kind.INIT_LIST_EXPR
     for child in children:
-        visit(child, node, out, inner_literals)
+        visit(child, inside, out, inner_literals)
 
 
 def mutate_file(name: str, mutants: list[Mutant]) -> str:
@@ -239,7 +281,8 @@ def mutate_file(name: str, mutants: list[Mutant]) -> str:
                 and name.endswith(".cpp")
                 and "[" not in child.type.spelling
             ):
-                visit(child, node, out, True)
+                out.function = child.spelling
+                visit(child, (node,), out, True)
 
     descend(unit.cursor)
     return out.text()
@@ -264,7 +307,7 @@ def build(mutants: list[Mutant]) -> Path:
     for path in [*sources.glob("*.cpp"), *TESTS.glob("*.cpp")]:
         target = OUT / f"{path.parent.name}_{path.stem}.o"
         objects.append(str(target))
-        flags = ["-std=c++17", "-O0", "-w", f"-I{sources}", "-I/usr/include/doctest"]
+        flags = ["-std=c++17", "-O1", "-w", *SANITIZE, f"-I{sources}", "-I/usr/include/doctest"]
         commands.append(["g++", *flags, "-c", str(path), "-o", str(target)])
     with ThreadPoolExecutor(2) as pool:
         for done in pool.map(
@@ -272,7 +315,7 @@ def build(mutants: list[Mutant]) -> Path:
         ):
             if done.returncode != 0:
                 raise SystemExit(done.stderr[:4000])
-    subprocess.run(["g++", "-o", str(binary), *objects], check=True)
+    subprocess.run(["g++", *SANITIZE, "-o", str(binary), *objects], check=True)
     return binary
 
 
@@ -289,6 +332,21 @@ def survives(binary: Path, mutant: int) -> bool:
     return done.returncode == 0
 
 
+def read_list() -> set[Name]:
+    """The mutants that are known to be equivalent."""
+    if not EQUIVALENT.exists():
+        return set()
+    try:
+        entries = tomllib.loads(EQUIVALENT.read_text())["equivalent"]
+        names = [Name(*(entry[key] for key in Name._fields)) for entry in entries]
+        bare = [name for name, entry in zip(names, entries, strict=True) if not entry["reason"]]
+    except (tomllib.TOMLDecodeError, KeyError) as error:
+        raise SystemExit(f"{EQUIVALENT}: not a list of [[equivalent]]: {error}") from error
+    if bare:
+        raise SystemExit(f"{EQUIVALENT}: no reason is given for {bare[0]}")
+    return set(names)
+
+
 def main() -> int:
     """Builds, runs every mutant, prints the table and the survivors."""
     mutants: list[Mutant] = []
@@ -299,21 +357,22 @@ def main() -> int:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(lambda m: survives(binary, m.id), mutants))
     alive = [mutant for mutant, survived in zip(mutants, results, strict=True) if survived]
-    listed: dict[str, str] = {}
-    if EQUIVALENT.exists():
-        listed = tomllib.loads(EQUIVALENT.read_text())["equivalent"]
-    total, left = Counter(m.file for m in mutants), Counter(m.file for m in alive)
+    listed = read_list()
+    total = Counter(mutant.name.file for mutant in mutants)
+    left = Counter(mutant.name.file for mutant in alive)
     print(f"{'file':<18}{'mutants':>8}{'killed':>8}{'survive':>9}")
     for name in FILES:
         print(f"{name:<18}{total[name]:>8}{total[name] - left[name]:>8}{left[name]:>9}")
     print(f"{'total':<18}{len(mutants):>8}{len(mutants) - len(alive):>8}{len(alive):>9}")
-    unlisted = [mutant for mutant in alive if mutant.key not in listed]
-    stale = set(listed) - {mutant.key for mutant in alive}
+    unlisted = [mutant for mutant in alive if mutant.name not in listed]
     for mutant in unlisted:
-        print(f"SURVIVES {mutant.file}:{mutant.line}: {mutant.key}")
-    for key in sorted(stale):
-        print(f"LISTED BUT KILLED OR GONE {key}")
-    print(f"{len(alive) - len(unlisted)} survivors are listed as equivalent in {EQUIVALENT.name}")
+        print(f"SURVIVES {mutant.line} {mutant.name}")
+    stale = listed - {mutant.name for mutant in alive}
+    for stale_name in sorted(stale):
+        print(f"LISTED BUT KILLED OR GONE {stale_name}")
+    if not unlisted:
+        count = len(alive)
+        print(f"no unlisted survivor; {count} are listed as equivalent in {EQUIVALENT.name}")
     return 1 if unlisted or stale else 0
 
 

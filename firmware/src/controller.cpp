@@ -11,6 +11,7 @@ using protocol::State;
 namespace {
 
 constexpr uint8_t kTelemetryTicks = 4;  // 50 Hz
+constexpr uint8_t kFewCommands = 2;     // in a tick that has time for configure()
 
 // What a channel measures: `scale` is what 5 V mean times 2^14 / kAnalogMax.
 int16_t measured(const Board &board, Analog channel, int32_t scale) {
@@ -38,6 +39,7 @@ void Controller::configure() {
   steering_.configure(params_);
   drive_.configure(params_);
   hall_.configure(params_);
+  supervisor_.recalibrated();
 }
 
 void Controller::tick(Board &board) {
@@ -45,11 +47,14 @@ void Controller::tick(Board &board) {
   hil_ = false;
   Command command;
   uint8_t byte;
+  uint8_t commands = 0;
   while (board.receive(&byte)) {
-    if (parser_.feed(byte, &command)) take(board, command);
+    if (!parser_.feed(byte, &command)) continue;
+    take(board, command);
+    ++commands;
   }
-  // Once a tick, however many parameters came in it: this is full of divisions.
-  if (unconfigured_) configure();
+  // Full of divisions: it waits for a tick that a full line leaves time for, and ARM waits for it.
+  if (unconfigured_ && commands <= kFewCommands) configure();
   const Params::Saving saving = params_.step_save(board);
   if (saving == Params::Saving::kDone || saving == Params::Saving::kFailed) {
     const bool done = saving == Params::Saving::kDone;
@@ -74,7 +79,7 @@ void Controller::take(Board &board, const Command &command) {
       break;
     case Arm::kId: {
       const Arm arm = Arm::read(command.payload);
-      const bool still = asked_.speed == 0 && !params_.saving();
+      const bool still = asked_.speed == 0 && !params_.saving() && !unconfigured_;
       const Result result = supervisor_.arm(arm.protocol_version, still);
       if (result == Result::OK) asked_ = Asked{};
       acknowledge(board, command, result);
@@ -159,14 +164,14 @@ void Controller::observe(Board &board) {
       pot_.calibrated()) {
     angle_ = pot_.angle(seen.pot);
   }
-  hall_.step(board.hall_pulses(), drive_duty_);
+  hall_.step(board.hall_pulses(), drive_duty_, drive_.setpoint());
   battery_ = measured(board, Analog::kBattery, kBatteryScale);
   seen.angle = angle_;
   seen.battery = battery_;
   seen.steer_current = measured(board, Analog::kSteerCurrent, kCurrentScale);
   seen.drive_current = measured(board, Analog::kDriveCurrent, kCurrentScale);
   seen.estop_open = board.pin(pins::kEstop);
-  seen.hall_silent = hall_.lost(drive_.setpoint());
+  seen.hall_silent = hall_.lost();
   seen.params_bad = params_bad_ || !pot_.calibrated();
   seen.ident_limit = ident_limit_;
   seen.steer_duty = steer_duty_;

@@ -61,7 +61,7 @@ class Controller {
   Command save_request_{};  // answered when the save is done
   BridgeStyle steer_style_ = BridgeStyle::kL298n;
   BridgeStyle drive_style_ = BridgeStyle::kL298n;
-  bool unconfigured_ = false;  // parameters changed in this tick
+  bool unconfigured_ = false;  // parameters have changed since configure()
   bool params_bad_ = false;
   bool ident_limit_ = false;
   bool hil_ = false;  // HilSensors came in this tick

@@ -8,36 +8,43 @@ using protocol::Param;
 
 namespace {
 constexpr uint16_t kStandsTicks = 1000 / kTickMs;  // no pulse for so long: standing
-constexpr uint16_t kLostTicks = 2000 / kTickMs;
-constexpr int16_t kLostSpeed = 100;   // mm/s: slower may well give no pulse
-constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
-constexpr int32_t kFreshMax = 1000;   // pulses in a tick
+constexpr int32_t kTicksPerSecond = 1000 / kTickMs;
+constexpr int32_t kLostDistance = 250;  // mm
+constexpr int16_t kSlow = 100;          // mm/s: a machine in mud may stand still at less
+constexpr int32_t kErrorMax = 10000;    // mm/s, keeps the products within 32 bits
+constexpr int32_t kFreshMax = 1000;     // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
 constexpr int32_t kHalf = int32_t{1} << 15;
 }  // namespace
 
 void Hall::configure(const Params &params) {
   per_metre_ = params[Param::hall_per_metre];
+  if (per_metre_ == 0) {
+    speed_ = kNone;
+    return;
+  }
   // A pulse is 10000 / per_metre_ mm.
-  one_ = per_metre_ == 0 ? 0 : divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
-  if (per_metre_ == 0) speed_ = kNone;
+  one_ = divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
+  const int32_t three_pulses = int32_t{30000} / per_metre_;  // mm
+  patience_ = (three_pulses > kLostDistance ? three_pulses : kLostDistance) * kTicksPerSecond;
 }
 
-void Hall::step(uint16_t pulses, int16_t duty) {
+void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
   const uint16_t fresh = static_cast<uint16_t>(pulses - last_);
   last_ = pulses;
   if (per_metre_ == 0) return;
   if (duty != 0) backward_ = duty < 0;
   if (silent_ != UINT16_MAX) ++silent_;
-  if (driven_ != UINT16_MAX) ++driven_;
-  if (duty == 0 || fresh != 0) driven_ = 0;
+  if (duty == 0 || fresh != 0) {
+    awaited_ = 0;
+  } else if (magnitude(setpoint) >= kSlow) {
+    awaited_ += magnitude(setpoint);
+  }
 
   int32_t speed = magnitude(speed_ == kNone ? 0 : speed_);
   if (fresh != 0) {
     // The first pulse after standing tells nothing about the time since the one before.
-    speed = silent_ > kStandsTicks
-                ? 0
-                : clamp(one_ * clamp(fresh, 0, kFreshMax) / silent_, 0, INT16_MAX);
+    speed = silent_ > kStandsTicks ? 0 : least(one_ * least(fresh, kFreshMax) / silent_, INT16_MAX);
     silent_ = 0;
     remainder_ += fresh * int32_t{10000};
     const int32_t whole = remainder_ / per_metre_;
@@ -49,10 +56,6 @@ void Hall::step(uint16_t pulses, int16_t duty) {
     speed = one_ / silent_;
   }
   speed_ = static_cast<int16_t>(backward_ ? -speed : speed);
-}
-
-bool Hall::lost(int16_t setpoint) const {
-  return per_metre_ != 0 && magnitude(setpoint) >= kLostSpeed && driven_ >= kLostTicks;
 }
 
 void Drive::configure(const Params &params) {
@@ -78,8 +81,8 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery) {
     return 0;
   }
   const bool backward = wanted < 0;
-  int32_t size = clamp(((magnitude(wanted) * forward_ + kHalf) >> 16) + floor_, 0, 255);
-  if (nominal_ != 0) size = clamp(size * nominal_ / (battery < 1000 ? 1000 : battery), 0, 255);
+  int32_t size = least(((magnitude(wanted) * forward_ + kHalf) >> 16) + floor_, 255);
+  if (nominal_ != 0) size = least(size * nominal_ / (battery < 1000 ? 1000 : battery), 255);
   int32_t duty = backward ? -size : size;
   if (measured != Hall::kNone) {
     // Never against the setpoint: plugging strains the gear.

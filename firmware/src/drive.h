@@ -11,14 +11,14 @@ namespace daranti {
 class Hall {
  public:
   void configure(const Params &params);
-  // One tick. pulses: counter modulo 65536; duty: the one that was applied.
-  void step(uint16_t pulses, int16_t duty);
+  // One tick. pulses: counter modulo 65536; duty, setpoint (mm/s): those that were applied.
+  void step(uint16_t pulses, int16_t duty, int16_t setpoint);
   // mm/s; kNone where no sensor is configured.
   int16_t speed() const { return speed_; }
   // mm, signed, since boot.
   int32_t distance() const { return distance_; }
-  // Driven at a speed that must give pulses, yet none came for two seconds.
-  bool lost(int16_t setpoint) const;
+  // Driven for 0.25 m or three pulses' distance, whichever is more, without a pulse.
+  bool lost() const { return per_metre_ != 0 && awaited_ >= patience_; }
 
   static constexpr int16_t kNone = INT16_MIN;
 
@@ -27,9 +27,10 @@ class Hall {
   int32_t one_ = 0;        // mm/s where a pulse comes in every tick
   int32_t distance_ = 0;
   int32_t remainder_ = 0;  // of a millimetre, in 1/per_metre_ mm
+  int32_t awaited_ = 0;    // mm/s times ticks that should have been travelled since the last pulse
+  int32_t patience_ = 0;   // of them, until the sensor counts as lost
   uint16_t last_ = 0;
   uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
-  uint16_t driven_ = 0;           // ticks driven since then
   int16_t speed_ = kNone;
   bool backward_ = false;
 };

@@ -8,6 +8,8 @@ inline int32_t clamp(int32_t value, int32_t low, int32_t high) {
   return value < low ? low : value > high ? high : value;
 }
 
+inline int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
+
 inline int16_t saturate16(int32_t value) {
   return static_cast<int16_t>(clamp(value, INT16_MIN, INT16_MAX));
 }

@@ -4,14 +4,20 @@
 
 namespace daranti {
 
+// In bytes, which is what the AVR shifts well.
 uint16_t crc16(uint16_t crc, uint8_t byte) {
   uint8_t x = static_cast<uint8_t>((crc >> 8) ^ byte);
   x = static_cast<uint8_t>(x ^ (x >> 4));
-  return static_cast<uint16_t>((crc << 8) ^ (static_cast<uint16_t>(x) << 12) ^
-                               (static_cast<uint16_t>(x) << 5) ^ x);
+  const uint8_t by_12 = static_cast<uint8_t>(x << 4);
+  const uint8_t by_5_high = static_cast<uint8_t>(x >> 3);
+  const uint8_t by_5_low = static_cast<uint8_t>(x << 5);
+  const uint8_t high = static_cast<uint8_t>(crc ^ by_12 ^ by_5_high);
+  return static_cast<uint16_t>(high << 8 | (x ^ by_5_low));
 }
 
 namespace {
+
+constexpr uint8_t kBodyOverhead = 4;  // id, seq, two of CRC
 
 // Appends bytes to a frame under construction, stuffing zeros as they come.
 class Stuffer {
@@ -42,32 +48,25 @@ class Stuffer {
 
 // Decodes `size` stuffed bytes, none of them zero, as one command.
 bool decode(const uint8_t *stuffed, uint8_t size, Command *command) {
-  const uint8_t body = static_cast<uint8_t>(size - 1);
-  const uint8_t length = static_cast<uint8_t>(body - 4);  // of the payload
-  uint8_t tail[2];
-  uint16_t crc = 0xFFFF;
-  uint8_t next = stuffed[0];  // where the next zero stands
-  for (uint8_t i = 1; i <= body; ++i) {
-    uint8_t byte = stuffed[i];
-    if (i == next) {
-      next = static_cast<uint8_t>(i + byte);
-      if (next > size) return false;
-      byte = 0;
-    }
-    const uint8_t at = static_cast<uint8_t>(i - 1);
-    if (at < body - 2) crc = crc16(crc, byte);
-    if (at == 0) {
-      if (protocol::command_size(byte) != length) return false;
-      command->id = byte;
-    } else if (at == 1) {
-      command->seq = byte;
-    } else if (at < body - 2) {
-      command->payload[at - 2] = byte;
-    } else {
-      tail[at - (body - 2)] = byte;
-    }
+  uint8_t left = stuffed[0];  // bytes to the next zero
+  if (left == 1 || protocol::command_size(stuffed[1]) + kFrameOverhead - 1 != size) return false;
+  uint8_t body[protocol::kMaxCommandSize + kBodyOverhead];
+  const uint8_t count = static_cast<uint8_t>(size - 1);
+  for (uint8_t i = 0; i < count; ++i) {
+    const uint8_t byte = stuffed[i + 1];
+    --left;
+    body[i] = left == 0 ? uint8_t{0} : byte;
+    if (left == 0) left = byte;
   }
-  return next == size && crc == (tail[0] | static_cast<uint16_t>(tail[1]) << 8);
+  if (left != 1) return false;
+  const uint8_t covered = static_cast<uint8_t>(count - 2);
+  uint16_t crc = 0xFFFF;
+  for (uint8_t i = 0; i < covered; ++i) crc = crc16(crc, body[i]);
+  if (crc != (body[covered] | static_cast<uint16_t>(body[covered + 1]) << 8)) return false;
+  command->id = body[0];
+  command->seq = body[1];
+  memcpy(command->payload, body + 2, static_cast<size_t>(covered - 2));
+  return true;
 }
 
 }  // namespace
@@ -88,22 +87,18 @@ uint8_t encode(uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size, ui
 
 bool Parser::feed(uint8_t byte, Command *command) {
   if (byte != 0) {
-    if (count_ == kMax) {
-      memmove(run_, run_ + 1, kMax - 1);
-      run_[kMax - 1] = byte;
-      overlong_ = true;
-    } else {
-      run_[count_++] = byte;
+    if (count_ == sizeof run_) {
+      memcpy(run_, run_ + kMax, kMax);
+      count_ = kMax;
     }
+    run_[count_++] = byte;
     return false;
   }
   const uint8_t count = count_;
-  const bool overlong = overlong_;
   count_ = 0;
-  overlong_ = false;
-  for (uint8_t size = count; size >= kMin; --size) {
+  for (uint8_t size = count < kMax ? count : kMax; size >= kMin; --size) {
     if (!decode(run_ + (count - size), size, command)) continue;
-    if ((overlong || size != count) && bad_ != UINT16_MAX) ++bad_;
+    if (size != count && bad_ != UINT16_MAX) ++bad_;
     return true;
   }
   if (count != 0 && bad_ != UINT16_MAX) ++bad_;

@@ -36,9 +36,8 @@ class Parser {
   static constexpr uint8_t kMax = protocol::kMaxCommandSize + kFrameOverhead - 1;
   static constexpr uint8_t kMin = protocol::kMinCommandSize + kFrameOverhead - 1;
 
-  uint8_t run_[kMax];      // the last bytes since the last zero
-  uint8_t count_ = 0;      // of them
-  bool overlong_ = false;  // more came than run_ holds
+  uint8_t run_[2 * kMax];  // the bytes since the last zero: at least the last kMax of them
+  uint8_t count_ = 0;      // of them; above kMax once more than kMax have come
   uint16_t bad_ = 0;
 };
 

@@ -27,11 +27,14 @@ Result Params::set(uint8_t id, int16_t value) {
   const ParamRange range = param_range(id);
   if (value < range.low || value > range.high) return Result::OUT_OF_RANGE;
   values_[id] = value;
+  all_default_ = false;
   return Result::OK;
 }
 
 void Params::set_defaults() {
-  for (uint8_t id = 0; id < protocol::kParams; ++id) values_[id] = param_range(id).initial;
+  if (all_default_) return;
+  all_default_ = true;
+  for (uint8_t id = 0; id < protocol::kParams; ++id) values_[id] = flash_read(kRanges[id]);
 }
 
 bool Params::load(const Board &board) {

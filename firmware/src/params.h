@@ -49,6 +49,7 @@ class Params {
   int16_t values_[protocol::kParams];
   uint16_t save_at_ = kNotSaving;  // next byte to write, from kBlock on to read back
   uint16_t save_crc_ = 0;
+  bool all_default_ = false;  // set_defaults() has nothing to do
 };
 
 }  // namespace daranti

@@ -45,7 +45,7 @@ int16_t pid_step(PidState &state, const PidCoefficients &coefficients, int16_t s
   const int32_t grown =
       clamp(state.integral + coefficients.ki * error, -kIntegralMax, kIntegralMax);
   const int32_t back =
-      clamp((magnitude(output - sum) >> 14) * coefficients.track, 0, kIntegralMax >> 4) * 16;
+      least((magnitude(output - sum) >> 14) * coefficients.track, kIntegralMax >> 4) * 16;
   state.integral = grown > 0 ? clamp(grown - (sum > output ? back : 0), 0, grown)
                              : clamp(grown + (sum < output ? back : 0), grown, 0);
   return static_cast<int16_t>((output + (int32_t{1} << 15)) >> 16);

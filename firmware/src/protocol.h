@@ -352,7 +352,7 @@ enum class Param : uint8_t {
   steer_current_max,  // 0.01 A
   drive_current_max,  // 0.01 A
   stall_current,  // 0.01 A; a driven, motionless steering above it is stalled, below it its potentiometer is frozen
-  stall_time,  // 1 ms; driven without movement for this long is a stall or a frozen potentiometer
+  stall_time,  // 1 ms; driven at full duty without movement for this long is a stall or a frozen potentiometer; at less duty longer, in proportion to what is above steer_min_duty
   ident_duty_max,  // 1 duty
   ident_angle_max,  // 0.01 deg
   ident_time_max,  // 1 ms; longest duration that Ident may ask for
@@ -396,7 +396,7 @@ constexpr uint8_t kParams = 39;
   X(steer_current_max, 2000, 50, 4900) \
   X(drive_current_max, 4000, 50, 4900) \
   X(stall_current, 300, 10, 4900) \
-  X(stall_time, 500, 100, 3000) \
+  X(stall_time, 250, 100, 3000) \
   X(ident_duty_max, 200, 10, 255) \
   X(ident_angle_max, 3500, 500, 4500) \
   X(ident_time_max, 3000, 100, 10000)

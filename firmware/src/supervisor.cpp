@@ -15,12 +15,13 @@ constexpr uint16_t ticks(uint16_t ms) { return ms / kTickMs; }
 // The command was taken up to one tick after its last byte came: 245 + 5 ms.
 constexpr uint8_t kLinkTicks = static_cast<uint8_t>(ticks(250) - 1);
 constexpr uint16_t kPotTicks = 2;
-constexpr uint16_t kCurrentTicks = ticks(50);       // longer than a motor's inrush behind the slew
-constexpr uint16_t kBatteryLowTicks = ticks(1000);  // longer than the sag of a start
+constexpr uint16_t kCurrentTicks = ticks(50);      // longer than a motor's inrush behind the slew
+constexpr uint16_t kBatteryLowTicks = ticks(600);  // longer than the sag of a start
 constexpr uint16_t kBatteryHighTicks = ticks(100);
 constexpr int16_t kStillBand = 60;   // centidegree: more than the pot's noise
-constexpr int16_t kDrivenHard = 50;  // duty above the minimum duty
-constexpr int16_t kRunaway = 1000;   // centidegree: more than a reversing motor coasts
+constexpr int16_t kDrivenHard = 50;  // duty above the minimum: enough for a wheel to move
+constexpr int16_t kFullDuty = 255;
+constexpr int16_t kRunaway = 1000;  // centidegree: more than a reversing motor coasts
 
 constexpr uint8_t kBrownOutReset = 1U << 2;
 constexpr uint8_t kWatchdogReset = 1U << 3;
@@ -40,14 +41,17 @@ uint32_t MotionWatch::step(const Params &params, const Observation &seen) {
     found |= protocol::POT_JUMP;
   }
 
-  const bool hard = magnitude(seen.steer_duty) >= params[Param::steer_min_duty] + kDrivenHard;
-  if (!hard || magnitude(static_cast<int32_t>(seen.angle) - anchor_) > kStillBand) {
+  // A motor moves the faster the farther its duty is above the minimum: what counts is the time
+  // weighted with that, so that full duty is judged soonest.
+  const int16_t floor = params[Param::steer_min_duty];
+  const int32_t effort = magnitude(seen.steer_duty) - floor;
+  if (effort < kDrivenHard || magnitude(static_cast<int32_t>(seen.angle) - anchor_) > kStillBand) {
     anchor_ = seen.angle;
-    still_ = 0;
+    effort_ = 0;
   } else {
-    ++still_;
+    effort_ += effort * kTickMs;
   }
-  if (still_ >= params[Param::stall_time] / kTickMs) {
+  if (effort_ >= static_cast<int32_t>(params[Param::stall_time]) * (kFullDuty - floor)) {
     const bool loaded = seen.steer_current >= params[Param::stall_current];
     found |= loaded ? protocol::STEER_STALL : protocol::POT_FROZEN;
   }

@@ -23,16 +23,24 @@ struct Observation {
   int16_t steer_duty;  // applied during the last tick
 };
 
-// Counts ticks in a row; true from `enough` on.
+// Fills while bad and drains while good, four times slower: a spike is forgiven, but what is bad
+// for more than a fifth of the time adds up, however it is interrupted.
 class Debounce {
  public:
+  // True where this tick is bad and there have been `enough` of them; enough: 1..16000.
   bool step(bool bad, uint16_t enough) {
-    count_ = static_cast<uint16_t>(!bad ? 0 : count_ < enough ? count_ + 1 : enough);
-    return bad && count_ >= enough;
+    const uint16_t full = static_cast<uint16_t>(enough * kFill);
+    if (bad) {
+      fill_ = static_cast<uint16_t>(full - fill_ > kFill ? fill_ + kFill : full);
+    } else if (fill_ != 0) {
+      --fill_;
+    }
+    return bad && fill_ == full;
   }
 
  private:
-  uint16_t count_ = 0;
+  static constexpr uint8_t kFill = 4;
+  uint16_t fill_ = 0;
 };
 
 // Steering that moves although, against, or not at all as it is driven.
@@ -43,9 +51,9 @@ class MotionWatch {
 
  private:
   int16_t last_angle_ = 0;
-  int16_t anchor_ = 0;   // angle where the motionless time began
+  int16_t anchor_ = 0;   // angle where the wheel last moved
   int16_t against_ = 0;  // centidegrees moved against the duty
-  uint16_t still_ = 0;   // ticks driven hard within the band round the anchor
+  int32_t effort_ = 0;   // duty above the minimum times ms, spent in vain since then
   bool primed_ = false;
 };
 
@@ -58,6 +66,8 @@ class Supervisor {
   void stop();
   protocol::Result arm(uint8_t version, bool standstill_asked);
   protocol::Result clear();
+  // The angle means something else from now on: its next change is no movement.
+  void recalibrated() { motion_ = MotionWatch(); }
   // A valid DRIVE or IDENT came: the link lives. moving: a speed other than zero is asked.
   void command(bool moving);
 

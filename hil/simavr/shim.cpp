@@ -488,9 +488,14 @@ int32_t target_hang(daranti_target *target) {
 // ---- beyond the ABI: measurements for tools/avr_budget.py
 // ---------------------------------------
 
-void probe_start(daranti_target *target) { target->probing = true; }
+// Begins, or begins anew: what was found so far is forgotten.
+void probe_start(daranti_target *target) {
+  target->probing = true;
+  target->tick_worst = target->masked_worst = 0;
+}
 
-// Cycles of the longest tick, and of the longest time with interrupts off.
+// Since then, cycles of the longest tick, and of the longest time with
+// interrupts off.
 void probe_read(const daranti_target *target, uint64_t *tick,
                 uint64_t *masked) {
   *tick = target->tick_worst;

@@ -201,7 +201,7 @@ def pot_freezes(make: Maker) -> Bench:
     bench = bench_running(make)
     bench.pot_mv = bench.actuator.pot_mv()
     bench.ask(steer_deg=20.0, speed=0.5)
-    return faulted(bench, Fault.POT_FROZEN, 900)
+    return faulted(bench, Fault.POT_FROZEN, 400)
 
 
 @scenario
@@ -210,7 +210,7 @@ def steering_stalls(make: Maker) -> Bench:
     bench.actuator.jammed = True
     bench.target.set_analog_mv(STEER_SENSE, 800)
     bench.ask(steer_deg=20.0, speed=0.5)
-    return faulted(bench, Fault.STEER_STALL, 900)
+    return faulted(bench, Fault.STEER_STALL, 400)
 
 
 @scenario
@@ -238,7 +238,7 @@ def drive_draws_too_much(make: Maker) -> Bench:
 def battery_falls(make: Maker) -> Bench:
     bench = bench_running(make)
     bench.target.set_analog_mv(BATTERY, 2400)
-    return faulted(bench, Fault.BATTERY_LOW, 1020)
+    return faulted(bench, Fault.BATTERY_LOW, 620)
 
 
 @scenario
@@ -260,7 +260,7 @@ def hall_sensor_closes_the_loop_and_goes_silent(make: Maker) -> Bench:
     assert bench.last.speed == pytest.approx(0.4, abs=0.03)
     assert bench.last.distance == pytest.approx(bench.wheel_m, abs=0.06)
     bench.hall_per_metre = 0.0
-    return faulted(bench, Fault.HALL_LOST, 2100)
+    return faulted(bench, Fault.HALL_LOST, 750)
 
 
 @scenario

@@ -225,8 +225,7 @@ void UnoBoard::set_pin(uint8_t pin, bool level) { connect(port_of(pin), mask_of(
 
 // At 0 the pin is taken from its timer, so that off means off at once and without a glitch.
 void UnoBoard::set_pwm(uint8_t pin, uint8_t duty) {
-  const uint16_t steer =
-      static_cast<uint16_t>((static_cast<uint32_t>(duty) * steer_top_ + 127) / 255);
+  const uint16_t steer = static_cast<uint16_t>((steer_scale_ * duty + (uint32_t{1} << 15)) >> 16);
   switch (pin) {
     case pins::kSteerEnable:
       ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { OCR1A = steer; }
@@ -250,8 +249,8 @@ void UnoBoard::set_pwm(uint8_t pin, uint8_t duty) {
 void UnoBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
   // Timer 1: phase and frequency correct, top in ICR1 (15.9.5). 123 Hz and up fit 16 bits.
   const uint32_t top = (F_CPU / 2 + steer_hz - 1) / steer_hz;
-  steer_top_ = static_cast<uint16_t>(top > UINT16_MAX ? UINT16_MAX : top);
-  ICR1 = steer_top_;
+  ICR1 = static_cast<uint16_t>(top > UINT16_MAX ? UINT16_MAX : top);
+  steer_scale_ = ((static_cast<uint32_t>(ICR1) << 16) + 254) / 255;
   TCCR1A = 0;
   TCCR1B = _BV(WGM13) | _BV(CS10);
   // Timer 2: phase correct, top 255 (17.7.4): 16 MHz / 510 / prescaler.

@@ -30,7 +30,7 @@ class UnoBoard : public Board {
 
  private:
   uint32_t tick_us_ = 0;
-  uint16_t steer_top_ = 400;
+  uint32_t steer_scale_ = 0;  // timer 1's compare value for a duty of 1, 2^-16
 };
 
 // For a bench without a digital-to-analog converter: what the sensors read comes over the link,

@@ -71,6 +71,7 @@ class FakeBoard final : public Board {
   void set_pin(uint8_t pin, bool level) override { pin_out[pin] = level; }
   void set_pwm(uint8_t pin, uint8_t duty) override {
     order.push_back(pin);
+    if (duty > highest) highest = duty;
     pwm[pin] = duty;
   }
   void set_pwm_frequency(uint16_t steer, uint16_t drive) override {
@@ -109,6 +110,7 @@ class FakeBoard final : public Board {
   bool pin_out[20] = {};
   uint8_t pwm[20] = {};
   std::vector<uint8_t> order;  // of PWM pins written
+  uint8_t highest = 0;         // duty written
   uint16_t steer_hz = 0;
   uint16_t drive_hz = 0;
   std::deque<uint8_t> input;

@@ -121,6 +121,104 @@ TEST_CASE("The speed loop does not wind up at the limit") {
   }
 }
 
+TEST_CASE("At the limit even the smallest error winds nothing up") {
+  for (const int16_t sign : {1, -1}) {
+    const auto speed = [sign](int mmps) { return static_cast<int16_t>(sign * mmps); };
+    Drive drive = drive_with({{Param::drive_kp, 1000}, {Param::drive_ki, 2000}});
+    settle(drive, speed(1000));
+    settle(drive, speed(1000), speed(999), 12000, 20000);
+    Drive fresh = drive_with({{Param::drive_kp, 1000}, {Param::drive_ki, 2000}});
+    settle(fresh, speed(1000));
+    CHECK(drive.step(speed(1000), speed(1200), 12000) ==
+          fresh.step(speed(1000), speed(1200), 12000));
+  }
+}
+
+TEST_CASE("The integral holds at most the full duty") {
+  for (const int16_t sign : {1, -1}) {
+    const auto speed = [sign](int mmps) { return static_cast<int16_t>(sign * mmps); };
+    Drive drive =
+        drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 2000}, {Param::speed_full, 10000}});
+    CHECK(settle(drive, speed(1), speed(-20000), 12000, 60) == sign * 255);
+    // 10 m/s too fast at 200 duty/m: 10.0 duty a tick.
+    drive.step(speed(1), speed(20000), 12000);
+    CHECK(drive.step(speed(1), speed(20000), 12000) == sign * 245);
+  }
+}
+
+TEST_CASE("A speed error beyond 10 m/s counts as 10 m/s") {
+  // 5 raw is 0.5 duty/m or, rounded to 2^-20, 0.0286 duty a tick at 10 m/s: 10.49 after 367 ticks.
+  Drive drive =
+      drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 5}, {Param::speed_full, 10000}});
+  CHECK(settle(drive, 1, -20000, 12000, 368) == 10);
+}
+
+TEST_CASE("Gains and ramps are rounded to their last digit") {
+  Drive loop =
+      drive_with({{Param::drive_kp, 999}, {Param::drive_ki, 0}, {Param::speed_full, 10000}});
+  CHECK(settle(loop, 1, -865) == 87);
+  Drive slow =
+      drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 350}, {Param::speed_full, 10000}});
+  // 183.5 rounds to 184 in 2^-20 duty per mm/s and tick.
+  CHECK(settle(slow, 1, -9999, 12000, 58) == 100);
+  Drive ramp = drive_with({{Param::drive_accel, 4994}, {Param::speed_max, 3000}});
+  for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000);
+  CHECK(ramp.setpoint() == 400);
+  Drive sum = drive_with({{Param::drive_kp, 125}, {Param::drive_ki, 0}, {Param::speed_full, 1275}});
+  CHECK(settle(sum, 1000) == 200);
+  CHECK(settle(sum, 1000, 800) == 202);
+}
+
+TEST_CASE("At no duty, too much speed winds the integral down by one tick only") {
+  for (const int16_t sign : {1, -1}) {
+    const auto speed = [sign](int mmps) { return static_cast<int16_t>(sign * mmps); };
+    Drive drive =
+        drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 2000}, {Param::speed_full, 10000}});
+    settle(drive, speed(1), speed(20000), 12000, 50);
+    CHECK(drive.step(speed(1), speed(-20000), 12000) == 0);
+    CHECK(drive.step(speed(1), speed(-20000), 12000) == 0);
+    CHECK(drive.step(speed(1), speed(-20000), 12000) == sign * 10);
+  }
+}
+
+TEST_CASE("The duty may be nothing while a speed is asked, and never more than full") {
+  Drive crawl = drive_with({{Param::speed_full, 10000}});
+  CHECK(settle(crawl, 1) == 0);
+  CHECK(settle(crawl, -1) == 0);
+  Drive bare = drive_with({{Param::battery_nominal, 0}, {Param::speed_full, 500}});
+  CHECK(settle(bare, 1000) == 255);
+  Drive weak = drive_with({});
+  CHECK(settle(weak, 82, Hall::kNone, 500) == 252);
+}
+
+TEST_CASE("A release empties ramp and integral") {
+  for (const int16_t sign : {1, -1}) {
+    const auto speed = [sign](int mmps) { return static_cast<int16_t>(sign * mmps); };
+    Drive drive = drive_with({{Param::drive_kp, 0}, {Param::drive_accel, 5000}});
+    settle(drive, speed(500), speed(300), 12000, 400);
+    drive.release();
+    Drive fresh = drive_with({{Param::drive_kp, 0}, {Param::drive_accel, 5000}});
+    CHECK(drive.step(speed(500), speed(25), 12000) == fresh.step(speed(500), speed(25), 12000));
+  }
+  // Half a duty, less the last bit, is none.
+  const auto last_bit = [](Drive drive) {
+    for (int i = 0; i < 52; ++i) drive.step(1, 1 - 10000, 12000);
+    drive.step(1, 1 - 4287, 12000);
+    return drive.step(1, 1, 12000);
+  };
+  Drive fine = drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 1}, {Param::speed_full, 10000}});
+  CHECK(last_bit(fine) == 0);
+  fine.release();
+  CHECK(last_bit(fine) == 0);
+  fine.step(0, 0, 12000);
+  CHECK(last_bit(fine) == 0);
+  // 15/16 mm/s a tick.
+  Drive slow = drive_with({{Param::drive_accel, 188}});
+  slow.release();
+  slow.step(1000, Hall::kNone, 12000);
+  CHECK(slow.setpoint() == 0);
+}
+
 TEST_CASE("Standstill empties the speed loop") {
   Drive drive = drive_with({{Param::drive_kp, 0}});
   settle(drive, 500, 300);
@@ -132,22 +230,23 @@ TEST_CASE("Standstill empties the speed loop") {
 
 TEST_CASE("Without a sensor there is neither speed nor distance") {
   Hall hall = hall_with(0);
-  hall.step(5, 100);
-  hall.step(50, 100);
+  hall.step(5, 100, 0);
+  hall.step(50, 100, 0);
   CHECK(hall.speed() == Hall::kNone);
   CHECK(hall.distance() == 0);
-  CHECK(!hall.lost(1000));
+  for (int i = 0; i < 2000; ++i) hall.step(50, 100, 3000);
+  CHECK(!hall.lost());
 }
 
 TEST_CASE("One pulse every 0.1 s at 20 pulses a metre is 0.5 m/s") {
   for (const int16_t sign : {1, -1}) {
     Hall hall = hall_with(200);
     uint16_t pulses = 65530;  // the counter wraps on the way
-    hall.step(pulses, static_cast<int16_t>(sign * 100));
+    hall.step(pulses, static_cast<int16_t>(sign * 100), 0);
     const int32_t start = hall.distance();
     for (int i = 1; i <= 400; ++i) {
       if (i % 20 == 0) ++pulses;
-      hall.step(pulses, static_cast<int16_t>(sign * 100));
+      hall.step(pulses, static_cast<int16_t>(sign * 100), 0);
       if (i > 60) CHECK(hall.speed() == sign * 500);
     }
     CHECK(hall.distance() - start == sign * 1000);
@@ -159,19 +258,19 @@ TEST_CASE("Several pulses in a tick are several times the speed") {
   uint16_t pulses = 0;
   for (int i = 0; i < 10; ++i) {
     pulses = static_cast<uint16_t>(pulses + 2);
-    hall.step(pulses, 100);
+    hall.step(pulses, 100, 0);
   }
   CHECK(hall.speed() == 20000);
   for (int i = 0; i < 10; ++i) {
     pulses = static_cast<uint16_t>(pulses + 60000);
-    hall.step(pulses, 100);
+    hall.step(pulses, 100, 0);
   }
   CHECK(hall.speed() == INT16_MAX);
 }
 
 TEST_CASE("Fractions of a millimetre add up") {
   Hall hall = hall_with(30);  // 333.33 mm a pulse
-  for (uint16_t pulse = 1; pulse <= 300; ++pulse) hall.step(pulse, 100);
+  for (uint16_t pulse = 1; pulse <= 300; ++pulse) hall.step(pulse, 100, 0);
   CHECK(hall.distance() == 100000);
 }
 
@@ -180,26 +279,26 @@ TEST_CASE("Without pulses the speed falls with the time since the last, and is z
   uint16_t pulses = 0;
   for (int i = 1; i <= 100; ++i) {
     if (i % 10 == 0) ++pulses;
-    hall.step(pulses, 100);
+    hall.step(pulses, 100, 0);
   }
   CHECK(hall.speed() == 1000);
-  for (int i = 0; i < 10; ++i) hall.step(pulses, 100);
+  for (int i = 0; i < 10; ++i) hall.step(pulses, 100, 0);
   CHECK(hall.speed() == 1000);
-  for (int i = 0; i < 10; ++i) hall.step(pulses, 100);
+  for (int i = 0; i < 10; ++i) hall.step(pulses, 100, 0);
   CHECK(hall.speed() == 500);
-  for (int i = 0; i < 179; ++i) hall.step(pulses, 100);
+  for (int i = 0; i < 179; ++i) hall.step(pulses, 100, 0);
   CHECK(hall.speed() == 50);
-  hall.step(pulses, 100);
+  hall.step(pulses, 100, 0);
   CHECK(hall.speed() == 0);
 }
 
 TEST_CASE("The first pulse after standing tells no speed") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 300; ++i) hall.step(0, 100);
-  hall.step(1, 100);
+  for (int i = 0; i < 300; ++i) hall.step(0, 100, 0);
+  hall.step(1, 100, 0);
   CHECK(hall.speed() == 0);
-  for (int i = 0; i < 19; ++i) hall.step(1, 100);
-  hall.step(2, 100);
+  for (int i = 0; i < 19; ++i) hall.step(1, 100, 0);
+  hall.step(2, 100, 0);
   CHECK(hall.speed() == 500);
 }
 
@@ -207,41 +306,102 @@ TEST_CASE("Coasting keeps the direction of the last duty") {
   Hall hall = hall_with(200);
   uint16_t pulses = 0;
   for (int i = 1; i <= 100; ++i)
-    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), -100);
+    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), -100, 0);
   for (int i = 1; i <= 10; ++i)
-    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), 0);
+    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), 0, 0);
   CHECK(hall.speed() == -1000);
 }
 
-TEST_CASE("The sensor counts as lost after 2 s of driving without a pulse") {
-  Hall hall = hall_with(200);
-  for (int i = 0; i < 399; ++i) hall.step(0, 100);
-  CHECK(!hall.lost(500));
-  hall.step(0, 100);
-  CHECK(hall.lost(500));
-  CHECK(hall.lost(-500));
-  CHECK(hall.lost(100));
-  CHECK(!hall.lost(99));
-  hall.step(1, 100);
-  CHECK(!hall.lost(500));
-  for (int i = 0; i < 399; ++i) hall.step(1, 100);
-  CHECK(!hall.lost(500));
-  hall.step(1, 0);
-  hall.step(1, 100);
-  CHECK(!hall.lost(500));
+TEST_CASE("The sensor counts as lost after 0.25 m without a pulse") {
+  // 0.5 m/s is 2.5 mm a tick.
+  for (const int16_t setpoint : {500, -500}) {
+    Hall hall = hall_with(200);
+    for (int i = 0; i < 99; ++i) hall.step(0, 100, setpoint);
+    CHECK(!hall.lost());
+    hall.step(0, 100, setpoint);
+    CHECK(hall.lost());
+    hall.step(1, 100, setpoint);
+    CHECK(!hall.lost());
+    for (int i = 0; i < 99; ++i) hall.step(1, 100, setpoint);
+    CHECK(!hall.lost());
+    hall.step(1, 0, setpoint);
+    hall.step(1, 100, setpoint);
+    CHECK(!hall.lost());
+  }
 }
 
-TEST_CASE("The counters of silence do not overflow") {
+TEST_CASE("A sensor of few pulses is given three of them") {
+  Hall hall = hall_with(50);  // 200 mm a pulse
+  for (int i = 0; i < 239; ++i) hall.step(0, 100, 500);
+  CHECK(!hall.lost());
+  hall.step(0, 100, 500);
+  CHECK(hall.lost());
+}
+
+TEST_CASE("A sensor of one pulse in 10 m is given 30 m to the last millimetre") {
+  Hall hall = hall_with(1);
+  for (int i = 0; i < 5923; ++i) hall.step(0, 100, 1013);  // 5.065 mm a tick, 5 um short
+  CHECK(!hall.lost());
+  hall.step(0, 100, 1013);
+  CHECK(hall.lost());
+}
+
+TEST_CASE("What the machine crawls does not count against the sensor") {
   Hall hall = hall_with(200);
-  for (int32_t i = 0; i < 70000; ++i) hall.step(0, 100);
-  CHECK(hall.lost(500));
-  hall.step(1, 100);
+  for (int i = 0; i < 2000; ++i) hall.step(0, 100, 99);
+  CHECK(!hall.lost());
+  for (int i = 0; i < 499; ++i) hall.step(0, 100, -100);
+  CHECK(!hall.lost());
+  hall.step(0, 100, 100);
+  CHECK(hall.lost());
+}
+
+TEST_CASE("The time of silence does not overflow") {
+  Hall hall = hall_with(200);
+  for (int32_t i = 0; i < 70000; ++i) hall.step(0, 100, 0);
+  hall.step(1, 100, 0);
   CHECK(hall.speed() == 0);
+}
+
+TEST_CASE("A pulse just 1 s after the one before still tells a speed") {
+  Hall hall = hall_with(200);
+  hall.step(1, 100, 0);
+  for (int i = 0; i < 199; ++i) hall.step(1, 100, 0);
+  hall.step(2, 100, 0);
+  CHECK(hall.speed() == 50);
+}
+
+TEST_CASE("At most 1000 pulses count in a tick") {
+  Hall hall = hall_with(5000);
+  hall.step(1, 100, 0);
+  for (int i = 0; i < 199; ++i) hall.step(1, 100, 0);
+  hall.step(2001, 100, 0);
+  CHECK(hall.speed() == 2000);  // 400 mm/s * 1000 / 200
+}
+
+TEST_CASE("A sensor that is configured again knows no speed yet") {
+  Hall hall = hall_with(200);
+  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(pulse, 100, 0);
+  hall.configure(with({}));
+  hall.configure(with({{Param::hall_per_metre, 200}}));
+  hall.step(9, 100, 0);
+  CHECK(hall.speed() == 0);
+}
+
+TEST_CASE("Half a metre in reverse after a metre forward leaves half a metre") {
+  Hall hall = hall_with(200);
+  uint16_t pulses = 0;
+  for (int i = 0; i < 20; ++i) hall.step(++pulses, 100, 0);
+  CHECK(hall.distance() == 1000);
+  for (int i = 0; i < 10; ++i) hall.step(++pulses, -1, 0);
+  CHECK(hall.distance() == 500);
+  hall.step(++pulses, 1, 0);
+  CHECK(hall.distance() == 550);
 }
 
 TEST_CASE("Taking the sensor's parameter away takes the speed away") {
   Hall hall = hall_with(200);
-  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(pulse, 100);
+  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(pulse, 100, 0);
   CHECK(hall.speed() != Hall::kNone);
   hall.configure(with({}));
   CHECK(hall.speed() == Hall::kNone);

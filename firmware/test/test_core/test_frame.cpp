@@ -93,14 +93,52 @@ TEST_CASE("After garbage of any length the next whole frame is taken and counted
   }
 }
 
-TEST_CASE("A frame that ends in another valid frame counts as the longer one") {
-  // Payload of HilSensors that ends, once stuffed, in the bytes of a whole Stop frame.
+TEST_CASE("A frame behind another that lost its closing zero is the one that counts") {
   const Bytes stop = frame_of(protocol::Stop::kId, 9, {});
   const Bytes bare(stop.begin(), stop.end() - 1);
   Link link;
   link.feed(bare + frame_of(5, 3, kDrive));
   REQUIRE(link.taken.size() == 1);
   CHECK(link.taken[0].id == 5);
+}
+
+TEST_CASE("A run of just the longest frame's length is no overlong one") {
+  Link link;
+  const Bytes longest = frame_of(protocol::HilSensors::kId, 8, Bytes(11, 0x55));
+  link.feed(longest);
+  CHECK(link.taken.size() == 1);
+  CHECK(link.parser.bad() == 0);
+  link.feed(Bytes{7} + longest);
+  CHECK(link.taken.size() == 2);
+  CHECK(link.parser.bad() == 1);
+}
+
+TEST_CASE("Whatever a refused frame held, the last command taken stands") {
+  Parser parser;
+  Command command{};
+  for (const uint8_t byte : frame_of(5, 1, kDrive)) parser.feed(byte, &command);
+  Bytes wrong = frame_of(5, 2, Bytes(5, 0x77));
+  wrong[3] = 0x78;
+  for (const uint8_t byte : wrong) CHECK(!parser.feed(byte, &command));
+  CHECK(command.seq == 1);
+  CHECK(command.payload[0] == kDrive[0]);
+}
+
+TEST_CASE("A frame whose zeros point anywhere but to its end is refused, though its CRC holds") {
+  // Drive's payload all zero: every code byte leads to the next zero.
+  const Bytes good = frame_of(5, 1, Bytes(5, 0));
+  Link link;
+  link.feed(good);
+  REQUIRE(link.taken.size() == 1);
+  for (size_t at = 0; at + 1 < good.size(); ++at) {
+    for (int value = 1; value < 256; ++value) {
+      if (value == good[at]) continue;
+      Bytes frame = good;
+      frame[at] = static_cast<uint8_t>(value);
+      link.feed(frame);
+    }
+  }
+  CHECK(link.taken.size() == 1);
 }
 
 TEST_CASE("Zeros between frames are no bad frames") {

@@ -198,3 +198,21 @@ TEST_CASE("One byte left of an erased block is reported") {
     CHECK(all_default(params));
   }
 }
+
+TEST_CASE("What lies behind an erased block does not matter") {
+  FakeBoard board;
+  board.eeprom[Params::kBlock] = 0;
+  Params params;
+  CHECK(params.load(board));
+}
+
+TEST_CASE("Defaults come back after any change, as often as one is made") {
+  Params params;
+  for (int i = 0; i < 3; ++i) {
+    CHECK(params.set(static_cast<uint8_t>(Param::steer_kp), 123) == Result::OK);
+    params.set_defaults();
+    CHECK(all_default(params));
+    params.set_defaults();
+    CHECK(all_default(params));
+  }
+}

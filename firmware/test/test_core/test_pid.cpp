@@ -31,6 +31,12 @@ TEST_CASE("Clamp, approach, divide and saturate do what they say at their edges"
   CHECK(magnitude(-7) == 7);
   CHECK(magnitude(7) == 7);
   CHECK(magnitude(0) == 0);
+  CHECK(least(3, 4) == 3);
+  CHECK(least(4, 3) == 3);
+  CHECK(saturate16(32767) == 32767);
+  CHECK(saturate16(32768) == 32767);
+  CHECK(saturate16(-32768) == -32768);
+  CHECK(saturate16(-32769) == -32768);
   CHECK(approach(0, 10, 3) == 3);
   CHECK(approach(0, -10, 3) == -3);
   CHECK(approach(9, 10, 3) == 10);
@@ -69,6 +75,63 @@ TEST_CASE("An error beyond 100 deg counts as 100 deg") {
   CHECK(loop.step(-32768, 32767) == -100);
   CHECK(loop.step(10000, 0) == 100);
   CHECK(loop.step(9900, 0) == 99);
+}
+
+TEST_CASE("Coefficients are the gains per centidegree and step, rounded") {
+  const PidCoefficients c = pid_prepare({5000, 10, 20000, 15}, kDt);
+  CHECK(c.kp == 32768);
+  CHECK(c.ki == 5);
+  CHECK(c.kd == 10240);
+  CHECK(c.smooth == 4096);
+  CHECK(c.track == 1489);
+  CHECK(pid_prepare({9999, 350, 0, 0}, kDt).kp == 65529);
+  CHECK(pid_prepare({0, 350, 0, 0}, kDt).ki == 184);
+  // Half a duty rounds up: 50 duty/deg, 1.01 deg.
+  Loop loop({5000, 0, 0, 0});
+  CHECK(loop.step(101, 0) == 51);
+}
+
+TEST_CASE("Errors and motion are cut off at their bounds exactly") {
+  Loop loop({0, 10000, 0, 0});
+  loop.step(32767, -32768);
+  CHECK(loop.state.integral == 10000 * loop.coefficients.ki);
+  loop.step(-32768, 32767);
+  CHECK(loop.state.integral == 0);
+  Loop moving({0, 0, 600, 0});
+  moving.step(0, 0);
+  CHECK(moving.step(0, 3000) == -240);
+  CHECK(moving.state.rate == 200 * 256);
+  CHECK(moving.step(0, 0) == 240);
+  CHECK(moving.state.rate == -200 * 256);
+}
+
+TEST_CASE("What is taken back at the limit is 5 of 55 parts of the excess") {
+  for (const int16_t sign : {1, -1}) {
+    Loop loop({0, 0, 0, 0}, 100);
+    loop.state.integral = sign * (int32_t{255} << 20);
+    loop.step(0, 0);
+    // 155 duty, 2^-2, times 1489 of 2^14.
+    const int32_t back = 155 * 4 * 1489 * 16;
+    CHECK(loop.state.integral == sign * ((int32_t{255} << 20) - back));
+  }
+}
+
+TEST_CASE("However far beyond the limit, a step takes back at most the full duty") {
+  for (const int16_t sign : {1, -1}) {
+    Loop loop({10000, 0, 0, 0});
+    loop.state.integral = sign * (int32_t{255} << 20);
+    loop.step(static_cast<int16_t>(sign * 10000), 0);
+    CHECK(loop.state.integral == 0);
+  }
+}
+
+TEST_CASE("Within the limit the integral stays to the last bit") {
+  for (const int32_t value : {1, -1, 12345, -12345}) {
+    Loop loop({0, 0, 0, 0});
+    loop.state.integral = value;
+    loop.step(0, 0);
+    CHECK(loop.state.integral == value);
+  }
 }
 
 TEST_CASE("Integral: 1 deg of error for a second at 20 duty/(deg s) gives 20") {

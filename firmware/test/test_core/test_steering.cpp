@@ -228,3 +228,124 @@ TEST_CASE("After a release nothing of the past acts") {
   used.release();
   for (int i = 0; i < 20; ++i) CHECK(used.step(2000, 100) == fresh.step(2000, 100));
 }
+
+TEST_CASE("After a release the duty grows from nothing") {
+  Steering steering = plain({{Param::steer_duty_slew, 1000}, {Param::steer_kp, 1000}});
+  settle(steering, 2000, 0);
+  steering.release();
+  CHECK(steering.step(2000, 0) == 5);
+}
+
+TEST_CASE("After a release a wheel near its setpoint rests, whatever it did before") {
+  Steering steering = plain({{Param::steer_deadband, 45}, {Param::steer_kp, 10000}});
+  for (const int16_t before : {3000, -3000}) {
+    CHECK(settle(steering, before, 0) != 0);
+    steering.release();
+    for (int i = 0; i < 50; ++i) CHECK(steering.step(40, 0) == 0);
+    CHECK(settle(steering, 60, 0) != 0);
+    steering.release();
+  }
+}
+
+TEST_CASE("After a release a wheel rests until its error has left the band") {
+  // The first tick's 150 of slew make 18 of smoothed error.
+  Steering steering = plain({{Param::steer_deadband, 20}, {Param::steer_kp, 10000}});
+  CHECK(settle(steering, 3000, 0) != 0);
+  steering.release();
+  CHECK(steering.step(5000, 0) == 0);
+  CHECK(steering.step(5000, 0) != 0);
+}
+
+TEST_CASE("A resting wheel wakes when the error smoothed over 8 ticks leaves the band") {
+  // 1 - (7/8)^n of 100 passes 45 in the fifth tick.
+  Steering steering = plain({{Param::steer_deadband, 45}, {Param::steer_kp, 10000}});
+  for (int i = 0; i < 4; ++i) CHECK(steering.step(100, 0) == 0);
+  CHECK(steering.step(100, 0) != 0);
+}
+
+TEST_CASE("An error of just the band wakes nothing") {
+  Steering steering = plain({{Param::steer_deadband, 300}, {Param::steer_kp, 10000}});
+  CHECK(settle(steering, 300, 0, 1000) == 0);
+  CHECK(settle(steering, -300, 0, 1000) == 0);
+}
+
+TEST_CASE("Two thirds of the band are near enough to rest") {
+  Steering steering = plain({{Param::steer_deadband, 45}, {Param::steer_kp, 10000}});
+  CHECK(settle(steering, 1000, 0) != 0);
+  CHECK(settle(steering, 1000, 970, 200) == 0);
+}
+
+TEST_CASE("At 3 deg/s a wheel does not rest yet") {
+  // 6 deg/s, then half of it as the filter sees the halt, with half a tick's share.
+  Steering steering =
+      plain({{Param::steer_deadband, 500}, {Param::steer_kp, 10000}, {Param::steer_d_filter, 5}});
+  settle(steering, 1000, 0);
+  int16_t angle = 0;
+  for (; angle < 900; angle = static_cast<int16_t>(angle + (angle < 400 ? 4 : 3))) {
+    CHECK(steering.step(1000, angle) != 0);
+  }
+  angle = static_cast<int16_t>(angle - 3);
+  CHECK(steering.step(1000, angle) != 0);
+  CHECK(steering.step(1000, angle) == 0);
+}
+
+TEST_CASE("A wheel that passes its setpoint is not pushed on") {
+  Steering steering = plain({{Param::steer_min_duty, 60}, {Param::steer_deadband, 45}});
+  settle(steering, 1000, 0);
+  for (int16_t angle = 0; angle < 1000; angle = static_cast<int16_t>(angle + 50)) {
+    CHECK(steering.step(1000, angle) >= 0);
+  }
+  CHECK(steering.step(1000, 1000) == 0);
+}
+
+TEST_CASE("The integral acts while the wheel is driven, and is gone at rest") {
+  Steering steering = plain({{Param::steer_kp, 0}, {Param::steer_ki, 2000}});
+  // 10 deg at 20 duty/(deg s).
+  CHECK(settle(steering, 1000, 0, 101) > 90);
+  Steering resting = plain({{Param::steer_ki, 10000}, {Param::steer_deadband, 500}});
+  Steering fresh = resting;
+  CHECK(settle(resting, 300, 0, 1000) == 0);
+  fresh.step(300, 0);
+  for (int i = 0; i < 10; ++i) {
+    resting.step(4000, 0);
+    fresh.step(4000, 0);
+  }
+  // What the smoothing makes of the different past is one tick's worth.
+  CHECK(magnitude(resting.step(4000, 0) - fresh.step(4000, 0)) <= 20);
+}
+
+TEST_CASE("Rest empties the integral to its last bit") {
+  // 2.5 duty, less 2^-20, are no 3 duty, at which the motor gets any.
+  Steering steering =
+      plain({{Param::steer_kp, 0}, {Param::steer_ki, 2}, {Param::steer_deadband, 45}});
+  steering.step(0, 0);
+  for (int i = 0; i < 262; ++i) steering.step(0, -10000);
+  steering.step(0, -1439);
+  CHECK(steering.step(0, 0) == 0);
+  steering.release();
+  steering.step(0, 0);
+  for (int i = 0; i < 262; ++i) steering.step(0, -10000);
+  steering.step(0, -1440);
+  CHECK(steering.step(0, 0) == 3);
+}
+
+TEST_CASE("Slews are rounded to their last digit") {
+  Steering fast = plain();
+  fast.step(5000, 0);
+  CHECK(fast.setpoint() == 150);
+  Steering strong = plain({{Param::steer_kp, 10000}});
+  CHECK(strong.step(5000, 0) == 128);
+}
+
+TEST_CASE("The slowest growth of the duty is one a tick, from one on") {
+  Steering steering = plain({{Param::steer_duty_slew, 200}, {Param::steer_kp, 1000}});
+  for (int16_t duty = 1; duty < 20; ++duty) CHECK(steering.step(5000, 0) == duty);
+}
+
+TEST_CASE("Just left of the centre the left slope holds") {
+  const Pot pot = pot_with({{Param::pot_left, 5920}, {Param::angle_left, 8000}});
+  REQUIRE(pot.calibrated());
+  CHECK(pot.angle(512 * 16 + 1) == 6);
+  CHECK(pot.angle(512 * 16) == 0);
+  CHECK(pot.angle(512 * 16 - 1) == -1);
+}

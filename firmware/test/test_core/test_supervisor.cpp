@@ -232,7 +232,7 @@ TEST_CASE("Each measured limit latches after its time beyond it, and not at it")
         Case{&Observation::pot, 120 * 16, 120 * 16 - 1, protocol::POT_SHORT, 2},
         Case{&Observation::steer_current, 2000, 2001, protocol::STEER_OVERCURRENT, 10},
         Case{&Observation::drive_current, 4000, 4001, protocol::DRIVE_OVERCURRENT, 10},
-        Case{&Observation::battery, 10000, 9999, protocol::BATTERY_LOW, 200},
+        Case{&Observation::battery, 10000, 9999, protocol::BATTERY_LOW, 120},
         Case{&Observation::battery, 15500, 15501, protocol::BATTERY_HIGH, 20}}) {
     Rig rig;
     rig.run();
@@ -249,16 +249,32 @@ TEST_CASE("Each measured limit latches after its time beyond it, and not at it")
   }
 }
 
-TEST_CASE("A limit passed for one tick less than its time is forgiven") {
+TEST_CASE("A limit passed for a fifth of the time is forgiven, for more it is not") {
+  for (const int good : {4, 3}) {
+    Rig rig;
+    rig.run();
+    for (int i = 0; i < 60; ++i) {
+      rig.seen.steer_current = 3000;
+      rig.live(1);
+      rig.seen.steer_current = 0;
+      rig.live(good);
+    }
+    CHECK(rig.supervisor.faults() == (good == 3 ? protocol::STEER_OVERCURRENT : 0U));
+  }
+}
+
+TEST_CASE("A battery that reads anything is low within 2 s") {
   Rig rig;
   rig.run();
-  for (int i = 0; i < 20; ++i) {
-    rig.seen.steer_current = 3000;
-    rig.live(9);
-    rig.seen.steer_current = 0;
-    rig.live(1);
+  uint32_t noise = 1;
+  int ticks = 0;
+  while (rig.supervisor.faults() == 0 && ticks < 400) {
+    noise = noise * 1664525 + 1013904223;
+    rig.seen.battery = static_cast<int16_t>((noise >> 16) % 15500);
+    rig.live();
+    ++ticks;
   }
-  CHECK(rig.supervisor.faults() == 0);
+  CHECK(rig.supervisor.faults() == protocol::BATTERY_LOW);
 }
 
 TEST_CASE("An angle that changes faster than 400 deg/s is a jump") {
@@ -284,59 +300,95 @@ TEST_CASE("The first angle after boot is no jump") {
   CHECK(rig.supervisor.faults() == 0);
 }
 
-TEST_CASE("Driven hard without movement for 500 ms: frozen, or stalled where the current is high") {
+TEST_CASE("Full duty without movement for 250 ms: frozen, or stalled where the current is high") {
   for (const int16_t sign : {1, -1}) {
-    Rig rig;
-    rig.seen.angle = 200;
-    rig.run();
-    rig.seen.steer_duty = static_cast<int16_t>(sign * 120);
-    CHECK(rig.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL) == 100);
-    CHECK(rig.supervisor.faults() == protocol::POT_FROZEN);
-    Rig loaded;
-    loaded.run();
-    loaded.seen.steer_duty = static_cast<int16_t>(sign * 120);
-    loaded.seen.steer_current = 300;
-    CHECK(loaded.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL) == 100);
-    CHECK(loaded.supervisor.faults() == protocol::STEER_STALL);
-    Rig below;
-    below.run();
-    below.seen.steer_duty = static_cast<int16_t>(sign * 120);
-    below.seen.steer_current = 299;
-    below.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL);
-    CHECK(below.supervisor.faults() == protocol::POT_FROZEN);
+    for (const int16_t current : {0, 299, 300, 2000}) {
+      Rig rig;
+      rig.seen.angle = 200;
+      rig.run();
+      rig.seen.steer_duty = static_cast<int16_t>(sign * 255);
+      rig.seen.steer_current = current;
+      CHECK(rig.latches_after(protocol::POT_FROZEN | protocol::STEER_STALL) == 50);
+      CHECK(rig.supervisor.faults() ==
+            (current >= 300 ? protocol::STEER_STALL : protocol::POT_FROZEN));
+    }
   }
 }
 
-TEST_CASE("Movement beyond the noise, or an easy duty, is no stall") {
-  Rig moving;
-  moving.run();
-  moving.seen.steer_duty = 120;
-  for (int i = 0; i < 50; ++i) {
-    moving.live(90);
-    moving.seen.angle = static_cast<int16_t>(moving.seen.angle + 61);
+TEST_CASE("Less duty takes longer, in proportion to what is above the minimum") {
+  // The minimum is 70: 250 ms * 185 = t * (duty - 70).
+  struct Case {
+    int16_t duty;
+    int ticks;
+  };
+  for (const Case &each : {Case{120, 185}, Case{144, 125}, Case{-255, 50}}) {
+    Rig rig;
+    rig.run();
+    rig.seen.steer_duty = each.duty;
+    CHECK(rig.latches_after(protocol::POT_FROZEN) == each.ticks);
   }
-  CHECK(moving.supervisor.faults() == 0);
-  Rig noisy;
-  noisy.run();
-  noisy.seen.steer_duty = 120;
-  noisy.seen.angle = 60;
-  noisy.live(99);
-  CHECK(noisy.supervisor.faults() == 0);
-  noisy.live();
-  CHECK(noisy.supervisor.faults() == protocol::POT_FROZEN);
+  // 101 ms * 251 is 39 ticks at 130 above the minimum, and one duty ms more.
+  Rig exact;
+  exact.params = with({{Param::steer_min_duty, 4}, {Param::stall_time, 101}});
+  exact.run();
+  exact.seen.steer_duty = 134;
+  CHECK(exact.latches_after(protocol::POT_FROZEN) == 40);
   Rig easy;
   easy.run();
   easy.seen.steer_duty = 119;
-  easy.live(500);
+  easy.live(2000);
   CHECK(easy.supervisor.faults() == 0);
-  // An easy tick begins the time anew.
-  easy.seen.steer_duty = 120;
-  easy.live(99);
-  easy.seen.steer_duty = 0;
-  easy.live();
-  easy.seen.steer_duty = -120;
-  easy.live(99);
-  CHECK(easy.supervisor.faults() == 0);
+}
+
+TEST_CASE("Movement beyond the noise begins the time anew, and from the new place") {
+  Rig moving;
+  moving.run();
+  moving.seen.steer_duty = 255;
+  for (int i = 0; i < 20; ++i) {
+    moving.live(49);
+    moving.seen.angle = static_cast<int16_t>(moving.seen.angle + 61);
+    moving.live();
+  }
+  CHECK(moving.supervisor.faults() == 0);
+  CHECK(moving.latches_after(protocol::POT_FROZEN) == 50);
+  Rig noisy;
+  noisy.run();
+  noisy.seen.steer_duty = 255;
+  noisy.live(30);
+  noisy.seen.angle = -60;
+  noisy.live(19);
+  CHECK(noisy.supervisor.faults() == 0);
+  noisy.live();
+  CHECK(noisy.supervisor.faults() == protocol::POT_FROZEN);
+}
+
+TEST_CASE("An easy tick begins the time anew, and where the wheel stands then") {
+  Rig rig;
+  rig.run();
+  rig.seen.steer_duty = 255;
+  rig.live(49);
+  rig.seen.steer_duty = 0;
+  rig.seen.angle = 50;
+  rig.live();
+  rig.seen.steer_duty = 255;
+  rig.seen.angle = 100;
+  rig.live(49);
+  CHECK(rig.supervisor.faults() == 0);
+  rig.live();
+  CHECK(rig.supervisor.faults() == protocol::POT_FROZEN);
+}
+
+TEST_CASE("After a calibration the first angle is no jump and no movement") {
+  Rig rig;
+  rig.run();
+  rig.seen.steer_duty = 255;
+  rig.live(30);
+  rig.supervisor.recalibrated();
+  rig.seen.angle = 3000;
+  rig.live(49);
+  CHECK(rig.supervisor.faults() == 0);
+  rig.live();
+  CHECK(rig.supervisor.faults() == protocol::POT_FROZEN);
 }
 
 TEST_CASE("Ten degrees against the duty are a runaway, with either sign") {
@@ -390,16 +442,58 @@ TEST_CASE("Movement along the duty, or without one, is no runaway") {
     released.seen.steer_duty = 80;
   }
   CHECK(released.supervisor.faults() == 0);
+  // What goes along counts for nothing, not even for a hundredth of a degree.
+  released.seen.angle = static_cast<int16_t>(released.seen.angle + 100);
+  released.live();
+  for (int i = 0; i < 9; ++i) {
+    released.seen.angle = static_cast<int16_t>(released.seen.angle - 111);
+    released.live();
+  }
+  CHECK(released.supervisor.faults() == 0);
+  // A tick without duty forgets all of it.
+  released.seen.steer_duty = 0;
+  released.live();
+  released.seen.steer_duty = 80;
+  for (int i = 0; i < 9; ++i) {
+    released.seen.angle = static_cast<int16_t>(released.seen.angle - 111);
+    released.live();
+  }
+  CHECK(released.supervisor.faults() == 0);
+  released.seen.angle = static_cast<int16_t>(released.seen.angle - 1);
+  released.live();
+  CHECK(released.supervisor.faults() == protocol::STEER_RUNAWAY);
 }
 
-TEST_CASE("A debounce counts ticks in a row") {
+TEST_CASE("A debounce is full after so many bad ticks, and speaks in bad ticks only") {
   Debounce debounce;
   CHECK(!debounce.step(true, 3));
   CHECK(!debounce.step(true, 3));
   CHECK(debounce.step(true, 3));
   CHECK(debounce.step(true, 3));
   CHECK(!debounce.step(false, 3));
-  CHECK(!debounce.step(true, 3));
-  for (int i = 0; i < 70000; ++i) debounce.step(true, 65535);
-  CHECK(debounce.step(true, 65535));
+  CHECK(debounce.step(true, 3));
+  Debounce one;
+  CHECK(one.step(true, 1));
+}
+
+TEST_CASE("A debounce drains four times slower than it fills, down to nothing") {
+  for (const int good : {3, 4}) {
+    Debounce debounce;
+    CHECK(!debounce.step(true, 2));
+    for (int i = 0; i < good; ++i) CHECK(!debounce.step(false, 2));
+    CHECK(!debounce.step(true, 2));
+    // What is left of the first makes up for one good tick.
+    CHECK(!debounce.step(false, 2));
+    CHECK(debounce.step(true, 2) == (good == 3));
+  }
+  Debounce empty;
+  for (int i = 0; i < 10; ++i) CHECK(!empty.step(false, 2));
+  CHECK(!empty.step(true, 2));
+  CHECK(empty.step(true, 2));
+}
+
+TEST_CASE("A debounce of the longest time does not overflow") {
+  Debounce debounce;
+  for (int i = 1; i < 16000; ++i) CHECK(!debounce.step(true, 16000));
+  for (int i = 0; i < 20000; ++i) CHECK(debounce.step(true, 16000));
 }
