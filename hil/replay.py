@@ -132,7 +132,8 @@ def about_of(path: Path) -> About:
         data = json.loads(about["plan"])
         corners = tuple((float(x), float(y)) for x, y in data.get("boundary", ()))
         sides = tuple(Side(**side) for side in data["sides"])
-        plan = Plan(sides, data["turn"], corners, data.get("gap_m"))
+        outs = tuple(tuple((x, y) for x, y in ring) for ring in data.get("keep_outs", ()))
+        plan = Plan(sides, data["turn"], corners, data.get("gap_m"), outs)
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])
     return About(vehicle, plan, mode, about.get("mount", "mast"), None)
@@ -195,6 +196,8 @@ class _PilotReplay:
                     self._frame = Frame(stamp, BLANK)
             case "/fault" if message["fault"] == "host off" and not message["begins"]:
                 self.restart()
+            case "/operator":
+                self._pilot.paused = message["paused"]
             case "/command":
                 self._step(stamp, record.command_of(message))
 
