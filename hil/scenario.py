@@ -166,9 +166,10 @@ class Scenario(BaseModel):
     def plan(self) -> Plan:
         """What the host is told of the field: the spiral of its boundary."""
         v = self.vehicle
-        width = v.blade_width_m - v.overlap_m
         holes = [list(ring) for ring in self.field.keep_outs]
-        return spiral(self.corners(), self.start.corner, width, self.turn, self.field.gap_m, holes)
+        return spiral(
+            self.corners(), self.start.corner, v.pass_m, self.turn, self.field.gap_m, holes
+        )
 
     def start_pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle: on the lane beside the plan's first side, the blade before
@@ -177,7 +178,7 @@ class Scenario(BaseModel):
         side = self.plan().sides[0]
         yaw = side.heading_rad
         v, start = self.vehicle, self.start
-        inside = v.blade_width_m / 2 - v.overlap_m + start.lateral_error_m
+        inside = v.inset_m - side.shift_m + start.lateral_error_m
         room = max(0.0, self.field.gap_m - GAP_MARGIN_M)
         permitted = self.field.boundary.buffer(room, join_style="mitre")
         outline = outline_of(v)

@@ -17,6 +17,11 @@ from host.vehicle import Vehicle
 LOCK_MARGIN_DEG = 2.0
 """Arcs are driven this far inside the steering limit, so that the PID has room."""
 
+GENTLE_SHUTTLE = 1.35
+"""A shuttle's S, where there is room, over its shortest length."""
+SIDESTEP_M = 0.15
+"""A shift that following the new lane in reverse makes of itself."""
+
 
 class Goal(enum.Enum):
     """Which coordinate of the turn's frame ends a leg."""
@@ -47,6 +52,13 @@ class Leg:
     goal: Goal
     value: float
     follow: Follow = Follow.NOTHING
+
+    @property
+    def rises(self) -> bool:
+        """Whether the goal's coordinate grows on the way."""
+        if self.goal is Goal.HEADING:
+            return (self.steer_rad > 0) is not self.reverse
+        return not self.reverse
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +91,14 @@ def turning_radius(vehicle: Vehicle) -> tuple[float, float]:
     return vehicle.wheelbase_m / math.tan(angle), angle
 
 
-def _new_lane(vehicle: Vehicle, turn_rad: float) -> tuple[float, float, float]:
+def _new_lane(vehicle: Vehicle, turn_rad: float, shift_m: float) -> tuple[float, float, float]:
     """(x, y, along where the blade meets crop) of the lane that follows the crop's end line.
 
     The end line crosses the old side's centre at the blade, at angle turn_rad; the lane lies
-    half a blade less the overlap inside it. Crop begins where the blade's first end leaves the
-    swath just cut, whose left border is y = half a blade."""
+    half a blade less the overlap and the side's shift inside it. Crop begins where the blade's
+    first end leaves the swath just cut, whose left border is y = half a blade."""
     half = vehicle.blade_width_m / 2
-    inside = half - vehicle.overlap_m
+    inside = vehicle.inset_m - shift_m
     x = vehicle.blade_x_m - inside * math.sin(turn_rad)
     y = inside * math.cos(turn_rad)
     ends = [
@@ -95,10 +107,10 @@ def _new_lane(vehicle: Vehicle, turn_rad: float) -> tuple[float, float, float]:
     return x, y, min(ends)
 
 
-def arc(vehicle: Vehicle, turn_rad: float) -> Turn:
+def arc(vehicle: Vehicle, turn_rad: float, shift_m: float = 0.0) -> Turn:
     """The paper's turn: one forward arc on the left lock, ending on the lane."""
     radius, lock = turning_radius(vehicle)
-    x, y, begins = _new_lane(vehicle, turn_rad)
+    x, y, begins = _new_lane(vehicle, turn_rad, shift_m)
     # The arc's end (start + R sin t, R - R cos t) must lie on the lane.
     end_y = radius - radius * math.cos(turn_rad)
     start = x + (end_y - y) / math.tan(turn_rad) - radius * math.sin(turn_rad)
@@ -107,13 +119,18 @@ def arc(vehicle: Vehicle, turn_rad: float) -> Turn:
 
 
 def three_point(
-    vehicle: Vehicle, turn_rad: float, *, swing: float = 0.55, run_in_m: float = 0.45
+    vehicle: Vehicle,
+    turn_rad: float,
+    shift_m: float = 0.0,
+    *,
+    swing: float = 0.55,
+    run_in_m: float = 0.45,
 ) -> Turn:
     """Forward on the left lock for `swing` of the turn, back on the right lock for the rest, then
     straight back until the blade stands run_in_m before the crop."""
     radius, lock = turning_radius(vehicle)
     first = swing * turn_rad
-    x, y, begins = _new_lane(vehicle, turn_rad)
+    x, y, begins = _new_lane(vehicle, turn_rad, shift_m)
     end_x = 2 * radius * math.sin(first) - radius * math.sin(turn_rad)
     end_y = radius - 2 * radius * math.cos(first) + radius * math.cos(turn_rad)
     start = x + (end_y - y) / math.tan(turn_rad) - end_x
@@ -126,14 +143,34 @@ def three_point(
     return Turn(legs, x, y, turn_rad, begins)
 
 
-def shuttle(vehicle: Vehicle, begins_m: float, shift_m: float, *, run_in_m: float = 0.1) -> Turn:
+def shuttle_length(vehicle: Vehicle, shift_m: float, room_m: float) -> float:
+    """The way back that a shift to the left takes, two arcs: as gentle as the room allows."""
+    radius, _ = turning_radius(vehicle)
+    least = math.sqrt(max(0.0, 4 * radius * shift_m - shift_m**2))
+    return max(least, min(room_m, GENTLE_SHUTTLE * least))
+
+
+def shuttle(
+    vehicle: Vehicle, begins_m: float, shift_m: float, room_m: float, *, run_in_m: float = 0.1
+) -> Turn:
     """Back along the swath and shift_m to the left, to take the next strip of the same edge, whose
-    crop begins begins_m ahead of where the blade stands (so negative). The shift needs some
-    1.6 m; it begins when the rear axle leaves the crop's beginning behind."""
+    crop begins begins_m ahead of where the blade stands (so negative). Wheels stay off the crop:
+    the shift, an S of two arcs, begins when the rear axle has left it, and should end within room_m
+    behind it."""
     begins = vehicle.blade_x_m + begins_m
+    straight = Leg(0.0, True, Goal.ALONG, begins, Follow.OLD_LANE)
+    line_up = Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, Follow.NEW_LANE)
+    if shift_m <= SIDESTEP_M:
+        return Turn((straight, line_up), 0.0, shift_m, 0.0, begins)
+    length = shuttle_length(vehicle, shift_m, room_m)
+    radius = (length**2 + shift_m**2) / (4 * shift_m)
+    bend = math.acos(1 - shift_m / (2 * radius))
+    steer = math.atan(vehicle.wheelbase_m / radius)
     legs = (
-        Leg(0.0, True, Goal.ALONG, begins, Follow.OLD_LANE),
-        Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, Follow.NEW_LANE),
+        straight,
+        Leg(steer, True, Goal.HEADING, -bend),
+        Leg(-steer, True, Goal.HEADING, 0.0),
+        line_up,
     )
     return Turn(legs, 0.0, shift_m, 0.0, begins)
 
@@ -147,8 +184,7 @@ def path(vehicle: Vehicle, turn: Turn, step_m: float = 0.1) -> list[tuple[float,
         curvature = math.tan(leg.steer_rad) / vehicle.wheelbase_m
         for _ in range(round(30 / step_m)):
             place = {Goal.X: x, Goal.HEADING: heading, Goal.ALONG: turn.along(x, y)}[leg.goal]
-            back = leg.reverse and leg.goal is not Goal.HEADING
-            if place <= leg.value if back else place >= leg.value:
+            if place >= leg.value if leg.rises else place <= leg.value:
                 break
             heading += sign * step_m * curvature
             x += sign * step_m * math.cos(heading)

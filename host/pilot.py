@@ -46,6 +46,8 @@ SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
 """Shares of a turn that the forward arc of a three-point turn may take, best first."""
 ROOM_M = 0.6
 """Clearance to the geofence's border that any turn may be driven with."""
+SHUTTLE_CLEAR_M = 0.45
+"""Room left behind the machine when it backs out to shift to the next strip."""
 CREEP_MPS = 0.15
 """Near the geofence."""
 ANCHOR_EVERY_M = 0.5
@@ -238,7 +240,8 @@ class Pilot:
         if verdict is None or verdict.level is Level.CLEAR:
             return command
         slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
-        if verdict.level is Level.SLOW:
+        creeping = self._verdict(slow) or verdict
+        if creeping.level is not Level.STOP:
             return replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
         later = self._verdict(command.speed_mps, ahead_s=0.5)
         if later is not None and not later.clearance_m <= verdict.clearance_m + 1e-3:
@@ -300,9 +303,14 @@ class Pilot:
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         if sure and moved and self._on_lane():
             self._corrected_m = then.distance_m
-            self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, since)
+            self._lane.correct(self._edge_m(view), view.edge_heading_rad, view.confidence, since)
             self._believe_heading()
         self._watch_ahead(view, then, frame.stamp)
+
+    def _edge_m(self, view: CropView) -> float:
+        """The edge's offset from its place beside this side's lane."""
+        side = self._side()
+        return view.edge_offset_m - (side.shift_m if side is not None else 0.0)
 
     def _believe_heading(self) -> None:
         side = self._side()
@@ -371,7 +379,7 @@ class Pilot:
         else:
             self._lane.place(0.0, 0.0, 0.15, math.radians(8))
             here = (0.0, 0.0)
-            self._lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, here)
+            self._lane.correct(self._edge_m(view), view.edge_heading_rad, view.confidence, here)
         side = self._side()
         if side is not None:
             ahead = view.crop_ahead_m if view.ahead_confidence >= CONFIDENT else 0.0
@@ -396,6 +404,10 @@ class Pilot:
             and self._end_due(self._clear_since.motion)
         ):
             self._begin_turn(now, self._clear_since)
+            return self._hold()
+        side = self._side()
+        if side is not None and side.blind_end and self._to_blind_end_m(side) <= 0:
+            self._begin_turn(now, EndOfField(now, self.motion, self.turns))
             return self._hold()
         if self._entered_at is None and self._cut_m(self.motion) > self._search_m:
             self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
@@ -432,6 +444,17 @@ class Pilot:
         """How far the blade has come along this side since it met the crop."""
         start = self._entered_at or self._run_from
         return motion.distance_m - start.distance_m if start is not None else 0.0
+
+    def _to_blind_end_m(self, side: Side) -> float:
+        """From where the blade will stop to where the side ends before a keep-out."""
+        coast = self.motion.speed_mps * self._vehicle.drive_lag_s
+        left = side.length_m - self._cut_m(self.motion)
+        if self._position.known:
+            x, y, _ = self._position.pose
+            c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+            along = (x - side.x_m) * c + (y - side.y_m) * s + self._vehicle.blade_x_m
+            left = side.length_m - along
+        return left - coast
 
     def _side(self) -> Side | None:
         """The plan's side that is being cut, if there is a plan."""
@@ -493,7 +516,7 @@ class Pilot:
             self._go(now, Phase.FINISHED, "the last side of the plan is cut")
             return
         side = self._side()
-        if side is not None and self._position.known:
+        if side is not None and not side.blind_end and self._position.known:
             self._position.at_end(side, self.motion.distance_m - end.motion.distance_m)
         self._turn = self._manoeuvre(end)
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
@@ -506,22 +529,30 @@ class Pilot:
         self._begin_leg(self._turn.legs[0])
         self._leg_stamp = now
         self._search_m = math.inf
-        self._go(now, Phase.TURN, f"end of side {self.turns}: no crop before the blade")
+        blind = side is not None and side.blind_end
+        why = "the keep-out's margin" if blind else "no crop before the blade"
+        self._go(now, Phase.TURN, f"end of side {self.turns}: {why}")
 
     def _manoeuvre(self, end: EndOfField) -> Turn:
         """The turn from the side that has ended to the next."""
         plan, index = self._plan, self.turns
         corner = plan.corner_rad(index)
-        if corner == 0.0:
-            next_side = plan.sides[index + 1]
-            c, s = math.cos(next_side.heading_rad), math.sin(next_side.heading_rad)
+        following = plan.sides[index + 1] if plan.sides else None
+        shift = following.shift_m if following is not None else 0.0
+        if corner == 0.0 and following is not None:
+            c, s = math.cos(following.heading_rad), math.sin(following.heading_rad)
             this = plan.sides[index]
-            dx, dy = next_side.x_m - this.x_m, next_side.y_m - this.y_m
+            dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
             begins = c * dx + s * dy - self._cut_m(end.motion)
-            return manoeuvre.shuttle(self._vehicle, begins, c * dy - s * dx)
+            left = c * dy - s * dx - (shift - this.shift_m)
+            behind = self._vehicle.rear_overhang_m + GAP_MARGIN_M + SHUTTLE_CLEAR_M
+            room = following.back_m + (plan.gap_m or 0.0) - behind
+            return manoeuvre.shuttle(self._vehicle, begins, left, room)
         if plan.turn == "arc":
-            return manoeuvre.arc(self._vehicle, corner)
-        turns = [manoeuvre.three_point(self._vehicle, corner, swing=swing) for swing in SWINGS]
+            return manoeuvre.arc(self._vehicle, corner, shift)
+        turns = [
+            manoeuvre.three_point(self._vehicle, corner, shift, swing=swing) for swing in SWINGS
+        ]
         # The first that leaves room enough, else the one that leaves the most.
         return max(turns, key=lambda turn: min(ROOM_M, self._room_m(turn, end)))
 
@@ -587,7 +618,8 @@ class Pilot:
         x, y, heading = self._in_turn_frame()
         coast = self.motion.speed_mps * self._vehicle.drive_lag_s
         if leg.goal is Goal.HEADING:
-            return heading + coast * self.motion.curvature_1pm >= leg.value
+            beyond = heading + coast * self.motion.curvature_1pm - leg.value
+            return beyond >= 0 if leg.rises else beyond <= 0
         place = x if leg.goal is Goal.X else self._turn.along(x, y)
         ahead = leg.value - place - coast
         if leg.follow is Follow.NEW_LANE and 0 <= ahead < ALIGN_ROOM_M:

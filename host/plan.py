@@ -26,9 +26,11 @@ SAME_RAD = 1e-3
 NEAR_M = 1e-3
 CONVEX_RAD = 1e-3
 MIN_EDGE_M = 0.05
-KEEP_OUT_M = 0.7
+KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
-SHUTTLE_ROOM_M = 0.8
+MAX_SHIFT_M = 0.35
+"""Beyond it the edge would pass under the machine's body."""
+SHUTTLE_ROOM_M = 0.5
 """Free ground that a shuttle needs behind the crop's beginning besides a gap of 2 m."""
 REACH = 2.5
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
@@ -49,6 +51,11 @@ class Side:
     fence_m: float
     back_m: float = 0.0
     """From the beginning of the crop back to the boundary or a keep-out."""
+    shift_m: float = 0.0
+    """How far right of its usual place the lane lies, so that the blade's left end does not reach
+    over a strip that is narrow for the sake of a corner or a keep-out beside it."""
+    blind_end: bool = False
+    """The side ends in standing crop, before a keep-out: no picture shows where."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,9 +185,18 @@ def _cut(
         min(width, top - low),
         fence,
         back,
+        min(width_m - width, MAX_SHIFT_M),
+        _ends_at_hole(strip, _turned(field, heading)),
     )
     rest = turned.difference(strip.buffer(1e-4, join_style="mitre"))
     return side, _clean(_turned(rest, -heading)), strip.area
+
+
+def _ends_at_hole(strip: shapely.Polygon, field: shapely.Polygon) -> bool:
+    """Whether a strip along x ends at a keep-out."""
+    _, low, end, top = strip.bounds
+    last = shapely.LineString([(end, low + MIN_EDGE_M), (end, top - MIN_EDGE_M)])
+    return any(ring.distance(last) < NEAR_M for ring in field.interiors)
 
 
 def _follow(edges: list[_Edge], heading: float, x: float, y: float) -> _Edge | None:
@@ -254,18 +270,19 @@ def spiral(
         raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
     best: tuple[tuple[float, int, int, int], list[Side], float] | None = None
     edges = _edges(field)
-    for ahead in range(len(edges)):
+    for ahead, shuttle in itertools.product(range(len(edges)), (False, True)):
         if not edges[(start + ahead) % len(edges)].open_ends:
             continue
-        for shuttle in (False, True):
-            sides, left = _walk(field, start + ahead, width_m, shuttle)
-            cramped = sum(
-                abs(b.heading_rad - a.heading_rad) < SAME_RAD and b.back_m < SHUTTLE_ROOM_M
-                for a, b in itertools.pairwise(sides)
-            )
-            rank = (round(left.area, 1), cramped, ahead, len(sides))
-            if best is None or rank < best[0]:
-                best = (rank, sides, left.area)
+        sides, left = _walk(field, start + ahead, width_m, shuttle)
+        cramped = sum(
+            abs(b.heading_rad - a.heading_rad) < SAME_RAD and b.back_m < SHUTTLE_ROOM_M
+            for a, b in itertools.pairwise(sides)
+        )
+        rank = (round(left.area, 1), cramped, ahead, len(sides))
+        if best is None or rank < best[0]:
+            best = (rank, sides, left.area)
+        if rank[:3] == (0.0, 0, 0):
+            break
     if best is None:
         raise UserError("boundary: no side of it has open ground at both ends; split the field")
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)

@@ -53,7 +53,7 @@ class Position:
         left of the lane, the vehicle heading_rad left of its direction."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         back = along_m - self._vehicle.blade_x_m
-        inside = self._vehicle.blade_width_m / 2 - self._vehicle.overlap_m + offset_m
+        inside = self._vehicle.inset_m - side.shift_m + offset_m
         self._x = np.array(
             [
                 side.x_m + c * back - s * inside,
@@ -86,7 +86,7 @@ class Position:
     def on_lane(self, side: Side, index: int, offset_m: float, heading_rad: float) -> None:
         """The lane filter's place against the lane of side number `index`."""
         s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
-        inside = self._vehicle.blade_width_m / 2 - self._vehicle.overlap_m
+        inside = self._vehicle.inset_m - side.shift_m
         across = -(self._x[0] - side.x_m) * s + (self._x[1] - side.y_m) * c - inside
         turn = math.remainder(side.heading_rad + heading_rad - self._x[2], math.tau)
         sigma = LANE_SIGMA_M + RING_SIGMA_M * index / 4

@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from host.areas import Areas, areas_of, outline_of, placed
+from host.areas import Areas, Geofence, areas_of, outline_of, placed
 from host.errors import UserError
 from host.field_file import load_field
-from host.manoeuvre import Goal, Turn, arc, three_point, turning_radius
+from host.manoeuvre import Follow, Goal, Turn
 from host.plan import Plan, Side, spiral
+from host.turns import ROOM_M, next_turn, room_along
 from host.vehicle import Vehicle
 from host.vehicle_file import load_vehicle
 
@@ -36,9 +37,6 @@ STEER_DPS = 40.0
 LOOK_S = 0.6
 """Standing still after a turn until the crop is seen."""
 STEP_M = 0.1
-SAME_EDGE_RAD = 1e-2
-"""Where sides differ by less, the same edge is taken again: the machine backs up."""
-BACK_M = 0.1
 SPECK_M2 = 0.01
 """Smaller pieces are rounding."""
 
@@ -56,6 +54,8 @@ class Preview:
     """(n, 2) ways of the rear axle along each side, m."""
     turns: list[NDArray[np.float64]]
     """(n, 3) poses through each turn."""
+    shuttles: int
+    """How many of the turns back up to take the same edge again."""
     cutting_m: float
     turning_m: float
     time_s: float
@@ -79,13 +79,13 @@ def lane_pose(side: Side, along_m: float, vehicle: Vehicle) -> Pose:
     """Of the rear axle when the blade's line is along_m past the side's beginning."""
     c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
     back = along_m - vehicle.blade_x_m
-    inside = vehicle.blade_width_m / 2 - vehicle.overlap_m
+    inside = vehicle.inset_m - side.shift_m
     return side.x_m + c * back - s * inside, side.y_m + s * back + c * inside, side.heading_rad
 
 
 def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float, float]:
-    """(poses (n, 3) in the turn's frame, way in m, time in s) of a turn driven without error."""
-    radius, lock = turning_radius(vehicle)
+    """(poses (n, 3) in the turn's frame, way in m, time in s) of a turn driven without error. What
+    a leg that follows the new lane still has to shift sideways is spread over its length."""
     x = y = heading = 0.0
     poses = [(x, y, heading)]
     way = seconds = 0.0
@@ -94,38 +94,31 @@ def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float
         seconds += abs(math.degrees(leg.steer_rad - steered)) / STEER_DPS
         steered = leg.steer_rad
         if leg.goal is Goal.HEADING:
-            bend = radius * math.copysign(1.0, leg.steer_rad) * lock / abs(leg.steer_rad)
+            radius = vehicle.wheelbase_m / math.tan(leg.steer_rad)
             sweep = leg.value - heading
             length = abs(sweep * radius)
             for part in _parts(length):
                 h = heading + sweep * part
                 poses.append(
                     (
-                        x + bend * (math.sin(h) - math.sin(heading)),
-                        y - bend * (math.cos(h) - math.cos(heading)),
+                        x + radius * (math.sin(h) - math.sin(heading)),
+                        y - radius * (math.cos(h) - math.cos(heading)),
                         h,
                     )
                 )
         else:
             here = x if leg.goal is Goal.X else turn.along(x, y)
             c, s = math.cos(heading), math.sin(heading)
+            aside = -turn.offset(x, y) if leg.follow is Follow.NEW_LANE else 0.0
             length = abs(leg.value - here)
             for part in _parts(length):
-                ahead = (leg.value - here) * part
-                poses.append((x + c * ahead, y + s * ahead, heading))
+                ahead, left = (leg.value - here) * part, aside * part
+                poses.append((x + c * ahead - s * left, y + s * ahead + c * left, heading))
         x, y, heading = poses[-1]
         way += length
         seconds += length / vehicle.manoeuvre_speed_mps
     seconds += math.degrees(abs(steered)) / STEER_DPS
     return np.array(poses), way, seconds
-
-
-def _back(start: Pose, end: Pose) -> NDArray[np.float64]:
-    """(n, 3) poses straight back to take the next strip of the same edge; the shift to its lane is
-    spread over the way."""
-    shares = np.array([0.0, *_parts(math.dist(start[:2], end[:2]))])
-    poses: NDArray[np.float64] = np.array(start) + np.outer(shares, np.subtract(end, start))
-    return poses
 
 
 def _parts(length_m: float) -> list[float]:
@@ -139,7 +132,7 @@ def _placed_poses(poses: NDArray[np.float64], at: Pose) -> NDArray[np.float64]:
 
 def _swath(side: Side, begin_m: float, vehicle: Vehicle) -> shapely.Polygon:
     """What the blade cuts on a side from begin_m on."""
-    right, left = -vehicle.overlap_m, vehicle.blade_width_m - vehicle.overlap_m
+    right, left = -vehicle.overlap_m - side.shift_m, vehicle.pass_m - side.shift_m
     corners = np.array(
         [(begin_m, right), (side.length_m, right), (side.length_m, left), (begin_m, left)]
     )
@@ -148,17 +141,13 @@ def _swath(side: Side, begin_m: float, vehicle: Vehicle) -> shapely.Polygon:
 
 def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
     """Drives the plan on paper."""
-    planned = arc if plan.turn == "arc" else three_point
     outline = outline_of(vehicle)
+    fence = Geofence(areas) if areas.permitted is not None else None
     sides: list[NDArray[np.float64]] = []
     turns: list[NDArray[np.float64]] = []
     swaths: list[shapely.Polygon] = []
-    warnings: list[str] = []
     cutting = turning = seconds = late = 0.0
-    outside: dict[int, float] = {}
-    room = 0.0
-    field_ = shapely.Polygon(areas.field.exterior)
-    shapely.prepare(field_)
+    shuttles = 0
     for number, side in enumerate(plan.sides):
         begin = min(late, side.length_m)
         swaths.append(_swath(side, begin, vehicle))
@@ -168,73 +157,108 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         seconds += (side.length_m - begin) / vehicle.cutting_speed_mps
         if number + 1 == len(plan.sides):
             break
-        corner = plan.corner_rad(number)
-        if corner < SAME_EDGE_RAD:
-            poses = _back(ends[1], lane_pose(plan.sides[number + 1], -BACK_M, vehicle))
-            way = math.dist(poses[0, :2], poses[-1, :2])
-            turning += way
-            seconds += way / vehicle.manoeuvre_speed_mps + LOOK_S
-            late = 0.0
-            turns.append(poses)
-        else:
-            turn = planned(vehicle, corner)
-            poses, way, spent = drive_turn(turn, vehicle)
-            turning += way
-            seconds += spent + LOOK_S
-            # Beyond 0 the blade comes down late: the corner behind stays. Below 0 it runs in.
-            blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
-            late = max(0.0, blade - turn.crop_begins_m)
-            seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
-            turns.append(_placed_poses(poses, ends[1]))
-        corners = np.concatenate([placed(outline, *pose) for pose in turns[-1].tolist()])
-        needed = float(shapely.distance(field_, shapely.points(corners)).max())
-        room = max(room, needed)
-        beyond = float(shapely.distance(areas.permitted, shapely.points(corners)).max())
-        if beyond > 0:
-            outside[number] = beyond
+
+        def room_m(turn: Turn, at: Pose = ends[1]) -> float:
+            return ROOM_M if fence is None else room_along(turn, at, vehicle, fence)
+
+        turn = next_turn(plan, number, side.length_m, vehicle, room_m)
+        shuttles += plan.corner_rad(number) == 0.0
+        poses, way, spent = drive_turn(turn, vehicle)
+        turning += way
+        seconds += spent + LOOK_S
+        # Beyond 0 the blade comes down late: the corner behind stays. Below 0 it runs in.
+        blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
+        late = max(0.0, blade - turn.crop_begins_m)
+        seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
+        turns.append(_placed_poses(poses, ends[1]))
     cut = shapely.union_all(swaths)
-    left = areas.crop.difference(cut)
-    pieces = [piece for piece in shapely.get_parts(left) if piece.area > SPECK_M2]
-    if outside:
-        warnings.append(
-            f"{len(outside)} turns leave the permitted area, first at the end of side "
-            f"{min(outside) + 1}, by up to {max(outside.values()):.2f} m: the gap is too narrow"
-        )
-    if plan.sides:
-        begin_at = placed(outline, *lane_pose(plan.sides[0], 0.0, vehicle))
-        beyond = float(shapely.distance(areas.permitted, shapely.points(begin_at)).max())
-        if beyond > 0:
-            warnings.append(
-                f"at the start the machine stands {beyond:.2f} m outside the permitted area; "
-                "choose another corner"
-            )
-    for number, keep_out in enumerate(areas.keep_outs, start=1):
-        hit = [k for k, swath in enumerate(swaths, start=1) if swath.intersects(keep_out)]
-        if hit:
-            warnings.append(f"side {hit[0]} would cut into keep-out {number}")
+    pieces = shapely.get_parts(areas.crop.difference(cut))
+    outlines = [np.array([placed(outline, *pose) for pose in turn.tolist()]) for turn in turns]
+    edge = shapely.Polygon(areas.field.exterior)
     return Preview(
         plan,
         areas,
         sides,
         turns,
+        shuttles,
         cutting,
         turning,
         seconds,
         cut,
-        shapely.union_all(pieces),
-        room,
-        warnings,
+        shapely.union_all([piece for piece in pieces if piece.area > SPECK_M2]),
+        max((_beyond(edge, swept) for swept in outlines), default=0.0),
+        _warnings(plan, areas, vehicle, swaths, outlines),
     )
 
 
+def _beyond(area: shapely.Polygon, outlines: NDArray[np.float64]) -> float:
+    """How far (..., 2) corners lie outside an area at most, m."""
+    shapely.prepare(area)
+    return float(shapely.distance(area, shapely.points(outlines.reshape(-1, 2))).max())
+
+
+def _warnings(
+    plan: Plan,
+    areas: Areas,
+    vehicle: Vehicle,
+    swaths: list[shapely.Polygon],
+    outlines: list[NDArray[np.float64]],
+) -> list[str]:
+    """What the machine would touch or leave; `outlines` (n, 8, 2) through each turn."""
+    warnings: list[str] = []
+    permitted = areas.permitted
+    if permitted is not None:
+        outside = {
+            number: beyond
+            for number, swept in enumerate(outlines, start=1)
+            if (beyond := _beyond(permitted, swept)) > 0
+        }
+        if outside:
+            warnings.append(
+                f"{len(outside)} turns leave the permitted area, first at the end of side "
+                f"{min(outside)}, by up to {max(outside.values()):.2f} m: the gap is too narrow"
+            )
+        if plan.sides:
+            start = placed(outline_of(vehicle), *lane_pose(plan.sides[0], 0.0, vehicle))
+            beyond = _beyond(permitted, start)
+            if beyond > 0:
+                warnings.append(
+                    f"at the start the machine stands {beyond:.2f} m outside the permitted area; "
+                    "move it up, or choose another corner"
+                )
+    for number, keep_out in enumerate(areas.keep_outs, start=1):
+        shapely.prepare(keep_out)
+        hit = [k for k, swath in enumerate(swaths, start=1) if keep_out.intersects(swath)]
+        if hit:
+            warnings.append(f"side {hit[0]} would cut into keep-out {number}")
+        touched = [
+            k
+            for k, swept in enumerate(outlines, start=1)
+            if keep_out.intersects(shapely.convex_hull(shapely.multipoints(swept))).any()
+        ]
+        if touched:
+            warnings.append(
+                f"{len(touched)} turns would touch keep-out {number}, first at the end of side "
+                f"{touched[0]}: the geofence would stop the machine there"
+            )
+    return warnings
+
+
 def plan_field(
-    areas: Areas, corner: Pose | tuple[float, float], vehicle: Vehicle, turn: str
+    areas: Areas,
+    corner: tuple[float, float],
+    vehicle: Vehicle,
+    turn: str,
+    gap_m: float | None = None,
 ) -> Plan:
-    """The spiral of the crop to be cut that begins at the crop's corner nearest to `corner`."""
-    ring = shapely.geometry.polygon.orient(areas.crop)
+    """The plan of the crop to be cut that begins at the crop's corner nearest to `corner`, or at
+    the next that it can be begun at."""
+    inset = shapely.Polygon(areas.crop.exterior)
+    ring = shapely.geometry.polygon.orient(inset)
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
-    start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner[:2]))
-    return spiral(corners, start, vehicle.blade_width_m - vehicle.overlap_m, turn)
+    start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner))
+    holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
+    return spiral(corners, start, vehicle.pass_m, turn, gap_m, holes)
 
 
 # ---- what the operator sees ----------------------------------------------------------------------
@@ -245,7 +269,9 @@ def draw_preview(path: Path, shown: Preview, title: str) -> None:
     figure = Figure(figsize=(10, 10), layout="constrained")
     axes = figure.subplots()
     areas = shown.areas
-    axes.plot(*areas.permitted.exterior.xy, "--", color="0.4", lw=1.2, label="permitted area")
+    if areas.permitted is not None:
+        xy = areas.permitted.exterior.xy
+        axes.plot(*xy, "--", color="0.4", lw=1.2, label="permitted area")
     outer = np.array(areas.field.exterior.coords)
     axes.fill(*outer.T, color="#f2e3a0", label="field")
     axes.plot(*outer.T, color="#a08020", lw=1.5)
@@ -297,12 +323,14 @@ def table_of(previews: list[Preview]) -> Table:
     """The turns side by side."""
     table = Table(box=None, pad_edge=False)
     table.add_column("turn")
-    for name in ("sides", "cutting", "turning", "time", "stays", "coverage", "room"):
+    names = ("sides", "shuttles", "cutting", "turning", "time", "stays", "coverage", "room")
+    for name in names:
         table.add_column(name, justify="right")
     for shown in previews:
         table.add_row(
             shown.plan.turn,
             str(len(shown.plan.sides)),
+            str(shown.shuttles),
             f"{shown.cutting_m:.0f} m",
             f"{shown.turning_m:.0f} m",
             _minutes(shown.time_s),
@@ -318,7 +346,7 @@ def table_of(previews: list[Preview]) -> Table:
 @click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
 @click.option("--start", type=click.IntRange(0), default=0, show_default=True, help="The corner.")
 @click.option("--inset", default=0.0, show_default=True, help="Metres to stay inside the field.")
-@click.option("--gap", default=2.0, show_default=True, help="Metres to the neighbour's crop.")
+@click.option("--gap", type=float, metavar="METRES", help="To the neighbour's crop.")
 @click.option(
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
@@ -328,7 +356,7 @@ def plan(
     vehicle: Path | None,
     start: int,
     inset: float,
-    gap: float,
+    gap: float | None,
     turn: str,
     out: Path | None,
 ) -> None:
@@ -348,7 +376,7 @@ def plan(
     corner = frame.to_local(*boundary.crop[start])
     try:
         previews = {
-            name: preview(plan_field(areas, corner, machine, name), areas, machine)
+            name: preview(plan_field(areas, corner, machine, name, gap), areas, machine)
             for name in ("three_point", "arc")
         }
     except UserError as error:
@@ -366,6 +394,18 @@ def plan(
             f"{areas.field.area - areas.crop.area:.1f} m2, {100 * areas.price:.2f} % of the crop"
         )
     console.print(table_of(list(previews.values())))
+    first = shown.plan.sides[0]
+    begins = min(
+        range(len(boundary.crop)),
+        key=lambda k: math.dist(frame.to_local(*boundary.crop[k]), (first.x_m, first.y_m)),
+    )
+    if begins != start:
+        console.print(f"begins at corner {begins}: from corner {start} more would stay standing")
+    if gap is None:
+        console.print(
+            "no --gap: whether the turns have room is not checked, and a drive without it has no "
+            "geofence; measure the ground up to the neighbour's crop"
+        )
     for text in shown.warnings:
         console.print(f"warning: {text}")
     picture = out or field.with_suffix(".plan.png")

@@ -98,6 +98,16 @@ class Vehicle(Strict):
         return math.copysign(speed, duty)
 
     @property
+    def pass_m(self) -> float:
+        """What a full pass takes off the crop: the blade's width less the overlap."""
+        return self.blade_width_m - self.overlap_m
+
+    @property
+    def inset_m(self) -> float:
+        """How far inside the crop's edge the blade's middle runs."""
+        return self.blade_width_m / 2 - self.overlap_m
+
+    @property
     def blade_x_m(self) -> float:
         """The blade's line in the vehicle frame."""
         return self.wheelbase_m + self.blade_ahead_m
