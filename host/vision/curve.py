@@ -1,66 +1,106 @@
-"""From a dividing line to the edge itself: a curve beside the line, where a discriminant that is
-learnt on both sides of it changes sign."""
+"""From a dividing line to the edge itself, at the picture's own sharpness.
+
+A strip of the picture along the line is laid straight and looked at alone: colour and texture per
+pixel across the edge, pooled along it. What tells crop from cut is learnt on both sides of the
+line; the curve is where that changes sign. Once more, learning on both sides of the curve instead,
+lets a bent or misplaced line do no harm.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vision.split import Features, Line
+from host.vision.fisher import Discriminant, Features, Reach, discriminant
+from host.vision.pictures import Picture, u8
+from host.vision.split import NEAR_SHARE, Line
+from host.vision.texture import combine, measure
 
+PASSES = 2
+BLOCK_PX = 4
+"""Along the edge, pooled into one row."""
 STEPS = 3
-"""Cells that the curve may move sideways from one cell to the next."""
-BEND = 16.0
-"""Cost of moving by one cell; the discriminant is clipped to +-CLIP."""
+"""Pixels that the curve may move sideways from one row to the next."""
+BEND = 6.0
+"""Cost of moving by one; the discriminant is clipped to +-CLIP."""
 CLIP = 3.0
-RIDGE = 0.05
 BAND_SHARE = 0.08
 """Of the picture's shorter side: how far the curve may leave the line."""
-NEAR_SHARE = 0.20
-"""How far from the line the discriminant learns."""
-DEAD_CELLS = 1.0
-"""So near to the line it does not: cells there hold both."""
+DEAD_SHARE = 0.02
+"""So near to the edge nothing is learnt: pooled cells there hold both kinds."""
+SIGMAS = (1.2, 3.0)
+"""Px: the scales of grain."""
+ALONG = np.array([1, 2, 1], np.float32) / 4
+ACROSS = np.array([1, 4, 6, 4, 1], np.float32) / 16
 
 
-def discriminant(
-    features: Features, signed: NDArray[np.float64], near: float, strip: float
-) -> tuple[NDArray[np.float32], float] | None:
-    """Fisher's discriminant of the cells beside a line (`signed`: distances in cells), (h, w),
-    positive for standing crop; and by how many standard deviations the two kinds' means differ.
-    None where one side holds too little."""
-    n = features.shape[2]
-    before = near if strip == 0 else max(3.0, min(near, strip))
-    crop = features[(signed > DEAD_CELLS) & (signed < near)]
-    cut = features[(signed < -DEAD_CELLS) & (signed > -before)]
-    if min(len(crop), len(cut)) < 4 * n:
-        return None
-    a, b = crop.mean(0), cut.mean(0)
-    within = 0.5 * (np.cov(crop.T) + np.cov(cut.T)).reshape(n, n)
-    within += RIDGE * np.trace(within) / n * np.eye(n)
-    weights = np.linalg.solve(within, (a - b).astype(np.float64))
-    apart = math.sqrt(max(0.0, float((a - b) @ weights)))
-    value = (features - 0.5 * (a + b)) @ weights.astype(np.float32)
-    return np.clip(value, -CLIP, CLIP).astype(np.float32), apart
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The edge found beside a line."""
+
+    points: NDArray[np.float64]
+    """(n, 2) pixels (u, v), from end to end of the strip; pixel (i, j) covers [j, j + 1)."""
+    line: Line
+    apart: float
+    """By how many standard deviations the two kinds differ beside it; 0: nothing could be learnt,
+    and the curve is the line."""
+    strayed_px: float
+    """Mean distance of the curve from the line."""
+
+    def scaled(self, factor: float) -> Curve:
+        """The same curve in a picture that is larger by `factor`."""
+        line = self.line.scaled(factor)
+        return Curve(self.points * factor, line, self.apart, self.strayed_px * factor)
+
+    def standing(self, size: tuple[int, int]) -> NDArray[np.bool_]:
+        """Mask (height, width) of standing crop for a picture of size (width, height)."""
+        width, height = size
+        far = 2.0 * (width + height)
+        towards = np.array([math.cos(self.line.angle_rad), math.sin(self.line.angle_rad)])
+        along = np.array([-towards[1], towards[0]])
+        ends = np.vstack([self.points[:1] - far * along, self.points[-1:] + far * along])
+        border = np.vstack([ends[:1], self.points, ends[1:], ends[::-1] + far * towards])
+        out = np.zeros((height, width), np.uint8)
+        shift = 4
+        corners = np.round((border - 0.5) * (1 << shift)).astype(np.int32)
+        cv2.fillPoly(out, [corners], 1, shift=shift)
+        return np.asarray(out > 0)
 
 
 @numba.njit(cache=True, nogil=True)
-def _path(cost: NDArray[np.float64], bend: float, path: NDArray[np.int32]) -> None:
-    """The cheapest way through the rows of `cost`, with `bend` times the squared sideways step."""
-    rows, columns = cost.shape
-    total = cost.copy()
-    came = np.zeros((rows, columns), np.int32)
-    for t in range(1, rows):
+def _path(
+    value: NDArray[np.float32], inside: NDArray[np.bool_], bend: float, path: NDArray[np.int32]
+) -> None:
+    """Through the rows of `value` the borders between columns that best have the negative before
+    them and the positive behind, at a cost of `bend` times the squared sideways step. What is not
+    `inside` counts nothing."""
+    rows, columns = value.shape
+    total = np.zeros((rows, columns + 1))
+    came = np.zeros((rows, columns + 1), np.int32)
+    for t in range(rows):
+        whole = 0.0
         for s in range(columns):
+            if inside[t, s]:
+                whole += min(CLIP, max(-CLIP, value[t, s]))
+        before = 0.0
+        for s in range(columns + 1):
+            total[t, s] = 2.0 * before - whole
+            if s < columns and inside[t, s]:
+                before += min(CLIP, max(-CLIP, value[t, s]))
+        if t == 0:
+            continue
+        for s in range(columns + 1):
             best, at = np.inf, s
             for d in range(-STEPS, STEPS + 1):
-                if 0 <= s + d < columns:
-                    value = total[t - 1, s + d] + bend * d * d
-                    if value < best:
-                        best, at = value, s + d
+                if 0 <= s + d <= columns:
+                    cost = total[t - 1, s + d] + bend * d * d
+                    if cost < best:
+                        best, at = cost, s + d
             total[t, s] += best
             came[t, s] = at
     path[rows - 1] = int(np.argmin(total[rows - 1]))
@@ -68,32 +108,81 @@ def _path(cost: NDArray[np.float64], bend: float, path: NDArray[np.int32]) -> No
         path[t - 1] = came[t, path[t]]
 
 
-def follow(features: Features, line: Line) -> tuple[NDArray[np.float32], float]:
-    """Signed distances (h, w) in cells to the edge, positive on standing crop, and how far apart
-    the two kinds are beside it; the line itself, 0 apart, where nothing can be learnt there."""
-    h, w, _ = features.shape
-    shorter = min(h, w)
+@dataclass(frozen=True, slots=True)
+class _Strip:
+    """A piece of the picture along a line, laid straight: rows along it, columns across it."""
+
+    features: Features
+    inside: NDArray[np.bool_]
+    along: NDArray[np.float64]
+    """Pixels of each row's middle from the line's foot."""
+    half: int
+    """Columns on either side of the line's own."""
+
+
+def _straightened(bgr: Picture, line: Line, half: int) -> _Strip | None:
+    """The strip of a picture, a pixel a column; None where the line hardly crosses the picture."""
+    h, w = bgr.shape[:2]
     cos, sin = math.cos(line.angle_rad), math.sin(line.angle_rad)
-    u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
-    signed = line.signed(u, v)
-    learnt = discriminant(features, signed, NEAR_SHARE * shorter, line.strip)
-    if learnt is None:
-        return signed.astype(np.float32), 0.0
-    value, apart = learnt
-    # the line's own frame: t along it, s across it, towards the crop
-    band = max(1, int(BAND_SHARE * shorter))
-    length = int(math.hypot(h, w)) + 1
-    t, s = np.arange(length) - 0.5 * length, np.arange(2 * band + 1) - band
-    to_line = line.offset - 0.5 * (w * cos + h * sin)
-    foot_u, foot_v = 0.5 * w + to_line * cos, 0.5 * h + to_line * sin
+    foot_u, foot_v = _foot(line, w, h)
+    # where the line runs inside the picture, widened by the strip
+    t = np.arange(-math.hypot(h, w) / 2, math.hypot(h, w) / 2)
+    u, v = foot_u - t * sin, foot_v + t * cos
+    inside = (u >= -half) & (u <= w + half) & (v >= -half) & (v <= h + half)
+    t = t[inside]
+    blocks = len(t) // BLOCK_PX
+    if blocks < 4:
+        return None
+    t = t[: blocks * BLOCK_PX]
+    s = np.arange(-half, half + 1)
     map_u = (foot_u + s[None] * cos - t[:, None] * sin - 0.5).astype(np.float32)
     map_v = (foot_v + s[None] * sin + t[:, None] * cos - 0.5).astype(np.float32)
-    across = cv2.remap(value, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    inside = (map_u >= -0.5) & (map_u < w - 0.5) & (map_v >= -0.5) & (map_v < h - 0.5)
-    below = np.zeros((length, 2 * band + 2))
-    np.cumsum(across * inside, axis=1, out=below[:, 1:])
-    path = np.zeros(length, np.int32)
-    _path(2.0 * below - below[:, -1:], BEND, path)
-    along = (v - foot_v) * cos - (u - foot_u) * sin
-    index = np.clip(np.round(along + 0.5 * length).astype(int), 0, length - 1)
-    return (signed - (path - band - 0.5)[index]).astype(np.float32), apart
+    piece = cv2.remap(bgr, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    sums = measure(u8(piece), (BLOCK_PX, 1), SIGMAS)
+    means = cv2.sepFilter2D(sums, cv2.CV_32F, ACROSS, ALONG, borderType=cv2.BORDER_REPLICATE)
+    middle = slice(BLOCK_PX // 2, None, BLOCK_PX)
+    a, b = map_u[middle], map_v[middle]
+    seen = (a >= 0) & (a <= w - 1) & (b >= 0) & (b <= h - 1)
+    along = t.reshape(blocks, BLOCK_PX).mean(1)
+    return _Strip(combine(np.asarray(means, np.float32), with_light=True), seen, along, half)
+
+
+def _foot(line: Line, w: int, h: int) -> tuple[float, float]:
+    """The point of the line that is nearest to the picture's middle."""
+    cos, sin = math.cos(line.angle_rad), math.sin(line.angle_rad)
+    to_line = line.offset - 0.5 * (w * cos + h * sin)
+    return 0.5 * w + to_line * cos, 0.5 * h + to_line * sin
+
+
+def follow(bgr: Picture, line: Line) -> Curve:
+    """The edge beside a line, both in the pixels of `bgr` (height, width, 3)."""
+    h, w = bgr.shape[:2]
+    shorter = min(h, w)
+    near, band = NEAR_SHARE * shorter, max(2, int(BAND_SHARE * shorter))
+    strip = _straightened(bgr, line, max(band + 1, math.ceil(near)))
+    ends = math.hypot(h, w) / 2
+    along = strip.along if strip else np.array([-ends, ends])
+    aside: NDArray[np.float64] = np.zeros(len(along))
+    learnt: Discriminant | None = None
+    if strip is not None:
+        cut = near if line.strip == 0 else max(12.0, min(near, line.strip))
+        reach = Reach(near, cut, max(1.0, DEAD_SHARE * shorter))
+        across = np.arange(-strip.half, strip.half + 1)
+        columns = slice(strip.half - band, strip.half + band + 1)
+        for _ in range(PASSES):
+            distances = np.where(strip.inside, across - aside[:, None], np.nan)
+            found = discriminant(strip.features, distances.astype(np.float32), reach)
+            if found is None:
+                break
+            learnt = found
+            value = np.ascontiguousarray(learnt.value(strip.features)[:, columns])
+            path = np.zeros(len(along), np.int32)
+            _path(value, np.ascontiguousarray(strip.inside[:, columns]), BEND, path)
+            aside = path.astype(np.float64) - band - 0.5
+    cos, sin = math.cos(line.angle_rad), math.sin(line.angle_rad)
+    foot_u, foot_v = _foot(line, w, h)
+    points = np.column_stack(
+        [foot_u + aside * cos - along * sin, foot_v + aside * sin + along * cos]
+    )
+    apart = learnt.apart if learnt else 0.0
+    return Curve(points, line, apart, float(np.abs(aside).mean()))

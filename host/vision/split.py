@@ -3,8 +3,9 @@
 Over features whitened by their total covariance, the share of the variance that a division explains
 is Fisher's criterion in another guise, and needs first-order sums only: every line of a fan is
 tried. A cut face, a shadow or trampled stalks may lie between crop and stubble as a strip of a
-third kind; where a division into three explains clearly more than one into two, the crop ends at
-its border.
+third kind; the crop then ends at the border of a division into three. Which of the two divisions is
+meant is weighed: how much more the three explain, and how well each tells the two kinds apart
+beside its line.
 """
 
 from __future__ import annotations
@@ -14,20 +15,23 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from host.vision.fisher import Features, Reach, discriminant
 
 Side = Literal["left", "right", "top", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "right", "top", "bottom")
 TOWARDS_CROP: dict[Side, float] = {"right": 0.0, "bottom": 90.0, "left": 180.0, "top": 270.0}
 """Direction of the standing crop in degrees, from u towards v."""
 
-Features = NDArray[np.float32]
-
 HALF_FAN_DEG = 65.0
 LEAST_VARIANCE = 0.02
 """Directions in which the features vary less than this share are left small."""
+NEAR_SHARE = 0.12
+"""Of the shorter side: how far from a line the two kinds are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +40,9 @@ class Search:
 
     strip_share: float = 0.10
     """Greatest width of a strip, of the picture's shorter side."""
-    strip_gain: float = 0.025
-    """Least gain in explained variance, of all features' together, that makes a strip believed."""
+    strip_gain: float = 0.02
+    """Gain in explained variance, of all features' together, that makes a strip believed where both
+    divisions tell crop from cut equally well."""
     least_share: float = 0.05
     """Of the picture on either side of the line."""
 
@@ -175,27 +180,65 @@ def _explained(
                     strip[a, b] = w
 
 
+@dataclass(frozen=True, slots=True)
+class _Division:
+    line: Line
+    variance: float
+    """Explained, of all features together."""
+
+
+def _divisions(
+    features: Features, angles: NDArray[np.float32], search: Search
+) -> tuple[_Division, _Division]:
+    """The best division into two, and the best into three with a strip, over the angles."""
+    h, w, _ = features.shape
+    bins = math.ceil(math.hypot(h, w)) + 2
+    two, three = np.zeros((len(angles), bins)), np.zeros((len(angles), bins))
+    strip = np.zeros((len(angles), bins), np.int32)
+    widest = int(search.strip_share * min(h, w))
+    _explained(features, angles, widest, search.least_share, two, three, strip)
+    explained = float(two.max())
+
+    def best(values: NDArray[np.float64], width: NDArray[np.int32]) -> _Division:
+        a, b = (int(i) for i in np.unravel_index(int(values.argmax()), values.shape))
+        angle = float(angles[a])
+        middle = math.cos(angle) * 0.5 * w + math.sin(angle) * 0.5 * h
+        line = Line(angle, b - 0.5 * bins + middle, explained, float(width[a, b]))
+        return _Division(line, float(values[a, b]))
+
+    return best(two, np.zeros_like(strip)), best(three, strip)
+
+
+def _around(line: Line) -> NDArray[np.float32]:
+    fan = line.angle_rad + np.radians(np.arange(-4.0, 4.1, 1.0))
+    return np.asarray(fan, np.float32)
+
+
+def _apart(features: Features, line: Line) -> float:
+    """How well the features tell the two kinds apart beside the line."""
+    h, w, _ = features.shape
+    u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+    near = NEAR_SHARE * min(h, w)
+    cut = near if line.strip == 0 else max(2.0, min(near, line.strip))
+    learnt = discriminant(features, line.signed(u, v).astype(np.float32), Reach(near, cut, 0.5))
+    return max(0.1, learnt.apart) if learnt else 0.1
+
+
 def best_line(features: Features, side: Side, search: Search | None = None) -> Line:
     """The dividing line of whitened (h, w, n) features on a grid of square cells, in cells (cell
     (i, j) covers [j, j + 1) x [i, i + 1))."""
     search = search or Search()
-    h, w, n = features.shape
-    bins = math.ceil(math.hypot(h, w)) + 2
-    widest = int(search.strip_share * min(h, w))
-    angles = _fan(side, 5.0)
-    line = Line(float(angles[len(angles) // 2]), 0.0)
-    for _ in range(2):
-        two, three = np.zeros((len(angles), bins)), np.zeros((len(angles), bins))
-        strip = np.zeros((len(angles), bins), np.int32)
-        _explained(features, angles, widest, search.least_share, two, three, strip)
-        a, b = (int(i) for i in np.unravel_index(int(two.argmax()), two.shape))
-        i, j = (int(k) for k in np.unravel_index(int(three.argmax()), three.shape))
-        explained = float(two[a, b])
-        beside = 0.0
-        if float(three[i, j]) - explained > n * search.strip_gain:
-            a, b, beside = i, j, float(strip[i, j])
-        angle = float(angles[a])
-        middle = math.cos(angle) * 0.5 * w + math.sin(angle) * 0.5 * h
-        line = Line(angle, b - 0.5 * bins + middle, explained, beside)
-        angles = (angle + np.radians(np.arange(-4.0, 4.1, 1.0))).astype(np.float32)
-    return line
+    # the direction shows at half the sharpness too
+    half = cv2.resize(features, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    two, three = _divisions(np.asarray(half, np.float32), _fan(side, 5.0), search)
+    coarse = two.line.angle_rad
+    two, beside = _divisions(features, _around(two.line), search)
+    if math.isinf(search.strip_gain):
+        return two.line
+    if three.line.angle_rad == coarse:
+        three = beside
+    else:
+        _, three = _divisions(features, _around(three.line), search)
+    gain = (three.variance - two.variance) / (features.shape[2] * search.strip_gain)
+    better = math.log(_apart(features, three.line) / _apart(features, two.line))
+    return three.line if three.line.strip > 0 and gain + better > 1.0 else two.line

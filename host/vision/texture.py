@@ -3,80 +3,94 @@
 from __future__ import annotations
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from host.vision.pictures import Picture, u8
 
-WORK_PX = 448
-"""Longer side at which texture is measured."""
-CELL_PX = 4
-FINE_SIGMA, COARSE_SIGMA = 2.0, 5.0
-"""Px at that size: between these two scales and below the first, grain is told apart."""
+QUANTITIES = 10
+"""Quantities whose means over a cell make its features: Lab's three, the two brightness steps, what
+two blurs take away, squares of light and yellow, and the cube of the relief."""
 
-Cells = dict[str, NDArray[np.float32]]
+Means = NDArray[np.float32]
+"""(h, w, QUANTITIES)."""
 
-
-def measure(bgr: Picture) -> Cells:
-    """Cell means (h, w) from which `features` makes features: of Lab, of brightness steps, of what
-    two blurs take away, and of squares."""
-    longer = max(bgr.shape[:2])
-    if longer > WORK_PX:
-        scale = WORK_PX / longer
-        if scale < 0.5:
-            bgr = u8(cv2.resize(bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
-        else:  # bilinear averages enough down to a half, and is far quicker
-            bgr = u8(cv2.resize(bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR))
-    h, w = bgr.shape[:2]
-    grid = (max(8, w // CELL_PX), max(8, h // CELL_PX))
-
-    def cells(picture: NDArray[np.generic]) -> NDArray[np.float32]:
-        return np.asarray(
-            cv2.resize(np.asarray(picture, np.float32), grid, interpolation=cv2.INTER_AREA),
-            np.float32,
-        )
-
-    planes = cv2.split(cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB))
-    light, green_red, blue_yellow = (p.astype(np.float32) for p in planes)
-    fine = cv2.GaussianBlur(light, (0, 0), FINE_SIGMA)
-    half = cv2.resize(fine, (max(1, w // 2), max(1, h // 2)), interpolation=cv2.INTER_AREA)
-    coarse = cv2.resize(cv2.GaussianBlur(half, (0, 0), COARSE_SIGMA / 2), (w, h))
-    relief = np.clip(light - coarse, -60, 60)
-    return {
-        "L": cells(light),
-        "a": cells(green_red),
-        "b": cells(blue_yellow),
-        "across": cells(np.abs(cv2.Sobel(light, cv2.CV_32F, 1, 0, ksize=1))),
-        "along": cells(np.abs(cv2.Sobel(light, cv2.CV_32F, 0, 1, ksize=1))),
-        "fine": cells(np.abs(light - fine)),
-        "coarse": cells(np.abs(fine - coarse)),
-        "L2": cells(light * light),
-        "b2": cells(blue_yellow * blue_yellow),
-        "skew": cells(relief * relief * relief),
-    }
+RELIEF = np.float32(60)
+"""Grey levels to which the relief is limited."""
 
 
-def features(cells: Cells, sigma: float, with_light: bool) -> NDArray[np.float32]:
-    """(h, w, n) features, pooled over `sigma` cells. Brightness itself is left out of the search
-    for a line: shadows and dust divide a picture as neatly as crop does."""
+def reduced(bgr: Picture, longer_px: int) -> Picture:
+    """The picture with its longer side at most `longer_px`."""
+    scale = longer_px / max(bgr.shape[:2])
+    if scale >= 1:
+        return bgr
+    # bilinear averages enough down to a half, and is far quicker
+    kind = cv2.INTER_AREA if scale < 0.5 else cv2.INTER_LINEAR
+    return u8(cv2.resize(bgr, None, fx=scale, fy=scale, interpolation=kind))
 
-    def pool(name: str) -> NDArray[np.float32]:
-        return np.asarray(cv2.GaussianBlur(cells[name], (0, 0), sigma), np.float32)
 
-    light, yellow = pool("L"), pool("b")
-    spread = np.sqrt(np.maximum(pool("L2") - light * light, 0.0))
-    colours = np.sqrt(np.maximum(pool("b2") - yellow * yellow, 0.0))
-    out = [
-        pool("a"),
-        yellow,
-        np.log(pool("across") + 0.5),
-        np.log(pool("along") + 0.5),
-        np.log(spread + 1.0),
-        np.log(pool("fine") + 0.5),
-        np.log(pool("coarse") + 0.5),
-        np.log(colours + 0.5),
-        np.cbrt(pool("skew")),
-    ]
+def measure(bgr: Picture, cell: tuple[int, int], sigmas: tuple[float, float]) -> Means:
+    """Means of a picture (height, width, 3) over cells of (rows, columns); what is left over at the
+    right and lower borders is not looked at. `sigmas` in px: below the first scale, and between the
+    two, grain is told apart."""
+    lab = u8(cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB))
+    light = lab[..., 0].astype(np.float32)
+    fine = np.asarray(cv2.GaussianBlur(light, (0, 0), sigmas[0]), np.float32)
+    coarse = np.asarray(cv2.GaussianBlur(light, (0, 0), sigmas[1]), np.float32)
+    h, w = light.shape
+    means = np.zeros((h // cell[0], w // cell[1], QUANTITIES), np.float32)
+    _accumulate(lab, fine, coarse, cell, means)
+    means /= cell[0] * cell[1]
+    return means
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _accumulate(
+    lab: Picture,
+    fine: NDArray[np.float32],
+    coarse: NDArray[np.float32],
+    cell: tuple[int, int],
+    sums: Means,
+) -> None:
+    height, width, _ = lab.shape
+    for i in range(sums.shape[0]):
+        for v in range(i * cell[0], (i + 1) * cell[0]):
+            above, below = max(0, v - 1), min(height - 1, v + 1)
+            for j in range(sums.shape[1]):
+                for u in range(j * cell[1], (j + 1) * cell[1]):
+                    before, after = max(0, u - 1), min(width - 1, u + 1)
+                    light, yellow = np.float32(lab[v, u, 0]), np.float32(lab[v, u, 2])
+                    across = np.int32(lab[v, after, 0]) - np.int32(lab[v, before, 0])
+                    along = np.int32(lab[below, u, 0]) - np.int32(lab[above, u, 0])
+                    relief = min(RELIEF, max(-RELIEF, light - coarse[v, u]))
+                    sums[i, j, 0] += light
+                    sums[i, j, 1] += np.float32(lab[v, u, 1])
+                    sums[i, j, 2] += yellow
+                    sums[i, j, 3] += np.float32(abs(across))
+                    sums[i, j, 4] += np.float32(abs(along))
+                    sums[i, j, 5] += abs(light - fine[v, u])
+                    sums[i, j, 6] += abs(fine[v, u] - coarse[v, u])
+                    sums[i, j, 7] += light * light
+                    sums[i, j, 8] += yellow * yellow
+                    sums[i, j, 9] += relief * relief * relief
+
+
+def pooled(means: Means, sigma: float) -> Means:
+    """Means over wider surroundings of `sigma` cells."""
+    return np.asarray(cv2.GaussianBlur(means, (0, 0), sigma), np.float32)
+
+
+def combine(means: Means, with_light: bool) -> NDArray[np.float32]:
+    """(h, w, n) features of means. Brightness itself is left out of the search for a line: shadows
+    and dust divide a picture as neatly as crop does."""
+    light, yellow = means[..., 0], means[..., 2]
+    out = np.empty((*means.shape[:2], 10 if with_light else 9), np.float32)
+    out[..., :2] = means[..., 1:3]
+    out[..., 2:6] = np.log(means[..., 3:7] + np.float32(0.5))
+    out[..., 6] = 0.5 * np.log(np.maximum(means[..., 7] - light * light, 0.0) + np.float32(1.0))
+    out[..., 7] = 0.5 * np.log(np.maximum(means[..., 8] - yellow * yellow, 0.0) + np.float32(0.25))
+    out[..., 8] = np.cbrt(means[..., 9])
     if with_light:
-        out.append(light)
-    return np.stack(out, -1).astype(np.float32)
+        out[..., 9] = light
+    return out
