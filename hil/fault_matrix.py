@@ -7,10 +7,12 @@ before any cable has its way.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,6 +22,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from hil import targets
 from hil.campaign import spread
 from hil.faults import PAIRS, At, Expect, Fault
 from hil.harvest import Harvest
@@ -27,6 +30,7 @@ from hil.lockstep import SLICE_US, Bench
 from hil.provision import Firmware
 from hil.scenario import Limits, Recording, Scenario
 from hil.taps import Signal
+from hil.targets import ROOT
 from host import protocol
 from host.errors import UserError
 from host.link import Session
@@ -67,6 +71,8 @@ class Verdict:
     """Travelled meanwhile, the coasting included; over the whole watch where nothing stopped."""
     ok: bool
     verdict: str
+    limit: bool = False
+    """Not ok, and known: nothing on board can notice it."""
 
 
 class Watch:
@@ -77,7 +83,8 @@ class Watch:
         self.path: list[tuple[float, float]] = []
         """(time, distance travelled since the fault began)."""
         self.rest_m = 0.0
-        self.reversed_blade = False
+        self.reversed_blade_at = -math.inf
+        """When the blade was last on in reverse."""
         self.faults: list[tuple[float, protocol.Fault]] = []
         """The firmware's fault word whenever it changed."""
         self.resets: list[float] = []
@@ -114,21 +121,22 @@ class Watch:
         if abs(speed) > AT_REST_MPS:
             self.rest_m = self._travel
         if blade and speed < REVERSING_MPS:
-            self.reversed_blade = True
+            self.reversed_blade_at = now
 
     def enough(self) -> bool:
         """Whether the fault has been watched for long enough."""
         begun = self.begun
         return begun is not None and self.run.bench.now - begun >= WATCH_S
 
-    def _harm(self) -> list[str]:
+    def _harm(self, allowed_until: float) -> list[str]:
+        """What must not be, but for a machine that had not to stop before `allowed_until`."""
         truth = self.run.truth.summary()
         harm = []
         if truth["neighbour_cut_m2"]:
             harm.append(f"neighbour's crop cut: {truth['neighbour_cut_m2']} m2")
         if truth["outside_m"]:
             harm.append(f"outside by {truth['outside_m']} m")
-        if self.reversed_blade:
+        if self.reversed_blade_at > allowed_until:
             harm.append("blade on in reverse")
         off = max((abs(x) for x in self.run.truth.lateral[self._lateral_from :]), default=0.0)
         if off > OFF_EDGE_M:
@@ -193,19 +201,26 @@ class Watch:
             "stop_latency_ms": None if latency is None else round(latency, 1),
             "moved_m": round(moved, 3),
         }
-        harm = self._harm()
+        stops = pair.expect is Expect.STOP
+        harm = self._harm(since + pair.bound_s if stops else begun)
+
+        def bad(word: str, what: str) -> Verdict:
+            if pair.limit:
+                return made(False, f"LIMIT: {what}; {pair.limit}", limit=True, **facts)
+            return made(False, f"{word}: {what}", **facts)
+
         if harm:
-            return made(False, "UNSAFE: " + "; ".join(harm), **facts)
+            return bad("UNSAFE", "; ".join(harm))
         if shown is None:
             return made(True, "ok: it made no difference in this run", **facts)
-        if pair.expect is Expect.RIDE:
+        if not stops:
             return made(True, "ok: stopped" if stopped else "ok: rode through", **facts)
         if latency is None:
             unseen = by == "nobody"
-            text = "nobody notices, it goes on" if unseen else "noticed, but it goes on"
-            return made(False, f"UNSAFE: {text}", **facts)
-        in_time = latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m
-        return made(in_time, "ok: stopped" if in_time else "LATE", **facts)
+            return bad("UNSAFE", "nobody notices, it goes on" if unseen else "it goes on")
+        if latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m:
+            return made(True, "ok: stopped", **facts)
+        return bad("LATE", f"{latency:.0f} ms, {moved:.2f} m")
 
 
 def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
@@ -297,6 +312,47 @@ def run_case(case: Case) -> Verdict:
     return watched(with_fault(base, case.situation, case.name), case.situation, record)
 
 
+# ---- kept from an earlier call -------------------------------------------------------------------
+
+
+def digest(case: Case) -> str:
+    """Of everything that a verdict depends on: the scenario, the firmware and the programs."""
+    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
+    chosen = with_fault(base, case.situation, case.name).model_dump_json().encode()
+    return hashlib.sha256(chosen + _programs(case.firmware)).hexdigest()
+
+
+@cache
+def _programs(firmware: Firmware) -> bytes:
+    images = {
+        "desk": (targets.DESK_LIBRARY,),
+        "avr": (targets.AVR_LIBRARY, targets.AVR_IMAGE),
+    }[firmware]
+    sources = sorted(p for d in ("hil", "host", "sim_plant") for p in (ROOT / d).rglob("*.py"))
+    found = hashlib.sha256()
+    for path in (*sources, *(image for image in images if image.exists())):
+        found.update(path.read_bytes())
+    return found.digest()
+
+
+def kept(path: Path, cases: Sequence[Case]) -> dict[Case, Verdict]:
+    """Verdicts that an earlier call of the same command left, of the same programs."""
+    if not path.exists():
+        return {}
+    found = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            entry = json.loads(line)
+        except ValueError:  # the call was killed while it wrote
+            continue
+        found[entry["digest"]] = Verdict(**entry["verdict"])
+    digests = {case: digest(case) for case in cases}
+    return {case: found[key] for case, key in digests.items() if key in found}
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
 def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:
     names = all_faults()
     if not only:
@@ -333,7 +389,7 @@ def table_of(verdicts: Sequence[Verdict], title: str) -> Table:
             "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}",
             f"{v.moved_m:.2f}",
             v.verdict,
-            style="" if v.ok else "bold red",
+            style="" if v.ok else "yellow" if v.limit else "bold red",
         )
     return table
 
@@ -361,7 +417,8 @@ def faults(
 ) -> None:
     """Makes everything fail that can fail, and says who noticed, when, and what moved meanwhile.
 
-    Exits with an error when any outcome is unsafe or late."""
+    Exits with an error when any outcome is unsafe or late; known limits are counted apart. The same
+    command goes on where it was killed, as long as the programs are the same."""
     from hil import report  # noqa: PLC0415
 
     wheres: list[Situation] = ["follow", "turn"] if situation == "both" else [situation]  # type: ignore[list-item]
@@ -372,11 +429,17 @@ def faults(
         for name in _selected(only)
         for where in wheres
     ]
-    found: dict[Case, Verdict] = {}
-    with Progress(console=Console(stderr=True)) as bar:
-        task = bar.add_task(f"{len(cases)} faults", total=len(cases))
-        for case, verdict in spread(run_case, cases, workers=workers, scheduler=scheduler):
+    log = out / "verdicts.jsonl"
+    found = kept(log, cases)
+    todo = [case for case in cases if case not in found]
+    with Progress(console=Console(stderr=True)) as bar, log.open("a", encoding="utf-8") as file:
+        file.write("\n")  # a killed call may have left half a line
+        task = bar.add_task(f"{len(cases)} faults", total=len(cases), completed=len(found))
+        for case, verdict in spread(run_case, todo, workers=workers, scheduler=scheduler):
             found[case] = verdict
+            entry = {"digest": digest(case), "verdict": asdict(verdict)}
+            file.write(json.dumps(entry) + "\n")
+            file.flush()
             bar.update(task, completed=len(found), description=verdict.fault)
     verdicts = [found[case] for case in cases]
     title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
@@ -385,7 +448,8 @@ def faults(
         "camera": camera,
         "mode": mode,
         "cases": len(verdicts),
-        "bad": sum(not v.ok for v in verdicts),
+        "bad": sum(not v.ok and not v.limit for v in verdicts),
+        "limits": sum(v.limit for v in verdicts),
         "faults": [asdict(v) for v in verdicts],
     }
     (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
@@ -394,6 +458,9 @@ def faults(
     report.faults_report(out, title, verdicts)
     latencies = [v.stop_latency_ms for v in verdicts if v.stop_latency_ms is not None]
     worst = max(latencies, default=math.nan)
-    click.echo(f"{len(verdicts)} runs, worst stop_latency_ms {worst:.0f}; written to {out}")
+    click.echo(
+        f"{len(verdicts)} runs, {summary['limits']} known limits, worst stop_latency_ms "
+        f"{worst:.0f}; written to {out}"
+    )
     if summary["bad"]:
         raise UserError(f"{summary['bad']} of {len(verdicts)} outcomes are unsafe or late")

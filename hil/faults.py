@@ -70,9 +70,13 @@ class Pair:
     """Default of the fault's `value`; its meaning is in `doc`."""
     hows: tuple[str, ...] = ()
     """Which of several the failure is; the first is the default."""
+    limit: str = ""
+    """Why nothing on board can notice it, and what reduces the harm: a bad outcome is then a known
+    limit of the machine, and never counts as a pass."""
 
 
 _STOP, _RIDE = Expect.STOP, Expect.RIDE
+_NO_BLADE_SENSOR: Final = "not detectable: no sensor on the blade"
 _SLOW: Final = (1.0, 0.5)
 _WHEELS: Final = (3.0, 0.5)
 """Without a sensor on the wheels only the positions, one a second, tell."""
@@ -99,11 +103,28 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("steering_bridge", "intermittent"): Pair("loose contact", _RIDE),
     ("drive_motor", "off"): Pair("no torque", _STOP, *_WHEELS),
     ("drive_motor", "stuck"): Pair("the wheels are blocked", _STOP, *_WHEELS),
-    ("drive_motor", "wrong"): Pair("turns the wrong way", _STOP, *_WHEELS),
+    ("drive_motor", "wrong"): Pair(
+        "turns the wrong way",
+        _STOP,
+        *_WHEELS,
+        limit="not detectable in time: no sensor for the direction but the positions, one a second, "
+        "after a metre one way; in a turn none is that long",
+    ),
     ("drive_motor", "slow"): Pair("has `value` of its strength", _RIDE, value=0.7),
     ("drive_motor", "intermittent"): Pair("loose brush", _RIDE),
-    ("blade_relay", "off"): Pair("does not close", _STOP, 5.0, 1.0),
-    ("blade_relay", "stuck"): Pair("welded: stays as it is", _STOP, 0.5),
+    ("blade_relay", "off"): Pair(
+        "does not close",
+        _STOP,
+        5.0,
+        1.0,
+        limit=f"{_NO_BLADE_SENSOR}; a side that does not end stops the machine",
+    ),
+    ("blade_relay", "stuck"): Pair(
+        "welded: stays as it is",
+        _STOP,
+        0.5,
+        limit=f"{_NO_BLADE_SENSOR}; the e-stop button must break the blade's own supply as well",
+    ),
     ("blade_relay", "delayed"): Pair("follows `value` s later", _RIDE, value=0.2),
     ("blade_relay", "intermittent"): Pair("chatters", _RIDE),
     ("battery", "off"): Pair("cable off: everything without power", _STOP),

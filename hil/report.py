@@ -309,7 +309,8 @@ def _latencies(verdicts: Sequence[Verdict]) -> Figure:
 
 def faults_sections(verdicts: Sequence[Verdict]) -> list[Section]:
     """Sections of a fault matrix."""
-    bad = sum(not v.ok for v in verdicts)
+    limits = sum(v.limit for v in verdicts)
+    bad = sum(not v.ok for v in verdicts) - limits
     grid = Grid(
         ("fault", "while", "must", "within", "detected by", "after ms", "stop_latency_ms",
          "moved m", "verdict")
@@ -319,7 +320,7 @@ def faults_sections(verdicts: Sequence[Verdict]) -> list[Section]:
         cells = [v.fault, v.situation, v.expect, bound, v.detected_by]
         cells += [show(v.detected_ms), show(v.stop_latency_ms), show(v.moved_m), v.verdict]
         grid.rows.append(("" if v.ok else "bad", cells))
-    text = f"{len(verdicts)} faults, {bad} unsafe or late."
+    text = f"{len(verdicts)} faults, {bad} unsafe or late, {limits} known limits."
     return [
         Section("Verdicts", text, grid),
         Section("Stop latencies", pictures=[(_drawn(_latencies(verdicts)), "")]),

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import json
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any, get_args
 
 import cv2
@@ -15,7 +18,18 @@ from oracle import Oracle, quick
 from pydantic import ValidationError
 
 from hil import taps, targets
-from hil.fault_matrix import Situation, Verdict, all_faults, base_scenario, watched, with_fault
+from hil.fault_matrix import (
+    Case,
+    Situation,
+    Verdict,
+    all_faults,
+    base_scenario,
+    digest,
+    faults,
+    kept,
+    watched,
+    with_fault,
+)
 from hil.faults import (
     PAIRS,
     At,
@@ -36,6 +50,9 @@ from hil.taps import Mode, Signal, tap
 from hil.virtual import rig
 from host.errors import UserError
 from host.link import Session
+from host.picture_watch import WatchedDetector
+from host.vehicle import MAST
+from host.vision.view import Detector
 from sim_plant import machine
 
 needs_firmware = pytest.mark.skipif(
@@ -306,11 +323,20 @@ def test_the_hang_and_the_reset_reach_the_firmware() -> None:
 # ---- what the machine does about it --------------------------------------------------------------
 
 
-def tried(component: str, failure: str, situation: Situation = "follow") -> Verdict:
-    """The verdict with a detector that sees the truth."""
+SMALL = {"width_px": 64, "height_px": 48}
+
+
+def watched_oracle(bench: Bench) -> Detector:
+    """A detector that sees the truth, as long as the pictures are believed."""
+    return WatchedDetector(Oracle(bench), MAST.model_copy(update=SMALL))
+
+
+def tried(component: str, failure: str, situation: Situation = "follow", how: str = "") -> Verdict:
+    """The verdict with small pictures and that detector."""
     base = base_scenario(situation, "desk", "robust", "mast")
     base = base.model_copy(update={"lens": quick().lens})
-    return watched(with_fault(base, situation, (component, failure, "")), situation, None, Oracle)
+    chosen = with_fault(base, situation, (component, failure, how))
+    return watched(chosen, situation, None, watched_oracle)
 
 
 @needs_firmware
@@ -337,10 +363,38 @@ def test_the_firmware_stops_the_machine_in_time_and_says_why(
 
 
 @needs_firmware
-def test_without_pictures_the_pilot_stops_the_machine() -> None:
-    verdict = tried("camera", "off")
-    assert verdict.detected_by.startswith("pilot")
+@pytest.mark.parametrize("situation", ["follow", "turn"])
+@pytest.mark.parametrize(
+    ("failure", "how"), [("off", ""), ("stuck", ""), ("garbage", ""), ("wrong", "black")]
+)
+def test_without_pictures_to_believe_the_pilot_stops_the_machine(
+    failure: str, how: str, situation: Situation
+) -> None:
+    verdict = tried("camera", failure, situation, how)
+    assert verdict.detected_by.startswith("pilot"), verdict
     assert verdict.ok, verdict
+
+
+@needs_firmware
+def test_a_machine_that_drives_the_wrong_way_is_stopped() -> None:
+    verdict = tried("drive_motor", "wrong")
+    assert "other way" in verdict.detected_by, verdict
+    assert verdict.stop_latency_ms is not None
+    assert verdict.stop_latency_ms < 4000, "a metre from wherever the fault struck, and two fixes"
+
+
+@needs_firmware
+def test_what_nothing_on_board_can_notice_is_a_known_limit_and_no_pass() -> None:
+    verdict = tried("blade_relay", "off")
+    assert (verdict.ok, verdict.limit) == (False, True), verdict
+    assert verdict.verdict.startswith("LIMIT")
+    assert "no sensor on the blade" in verdict.verdict
+
+
+def test_every_limit_says_why() -> None:
+    limits = [pair.limit for pair in PAIRS.values() if pair.limit]
+    assert limits
+    assert all(limit.startswith("not detectable") for limit in limits)
 
 
 @needs_firmware
@@ -365,7 +419,8 @@ def test_a_fault_that_should_stop_the_machine_and_does_not_is_unsafe(
 def test_a_stop_beyond_its_bound_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PAIRS, ("serial", "off"), Pair("for this test", Expect.STOP, 0.1))
     verdict = tried("serial", "off")
-    assert (verdict.ok, verdict.verdict) == (False, "LATE")
+    assert not verdict.ok
+    assert verdict.verdict.startswith("LATE")
 
 
 def test_the_matrix_holds_every_pair_and_every_how() -> None:
@@ -373,6 +428,44 @@ def test_the_matrix_holds_every_pair_and_every_how() -> None:
     assert {(c, f) for c, f, _ in names} == set(PAIRS)
     assert ("camera", "wrong", "covered") in names
     assert len(names) == len(set(names))
+
+
+def test_the_matrix_goes_on_where_it_was_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[Case] = []
+
+    def run(case: Case) -> Verdict:
+        ran.append(case)
+        words = " ".join(part for part in case.name if part)
+        return Verdict(words, case.situation, "stop", "250 ms", "x", 1.0, 1.0, 0.0, True, "ok")
+
+    monkeypatch.setattr("hil.fault_matrix.run_case", run)
+    words = ["--only", "estop", "--workers", "1", "--out", str(tmp_path)]
+    assert CliRunner().invoke(faults, words).exit_code == 0
+    assert len(ran) == 4
+    log = tmp_path / "verdicts.jsonl"
+    lines = log.read_text().strip().splitlines(keepends=True)
+    log.write_text("".join(lines[:2]) + lines[2][:40])  # killed while it wrote the third
+    ran.clear()
+    assert CliRunner().invoke(faults, words).exit_code == 0
+    assert len(ran) == 2
+    assert json.loads((tmp_path / "summary.json").read_text())["cases"] == 4
+    ran.clear()
+    assert CliRunner().invoke(faults, words).exit_code == 0
+    assert ran == []
+
+
+def test_verdicts_of_other_programs_are_not_taken_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = Case(("estop", "off", ""), "follow", "desk", "robust", "mast", None)
+    verdict = Verdict("estop off", "follow", "stop", "", "x", 1.0, 1.0, 0.0, True, "ok")
+    log = tmp_path / "verdicts.jsonl"
+    log.write_text(json.dumps({"digest": digest(case), "verdict": asdict(verdict)}) + "\n")
+    assert kept(log, [case]) == {case: verdict}
+    monkeypatch.setattr("hil.fault_matrix._programs", lambda _: b"changed")
+    assert kept(log, [case]) == {}
 
 
 @needs_firmware
