@@ -107,8 +107,8 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
         "turns the wrong way",
         _STOP,
         *_WHEELS,
-        limit="not detectable in time: no sensor for the direction but the positions, one a second, "
-        "after a metre one way; in a turn none is that long",
+        limit="not detectable in time: only the positions, one a second, tell a direction, and "
+        "after a metre one way; no leg of a turn is that long",
     ),
     ("drive_motor", "slow"): Pair("has `value` of its strength", _RIDE, value=0.7),
     ("drive_motor", "intermittent"): Pair("loose brush", _RIDE),
