@@ -230,7 +230,8 @@ def best_line(features: Features, side: Side, search: Search | None = None) -> L
     search = search or Search()
     # the direction shows at half the sharpness too
     half = cv2.resize(features, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    two, three = _divisions(np.asarray(half, np.float32), _fan(side, 5.0), search)
+    half = np.asarray(half, np.float32).reshape(*half.shape[:2], -1)
+    two, three = _divisions(half, _fan(side, 5.0), search)
     coarse = two.line.angle_rad
     two, beside = _divisions(features, _around(two.line), search)
     if math.isinf(search.strip_gain):

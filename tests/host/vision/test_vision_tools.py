@@ -186,6 +186,7 @@ def test_see_writes_mask_edge_and_stages(photo: Path, tmp_path: Path, mode: str)
 
 
 def test_see_takes_the_side_from_a_manifest(photo: Path, tmp_path: Path) -> None:
+    cv2.imwrite(str(photo), np.ascontiguousarray(field(LOW)[:, ::-1]))
     manifest = tmp_path / "manifest.csv"
     manifest.write_text("file,standing_side\nwheat,right\n")
     out = tmp_path / "out"
