@@ -29,6 +29,8 @@ CONFIDENT = 0.5
 END_CLEAR_M = 0.8
 """Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
 END_PICTURES = 3
+END_NEAR_M = 0.2
+"""Before the plan's end of a side from which on the end is expected in the picture."""
 NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.9
@@ -280,8 +282,12 @@ class Pilot:
     def _look(self, frame: Frame) -> None:
         if self.phase in (Phase.FINISHED, Phase.FAULT):
             return
-        if self.phase is not Phase.FOLLOW:
-            self._detector.restart()  # nothing is being cut: no dust is to be reckoned with
+        then = self._odometry.at(frame.stamp)
+        side = self._side()
+        at_end = side is not None and self._cut_m(then) > side.length_m - END_NEAR_M
+        if self.phase is not Phase.FOLLOW or at_end:
+            # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
+            self._detector.restart()
         view = self._detector.see(frame.bgr)
         self.view = view
         self._view_stamp = frame.stamp
@@ -291,7 +297,6 @@ class Pilot:
             self._usable_stamp = frame.stamp
         else:
             self._spoilt_stamp = frame.stamp
-        then = self._odometry.at(frame.stamp)
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
         if sure or view.ahead_confidence >= CONFIDENT:
