@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from host.vehicle import Mount
 from host.vision.geometry import Camera
+from host.vision.split import TOWARDS_CROP, Line, Side
 
 STUBBLE_M = 0.12
 CROP_M = 0.9
@@ -62,3 +65,20 @@ def field(
     crop = np.column_stack([face_x_m + depth_m * rng.random(n) ** 2, rng.uniform(right_m, 3.0, n)])
     stems(picture, camera, crop[crop[:, 0] > 0.6], CROP_M, rng)
     return picture
+
+
+def halves(
+    side: Side, lean_deg: float = 0.0, shift: float = 0.0, seed: int = 1
+) -> tuple[NDArray[np.uint8], Line]:
+    """A picture of rough, darker crop on `side` and smooth, brighter stubble, and the line."""
+    rng = np.random.default_rng(seed)
+    h, w = 300, 400
+    angle = math.radians(TOWARDS_CROP[side] + lean_deg)
+    middle = 0.5 * w * math.cos(angle) + 0.5 * h * math.sin(angle)
+    line = Line(angle, middle + shift)
+    u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+    crop = line.signed(u, v) > 0
+    grain = cv2.GaussianBlur(rng.normal(0, 60, (h, w)), (0, 0), 1.2)
+    light = np.where(crop, 120 + grain, 165 + 0.15 * grain)
+    tone = np.where(crop[..., None], (0.45, 0.75, 1.0), (0.62, 0.86, 1.0))
+    return np.clip(light[..., None] * tone, 0, 255).astype(np.uint8), line

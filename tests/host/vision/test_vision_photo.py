@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import cv2
@@ -11,33 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scenery import halves
 
 from host.see import data_folder
 from host.vision import bench
 from host.vision.paper import Chain, PaperParams
 from host.vision.photo import photo_detector
 from host.vision.score import heading_error_deg, labelled_set, lateral_error, miou
-from host.vision.split import SIDES, TOWARDS_CROP, Line, Side, best_line, whiten
+from host.vision.split import SIDES, Side, best_line, whiten
 from host.vision.view import CropView
 
 Bgr = NDArray[np.uint8]
-
-
-def halves(
-    side: Side, lean_deg: float = 0.0, shift: float = 0.0, seed: int = 1
-) -> tuple[Bgr, Line]:
-    """A picture of rough, darker crop on `side` and smooth, brighter stubble, and the line."""
-    rng = np.random.default_rng(seed)
-    h, w = 300, 400
-    angle = math.radians(TOWARDS_CROP[side] + lean_deg)
-    middle = 0.5 * w * math.cos(angle) + 0.5 * h * math.sin(angle)
-    line = Line(angle, middle + shift)
-    u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
-    crop = line.signed(u, v) > 0
-    grain = cv2.GaussianBlur(rng.normal(0, 60, (h, w)), (0, 0), 1.2)
-    light = np.where(crop, 120 + grain, 165 + 0.15 * grain)
-    tone = np.where(crop[..., None], (0.45, 0.75, 1.0), (0.62, 0.86, 1.0))
-    return np.clip(light[..., None] * tone, 0, 255).astype(np.uint8), line
 
 
 @settings(deadline=None, max_examples=25)
