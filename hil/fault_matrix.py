@@ -43,8 +43,9 @@ from sim_plant.machine import DriveSpec
 Situation = Literal["follow", "turn"]
 SETTLE_S = 3.0
 """Following for this long before the fault."""
-WATCH_S = 8.0
-"""The run goes on for this long after the fault."""
+WATCH_S = 5.0
+"""The run goes on for at least this long after the fault, and for BEYOND_S after its bound."""
+BEYOND_S = 2.0
 OFF_EDGE_M = 0.15
 """A blade that cuts farther off the edge than this has not ridden through."""
 REVERSING_MPS = -0.05
@@ -126,7 +127,8 @@ class Watch:
     def enough(self) -> bool:
         """Whether the fault has been watched for long enough."""
         begun = self.begun
-        return begun is not None and self.run.bench.now - begun >= WATCH_S
+        bound_s = self.run.scenario.faults[0].pair.bound_s
+        return begun is not None and self.run.bench.now - begun >= max(WATCH_S, bound_s + BEYOND_S)
 
     def _harm(self, allowed_until: float) -> list[str]:
         """What must not be, but for a machine that had not to stop before `allowed_until`."""

@@ -126,7 +126,9 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
         limit=f"{_NO_BLADE_SENSOR}; the e-stop button must break the blade's own supply as well",
     ),
     ("blade_relay", "delayed"): Pair("follows `value` s later", _RIDE, value=0.2),
-    ("blade_relay", "intermittent"): Pair("chatters", _RIDE),
+    ("blade_relay", "intermittent"): Pair(
+        "chatters", _RIDE, limit=f"{_NO_BLADE_SENSOR}; what it leaves standing is seen as the edge"
+    ),
     ("battery", "off"): Pair("cable off: everything without power", _STOP),
     ("battery", "stuck"): Pair("its measurement stays", _RIDE),
     ("battery", "garbage"): Pair("its measurement is anything", _STOP, 1.5, 1.0),
