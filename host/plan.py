@@ -79,7 +79,7 @@ class Plan:
             return math.pi / 2
         turn = self.sides[index + 1].heading_rad - self.sides[index].heading_rad
         turn %= 2 * math.pi
-        return 0.0 if 2 * math.pi - turn < SAME_RAD else turn
+        return 0.0 if min(turn, 2 * math.pi - turn) < SAME_RAD else turn
 
 
 @dataclass(frozen=True, slots=True)

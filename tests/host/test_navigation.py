@@ -15,7 +15,7 @@ from host.errors import UserError
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal
 from host.odometry import Odometry
-from host.plan import spiral
+from host.plan import Plan, Side, spiral
 from host.types import Fix, State, Telemetry
 from host.vehicle import Vehicle
 
@@ -62,6 +62,14 @@ def test_every_corner_is_a_left_turn_of_less_than_half_a_circle(
     plan = spiral(field, 0, 0.95)
     turns = [plan.corner_rad(k) for k in range(len(plan.sides) - 1)]
     assert all(0 <= turn < math.pi + 1e-6 for turn in turns)
+
+
+@pytest.mark.parametrize("rounding", [0.0, 3e-16, -3e-16, 1e-9, -1e-9])
+def test_the_same_edge_again_is_no_corner_however_it_was_rounded(rounding: float) -> None:
+    for heading in (0.0, 1.0, math.pi / 2, -3.0):
+        first = Side(0.0, 0.0, heading, 9.0, 0.9, 9.0)
+        second = Side(0.0, 0.9, heading + rounding, 9.0, 0.9, 9.0)
+        assert Plan((first, second)).corner_rad(0) == 0.0
 
 
 def test_a_square_of_ten_metres_takes_21_sides() -> None:
