@@ -26,6 +26,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DESK_LIBRARY = ROOT / ".pio" / "build" / "desk" / "libdaranti.so"
 AVR_LIBRARY = ROOT / "build" / "simavr" / "libdaranti_avr.so"
 AVR_IMAGE = ROOT / ".pio" / "build" / "uno" / "firmware.elf"
+UNO_HIL_IMAGE = ROOT / ".pio" / "build" / "uno_hil" / "firmware.elf"
 
 ABI = 1
 EEPROM_SIZE = 1024
@@ -195,3 +196,9 @@ def desk(eeprom: bytes | None = None) -> Target:
 def avr(eeprom: bytes | None = None) -> Target:
     """The Uno's binary in simavr, instruction by instruction."""
     return Target(AVR_LIBRARY, AVR_IMAGE, eeprom)
+
+
+def uno_hil(eeprom: bytes | None = None) -> Target:
+    """The binary for a real board whose sensors come over the link, in simavr: its analog inputs
+    and pins are not wired to anything."""
+    return Target(AVR_LIBRARY, UNO_HIL_IMAGE, eeprom)

@@ -281,7 +281,9 @@ def mutate_file(name: str, mutants: list[Mutant]) -> str:
                 and name.endswith(".cpp")
                 and "[" not in child.type.spelling
             ):
-                out.function = child.spelling
+                owner = child.semantic_parent
+                inside = owner.kind in (Kind.CLASS_DECL, Kind.STRUCT_DECL)
+                out.function = f"{owner.spelling}::{child.spelling}" if inside else child.spelling
                 visit(child, (node,), out, True)
 
     descend(unit.cursor)

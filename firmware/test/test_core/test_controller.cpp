@@ -820,13 +820,15 @@ TEST_CASE("Identification stops at its angle, to either side, but may come back"
 }
 
 TEST_CASE("At its angle limit exactly, identification goes on") {
-  Rig rig;
-  rig.board.set_angle(35);
-  rig.arm();
-  rig.ident(100, 100);
-  rig.tick(3);
-  CHECK(rig.faults() == 0);
-  CHECK(rig.board.pwm[9] == 100);
+  for (const int sign : {1, -1}) {
+    Rig rig;
+    rig.board.set_angle(sign * 35);
+    rig.arm();
+    rig.ident(static_cast<int16_t>(sign * 100), 100);
+    rig.tick(3);
+    CHECK(rig.faults() == 0);
+    CHECK(rig.board.pwm[9] == 100);
+  }
 }
 
 TEST_CASE("Identification stops at its total time, however it is cut into pieces") {

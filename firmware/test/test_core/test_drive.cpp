@@ -181,6 +181,17 @@ TEST_CASE("At no duty, too much speed winds the integral down by one tick only")
   }
 }
 
+TEST_CASE("In reverse too the integral stands still as soon as the sum is forward") {
+  Drive drive =
+      drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 1}, {Param::speed_full, 10000}});
+  drive.step(-1, -1 - 16, 12000);
+  drive.step(-1, -20000, 12000);
+  // 2^-16 of a duty is what the first step left; half a duty and a bit turn it into one.
+  for (int i = 0; i < 52; ++i) drive.step(-1, -1 + 10000, 12000);
+  drive.step(-1, -1 + 4305, 12000);
+  CHECK(drive.step(-1, -1, 12000) == -1);
+}
+
 TEST_CASE("The duty may be nothing while a speed is asked, and never more than full") {
   Drive crawl = drive_with({{Param::speed_full, 10000}});
   CHECK(settle(crawl, 1) == 0);
@@ -340,9 +351,10 @@ TEST_CASE("A sensor of few pulses is given three of them") {
 
 TEST_CASE("A sensor of one pulse in 10 m is given 30 m to the last millimetre") {
   Hall hall = hall_with(1);
-  for (int i = 0; i < 5923; ++i) hall.step(0, 100, 1013);  // 5.065 mm a tick, 5 um short
+  hall.step(1, 100, 1013);
+  for (int i = 0; i < 5923; ++i) hall.step(1, 100, 1013);  // 5.065 mm a tick, 5 um short
   CHECK(!hall.lost());
-  hall.step(0, 100, 1013);
+  hall.step(1, 100, 1013);
   CHECK(hall.lost());
 }
 
