@@ -19,6 +19,7 @@ cli = LazyGroup(
         "identify": ("hil.identify:command", "Identify and tune simulated actuators."),
         "rig": ("hil.virtual:rig", "Serve the machine in wall-clock time for `daranti drive`."),
         "sweep": ("hil.sweep:sweep", "Tune firmware parameters on a population of actuators."),
+        "vision": ("hil.vision_drives:vision", "Measure the detectors on drives along edges."),
         "world": ("hil.world:world", "Contact sheets and videos of the simulated world."),
     },
     "The bench: puts firmware, simulated plant and host together.",
