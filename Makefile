@@ -7,11 +7,12 @@ FIRMWARE ?= desk
 
 DESK := .pio/build/desk/libdaranti.so
 UNO := .pio/build/uno/firmware.elf
+UNO_HIL := .pio/build/uno_hil/firmware.elf
 SHIM := build/simavr/libdaranti_avr.so
 SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.*) platformio.ini
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test lint clean
+.PHONY: help setup build harvest test lint mutants clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -35,14 +36,14 @@ $(DESK): $(SOURCES) | .setup/platformio
 	@$(BIN)/pio run --silent -e desk
 	@touch $@
 
-$(UNO): $(SOURCES) | .setup/platformio
-	@$(BIN)/pio run --silent -e uno
+$(UNO) $(UNO_HIL): .pio/build/%/firmware.elf: $(SOURCES) | .setup/platformio
+	@$(BIN)/pio run --silent -e $*
 	@touch $@
 
 $(SHIM): $(wildcard hil/simavr/*) firmware/src/target.h | .setup/debian
 	@$(MAKE) --no-print-directory -s -C hil/simavr
 
-build: $(DESK) $(UNO) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
+build: $(DESK) $(UNO) $(UNO_HIL) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
 
 setup: .setup/venv build ## everything that the other commands need
 
@@ -58,6 +59,9 @@ test: lint ## every test: firmware on the desk and in simavr, host, plant and be
 	@$(BIN)/pio test -e native
 	@$(BIN)/pio run -e uno
 	@$(BIN)/python -m pytest -n 2 -q
+
+mutants: setup ## mutation testing of the firmware core (a few minutes)
+	@$(BIN)/python tools/mutate.py
 
 test-wallclock: setup ## drives the machine behind a virtual serial port in real time (90 s, on a quiet machine)
 	@$(BIN)/python -m pytest -q -m wallclock

@@ -1,4 +1,4 @@
-"""The build for a bench with a real board: sensors over the link, outputs never driven. In simavr."""
+"""The build for a real board on a bench: sensors over the link, no output driven. In simavr."""
 
 from __future__ import annotations
 
