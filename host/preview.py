@@ -281,7 +281,7 @@ def draw_preview(path: Path, shown: Preview, title: str) -> None:
         crop = np.array(areas.crop.exterior.coords)
         axes.plot(*crop.T, color="tab:green", lw=1.2, label="crop to be cut")
     for number, keep_out in enumerate(areas.keep_outs):
-        label = "keep-outs" if number == 0 else ""
+        label = "keep-outs, with their margin" if number == 0 else ""
         axes.fill(*np.array(keep_out.exterior.coords).T, color="0.25", label=label)
     colours = mpl.colormaps["viridis"](np.linspace(0, 0.9, max(1, len(shown.sides))))
     for way, colour in zip(shown.sides, colours, strict=True):
@@ -305,7 +305,7 @@ def draw_preview(path: Path, shown: Preview, title: str) -> None:
         axes.plot(x, y, "ko", ms=7, label="start")
     axes.set_aspect("equal")
     axes.set(xlabel="east (m)", ylabel="north (m)", title=title)
-    axes.legend(loc="upper right", fontsize=8, framealpha=0.9)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     figure.savefig(path, dpi=110)
 
 
@@ -316,16 +316,16 @@ def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
 
 
 def _minutes(seconds: float) -> str:
-    return f"{int(seconds) // 3600:d} h {int(seconds) % 3600 // 60:02d} min"
+    return f"{int(seconds) // 3600:d}:{int(seconds) % 3600 // 60:02d} h"
 
 
 def table_of(previews: list[Preview]) -> Table:
     """The turns side by side."""
-    table = Table(box=None, pad_edge=False)
-    table.add_column("turn")
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("turn", no_wrap=True)
     names = ("sides", "shuttles", "cutting", "turning", "time", "stays", "coverage", "room")
     for name in names:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for shown in previews:
         table.add_row(
             shown.plan.turn,

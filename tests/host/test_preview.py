@@ -13,7 +13,7 @@ from console import Cli
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.areas import areas_of
+from host.areas import Geofence, areas_of
 from host.field_file import boundary_of, save_field
 from host.gnss import LocalFrame
 from host.manoeuvre import arc, three_point, turning_radius
@@ -148,8 +148,51 @@ def test_the_same_edge_again_is_reached_by_backing_up() -> None:
     found = preview(plan, areas_of(SQUARE, 2.0), VEHICLE)
     (turn,) = found.turns
     assert turn[-1] == pytest.approx(lane_pose(plan.sides[1], -0.1, VEHICLE))
-    assert found.turning_m == pytest.approx(math.hypot(20.1, PASS_M))
+    # Along the swath, then an S of two arcs to the next lane, then what is left of the way.
+    assert math.hypot(20.1, PASS_M) < found.turning_m < 20.1 + PASS_M
+    assert np.abs(turn[:, 2]).max() > math.radians(30), "wheels do not go sideways"
+    assert found.shuttles == 1
+    again = preview(Plan((first, replace(first, y_m=PASS_M, heading_rad=2e-16))), AREAS, VEHICLE)
+    assert again.turning_m == pytest.approx(found.turning_m)
     assert found.cut.intersection(SQUARE).area == pytest.approx(20 * 2 * PASS_M)
+
+
+AREAS = areas_of(SQUARE, 2.0)
+WELL = shapely.box(9, 9, 10, 10)
+WITH_WELL = shapely.Polygon(SQUARE.exterior.coords, [WELL.exterior.coords])
+
+
+def test_a_keep_out_is_planned_around_and_what_stays_is_expected() -> None:
+    found = of(WITH_WELL)
+    assert len(found.plan.keep_outs) == 1
+    assert not found.cut.intersects(WELL.buffer(0.3))
+    assert found.shuttles > 0
+    assert 1.0 < found.leftover.area < 12.0
+    assert found.leftover.distance(WELL) < 1.0
+    assert found.coverage == pytest.approx(found.cut.intersection(WITH_WELL).area / WITH_WELL.area)
+    plain = of(SQUARE)
+    assert plain.shuttles == 0
+
+
+def test_a_swath_or_a_turn_that_touches_a_keep_out_is_said() -> None:
+    side = Side(0.0, 9.0, 0.0, 20.0, PASS_M, 20.0)
+    through = preview(Plan((side,)), areas_of(WITH_WELL, 2.0), VEHICLE)
+    assert through.warnings == ["side 1 would cut into keep-out 1"]
+    short = replace(side, length_m=8.0)
+    then = Side(8.0, 9.0, math.pi / 2, 11.0, PASS_M, 11.0)
+    turning = preview(Plan((short, then)), areas_of(WITH_WELL, 2.0), VEHICLE)
+    assert any("1 turns would touch keep-out 1, first at the end of side 1" in text
+               for text in turning.warnings)  # fmt: skip
+
+
+def test_without_a_gap_nothing_is_said_of_the_room_but_it_is_measured() -> None:
+    areas = areas_of(SQUARE, None)
+    assert areas.permitted is None
+    found = preview(plan_field(areas, (0.0, 0.0), VEHICLE, "three_point"), areas, VEHICLE)
+    assert found.warnings == []
+    assert found.room_m == pytest.approx(of(SQUARE).room_m, abs=0.5)
+    with pytest.raises(ValueError, match="needs the gap's width"):
+        Geofence(areas)
 
 
 def test_a_wider_blade_needs_fewer_sides() -> None:
@@ -181,6 +224,21 @@ def test_the_command_compares_the_turns_and_writes_a_picture(tmp_path: Path, cli
     assert "three_point" in out
     assert "arc" in out
     assert (tmp_path / "field.plan.png").stat().st_size > 10_000
+
+
+def test_without_a_gap_the_command_says_what_is_not_watched(tmp_path: Path, cli: Cli) -> None:
+    code, out, _ = cli("plan", str(field_file(tmp_path)))
+    assert code == 0
+    assert "no --gap: whether the turns have room is not checked" in out
+    assert "no geofence" in out
+    assert "no --gap" not in cli("plan", str(field_file(tmp_path)), "--gap", "2")[1]
+
+
+def test_a_table_line_is_not_broken(tmp_path: Path, cli: Cli) -> None:
+    _, out, _ = cli("plan", str(field_file(tmp_path)), "--gap", "2")
+    (line,) = [line for line in out.splitlines() if line.startswith("three_point")]
+    assert line.split()[1:3] == ["43", "0"]
+    assert line.endswith(" m")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,84 @@
+"""Facts about which manoeuvre is chosen between two sides."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import shapely
+
+from host.areas import Geofence, areas_of
+from host.manoeuvre import Follow, Goal, Turn, arc, three_point
+from host.plan import Plan, Side
+from host.turns import ROOM_M, SWINGS, next_turn, room_along
+from host.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+FIRST = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+CORNER = Side(10.0, VEHICLE.pass_m, math.pi / 2, 9.0, VEHICLE.pass_m, 9.0)
+AGAIN = replace(FIRST, y_m=VEHICLE.pass_m)
+TURNS = [three_point(VEHICLE, math.pi / 2, swing=swing) for swing in SWINGS]
+
+
+def enough(_turn: Turn) -> float:
+    return ROOM_M
+
+
+def chosen(*sides: Side, turn: str = "three_point", cut_m: float = 10.0) -> Turn:
+    return next_turn(Plan(sides, turn), 0, cut_m, VEHICLE, enough)
+
+
+def test_with_room_the_first_swing_is_driven() -> None:
+    assert chosen(FIRST, CORNER) == TURNS[0]
+
+
+@pytest.mark.parametrize("wide", range(len(SWINGS)))
+def test_the_first_swing_that_has_room_is_driven(wide: int) -> None:
+    def room(turn: Turn) -> float:
+        return ROOM_M if turn in TURNS[wide:] else ROOM_M - 0.01
+
+    assert next_turn(Plan((FIRST, CORNER)), 0, 10.0, VEHICLE, room) == TURNS[wide]
+
+
+@pytest.mark.parametrize("most", range(len(SWINGS)))
+def test_where_none_has_room_it_is_the_one_with_most(most: int) -> None:
+    def room(turn: Turn) -> float:
+        return 0.2 if turn == TURNS[most] else 0.1
+
+    assert next_turn(Plan((FIRST, CORNER)), 0, 10.0, VEHICLE, room) == TURNS[most]
+
+
+def test_the_papers_arc_is_driven_where_the_plan_says_so() -> None:
+    assert chosen(FIRST, CORNER, turn="arc") == arc(VEHICLE, math.pi / 2)
+
+
+@pytest.mark.parametrize("turn", ["three_point", "arc"])
+def test_the_same_edge_again_is_reached_backwards(turn: str) -> None:
+    shuttle = chosen(FIRST, AGAIN, turn=turn)
+    assert all(leg.reverse for leg in shuttle.legs)
+    assert shuttle.legs[-1].follow is Follow.NEW_LANE
+    # As far back as the crop was followed, not as the plan had it.
+    back = chosen(FIRST, AGAIN, turn=turn, cut_m=9.5)
+    assert back.legs[0].value - shuttle.legs[0].value == pytest.approx(0.5)
+    assert back.legs[0].goal is Goal.ALONG
+
+
+def test_a_lane_that_is_shifted_is_where_the_turn_ends() -> None:
+    narrow = replace(CORNER, shift_m=0.2)
+    assert chosen(FIRST, narrow) == three_point(VEHICLE, math.pi / 2, 0.2, swing=SWINGS[0])
+
+
+def test_without_a_plan_every_corner_is_a_right_angle() -> None:
+    assert next_turn(Plan(), 0, 7.0, VEHICLE, enough) == TURNS[0]
+
+
+def test_the_room_is_that_of_the_tightest_place() -> None:
+    fence = Geofence(areas_of(shapely.box(-20, -20, 20, 20), 2.0))
+    turn = TURNS[0]
+    middle = room_along(turn, (0.0, 0.0, 0.0), VEHICLE, fence)
+    for heading in (0.0, math.pi / 2, 2.0):
+        c, s = math.cos(heading), math.sin(heading)
+        at = (5.0 * c, 5.0 * s, heading)
+        assert room_along(turn, at, VEHICLE, fence) < middle
+    assert room_along(turn, (21.0, 0.0, 0.0), VEHICLE, fence) < 0
