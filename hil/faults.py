@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from hil import taps
+from hil.board import Controller
 from hil.taps import Mode, Signal
-from hil.targets import ResetCause, Target
+from hil.targets import ResetCause
 
 Component = Literal[
     "pot",
@@ -442,7 +443,7 @@ class Injector:
         now: float,
         pose: tuple[float, float, float],
         speed_mps: float,
-        target: Target,
+        target: Controller,
         given: Any,
     ) -> None:
         """Before each slice: begins and ends faults, and does to the target and to the plant's
@@ -485,7 +486,7 @@ class Injector:
         since = self._since[index]
         return since is not None and now - since >= at.after_s - 1e-9
 
-    def _begin(self, index: int, fault: Fault, target: Target) -> None:
+    def _begin(self, index: int, fault: Fault, target: Controller) -> None:
         key = (fault.component, fault.failure)
         wire = _WIRES.get(key)
         if wire is not None:
@@ -515,7 +516,7 @@ class Injector:
         if fault.component == "host" and fault.failure == "off":
             self.host_restarts += 1
 
-    def _power(self, now: float, target: Target) -> None:
+    def _power(self, now: float, target: Controller) -> None:
         """Without power the controller is in reset and nothing turns."""
         dark = False
         for index, fault in self._active("battery"):

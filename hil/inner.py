@@ -79,6 +79,24 @@ def _millivolt(volts_mv: float) -> int:
 
 
 @njit(cache=True, nogil=True)
+def _move(
+    steer: float,
+    drive: float,
+    blade: float,
+    now: int,
+    state: Any,
+    params: Any,
+    given: Any,
+    wires: Any,
+) -> None:
+    """The machine, for one PHYSICS_US up to `now`, at what the firmware drives."""
+    given[0].steer_duty = tap(wires, STEER_DUTY, steer, now)
+    given[0].drive_duty = tap(wires, DRIVE_DUTY, drive, now)
+    given[0].blade_on = round(tap(wires, BLADE_WIRE, blade, now))
+    machine.step(state, params, given, PHYSICS_US * 1e-6)
+
+
+@njit(cache=True, nogil=True)
 def _run(
     run_until: Any,
     set_analog: Any,
@@ -95,16 +113,12 @@ def _run(
     log: Any,
 ) -> int:
     """Machine and firmware from begin_us to end_us. Returns the target's status."""
-    dt = PHYSICS_US * 1e-6
     now = begin_us
     while now < end_us:
         now += PHYSICS_US
         steer = _bridge(pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1])
         drive = _bridge(pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1])
-        given[0].steer_duty = tap(wires, STEER_DUTY, steer, now)
-        given[0].drive_duty = tap(wires, DRIVE_DUTY, drive, now)
-        given[0].blade_on = round(tap(wires, BLADE_WIRE, float(pin(handle, BLADE)), now))
-        machine.step(state, params, given, dt)
+        _move(steer, drive, float(pin(handle, BLADE)), now, state, params, given, wires)
         s = state[0]
         set_analog(handle, 0, _millivolt(tap(wires, POT, s.pot_mv, now)))
         set_analog(handle, 1, _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now)))
@@ -122,6 +136,57 @@ def _run(
             log[row].steer_a = state[0].steer_a
             log[row].battery_v = state[0].battery_v
     return 0
+
+
+@njit(cache=True, nogil=True)
+def _apart(
+    begin_us: int,
+    end_us: int,
+    outputs: Any,
+    sensors: Any,
+    state: Any,
+    params: Any,
+    given: Any,
+    wires: Any,
+) -> None:
+    """The machine alone from begin_us to end_us, for a firmware that is told of it now and then."""
+    now = begin_us
+    while now < end_us:
+        now += PHYSICS_US
+        _move(outputs[0], outputs[1], outputs[2], now, state, params, given, wires)
+        s = state[0]
+        sensors[0] = _millivolt(tap(wires, POT, s.pot_mv, now))
+        sensors[1] = _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now))
+        sensors[2] = _millivolt(tap(wires, STEER_SENSE, s.steer_sense_mv, now))
+        sensors[3] = _millivolt(tap(wires, DRIVE_SENSE, s.drive_sense_mv, now))
+        sensors[4] = round(tap(wires, ESTOP_WIRE, 0.0, now))
+        hall = round(tap(wires, HALL_WIRE, float(s.hall), now))
+        sensors[5] += hall > sensors[6]
+        sensors[6] = hall
+
+
+SENSORS: Final = 7
+"""Of `_apart`: pot, battery, steering current, drive current (mV), e-stop pin; pulses of the hall
+sensor since the start, and its pin."""
+
+
+def bind_apart(
+    outputs: np.ndarray[Any, Any],
+    sensors: np.ndarray[Any, Any],
+    state: machine.Record,
+    params: machine.Record,
+    given: machine.Record,
+    wires: machine.Record,
+) -> Callable[[int, int], None]:
+    """The machine without firmware: `run(begin_us, end_us)` moves it at `outputs` (steering and
+    drive duty -1..1, blade; float64) and leaves what its sensors give in `sensors` (int64)."""
+    records = (outputs, sensors, state, params, given, wires)
+    entry = _entry_point(_apart, (0, 0, *records))
+
+    def run(begin_us: int, end_us: int) -> None:
+        entry(begin_us, end_us, *records)
+
+    return run
 
 
 def bind(
@@ -142,7 +207,7 @@ def bind(
     functions = (f.run_until, f.set_analog_mv, f.set_pin, f.pin, f.pwm)
     handle = target.handle
     records = (state, params, given, taps.honest() if wires is None else wires, log)
-    entry = _entry_point((*functions, handle, 0, 0, *records))
+    entry = _entry_point(_run, (*functions, handle, 0, 0, *records))
 
     def run(begin_us: int, end_us: int) -> int:
         return int(entry(*functions, handle, begin_us, end_us, *records))
@@ -150,14 +215,13 @@ def bind(
     return run
 
 
-_compiled: list[Any] = []
-"""_run's compiled code, once there: the arguments' types are the same for all targets."""
+_compiled: dict[Any, Any] = {}
+"""A loop's compiled code, once there: the arguments' types are always the same."""
 
 
-def _entry_point(arguments: tuple[Any, ...]) -> Any:
-    if not _compiled:
-        dispatcher: Any = _run
+def _entry_point(dispatcher: Any, arguments: tuple[Any, ...]) -> Any:
+    if dispatcher not in _compiled:
         dispatcher(*arguments)
         types = tuple(numba.typeof(value) for value in arguments)  # type: ignore[no-untyped-call]
-        _compiled.append(dispatcher.overloads[types].entry_point)
-    return _compiled[0]
+        _compiled[dispatcher] = dispatcher.overloads[types].entry_point
+    return _compiled[dispatcher]

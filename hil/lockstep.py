@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from hil import inner, provision
+from hil.board import Board, Controller
 from hil.faults import Injector
 from hil.scenario import Scenario
 from host.errors import UserError
@@ -27,7 +28,10 @@ SLICES_PER_CUT: Final = 2
 class Bench:
     """One machine on one field with its firmware; time in seconds from 0."""
 
-    def __init__(self, scenario: Scenario, *, camera_threads: int = 1) -> None:
+    def __init__(
+        self, scenario: Scenario, *, camera_threads: int = 1, board: Board | None = None
+    ) -> None:
+        """`board`: a real one, instead of the firmware that the scenario names."""
         self.scenario = scenario
         spec = scenario.machine_truth
         seed = scenario.seed
@@ -48,11 +52,16 @@ class Bench:
         """Called after every slice with what the firmware sent, before the cable had its way: for
         whoever watches more closely than the host steps."""
         self.faults = Injector(scenario.faults, seed)
-        self.target = provision.target(scenario.firmware, scenario.firmware_parameters)
+        self.target: Controller
+        records = (self._state, self._params, self._given)
+        if board is not None:
+            self.target = board
+            self._inner = board.bind(*records, wires=self.faults.taps)
+        else:
+            target = provision.target(scenario.firmware, scenario.firmware_parameters)
+            self.target = target
+            self._inner = inner.bind(target, *records, wires=self.faults.taps)
         self.target.set_pin(inner.ESTOP, False)
-        self._inner = inner.bind(
-            self.target, self._state, self._params, self._given, wires=self.faults.taps
-        )
 
     @property
     def now(self) -> float:

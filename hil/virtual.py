@@ -30,6 +30,7 @@ import serial
 from serial.rfc2217 import PortManager
 
 from hil import pictures, scenario
+from hil.board import PREFIX, Board
 from hil.lockstep import SLICE_US, Bench
 from hil.scenario import Scenario
 from host.errors import UserError
@@ -353,7 +354,7 @@ def rehearse(chosen: Scenario) -> None:
 
 @click.command()
 @click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
-@click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Which build of the firmware.")
+@click.option("--firmware", metavar="desk|avr|serial:PORT", help="A build, or a real board.")
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
 @click.option("--duration", type=click.FloatRange(0, min_open=True), help="Seconds; else Ctrl-C.")
@@ -372,6 +373,7 @@ def rehearse(chosen: Scenario) -> None:
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/rig"), show_default=True)
 def rig(
     name: str,
+    firmware: str | None,
     duration: float | None,
     factor: float,
     link: Path | None,
@@ -386,13 +388,16 @@ def rig(
 
     Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
     and how well the clock was kept."""
-    chosen = scenario.load(name, {k: v for k, v in options.items() if v is not None})
+    real = firmware.removeprefix(PREFIX) if firmware and firmware.startswith(PREFIX) else None
+    overrides = options | ({"firmware": firmware} if real is None else {})
+    chosen = scenario.load(name, {k: v for k, v in overrides.items() if v is not None})
     if any(fault.at.state is not None for fault in chosen.faults):
         raise UserError(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
         )
     rehearse(chosen)
-    with Bench(chosen) as bench:
+    board = Board(real, chosen.firmware_parameters) if real is not None else None
+    with Bench(chosen, board=board) as bench:
         with ExitStack() as plugged:
             ports: dict[str, Port] = {"port": PseudoTerminal(link)}
             plugged.callback(ports["port"].close)

@@ -211,6 +211,10 @@ class Link:
         """Sends any message, once; raises as `send` does."""
         self._write(self.session.request(message))
 
+    def forward(self, frames: bytes) -> None:
+        """Sends whole frames that somebody else has encoded; raises as `send` does."""
+        self._write(frames)
+
     def meet(self, timeout_s: float = HELLO_TIMEOUT_S) -> protocol.Version:
         """The handshake. Raises UserError when nobody answers in this protocol."""
         deadline = self._clock() + timeout_s
