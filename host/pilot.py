@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import shapely
 
-from host import manoeuvre, steering
+from host import steering
 from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
 from host.direction_check import DirectionCheck
 from host.lane import Lane
@@ -21,6 +21,7 @@ from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
 from host.plan import Plan, Side
 from host.position import Position
+from host.turns import ROOM_M, next_turn, room_along
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
 from host.vision.view import CropView, Detector
@@ -44,12 +45,6 @@ SHORT_SIDE_M = 1.6
 SHORT_SIGMA_M = 0.3
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
-SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
-"""Shares of a turn that the forward arc of a three-point turn may take, best first."""
-ROOM_M = 0.6
-"""Clearance to the geofence's border that any turn may be driven with."""
-SHUTTLE_CLEAR_M = 0.45
-"""Room left behind the machine when it backs out to shift to the next strip."""
 CREEP_MPS = 0.15
 """Near the geofence."""
 ANCHOR_EVERY_M = 0.5
@@ -523,7 +518,12 @@ class Pilot:
         side = self._side()
         if side is not None and not side.blind_end and self._position.known:
             self._position.at_end(side, self.motion.distance_m - end.motion.distance_m)
-        self._turn = self._manoeuvre(end)
+        cut_m = self._cut_m(end.motion)
+
+        def room_m(turn: Turn) -> float:
+            return self._room_m(turn, end)
+
+        self._turn = next_turn(self._plan, self.turns, cut_m, self._vehicle, room_m)
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
         lane_heading_then = self._lane.heading_rad - (self.motion.yaw_rad - end.motion.yaw_rad)
         self._turn_from = (end.motion, lane_heading_then)
@@ -538,43 +538,14 @@ class Pilot:
         why = "the keep-out's margin" if blind else "no crop before the blade"
         self._go(now, Phase.TURN, f"end of side {self.turns}: {why}")
 
-    def _manoeuvre(self, end: EndOfField) -> Turn:
-        """The turn from the side that has ended to the next."""
-        plan, index = self._plan, self.turns
-        corner = plan.corner_rad(index)
-        following = plan.sides[index + 1] if plan.sides else None
-        shift = following.shift_m if following is not None else 0.0
-        if corner == 0.0 and following is not None:
-            c, s = math.cos(following.heading_rad), math.sin(following.heading_rad)
-            this = plan.sides[index]
-            dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
-            begins = c * dx + s * dy - self._cut_m(end.motion)
-            left = c * dy - s * dx - (shift - this.shift_m)
-            behind = self._vehicle.rear_overhang_m + GAP_MARGIN_M + SHUTTLE_CLEAR_M
-            room = following.back_m + (plan.gap_m or 0.0) - behind
-            return manoeuvre.shuttle(self._vehicle, begins, left, room)
-        if plan.turn == "arc":
-            return manoeuvre.arc(self._vehicle, corner, shift)
-        turns = [
-            manoeuvre.three_point(self._vehicle, corner, shift, swing=swing) for swing in SWINGS
-        ]
-        # The first that leaves room enough, else the one that leaves the most.
-        return max(turns, key=lambda turn: min(ROOM_M, self._room_m(turn, end)))
-
     def _room_m(self, turn: Turn, end: EndOfField) -> float:
         """The least clearance to the geofence along a turn that begins where the side ended."""
         if self._fence is None or not self._position.known:
             return ROOM_M
         x, y, yaw = self._position.pose
         back = self.motion.distance_m - end.motion.distance_m
-        c, s = math.cos(yaw), math.sin(yaw)
-        x, y = x - back * c, y - back * s
-        return min(
-            self._fence.clearance(
-                placed(self._outline, x + c * px - s * py, y + s * px + c * py, yaw + turned)
-            )
-            for px, py, turned in manoeuvre.path(self._vehicle, turn)
-        )
+        at = (x - back * math.cos(yaw), y - back * math.sin(yaw), yaw)
+        return room_along(turn, at, self._vehicle, self._fence)
 
     def _in_turn_frame(self) -> tuple[float, float, float]:
         """The rear axle's (x, y, heading) in the turn's frame; x runs along the old lane."""
