@@ -291,6 +291,30 @@ def variants(settings: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
         yield " ".join(name for name, _ in combination if name), merged
 
 
+COST_PER_M = 10.0
+"""Of lateral RMS error: 10 cm weigh as much as a field left standing."""
+NO_RUN = 2.0
+"""What a run costs that has no lateral error to show, or did harm."""
+
+
+def cost(summary: dict[str, Any]) -> float:
+    """What one run's steering law and speed are worth; less is better."""
+    lateral = summary.get("lateral_rms_m")
+    harm = summary.get("neighbour_cut_m2") or summary.get("outside_m")
+    if lateral is None or harm:
+        return NO_RUN
+    return COST_PER_M * float(lateral) + 1.0 - float(summary["coverage"])
+
+
+def ranking(summaries: Sequence[dict[str, Any]]) -> list[tuple[str, float, float]]:
+    """(scenario, mean cost, worst cost) over its seeds, best first."""
+    costs: dict[str, list[float]] = {}
+    for summary in summaries:
+        costs.setdefault(str(summary["scenario"]), []).append(cost(summary))
+    rows = [(name, statistics.mean(values), max(values)) for name, values in costs.items()]
+    return sorted(rows, key=lambda row: (row[1], row[0]))
+
+
 @click.command()
 @click.option("--scenario", "names", multiple=True, metavar="NAME|FILE", help="May be repeated.")
 @click.option("--random", "random_fields", is_flag=True, help="Random fields, one per seed.")
@@ -302,6 +326,7 @@ def variants(settings: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--keep-records", is_flag=True, help="Keep the records of finished runs, too.")
+@click.option("--rank", is_flag=True, help="Rank the settings by their cost, best first.")
 def campaign(
     names: tuple[str, ...],
     random_fields: bool,
@@ -311,9 +336,13 @@ def campaign(
     workers: int,
     scheduler: str | None,
     keep_records: bool,
+    rank: bool,
 ) -> None:
     """Runs scenarios x seeds x settings and prints the table. The same command goes on where it
-    was killed; a run that fails keeps its record in OUT/runs."""
+    was killed; a run that fails keeps its record in OUT/runs.
+
+    The cost of a run, for --rank, is 10 / m of lateral RMS error plus the share left standing: for
+    sweeps of the steering law and the speed in runs of one length."""
     from hil import report  # noqa: PLC0415
     from hil.random_fields import random_field  # noqa: PLC0415
 
@@ -344,6 +373,9 @@ def campaign(
     rows = overview(summaries)
     Console().print(_table(rows))
     report.campaign_report(out, summaries, rows)
+    if rank:
+        for place, (name, mean, worst) in enumerate(ranking(summaries), 1):
+            click.echo(f"{place:3}. {name}: cost {mean:.3f}, worst {worst:.3f}")
     click.echo(f"written to {out}: campaign.json, report.html, runs/")
     bad = [s for s in summaries if s["outcome"] != "finished"]
     for summary in bad[:REASONS]:

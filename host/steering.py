@@ -11,9 +11,8 @@ import math
 from host.vehicle import Vehicle
 
 PROPORTIONAL_GAIN_1PM = 1.6
-FORWARD_GAINS = (1.3, 2.1)
-"""Curvature per metre of offset and per radian of heading: poles at about 1.1/m, damping 0.9."""
 REVERSE_GAINS = (3.0, 3.5)
+"""Curvature per metre of offset and per radian of heading."""
 
 
 def _limit(curvature: float, vehicle: Vehicle) -> float:
@@ -30,10 +29,12 @@ def proportional(blade_offset_m: float, vehicle: Vehicle) -> float:
 
 
 def forward(offset_m: float, heading_rad: float, vehicle: Vehicle) -> float:
-    """State feedback on the offset at the rear axle and the heading, driving forward.
+    """State feedback on the offset at the rear axle and the heading, driving forward, with the
+    vehicle's frequency and damping.
 
     In the distance s: offset' = heading, heading' = curvature."""
-    k_offset, k_heading = FORWARD_GAINS
+    k_offset = vehicle.follow_frequency_1pm**2
+    k_heading = 2 * vehicle.follow_damping * vehicle.follow_frequency_1pm
     return _limit(-k_offset * offset_m - k_heading * heading_rad, vehicle)
 
 

@@ -74,6 +74,10 @@ class Vehicle(Strict):
     blade_height_m: Positive = 0.12
     cutting_speed_mps: Positive = 0.5
     manoeuvre_speed_mps: Positive = 0.3
+    follow_frequency_1pm: Positive = 1.14
+    """Of the steering law beside the edge, in radians a metre travelled: how briskly it returns."""
+    follow_damping: Positive = 0.92
+    """Of the same: below 0.7 it swings."""
     full_duty_speed_mps: Positive = 1.1
     """Speed on level stubble at a drive duty of 255 and the nominal battery voltage."""
     dead_duty: Annotated[float, Field(ge=0, lt=0.5)] = 0.07

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,7 @@ from hil import targets
 from hil.campaign import (
     jobs_of,
     overview,
+    ranking,
     run_campaign,
     run_job,
     seeds_of,
@@ -108,6 +110,22 @@ def test_safely_stopped_is_who_decided_so_and_did_no_harm() -> None:
     assert not stopped_safely({"outcome": "crashed"})
     (row,) = overview([calm | {"scenario": "a"}, {"scenario": "a", "outcome": "crashed"}])
     assert (row["runs"], row["stopped safely"], row["crashed"]) == (2, 1, 1)
+
+
+def test_the_law_with_the_least_error_and_the_most_cut_comes_first() -> None:
+    def run(name: str, lateral: float | None, coverage: float, **more: float) -> dict[str, Any]:
+        return {"scenario": name, "lateral_rms_m": lateral, "coverage": coverage, **more}
+
+    runs = [
+        run("slow", 0.02, 0.5),
+        run("quick", 0.03, 0.8),
+        run("quick", 0.05, 0.8),
+        run("wild", 0.01, 0.9, neighbour_cut_m2=0.1),
+        run("blind", None, 0.0),
+    ]
+    names = [name for name, _, _ in ranking(runs)]
+    assert names == ["quick", "slow", "blind", "wild"]
+    assert ranking(runs)[0][1:] == (pytest.approx(0.6), pytest.approx(0.7))
 
 
 # ---- one run -------------------------------------------------------------------------------------
