@@ -33,6 +33,7 @@ from host.types import Command, Fix, Frame, Telemetry
 from host.vehicle import Vehicle
 from host.vision import make_detector
 from host.vision.mounted import Mode
+from host.vision.paper import PaperParams
 from host.vision.view import CropView, Detector
 
 TOLERANCE: Final = 1e-6
@@ -117,6 +118,8 @@ class About:
     mode: Mode
     mount: str
     scenario: Scenario | None
+    paper: PaperParams | None = None
+    """Colour thresholds, where a drive was given others than the built-in ones."""
 
 
 def about_of(path: Path) -> About:
@@ -136,7 +139,8 @@ def about_of(path: Path) -> About:
         plan = Plan(sides, data["turn"], corners, data.get("gap_m"), outs)
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])
-    return About(vehicle, plan, mode, about.get("mount", "mast"), None)
+    paper = PaperParams.model_validate_json(about["paper"]) if "paper" in about else None
+    return About(vehicle, plan, mode, about.get("mount", "mast"), None, paper)
 
 
 # ---- the pilot -----------------------------------------------------------------------------------
@@ -175,7 +179,10 @@ class _PilotReplay:
                 mount = about.scenario.mount
             overlap_m = about.vehicle.overlap_m
             detector = WatchedDetector(
-                make_detector(about.mode, about.vehicle, mount, overlap_m=overlap_m), mount
+                make_detector(
+                    about.mode, about.vehicle, mount, overlap_m=overlap_m, params=about.paper
+                ),
+                mount,
             )
         self._pilot = Pilot(about.vehicle, detector, about.plan)
 

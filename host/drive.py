@@ -48,7 +48,10 @@ from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Mount, Vehicle
 from host.vehicle_file import load_vehicle, mount_of
 from host.vision import make_detector
-from host.vision.mounted import Mode
+from host.vision.mounted import Mode, MountedDetector
+from host.vision.paper import PaperParams
+from host.vision.profiles import DATABASE, Circumstance
+from host.vision.tuning import first_params
 
 PERIOD_S = 0.05
 SHOW_S = 0.2
@@ -389,6 +392,14 @@ class Screen:
     type=click.Path(path_type=Path),
     help="Go on where the run that left this .progress.json ended.",
 )
+@click.option(
+    "--db",
+    "profiles",
+    type=click.Path(path_type=Path),
+    default=DATABASE,
+    show_default=True,
+    help="Tuned colour thresholds for --mode paper: `daranti tune vision`.",
+)
 def drive(
     port: str,
     camera: str,
@@ -402,6 +413,7 @@ def drive(
     turn: str,
     record: Path | None,
     resume: Path | None,
+    profiles: Path,
 ) -> None:
     """Harvest: follow the crop's edge, turn at its end, go inward, until nothing stands.
 
@@ -429,7 +441,7 @@ def drive(
             if feed is not None:
                 stack.callback(feed.close)
                 feed.start()
-        _warm_up(pictures, camera, where, machine, mode)
+        first = _warm_up(pictures, camera, where, machine, mode)
         now = datetime.datetime.now(tz=datetime.UTC)
         path = record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
         plan, fence, keeper = Plan(turn=turn), None, None
@@ -449,6 +461,11 @@ def drive(
             progress.parent.mkdir(parents=True, exist_ok=True)
             keeper = Keeper(progress, whole, start, events.append, begun_at)
         about = {"begun": now.isoformat(), "mount": mount, "mode": mode, "turn": turn}
+        params = None
+        if mode == "paper" and first is not None:
+            params, said = _paper_params(profiles, mount, first, machine, where)
+            about["paper"] = params.model_dump_json()
+            screen.say(said)
         about["vehicle"] = machine.model_dump_json()
         about["plan"] = json.dumps(asdict(plan))
         recorder = stack.enter_context(Recorder(path, about))
@@ -457,7 +474,8 @@ def drive(
         )
         stack.callback(setattr, link, "tap", None)
         stack.callback(lambda: screen.say(f"record: {path}"))
-        detector = make_detector(mode, machine, where, overlap_m=machine.overlap_m)
+        overlap = machine.overlap_m
+        detector = make_detector(mode, machine, where, overlap_m=overlap, params=params)
         pilot = Pilot(machine, WatchedDetector(detector, where), plan)
         keyboard = Keyboard(sys.stdin)
         run = Drive(
@@ -565,9 +583,11 @@ def _corner(corners: Sequence[LatLon], fixes: Feed[Fix] | None) -> int:
     )
 
 
-def _warm_up(pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: Mode) -> None:
-    """Lets a detector of its own see one picture: what is compiled at first use takes seconds, and
-    the firmware waits for a command no longer than 250 ms once it is armed."""
+def _warm_up(
+    pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: Mode
+) -> Frame | None:
+    """Lets a detector of its own see one picture, and returns that: what is compiled at first use
+    takes seconds, and the firmware waits for a command no longer than 250 ms once it is armed."""
     if not pictures.wait(FIRST_PICTURE_S):
         raise UserError(
             f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
@@ -577,6 +597,20 @@ def _warm_up(pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, 
     frame = fitted(picture, mount, 0.0) if picture is not None else None
     if frame is not None:
         make_detector(mode, vehicle, mount).see(frame.bgr)
+    return frame
+
+
+def _paper_params(
+    database: Path, name: str, first: Frame, vehicle: Vehicle, mount: Mount
+) -> tuple[PaperParams, str]:
+    """The paper's colour thresholds for this hour and mount, and where they are from."""
+    now = datetime.datetime.now().astimezone()
+    where = Circumstance(now.hour + now.minute / 60, mount=name)
+
+    def make(params: PaperParams) -> MountedDetector:
+        return make_detector("paper", vehicle, mount, params=params)
+
+    return first_params(database, where, first.bgr, make)
 
 
 def _why(run: Drive) -> str:

@@ -28,6 +28,8 @@ from host.pilot import Pilot
 from host.types import Command, Fix, Request, State, Telemetry
 from host.vision.view import CropView
 
+PICTURES = "/camera"
+"""The topic of the pictures."""
 CHUNK_BYTES = 64 * 1024
 INFINITE = 1e9
 """Stands for infinity, which JSON does not have."""
@@ -187,7 +189,7 @@ class Recorder:
     def picture(self, stamp: float, jpeg: bytes) -> None:
         """A camera picture as it came from the phone; `stamp` is the shutter's."""
         message = {"timestamp": _time(stamp), "frame_id": "camera", "format": "jpeg", "data": jpeg}
-        self.put("/camera", stamp, message)
+        self.put(PICTURES, stamp, message)
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """One telemetry message."""

@@ -74,7 +74,7 @@ def write_result(folder: Path, name: str, bgr: Picture, view: CropView, ms: floa
 
 
 @click.command()
-@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|URL...")
+@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|RECORD|URL...")
 @click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
 @click.option("--side", type=click.Choice(SIDES), help="Where the crop stands; default left.")
 @click.option(

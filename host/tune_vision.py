@@ -1,4 +1,4 @@
-"""`daranti tune vision`: the paper's parameters, from photographs, a camera or a video."""
+"""`daranti tune vision`: the paper's parameters, from photographs, a camera or a record."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ from host.vision.figure import staged
 from host.vision.mounted import MountedDetector, make_detector
 from host.vision.paper import PaperParams, PaperPhoto
 from host.vision.pictures import Picture, frames
-from host.vision.profiles import Circumstance, Profiles
+from host.vision.profiles import DATABASE, Circumstance, Profiles
 from host.vision.split import SIDES, Side
 from host.vision.tuning import Contrast, mounted_contrast, photo_contrast, tune
 from host.vision.view import Detector
-
-DATABASE = Path.home() / ".local" / "share" / "daranti" / "profiles.sqlite"
 
 
 def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
@@ -38,7 +36,7 @@ def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float
 
 
 @click.command()
-@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|URL...")
+@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|RECORD|URL...")
 @click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Default: now.")
 @click.option("--terrain", default="flat", show_default=True)
 @click.option("--crop", default="wheat", show_default=True)

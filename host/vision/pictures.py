@@ -18,6 +18,7 @@ Mask = NDArray[np.uint8]
 """(height, width), 0 or 255."""
 
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
+RECORD_SUFFIX = ".mcap"
 LARGEST_SIDE_PX = 20_000
 SMALLEST_SIDE_PX = 16
 
@@ -78,10 +79,27 @@ def photos_in(path: Path) -> list[Path]:
     return found
 
 
+def _recorded(path: Path) -> Iterator[tuple[str, Picture]]:
+    """The pictures that a record of a drive has kept."""
+    from host import record  # noqa: PLC0415 (it knows the pilot, which knows the detectors)
+
+    index = 0
+    for topic, stamp, message in record.read(path):
+        if topic != record.PICTURES:
+            continue
+        decoded = cv2.imdecode(np.frombuffer(message["data"], np.uint8), cv2.IMREAD_COLOR)
+        if decoded is None:
+            raise UserError(f"{path}: the picture at {stamp:.2f} s cannot be decoded")
+        yield f"{path.stem}-{stamp:08.2f}", u8(decoded)
+        index += 1
+    if index == 0:
+        raise UserError(f"{path}: the record keeps no pictures; record a drive with pictures")
+
+
 def frames(source: str) -> Iterator[tuple[str, Picture]]:
-    """(name, picture) of every photograph of a file or folder, or every frame of a video file or an
-    HTTP stream. UserError where the source cannot be opened; a photograph that cannot be decoded
-    raises when its turn comes."""
+    """(name, picture) of every photograph of a file or folder, or every frame of a record (MCAP), a
+    video file or an HTTP stream. UserError where the source cannot be opened; a photograph that
+    cannot be decoded raises when its turn comes."""
     path = Path(source)
     if "://" not in source:
         if not path.exists():
@@ -89,6 +107,9 @@ def frames(source: str) -> Iterator[tuple[str, Picture]]:
         if path.is_dir() or path.suffix.lower() in PHOTO_SUFFIXES:
             for photo in photos_in(path):
                 yield photo.stem, read_photo(photo)
+            return
+        if path.suffix.lower() == RECORD_SUFFIX:
+            yield from _recorded(path)
             return
     capture = cv2.VideoCapture(source)
     try:

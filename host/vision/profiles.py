@@ -15,6 +15,8 @@ from pydantic import ValidationError
 from host.errors import UserError
 from host.vision.paper import PaperParams
 
+DATABASE = Path.home() / ".local" / "share" / "daranti" / "profiles.sqlite"
+"""Where the commands keep it."""
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS profile (
   id INTEGER PRIMARY KEY,

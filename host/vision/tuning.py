@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from host.vision.mounted import MountedDetector
 from host.vision.paper import PaperParams, PaperPhoto
 from host.vision.pictures import Picture
+from host.vision.profiles import Circumstance, Profiles
 from host.vision.split import Side
 
 Contrast = Callable[[PaperParams], float]
@@ -71,3 +73,33 @@ def tune(
         if reached <= before:
             break
     return best, reached
+
+
+GOOD = 0.6
+"""Contrast from which parameters are left as they are."""
+
+
+def first_params(
+    database: Path,
+    where: Circumstance,
+    first: Picture,
+    detector: Callable[[PaperParams], MountedDetector],
+) -> tuple[PaperParams, str]:
+    """Parameters to start a drive with, and in words where they are from: the nearest profile's
+    (without a database the built-in ones), tuned where the first picture shows too little."""
+    near = None
+    if database.exists():
+        with Profiles(database) as profiles:
+            near = profiles.nearest(where)
+    if near is None:
+        start, origin = PaperParams(), "the built-in colour thresholds"
+    else:
+        there = near.circumstance
+        start = near.params
+        origin = f"the colour thresholds of {there.hour:04.1f} h, {there.mount} ({near.saved})"
+    contrast = mounted_contrast([first], detector)
+    before = contrast(start)
+    if before >= GOOD:
+        return start, f"{origin}: contrast {before:.2f}"
+    params, after = tune(contrast, start, rounds=1)
+    return params, f"{origin}, tuned on the first picture: contrast {before:.2f}, now {after:.2f}"

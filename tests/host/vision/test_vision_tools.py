@@ -17,16 +17,17 @@ from scenery import field, halves
 
 from host.calibrate import calibrate_camera
 from host.errors import UserError
+from host.record import Recorder
 from host.see import see
 from host.tune_vision import tune_vision
 from host.vehicle import LOW, Mount, Vehicle
 from host.vision.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
 from host.vision.geometry import Camera
-from host.vision.mounted import make_detector
+from host.vision.mounted import MountedDetector, make_detector
 from host.vision.paper import PaperParams
-from host.vision.pictures import read_photo, to_bgr
+from host.vision.pictures import frames, read_photo, to_bgr
 from host.vision.profiles import Circumstance, Profiles
-from host.vision.tuning import mounted_contrast, tune
+from host.vision.tuning import first_params, mounted_contrast, tune
 
 NOW = datetime.datetime(2026, 4, 28, 9, tzinfo=datetime.UTC)
 RIPE = PaperParams(phi1_deg=25, phi2_deg=60)
@@ -82,6 +83,40 @@ def test_the_tuner_repairs_parameters_that_see_nothing() -> None:
     )
     params, reached = tune(contrast, blind, rounds=1)
     assert contrast(blind) < 0.5 <= reached == contrast(params)
+
+
+def low_detector(params: PaperParams) -> MountedDetector:
+    return make_detector("paper", Vehicle(), LOW, params=params)
+
+
+def test_a_drive_starts_with_the_nearest_profile_where_it_shows_the_crop(tmp_path: Path) -> None:
+    db = tmp_path / "p.sqlite"
+    fitting = PaperParams(phi1_deg=25)
+    with Profiles(db) as profiles:
+        profiles.save(Circumstance(9), fitting, 0.9, NOW)
+        profiles.save(Circumstance(16), PaperParams(phi2_deg=48), 0.9, NOW)
+    params, said = first_params(db, Circumstance(10), field(LOW), low_detector)
+    assert params == fitting
+    assert "09.0 h" in said
+
+
+def test_a_drive_tunes_a_profile_that_shows_nothing_on_the_first_picture(tmp_path: Path) -> None:
+    db = tmp_path / "p.sqlite"
+    blind = PaperParams(phi1_deg=0, phi2_deg=20)
+    with Profiles(db) as profiles:
+        profiles.save(Circumstance(9), blind, 0.9, NOW)
+    params, said = first_params(db, Circumstance(9), field(LOW), low_detector)
+    assert params != blind
+    assert low_detector(params).see(field(LOW)).confidence >= 0.5
+    assert "tuned on the first picture" in said
+
+
+def test_a_drive_without_a_database_makes_none(tmp_path: Path) -> None:
+    db = tmp_path / "p.sqlite"
+    params, said = first_params(db, Circumstance(9), field(LOW), low_detector)
+    assert params == PaperParams()
+    assert "built-in" in said
+    assert not db.exists()
 
 
 # ---- checkerboard --------------------------------------------------------------------------------
@@ -249,6 +284,28 @@ def test_tune_vision_saves_what_it_found_and_shows_before_and_after(
     assert saved.circumstance == Circumstance(9.0)
     assert saved.contrast >= 0.5
     assert {p.name for p in out.iterdir()} == {"wheat.before.png", "wheat.after.png"}
+
+
+def recorded(path: Path, pictures: list[NDArray[np.uint8]]) -> None:
+    with Recorder(path, {}) as recorder:
+        for number, bgr in enumerate(pictures):
+            recorder.picture(0.1 * number, cv2.imencode(".jpg", bgr)[1].tobytes())
+
+
+def test_tune_vision_takes_the_pictures_of_a_record(tmp_path: Path) -> None:
+    recorded(tmp_path / "drive.mcap", [field(LOW), field(LOW, seed=2)])
+    db, out = tmp_path / "p.sqlite", tmp_path / "out"
+    args = ("--mount", "low", "--hour", "9", "--pictures", "1", "--db", db, "--out", out)
+    result = run(tune_vision, tmp_path / "drive.mcap", *args)
+    assert result.exit_code == 0, result.output
+    names = {p.name for p in out.iterdir()}
+    assert names == {"drive-00000.00.before.png", "drive-00000.00.after.png"}
+
+
+def test_a_record_without_pictures_says_so(tmp_path: Path) -> None:
+    recorded(tmp_path / "drive.mcap", [])
+    with pytest.raises(UserError, match="keeps no pictures"):
+        list(frames(str(tmp_path / "drive.mcap")))
 
 
 def test_tune_vision_refuses_pictures_of_another_size_for_a_mount(tmp_path: Path) -> None:
