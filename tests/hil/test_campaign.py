@@ -227,9 +227,12 @@ def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: i
 
 
 @needs_firmware
-def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path) -> None:
-    """A scheduler, a worker that is killed halfway, and another that finishes."""
-    count = 12
+@pytest.mark.parametrize(
+    "count", [12, pytest.param(200, marks=pytest.mark.wallclock)], ids=["12", "200"]
+)
+def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path, count: int) -> None:
+    """A scheduler and two workers; halfway one of them and the campaign itself are killed, and the
+    campaign is started again."""
     dask = [sys.executable, "-m", "dask"]
     with process(
         *dask, "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1",
@@ -247,17 +250,22 @@ def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path) -> None:
             "--local-directory", str(tmp_path / "scratch"),
         ]  # fmt: skip
         command = campaign(tmp_path, count, "--scheduler", address())
-        with (
-            process(*command, log=tmp_path / "campaign.log") as client,
-            process(*worker, log=tmp_path / "second.log") as second,
-        ):
-            with process(*worker, log=tmp_path / "first.log"):
-                wait_for(lambda: len(finished(tmp_path)) >= count // 3, client)
-            wait_for(lambda: client.poll() is not None, second)
-            assert client.returncode == 0, (tmp_path / "campaign.log").read_text()
+        with process(*worker, log=tmp_path / "second.log") as second:
+            with (
+                process(*worker, log=tmp_path / "first.log"),
+                process(*command, log=tmp_path / "campaign.log") as client,
+            ):
+                wait_for(lambda: len(finished(tmp_path)) >= count // 2, client)
+            before = finished(tmp_path)
+            assert count // 2 <= len(before) < count
+            with process(*command, log=tmp_path / "again.log") as client:
+                wait_for(lambda: client.poll() is not None, second)
+                assert client.returncode == 0, (tmp_path / "again.log").read_text()
+    after = finished(tmp_path)
+    assert len(after) == count
+    assert {name: after[name] for name in before} == before
     summaries = json.loads((tmp_path / "campaign.json").read_text())
     assert [s["seed"] for s in summaries] == list(range(1, count + 1))
-    assert len(finished(tmp_path)) == count
 
 
 def test_a_scheduler_that_is_not_there_is_one_message(tmp_path: Path) -> None:
