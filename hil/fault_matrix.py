@@ -396,6 +396,22 @@ def table_of(verdicts: Sequence[Verdict], title: str) -> Table:
     return table
 
 
+def markdown_of(verdicts: Sequence[Verdict], title: str) -> str:
+    """The same for a document."""
+    lines = [
+        f"## {title[:1].upper()}{title[1:]}",
+        "",
+        "| fault | while | must | detected by | stop_latency_ms | moved m | verdict |",
+        "|---|---|---|---|---:|---:|---|",
+    ]
+    for v in verdicts:
+        must = f"stop: {v.bound}" if v.expect == Expect.STOP.value else v.expect
+        latency = "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}"
+        cells = [v.fault, v.situation, must, v.detected_by, latency, f"{v.moved_m:.2f}", v.verdict]
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 @click.command()
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
 @click.option("--only", multiple=True, metavar="COMPONENT[.FAILURE[.HOW]]", help="May be repeated.")
@@ -457,6 +473,7 @@ def faults(
     (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     width = None if Console().is_terminal else 200
     Console(width=width).print(table_of(verdicts, title))
+    (out / "faults.md").write_text(markdown_of(verdicts, title), encoding="utf-8")
     report.faults_report(out, title, verdicts)
     latencies = [v.stop_latency_ms for v in verdicts if v.stop_latency_ms is not None]
     worst = max(latencies, default=math.nan)

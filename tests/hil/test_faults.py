@@ -451,6 +451,7 @@ def test_the_matrix_goes_on_where_it_was_killed(
     assert CliRunner().invoke(faults, words).exit_code == 0
     assert len(ran) == 2
     assert json.loads((tmp_path / "summary.json").read_text())["cases"] == 4
+    assert (tmp_path / "faults.md").read_text().count("| estop ") == 4
     ran.clear()
     assert CliRunner().invoke(faults, words).exit_code == 0
     assert ran == []
