@@ -6,6 +6,7 @@ garbage, parameter saving, faults) and prints a table; exits 1 where a limit is 
 
 from __future__ import annotations
 
+import argparse
 import ctypes
 import math
 import random
@@ -192,6 +193,7 @@ def loads(run: Run, probe: Probe) -> dict[str, tuple[int, int]]:
 
 def main() -> int:
     """Prints the loads, and then the table."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     try:
         target = avr()
         size = sections()

@@ -1,11 +1,12 @@
 """Random bytes into the Uno's binary in simavr: it neither hangs nor moves anything, and takes the
 very next valid frame.
 
-usage: fuzz_avr.py [BYTES] [SEED] (1000000, 1). Exits 1 at the first fact that does not hold.
+Exits 1 at the first fact that does not hold.
 """
 
 from __future__ import annotations
 
+import argparse
 import random
 import sys
 from pathlib import Path
@@ -83,10 +84,13 @@ class Fuzz:
             raise UserError("telemetry has stopped")
 
 
-def main(arguments: list[str]) -> int:
+def main() -> int:
     """Runs the campaign."""
-    total = int(arguments[0]) if arguments else 1_000_000
-    seed = int(arguments[1]) if len(arguments) > 1 else 1
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bytes", nargs="?", type=int, default=1_000_000)
+    parser.add_argument("seed", nargs="?", type=int, default=1)
+    asked = parser.parse_args()
+    total, seed = asked.bytes, asked.seed
     rng = random.Random(seed)
     sent = shots = 0
     try:
@@ -108,4 +112,4 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -9,6 +9,7 @@ survivor makes this fail, as does a listed one that no longer exists or is kille
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -351,6 +352,7 @@ def read_list() -> set[Name]:
 
 def main() -> int:
     """Builds, runs every mutant, prints the table and the survivors."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     mutants: list[Mutant] = []
     binary = build(mutants)
     if not survives(binary, -1):

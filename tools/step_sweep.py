@@ -1,6 +1,6 @@
 """The steering's 30 degree step over every extreme actuator, with the firmware's default gains.
 
-usage: step_sweep.py [desk|avr] (both). Prints the worst of each motor speed, with the actuator it
+Prints the worst of each motor speed, with the actuator it
 was: time to settle within 2 %, overshoot, error and duty at rest. Exits 1 where an actuator of
 60 deg/s takes more than 0.8 s, or any overshoots by more than 5 %, rests more than 0.5 deg off, or
 chatters.
@@ -8,6 +8,7 @@ chatters.
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import sys
 from collections.abc import Callable
@@ -100,16 +101,16 @@ def table(results: list[Result]) -> None:
             print(f"    {name:<16}{key(worst):>7.2f} {unit:<4} ({worst.what})")
 
 
-def main(arguments: list[str]) -> int:
+def main() -> int:
     """Runs the sweeps."""
+    makers = {"desk": targets.desk, "avr": targets.avr}
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("target", nargs="?", choices=makers, help="both where none is given")
+    only = parser.parse_args().target
     bad = 0
-    for name in arguments or ["desk", "avr"]:
-        make = {"desk": targets.desk, "avr": targets.avr}.get(name)
-        if make is None:
-            print(f"step_sweep: {name}: not desk or avr", file=sys.stderr)
-            return 2
+    for name in [only] if only else makers:
         try:
-            results = sweep(make)
+            results = sweep(makers[name])
         except UserError as error:
             print(f"step_sweep: {error}", file=sys.stderr)
             return 2
@@ -120,4 +121,4 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""The budget of the AVR holds and it withstands random bytes: commands of docs/firmware.md, short."""
+"""The AVR keeps its budget and withstands random bytes: the commands of docs/firmware.md, short."""
 
 from __future__ import annotations
 

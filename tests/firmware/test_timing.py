@@ -34,7 +34,7 @@ def jump_pot(bench: Bench) -> None:
 
 @pytest.mark.parametrize("phase_ms", range(5))
 @pytest.mark.parametrize("cause", [open_estop, jump_pot])
-def test_outputs_are_off_within_10_ms_of_what_is_found_at_once(
+def test_outputs_are_off_within_10_ms_of_what_is_driven_at_once(
     cause: Callable[[Bench], None], phase_ms: int, make_target: Maker
 ) -> None:
     bench = bench_running(make_target)
@@ -55,6 +55,24 @@ def test_link_loss_takes_at_most_250_ms_from_the_last_valid_command(
     sent_ms = len(frame) * 0.085
     elapsed = until_off(bench, 252.0) - sent_ms
     assert 240.0 <= elapsed <= 250.0
+
+
+@pytest.mark.parametrize("phase_ms", range(5))
+def test_a_frozen_pot_is_found_within_250_ms_of_full_duty(
+    phase_ms: int, make_target: Maker
+) -> None:
+    bench = bench_running(make_target)
+    bench.pot_mv = bench.actuator.pot_mv()
+    bench.run(phase_ms)
+    bench.ask(steer_deg=40.0, speed=0.5)
+    while bench.steer_duty != 255:
+        bench.run(1)
+    driven_at = bench.now_us
+    while not bench.off():
+        bench.run(1)
+        assert bench.now_us - driven_at <= 250_000
+    bench.run(40)
+    assert bench.last.faults == protocol.Fault.POT_FROZEN
 
 
 @pytest.mark.parametrize("phase_ms", range(5))
