@@ -184,7 +184,7 @@ class Seen:
     heading_rad: float
     """True `CropView.edge_heading_rad`."""
     crop_beyond: bool
-    """Crop still stands before the blade within `FALSE_END_M` and half a metre."""
+    """The field's crop still stands `FALSE_END_M` before the blade or little further: no end yet."""
 
 
 def drive_along(edge: _Edge) -> Iterator[Seen]:
@@ -212,8 +212,8 @@ def drive_along(edge: _Edge) -> Iterator[Seen]:
         beside = crop.true_edge_offset(
             x + ahead * c - right * s, y + ahead * s + right * c, yaw, 0.6
         )
-        front = v.blade_x_m
-        beyond = crop.crop_ahead(x + front * c, y + front * s, yaw, 0.6 * v.blade_width_m, 1.0)
+        front = v.blade_x_m + FALSE_END_M
+        beyond = crop.crop_ahead(x + front * c, y + front * s, yaw, 0.6 * v.blade_width_m, 0.5)
         yield Seen(
             np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8),
             before,
@@ -221,7 +221,7 @@ def drive_along(edge: _Edge) -> Iterator[Seen]:
             cut > 0,
             beside - v.overlap_m,
             -yaw,
-            beyond < FALSE_END_M + 0.5,
+            math.isfinite(beyond),
         )
 
 

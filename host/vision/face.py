@@ -45,6 +45,9 @@ HIDDEN_DENSE = 0.05
 judged by at least so many pixels and this share of stems among them: only ears reach that high."""
 GAP_M = 2.0
 """Least gap to the next crop behind: what a camera sees of that must not count as this face."""
+OWN_M = 0.2
+"""While cutting, what ends further to the left is the border of the machine's own swath, where the
+crop beside it stands nearer than the face."""
 WINDOW_M = 0.3
 """Looked at on either side of a possible right end."""
 DENSE = 0.10
@@ -191,9 +194,10 @@ def _feet(
 
 
 @numba.njit(cache=True, nogil=True)
-def _step(sums: Sums, window: int, spread: Sums) -> tuple[int, float, float, float]:
-    """The bin where the crop on the left (higher bins) ends towards the right, the shares of stems
-    on the crop's side and on the other, and by how many spreads the sides differ; -1 without.
+def _step(sums: Sums, window: int, last: int, spread: Sums) -> tuple[int, float, float, float]:
+    """The bin, before `last`, where the crop on the left (higher bins) ends towards the right, the
+    shares of stems on the crop's side and on the other, and by how many spreads the sides differ;
+    -1 without.
 
     It is the division with the greatest difference of the windows on either side, or one as good
     that lies wholly right of it: a stand beside the others is the outer one."""
@@ -206,7 +210,7 @@ def _step(sums: Sums, window: int, spread: Sums) -> tuple[int, float, float, flo
     inside = np.zeros(n)
     outside = np.zeros(n)
     at = -1
-    for i in range(4, n - 4):
+    for i in range(4, min(n - 4, last)):
         lo, hi = max(0, i - window), min(n, i + window)
         below, above = run[i, 0] - run[lo, 0], run[hi, 0] - run[i, 0]
         if above < 1.0 or below < 1.0:
@@ -288,7 +292,7 @@ class FaceFinder:
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
         face_x = self._vehicle.blade_x_m + ahead
-        right, sure = self._right_end(seen, face_x, dust)
+        right, sure = self._right_end(seen, face_x, dust, OWN_M if cutting else SPAN_M[1])
         return Face(ahead, sight, right, sure, face_x, standing)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
@@ -322,9 +326,11 @@ class FaceFinder:
         way = seen.steps[self._way]
         return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
-    def _right_end(self, seen: Evidence, face_x: float, dust: float) -> tuple[float, float]:
-        """Lateral position of the face's right end on the plane at `face_x`, and confidence.
-        `dust`: how far ahead its upper border made the foot appear, 0 without; only what rises
+    def _right_end(
+        self, seen: Evidence, face_x: float, dust: float, left_m: float
+    ) -> tuple[float, float]:
+        """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, and
+        confidence. `dust`: how far ahead its upper border made the foot appear, 0 without; only what rises
         above it is then looked at."""
         bands = self._bands(face_x, GAP_M)
         if dust > 0.0:
@@ -336,7 +342,10 @@ class FaceFinder:
                 border = z_c * dust / (face_x - x_c + dust)
                 bands = (min(border, bands[1] - 0.1), bands[1], bands[2], bands[3])
         at, inside, outside, differ = _step(
-            self._sums(seen, face_x, bands), round(WINDOW_M / BIN_M), SPREAD
+            self._sums(seen, face_x, bands),
+            round(WINDOW_M / BIN_M),
+            round((left_m - SPAN_M[0]) / BIN_M),
+            SPREAD,
         )
         if at < 0:
             return NAN, 0.0
