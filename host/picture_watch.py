@@ -19,9 +19,10 @@ from host.vision.view import CropView, Detector
 GRID: Final = 8
 """Every so many pixels one is compared."""
 THUMBNAIL: Final = (32, 24)
-REPEATED_SHARE: Final = 0.05
+REPEATED_SHARE: Final = 0.01
 """Of the compared pixels that differ at least between two pictures. Pictures of the simulated
-sensor differ in 0.95 and more; what an app writes into a frozen picture (the time) in less."""
+sensor differ in 0.95 and more, at rest as well; a phone that smooths its noise away while nothing
+moves in less, but never so little; what an app writes into a frozen picture (the time) is less."""
 CONTRAST: Final = 6.0
 """Least standard deviation of a thumbnail's grey levels. Fields have 15 and more in the simulation
 and 7.6 and more in photographs; a covered, dark or blinded lens has up to 5."""
