@@ -98,7 +98,7 @@ def table(results: list[Result]) -> None:
             ("driven at rest", "ms", lambda r: float(r.chatter_ms)),
         ):
             worst = max(those, key=key)
-            print(f"    {name:<16}{key(worst):>7.2f} {unit:<4} ({worst.what})")
+            print(f"    {name:<16}{key(worst):>7.3f} {unit:<4} ({worst.what})")
 
 
 def main() -> int:

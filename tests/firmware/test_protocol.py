@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -150,3 +151,9 @@ def test_parameters_convert_both_ways_and_name_their_range() -> None:
             with pytest.raises(ValueError, match=f"{spec.name} must be .* to "):
                 spec.to_raw(value)
     assert [spec.id for spec in protocol.PARAMS.values()] == list(range(len(protocol.PARAMS)))
+
+
+def test_the_documentation_lists_every_fault_with_its_bit() -> None:
+    text = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| ([A-Z_]+) \|", text, flags=re.MULTILINE)
+    assert rows == [(str(bit.bit_length() - 1), bit.name) for bit in Fault]
