@@ -1,5 +1,5 @@
-// The frame parser's fuzz target: whatever came before, the next whole valid frame is taken, what is
-// handed out is a message of the schema, and no run counts as bad more than once.
+// The frame parser's fuzz target: whatever came before, the next whole valid frame is taken, what
+// is handed out is a message of the schema, and no run counts as bad more than once.
 #include <cstdio>
 #include <cstdlib>
 

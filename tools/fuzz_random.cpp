@@ -1,5 +1,5 @@
-// Runs a fuzz target where libFuzzer is not installed: random bytes, mangled frames and runs without
-// a zero, the same for the same seed. usage: fuzz_random [inputs] [seed]
+// Runs a fuzz target where libFuzzer is not installed: random bytes, mangled frames and runs
+// without a zero, the same for the same seed. usage: fuzz_random [inputs] [seed]
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
