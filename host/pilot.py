@@ -422,7 +422,7 @@ class Pilot:
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
-        steer = steering.forward(lane.offset_m, lane.heading_rad, vehicle)
+        steer = steering.follow(lane, self.motion, vehicle)
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)

@@ -1,13 +1,15 @@
 """Steering laws: from the vehicle's place against the lane to a steering angle.
 
-All take the lateral offset and heading error of host.lane.Lane (left positive) and return radians,
-left positive, within the limit.
+Offset and heading are those of host.lane.Lane (left positive); angles are radians, left positive,
+within the limit. Gains and margins: docs/navigation.md.
 """
 
 from __future__ import annotations
 
 import math
 
+from host.lane import Lane
+from host.odometry import Motion
 from host.vehicle import Vehicle
 
 PROPORTIONAL_GAIN_1PM = 1.6
@@ -28,18 +30,41 @@ def proportional(blade_offset_m: float, vehicle: Vehicle) -> float:
     return _limit(-PROPORTIONAL_GAIN_1PM * blade_offset_m, vehicle)
 
 
-def forward(offset_m: float, heading_rad: float, vehicle: Vehicle) -> float:
-    """State feedback on the offset at the rear axle and the heading, driving forward, with the
-    vehicle's frequency and damping.
+def state_gains(speed_mps: float, vehicle: Vehicle) -> tuple[float, float, float]:
+    """Curvature per metre of offset, per radian of heading and per unit of curvature.
 
-    In the distance s: offset' = heading, heading' = curvature."""
-    k_offset = vehicle.follow_frequency_1pm**2
-    k_heading = 2 * vehicle.follow_damping * vehicle.follow_frequency_1pm
-    return _limit(-k_offset * offset_m - k_heading * heading_rad, vehicle)
+    offset' = v heading, heading' = v curvature, curvature' = (command - curvature) / T with the
+    steering's lag T. The gains put two poles at v times the frequency l with damping z, the third
+    at -1/T, where the steering's own is: nothing is asked of the motor that it does not do anyway.
+    """
+    frequency, damping = vehicle.follow_frequency_1pm, vehicle.follow_damping
+    lag_m = abs(speed_mps) * vehicle.steer_lag_s
+    return (
+        frequency**2,
+        2 * damping * frequency + frequency**2 * lag_m,
+        2 * damping * frequency * lag_m,
+    )
+
+
+def state(
+    offset_m: float, heading_rad: float, curvature_1pm: float, speed_mps: float, vehicle: Vehicle
+) -> float:
+    """State feedback on the offset at the rear axle, the heading and the curvature that is being
+    driven, for the speed that is being driven."""
+    k_offset, k_heading, k_curvature = state_gains(speed_mps, vehicle)
+    feedback = k_offset * offset_m + k_heading * heading_rad + k_curvature * curvature_1pm
+    return _limit(-feedback, vehicle)
+
+
+def follow(lane: Lane, motion: Motion, vehicle: Vehicle) -> float:
+    """The law that the vehicle's file names, driving forward."""
+    if vehicle.steering_law == "proportional":
+        return proportional(lane.blade_offset_m, vehicle)
+    return state(lane.offset_m, lane.heading_rad, motion.curvature_1pm, motion.speed_mps, vehicle)
 
 
 def reverse(offset_m: float, heading_rad: float, vehicle: Vehicle) -> float:
-    """The same in reverse, where s counts travelled metres: offset' = -heading,
+    """State feedback in reverse, where s counts travelled metres: offset' = -heading,
     heading' = -curvature."""
     k_offset, k_heading = REVERSE_GAINS
     return _limit(-k_offset * offset_m + k_heading * heading_rad, vehicle)

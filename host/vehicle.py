@@ -6,7 +6,7 @@ The simulated plant has a truth of its own, which `hil` derives from this file a
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -91,6 +91,10 @@ class Vehicle(Strict):
     crop_height_m: Positive = 0.9
     overlap_m: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
     """How far the blade's right end runs outside the crop's edge, so that no sliver stays."""
+    steering_law: Literal["state", "proportional"] = "state"
+    """`state`: offset, heading and curvature; `proportional`: the paper's (host/steering.py)."""
+    steer_lag_s: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    """From the angle asked for to the angle driven: the closed steering loop as a first order."""
     camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
     """From the shutter to the host, where a source cannot tell."""
     mounts: dict[str, Mount] = {"low": LOW, "mast": MAST}

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from hypothesis import given
 
-from host import manoeuvre, steering
+from host import manoeuvre
 from host.errors import UserError
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal
@@ -145,22 +145,6 @@ def test_the_three_point_turn_ends_before_the_crop_the_arc_beyond_its_beginning(
     arc = manoeuvre.arc(VEHICLE, math.pi / 2)
     x, y, _ = drive_legs(arc)
     assert arc.along(x, y) + VEHICLE.blade_x_m > arc.crop_begins_m + 1.0
-
-
-# ---- steering ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("offset", [-0.4, 0.3])
-@pytest.mark.parametrize("heading", [-0.3, 0.0, 0.2])
-def test_the_laws_bring_the_vehicle_onto_the_lane(offset: float, heading: float) -> None:
-    for law, sign in ((steering.forward, 1.0), (steering.reverse, -1.0)):
-        y, angle = offset, heading
-        for _ in range(600):
-            curvature = math.tan(law(y, angle, VEHICLE)) / VEHICLE.wheelbase_m
-            y += sign * 0.01 * math.sin(angle)
-            angle += sign * 0.01 * curvature
-        assert abs(y) < 0.02
-        assert abs(angle) < 0.02
 
 
 # ---- odometry ------------------------------------------------------------------------------------
