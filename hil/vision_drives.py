@@ -184,7 +184,7 @@ class Seen:
     heading_rad: float
     """True `CropView.edge_heading_rad`."""
     crop_beyond: bool
-    """The field's crop still stands `FALSE_END_M` before the blade or little further: no end yet."""
+    """The field's crop still stands `FALSE_END_M` before the blade or little further: no end."""
 
 
 def drive_along(edge: _Edge) -> Iterator[Seen]:

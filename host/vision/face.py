@@ -48,6 +48,13 @@ GAP_M = 2.0
 OWN_M = 0.2
 """While cutting, what ends further to the left is the border of the machine's own swath, where the
 crop beside it stands nearer than the face."""
+TRACK_M = 0.15
+"""The right end moves by a centimetre from picture to picture; what is this far from where it was
+is more likely something else."""
+ELSEWHERE = 0.35
+"""Factor on how much such a place differs, squared."""
+JUMPED = 0.6
+"""Factor on the confidence in it."""
 WINDOW_M = 0.3
 """Looked at on either side of a possible right end."""
 DENSE = 0.10
@@ -194,13 +201,16 @@ def _feet(
 
 
 @numba.njit(cache=True, nogil=True)
-def _step(sums: Sums, window: int, last: int, spread: Sums) -> tuple[int, float, float, float]:
+def _step(
+    sums: Sums, window: int, last: int, expected: float, spread: Sums
+) -> tuple[int, float, float, float]:
     """The bin, before `last`, where the crop on the left (higher bins) ends towards the right, the
     shares of stems on the crop's side and on the other, and by how many spreads the sides differ;
     -1 without.
 
     It is the division with the greatest difference of the windows on either side, or one as good
-    that lies wholly right of it: a stand beside the others is the outer one."""
+    that lies wholly right of it: a stand beside the others is the outer one. What is far from the
+    bin that is `expected` (NaN: nowhere) must differ by more."""
     n = sums.shape[0]
     run = np.zeros((n + 1, 4))
     for i in range(n):
@@ -224,6 +234,8 @@ def _step(sums: Sums, window: int, last: int, spread: Sums) -> tuple[int, float,
             total += (d / spread[k - 1]) ** 2
         share = above / (above + below)
         score[i] = total * 4.0 * share * (1.0 - share)
+        if abs(i - expected) > TRACK_M / BIN_M:
+            score[i] *= ELSEWHERE
         if at < 0 or score[i] > score[at]:
             at = i
     if at < 0:
@@ -232,7 +244,10 @@ def _step(sums: Sums, window: int, last: int, spread: Sums) -> tuple[int, float,
     for i in range(4, at - window):
         if score[i] > 0.5 * score[at] and (further == at or score[i] > score[further]):
             further = i
-    return further, inside[further], outside[further], math.sqrt(score[further])
+    differ = score[further]
+    if abs(further - expected) > TRACK_M / BIN_M:
+        differ /= ELSEWHERE
+    return further, inside[further], outside[further], math.sqrt(differ)
 
 
 class FaceFinder:
@@ -273,9 +288,9 @@ class FaceFinder:
         left, right = (int(np.clip(u, 0, width)) for u in (corners[0, 0], corners[1, 0]))
         return slice(min(top, bottom - 1), bottom), slice(left, max(right, left + 1))
 
-    def find(self, seen: Evidence, cutting: bool = False) -> Face:
+    def find(self, seen: Evidence, cutting: bool = False, expected_m: float = NAN) -> Face:
         """The face in one picture. `cutting`: the blade has reached the crop and raises dust, which
-        may hide the foot."""
+        may hide the foot. `expected_m`: where the right end was in the pictures before."""
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
@@ -292,7 +307,8 @@ class FaceFinder:
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
         face_x = self._vehicle.blade_x_m + ahead
-        right, sure = self._right_end(seen, face_x, dust, OWN_M if cutting else SPAN_M[1])
+        left = OWN_M if cutting else SPAN_M[1]
+        right, sure = self._right_end(seen, face_x, dust, left, expected_m)
         return Face(ahead, sight, right, sure, face_x, standing)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
@@ -327,11 +343,11 @@ class FaceFinder:
         return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
 
     def _right_end(
-        self, seen: Evidence, face_x: float, dust: float, left_m: float
+        self, seen: Evidence, face_x: float, dust: float, left_m: float, expected_m: float
     ) -> tuple[float, float]:
         """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, and
-        confidence. `dust`: how far ahead its upper border made the foot appear, 0 without; only what rises
-        above it is then looked at."""
+        confidence; `expected_m` is where it was before (NaN: unknown). `dust`: how far ahead its
+        upper border made the foot appear, 0 without; only what rises above it is then looked at."""
         bands = self._bands(face_x, GAP_M)
         if dust > 0.0:
             highest = TALLEST * self._vehicle.crop_height_m
@@ -345,13 +361,17 @@ class FaceFinder:
             self._sums(seen, face_x, bands),
             round(WINDOW_M / BIN_M),
             round((left_m - SPAN_M[0]) / BIN_M),
+            (expected_m - SPAN_M[0]) / BIN_M,
             SPREAD,
         )
         if at < 0:
             return NAN, 0.0
         contrast = (inside - outside) / (inside + outside)
-        sure = min(1.5 * contrast - 0.4, 0.4 * differ)
-        return SPAN_M[0] + at * BIN_M, max(0.0, min(0.95, sure))
+        sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ)
+        right = SPAN_M[0] + at * BIN_M
+        if abs(right - expected_m) > TRACK_M:
+            sure *= JUMPED
+        return right, max(0.0, sure)
 
     def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:
         """Heights on the face where nothing that stands `gap_m` or more behind it is seen: below

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import statistics
+from collections import deque
 from typing import Literal, Protocol
 
 import numpy as np
@@ -32,6 +34,10 @@ AT_BLADE_M = 0.3
 """Crop nearer than this is being cut."""
 SURE = 0.5
 """Confidence from which a picture may set the references."""
+TRACK = 11
+"""Sure right ends that are remembered: a second."""
+TRACKED = 3
+"""Of them from which on their median is where the next is expected."""
 
 
 class Source(Protocol):
@@ -80,12 +86,16 @@ class MountedDetector:
         # such a camera looks through the blade's dust; one above the tops looks over most of it
         self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
         self._cutting = False
+        self._track: deque[float] = deque(maxlen=TRACK)
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
-        face = self._finder.find(seen, self._cutting)
+        expected = statistics.median(self._track) if len(self._track) >= TRACKED else NAN
+        face = self._finder.find(seen, self._cutting, expected)
         if face.ahead_confidence >= SURE and face.ahead_m < AT_BLADE_M:
             self._cutting = True
+        if face.right_confidence >= SURE:
+            self._track.append(face.right_m)
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and face.right_confidence >= SURE:
             self._l_reference = height
@@ -109,6 +119,7 @@ class MountedDetector:
     def restart(self) -> None:
         """The blade is out of the crop; the paper's references stay."""
         self._cutting = False
+        self._track.clear()
 
     def _end_of_field(self, height: float) -> float:
         """The paper's rule: l_height below l_reference by more than the tolerance; 0.5 at it."""
