@@ -298,6 +298,7 @@ def watched(
             run.run(enough=watch.enough)
         finally:
             run.close()
+            run.bench.on_slice = None  # else the bench, and all of the run, would live in a circle
     except UserError as error:  # the bench itself failed: a result, but no good one
         return Verdict(fault.name, situation, "", "", "bench", None, None, 0.0, False, str(error))
     return watch.verdict(fault, situation)
