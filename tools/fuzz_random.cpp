@@ -28,6 +28,6 @@ int main(int argc, char **argv) {
     }
     LLVMFuzzerTestOneInput(bytes, count);
   }
-  printf("%ld random inputs, every next frame taken\n", inputs);
+  printf("%ld random inputs: every fact held\n", inputs);
   return 0;
 }
