@@ -11,6 +11,7 @@ import contextlib
 import datetime
 import json
 import math
+import os
 import select
 import sys
 import time
@@ -304,18 +305,20 @@ class Keyboard:
     """Enter pauses, Enter again goes on. Without a terminal nothing ever does."""
 
     def __init__(self, terminal: TextIO) -> None:
-        self._terminal = terminal if terminal.isatty() else None
+        self._file = terminal.fileno() if terminal.isatty() else None
         self._paused = False
 
     def __call__(self) -> bool:
         """Whether the machine is to stand still; returns at once."""
-        terminal = self._terminal
-        while terminal is not None and select.select([terminal], [], [], 0)[0]:
-            if not terminal.readline():  # the terminal is gone
-                terminal = self._terminal = None
-                self._paused = True
-            else:
-                self._paused = not self._paused
+        while self._file is not None and select.select([self._file], [], [], 0)[0]:
+            try:
+                line = os.read(self._file, 4096)
+            except OSError:  # the terminal is gone; its hang-up ends the run
+                self._file = None
+                break
+            if not line:
+                break
+            self._paused ^= line.endswith(b"\n")
         return self._paused
 
 

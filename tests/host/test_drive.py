@@ -22,6 +22,8 @@ import numpy as np
 import pytest
 from console import Cli
 from fake_firmware import RESTING, FakeFirmware
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 
 from host import protocol
@@ -363,9 +365,32 @@ def test_enter_pauses_and_enter_goes_on() -> None:
     types.write(b"\n")
     until(lambda: select.select([terminal], [], [], LIMIT_S)[0])
     assert [keys(), keys()] == [True, True]
+    types.write(b"\x04")  # Ctrl-D
+    until(lambda: select.select([terminal], [], [], LIMIT_S)[0])
+    assert [keys(), keys()] == [True, True]
     types.write(b"what\n")
     until(lambda: select.select([terminal], [], [], LIMIT_S)[0])
     assert not keys()
+
+
+def test_a_terminal_that_is_gone_changes_nothing() -> None:
+    keys, types, _terminal = keyboard()
+    types.close()
+    assert [keys(), keys()] == [False, False]
+
+
+@given(st.lists(st.integers(0, 3), max_size=6))
+def test_every_enter_counts_however_many_come_at_once(bursts: list[int]) -> None:
+    keys, types, terminal = keyboard()
+    typed = 0
+    for burst in bursts:
+        types.write(b"\n" * burst)
+        typed += burst
+        if burst:
+            until(lambda: select.select([terminal], [], [], LIMIT_S)[0])
+        assert keys() is (typed % 2 == 1)
+    types.close()
+    terminal.close()
 
 
 def test_without_a_terminal_nothing_pauses(tmp_path: Path) -> None:
