@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from hil.provision import Firmware, target
+from hil.provision import target
 from host import protocol
 from host.protocol import Fault, Result, State
 from tests.firmware.bench import Bench
@@ -18,14 +18,14 @@ FLIPS = (0x01, 0x80, 0xFF)
 
 
 @cache
-def stored(firmware: Firmware = "desk") -> bytes:
+def stored() -> bytes:
     """An EEPROM in which no parameter has its default."""
     values = {
         name: spec.from_raw(spec.max_raw if spec.default_raw != spec.max_raw else spec.min_raw)
         for name, spec in protocol.PARAMS.items()
     }
     values |= {"pot_left": 800.0, "pot_centre": 500.0, "pot_right": 200.0}
-    with target(firmware, values) as board:
+    with target("desk", values) as board:
         return board.eeprom()
 
 
