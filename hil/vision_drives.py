@@ -205,7 +205,8 @@ def drive_along(edge: _Edge) -> Iterator[Seen]:
         x, y, yaw = before
         roll, pitch = crop.slopes(x, y, yaw)
         t = k * STEP_M / speed
-        bgr = camera.capture(t, x, y, yaw, roll, pitch, speed, rate, True)
+        # the pilot looks before it lets the blade spin
+        bgr = camera.capture(t, x, y, yaw, roll, pitch, speed, rate, k > 0)
         coded = np.frombuffer(camera.encode(bgr), np.uint8)
         ahead, right = v.blade_x_m + PROBE_AHEAD_M, -0.5 * v.blade_width_m
         c, s = math.cos(yaw), math.sin(yaw)

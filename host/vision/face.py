@@ -288,9 +288,10 @@ class FaceFinder:
         left, right = (int(np.clip(u, 0, width)) for u in (corners[0, 0], corners[1, 0]))
         return slice(min(top, bottom - 1), bottom), slice(left, max(right, left + 1))
 
-    def find(self, seen: Evidence, cutting: bool = False, expected_m: float = NAN) -> Face:
-        """The face in one picture. `cutting`: the blade has reached the crop and raises dust, which
-        may hide the foot. `expected_m`: where the right end was in the pictures before."""
+    def find(self, seen: Evidence, stands_m: float = math.inf, expected_m: float = NAN) -> Face:
+        """The face in one picture. `stands_m`: crop is known to stand at most this far ahead of the
+        blade's line, 0 while it is being cut; the blade's dust may hide its foot. `expected_m`:
+        where the right end was in the pictures before."""
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
@@ -298,16 +299,14 @@ class FaceFinder:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
         dust = 0.0
-        if (
-            cutting
-            and ahead > HIDDEN_M
-            and (ahead < GAP_M - SLACK_M or self._stands_at_blade(seen, ahead))
+        if ahead > stands_m + HIDDEN_M and (
+            ahead < stands_m + GAP_M - SLACK_M or self._stands_at(seen, stands_m, ahead)
         ):
-            dust, ahead = ahead, 0.0
+            dust, ahead = ahead - stands_m, stands_m
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing)
         face_x = self._vehicle.blade_x_m + ahead
-        left = OWN_M if cutting else SPAN_M[1]
+        left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         right, sure = self._right_end(seen, face_x, dust, left, expected_m)
         return Face(ahead, sight, right, sure, face_x, standing)
 
@@ -403,15 +402,14 @@ class FaceFinder:
         )
         return sums
 
-    def _stands_at_blade(self, seen: Evidence, ahead: float) -> bool:
-        """Whether crop stands at the blade though its foot is not seen: dust hides it, and what was
-        taken for the foot is the upper border of the dust. Crop that began `ahead` would leave the
-        bands of `_bands` empty."""
+    def _stands_at(self, seen: Evidence, stands_m: float, ahead: float) -> bool:
+        """Whether crop stands `stands_m` before the blade though its foot is not seen: dust hides
+        it, and what was taken for the foot is the upper border of the dust. Crop that began `ahead`
+        would leave the bands of `_bands` empty."""
         vehicle = self._vehicle
-        bands = self._bands(vehicle.blade_x_m, ahead)
-        sums = self._sums(
-            seen, vehicle.blade_x_m, (1.0, 0.0, bands[2], TALLEST * vehicle.crop_height_m)
-        )
+        x = vehicle.blade_x_m + stands_m
+        bands = self._bands(x, ahead - stands_m)
+        sums = self._sums(seen, x, (1.0, 0.0, bands[2], TALLEST * vehicle.crop_height_m))
         half = 0.5 * vehicle.blade_width_m
         inside = slice(round((-half - SPAN_M[0]) / BIN_M), round((half - SPAN_M[0]) / BIN_M))
         pixels, stems = sums[inside, 0].sum(), sums[inside, 1].sum()

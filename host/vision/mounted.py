@@ -32,6 +32,8 @@ ALIGNED_M = 0.15
 geometry puts the blade's right end; otherwise the operator has not aligned it."""
 AT_BLADE_M = 0.3
 """Crop nearer than this is being cut."""
+NEAR_M = 1.0
+"""Crop that was seen so near does not recede before a machine that follows it."""
 SURE = 0.5
 """Confidence from which a picture may set the references."""
 TRACK = 11
@@ -86,14 +88,16 @@ class MountedDetector:
         # such a camera looks through the blade's dust; one above the tops looks over most of it
         self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
         self._cutting = False
+        self._stands_m = math.inf
         self._track: deque[float] = deque(maxlen=TRACK)
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         expected = statistics.median(self._track) if len(self._track) >= TRACKED else NAN
-        face = self._finder.find(seen, self._cutting, expected)
-        if face.ahead_confidence >= SURE and face.ahead_m < AT_BLADE_M:
-            self._cutting = True
+        face = self._finder.find(seen, 0.0 if self._cutting else self._stands_m, expected)
+        if face.ahead_confidence >= SURE:
+            self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
+            self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
         if face.right_confidence >= SURE:
             self._track.append(face.right_m)
         height = l_height(seen.upright)
@@ -119,6 +123,7 @@ class MountedDetector:
     def restart(self) -> None:
         """The blade is out of the crop; the paper's references stay."""
         self._cutting = False
+        self._stands_m = math.inf
         self._track.clear()
 
     def _end_of_field(self, height: float) -> float:
