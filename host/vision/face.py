@@ -36,9 +36,9 @@ HIGHEST_SHARE = 0.9
 TALLEST = 1.1
 """Of the crop's height: what the next field's tops may reach."""
 HIDDEN_M = 0.3
-SLACK_M = 0.5
-"""While cutting, no crop begins anew nearer than the least gap less this: what seems to is the
-upper border of dust."""
+SLACK_M = 1.1
+"""While cutting, no crop begins anew nearer than the least gap less this, which a nodding machine
+may misjudge: what seems to is the upper border of dust."""
 HIDDEN_PX = 300.0
 HIDDEN_DENSE = 0.05
 """From this distance on a face is doubted whose foot dust may hide; what may stand at the blade is
