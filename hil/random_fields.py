@@ -175,8 +175,8 @@ def random_field(seed: int) -> Scenario:
         green=within(0.0, 0.1),
         bare=within(0.0, 0.005),
         grass=within(0.0, 0.6),
-        side_slope_deg=within(-4, 4),
-        long_slope_deg=within(-4, 4),
+        side_slope_deg=within(-2, 2),
+        long_slope_deg=within(-2, 2),
         bump_sd_deg=within(0.2, 1.2),
     )
     weather = WeatherSpec(
