@@ -48,6 +48,8 @@ WATCH_S = 5.0
 BEYOND_S = 2.0
 OFF_EDGE_M = 0.15
 """A blade that cuts farther off the edge than this has not ridden through."""
+SILENT_S = 0.5
+"""A firmware that says nothing from then on is without power, which is how it stopped."""
 REVERSING_MPS = -0.05
 AT_REST_MPS = 0.02
 HALL_PER_M = 20.0
@@ -89,6 +91,8 @@ class Watch:
         self.faults: list[tuple[float, protocol.Fault]] = []
         """The firmware's fault word whenever it changed."""
         self.resets: list[float] = []
+        self.heard = -math.inf
+        """When the firmware last said anything."""
         self._session = Session()
         self._travel = 0.0
         self._lateral_from = 0
@@ -105,6 +109,7 @@ class Watch:
         now = bench.now
         resets = self._session.resets
         for telemetry in self._session.feed(now, said):
+            self.heard = now
             word = protocol.Fault(telemetry.faults)
             if not self.faults or self.faults[-1][1] != word:
                 self.faults.append((now, word))
@@ -217,9 +222,11 @@ class Watch:
             return made(True, "ok: it made no difference in this run", **facts)
         if not stops:
             return made(True, "ok: stopped" if stopped else "ok: rode through", **facts)
+        if at is None and self.heard > since + SILENT_S:
+            # where it stands nevertheless, that is a turn's change of direction
+            return bad("UNSAFE", "nobody notices, it goes on")
         if latency is None:
-            unseen = by == "nobody"
-            return bad("UNSAFE", "nobody notices, it goes on" if unseen else "it goes on")
+            return bad("UNSAFE", "it goes on")
         if latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m:
             return made(True, "ok: stopped", **facts)
         return bad("LATE", f"{latency:.0f} ms, {moved:.2f} m")

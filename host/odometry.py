@@ -25,6 +25,9 @@ GAIN_WALK = 0.004
 DOPPLER_MPS = 0.06
 """Standard deviation of a phone's speed over ground."""
 STRAIGHT_RAD = math.radians(8)
+TOO_FAST = 2.0
+"""Times the speed at full duty: more than any slope gives."""
+TOO_FAST_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,7 @@ class Odometry:
         self._cutting = False
         self._speed = 0.0
         self._odometer: float | None = None
+        self._too_fast_s = 0.0
         self._history: deque[Motion] = deque()
         self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -64,6 +68,11 @@ class Odometry:
     def scale_sigma(self) -> float:
         """Standard deviation of a travelled distance, as a share of it."""
         return HALL_SIGMA if self._odometer is not None else self._gain_sigma[self._cutting]
+
+    @property
+    def impossible(self) -> bool:
+        """Whether the hall sensor counts faster than the machine can drive."""
+        return self._too_fast_s > TOO_FAST_S
 
     def update(self, telemetry: Telemetry) -> Motion:
         """Advances to the telemetry's stamp. Older or repeated telemetry changes nothing."""
@@ -83,6 +92,8 @@ class Odometry:
             )
             self._odometer = telemetry.distance_m
             self._speed = telemetry.speed_mps
+            too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
+            self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
         else:
             target = vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v) * self.gain
             blend = 1 - math.exp(-dt / vehicle.drive_lag_s)

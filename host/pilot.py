@@ -210,6 +210,8 @@ class Pilot:
             self._go(now, Phase.FAULT, "the firmware reports a fault")
         elif state is State.SAFE:
             self._go(now, Phase.FAULT, "the firmware has disarmed: it was stopped or restarted")
+        elif state is not None and self._odometry.impossible:
+            self._go(now, Phase.FAULT, "the wheels' sensor counts faster than it can drive")
         elif backwards:
             self._go(now, Phase.FAULT, "it moves the other way: look at the drive motors' wires")
         if self.paused and not self.done:

@@ -376,6 +376,22 @@ def test_without_pictures_to_believe_the_pilot_stops_the_machine(
 
 
 @needs_firmware
+@pytest.mark.parametrize("situation", ["follow", "turn"])
+def test_wheels_that_count_nonsense_are_found_by_the_pilot(situation: Situation) -> None:
+    verdict = tried("hall", "garbage", situation)
+    assert "counts faster" in verdict.detected_by, verdict
+    assert verdict.ok, verdict
+
+
+@needs_firmware
+def test_standing_by_chance_is_not_a_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("host.odometry.TOO_FAST_S", 1e9)
+    verdict = tried("hall", "garbage", "turn")
+    assert verdict.detected_by == "nobody", verdict
+    assert verdict.verdict.startswith("UNSAFE"), verdict
+
+
+@needs_firmware
 def test_a_machine_that_drives_the_wrong_way_is_stopped() -> None:
     verdict = tried("drive_motor", "wrong")
     assert "other way" in verdict.detected_by, verdict
