@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scenery import field
+from scenery import field, stems
 
 from host.vehicle import LOW, MAST, Mount, Vehicle
 from host.vision import make_detector
+from host.vision.geometry import Camera
 from host.vision.mounted import Mode, MountedDetector
 from host.vision.paper import l_height
 
@@ -100,6 +101,66 @@ def test_dust_before_the_foot_of_crop_that_is_being_cut_is_not_its_end() -> None
     assert view.edge_offset_m == pytest.approx(0, abs=0.1)
     fresh = detector("robust", LOW)
     assert fresh.see(hidden).crop_ahead_m > 0.3
+
+
+def beside_the_swath(offset: float) -> NDArray[np.uint8]:
+    """The crop's face ends at `offset`, faint in its own shade; left of the machine's swath crop
+    stands nearer and bright."""
+    rng = np.random.default_rng(3)
+    camera = Camera(LOW)
+    picture = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=6.0)
+    n = 450
+    face = np.column_stack([rng.uniform(1.5, 2.5, n), rng.uniform(-0.45 + offset, 0.5, n)])
+    stems(picture, camera, face, 0.9, rng, (0.45, 0.58))
+    near = np.column_stack([rng.uniform(0.7, 1.5, 1500), rng.uniform(0.5, 2.5, 1500)])
+    stems(picture, camera, near, 0.9, rng, (0.3, 1.2))
+    return picture
+
+
+def test_the_border_of_the_own_swath_is_not_the_crops_edge() -> None:
+    picture = beside_the_swath(0.1)
+    assert detector("robust", LOW).see(picture).edge_offset_m > 0.6
+    eye = detector("robust", LOW)
+    eye.see(field(LOW))
+    assert eye.see(picture).edge_offset_m == pytest.approx(0.1, abs=0.05)
+
+
+def test_an_edge_that_jumps_is_doubted_until_it_stays() -> None:
+    eye = detector("robust", MAST)
+    for seed in range(4):
+        assert eye.see(field(MAST, seed=seed)).edge_offset_m == pytest.approx(0, abs=0.05)
+    elsewhere = field(MAST, right_m=-0.15)
+    alone = detector("robust", MAST).see(elsewhere).confidence
+    assert eye.see(elsewhere).confidence < 0.7 * alone
+    for _ in range(12):
+        last = eye.see(elsewhere)
+    assert last.edge_offset_m == pytest.approx(0.3, abs=0.05)
+    assert last.confidence == alone
+
+
+def test_a_restart_forgets_where_the_edge_was() -> None:
+    eye = detector("robust", MAST)
+    for seed in range(4):
+        eye.see(field(MAST, seed=seed))
+    eye.restart()
+    elsewhere = field(MAST, right_m=-0.15)
+    assert eye.see(elsewhere).confidence == detector("robust", MAST).see(elsewhere).confidence
+
+
+def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
+    near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
+    hidden = dusty(near, 225)
+    assert detector("robust", LOW).see(hidden).crop_ahead_m > 0.9
+    eye = detector("robust", LOW)
+    eye.see(near)
+    assert eye.see(hidden).crop_ahead_m == pytest.approx(0.5, abs=0.15)
+
+
+def test_the_next_crop_is_no_dust_though_a_nodding_machine_sees_it_near() -> None:
+    eye = detector("robust", LOW)
+    eye.see(field(LOW, next_crop_m=None))
+    end = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 1.4)
+    assert eye.see(end).crop_ahead_m > 0.8
 
 
 def test_the_references_outlive_a_restart() -> None:
