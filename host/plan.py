@@ -214,17 +214,76 @@ def _follow(edges: list[_Edge], heading: float, x: float, y: float) -> _Edge | N
     )
 
 
+def _strip(side: Side) -> shapely.Polygon:
+    """What a side takes off, its slanting ends filled up."""
+    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+    length, width = side.length_m, side.width_m
+    corners = ((0.0, 0.0), (length, 0.0), (length, width), (0.0, width))
+    return shapely.Polygon(
+        [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
+    )
+
+
+class _Rounds:
+    """How many strips each edge gives in a round, so that all edges of a convex field reach the
+    keep-outs inside together and every strip's ends stay open ground. A far edge gives more, by
+    shuttles."""
+
+    def __init__(self, holes: list[shapely.Polygon], width_m: float) -> None:
+        self._holes = holes
+        self._width = width_m
+        self._left = 0
+        """Rounds; 0 while the field is not convex yet."""
+        self._strips = 0
+        """That the present edge still gives."""
+        self._heading = math.nan
+        self._turned = 0.0
+
+    def _need(self, edge: _Edge) -> int:
+        """Strips from an edge to the nearest keep-out."""
+        low = _turned(shapely.Point(edge.ax, edge.ay), edge.heading).y
+        near = min(_turned(hole, edge.heading).bounds[1] for hole in self._holes)
+        return max(0, math.ceil((near - low - MIN_EDGE_M) / self._width))
+
+    def arrive(self, edge: _Edge, edges: list[_Edge]) -> bool:
+        """Before a strip is taken off an edge; False where the keep-outs are reached."""
+        if self._left == 0 and all(e.open_ends for e in edges):
+            self._left = min(self._need(e) for e in edges)
+            self._heading, self._turned = math.nan, 0.0
+        if self._left == 0:
+            return True
+        step = (edge.heading - self._heading) % (2 * math.pi)
+        if not min(step, 2 * math.pi - step) < SAME_RAD:
+            self._turned += 0.0 if math.isnan(step) else step
+            if self._turned > 2 * math.pi - SAME_RAD:
+                self._turned -= 2 * math.pi
+                self._left = max(1, self._left - 1)
+            self._heading = edge.heading
+            self._strips = math.ceil(self._need(edge) / self._left)
+        self._strips -= 1
+        return self._strips >= 0
+
+    def again(self, edges: list[_Edge]) -> bool:
+        """Whether the next strip is to be taken off the same edge."""
+        if self._left == 0:
+            return any(not e.open_ends for e in edges)
+        return self._strips > 0
+
+
 def _walk(
-    field: shapely.Polygon, first: int, width_m: float, shuttle: bool
-) -> tuple[list[Side], shapely.Polygon]:
+    field: shapely.Polygon, first: int, width_m: float, shuttle: bool, rounds: _Rounds | None = None
+) -> list[Side]:
     """Sides from the edge that leaves corner `first`. With `shuttle` an edge is taken again and
-    again while a reflex corner lies inside it, otherwise the next edge is preferred."""
+    again while a reflex corner lies inside it, otherwise the next edge is preferred; `rounds` says
+    what is preferred where keep-outs lie inside."""
     standing = field
     edges = _edges(standing)
     edge: _Edge | None = edges[first % len(edges)]
     sides: list[Side] = []
     idle = 0
     while edge is not None and len(sides) < MAX_SIDES and idle < len(edges):
+        if rounds is not None and not rounds.arrive(edge, edges):
+            break
         following = edges[(edges.index(edge) + 1) % len(edges)]
         done = _cut(standing, field, edge, width_m) if edge.open_ends else None
         idle += 1
@@ -241,11 +300,10 @@ def _walk(
             onward = None
         again = _follow(edges, edge.heading, edge.ax, edge.ay)
         reflex = any(not e.open_ends for e in edges)
-        choices = [onward, again]
-        if shuttle and reflex and done is not None:
-            choices = [again, onward]
+        repeat = rounds.again(edges) if rounds is not None else shuttle and reflex
+        choices = [again, onward] if repeat and done is not None else [onward, again]
         edge = next((e for e in choices if e is not None and e.open_ends), None)
-    return sides, standing
+    return sides
 
 
 def spiral(
@@ -270,17 +328,20 @@ def spiral(
         raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
     best: tuple[tuple[float, int, int, int], list[Side], float] | None = None
     edges = _edges(field)
-    for ahead, shuttle in itertools.product(range(len(edges)), (False, True)):
+    ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
+    for ahead, way in itertools.product(range(len(edges)), ways):
         if not edges[(start + ahead) % len(edges)].open_ends:
             continue
-        sides, left = _walk(field, start + ahead, width_m, shuttle)
+        rounds = _Rounds(away, width_m) if way == "rounds" else None
+        sides = _walk(field, start + ahead, width_m, way == "shuttle", rounds)
+        left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(
             abs(b.heading_rad - a.heading_rad) < SAME_RAD and b.back_m < SHUTTLE_ROOM_M
             for a, b in itertools.pairwise(sides)
         )
-        rank = (round(left.area, 1), cramped, ahead, len(sides))
+        rank = (round(2 * left_m2) / 2, cramped, ahead, len(sides))
         if best is None or rank < best[0]:
-            best = (rank, sides, left.area)
+            best = (rank, sides, left_m2)
         if rank[:3] == (0.0, 0, 0):
             break
     if best is None:

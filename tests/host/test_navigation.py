@@ -15,7 +15,7 @@ from host.errors import UserError
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal
 from host.odometry import Odometry
-from host.plan import Plan, Side, spiral
+from host.plan import KEEP_OUT_M, Plan, Side, spiral
 from host.types import Fix, State, Telemetry
 from host.vehicle import Vehicle
 
@@ -256,3 +256,21 @@ def test_strips_stay_off_a_keep_out() -> None:
         corners = [(0, 0), (side.length_m, 0), (side.length_m, w), (0, w)]
         strip = [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
         assert shapely.Polygon(strip).distance(shapely.Polygon(hole)) > 0.6
+
+
+@pytest.mark.parametrize(("x", "y"), [(3.6, 7.0), (9.0, 4.2), (11.4, 9.5), (7.1, 6.6)])
+def test_a_keep_out_anywhere_leaves_little_standing(x: float, y: float) -> None:
+    """Far edges give more strips a round, so that all reach the keep-out together."""
+    field = [(0.0, 0.0), (15.0, 0.0), (15.0, 13.0), (0.0, 13.0)]
+    hole = [(x, y), (x + 0.8, y), (x + 0.8, y + 0.8), (x, y + 0.8)]
+    plan = spiral(field, 0, 0.92, gap_m=2.0, keep_outs=[hole])
+    standing = shapely.Polygon(field).difference(shapely.Polygon(hole))
+    for side in plan.sides:
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        w = side.width_m
+        corners = [(0, 0), (side.length_m, 0), (side.length_m, w), (0, w)]
+        strip = [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
+        standing = standing.difference(shapely.Polygon(strip))
+    around = shapely.Polygon(hole).buffer(KEEP_OUT_M, join_style="mitre").area - 0.64
+    assert standing.area < around + 1.0
+    assert plan.leftover_m2 == pytest.approx(standing.area - around, abs=0.1)
