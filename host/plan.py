@@ -241,8 +241,8 @@ class _Rounds:
 
     def _need(self, edge: _Edge) -> int:
         """Strips from an edge to the nearest keep-out."""
-        low = _turned(shapely.Point(edge.ax, edge.ay), edge.heading).y
-        near = min(_turned(hole, edge.heading).bounds[1] for hole in self._holes)
+        low = float(_turned(shapely.Point(edge.ax, edge.ay), edge.heading).y)
+        near = min(float(_turned(hole, edge.heading).bounds[1]) for hole in self._holes)
         return max(0, math.ceil((near - low - MIN_EDGE_M) / self._width))
 
     def arrive(self, edge: _Edge, edges: list[_Edge]) -> bool:
