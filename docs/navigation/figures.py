@@ -23,7 +23,7 @@ FIELDS = {
     "L": shapely.Polygon([(0, 0), (16, 0), (16, 7), (8, 7), (8, 16), (0, 16)]),
     "15 m square with a well of 0.8 m": shapely.Polygon(
         shapely.box(0, 0, 15, 15).exterior.coords,
-        [shapely.box(7.1, 7.1, 7.9, 7.9).exterior.coords],
+        [shapely.box(4.0, 6.0, 4.8, 6.8).exterior.coords],
     ),
 }
 
