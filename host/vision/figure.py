@@ -35,11 +35,14 @@ def draw(bgr: Picture, view: CropView) -> Picture:
     if view.edge_px is not None and len(view.edge_px) > 1:
         points = np.round(view.edge_px).astype(np.int32).reshape(-1, 1, 2)
         cv2.polylines(out, [points], False, RED, wide + 1, cv2.LINE_AA)
-    for name, column, colour in (("O_map", view.o_map_px, BLUE), ("E_outer", view.e_outer_px, RED)):
+    for name, column, colour, below in (
+        ("O_map", view.o_map_px, BLUE, 14),
+        ("E_outer", view.e_outer_px, RED, 34),
+    ):
         if math.isfinite(column):
             u = min(max(round(column), -w), 2 * w)
             cv2.line(out, (u, h // 3), (u, h), colour, wide)
-            _label(out, name, (min(max(u + 4, 0), w - w // 8), h // 3 + 14), colour)
+            _label(out, name, (min(max(u + 4, 0), w - w // 8), h // 3 + below), colour)
     for name, row, colour in (
         ("l_reference", view.l_reference_px, BLUE),
         ("l_height", view.l_height_px, YELLOW),

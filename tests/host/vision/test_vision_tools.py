@@ -242,6 +242,15 @@ def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_
     assert (out / "wheat.json").exists()
 
 
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.99])
+def test_a_truncated_photograph_is_refused(tmp_path: Path, share: float) -> None:
+    whole = cv2.imencode(".jpg", halves("left")[0])[1].tobytes()
+    path = tmp_path / "torn.jpg"
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(UserError, match="give a whole JPEG"):
+        read_photo(path)
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [(b"", "not a picture"), (b"GIF89a nonsense", "not a picture")],
