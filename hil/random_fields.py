@@ -34,12 +34,12 @@ CONVEX_DEG: Final = (50.0, 155.0)
 """Inside a corner. A sharper one needs more than a gap of 2 m for the turn, a blunter one bends the
 edge by less than the lane filter takes for the same edge."""
 REFLEX_DEG: Final = (205.0, 280.0)
-KEEP_OUT_SHARE: Final = 0.3
-KEEP_OUT_M: Final = (0.4, 0.9)
+KEEP_OUT_SHARE: Final = 0.5
+KEEP_OUT_M: Final = (0.4, 0.8)
 """Across: a pole, a tree with its roots, a well."""
 KEEP_OUT_FREE_M: Final = 3.5
 """From a keep-out to the boundary."""
-KEEP_OUT_MIN_M2: Final = 160.0
+KEEP_OUT_MIN_M2: Final = 190.0
 """In a smaller field, what has to stay standing around a keep-out is too large a part."""
 
 

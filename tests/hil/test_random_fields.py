@@ -80,7 +80,7 @@ def test_the_machine_begins_on_the_lane_of_the_plan_s_first_side() -> None:
         along = (x - side.x_m) * c + (y - side.y_m) * s
         across = -(x - side.x_m) * s + (y - side.y_m) * c
         assert -vehicle.blade_x_m - scenario.start.before_m - 1e-9 <= along < -1.0
-        assert across == pytest.approx(vehicle.blade_width_m / 2 - vehicle.overlap_m)
+        assert across == pytest.approx(vehicle.inset_m - side.shift_m)
 
 
 def test_the_machine_begins_inside_the_permitted_area() -> None:
