@@ -298,6 +298,10 @@ def _walk(
         onward = _follow(edges, following.heading, x, y)
         if onward is not None and math.hypot(onward.ax - x, onward.ay - y) > REACH * width_m:
             onward = None
+        if onward is None and rounds is not None:  # the next edge is used up: the one after it
+            near = [e for e in edges if math.hypot(e.ax - x, e.ay - y) <= REACH * width_m]
+            left = [e for e in near if SAME_RAD < (e.heading - edge.heading) % math.tau < math.pi]
+            onward = min(left, key=lambda e: math.hypot(e.ax - x, e.ay - y), default=None)
         again = _follow(edges, edge.heading, edge.ax, edge.ay)
         reflex = any(not e.open_ends for e in edges)
         repeat = rounds.again(edges) if rounds is not None else shuttle and reflex
