@@ -1,6 +1,6 @@
 """The lane: a straight line that the rear axle's middle should follow, beside the crop's edge.
 
-An extended Kalman filter over (lateral offset, heading) joins dead reckoning with what vision sees
+An extended Kalman filter over (lateral offset, heading, steering's bias) joins dead reckoning with what vision sees
 of the edge, so that a missed picture, a turn or a mount that cannot see the heading (the paper's
 low camera) all are the same case: prediction with fewer corrections.
 """
@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from host.odometry import Motion
 
-OFFSET_NOISE_M = 0.03
+OFFSET_NOISE_M = 0.05
 HEADING_NOISE_RAD = math.radians(2.5)
 SLIP_PER_M = 0.02
 """Lateral drift per metre travelled, standard deviation."""
 YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
-YAW_PER_M = math.radians(1.0)
+YAW_PER_M = math.radians(0.5)
+BIAS_SIGMA_1PM = 0.006
+"""Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
+BIAS_PER_M = 0.001
+"""Its growth per square root of a metre."""
 GATE = (9.0, 11.8)
 """Squared Mahalanobis distance beyond which a measurement is another edge's: three sigma of one
 component (offset) or of two (offset and heading)."""
@@ -35,9 +39,11 @@ class Lane:
 
     def __init__(self, blade_x_m: float) -> None:
         self._blade_x = blade_x_m
-        self._x: NDArray[np.float64] = np.zeros(2)
-        self._p: NDArray[np.float64] = np.diag([0.1**2, math.radians(5) ** 2])
+        self._x: NDArray[np.float64] = np.zeros(3)
+        self._p: NDArray[np.float64] = np.diag([0.1**2, math.radians(5) ** 2, BIAS_SIGMA_1PM**2])
         self._past: Motion | None = None
+        self.contradicted = False
+        """Whether the last measurement was refused."""
 
     @property
     def offset_m(self) -> float:
@@ -52,7 +58,7 @@ class Lane:
     @property
     def offset_sigma_m(self) -> float:
         """Standard deviation of the offset at the blade's line."""
-        h = np.array([1.0, self._blade_x])
+        h = np.array([1.0, self._blade_x, 0.0])
         return float(math.sqrt(h @ self._p @ h))
 
     @property
@@ -63,9 +69,16 @@ class Lane:
     def place(
         self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float
     ) -> None:
-        """Starts over from a pose that is known by other means."""
-        self._x = np.array([offset_m, heading_rad])
-        self._p = np.diag([offset_sd**2, heading_sd**2])
+        """Starts over from a pose that is known by other means; the bias stays as it is known."""
+        self.contradicted = False
+        self._x = np.array([offset_m, heading_rad, self._x[2]])
+        self._p = np.diag([offset_sd**2, heading_sd**2, self._p[2, 2]])
+
+    def take_bias(self) -> float:
+        """What is known of the bias since the last call, 1/m; whoever reckons the motion corrects
+        it from here on."""
+        bias, self._x[2] = float(self._x[2]), 0.0
+        return bias
 
     def predict(self, motion: Motion) -> None:
         """Moves with the vehicle."""
@@ -74,11 +87,14 @@ class Lane:
             return
         step = motion.distance_m - past.distance_m
         turn = motion.yaw_rad - past.yaw_rad
+        turn += float(self._x[2]) * step
         middle = self._x[1] + turn / 2
-        self._x = self._x + np.array([step * math.sin(middle), turn])
-        jacobian = np.array([[1.0, step * math.cos(middle)], [0.0, 1.0]])
+        self._x = self._x + np.array([step * math.sin(middle), turn, 0.0])
+        along = step * math.cos(middle)
+        jacobian = np.array([[1.0, along, along * step / 2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
         run = abs(step)
-        noise = np.diag([SLIP_PER_M**2 * run, YAW_PER_M**2 * run + (YAW_PER_RAD * turn) ** 2])
+        yaw = YAW_PER_M**2 * run + (YAW_PER_RAD * turn) ** 2
+        noise = np.diag([SLIP_PER_M**2 * run, yaw, BIAS_PER_M**2 * run])
         self._p = jacobian @ self._p @ jacobian.T + noise
 
     def correct_heading(self, heading_rad: float, sigma_rad: float) -> None:
@@ -103,14 +119,14 @@ class Lane:
         step, turn = since
         heading = self._x[1] - turn
         offset = self._x[0] - step * math.sin((heading + self._x[1]) / 2)
-        rows = [[1.0, self._blade_x * math.cos(heading)]]
+        rows = [[1.0, self._blade_x * math.cos(heading), 0.0]]
         innovation = [
             -edge_offset_m * math.cos(heading) - offset - self._blade_x * math.sin(heading)
         ]
         doubt = 1.0 + 3.0 * (1.0 - confidence)
         variances = [(OFFSET_NOISE_M * doubt) ** 2]
         if math.isfinite(edge_heading_rad):
-            rows.append([0.0, 1.0])
+            rows.append([0.0, 1.0, 0.0])
             innovation.append(-edge_heading_rad - heading)
             variances.append((HEADING_NOISE_RAD * doubt) ** 2)
         h = np.array(rows)
@@ -119,8 +135,10 @@ class Lane:
         gain = np.linalg.solve(s, h @ self._p).T
         if float(z @ np.linalg.solve(s, z)) > GATE[len(z) - 1]:
             self._p *= DOUBT
+            self.contradicted = True
             return False
+        self.contradicted = False
         self._x = self._x + gain @ z
-        keep = np.eye(2) - gain @ h
+        keep = np.eye(3) - gain @ h
         self._p = keep @ self._p @ keep.T + gain @ np.diag(variances) @ gain.T
         return True

@@ -25,6 +25,7 @@ GAIN_WALK = 0.004
 DOPPLER_MPS = 0.06
 """Standard deviation of a phone's speed over ground."""
 STRAIGHT_RAD = math.radians(8)
+TRIM_LIMIT_RAD = math.radians(4)
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -56,6 +57,9 @@ class Odometry:
         self._odometer: float | None = None
         self._too_fast_s = 0.0
         self._history: deque[Motion] = deque()
+        self.trim_rad = 0.0
+        """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
+        what a side slope does."""
         self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
@@ -83,7 +87,7 @@ class Odometry:
         dt = dt if math.isfinite(dt) else 0.0
         self._cutting = telemetry.blade
         vehicle = self._vehicle
-        curvature = math.tan(telemetry.angle_rad) / vehicle.wheelbase_m
+        curvature = math.tan(telemetry.angle_rad + self.trim_rad) / vehicle.wheelbase_m
         if telemetry.speed_mps is not None:
             step = (
                 telemetry.distance_m - self._odometer
@@ -115,6 +119,11 @@ class Odometry:
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
             self._history.popleft()
         return self.now
+
+    def turn_trim(self, curvature_1pm: float) -> None:
+        """Takes a curvature that nearly straight driving showed besides what the pot said."""
+        trim = self.trim_rad + math.atan(curvature_1pm * self._vehicle.wheelbase_m)
+        self.trim_rad = min(TRIM_LIMIT_RAD, max(-TRIM_LIMIT_RAD, trim))
 
     def learn(self, fix: Fix, telemetry: Telemetry, dt: float) -> None:
         """Corrects the duty model's gain by a Doppler speed that lasted `dt` seconds."""

@@ -40,9 +40,13 @@ SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
 LANE_SIGMA_M = 0.15
-"""Uncertainty of the edge at the blade beyond which the pilot does not cut on."""
-SHORT_SIDE_M = 1.6
-SHORT_SIGMA_M = 0.3
+"""Uncertainty of the edge at the blade beyond which the pilot does not cut on: where pictures
+contradict what is known of it, and where they show crop ahead but no edge."""
+BLIND_SIGMA_M = 0.3
+SKIP_SIDE_M = 3.0
+"""A side up to this long without any crop is driven along to the next."""
+REMNANT = 0.015
+"""Share of the plan that may be given up as done where nothing shows it."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 CREEP_MPS = 0.15
@@ -157,6 +161,11 @@ class Pilot:
     def motion(self) -> Motion:
         """Dead reckoning since the start."""
         return self._odometry.now
+
+    @property
+    def trim_rad(self) -> float:
+        """True steering angle minus the pot's, as learned."""
+        return self._odometry.trim_rad
 
     @property
     def lane(self) -> Lane:
@@ -306,6 +315,7 @@ class Pilot:
         if sure and moved and self._on_lane():
             self._corrected_m = then.distance_m
             self._lane.correct(self._edge_m(view), view.edge_heading_rad, view.confidence, since)
+            self._odometry.turn_trim(self._lane.take_bias())
             self._believe_heading()
         self._watch_ahead(view, then, frame.stamp)
 
@@ -344,6 +354,10 @@ class Pilot:
             return
         if view.crop_ahead_m < NEAR_CROP_M and self._entered_at is None:
             self._entered_at = then
+            side = self._side()
+            if side is not None and self._position.known:
+                ago = self.motion.distance_m - then.distance_m
+                self._position.at_begin(side, ago - view.crop_ahead_m)
         if view.crop_ahead_m < END_CLEAR_M:
             self._clear_count, self._clear_since = 0, None
         elif self._entered_at is not None:
@@ -412,8 +426,7 @@ class Pilot:
             self._begin_turn(now, EndOfField(now, self.motion, self.turns))
             return self._hold()
         if self._entered_at is None and self._cut_m(self.motion) > self._search_m:
-            self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
-            return Command(Request.STOP, reason=self.reason)
+            return self._nothing_found(now)
         if self._overrun():
             self._go(now, Phase.FAULT, "the side is longer than the boundary allows")
             return Command(Request.STOP, reason=self.reason)
@@ -424,10 +437,28 @@ class Pilot:
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
-        steer = steering.follow(lane, self.motion, vehicle)
+        steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)
+
+    def _nothing_found(self, now: float) -> Command:
+        """Where the plan's crop does not stand: a short side may have gone with its neighbours."""
+        side = self._side()
+        if self._remnant:
+            self._go(now, Phase.FINISHED, "nothing found of the plan's last remnant")
+        elif side is not None and side.length_m < SKIP_SIDE_M:
+            self._begin_turn(now, EndOfField(now, self.motion, self.turns))
+            return self._hold()
+        else:
+            self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
+        return Command(Request.STOP, reason=self.reason)
+
+    @property
+    def _remnant(self) -> bool:
+        """Whether what the plan has left is next to nothing."""
+        areas = [side.length_m * side.width_m for side in self._plan.sides]
+        return sum(areas[self.turns :]) < REMNANT * sum(areas)
 
     def _anchor(self) -> None:
         """Once per half metre cut along a side: its line is a known place."""
@@ -463,11 +494,9 @@ class Pilot:
         return self._plan.sides[self.turns] if self._plan.sides else None
 
     def _sigma_limit_m(self) -> float:
-        """A remnant hardly longer than the blade is wide shows no edge line: there dead reckoning
-        has to do."""
-        side = self._side()
-        short = side is not None and side.length_m < SHORT_SIDE_M
-        return SHORT_SIGMA_M if short else LANE_SIGMA_M
+        """Where no edge line shows (short remnants, slanting ends) dead reckoning does for a while;
+        an edge that contradicts it stops the machine sooner."""
+        return LANE_SIGMA_M if self._lane.contradicted else BLIND_SIGMA_M
 
     def _end_due(self, motion: Motion) -> bool:
         """Whether the plan lets the side end here. Clear ground well before is a bare patch: the
@@ -497,7 +526,10 @@ class Pilot:
     def _hesitate(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
         if now - self._phase_stamp > GIVE_UP_S:
-            self._go(now, Phase.FAULT, f"gave up after {GIVE_UP_S:.0f} s: {self.reason}")
+            if self._remnant:
+                self._go(now, Phase.FINISHED, f"the last remnant shows nothing: {self.reason}")
+            else:
+                self._go(now, Phase.FAULT, f"gave up after {GIVE_UP_S:.0f} s: {self.reason}")
             return Command(Request.STOP, reason=self.reason)
         if self._turn is not None:
             usable_for = self._usable_stamp - self._spoilt_stamp
@@ -518,9 +550,12 @@ class Pilot:
             self._go(now, Phase.FINISHED, "the last side of the plan is cut")
             return
         side = self._side()
-        if side is not None and not side.blind_end and self._position.known:
+        seen = self._entered_at is not None
+        if side is not None and seen and not side.blind_end and self._position.known:
             self._position.at_end(side, self.motion.distance_m - end.motion.distance_m)
         cut_m = self._cut_m(end.motion)
+        if side is not None and not seen:
+            cut_m = side.length_m - self._to_blind_end_m(side)
 
         def room_m(turn: Turn) -> float:
             return self._room_m(turn, end)
@@ -529,7 +564,8 @@ class Pilot:
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
         lane_heading_then = self._lane.heading_rad - (self.motion.yaw_rad - end.motion.yaw_rad)
         self._turn_from = (end.motion, lane_heading_then)
-        self.ends.append(end)
+        if seen:
+            self.ends.append(end)
         self.turns += 1
         self._leg_index = 0
         self._leg_running = False
@@ -579,6 +615,7 @@ class Pilot:
         steer = leg.steer_rad
         if leg.follow is not Follow.NOTHING:
             steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
+            steer -= self._odometry.trim_rad
         if not self._leg_running:
             stopped = abs(self.motion.speed_mps) < STOPPED_MPS
             ready = stopped and abs(telemetry.angle_rad - steer) < STEER_READY_RAD
@@ -651,10 +688,11 @@ class Pilot:
         """No crop in view after a turn: the end, unless the plan still has a long side here. Then
         the machine may be out of line, and looks for it along the lane."""
         side = self._side()
-        if side is None or side.length_m < SHORT_SIDE_M:
+        if side is None or self._remnant:
             self._go(now, Phase.FINISHED, "no crop left beside the last swath")
         else:
-            self._search_m = self._crop_expected_m() + NO_CROP_M
+            reach = side.length_m if side.length_m < SKIP_SIDE_M else NO_CROP_M
+            self._search_m = self._crop_expected_m() + reach
             self._start_side(now, f"side {self.turns + 1}: no crop in view, looking for it")
 
     def _rest(self, now: float, telemetry: Telemetry) -> Command:

@@ -21,10 +21,11 @@ LANE_SIGMA_M = 0.06
 RING_SIGMA_M = 0.02
 """Growth of the lane's uncertainty with every side cut beside it."""
 LANE_SIGMA_RAD = math.radians(2)
+BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
 STEP_SIGMA = 0.03
 """Error of a step as a share of it, along and across."""
-YAW_SIGMA_PER_M = math.radians(1)
+YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.05
 
 
@@ -93,12 +94,20 @@ class Position:
         self._correct(np.array([[-s, c, 0.0]]), offset_m - across, sigma)
         self._correct(np.array([[0.0, 0.0, 1.0]]), turn, LANE_SIGMA_RAD)
 
+    def at_begin(self, side: Side, ago_m: float) -> None:
+        """The blade met the beginning of a side's crop, and has travelled ago_m since."""
+        self._along(side, ago_m, BEGIN_SIGMA_M)
+
     def at_end(self, side: Side, ago_m: float) -> None:
         """The blade met the end of a side, and has travelled ago_m since."""
+        self._along(side, side.length_m + ago_m, END_SIGMA_M)
+
+    def _along(self, side: Side, blade_m: float, sigma_m: float) -> None:
+        """The blade's line stands blade_m past the side's beginning."""
         s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
         along = (self._x[0] - side.x_m) * c + (self._x[1] - side.y_m) * s
-        expected = side.length_m + ago_m - self._vehicle.blade_x_m
-        self._correct(np.array([[c, s, 0.0]]), expected - along, END_SIGMA_M)
+        expected = blade_m - self._vehicle.blade_x_m
+        self._correct(np.array([[c, s, 0.0]]), expected - along, sigma_m)
 
     def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> None:
         variance = (h @ self._p @ h.T).item() + sigma**2

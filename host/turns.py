@@ -16,7 +16,7 @@ SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
 """Shares of a turn that the forward arc of a three-point turn may take, best first."""
 ROOM_M = 0.6
 """Clearance to the geofence's border that any turn may be driven with."""
-SHUTTLE_CLEAR_M = 0.45
+SHUTTLE_CLEAR_M = 0.7
 """Room left behind the machine when it backs out to shift to the next strip."""
 
 

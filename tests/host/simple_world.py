@@ -34,6 +34,8 @@ class SimpleWorld:
     """The field instead of a rectangle, which must enclose it."""
     keep_out: tuple[float, float, float, float] | None = None
     hall: bool = True
+    pot_error: float = 0.0
+    """True steering angle minus the reported one, radians."""
     distance: float = 0.0
     x: float = 0.0
     y: float = 0.0
@@ -144,7 +146,7 @@ class SimpleWorld:
             )
         self.speed += (wanted * self.speed_error - self.speed) * STEP / v.drive_lag_s
         before = self.pose()
-        self.yaw += self.speed * math.tan(self.angle) / v.wheelbase_m * STEP
+        self.yaw += self.speed * math.tan(self.angle + self.pot_error) / v.wheelbase_m * STEP
         self.distance += self.speed * STEP
         self.x += self.speed * math.cos(self.yaw) * STEP
         self.y += self.speed * math.sin(self.yaw) * STEP

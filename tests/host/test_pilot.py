@@ -49,6 +49,17 @@ def test_without_a_hall_sensor_it_still_cuts_nearly_all(speed_error: float) -> N
     assert world.neighbour_cut == 0
 
 
+@pytest.mark.parametrize("error_deg", [-2.0, 1.0])
+def test_a_steering_pot_whose_zero_is_off_is_learned_on_the_way(error_deg: float) -> None:
+    world = SimpleWorld(VEHICLE, pot_error=math.radians(error_deg))
+    pilot = pilot_for(world)
+    harvest(world, pilot)
+    assert pilot.phase is Phase.FINISHED
+    assert math.degrees(pilot.trim_rad) == pytest.approx(error_deg, abs=0.3)
+    assert world.coverage > 0.995
+    assert world.neighbour_cut == 0
+
+
 @pytest.mark.parametrize("speed_error", [0.85, 1.0, 1.15])
 def test_cuts_the_whole_field_and_nothing_else(speed_error: float) -> None:
     world = SimpleWorld(VEHICLE, speed_error=speed_error)
@@ -260,6 +271,7 @@ def test_the_stated_uncertainty_of_the_position_holds() -> None:
     [
         [(0.0, 0.0), (12.0, 0.0), (9.0, 8.0), (2.0, 8.0)],
         [(0.0, 1.0), (7.0, 0.0), (12.0, 4.0), (11.0, 9.0), (5.0, 11.0), (1.0, 7.0)],
+        [(0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (5.0, 5.0), (5.0, 10.0), (0.0, 10.0)],
     ],
 )
 def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, float]]) -> None:
