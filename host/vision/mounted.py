@@ -34,6 +34,8 @@ AT_BLADE_M = 0.3
 """Crop nearer than this is being cut."""
 NEAR_M = 1.0
 """Crop that was seen so near does not recede before a machine that follows it."""
+APPROACH_M = 0.03
+"""It comes nearer by at least this from picture to picture: 0.3 m/s."""
 SURE = 0.5
 """Confidence from which a picture may set the references."""
 TRACK = 11
@@ -94,7 +96,8 @@ class MountedDetector:
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         expected = statistics.median(self._track) if len(self._track) >= TRACKED else NAN
-        face = self._finder.find(seen, 0.0 if self._cutting else self._stands_m, expected)
+        stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
+        face = self._finder.find(seen, stands, expected)
         if face.ahead_confidence >= SURE:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
