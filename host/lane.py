@@ -1,8 +1,8 @@
 """The lane: a straight line that the rear axle's middle should follow, beside the crop's edge.
 
-An extended Kalman filter over (lateral offset, heading, steering's bias) joins dead reckoning with what vision sees
-of the edge, so that a missed picture, a turn or a mount that cannot see the heading (the paper's
-low camera) all are the same case: prediction with fewer corrections.
+An extended Kalman filter over (lateral offset, heading, steering's bias) joins dead reckoning with
+what vision sees of the edge, so that a missed picture, a turn or a mount that cannot see the
+heading (the paper's low camera) all are the same case: prediction with fewer corrections.
 """
 
 from __future__ import annotations
