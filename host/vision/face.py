@@ -36,9 +36,10 @@ HIGHEST_SHARE = 0.9
 TALLEST = 1.1
 """Of the crop's height: what the next field's tops may reach."""
 HIDDEN_M = 0.3
-SLACK_M = 1.1
-"""While cutting, no crop begins anew nearer than the least gap less this, which a nodding machine
-may misjudge: what seems to is the upper border of dust."""
+SLACK_M = 0.3
+NOD_RAD = math.radians(2.0)
+"""While cutting, no crop begins anew nearer than the least gap less this and what a machine that
+nods by so much misjudges: what seems to is the upper border of dust."""
 HIDDEN_PX = 300.0
 HIDDEN_DENSE = 0.05
 """From this distance on a face is doubted whose foot dust may hide; what may stand at the blade is
@@ -269,6 +270,8 @@ class FaceFinder:
         middle = self._ground_x[:, width // 2]
         self._horizon = int(np.argmax(middle < REACH_M)) if middle.min() < REACH_M else height
         x_c = float(camera.position[0])
+        beyond = vehicle.blade_x_m + GAP_M - x_c
+        self._no_crop_m = GAP_M - SLACK_M - NOD_RAD * beyond**2 / float(camera.position[2])
         # rows that a face's foot may be lower than its stems seem to end
         nearer = np.maximum(middle - FOOT_M, x_c + 0.05)
         order = np.searchsorted(-middle, -nearer)
@@ -300,7 +303,7 @@ class FaceFinder:
         ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
         dust = 0.0
         if ahead > stands_m + HIDDEN_M and (
-            ahead < stands_m + GAP_M - SLACK_M or self._stands_at(seen, stands_m, ahead)
+            ahead < stands_m + self._no_crop_m or self._stands_at(seen, stands_m, ahead)
         ):
             dust, ahead = ahead - stands_m, stands_m
         if ahead > FAR_M:
