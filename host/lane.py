@@ -28,9 +28,9 @@ BIAS_PER_M = 0.001
 GATE = (9.0, 11.8)
 """Squared Mahalanobis distance beyond which a measurement is another edge's: three sigma of one
 component (offset) or of two (offset and heading)."""
-DOUBT = 1.1
-"""Growth of the covariance with each contradiction: one that lasts is believed in the end, after
-the uncertainty has stopped the machine."""
+DOUBTED = np.sqrt([1.1, 1.1, 1.0])
+"""Growth of the standard deviations with each contradiction (the bias has no part in it): one that
+lasts is believed in the end, after the uncertainty has stopped the machine."""
 
 
 class Lane:
@@ -110,11 +110,14 @@ class Lane:
         edge_heading_rad: float,
         confidence: float,
         since: tuple[float, float],
+        *,
+        learn: bool = True,
     ) -> bool:
         """Takes vision's measurement of the edge (NaN heading: not seen).
 
-        `since` is (distance travelled, yaw turned) from the shutter to now. Returns False where
-        the measurement contradicts the prediction beyond the gate; it is then not used.
+        `since` is (distance travelled, yaw turned) from the shutter to now. With `learn` the bias
+        is estimated too; not after a turn, whose errors it would take upon itself. Returns False
+        where the measurement contradicts the prediction beyond the gate; it is then not used.
         """
         step, turn = since
         heading = self._x[1] - turn
@@ -133,8 +136,10 @@ class Lane:
         z = np.array(innovation)
         s = h @ self._p @ h.T + np.diag(variances)
         gain = np.linalg.solve(s, h @ self._p).T
+        if not learn:
+            gain[2] = 0.0
         if float(z @ np.linalg.solve(s, z)) > GATE[len(z) - 1]:
-            self._p *= DOUBT
+            self._p *= np.outer(DOUBTED, DOUBTED)
             self.contradicted = True
             return False
         self.contradicted = False

@@ -64,9 +64,11 @@ STOPPED_MPS = 0.03
 SEARCH_PICTURES = 5
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden (at a slanting corner) is where the operator has put the blade."""
-PLACE_SIGMA_M = 0.05
-PLACE_SIGMA_RAD = math.radians(1.5)
+PLACE_SIGMA_M = 0.12
+PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
+LEARN_AFTER_M = 2.0
+"""Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
 ALIGNED_M = 0.03
 ALIGN_ROOM_M = 0.5
 """How much farther than planned the vehicle may back to get into line with the edge."""
@@ -222,7 +224,11 @@ class Pilot:
         elif state is not None and self._odometry.impossible:
             self._go(now, Phase.FAULT, "the wheels' sensor counts faster than it can drive")
         elif backwards:
-            self._go(now, Phase.FAULT, "it moves the other way: look at the drive motors' wires")
+            self._go(
+                now,
+                Phase.FAULT,
+                "it moves the other way: downhill, or by drive motors wired the wrong way",
+            )
         if self.paused and not self.done:
             self._phase_stamp = self._leg_stamp = self._sure_stamp = now  # nothing runs out
             return replace(self._hold(), reason=PAUSED)
@@ -312,11 +318,15 @@ class Pilot:
         else:
             self._unsure_stamp = frame.stamp
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
-        if sure and moved and self._on_lane():
+        # A contradiction that lasts while the machine stands is believed in the end.
+        if sure and (moved or self._lane.contradicted) and self._on_lane():
             self._corrected_m = then.distance_m
-            self._lane.correct(self._edge_m(view), view.edge_heading_rad, view.confidence, since)
+            edge, heading = self._edge_m(view), view.edge_heading_rad
+            learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
+            self._lane.correct(edge, heading, view.confidence, since, learn=learn)
             self._odometry.turn_trim(self._lane.take_bias())
-            self._believe_heading()
+            if moved and not self._lane.contradicted:
+                self._believe_heading()
         self._watch_ahead(view, then, frame.stamp)
 
     def _edge_m(self, view: CropView) -> float:
