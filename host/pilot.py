@@ -506,7 +506,8 @@ class Pilot:
     def _sigma_limit_m(self) -> float:
         """Where no edge line shows (short remnants, slanting ends) dead reckoning does for a while;
         an edge that contradicts it stops the machine sooner."""
-        return LANE_SIGMA_M if self._lane.contradicted else BLIND_SIGMA_M
+        sure = self.view is not None and self.view.confidence >= CONFIDENT
+        return LANE_SIGMA_M if sure and self._lane.contradicted else BLIND_SIGMA_M
 
     def _end_due(self, motion: Motion) -> bool:
         """Whether the plan lets the side end here. Clear ground well before is a bare patch: the
