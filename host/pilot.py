@@ -30,8 +30,8 @@ CONFIDENT = 0.5
 END_CLEAR_M = 0.8
 """Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
 END_PICTURES = 3
-END_NEAR_M = 0.2
-"""Before the plan's end of a side from which on the end is expected in the picture."""
+END_PAST_M = 0.15
+"""Beyond the plan's end of a side, from where on clear ground is more likely than dust."""
 NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.9
@@ -296,7 +296,7 @@ class Pilot:
             return
         then = self._odometry.at(frame.stamp)
         side = self._side()
-        at_end = side is not None and self._cut_m(then) > side.length_m - END_NEAR_M
+        at_end = side is not None and self._cut_m(then) > side.length_m + END_PAST_M
         if self.phase is not Phase.FOLLOW or at_end:
             # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
             self._detector.restart()
