@@ -70,7 +70,7 @@ daranti.add_command(
         {
             "pid": ("host.tune_pid:pid", "The steering loop, from the identified actuator."),
             "follow": ("host.follow_design:follow", "Margins of the loop that follows the edge."),
-            "vision": ("host.tune_vision:tune_vision", "Colour thresholds, from photographs or a record."),
+            "vision": ("host.tune_vision:tune_vision", "Colour thresholds, from photographs."),
         },
         "Adjust on the machine.",
     )
