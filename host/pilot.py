@@ -445,6 +445,7 @@ class Pilot:
         quiet = now - self._sure_stamp
         if quiet > STOP_AFTER_S or lane.offset_sigma_m > self._sigma_limit_m():
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
+            self._unsure_stamp = now
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad

