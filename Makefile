@@ -12,7 +12,7 @@ SHIM := build/simavr/libdaranti_avr.so
 SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.*) platformio.ini
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test lint mutants clean
+.PHONY: help setup build harvest test test-wallclock test-long lint mutants clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -65,6 +65,9 @@ mutants: setup ## mutation testing of the firmware core (a few minutes)
 
 test-wallclock: setup ## drives the machine behind a virtual serial port in real time (90 s, on a quiet machine)
 	@$(BIN)/python -m pytest -q -m wallclock
+
+test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random (half an hour)
+	@$(BIN)/python -m pytest -q -m long
 
 clean: ## removes what was built, not the virtual environment
 	rm -rf build out .pio .setup

@@ -208,7 +208,7 @@ def campaign(tmp_path: Path, count: int, *more: str) -> list[str]:
 
 @needs_firmware
 @pytest.mark.parametrize(
-    "count", [12, pytest.param(200, marks=pytest.mark.wallclock)], ids=["12", "200"]
+    "count", [12, pytest.param(200, marks=pytest.mark.long)], ids=["12", "200"]
 )
 def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: int) -> None:
     command = campaign(tmp_path, count)
@@ -228,7 +228,7 @@ def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: i
 
 @needs_firmware
 @pytest.mark.parametrize(
-    "count", [12, pytest.param(200, marks=pytest.mark.wallclock)], ids=["12", "200"]
+    "count", [12, pytest.param(200, marks=pytest.mark.long)], ids=["12", "200"]
 )
 def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path, count: int) -> None:
     """A scheduler and two workers; halfway one of them and the campaign itself are killed, and the
