@@ -159,9 +159,7 @@ def killed_run(path: Path, size: int) -> None:
 
 
 @needs_firmware
-@pytest.mark.parametrize(
-    "count", [6, pytest.param(50, marks=pytest.mark.long)], ids=["6", "50"]
-)
+@pytest.mark.parametrize("count", [6, pytest.param(50, marks=pytest.mark.long)], ids=["6", "50"])
 def test_a_run_killed_at_any_moment_leaves_a_record_that_replays(
     tmp_path: Path, count: int
 ) -> None:
