@@ -162,7 +162,8 @@ class Bench:
         course = yaw + float(s["slip_rear"])
         v = float(s["v"])
         antenna = self.faults.antenna(self.now, x, y, v * math.cos(course), v * math.sin(course))
-        return self.faults.nmea(self.now, self.gnss.epoch(self.now, *antenna))
+        shaded = self.field.under_trees(x, y)
+        return self.faults.nmea(self.now, self.gnss.epoch(self.now, *antenna, under_trees=shaded))
 
     def close(self) -> None:
         """Ends the target."""

@@ -515,3 +515,13 @@ def test_the_rig_refuses_faults_that_wait_for_a_state_it_does_not_see() -> None:
     done = CliRunner().invoke(rig, ["--scenario", "phone-lost"])
     assert isinstance(done.exception, UserError)
     assert "does not see the pilot's state" in str(done.exception)
+
+
+@needs_firmware
+@pytest.mark.parametrize("away_m", [0.5, 3.0])
+def test_only_a_tree_over_the_machine_takes_its_fix_away(away_m: float) -> None:
+    x, y, _ = quick().start_pose()
+    field = quick().field.model_dump() | {"trees": ({"x_m": x + away_m, "y_m": y},)}
+    with Bench(quick(field=field, gnss={"canopy_loss": 1.0})) as bench:
+        gga = next(sentence for sentence in bench.fix() if "GGA" in sentence)
+    assert (gga.split(",")[6] == "0") is (away_m < 1.8)
