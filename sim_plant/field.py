@@ -437,9 +437,10 @@ class Field:
         rows, columns = self.kind.shape
         for shape, kind, height in placed:
             lo_x, lo_y, hi_x, hi_y = shape.bounds
-            j0, i0 = self._index(lo_x, lo_y)
+            j0, i0 = (max(k, 0) for k in self._index(lo_x, lo_y))
             j1, i1 = self._index(hi_x, hi_y)
-            j, i = np.mgrid[max(j0, 0) : min(j1 + 1, rows), max(i0, 0) : min(i1 + 1, columns)]
+            # What stands beyond the grid is seen, and marks nothing.
+            j, i = np.mgrid[j0 : max(j0, min(j1 + 1, rows)), i0 : max(i0, min(i1 + 1, columns))]
             x = self.origin[0] + (i + 0.5) * self.cell
             y = self.origin[1] + (j + 0.5) * self.cell
             hit = shapely.contains_xy(shape, x, y)

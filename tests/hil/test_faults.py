@@ -518,7 +518,7 @@ def test_the_rig_refuses_faults_that_wait_for_a_state_it_does_not_see() -> None:
 
 
 @needs_firmware
-@pytest.mark.parametrize("away_m", [0.5, 3.0])
+@pytest.mark.parametrize("away_m", [0.5, 3.0, 8.0])
 def test_only_a_tree_over_the_machine_takes_its_fix_away(away_m: float) -> None:
     x, y, _ = quick().start_pose()
     field = quick().field.model_dump() | {"trees": ({"x_m": x + away_m, "y_m": y},)}
