@@ -66,8 +66,9 @@ mutants: setup ## mutation testing of the firmware core (a few minutes)
 test-wallclock: setup ## drives the machine behind a virtual serial port in real time (90 s, on a quiet machine)
 	@$(BIN)/python -m pytest -q -m wallclock
 
-test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random (half an hour)
+test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random, new examples for every property (half an hour)
 	@$(BIN)/python -m pytest -q -m long
+	@HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -n 2 -q
 
 clean: ## removes what was built, not the virtual environment
 	rm -rf build out .pio .setup

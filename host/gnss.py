@@ -182,7 +182,7 @@ class LocalFrame:
     """The field frame: x east, y north in metres about an origin on the WGS 84 ellipsoid.
 
     Azimuthal equidistant, so distances from the origin are true and, over a field of kilometres,
-    all others to well below a millimetre.
+    all others to below a millimetre.
     """
 
     def __init__(self, lat_deg: float, lon_deg: float) -> None:

@@ -181,7 +181,8 @@ def test_a_real_phones_stream_is_understood_to_the_last_sentence() -> None:
 )
 def test_the_local_frame_goes_there_and_back(lat: float, lon: float, x: float, y: float) -> None:
     frame = LocalFrame(lat, lon)
-    assert frame.to_local(*frame.to_wgs84(x, y)) == pytest.approx((x, y), abs=1e-4)
+    # PROJ takes what is within 1e-10 of the radius, 0.64 mm, for the origin itself.
+    assert frame.to_local(*frame.to_wgs84(x, y)) == pytest.approx((x, y), abs=1e-3)
 
 
 def test_the_local_frame_is_east_and_north_in_true_metres() -> None:
