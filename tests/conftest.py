@@ -1,7 +1,7 @@
 """Of all tests: how long an example takes says nothing about whether a fact holds.
 
-The examples of `make test` are the same in every run, so that a change is judged by what it changed.
-HYPOTHESIS_PROFILE=explore draws new ones, as `make test-long` does.
+The examples of `make test` are the same in every run, so that a change is judged by what it
+changed. HYPOTHESIS_PROFILE=explore draws new ones, as `make test-long` does.
 """
 
 import os
