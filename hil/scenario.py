@@ -167,9 +167,7 @@ class Scenario(BaseModel):
         """What the host is told of the field: the spiral of its boundary."""
         v = self.vehicle
         holes = [list(ring) for ring in self.field.keep_outs]
-        return spiral(
-            self.corners(), self.start.corner, v.pass_m, self.turn, self.field.gap_m, holes
-        )
+        return spiral(self.corners(), self.start.corner, v, self.turn, self.field.gap_m, holes)
 
     def start_pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle: on the lane beside the plan's first side, the blade before

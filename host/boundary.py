@@ -39,7 +39,7 @@ def plan_of(
     frame = field.frame
     ring = [frame.to_local(*corner) for corner in field.crop]
     holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
-    plan = spiral(ring, start, vehicle.pass_m, turn, gap_m, holes)
+    plan = spiral(ring, start, vehicle, turn, gap_m, holes)
     first = plan.sides[0]
     begins = min(range(len(ring)), key=lambda k: math.dist(ring[k], (first.x_m, first.y_m)))
     if begins != start:

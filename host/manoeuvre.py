@@ -12,6 +12,7 @@ import enum
 import math
 from dataclasses import dataclass
 
+from host.areas import GAP_MARGIN_M
 from host.vehicle import Vehicle
 
 LOCK_MARGIN_DEG = 2.0
@@ -19,6 +20,8 @@ LOCK_MARGIN_DEG = 2.0
 
 GENTLE_SHUTTLE = 1.35
 """A shuttle's S, where there is room, over its shortest length."""
+SHUTTLE_CLEAR_M = 0.7
+"""Room left behind the machine when it backs out to shift to the next strip."""
 SIDESTEP_M = 0.15
 """A shift that following the new lane in reverse makes of itself."""
 
@@ -148,6 +151,13 @@ def shuttle_length(vehicle: Vehicle, shift_m: float, room_m: float) -> float:
     radius, _ = turning_radius(vehicle)
     least = math.sqrt(max(0.0, 4 * radius * shift_m - shift_m**2))
     return max(least, min(room_m, GENTLE_SHUTTLE * least))
+
+
+def shuttle_room_m(vehicle: Vehicle, back_m: float, gap_m: float | None) -> float:
+    """What the rear axle may take behind the crop's beginning for a shuttle's S: back_m to the
+    boundary and the gap beyond it, where one is known."""
+    behind = vehicle.rear_overhang_m + GAP_MARGIN_M + SHUTTLE_CLEAR_M
+    return back_m + (gap_m or 0.0) - behind
 
 
 def shuttle(

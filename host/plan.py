@@ -18,6 +18,8 @@ import shapely
 from shapely.affinity import affine_transform
 
 from host.errors import UserError
+from host.manoeuvre import shuttle_length, shuttle_room_m
+from host.vehicle import Vehicle
 
 MIN_STRIP_M2 = 0.02
 """What a side would cut at least; smaller remains are nothing a camera could find."""
@@ -30,8 +32,6 @@ KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
 MAX_SHIFT_M = 0.35
 """Beyond it the edge would pass under the machine's body."""
-SHUTTLE_ROOM_M = 0.5
-"""Free ground that a shuttle needs behind the crop's beginning besides a gap of 2 m."""
 REACH = 2.5
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
 
@@ -313,14 +313,17 @@ def _walk(
 def spiral(
     boundary: list[tuple[float, float]],
     start: int,
-    width_m: float,
+    vehicle: Vehicle,
     turn: str = "three_point",
     gap_m: float | None = None,
     keep_outs: list[list[tuple[float, float]]] | None = None,
 ) -> Plan:
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
-    side that leaves corner `start`, or the next that can be begun with; `width_m` is the blade's
-    width less the overlap. UserError where the boundary's sides cross."""
+    side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
+    field it is one that leaves least standing, then one whose shuttles have room. UserError where
+    the boundary's sides cross."""
+    width_m = vehicle.pass_m
+    least_m = shuttle_length(vehicle, width_m, 0.0)
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
     if not ring.is_valid or ring.area <= 0:
         raise UserError("boundary: its sides cross; walk it again or correct its corners")
@@ -340,7 +343,8 @@ def spiral(
         sides = _walk(field, start + ahead, width_m, way == "shuttle", rounds)
         left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(
-            abs(b.heading_rad - a.heading_rad) < SAME_RAD and b.back_m < SHUTTLE_ROOM_M
+            abs(b.heading_rad - a.heading_rad) < SAME_RAD
+            and shuttle_room_m(vehicle, b.back_m, gap_m) < least_m
             for a, b in itertools.pairwise(sides)
         )
         rank = (round(2 * left_m2) / 2, cramped, ahead, len(sides))

@@ -258,7 +258,7 @@ def plan_field(
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
     start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner))
     holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
-    return spiral(corners, start, vehicle.pass_m, turn, gap_m, holes)
+    return spiral(corners, start, vehicle, turn, gap_m, holes)
 
 
 # ---- what the operator sees ----------------------------------------------------------------------

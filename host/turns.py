@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 from host import manoeuvre
-from host.areas import GAP_MARGIN_M, Geofence, outline_of, placed
+from host.areas import Geofence, outline_of, placed
 from host.manoeuvre import Turn
 from host.plan import Plan
 from host.vehicle import Vehicle
@@ -16,8 +16,6 @@ SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
 """Shares of a turn that the forward arc of a three-point turn may take, best first."""
 ROOM_M = 0.6
 """Clearance to the geofence's border that any turn may be driven with."""
-SHUTTLE_CLEAR_M = 0.7
-"""Room left behind the machine when it backs out to shift to the next strip."""
 
 
 def next_turn(
@@ -34,8 +32,7 @@ def next_turn(
         c, s = math.cos(following.heading_rad), math.sin(following.heading_rad)
         dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
         left = c * dy - s * dx - (shift - this.shift_m)
-        behind = vehicle.rear_overhang_m + GAP_MARGIN_M + SHUTTLE_CLEAR_M
-        room = following.back_m + (plan.gap_m or 0.0) - behind
+        room = manoeuvre.shuttle_room_m(vehicle, following.back_m, plan.gap_m)
         return manoeuvre.shuttle(vehicle, c * dx + s * dy - cut_m, left, room)
     if plan.turn == "arc":
         return manoeuvre.arc(vehicle, corner, shift)

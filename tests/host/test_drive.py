@@ -333,7 +333,7 @@ def test_the_operators_pause_reaches_the_pilot_and_the_record(
 def test_the_progress_is_on_the_disk_when_a_run_dies(
     board: FakeFirmware, driven: Callable[..., Drive], tmp_path: Path
 ) -> None:
-    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.92)
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, Vehicle())
     path = tmp_path / "run.progress.json"
     script = Script([Command(Request.DRIVE)] * 1000)
     keeper = Keeper(path, plan, 1, print)

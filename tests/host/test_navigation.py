@@ -19,7 +19,8 @@ from host.plan import KEEP_OUT_M, Plan, Side, spiral
 from host.types import Fix, State, Telemetry
 from host.vehicle import Vehicle
 
-VEHICLE = Vehicle()
+VEHICLE = Vehicle(overlap_m=0.05)
+"""A pass takes 0.95 m."""
 
 
 def telemetry(t: float, *, angle: float = 0.0, duty: int = 0, speed: float | None = None,
@@ -43,8 +44,8 @@ def convex_fields(draw: st.DrawFn) -> list[tuple[float, float]]:
 
 @given(convex_fields(), st.integers(0, 7))
 def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int) -> None:
-    width = 0.95
-    plan = spiral(field, start, width)
+    width = VEHICLE.pass_m
+    plan = spiral(field, start, VEHICLE)
     whole = left = shapely.Polygon(field)
     for side in plan.sides:
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
@@ -59,7 +60,7 @@ def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int
 def test_every_corner_is_a_left_turn_of_less_than_half_a_circle(
     field: list[tuple[float, float]],
 ) -> None:
-    plan = spiral(field, 0, 0.95)
+    plan = spiral(field, 0, VEHICLE)
     turns = [plan.corner_rad(k) for k in range(len(plan.sides) - 1)]
     assert all(0 <= turn < math.pi + 1e-6 for turn in turns)
 
@@ -73,14 +74,14 @@ def test_the_same_edge_again_is_no_corner_however_it_was_rounded(rounding: float
 
 
 def test_a_square_of_ten_metres_takes_21_sides() -> None:
-    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95)
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, VEHICLE)
     assert len(plan.sides) == 21
     assert plan.sides[0].length_m == pytest.approx(10.0, abs=1e-3)
     assert plan.sides[4].length_m == pytest.approx(8.1, abs=1e-3)
 
 
 def test_every_side_knows_how_far_the_boundary_is() -> None:
-    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95)
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, VEHICLE)
     assert plan.sides[0].fence_m == pytest.approx(10.0, abs=1e-3)
     assert plan.sides[3].fence_m == pytest.approx(9.05, abs=1e-3)
     assert plan.sides[4].fence_m == pytest.approx(9.05, abs=1e-3)
@@ -90,7 +91,7 @@ def test_every_side_knows_how_far_the_boundary_is() -> None:
 
 def test_orientation_of_the_boundary_does_not_matter() -> None:
     corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
-    assert len(spiral(corners, 0, 0.95).sides) == len(spiral(corners[::-1], 0, 0.95).sides)
+    assert len(spiral(corners, 0, VEHICLE).sides) == len(spiral(corners[::-1], 0, VEHICLE).sides)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_a_boundary_that_cannot_be_planned_is_refused(
     corners: list[tuple[float, float]], word: str
 ) -> None:
     with pytest.raises(UserError, match=word):
-        spiral(corners, 0, 0.95)
+        spiral(corners, 0, VEHICLE)
 
 
 # ---- manoeuvre -----------------------------------------------------------------------------------
@@ -231,7 +232,7 @@ L_SHAPE = [(0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (5.0, 5.0), (5.0, 10.0), (0.0, 
 
 
 def test_every_side_of_an_l_shape_begins_where_the_last_one_can_reach() -> None:
-    plan = spiral(L_SHAPE, 0, 0.95)
+    plan = spiral(L_SHAPE, 0, VEHICLE)
     assert plan.leftover_m2 < 0.1
     for k, (this, then) in enumerate(itertools.pairwise(plan.sides)):
         if plan.corner_rad(k) == 0.0:
@@ -241,15 +242,27 @@ def test_every_side_of_an_l_shape_begins_where_the_last_one_can_reach() -> None:
         assert math.hypot(then.x_m - end_x, then.y_m - end_y) < 3.0
 
 
+@pytest.mark.parametrize("start", range(len(L_SHAPE)))
+def test_of_two_ways_to_cut_an_l_shape_the_plan_takes_the_one_with_room_to_shuttle(
+    start: int,
+) -> None:
+    plan = spiral(L_SHAPE, start, VEHICLE, gap_m=2.0)
+    again = [plan.sides[k + 1] for k in range(len(plan.sides) - 1) if plan.corner_rad(k) == 0.0]
+    assert again
+    least = manoeuvre.shuttle_length(VEHICLE, VEHICLE.pass_m, 0.0)
+    for side in again:
+        assert manoeuvre.shuttle_room_m(VEHICLE, side.back_m, plan.gap_m) >= least
+
+
 def test_strips_end_where_a_reflex_corner_begins() -> None:
-    plan = spiral(L_SHAPE, 1, 0.95)
+    plan = spiral(L_SHAPE, 1, VEHICLE, gap_m=2.0)
     north = [s for s in plan.sides if s.heading_rad == pytest.approx(math.pi / 2)]
     assert any(side.x_m - side.width_m == pytest.approx(5.0, abs=0.02) for side in north)
 
 
 def test_strips_stay_off_a_keep_out() -> None:
     hole = [(4.0, 4.0), (5.0, 4.0), (5.0, 5.0), (4.0, 5.0)]
-    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, 0.95, keep_outs=[hole])
+    plan = spiral([(0, 0), (10, 0), (10, 10), (0, 10)], 1, VEHICLE, keep_outs=[hole])
     for side in plan.sides:
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         w = side.width_m
@@ -263,7 +276,7 @@ def test_a_keep_out_anywhere_leaves_little_standing(x: float, y: float) -> None:
     """Far edges give more strips a round, so that all reach the keep-out together."""
     field = [(0.0, 0.0), (15.0, 0.0), (15.0, 13.0), (0.0, 13.0)]
     hole = [(x, y), (x + 0.8, y), (x + 0.8, y + 0.8), (x, y + 0.8)]
-    plan = spiral(field, 0, 0.92, gap_m=2.0, keep_outs=[hole])
+    plan = spiral(field, 0, Vehicle(), gap_m=2.0, keep_outs=[hole])
     standing = shapely.Polygon(field).difference(shapely.Polygon(hole))
     for side in plan.sides:
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)

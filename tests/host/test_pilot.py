@@ -17,11 +17,10 @@ from host.vision.view import CropView
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
-WIDTH = VEHICLE.blade_width_m - VEHICLE.overlap_m
 
 
 def pilot_for(world: SimpleWorld, turn: str = "three_point") -> Pilot:
-    return Pilot(VEHICLE, world, spiral(SQUARE, 1, WIDTH, turn))
+    return Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, turn))
 
 
 def drive(world: SimpleWorld, pilot: Pilot, seconds: float, log: list[Command] | None = None):
@@ -66,7 +65,7 @@ def test_cuts_the_whole_field_and_nothing_else(speed_error: float) -> None:
     pilot = pilot_for(world)
     harvest(world, pilot)
     assert pilot.phase is Phase.FINISHED
-    assert pilot.turns == len(spiral(SQUARE, 1, WIDTH).sides) - 1
+    assert pilot.turns == len(spiral(SQUARE, 1, VEHICLE).sides) - 1
     assert world.coverage > 0.995
     assert world.neighbour_cut == 0
 
@@ -203,7 +202,7 @@ class AlwaysCrop:
 
 def test_the_boundary_stops_it_where_vision_does_not() -> None:
     world = SimpleWorld(VEHICLE)
-    pilot = Pilot(VEHICLE, AlwaysCrop(), spiral(SQUARE, 1, WIDTH))
+    pilot = Pilot(VEHICLE, AlwaysCrop(), spiral(SQUARE, 1, VEHICLE))
     drive(world, pilot, 60.0)
     assert pilot.phase is Phase.FAULT
     assert "boundary" in pilot.reason
@@ -239,7 +238,7 @@ def test_steering_in_the_papers_literal_sense_diverges() -> None:
 
 def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_says() -> None:
     world = SimpleWorld(VEHICLE)
-    plan = spiral(SQUARE, 1, WIDTH, "three_point", world.gap)
+    plan = spiral(SQUARE, 1, VEHICLE, "three_point", world.gap)
     endless = tuple(replace(side, length_m=99.0, fence_m=99.0) for side in plan.sides)
     pilot = Pilot(VEHICLE, AlwaysCrop(), replace(plan, sides=endless))
     drive(world, pilot, 60.0)
@@ -250,7 +249,7 @@ def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_sa
 
 def test_the_stated_uncertainty_of_the_position_holds() -> None:
     world = SimpleWorld(VEHICLE, speed_error=1.1)
-    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, WIDTH, "three_point", world.gap))
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, "three_point", world.gap))
     beyond = looks = 0
     for _ in range(200):
         drive(world, pilot, 2.0)
@@ -276,7 +275,7 @@ def test_the_stated_uncertainty_of_the_position_holds() -> None:
 )
 def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, float]]) -> None:
     world = SimpleWorld(VEHICLE, width=12.0, height=11.0, polygon=corners)
-    plan = spiral(corners, 0, WIDTH, "three_point", world.gap)
+    plan = spiral(corners, 0, VEHICLE, "three_point", world.gap)
     world.stand_at(plan.sides[0])
     pilot = Pilot(VEHICLE, world, plan)
     harvest(world, pilot, 2000.0)

@@ -33,7 +33,7 @@ from host.vehicle import Vehicle
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
-PLAN = spiral(SQUARE, 1, VEHICLE.pass_m, "three_point", 2.0)
+PLAN = spiral(SQUARE, 1, VEHICLE, "three_point", 2.0)
 PATH = Path("run.progress.json")
 
 
@@ -175,7 +175,7 @@ def die_after(world: SimpleWorld, pilot: Pilot, keeper: Keeper, turns: int, cut_
 
 @pytest.mark.parametrize("cut_m", [0.0, 4.3])
 def test_after_a_crash_the_field_is_finished(tmp_path: Path, cut_m: float) -> None:
-    plan = spiral([(0, 0), (6, 0), (6, 6), (0, 6)], 1, VEHICLE.pass_m, "three_point", 2.0)
+    plan = spiral([(0, 0), (6, 0), (6, 6), (0, 6)], 1, VEHICLE, "three_point", 2.0)
     world = SimpleWorld(VEHICLE, width=6.0, height=6.0)
     world.stand_at(plan.sides[0])
     path = tmp_path / PATH
@@ -245,7 +245,7 @@ def test_a_full_disk_is_said_once_and_stops_nothing(
 def test_a_pause_of_any_length_changes_nothing_but_the_time(turns: int) -> None:
     """Paused while cutting, and in the middle of a turn."""
     world = SimpleWorld(VEHICLE)
-    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE.pass_m))
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE))
     commands: list[Command] = []
 
     def drive(seconds: float, until: int = 99) -> None:

@@ -8,8 +8,18 @@ from dataclasses import replace
 import pytest
 import shapely
 
-from host.areas import Geofence, areas_of
-from host.manoeuvre import Follow, Goal, Turn, arc, three_point
+from host.areas import GAP_MARGIN_M, Geofence, areas_of
+from host.manoeuvre import (
+    SHUTTLE_CLEAR_M,
+    Follow,
+    Goal,
+    Turn,
+    arc,
+    path,
+    shuttle_length,
+    shuttle_room_m,
+    three_point,
+)
 from host.plan import Plan, Side
 from host.turns import ROOM_M, SWINGS, next_turn, room_along
 from host.vehicle import Vehicle
@@ -82,3 +92,15 @@ def test_the_room_is_that_of_the_tightest_place() -> None:
         at = (5.0 * c, 5.0 * s, heading)
         assert room_along(turn, at, VEHICLE, fence) < middle
     assert room_along(turn, (21.0, 0.0, 0.0), VEHICLE, fence) < 0
+
+
+def test_at_the_room_that_the_plan_asks_for_a_shuttle_keeps_its_distance_to_the_border() -> None:
+    gap_m = 2.0
+    least = shuttle_length(VEHICLE, VEHICLE.pass_m, 0.0)
+    back_m = least - shuttle_room_m(VEHICLE, 0.0, gap_m)
+    sides = (FIRST, replace(AGAIN, back_m=back_m))
+    turn = next_turn(Plan(sides, gap_m=gap_m), 0, FIRST.length_m, VEHICLE, enough)
+    shift = replace(turn, legs=turn.legs[:-1])
+    rear = path(VEHICLE, shift, 0.01)[-1][0] - VEHICLE.rear_overhang_m
+    border = VEHICLE.blade_x_m - FIRST.length_m - back_m - (gap_m - GAP_MARGIN_M)
+    assert rear - border == pytest.approx(SHUTTLE_CLEAR_M, abs=0.03)
