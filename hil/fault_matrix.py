@@ -10,14 +10,18 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
+import pickle
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import click
 import cv2
+from dask.local import SynchronousExecutor
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -38,8 +42,8 @@ from host.pilot import Phase
 from host.types import State
 from host.vision.view import Detector
 from sim_plant.field import FieldSpec
-from sim_plant.machine import DriveSpec
 
+Result = TypeVar("Result")
 Situation = Literal["follow", "turn"]
 SETTLE_S = 3.0
 """Following for this long before the fault."""
@@ -52,7 +56,8 @@ SILENT_S = 0.5
 """A firmware that says nothing from then on is without power, which is how it stopped."""
 REVERSING_MPS = -0.05
 AT_REST_MPS = 0.02
-HALL_PER_M = 20.0
+GROUP = 8
+"""Cases that share what comes before their faults, at most."""
 LIMIT_S = 60.0
 _MOVERS = (Signal.DRIVE_DUTY, Signal.BLADE)
 
@@ -260,12 +265,7 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
         values["how"] = how
     if name == ("host", "stuck", ""):
         values["for_s"] = 1.0
-    changes: dict[str, Any] = {"faults": (Fault.model_validate(values),)}
-    if component == "hall":
-        drive = DriveSpec(hall_pulses_per_m=HALL_PER_M)
-        changes["machine"] = base.machine_truth.model_copy(update={"drive": drive})
-        changes["parameters"] = {**base.parameters, "hall_per_metre": HALL_PER_M}
-    return base.model_copy(update=changes)
+    return base.model_copy(update={"faults": (Fault.model_validate(values),)})
 
 
 def all_faults() -> list[tuple[str, str, str]]:
@@ -289,6 +289,14 @@ class Case:
     record: str | None
     """Folder for the records; None: none are kept."""
 
+    @property
+    def record_file(self) -> Path | None:
+        """Where its record is kept."""
+        if self.record is None:
+            return None
+        words = "-".join(part for part in (*self.name, self.situation) if part)
+        return Path(self.record) / f"{words}.mcap"
+
 
 def watched(
     chosen: Scenario,
@@ -306,20 +314,97 @@ def watched(
         finally:
             run.close()
             run.bench.on_slice = None  # else the bench, and all of the run, would live in a circle
-    except UserError as error:  # the bench itself failed: a result, but no good one
-        return Verdict(fault.name, situation, "", "", "bench", None, None, 0.0, False, str(error))
+    except UserError as error:
+        return broken(fault, situation, error)
     return watch.verdict(fault, situation)
 
 
-def run_case(case: Case) -> Verdict:
-    """Runs one case to its verdict."""
-    cv2.setNumThreads(1)
+def broken(fault: Fault, situation: Situation, error: UserError) -> Verdict:
+    """Where the bench itself failed: a result, but no good one."""
+    return Verdict(fault.name, situation, "", "", "bench", None, None, 0.0, False, str(error))
+
+
+Group = tuple[Case, ...]
+"""Cases that are the same run up to where their faults begin."""
+
+
+def scenario_of(case: Case) -> Scenario:
+    """What a case runs."""
     base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
-    record = None
-    if case.record is not None:
-        words = "-".join(part for part in (*case.name, case.situation) if part)
-        record = Path(case.record) / f"{words}.mcap"
-    return watched(with_fault(base, case.situation, case.name), case.situation, record)
+    return with_fault(base, case.situation, case.name)
+
+
+def grouped(cases: Sequence[Case]) -> list[Group]:
+    """The cases in groups, small enough for several workers to share them."""
+    alike: dict[str, list[Case]] = {}
+    for case in cases:
+        chosen = scenario_of(case)
+        before = chosen.model_copy(update={"faults": ()}).model_dump_json()
+        alike.setdefault(before + chosen.faults[0].at.model_dump_json(), []).append(case)
+    return [
+        tuple(same[k : k + GROUP]) for same in alike.values() for k in range(0, len(same), GROUP)
+    ]
+
+
+def branched(
+    scenarios: Sequence[Scenario],
+    situation: Situation,
+    detector: Callable[[Bench], Detector] | None = None,
+) -> list[Verdict]:
+    """The verdicts that `watched` gives, of scenarios that differ in their fault alone and begin
+    it alike: what comes before it is run once, and each fault in a copy of the process."""
+    # A copy has no threads, so none may be at work: the pictures are developed in this one.
+    run = Harvest(scenarios[0], detector=detector, darkroom=SynchronousExecutor())
+    try:
+        watch = Watch(run)
+        run.run(enough=lambda: run.fault_is_next)
+
+        def verdict(faults: tuple[Fault, ...]) -> Verdict:
+            run.fail_with(faults)
+            try:
+                run.run(enough=watch.enough)
+            except UserError as error:
+                return broken(faults[0], situation, error)
+            return watch.verdict(faults[0], situation)
+
+        return [in_a_copy(partial(verdict, chosen.faults)) for chosen in scenarios]
+    finally:
+        run.close()
+        run.bench.on_slice = None
+
+
+def in_a_copy(function: Callable[[], Result]) -> Result:
+    """What `function` returns in a copy of this process, which ends there. A copy that crashes is
+    a RuntimeError."""
+    end, begin = os.pipe()
+    copy = os.fork()
+    if copy == 0:
+        status = 1
+        try:
+            with os.fdopen(begin, "wb") as pipe:
+                pickle.dump(function(), pipe)
+            status = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(status)
+    os.close(begin)
+    with os.fdopen(end, "rb") as pipe:
+        said = pipe.read()
+    _, status = os.waitpid(copy, 0)
+    if status != 0:
+        raise RuntimeError(f"a copy of the bench crashed (wait status {status}), see above")
+    result: Result = pickle.loads(said)
+    return result
+
+
+def run_group(group: Group) -> list[Verdict]:
+    """Runs a group's cases to their verdicts; each from its beginning where a record is kept."""
+    cv2.setNumThreads(1)
+    situation = group[0].situation
+    if group[0].record is None:
+        return branched([scenario_of(case) for case in group], situation)
+    return [watched(scenario_of(case), situation, case.record_file) for case in group]
 
 
 # ---- kept from an earlier call -------------------------------------------------------------------
@@ -327,8 +412,7 @@ def run_case(case: Case) -> Verdict:
 
 def digest(case: Case) -> str:
     """Of everything that a verdict depends on: the scenario, the firmware and the programs."""
-    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
-    chosen = with_fault(base, case.situation, case.name).model_dump_json().encode()
+    chosen = scenario_of(case).model_dump_json().encode()
     return hashlib.sha256(chosen + _programs(case.firmware)).hexdigest()
 
 
@@ -461,12 +545,14 @@ def faults(
     with Progress(console=Console(stderr=True)) as bar, log.open("a", encoding="utf-8") as file:
         file.write("\n")  # a killed call may have left half a line
         task = bar.add_task(f"{len(cases)} faults", total=len(cases), completed=len(found))
-        for case, verdict in spread(run_case, todo, workers=workers, scheduler=scheduler):
-            found[case] = verdict
-            entry = {"digest": digest(case), "verdict": asdict(verdict)}
-            file.write(json.dumps(entry) + "\n")
+        groups = grouped(todo)
+        for group, verdicts in spread(run_group, groups, workers=workers, scheduler=scheduler):
+            for case, verdict in zip(group, verdicts, strict=True):
+                found[case] = verdict
+                entry = {"digest": digest(case), "verdict": asdict(verdict)}
+                file.write(json.dumps(entry) + "\n")
             file.flush()
-            bar.update(task, completed=len(found), description=verdict.fault)
+            bar.update(task, completed=len(found), description=verdicts[-1].fault)
     verdicts = [found[case] for case in cases]
     title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
     summary = {

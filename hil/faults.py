@@ -79,10 +79,6 @@ class Pair:
 _STOP, _RIDE = Expect.STOP, Expect.RIDE
 _NO_BLADE_SENSOR: Final = "not detectable: no sensor on the blade"
 _SLOW: Final = (1.0, 0.5)
-_STEERING: Final = (2.0, 0.5)
-"""While an angle is held, a motor that does not turn makes no difference that could be seen."""
-_WHEELS: Final = (3.0, 0.5)
-"""Without a sensor on the wheels only the positions, one a second, tell."""
 
 PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("pot", "off"): Pair("wire open: the pin reads `value` V", _STOP, value=5.0),
@@ -92,24 +88,24 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("pot", "slow"): Pair("follows with `value` s", _RIDE, value=0.2),
     ("pot", "delayed"): Pair("reads what it was `value` s ago", _RIDE, value=0.1),
     ("pot", "intermittent"): Pair("the wiper lifts now and then", _STOP),
-    ("steering_motor", "off"): Pair("winding open", _STOP, *_STEERING),
-    ("steering_motor", "stuck"): Pair("jammed", _STOP, *_STEERING),
-    ("steering_motor", "wrong"): Pair("turns the wrong way", _STOP, *_STEERING),
+    ("steering_motor", "off"): Pair("winding open", _STOP, *_SLOW),
+    ("steering_motor", "stuck"): Pair("jammed", _STOP, *_SLOW),
+    ("steering_motor", "wrong"): Pair("turns the wrong way", _STOP, *_SLOW),
     ("steering_motor", "slow"): Pair("has `value` of its strength", _RIDE, value=0.4),
     ("steering_motor", "intermittent"): Pair("loose brush", _RIDE),
-    ("steering_bridge", "off"): Pair("gives no current", _STOP, *_STEERING),
-    ("steering_bridge", "stuck"): Pair("keeps its output", _STOP, *_STEERING),
-    ("steering_bridge", "garbage"): Pair("gives anything", _STOP, *_STEERING),
-    ("steering_bridge", "wrong"): Pair("reversed", _STOP, *_STEERING),
+    ("steering_bridge", "off"): Pair("gives no current", _STOP, *_SLOW),
+    ("steering_bridge", "stuck"): Pair("keeps its output", _STOP, *_SLOW),
+    ("steering_bridge", "garbage"): Pair("gives anything", _STOP, *_SLOW),
+    ("steering_bridge", "wrong"): Pair("reversed", _STOP, *_SLOW),
     ("steering_bridge", "slow"): Pair("gives `value` of the duty", _RIDE, value=0.5),
     ("steering_bridge", "delayed"): Pair("follows `value` s later", _RIDE, value=0.05),
     ("steering_bridge", "intermittent"): Pair("loose contact", _RIDE),
-    ("drive_motor", "off"): Pair("no torque", _STOP, *_WHEELS),
-    ("drive_motor", "stuck"): Pair("the wheels are blocked", _STOP, *_WHEELS),
+    ("drive_motor", "off"): Pair("no torque", _STOP, *_SLOW),
+    ("drive_motor", "stuck"): Pair("the wheels are blocked", _STOP, *_SLOW),
     ("drive_motor", "wrong"): Pair(
         "turns the wrong way",
         _STOP,
-        *_WHEELS,
+        *_SLOW,
         limit="not detectable in time: only the positions, one a second, tell a direction, and "
         "after a metre one way; no leg of a turn is that long",
     ),
@@ -137,8 +133,8 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("battery", "garbage"): Pair("its measurement is anything", _STOP, 1.5, 1.0),
     ("battery", "wrong"): Pair("measures `value` V", _STOP, 1.5, 1.0, value=8.5),
     ("battery", "intermittent"): Pair("loose terminal: power comes and goes", _STOP),
-    ("hall", "off"): Pair("no pulses", _STOP, 2.5, 1.5),
-    ("hall", "stuck"): Pair("its level stays", _STOP, 2.5, 1.5),
+    ("hall", "off"): Pair("no pulses", _STOP, *_SLOW),
+    ("hall", "stuck"): Pair("its level stays", _STOP, *_SLOW),
     ("hall", "garbage"): Pair("pulses at random", _STOP, *_SLOW),
     ("hall", "intermittent"): Pair("loses pulses", _RIDE),
     ("estop", "off"): Pair("the loop is opened", _STOP),
@@ -439,6 +435,18 @@ class Injector:
         self._reset_at: dict[int, float] = {}
 
     # ---- time ------------------------------------------------------------------------------------
+
+    def begins_before(self, until: float) -> bool:
+        """Whether the first fault, not begun yet, begins before `until` by what has happened so
+        far."""
+        since = self._since[0]
+        return since is not None and since + self.faults[0].at.after_s < until - 1e-9
+
+    def replace(self, faults: tuple[Fault, ...]) -> None:
+        """Other faults instead, which begin when these would have; before any has."""
+        if self.events or [fault.at for fault in faults] != [fault.at for fault in self.faults]:
+            raise ValueError("only faults that have not begun, by others that begin alike")
+        self.faults = faults
 
     def step(
         self,

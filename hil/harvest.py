@@ -6,7 +6,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hil import pictures
+from hil.faults import Fault
 from hil.live import HOST, LiveView
 from hil.lockstep import Bench
 from hil.metrics import Truth
@@ -76,8 +77,9 @@ def _vision(bench: Bench) -> Detector:
 
 
 class Harvest:
-    """One lockstep run. The camera develops each shot in a worker while machine and firmware go on:
-    the picture is due only after the camera's delay, so the result does not depend on it."""
+    """One lockstep run. The camera develops each shot in `darkroom` (a thread, where none is given)
+    while machine and firmware go on: the picture is due only after the camera's delay, so the
+    result does not depend on it."""
 
     def __init__(
         self,
@@ -87,6 +89,7 @@ class Harvest:
         detector: Callable[[Bench], Detector] | None = None,
         *,
         camera_threads: int = 1,
+        darkroom: Executor | None = None,
     ) -> None:
         self.scenario = scenario
         self.bench = Bench(scenario, camera_threads=camera_threads)
@@ -104,7 +107,7 @@ class Harvest:
         self._host_at = 0.0
         self._frame: tuple[Frame, bytes] | None = None
         self._fix: Fix | None = None
-        self._pool = ThreadPoolExecutor(1)
+        self._darkroom = darkroom or ThreadPoolExecutor(1)
         self._videos = ThreadPoolExecutor(1)
         self._due: deque[tuple[float, float, Future[Any]]] = deque()
         self._video: pictures.Video | None = None
@@ -132,8 +135,9 @@ class Harvest:
         progress: Callable[[Progress], None] | None = None,
         enough: Callable[[], bool] | None = None,
     ) -> None:
-        """To the pilot's end, the scenario's time limit, or until there is `enough`."""
-        tick = 0
+        """To the pilot's end, the scenario's time limit, or until there is `enough`; called again,
+        it goes on."""
+        tick = round(self.bench.now * HOST_HZ)
         limit = self.scenario.limits.time_s
         done_at: float | None = None
         while tick / HOST_HZ < limit and not (enough is not None and enough()):
@@ -148,6 +152,16 @@ class Harvest:
                 if now - done_at >= LINGER_S:
                     break
 
+    @property
+    def fault_is_next(self) -> bool:
+        """Whether the scenario's first fault begins within the host's next step."""
+        return self.bench.faults.begins_before(self.bench.now + 1 / HOST_HZ)
+
+    def fail_with(self, faults: tuple[Fault, ...]) -> None:
+        """Makes other faults of the scenario's, which begin when those would have."""
+        self.bench.faults.replace(faults)
+        self.scenario = self.scenario.model_copy(update={"faults": faults})
+
     def _step(self, tick: int, now: float) -> None:
         clock = time.perf_counter
         seconds = self.seconds
@@ -158,7 +172,7 @@ class Harvest:
             if record is not None:
                 record.put("/serial/to_host", stamp, {"data": data})
         if tick % self._frame_ticks == 0:
-            work = self._pool.submit(_develop, self.bench.camera, self.bench.shutter())
+            work = self._darkroom.submit(_develop, self.bench.camera, self.bench.shutter())
             self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
@@ -310,7 +324,7 @@ class Harvest:
         """Ends the target, the workers and the files; what was recorded stays readable."""
         for work in self._video_work:
             work.result()
-        self._pool.shutdown()
+        self._darkroom.shutdown()
         self._videos.shutdown()
         if self._video is not None:
             self._video.close()

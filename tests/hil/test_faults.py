@@ -20,12 +20,15 @@ from pydantic import ValidationError
 from hil import taps, targets
 from hil.fault_matrix import (
     Case,
+    Group,
     Situation,
     Verdict,
     all_faults,
     base_scenario,
+    branched,
     digest,
     faults,
+    in_a_copy,
     kept,
     watched,
     with_fault,
@@ -452,12 +455,15 @@ def test_the_matrix_goes_on_where_it_was_killed(
 ) -> None:
     ran: list[Case] = []
 
-    def run(case: Case) -> Verdict:
-        ran.append(case)
+    def verdict(case: Case) -> Verdict:
         words = " ".join(part for part in case.name if part)
         return Verdict(words, case.situation, "stop", "250 ms", "x", 1.0, 1.0, 0.0, True, "ok")
 
-    monkeypatch.setattr("hil.fault_matrix.run_case", run)
+    def run(group: Group) -> list[Verdict]:
+        ran.extend(group)
+        return [verdict(case) for case in group]
+
+    monkeypatch.setattr("hil.fault_matrix.run_group", run)
     words = ["--only", "estop", "--workers", "1", "--out", str(tmp_path)]
     assert CliRunner().invoke(faults, words).exit_code == 0
     assert len(ran) == 4
@@ -486,13 +492,53 @@ def test_verdicts_of_other_programs_are_not_taken_over(
     assert kept(log, [case]) == {}
 
 
+def test_hall_faults_have_a_hall_sensor_to_strike() -> None:
+    base = base_scenario("follow", "desk", "robust", "mast")
+    assert base.firmware_parameters["hall_per_metre"] > 0
+    assert base.machine_truth.drive.hall_pulses_per_m > 0
+
+
 @needs_firmware
-def test_a_hall_fault_fits_a_hall_sensor_first() -> None:
-    chosen = with_fault(quick(), "follow", ("hall", "off", ""))
-    assert chosen.parameters["hall_per_metre"] == chosen.machine_truth.drive.hall_pulses_per_m > 0
-    with target("desk", chosen.parameters) as board:
-        board.run_until(100_000)
-        assert board.eeprom() != bytes([255]) * 1024
+@pytest.mark.parametrize("situation", ["follow", "turn"])
+def test_a_fault_in_a_copy_of_the_process_is_the_same_as_in_a_run_of_its_own(
+    situation: Situation,
+) -> None:
+    base = base_scenario(situation, "desk", "robust", "mast")
+    base = base.model_copy(update={"lens": quick().lens})
+    names = [("serial", "off", ""), ("camera", "off", ""), ("pot", "garbage", "")]
+    chosen = [with_fault(base, situation, name) for name in names]
+    verdicts = branched(chosen, situation, watched_oracle)
+    assert [v.fault for v in verdicts] == ["serial off", "camera off", "pot garbage"]
+    assert verdicts[-1] == watched(chosen[-1], situation, None, watched_oracle)
+
+
+def test_a_copy_of_the_process_gives_its_result_and_changes_nothing_here() -> None:
+    held = [1]
+
+    def add() -> list[int]:
+        held.append(2)
+        return held
+
+    assert in_a_copy(add) == [1, 2]
+    assert held == [1]
+
+
+def test_a_copy_that_crashes_is_no_result(capfd: pytest.CaptureFixture[str]) -> None:
+    def crash() -> None:
+        raise ZeroDivisionError("here")
+
+    with pytest.raises(RuntimeError, match="crashed"):
+        in_a_copy(crash)
+    assert "ZeroDivisionError: here" in capfd.readouterr().err
+
+
+def test_only_a_fault_that_has_not_begun_gives_way_to_another_that_begins_alike() -> None:
+    at = At(time_s=1.0)
+    now = Injector((Fault(component="pot", failure="off", at=at),), 1)
+    now.replace((Fault(component="pot", failure="stuck", at=at),))
+    assert now.faults[0].failure == "stuck"
+    with pytest.raises(ValueError, match="begin alike"):
+        now.replace((Fault(component="pot", failure="off", at=At(time_s=2.0)),))
 
 
 @needs_firmware
