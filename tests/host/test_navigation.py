@@ -14,7 +14,7 @@ from host import manoeuvre
 from host.errors import UserError
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal
-from host.odometry import Odometry
+from host.odometry import Motion, Odometry
 from host.plan import KEEP_OUT_M, Plan, Side, spiral
 from host.types import Fix, State, Telemetry
 from host.vehicle import Vehicle
@@ -287,3 +287,20 @@ def test_a_keep_out_anywhere_leaves_little_standing(x: float, y: float) -> None:
     around = shapely.Polygon(hole).buffer(KEEP_OUT_M, join_style="mitre").area - 0.64
     assert standing.area < around + 1.0
     assert plan.leftover_m2 == pytest.approx(standing.area - around, abs=0.1)
+
+
+@pytest.mark.parametrize("learn", [False, True])
+def test_the_bias_is_learned_only_where_it_may_be(learn: bool) -> None:
+    """The vehicle bends to the left by 0.01 a metre, which the pot does not show."""
+    lane = Lane(VEHICLE.blade_x_m)
+    lane.place(0.0, 0.0, 0.01, 0.01)
+    bend = 0.01
+    for k in range(200):
+        run = 0.05 * k
+        lane.predict(Motion(0.0, 0.5, 0.0, run, 0.0, run, 0.0))
+        offset, heading = bend * run**2 / 2, bend * run
+        edge = -(offset + VEHICLE.blade_x_m * math.sin(heading)) / math.cos(heading)
+        assert lane.correct(edge, -heading, 1.0, (0.0, 0.0), learn=learn)
+    bias = lane.take_bias()
+    assert bias == (pytest.approx(bend, abs=0.003) if learn else 0.0)
+    assert lane.take_bias() == 0.0
