@@ -7,6 +7,7 @@ that a fault in the pilot cannot hide behind them and a harvest takes a second.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,14 +87,16 @@ class SimpleWorld:
 
     # ---- vision ----
     def _standing(self, forward: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """Whether anything stands there, (len(forward), len(left)); metres before and left of the
+        rear axle."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        x = self.x + forward * c - left * s + self.margin
-        y = self.y + forward * s + left * c + self.margin
-        i, j = (x / CELL).astype(int), (y / CELL).astype(int)
-        ok = (i >= 0) & (j >= 0) & (i < self.crop.shape[1]) & (j < self.crop.shape[0])
-        out = np.zeros(forward.shape, bool)
-        out[ok] = (self.crop | self.neighbour)[j[ok], i[ok]]
-        return out
+        forward = forward[:, None]
+        i = ((self.x + forward * c - left * s + self.margin) / CELL).astype(np.intp)
+        j = ((self.y + forward * s + left * c + self.margin) / CELL).astype(np.intp)
+        rows, columns = self.crop.shape
+        ok = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
+        i, j = i * ok, j * ok
+        return ok & (self.crop[j, i] | self.neighbour[j, i])
 
     def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
         del bgr, stages
@@ -105,14 +108,14 @@ class SimpleWorld:
         f = np.arange(v.blade_x_m, v.blade_x_m + 5.0, 0.05)
         half = v.blade_width_m / 2
         lateral = np.arange(-half + 0.01, half, 0.05)
-        ahead = self._standing(*np.meshgrid(f, lateral, indexing="ij")).mean(1) > 0.2
+        ahead = self._standing(f, lateral).mean(1) > 0.2
         crop_ahead = float(f[np.argmax(ahead)] - v.blade_x_m) if ahead.any() else math.inf
         lateral = np.arange(-half - 0.7, half, 0.01)
         start = v.blade_x_m + crop_ahead + 0.1
         if not math.isfinite(start) or crop_ahead > 2.5:
             return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
         f = np.arange(start, start + 1.5, 0.1)
-        standing = self._standing(*np.meshgrid(f, lateral, indexing="ij"))
+        standing = self._standing(f, lateral)
         rows = standing.any(1) & ~standing[:, 0]
         edge = lateral[np.argmax(standing, axis=1)]
         smooth = np.abs(np.diff(edge, prepend=edge[0])) < 0.08
@@ -120,11 +123,13 @@ class SimpleWorld:
         n = int(broken[0]) if broken.size else len(f)
         if n < 5:
             return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
-        slope, at = np.polyfit(f[:n] - v.blade_x_m, edge[:n], 1)
+        along = f[:n] - f[:n].mean()
+        slope = float(along @ edge[:n] / (along @ along))
+        at = float(edge[:n].mean() - slope * (f[:n].mean() - v.blade_x_m))
         wanted = -(half - v.overlap_m)
         return CropView(
             0.9,
-            edge_offset_m=float(at - wanted),
+            edge_offset_m=at - wanted,
             edge_heading_rad=math.atan(slope),
             crop_ahead_m=crop_ahead,
             ahead_confidence=1.0,
@@ -204,14 +209,31 @@ class SimpleWorld:
 BLANK = np.zeros((2, 2, 3), np.uint8)
 
 
-def harvest(world: SimpleWorld, pilot: Pilot, limit_s: float = 1500.0) -> None:
-    """Runs until the pilot is done: telemetry each 20 ms, commands each 40 ms, pictures at 10 Hz,
-    a fix with the true Doppler speed each second."""
-    tick = 0
-    while world.now < limit_s and not pilot.done:
+def drive(
+    world: SimpleWorld,
+    pilot: Pilot,
+    seconds: float,
+    log: list[Command] | None = None,
+    *,
+    until: Callable[[], bool] | None = None,
+    fixes: bool = True,
+) -> None:
+    """Runs for a time, or `until` that holds: telemetry each 20 ms, commands each 40 ms (to `log`),
+    pictures at 10 Hz, and with `fixes` one with the true Doppler speed each second."""
+    end, tick = world.now + seconds, 0
+    while world.now < end - 1e-9 and not (until is not None and until()):
         world.advance()
         tick += 1
         if tick % 2 == 0:
-            frame = Frame(world.now, BLANK) if tick % 5 == 0 or tick % 10 == 6 else None
-            fix = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed)) if tick % 50 == 0 else None
+            frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
+            fix = None
+            if fixes and tick % 50 == 0:
+                fix = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed))
             world.command = pilot.step(world.now, frame, fix, world.telemetry())
+            if log is not None:
+                log.append(world.command)
+
+
+def harvest(world: SimpleWorld, pilot: Pilot, limit_s: float = 1500.0) -> None:
+    """Until the pilot is done."""
+    drive(world, pilot, limit_s - world.now, until=lambda: pilot.done)

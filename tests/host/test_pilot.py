@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simple_world import BLANK, SimpleWorld, harvest
+from simple_world import BLANK, SimpleWorld, drive, harvest
 
 from host.pilot import Phase, Pilot
 from host.plan import spiral
@@ -21,21 +21,6 @@ SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
 
 def pilot_for(world: SimpleWorld, turn: str = "three_point") -> Pilot:
     return Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, turn))
-
-
-def drive(world: SimpleWorld, pilot: Pilot, seconds: float, log: list[Command] | None = None):
-    """Like simple_world.harvest, for a time."""
-    end = world.now + seconds
-    tick = 0
-    while world.now < end - 1e-9:
-        world.advance()
-        tick += 1
-        if tick % 2 == 0:
-            frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
-            fix = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed)) if tick % 50 == 0 else None
-            world.command = pilot.step(world.now, frame, fix, world.telemetry())
-            if log is not None:
-                log.append(world.command)
 
 
 @pytest.mark.parametrize("speed_error", [0.95, 1.05])

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from simple_world import BLANK, SimpleWorld, harvest
+from simple_world import SimpleWorld, drive, harvest
 
 from host import progress
 from host.errors import UserError
@@ -28,7 +28,7 @@ from host.progress import (
     resume_at,
     save,
 )
-from host.types import Command, Frame, Request
+from host.types import Command, Request
 from host.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -159,17 +159,15 @@ def test_what_remains_ends_where_the_plan_does(side: int, share: float) -> None:
 
 def die_after(world: SimpleWorld, pilot: Pilot, keeper: Keeper, turns: int, cut_m: float) -> None:
     """Drives until so much is done, keeping progress; then the power is gone."""
-    tick = 0
-    while (pilot.turns, pilot.cut_m) < (turns, cut_m):
+
+    def noted() -> bool:
         assert not pilot.done
-        world.advance()
-        tick += 1
-        if tick % 2 == 0:
-            frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
-            world.command = pilot.step(world.now, frame, None, world.telemetry())
-            keeper.note(pilot)
-            if keeper._writing is not None:  # here seconds pass faster than a disk writes
-                keeper._writing.result()
+        keeper.note(pilot)
+        if keeper._writing is not None:  # here seconds pass faster than a disk writes
+            keeper._writing.result()
+        return (pilot.turns, pilot.cut_m) >= (turns, cut_m)
+
+    drive(world, pilot, 1500.0, until=noted, fixes=False)
     keeper._writer.shutdown()
 
 
@@ -246,24 +244,12 @@ def test_a_pause_of_any_length_changes_nothing_but_the_time(turns: int) -> None:
     """Paused while cutting, and in the middle of a turn."""
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE))
-    commands: list[Command] = []
-
-    def drive(seconds: float, until: int = 99) -> None:
-        end, tick = world.now + seconds, 0
-        while world.now < end and pilot.turns < until:
-            world.advance()
-            tick += 1
-            if tick % 2 == 0:
-                frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
-                world.command = pilot.step(world.now, frame, None, world.telemetry())
-                commands.append(world.command)
-
-    drive(8.0 if turns == 0 else 200.0, 99 if turns == 0 else turns)
-    drive(3.0)
+    drive(world, pilot, 8.0 if turns == 0 else 200.0, until=lambda: 0 < turns <= pilot.turns)
+    drive(world, pilot, 3.0)
     phase = pilot.phase
-    commands.clear()
+    commands: list[Command] = []
     pilot.paused = True
-    drive(150.0)
+    drive(world, pilot, 150.0, commands)
     standing = {(c.request, c.speed_mps, c.blade, c.reason) for c in commands}
     assert standing == {(Request.DRIVE, 0.0, False, PAUSED)}
     assert abs(world.speed) < 0.01
