@@ -10,6 +10,7 @@ import base64
 import io
 import json
 import math
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -38,6 +39,9 @@ VIDEO_FPS = 12.0
 WORST = 6
 """Maps shown of a campaign."""
 
+FIGURE = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?|–|same")
+"""A cell that stands on the right of its column."""
+
 HIGHER_IS_BETTER = frozenset({"coverage", "finished", "realtime_factor"})
 LOWER_IS_BETTER = frozenset(
     {
@@ -58,7 +62,7 @@ LOWER_IS_BETTER = frozenset(
 
 @dataclass(slots=True)
 class Grid:
-    """A table: cells are text; a row's mark is a CSS class ('', 'good', 'bad')."""
+    """A table: cells are text; a row's mark is a CSS class ('', 'good', 'limit', 'bad')."""
 
     columns: Sequence[str]
     rows: list[tuple[str, list[str]]] = field(default_factory=list)
@@ -111,6 +115,7 @@ def render(title: str, sections: Sequence[Section]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.tests["figure"] = FIGURE.fullmatch
     return environment.get_template("report.html.j2").render(title=title, sections=sections)
 
 
@@ -296,7 +301,7 @@ def _latencies(verdicts: Sequence[Verdict]) -> Figure:
     figure = Figure(figsize=(10, 1 + 0.17 * len(stopped)), layout="constrained")
     axes = figure.subplots()
     for row, v in enumerate(reversed(stopped)):
-        colour = "tab:green" if v.ok else "tab:red"
+        colour = "tab:green" if v.ok else "tab:orange" if v.limit else "tab:red"
         axes.barh(row, max(v.stop_latency_ms or 0.0, 1.0), color=colour)
         axes.plot([float(v.bound.split()[0])] * 2, [row - 0.4, row + 0.4], color="black", lw=1.5)
     labels = [f"{v.fault} ({v.situation})" for v in reversed(stopped)]
@@ -319,8 +324,12 @@ def faults_sections(verdicts: Sequence[Verdict]) -> list[Section]:
         bound = v.bound if v.expect == "stop" else ""
         cells = [v.fault, v.situation, v.expect, bound, v.detected_by]
         cells += [show(v.detected_ms), show(v.stop_latency_ms), show(v.moved_m), v.verdict]
-        grid.rows.append(("" if v.ok else "bad", cells))
-    text = f"{len(verdicts)} faults, {bad} unsafe or late, {limits} known limits."
+        grid.rows.append(("" if v.ok else "limit" if v.limit else "bad", cells))
+    text = (
+        f"{len(verdicts)} faults: {bad} unsafe or late (red), {limits} known limits (yellow), "
+        "which nothing on board can notice in time. Times count from when the fault first made a "
+        "difference; moved: until the machine rested, or over the whole watch where it drove on."
+    )
     return [
         Section("Verdicts", text, grid),
         Section("Stop latencies", pictures=[(_drawn(_latencies(verdicts)), "")]),
