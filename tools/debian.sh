@@ -16,7 +16,7 @@ elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
   as_root="sudo -n"
 else
   echo "missing Debian packages:$missing" >&2
-  echo "as an administrator run: apt-get install --no-install-recommends$missing" >&2
+  echo "as an administrator run: apt-get update && apt-get install --no-install-recommends$missing" >&2
   exit 1
 fi
 echo "installing Debian packages:$missing"
