@@ -110,7 +110,7 @@ def truth(spec: MachineSpec) -> Truth:
     b = spec.battery
     volts = b.full_v - b.r_ohm * b.idle_a - s.bridge.drop_v
     ohms = s.r_ohm + s.bridge.r_ohm
-    dead = s.bridge.dead_time_s * s.bridge.pwm_hz
+    dead = s.bridge.dead_time_s * machine.STEER_PWM_HZ
     # Friction torque as duty; friction and back-EMF share the circuit's drop.
     per_nm = 255.0 * ohms / (s.k_vs * volts)
     damping = s.k_vs + s.viscous_nms * ohms / s.k_vs

@@ -44,7 +44,8 @@ class Bench:
         """Crop cells cut during the last `advance`."""
         self._spec = spec
         self._state = machine.initial(spec, *scenario.start_pose())
-        self._params = machine.parameters(spec, seed)
+        steer_hz, drive_hz = provision.pwm_hz(scenario.firmware_parameters)
+        self._params = machine.parameters(spec, seed, steer_pwm_hz=steer_hz, drive_pwm_hz=drive_hz)
         self._given = machine.inputs()
         self._slices = 0
         self._sent = bytearray()

@@ -16,6 +16,8 @@ _MAKERS: Final = {"desk": targets.desk, "avr": targets.avr}
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
 STEP_US: Final = 10_000
+TIMER_2_HZ: Final = (123.0, 246.0, 491.0, 981.0, 3922.0)
+"""All that the drive bridge's timer can (firmware/src/uno/board.cpp)."""
 
 
 def raw_values(parameters: Mapping[str, float]) -> dict[int, int]:
@@ -27,6 +29,17 @@ def raw_values(parameters: Mapping[str, float]) -> dict[int, int]:
             raise ValueError(f"the firmware has no parameter {name!r}; `daranti params list` has")
         out[spec.id] = spec.to_raw(value)
     return out
+
+
+def pwm_hz(parameters: Mapping[str, float]) -> tuple[float, float]:
+    """What the timers of the steering and the drive bridge run at, with these parameters."""
+
+    def asked(name: str) -> float:
+        spec = protocol.PARAMS[name]
+        return parameters.get(name, spec.from_raw(spec.default_raw))
+
+    slower = [hz for hz in TIMER_2_HZ if hz <= asked("drive_pwm_freq")]
+    return asked("steer_pwm_freq"), max(slower, default=TIMER_2_HZ[0])
 
 
 def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) -> Target:

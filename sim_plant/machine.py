@@ -27,14 +27,19 @@ STEP_S: Final = 0.001
 _GRAVITY: Final = 9.81
 
 
+STEER_PWM_HZ: Final = 20_000.0
+DRIVE_PWM_HZ: Final = 3_922.0
+"""The frequencies that the firmware's defaults give."""
+
+
 class BridgeSpec(Strict):
-    """An H-bridge: output voltage = duty * (battery - drop_v) - r_ohm * current."""
+    """An H-bridge: output voltage = duty * (battery - drop_v) - r_ohm * current; of every period of
+    the PWM it loses its dead time."""
 
     drop_v: NotNegative = 1.8
     """At no current: 1.8 V for an L298N, near 0 for a BTS7960."""
     r_ohm: NotNegative = 0.3
     dead_time_s: NotNegative = 2e-6
-    pwm_hz: Annotated[float, Limits(gt=0, le=25000)] = 3900.0
 
 
 class SteeringSpec(Strict):
@@ -47,12 +52,12 @@ class SteeringSpec(Strict):
     bridge: BridgeSpec = BridgeSpec()
     r_ohm: Positive = 0.8
     l_h: Positive = 1.0e-3
-    k_vs: Positive = 0.07495
+    k_vs: Positive = 0.07426
     """Back-EMF in V s/rad and torque in N m/A."""
-    inertia_kgm2: Positive = 3.575e-4
+    inertia_kgm2: Positive = 3.509e-4
     viscous_nms: NotNegative = 1e-6
-    coulomb_nm: NotNegative = 0.0879
-    static_nm: NotNegative = 0.1172
+    coulomb_nm: NotNegative = 0.0705
+    static_nm: NotNegative = 0.0940
     gear: Positive = 150.0
     backlash_deg: NotNegative = 1.0
     stop_deg: Annotated[float, Limits(gt=0, lt=85)] = 54.0
@@ -73,16 +78,19 @@ class SteeringSpec(Strict):
         backlash_deg: float = 1.0,
         battery_v: float = 12.0,
         bridge: BridgeSpec | None = None,
+        pwm_hz: float = STEER_PWM_HZ,
         stop_deg: float = 54.0,
     ) -> SteeringSpec:
-        """The motor that shows these figures at `battery_v`: slew at full duty, time constant of
-        the speed, and the duty (of 255) that just breaks it loose; Coulomb is 75 % of static."""
+        """The motor that shows these figures at `battery_v` and `pwm_hz`: slew at full duty, time
+        constant of the speed, and the duty (of 255) that just breaks it loose; Coulomb is 75 % of
+        static."""
         base = cls.model_fields
         bridge = bridge or BridgeSpec()
         gear = float(base["gear"].default)
         loop_ohm = float(base["r_ohm"].default) + bridge.r_ohm
-        full_v = (battery_v - bridge.drop_v) * (1 - bridge.dead_time_s * bridge.pwm_hz)
-        start = max(0.0, stiction_counts / 255 - bridge.dead_time_s * bridge.pwm_hz)
+        dead = bridge.dead_time_s * pwm_hz
+        full_v = (battery_v - bridge.drop_v) * (1 - dead)
+        start = max(0.0, stiction_counts / 255 - dead)
         start_v = start * (battery_v - bridge.drop_v)
         k = (full_v - 0.75 * start_v) / (math.radians(slew_degps) * gear)
         return cls(
@@ -269,8 +277,15 @@ PARAMS: Final = np.dtype([("seed", np.int64), *((n, np.float64) for n in _PARAME
 Record = NDArray[Any]
 
 
-def parameters(spec: MachineSpec, seed: int = 0) -> Record:
-    """The (1,) PARAMS record of a spec; `seed` draws the pot's noise."""
+def parameters(
+    spec: MachineSpec,
+    seed: int = 0,
+    *,
+    steer_pwm_hz: float = STEER_PWM_HZ,
+    drive_pwm_hz: float = DRIVE_PWM_HZ,
+) -> Record:
+    """The (1,) PARAMS record of a spec whose bridges are driven at these frequencies; `seed` draws
+    the pot's noise."""
     s, d, b = spec.steering, spec.drive, spec.battery
     p = np.zeros(1, PARAMS)
     values = {
@@ -289,7 +304,7 @@ def parameters(spec: MachineSpec, seed: int = 0) -> Record:
         "st_coulomb": s.coulomb_nm,
         "st_static": max(s.static_nm, s.coulomb_nm),
         "st_gear": s.gear,
-        "st_dead": s.bridge.dead_time_s * s.bridge.pwm_hz,
+        "st_dead": s.bridge.dead_time_s * steer_pwm_hz,
         "st_backlash": math.radians(s.backlash_deg),
         "st_stop": math.radians(s.stop_deg),
         "pot_centre": s.pot_centre_counts,
@@ -304,7 +319,7 @@ def parameters(spec: MachineSpec, seed: int = 0) -> Record:
         "dr_rolling": d.rolling,
         "dr_cutting": d.cutting_n,
         "dr_slip": d.slip_n,
-        "dr_dead": d.bridge.dead_time_s * d.bridge.pwm_hz,
+        "dr_dead": d.bridge.dead_time_s * drive_pwm_hz,
         "hall_ppm": d.hall_pulses_per_m,
         "bat_full": b.full_v,
         "bat_empty": b.empty_v,

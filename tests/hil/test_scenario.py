@@ -6,9 +6,18 @@ import math
 from pathlib import Path
 
 import pytest
+from oracle import quick
 
+from hil import targets
+from hil.lockstep import Bench
+from hil.provision import pwm_hz
 from hil.scenario import assigned, changed, load, merge, named
 from host.errors import UserError
+from sim_plant.machine import DRIVE_PWM_HZ, STEER_PWM_HZ
+
+needs_firmware = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
+)
 
 
 @pytest.mark.parametrize("name", named())
@@ -19,6 +28,30 @@ def test_every_named_scenario_is_sound(name: str) -> None:
     assert len(scenario.start_pose()) == 3
     fitted = scenario.machine_truth.drive.hall_pulses_per_m
     assert scenario.firmware_parameters["hall_per_metre"] == fitted
+
+
+@pytest.mark.parametrize(
+    ("parameters", "runs_at"),
+    [
+        ({}, (STEER_PWM_HZ, DRIVE_PWM_HZ)),
+        ({"steer_pwm_freq": 4000, "drive_pwm_freq": 3000}, (4000, 981)),
+        ({"drive_pwm_freq": 123}, (STEER_PWM_HZ, 123)),
+        ({"drive_pwm_freq": 25000}, (STEER_PWM_HZ, 3922)),
+    ],
+)
+def test_the_bridges_run_at_what_the_firmware_is_told(
+    parameters: dict[str, float], runs_at: tuple[float, float]
+) -> None:
+    assert pwm_hz(parameters) == runs_at
+
+
+@needs_firmware
+def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
+    def lost(hz: float) -> float:
+        with Bench(quick(parameters={"steer_pwm_freq": hz})) as bench:
+            return float(bench._params[0]["st_dead"])
+
+    assert lost(25_000) == pytest.approx(5 * lost(5_000))
 
 
 @pytest.mark.parametrize(

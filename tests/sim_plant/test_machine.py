@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from sim_plant.machine import (
+    STEER_PWM_HZ,
     STEP_S,
     BatterySpec,
     BridgeSpec,
@@ -42,10 +43,16 @@ def run(state: Any, params: Any, given: Any, steps: int) -> None:
 class Bench:
     """One machine at hand: set inputs by name, run, read the state by name."""
 
-    def __init__(self, spec: MachineSpec, seed: int = 0, **start: float) -> None:
+    def __init__(
+        self,
+        spec: MachineSpec,
+        seed: int = 0,
+        steer_pwm_hz: float = STEER_PWM_HZ,
+        **start: float,
+    ) -> None:
         self.state, self.params, self.inputs = (
             initial(spec, **start),
-            parameters(spec, seed),
+            parameters(spec, seed, steer_pwm_hz=steer_pwm_hz),
             inputs(),
         )
 
@@ -112,7 +119,7 @@ def test_a_steering_made_from_its_response_shows_it(
 
 def test_the_wheel_stays_while_the_gear_crosses_its_backlash() -> None:
     spec = MachineSpec(steering=SteeringSpec(backlash_deg=2.0))
-    bench = Bench(spec).run(0.5, steer_duty=0.6).run(0.3, steer_duty=0.0)
+    bench = Bench(spec).run(0.5, steer_duty=0.6).run(0.6, steer_duty=0.0)
     angle, shaft = bench.steer_angle, bench.steer_shaft
     while bench.steer_shaft > shaft - math.radians(1.95):
         bench.run(STEP_S, steer_duty=-0.6)
@@ -127,7 +134,7 @@ def test_the_stops_hold_and_stall_the_motor() -> None:
     bench = Bench(spec).run(3.0, steer_duty=1.0)
     s = spec.steering
     assert bench.steer_angle == pytest.approx(math.radians(s.stop_deg))
-    volts = (12.0 - s.bridge.drop_v) * (1 - s.bridge.dead_time_s * s.bridge.pwm_hz)
+    volts = (12.0 - s.bridge.drop_v) * (1 - s.bridge.dead_time_s * STEER_PWM_HZ)
     assert bench.steer_a == pytest.approx(volts / (s.r_ohm + s.bridge.r_ohm), rel=1e-6)
     assert bench.steer_sense_mv == pytest.approx(100 * bench.steer_a)
 
@@ -229,9 +236,9 @@ def test_the_pins_see_the_contract_s_voltages() -> None:
 
 
 def test_the_bridge_loses_its_drop_and_its_dead_time() -> None:
-    bridge = BridgeSpec(drop_v=2.0, r_ohm=0.2, dead_time_s=4e-6, pwm_hz=10_000)
+    bridge = BridgeSpec(drop_v=2.0, r_ohm=0.2, dead_time_s=4e-6)
     steering = SteeringSpec(bridge=bridge)
-    bench = Bench(MachineSpec(steering=steering, battery=STIFF))
+    bench = Bench(MachineSpec(steering=steering, battery=STIFF), steer_pwm_hz=10_000.0)
     bench.run(0.1, steer_duty=0.5, steer_jam=1)
     assert bench.steer_a == pytest.approx((0.5 - 0.04) * 10.0 / (steering.r_ohm + 0.2), rel=1e-6)
     assert Bench(MachineSpec(steering=steering)).run(0.1, steer_duty=0.03).steer_a == 0.0
