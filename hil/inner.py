@@ -79,6 +79,21 @@ def _millivolt(volts_mv: float) -> int:
 
 
 @njit(cache=True, nogil=True)
+def _sensed(now: int, state: Any, wires: Any) -> tuple[int, int, int, int, int, int]:
+    """What arrives at the board: pot, battery, steering and drive current in mV, then the hall
+    sensor's and the e-stop's level."""
+    s = state[0]
+    return (
+        _millivolt(tap(wires, POT, s.pot_mv, now)),
+        _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now)),
+        _millivolt(tap(wires, STEER_SENSE, s.steer_sense_mv, now)),
+        _millivolt(tap(wires, DRIVE_SENSE, s.drive_sense_mv, now)),
+        round(tap(wires, HALL_WIRE, float(s.hall), now)),
+        round(tap(wires, ESTOP_WIRE, 0.0, now)),
+    )
+
+
+@njit(cache=True, nogil=True)
 def _move(
     steer: float,
     drive: float,
@@ -119,13 +134,13 @@ def _run(
         steer = _bridge(pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1])
         drive = _bridge(pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1])
         _move(steer, drive, float(pin(handle, BLADE)), now, state, params, given, wires)
-        s = state[0]
-        set_analog(handle, 0, _millivolt(tap(wires, POT, s.pot_mv, now)))
-        set_analog(handle, 1, _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now)))
-        set_analog(handle, 2, _millivolt(tap(wires, STEER_SENSE, s.steer_sense_mv, now)))
-        set_analog(handle, 3, _millivolt(tap(wires, DRIVE_SENSE, s.drive_sense_mv, now)))
-        set_pin(handle, HALL, round(tap(wires, HALL_WIRE, float(s.hall), now)))
-        set_pin(handle, ESTOP, round(tap(wires, ESTOP_WIRE, 0.0, now)))
+        pot, battery, steer_sense, drive_sense, hall, estop = _sensed(now, state, wires)
+        set_analog(handle, 0, pot)
+        set_analog(handle, 1, battery)
+        set_analog(handle, 2, steer_sense)
+        set_analog(handle, 3, drive_sense)
+        set_pin(handle, HALL, hall)
+        set_pin(handle, ESTOP, estop)
         status: int = run_until(handle, now)
         if status != 0:
             return status
@@ -154,13 +169,10 @@ def _apart(
     while now < end_us:
         now += PHYSICS_US
         _move(outputs[0], outputs[1], outputs[2], now, state, params, given, wires)
-        s = state[0]
-        sensors[0] = _millivolt(tap(wires, POT, s.pot_mv, now))
-        sensors[1] = _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now))
-        sensors[2] = _millivolt(tap(wires, STEER_SENSE, s.steer_sense_mv, now))
-        sensors[3] = _millivolt(tap(wires, DRIVE_SENSE, s.drive_sense_mv, now))
-        sensors[4] = round(tap(wires, ESTOP_WIRE, 0.0, now))
-        hall = round(tap(wires, HALL_WIRE, float(s.hall), now))
+        pot, battery, steer_sense, drive_sense, hall, estop = _sensed(now, state, wires)
+        sensors[0], sensors[1] = pot, battery
+        sensors[2], sensors[3] = steer_sense, drive_sense
+        sensors[4] = estop
         sensors[5] += hall > sensors[6]
         sensors[6] = hall
 

@@ -162,14 +162,20 @@ def test_a_hesitation_that_lasts_ends_in_a_stop() -> None:
     assert world.command.request is Request.STOP
 
 
-def test_a_firmware_fault_is_answered_with_stop_and_never_armed_again() -> None:
+@pytest.mark.parametrize(
+    ("state", "word"), [(State.FAULT, "reports a fault"), (State.SAFE, "disarmed")]
+)
+def test_a_firmware_that_faults_or_restarts_is_answered_with_stop_and_never_armed_again(
+    state: State, word: str
+) -> None:
     world = SimpleWorld(VEHICLE)
     pilot = pilot_for(world)
     drive(world, pilot, 10.0)
-    world.state = State.FAULT
+    world.state = state
     log: list[Command] = []
     drive(world, pilot, 5.0, log)
     assert pilot.phase is Phase.FAULT
+    assert word in pilot.reason
     assert {c.request for c in log} == {Request.STOP}
 
 
@@ -267,15 +273,3 @@ def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, 
     assert pilot.done
     assert world.coverage > 0.98
     assert world.neighbour_cut == 0
-
-
-def test_a_firmware_that_has_restarted_is_not_driven_on() -> None:
-    world = SimpleWorld(VEHICLE)
-    pilot = pilot_for(world)
-    drive(world, pilot, 10.0)
-    world.state = State.SAFE
-    log: list[Command] = []
-    drive(world, pilot, 2.0, log)
-    assert pilot.phase is Phase.FAULT
-    assert "disarmed" in pilot.reason
-    assert Request.ARM not in {c.request for c in log}
