@@ -831,59 +831,27 @@ TEST_CASE("At its angle limit exactly, identification goes on") {
   }
 }
 
-TEST_CASE("Identification stops at its total time, however it is cut into pieces") {
-  Rig rig;
-  rig.set(Param::ident_time_max, 300);
-  rig.arm();
-  double angle = 0;
-  int driven = 0;
-  for (int i = 0; i < 100 && rig.faults() == 0; ++i) {
-    rig.ident(100, 20);
-    rig.tick();
-    driven += rig.board.pwm[9] != 0;
-    rig.board.set_angle(angle += 0.1);
-  }
-  CHECK(rig.faults() == protocol::IDENT_LIMIT);
-  CHECK(driven == 60);
-}
-
-TEST_CASE("After a DRIVE identification has all of its time again") {
-  Rig rig;
-  rig.set(Param::ident_time_max, 300);
-  rig.arm();
-  double angle = 0;
-  int driven = 0;
-  for (int i = 0; i < 120 && rig.faults() == 0; ++i) {
-    if (i == 30) {
-      rig.ask(0, static_cast<int16_t>(angle * 100));
-      rig.drive_for(1);
-      driven = 0;
-    }
-    rig.ident(100, 20);
-    rig.tick();
-    driven += rig.board.pwm[9] != 0;
-    rig.board.set_angle(angle += 0.1);
-  }
-  CHECK(rig.faults() == protocol::IDENT_LIMIT);
-  CHECK(driven == 60);
-}
-
-TEST_CASE("A DRIVE ends identification and gives it its time back") {
-  Rig rig;
-  rig.set(Param::ident_time_max, 300);
-  rig.arm();
-  double angle = 0;
-  for (int k = 0; k < 4; ++k) {
-    for (int i = 0; i < 50; ++i) {
+TEST_CASE("The time of identification adds up; after a DRIVE it has all of it again") {
+  for (const int drive_at : {-1, 30}) {
+    Rig rig;
+    rig.set(Param::ident_time_max, 300);
+    rig.arm();
+    double angle = 0;
+    int driven = 0;
+    for (int i = 0; i < 120 && rig.faults() == 0; ++i) {
+      if (i == drive_at) {
+        rig.ask(0, static_cast<int16_t>(angle * 100));
+        rig.drive_for(1);
+        driven = 0;
+      }
       rig.ident(100, 20);
       rig.tick();
+      driven += rig.board.pwm[9] != 0;
       rig.board.set_angle(angle += 0.1);
     }
-    rig.ask(0, static_cast<int16_t>(angle * 100));
-    rig.drive_for(1);
+    CHECK(rig.faults() == protocol::IDENT_LIMIT);
+    CHECK(driven == 60);
   }
-  CHECK(rig.faults() == 0);
-  CHECK(rig.state() == State::ARMED);
 }
 
 TEST_CASE("Identification with no duty releases the motor, and that costs none of its time") {
