@@ -16,14 +16,20 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vision.fisher import Discriminant, Features, Reach, discriminant
+from host.vision.fisher import Features, Reach, learn
 from host.vision.pictures import Picture, u8
 from host.vision.split import NEAR_SHARE, Line
 from host.vision.texture import combine, measure
 
-PASSES = 2
+DEAD_SHARES = (0.02, 0.01, 0.01)
+"""Of the picture's shorter side, for each pass: so near to the edge nothing is learnt, pooled cells
+there hold both kinds and the edge is not yet well known."""
+AVERAGED = 2
+"""Of the passes' curves, the last ones: they hover about the edge."""
 BLOCK_PX = 4
 """Along the edge, pooled into one row."""
+LEARNT = 2
+"""Every so many rows are learnt from: neighbouring ones were pooled."""
 STEPS = 3
 """Pixels that the curve may move sideways from one row to the next."""
 BEND = 6.0
@@ -31,9 +37,7 @@ BEND = 6.0
 CLIP = 3.0
 BAND_SHARE = 0.08
 """Of the picture's shorter side: how far the curve may leave the line."""
-DEAD_SHARE = 0.02
-"""So near to the edge nothing is learnt: pooled cells there hold both kinds."""
-SIGMAS = (1.2, 3.0)
+SIGMAS = (0.8, 2.0)
 """Px: the scales of grain."""
 ALONG = np.array([1, 2, 1], np.float32) / 4
 ACROSS = np.array([1, 4, 6, 4, 1], np.float32) / 16
@@ -162,27 +166,33 @@ def follow(bgr: Picture, line: Line) -> Curve:
     strip = _straightened(bgr, line, max(band + 1, math.ceil(near)))
     ends = math.hypot(h, w) / 2
     along = strip.along if strip else np.array([-ends, ends])
-    aside: NDArray[np.float64] = np.zeros(len(along))
-    learnt: Discriminant | None = None
+    found: list[NDArray[np.float64]] = [np.zeros(len(along))]
+    apart = 0.0
     if strip is not None:
-        cut = near if line.strip == 0 else max(12.0, min(near, line.strip))
-        reach = Reach(near, cut, max(1.0, DEAD_SHARE * shorter))
         across = np.arange(-strip.half, strip.half + 1)
         columns = slice(strip.half - band, strip.half + band + 1)
-        for _ in range(PASSES):
-            distances = np.where(strip.inside, across - aside[:, None], np.nan)
-            found = discriminant(strip.features, distances.astype(np.float32), reach)
-            if found is None:
+        features = np.ascontiguousarray(strip.features[::LEARNT])
+        known = strip.inside[::LEARNT]
+        beside = np.ascontiguousarray(strip.features[:, columns])
+        inside = np.ascontiguousarray(strip.inside[:, columns])
+        cut = near if line.strip == 0 else max(12.0, min(near, line.strip))
+        for dead in DEAD_SHARES:
+            distances = np.where(known, across - found[-1][::LEARNT, None], np.nan)
+            reach = Reach(near, cut, max(1.0, dead * shorter))
+            kinds = learn(features, distances.astype(np.float32), reach)
+            if kinds is None:
                 break
-            learnt = found
-            value = np.ascontiguousarray(learnt.value(strip.features)[:, columns])
+            fisher = kinds.discriminant()
+            apart = fisher.apart
+            # the line is too far off for more than the direction in which the kinds differ
+            value = fisher.value(beside) if len(found) == 1 else kinds.odds(beside)
             path = np.zeros(len(along), np.int32)
-            _path(value, np.ascontiguousarray(strip.inside[:, columns]), BEND, path)
-            aside = path.astype(np.float64) - band - 0.5
+            _path(value, inside, BEND, path)
+            found.append(path.astype(np.float64) - band - 0.5)
+    aside = np.mean(found[-AVERAGED:], axis=0) if len(found) > AVERAGED else found[-1]
     cos, sin = math.cos(line.angle_rad), math.sin(line.angle_rad)
     foot_u, foot_v = _foot(line, w, h)
     points = np.column_stack(
         [foot_u + aside * cos - along * sin, foot_v + aside * sin + along * cos]
     )
-    apart = learnt.apart if learnt else 0.0
     return Curve(points, line, apart, float(np.abs(aside).mean()))

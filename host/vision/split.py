@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vision.fisher import Features, Reach, discriminant
+from host.vision.fisher import Features, Reach, learn
 
 Side = Literal["left", "right", "top", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "right", "top", "bottom")
@@ -220,8 +220,8 @@ def _apart(features: Features, line: Line) -> float:
     u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
     near = NEAR_SHARE * min(h, w)
     cut = near if line.strip == 0 else max(2.0, min(near, line.strip))
-    learnt = discriminant(features, line.signed(u, v).astype(np.float32), Reach(near, cut, 0.5))
-    return max(0.1, learnt.apart) if learnt else 0.1
+    kinds = learn(features, line.signed(u, v).astype(np.float32), Reach(near, cut, 0.5))
+    return max(0.1, kinds.discriminant().apart) if kinds else 0.1
 
 
 def best_line(features: Features, side: Side, search: Search | None = None) -> Line:

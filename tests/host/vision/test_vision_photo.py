@@ -11,9 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scenery import halves
+from scipy.stats import multivariate_normal
 
 from host.see import data_folder
 from host.vision import bench
+from host.vision.fisher import ALIKE, FLATTER, RIDGE, STRANGE, WIDER, Kinds, Reach, learn
 from host.vision.paper import Chain, PaperParams
 from host.vision.photo import photo_detector
 from host.vision.score import heading_error_deg, labelled_set, lateral_error, miou
@@ -46,6 +48,45 @@ def test_a_strip_beside_the_crop_is_not_crop() -> None:
     view = photo_detector("robust", "left").see(shaded)
     assert view.standing is not None
     assert view.standing[strip].mean() < 0.25
+
+
+def _two_kinds() -> tuple[NDArray[np.float32], Kinds]:
+    """Crop about (0, 0) right of the edge, cut about (4, 0) left of it."""
+    rng = np.random.default_rng(1)
+    features = rng.normal(size=(60, 40, 2)).astype(np.float32)
+    features[:, :20, 0] += 4.0
+    distances = np.broadcast_to(np.arange(-19.5, 20.0, dtype=np.float32), (60, 40))
+    kinds = learn(features, distances, Reach(crop=15.0, cut=15.0, dead=1.0))
+    assert kinds is not None
+    return features, kinds
+
+
+def test_what_is_like_neither_kind_is_not_crop() -> None:
+    """Fisher's discriminant cannot say so: it looks along one direction only."""
+    _, kinds = _two_kinds()
+    strange = np.array([[[0.0, 9.0], [0.0, -9.0], [-9.0, 0.0]]], np.float32)
+    assert (kinds.odds(strange) < -1.0).all()
+    assert kinds.discriminant().value(strange)[0, 2] > 1.0
+
+
+def test_odds_are_those_of_normal_kinds_with_a_share_of_strangers() -> None:
+    features, kinds = _two_kinds()
+    within = kinds.covariances.mean(0)
+    ridge = RIDGE * np.diag(np.diag(within))
+    crop, cut = ((1 - ALIKE) * c + ALIKE * within + ridge for c in kinds.covariances)
+
+    def density(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(multivariate_normal(mean, covariance).pdf(features))
+
+    strangers = density(kinds.means[0], WIDER * crop)
+    other = (1 - STRANGE) * density(kinds.means[1], cut) + STRANGE * strangers
+    expected = FLATTER * np.log(density(kinds.means[0], crop) / other)
+    assert np.abs(kinds.odds(features) - expected).max() < 1e-3
+
+
+def test_too_few_cells_teach_nothing() -> None:
+    features, distances = np.zeros((2, 4, 3), np.float32), np.ones((2, 4), np.float32)
+    assert learn(features, distances, Reach(5.0, 5.0, 0.5)) is None
 
 
 def test_whitened_features_are_uncorrelated_with_unit_variance() -> None:
