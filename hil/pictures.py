@@ -43,6 +43,10 @@ _PATH = {
 }
 
 
+BEYOND_GAP_M = 2.0
+"""What a map shows of the neighbour's crop."""
+
+
 def draw_map(
     path: Path, crop: f.Field, track: list[tuple[float, float, float, float, Phase]], title: str
 ) -> None:
@@ -71,10 +75,14 @@ def draw_map(
             axes.scatter([], [], color=[_GROUND[kind]], marker="s", s=60, label=name)
     for line, name in _PATH.values():
         axes.plot([], [], color=line, label=name)
+    axes.set(xlabel="x east (m)", ylabel="y north (m)", title=title)
+    left, bottom, right, top = crop.spec.boundary.bounds
+    around = crop.spec.gap_m + BEYOND_GAP_M
     axes.set(
-        xlabel="x east (m)", ylabel="y north (m)", title=title, xlim=extent[:2], ylim=extent[2:]
+        xlim=(max(extent[0], left - around), min(extent[1], right + around)),
+        ylim=(max(extent[2], bottom - around), min(extent[3], top + around)),
     )
-    axes.legend(loc="upper right", framealpha=0.9, fontsize=8)
+    figure.legend(loc="outside lower center", ncols=7, fontsize=8)
     figure.savefig(path, dpi=110)
 
 

@@ -77,6 +77,8 @@ class Section:
     grid: Grid | None = None
     pictures: list[tuple[str, str]] = field(default_factory=list)
     """(data URI, caption)."""
+    wide: bool = False
+    """Pictures below each other, not side by side."""
     video: str | None = None
     """Data URI."""
 
@@ -218,7 +220,7 @@ def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]
         if against is not None and (against / "record.mcap").exists():
             theirs = plot.series(against / "record.mcap")
             drawn.append((_drawn(plot.draw_time(theirs)), against.name))
-        sections.append(Section("Over time", pictures=drawn))
+        sections.append(Section("Over time", pictures=drawn, wide=True))
         grid = Grid(("since", "state", "why"))
         for since, phase, reason in data.phases:
             mark = "bad" if phase in ("fault", "hesitate") else ""
