@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from simple_world import SimpleWorld, drive, harvest
 
+from host import steering
 from host.pilot import (
     CREEP_MPS,
     END_PAST_M,
@@ -17,7 +19,8 @@ from host.pilot import (
     Pilot,
 )
 from host.plan import Plan, Side, spiral
-from host.types import Command, Request
+from host.position import Position
+from host.types import Command, Request, State
 from host.vehicle import Vehicle
 from host.vision.view import CropView
 
@@ -248,3 +251,175 @@ def test_a_border_behind_ends_the_way_back_instead_of_the_run() -> None:
     pilot = Pilot(VEHICLE, world, PLAN)
     drive(world, pilot, 120.0, until=lambda: pilot.turns == 2)
     assert pilot.turns == 2, pilot.reason
+
+
+# ---- turns ---------------------------------------------------------------------------------------
+
+
+def driven_to_look(
+    spoil: Callable[[SimpleWorld, Pilot, CropView], CropView] | None = None,
+    turn: str = "three_point",
+    pot_error_deg: float = 0.0,
+    log: list[tuple[Command, float]] | None = None,
+) -> tuple[float, float]:
+    """(metres, radians) left of the second side's lane, after the first turn in a wide gap. `log`
+    gets each command of the turn and the pilot's steering law in reverse at that moment."""
+    world = SimpleWorld(VEHICLE, gap=3.0, pot_error=math.radians(pot_error_deg))
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, turn=turn, gap_m=None))
+    if spoil is not None:
+        eyes.spoil = lambda view: spoil(world, pilot, view)
+
+    def looking() -> bool:
+        if log is not None and pilot.phase is Phase.TURN:
+            law = steering.reverse(pilot.lane.offset_m, pilot.lane.heading_rad, VEHICLE)
+            log.append((world.command, law - pilot.trim_rad))
+        return pilot.phase is Phase.LOOK
+
+    drive(world, pilot, 100.0, until=looking)
+    assert pilot.phase is Phase.LOOK
+    drive(world, pilot, 3.0, until=lambda: abs(world.speed) < 0.02)
+    lane_y = SECOND.y_m - VEHICLE.inset_m
+    return lane_y - world.y, math.remainder(world.yaw - SECOND.heading_rad, math.tau)
+
+
+def test_what_is_seen_of_the_crops_flank_while_it_backs_out_is_not_its_edge() -> None:
+    begins = SECOND.x_m
+
+    def flank(world: SimpleWorld, pilot: Pilot, view: CropView) -> CropView:
+        beside = world.x + VEHICLE.blade_x_m * math.cos(world.yaw) < begins
+        return endless(view) if pilot.phase is Phase.TURN and beside else view
+
+    def aside(world: SimpleWorld, pilot: Pilot, view: CropView) -> CropView:
+        shown = flank(world, pilot, view)
+        return view if shown is view else replace(shown, edge_offset_m=0.15)
+
+    assert driven_to_look(aside) == pytest.approx(driven_to_look(), abs=0.005)
+
+
+def test_a_leg_is_ended_so_that_it_coasts_to_its_angle() -> None:
+    _, heading = driven_to_look(turn="arc")
+    assert abs(math.degrees(heading)) < 2.5
+
+
+def test_what_the_pot_hides_is_taken_off_on_the_way_back_too() -> None:
+    log: list[tuple[Command, float]] = []
+    driven_to_look(pot_error_deg=2.0, log=log)
+    backwards = [(c.steer_rad, law) for c, law in log if c.speed_mps < 0]
+    steer, law = backwards[-1]
+    assert steer == pytest.approx(law, abs=1e-3)
+
+
+class Jammed(SimpleWorld):
+    """Its front wheel does not turn any more once it is `jammed`."""
+
+    jammed = False
+
+    def advance(self) -> None:
+        angle = self.angle
+        super().advance()
+        if self.jammed:
+            self.angle = angle
+
+
+def test_steering_that_does_not_reach_its_angle_stops_it() -> None:
+    world = Jammed(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+    world.jammed = True
+    began = world.now
+    harvest(world, pilot, 100.0)
+    assert pilot.phase is Phase.FAULT
+    assert "steering" in pilot.reason
+    assert world.now - began < 12.0
+
+
+# ---- sensors -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error_deg", [2.0, -2.0])
+def test_with_a_pot_that_is_off_it_still_follows_the_edge_itself(error_deg: float) -> None:
+    world = SimpleWorld(VEHICLE, height=40.0, pot_error=math.radians(error_deg))
+    usual = world.x
+    field = [(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)]
+    pilot = Pilot(VEHICLE, world, spiral(field, 1, VEHICLE, gap_m=2.0))
+    drive(world, pilot, 200.0, until=lambda: world.y > 28.0)
+    assert world.x == pytest.approx(usual, abs=0.02)
+
+
+def test_where_only_the_duty_tells_the_distance_a_side_may_end_as_much_sooner() -> None:
+    """It is faster than it thinks: by its own reckoning the end comes too soon."""
+    world = SimpleWorld(VEHICLE, hall=False, speed_error=1.1)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or pilot.done, fixes=False)
+    assert pilot.turns == 1, pilot.reason
+    assert world.y + VEHICLE.blade_x_m < 10.5
+
+
+def test_a_wheel_sensor_that_counts_the_impossible_stops_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 8.0)
+    for _ in range(20):
+        world.advance()
+        told = replace(world.telemetry(), speed_mps=3 * VEHICLE.full_duty_speed_mps)
+        world.command = pilot.step(world.now, None, None, told)
+    assert pilot.phase is Phase.FAULT
+    assert "sensor" in pilot.reason
+
+
+def test_where_the_blade_meets_crop_and_where_it_leaves_it_the_position_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = SimpleWorld(VEHICLE, width=6.0, height=6.0)
+    plan = spiral([(0, 0), (6, 0), (6, 6), (0, 6)], 1, VEHICLE, gap_m=2.0)
+    told: list[tuple[str, float]] = []
+
+    def along(side: Side) -> float:
+        """Of the blade, truly."""
+        x = world.x + VEHICLE.blade_x_m * math.cos(world.yaw) - side.x_m
+        y = world.y + VEHICLE.blade_x_m * math.sin(world.yaw) - side.y_m
+        return x * math.cos(side.heading_rad) + y * math.sin(side.heading_rad)
+
+    at_begin, at_end = Position.at_begin, Position.at_end
+
+    def begin(position: Position, side: Side, ago_m: float, *more: float) -> None:
+        told.append(("begin", ago_m - along(side)))
+        at_begin(position, side, ago_m, *more)
+
+    def end(position: Position, side: Side, ago_m: float, *more: float) -> None:
+        told.append(("end", side.length_m + ago_m - along(side)))
+        at_end(position, side, ago_m, *more)
+
+    monkeypatch.setattr(Position, "at_begin", begin)
+    monkeypatch.setattr(Position, "at_end", end)
+    pilot = Pilot(VEHICLE, world, plan)
+    drive(world, pilot, 200.0, until=lambda: pilot.turns == 3)
+    assert [what for what, _ in told] == ["begin", "end"] * 3
+    assert max(abs(error) for _, error in told) < 0.15
+
+
+# ---- the beginning -------------------------------------------------------------------------------
+
+
+def test_an_edge_that_stays_hidden_is_where_the_operator_put_the_blade() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: replace(view, confidence=0.0))
+    for plan, phase in ((PLAN, Phase.FOLLOW), (Plan(), Phase.ALIGN)):
+        pilot = Pilot(VEHICLE, eyes, plan)
+        world.command = Command(Request.STOP)
+        drive(world, pilot, 2.5)
+        assert pilot.phase is Phase.ALIGN
+        drive(world, pilot, 1.5)
+        assert pilot.phase is phase, "without a plan it takes no place for granted"
+
+
+def test_a_fault_of_the_firmware_that_does_not_clear_ends_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    world.state, world.command = State.FAULT, Command(Request.CLEAR)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    log: list[Command] = []
+    drive(world, pilot, 3.0, log)
+    assert pilot.phase is Phase.FAULT
+    assert "does not clear" in pilot.reason
+    assert [c.request for c in log].count(Request.CLEAR) == 1
