@@ -65,22 +65,22 @@ FIRST_FIXES = 10
 
 
 def fitted(picture: Picture, mount: Mount, delay_s: float) -> Frame | None:
-    """The picture as the mount describes it, stamped with its shutter's time; None where the JPEG
-    is broken. Raises UserError where its proportions are not the mount's."""
+    """The picture in the mount's size, stamped with its shutter's time; None where the JPEG is
+    broken. One of other proportions stays as it is, for the picture watch to refuse."""
     frame = picture.frame()
     if frame is None:
         return None
     height, width = frame.bgr.shape[:2]
     bgr = frame.bgr
-    if (width, height) != (mount.width_px, mount.height_px):
-        if width * mount.height_px != height * mount.width_px:
-            raise UserError(
-                f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
-                f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
-            )
-        size = (mount.width_px, mount.height_px)
+    size = (mount.width_px, mount.height_px)
+    if (width, height) != size and width * mount.height_px == height * mount.width_px:
         bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA).astype("uint8", copy=False)
     return Frame(picture.stamp - delay_s, bgr)
+
+
+def fits(frame: Frame, mount: Mount) -> bool:
+    """Whether a frame has the mount's size."""
+    return frame.bgr.shape[:2] == (mount.height_px, mount.width_px)
 
 
 def halt(link: Link, clock: Callable[[], float], timeout_s: float = HALT_S) -> bool:
@@ -194,7 +194,7 @@ class Drive:
         if picture is not None:
             frame = fitted(picture, self._mount, self._delay_s)
             self.pictures += 1
-            self.pictures_bad += frame is None
+            self.pictures_bad += frame is None or not fits(frame, self._mount)
         fix = self.gnss.take() if self.gnss is not None else None
         if fix is not None:
             self.fix = fix
@@ -590,7 +590,8 @@ def _warm_up(
     pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: Mode
 ) -> Frame | None:
     """Lets a detector of its own see one picture, and returns that: what is compiled at first use
-    takes seconds, and the firmware waits for a command no longer than 250 ms once it is armed."""
+    takes seconds, and the firmware waits for a command no longer than 250 ms once it is armed.
+    UserError where there is none, or its proportions are not the mount's."""
     if not pictures.wait(FIRST_PICTURE_S):
         raise UserError(
             f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
@@ -599,6 +600,12 @@ def _warm_up(
     picture = pictures.take()
     frame = fitted(picture, mount, 0.0) if picture is not None else None
     if frame is not None:
+        if not fits(frame, mount):
+            height, width = frame.bgr.shape[:2]
+            raise UserError(
+                f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
+                f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
+            )
         make_detector(mode, vehicle, mount).see(frame.bgr)
     return frame
 

@@ -35,6 +35,7 @@ from host.gnss import LocalFrame, Receiver
 from host.lane import Lane
 from host.link import Link
 from host.odometry import Odometry
+from host.picture_watch import WatchedDetector
 from host.pilot import PAUSED, Phase, Pilot
 from host.plan import Plan, spiral
 from host.position import Position
@@ -43,6 +44,7 @@ from host.record import Recorder, read
 from host.stream import Picture
 from host.types import Command, Fix, Frame, Request, Telemetry
 from host.vehicle import MAST, Vehicle
+from host.vision import make_detector
 from host.vision.view import CropView
 
 LIMIT_S = 10.0
@@ -482,10 +484,38 @@ def test_a_larger_picture_of_the_same_shape_is_brought_to_the_mounts_size() -> N
     assert frame.bgr[:, : MAST.width_px // 2].min() == 200
 
 
-def test_a_picture_of_another_shape_is_refused_with_both_sizes() -> None:
-    wide = np.zeros((360, 640, 3), np.uint8)
-    with pytest.raises(UserError, match=r"640x360 pixels, the mount expects 640x480"):
-        fitted(Picture(0.0, None, wide), MAST, 0.0)
+WIDE = Picture(0.0, None, np.zeros((360, 640, 3), np.uint8))
+
+
+def test_a_first_picture_of_another_shape_is_refused_with_both_sizes(
+    cli: Cli, board: FakeFirmware, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def source(feed: Feed[Picture]) -> Iterator[Picture]:
+        yield WIDE
+        feed.pause(LIMIT_S)
+
+    def camera(_url: str, clock: Callable[[], float], report: Callable[[str], None]) -> Any:
+        return Feed("camera", source, clock, report)
+
+    monkeypatch.setattr("host.drive.camera_feed", camera)
+    code, _, err = cli("drive", "--port", board.port, "--camera", "http://127.0.0.1:1/video")
+    assert code == EXIT_USER
+    assert "640x360 pixels, the mount expects 640x480" in err
+    assert err.count("\n") == 1
+    assert board.wait_for(protocol.Stop)
+
+
+def test_a_picture_of_another_shape_in_mid_drive_is_a_bad_one_that_is_not_believed(
+    driven: Callable[..., Drive],
+) -> None:
+    script = Script([Command(Request.DRIVE)] * 3)
+    run = driven(script, [WIDE])
+    run.run(nothing)
+    assert (run.pictures, run.pictures_bad) == (1, 1)
+    frame = next(frame for _, frame, _, _ in script.seen if frame is not None)
+    view = WatchedDetector(make_detector("robust", Vehicle(), MAST), MAST).see(frame.bgr)
+    assert not view.usable
+    assert "another size" in view.reason
 
 
 # ---- the command ---------------------------------------------------------------------------------
