@@ -136,7 +136,7 @@ def about_of(path: Path) -> About:
         corners = tuple((float(x), float(y)) for x, y in data.get("boundary", ()))
         sides = tuple(Side(**side) for side in data["sides"])
         outs = tuple(tuple((x, y) for x, y in ring) for ring in data.get("keep_outs", ()))
-        plan = Plan(sides, data["turn"], corners, data.get("gap_m"), outs)
+        plan = Plan(sides, data["turn"], corners, data.get("gap_m"), outs, done=data.get("done", 0))
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])
     paper = PaperParams.model_validate_json(about["paper"]) if "paper" in about else None

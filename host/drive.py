@@ -566,7 +566,7 @@ def _where_to_go_on(plan: Plan, begun: tuple[int, float], frame: LocalFrame) -> 
     compass = (90.0 - math.degrees(side.heading_rad)) % 360
     place = f"{cut_m:.1f} m along it, where its crop still stands" if cut_m else "at its beginning"
     return (
-        f"going on with side {index + 1} of {len(plan.sides)}: the machine has to stand {place} "
+        f"going on with {plan.name(index)}: the machine has to stand {place} "
         f"(near {lat:.6f} {lon:.6f}), heading {compass:.0f} degrees by the compass"
     )
 

@@ -586,7 +586,7 @@ class Pilot:
         self._search_m = math.inf
         blind = side is not None and side.blind_end
         why = "the keep-out's margin" if blind else "no crop before the blade"
-        self._go(now, Phase.TURN, f"end of side {self.turns}: {why}")
+        self._go(now, Phase.TURN, f"end of {self._plan.name(self.turns - 1)}: {why}")
 
     def _room_m(self, turn: Turn, end: EndOfField) -> float:
         """The least clearance to the geofence along a turn that begins where the side ended."""
@@ -692,7 +692,9 @@ class Pilot:
                 self._nothing_there(now)
             return self._hold()
         if view.confidence >= CONFIDENT or self._looks >= SEARCH_PICTURES:
-            self._start_side(now, f"side {self.turns + 1}: crop {view.crop_ahead_m:.1f} m ahead")
+            self._start_side(
+                now, f"{self._plan.name(self.turns)}: crop {view.crop_ahead_m:.1f} m ahead"
+            )
         del telemetry
         return self._hold()
 
@@ -705,7 +707,7 @@ class Pilot:
         else:
             reach = side.length_m if side.length_m < SKIP_SIDE_M else NO_CROP_M
             self._search_m = self._crop_expected_m() + reach
-            self._start_side(now, f"side {self.turns + 1}: no crop in view, looking for it")
+            self._start_side(now, f"{self._plan.name(self.turns)}: no crop in view, looking for it")
 
     def _rest(self, now: float, telemetry: Telemetry) -> Command:
         del now, telemetry

@@ -72,6 +72,13 @@ class Plan:
     keep_outs: tuple[tuple[tuple[float, float], ...], ...] = ()
     leftover_m2: float = 0.0
     """What no side of the plan reaches."""
+    done: int = 0
+    """Sides of the whole plan that were cut before; `sides` are those that are left."""
+
+    def name(self, index: int) -> str:
+        """Which side of the whole plan `sides[index]` is, in words that count from 1."""
+        number = self.done + index + 1
+        return f"side {number} of {self.done + len(self.sides)}" if self.sides else f"side {number}"
 
     def corner_rad(self, index: int) -> float:
         """The left turn from side `index` to the next; 0 where the same edge is taken again."""

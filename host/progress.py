@@ -136,7 +136,7 @@ def remaining(plan: Plan, side: int, cut_m: float) -> Plan:
         fence_m=this.fence_m - cut_m,
         back_m=this.back_m + cut_m,
     )
-    return replace(plan, sides=(rest, *plan.sides[side + 1 :]))
+    return replace(plan, sides=(rest, *plan.sides[side + 1 :]), done=plan.done + side)
 
 
 class Keeper:

@@ -195,6 +195,8 @@ def test_after_a_crash_the_field_is_finished(tmp_path: Path, cut_m: float) -> No
     assert pilot.phase is Phase.FINISHED, pilot.reason
     assert after.coverage > 0.985
     assert after.neighbour_cut == 0
+    first = next(t.reason for t in pilot.transitions if t.phase is Phase.TURN)
+    assert f"end of side {begun[0] + 1} of {len(plan.sides)}" in first, "it goes on counting"
     done = load(path)
     assert (done.phase, done.side) == (Phase.FINISHED, len(plan.sides) - 1)
 
