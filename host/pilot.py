@@ -419,7 +419,6 @@ class Pilot:
         self._entered_at = None
         self._clear_count, self._clear_since = 0, None
         self._run_from = self.motion
-        self._sure_stamp = max(self._sure_stamp, now - SLOW_AFTER_S)
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:

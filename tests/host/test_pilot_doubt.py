@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simple_world import SimpleWorld, drive, harvest
+from simple_world import BLANK, SimpleWorld, drive, harvest
 
 from host import steering
 from host.pilot import (
@@ -20,7 +20,7 @@ from host.pilot import (
 )
 from host.plan import Plan, Side, spiral
 from host.position import Position
-from host.types import Command, Request, State
+from host.types import Command, Fix, Frame, Request, State
 from host.vehicle import Vehicle
 from host.vision.view import CropView
 
@@ -423,3 +423,72 @@ def test_a_fault_of_the_firmware_that_does_not_clear_ends_it() -> None:
     assert pilot.phase is Phase.FAULT
     assert "does not clear" in pilot.reason
     assert [c.request for c in log].count(Request.CLEAR) == 1
+
+
+def test_a_machine_whose_camera_went_while_it_armed_does_not_set_out() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    world.command = pilot.step(0.0, Frame(0.0, BLANK), None, world.telemetry())
+    log: list[Command] = []
+    while world.now < 8.0:
+        world.advance()
+        told = world.telemetry() if world.now > 4.0 else None
+        world.command = pilot.step(world.now, None, None, told)
+        log.append(world.command)
+    assert pilot.phase is not Phase.CONNECT
+    assert all(c.speed_mps == 0.0 for c in log)
+
+
+# ---- gaps ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("phase", [Phase.FOLLOW, Phase.TURN])
+def test_after_a_gap_the_camera_has_to_show_the_world_for_a_while(phase: Phase) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is phase and abs(world.speed) > 0.25)
+    until = world.now + 5.0
+    while world.now < until:
+        world.advance()
+        world.command = pilot.step(world.now, None, None, world.telemetry())
+    assert pilot.phase is Phase.HESITATE
+    began = world.now
+    drive(world, pilot, 5.0, until=lambda: pilot.phase is phase)
+    assert RESUME_AFTER_S <= world.now - began < 2 * RESUME_AFTER_S
+
+
+def test_a_turn_by_a_speed_that_is_only_modelled_leaves_it_less_sure_of_its_place() -> None:
+    sigmas = []
+    for hall in (True, False):
+        world = SimpleWorld(VEHICLE, hall=hall)
+        eyes = Eyes(world, lambda view: view)
+        pilot = Pilot(VEHICLE, eyes, PLAN)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.TURN)
+        eyes.spoil = lambda view: replace(view, confidence=0.0)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.LOOK)
+        sigmas.append(pilot.lane.offset_sigma_m)
+    assert sigmas[1] > 1.3 * sigmas[0]
+
+
+def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+    eyes.spoil = lambda _view: CropView(0.0, reason="nothing")
+    harvest(world, pilot, world.now + 30.0)
+    assert pilot.phase is Phase.FAULT
+    assert "made out" in pilot.reason
+
+
+def test_a_finished_machine_may_be_pushed_anywhere() -> None:
+    world, pilot = only_the_first_strip(replace(PLAN, sides=(FIRST,)))
+    harvest(world, pilot, 60.0)
+    assert pilot.phase is Phase.FINISHED
+    for _ in range(500):
+        world.advance()
+        run = replace(world.telemetry(), speed_mps=0.5, distance_m=0.5 * world.now)
+        back = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, 0.5, -math.pi / 2)
+        command = pilot.step(world.now, None, back, run)
+    assert pilot.phase is Phase.FINISHED
+    assert command.request is Request.STOP

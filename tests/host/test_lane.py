@@ -1,0 +1,102 @@
+"""Facts about the lane filter and the position: what moves them, and how much."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from host.lane import Lane
+from host.odometry import Motion
+from host.plan import Side
+from host.position import Position
+from host.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+STEP_M = 0.05
+
+
+def motion(run_m: float, yaw_rad: float = 0.0) -> Motion:
+    return Motion(0.0, 0.5, 0.0, run_m, yaw_rad, run_m, 0.0)
+
+
+def edge_at(offset_m: float, heading_rad: float) -> float:
+    """What vision measures of the edge from there."""
+    return -(offset_m + VEHICLE.blade_x_m * math.sin(heading_rad)) / math.cos(heading_rad)
+
+
+def bend(lane: Lane, curvature_1pm: float, steps: int, begin_m: float = 0.0) -> float:
+    """Drives on a bend that the pot does not show; the bias that the lane learns of it."""
+    for k in range(steps):
+        run = STEP_M * k
+        lane.predict(motion(begin_m + run))
+        offset, heading = curvature_1pm * run**2 / 2, curvature_1pm * run
+        lane.correct(edge_at(offset, heading), -heading, 1.0, (0.0, 0.0))
+    return lane.take_bias()
+
+
+def settled() -> Lane:
+    lane = Lane(VEHICLE.blade_x_m)
+    for _ in range(20):
+        lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
+    return lane
+
+
+def test_what_is_known_of_the_bias_outlives_a_turn() -> None:
+    fresh, known = Lane(VEHICLE.blade_x_m), Lane(VEHICLE.blade_x_m)
+    bend(known, 0.0, 200)
+    known.place(0.0, 0.0, 0.1, math.radians(5))
+    assert abs(bend(known, 0.01, 40, 10.0)) < 0.5 * abs(bend(fresh, 0.01, 40))
+
+
+def test_a_contradiction_teaches_nothing_about_the_bias() -> None:
+    lane = settled()
+    for k in range(400):
+        lane.predict(motion(0.01 * k))
+        if lane.correct(0.6, 0.0, 1.0, (0.0, 0.0)):
+            break
+    assert not lane.contradicted
+    assert abs(lane.take_bias()) < 0.003
+
+
+def test_the_less_sure_the_picture_the_less_it_moves_the_estimate() -> None:
+    moved = []
+    for confidence in (1.0, 0.75, 0.5):
+        lane = settled()
+        lane.correct(-0.05, 0.0, confidence, (0.0, 0.0))
+        moved.append(lane.blade_offset_m)
+    assert moved[0] > 1.5 * moved[1] > 0.0
+    assert moved[1] > 1.2 * moved[2] > 0.0
+
+
+def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
+    """On a circle around the lane's origin, each picture half a metre late."""
+    curvature, late = 0.1, 10
+    poses = [
+        ((1 - math.cos(yaw)) / curvature, yaw) for yaw in np.arange(0, 120) * STEP_M * curvature
+    ]
+    lane = Lane(VEHICLE.blade_x_m)
+    for k, (_, yaw) in enumerate(poses[:80]):
+        lane.predict(motion(STEP_M * k, yaw))
+        if k < late:
+            continue
+        offset, heading = poses[k - late]
+        since = (STEP_M * late, yaw - heading)
+        assert lane.correct(edge_at(offset, heading), -heading, 1.0, since)
+    offset, heading = poses[79]
+    assert lane.heading_rad == pytest.approx(heading, abs=0.01)
+    assert lane.offset_m == pytest.approx(offset, abs=0.02)
+
+
+def test_the_further_inside_the_less_a_sides_line_proves() -> None:
+    """What the swaths before it were off adds up."""
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    moved = []
+    for index in (0, 8, 20):
+        position = Position(VEHICLE)
+        position.place(side, 0.0, 0.0, 0.0)
+        before = position.pose[1]
+        position.on_lane(side, index, 0.1, 0.0)
+        moved.append(position.pose[1] - before)
+    assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
