@@ -21,6 +21,7 @@ import pytest
 import serial
 
 from hil import scenario, targets
+from hil.harvest import harvest
 from hil.lockstep import SLICE_US, Bench
 from hil.virtual import (
     BEHIND_S,
@@ -46,6 +47,8 @@ from sim_plant.camera import Camera, Shot
 from sim_plant.phone import Phone, PhoneSpec
 
 LIMIT_S = 10.0
+HARVEST_S = 1500.0
+"""Twice what the default harvest takes."""
 SLICE_S = SLICE_US * 1e-6
 
 needs_firmware = pytest.mark.skipif(
@@ -380,6 +383,21 @@ def test_drive_follows_an_edge_of_10_m_takes_the_turn_and_stops_at_ctrl_c(tmp_pa
         assert "stopped: the firmware confirms" in said
     summary = summary_of(tmp_path)
     assert summary["coverage"] >= 0.09, "a strip of 0.95 m by 10 m of 10 m by 10 m"
+    assert summary["neighbour_cut_m2"] == 0
+
+
+@needs_firmware
+@pytest.mark.long
+def test_the_default_harvest_over_the_serial_port_covers_what_the_lockstep_run_does(
+    tmp_path: Path,
+) -> None:
+    lockstep = harvest(scenario.load("default", {"record": {"film": False}}), tmp_path / "lockstep")
+    with a_rig(tmp_path) as (_, about):
+        host = drive(about, tmp_path / "drive.mcap")
+        said, err = host.communicate(timeout=HARVEST_S)
+        assert host.returncode == 0, said[-2000:] + err
+    summary = summary_of(tmp_path)
+    assert summary["coverage"] == pytest.approx(lockstep["coverage"], abs=0.01), said[-2000:]
     assert summary["neighbour_cut_m2"] == 0
 
 
