@@ -73,6 +73,10 @@ def test_a_fix_without_speed_or_course_says_nothing(seen: Fix) -> None:
     assert not any(check.contradicted(seen, motion(5.0, 0.5), 0.0) for _ in range(5))
 
 
+def test_at_a_crawl_a_course_says_nothing() -> None:
+    assert not any(driven(30, 0.15, -0.15))
+
+
 def test_one_wrong_fix_is_not_enough() -> None:
     check = DirectionCheck()
     check.move(motion(0.1, 0.5))

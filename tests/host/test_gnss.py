@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import socket
@@ -36,10 +37,11 @@ def gga(time_of_day: str = "112511", quality: int = 2, lat: str = "4930.157756")
     return sentence(f"GPGGA,{time_of_day},{position},{quality},12,0.6,314.0,M,48.0,M,,")
 
 
-def rmc(time_of_day: str = "112511", knots: str = "2.7", course: str = "90.0") -> bytes:
-    return sentence(
-        f"GPRMC,{time_of_day},A,4930.157756,N,00556.246941,E,{knots},{course},271022,1.1,W,D"
-    )
+def rmc(
+    time_of_day: str = "112511", knots: str = "2.7", course: str = "90.0", status: str = "A"
+) -> bytes:
+    position = f"{status},4930.157756,N,00556.246941,E"
+    return sentence(f"GPRMC,{time_of_day},{position},{knots},{course},271022,1.1,W,D")
 
 
 def test_gga_and_rmc_of_one_epoch_make_one_fix() -> None:
@@ -120,6 +122,19 @@ def test_bad_sentences_are_counted_by_reason_and_the_next_good_one_is_taken(
     assert receiver.bad[reason] == 1
     fixes = receiver.feed(2.0, gga("112520") + rmc("112520"))
     assert fixes[-1].speed_mps is not None
+
+
+def test_a_sentence_after_one_that_was_cut_off_is_taken() -> None:
+    receiver = Receiver()
+    (fix,) = receiver.feed(0.0, gga("112511")[:20] + gga("112512") + rmc("112512"))
+    assert fix.speed_mps is not None
+    assert receiver.bad == {"cut off": 1}
+
+
+def test_a_speed_that_the_receiver_itself_calls_void_is_none() -> None:
+    (fix,) = Receiver().feed(0.0, gga() + rmc(status="V"))
+    assert fix.quality == 2
+    assert (fix.speed_mps, fix.course_rad) == (None, None)
 
 
 @given(st.lists(st.one_of(st.binary(max_size=200), st.sampled_from([gga(), rmc(), b"$", b"\n"]))))
@@ -236,6 +251,22 @@ def test_a_phone_that_goes_and_comes_back_is_reported_and_heard_again() -> None:
     assert receiver.sentences["GGA"] == 2
     assert reports[0].startswith("GNSS lost")
     assert "GNSS is back" in reports
+
+
+def test_a_phone_that_falls_silent_is_reported() -> None:
+    reports: list[str] = []
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        clock = itertools.count(0.0, 1.0)  # a second a look
+        url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        feed, _ = gnss_feed(url, lambda: next(clock), reports.append)
+        feed.start()
+        peer, _ = listener.accept()
+        with peer:
+            deadline = time.monotonic() + LIMIT_S
+            while not reports and time.monotonic() < deadline:
+                threading.Event().wait(0.01)
+        feed.close()
+    assert reports[0] == "GNSS lost: silent for 3 s"
 
 
 def test_a_file_is_played_and_its_end_is_final(tmp_path: Path) -> None:

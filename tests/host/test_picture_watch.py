@@ -122,9 +122,15 @@ def test_a_picture_of_another_size_is_not_shown_to_anybody() -> None:
 
 
 def test_a_washed_out_sky_is_not_a_lost_part() -> None:
-    world = scene()
-    world[: HEIGHT // 2] = 255
-    assert watch().problem(shot(world)) == ""
+    picture = shot(scene())
+    picture[: HEIGHT // 2] = 255
+    assert watch().problem(picture) == ""
+
+
+def test_a_picture_of_quite_another_place_is_not_believed() -> None:
+    made = watch()
+    assert made.problem(shot(scene(1))) == ""
+    assert "another" in made.problem(cv2.bitwise_not(shot(scene(1))).astype(np.uint8))
 
 
 class Counting:
