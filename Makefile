@@ -66,7 +66,7 @@ mutants: setup ## mutation testing of the firmware core (a few minutes)
 test-wallclock: setup ## drives the machine behind a virtual serial port in real time (90 s, on a quiet machine)
 	@$(BIN)/python -m pytest -q -m wallclock
 
-test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random, new examples for every property (half an hour)
+test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random, the default harvest in wall-clock time, new examples for every property (over an hour)
 	@$(BIN)/python -m pytest -q -m long
 	@HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -n 2 -q
 
