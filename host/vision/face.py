@@ -36,6 +36,9 @@ HIGHEST_SHARE = 0.9
 TALLEST = 1.1
 """Of the crop's height: what the next field's tops may reach."""
 HIDDEN_M = 0.3
+"""Crop that seems this much further away than it is known to stand is hidden by dust."""
+CUT_HIDDEN_M = 0.05
+"""Likewise while it is being cut: then it stands at the blade."""
 SLACK_M = 0.3
 NOD_RAD = math.radians(2.0)
 """While cutting, no crop begins anew nearer than the least gap less this and what a machine that
@@ -49,15 +52,17 @@ GAP_M = 2.0
 OWN_M = 0.2
 """While cutting, what ends further to the left is the border of the machine's own swath, where the
 crop beside it stands nearer than the face."""
-TRACK_M = 0.15
+TRACK_M = 0.08
 """The right end moves by a centimetre from picture to picture; what is this far from where it was
-is more likely something else."""
+is more likely something else, an end of dust for one."""
 ELSEWHERE = 0.35
 """Factor on how much such a place differs, squared."""
-JUMPED = 0.6
-"""Factor on the confidence in it."""
 WINDOW_M = 0.3
 """Looked at on either side of a possible right end."""
+NARROW_M = 0.12
+AROUND_M = 0.06
+"""Which of two grounds a place belongs to shows in a wide window, where exactly they meet in a
+narrow one: looked for so far around."""
 DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
 BLOCK_PX = 16
@@ -74,6 +79,8 @@ WAY_M = 1.5
 """Of the blade's way, ahead of it, that must be seen before "no crop" is believed."""
 SEEN_SHARE = 25.0
 """Times the share of steps there: the confidence."""
+VEIL_SHARE = 0.015
+"""Of steps in one of the ninths of that ground: below it dust lies over it."""
 FAR_M = 2.5
 """Beyond this the right end of what stands there is of no use to a pilot."""
 NEAR_SHARE = 0.2
@@ -108,6 +115,8 @@ class Face:
     at_x_m: float
     """Of the face, in the vehicle frame: where `right_m` was measured."""
     standing: NDArray[np.bool_]
+    veiled: bool = False
+    """Dust lies over a part of the ground that the blade is about to reach."""
 
 
 @numba.njit(cache=True, nogil=True)
@@ -248,7 +257,27 @@ def _step(
     differ = score[further]
     if abs(further - expected) > TRACK_M / BIN_M:
         differ /= ELSEWHERE
-    return further, inside[further], outside[further], math.sqrt(differ)
+    return _meet(run, further, spread), inside[further], outside[further], math.sqrt(differ)
+
+
+@numba.njit(cache=True, nogil=True)
+def _meet(run: Sums, at: int, spread: Sums) -> int:
+    """The bin near `at` where narrow windows differ most; `run` are running sums."""
+    narrow, around = round(NARROW_M / BIN_M), round(AROUND_M / BIN_M)
+    best, found = 0.0, at
+    for i in range(max(narrow, at - around), min(run.shape[0] - narrow, at + around + 1)):
+        below = run[i, 0] - run[i - narrow, 0]
+        above = run[i + narrow, 0] - run[i, 0]
+        if below < 1.0 or above < 1.0:
+            continue
+        total = 0.0
+        for k in range(1, 4):
+            d = (run[i + narrow, k] - run[i, k]) / above - (run[i, k] - run[i - narrow, k]) / below
+            if k > 1 or d > 0.0:
+                total += (d / spread[k - 1]) ** 2
+        if total > best:
+            best, found = total, i
+    return found
 
 
 class FaceFinder:
@@ -300,18 +329,20 @@ class FaceFinder:
         standing = np.asarray(dense > 0)
         if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
-        ahead, sight = self._ahead(*self._contour(seen, dense), self._sight(seen))
+        sight, veiled = self._sight(seen)
+        ahead, sight = self._ahead(*self._contour(seen, dense), sight)
         dust = 0.0
-        if ahead > stands_m + HIDDEN_M and (
+        hidden = CUT_HIDDEN_M if stands_m == 0.0 else HIDDEN_M
+        if ahead > stands_m + hidden and (
             ahead < stands_m + self._no_crop_m or self._stands_at(seen, stands_m, ahead)
         ):
             dust, ahead = ahead - stands_m, stands_m
         if ahead > FAR_M:
-            return Face(ahead, sight, NAN, 0.0, NAN, standing)
+            return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled)
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         right, sure = self._right_end(seen, face_x, dust, left, expected_m)
-        return Face(ahead, sight, right, sure, face_x, standing)
+        return Face(ahead, sight, right, sure, face_x, standing, veiled)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
         """(x, y) on the ground of the foot of each block of columns that has one."""
@@ -338,22 +369,23 @@ class FaceFinder:
         distance = float(near[enough]) - vehicle.blade_x_m
         return max(0.0, distance), max(sight, 0.9 if reached[-1] > 0.3 else 0.5)
 
-    def _sight(self, seen: Evidence) -> float:
-        """How surely the picture would show crop in the blade's way: ground there has steps too,
-        dust, glare and a covered lens have none."""
-        way = seen.steps[self._way]
-        return min(0.95, SEEN_SHARE * cv2.countNonZero(way) / max(1, way.size))
+    def _sight(self, seen: Evidence) -> tuple[float, bool]:
+        """How surely the picture would show crop in the blade's way, and whether a part of it is
+        veiled: ground there has steps too, dust, glare and a covered lens have none."""
+        ninths = cv2.resize(seen.steps[self._way], (3, 3), interpolation=cv2.INTER_AREA) / 255.0
+        return min(0.95, SEEN_SHARE * float(ninths.mean())), bool(ninths.min() < VEIL_SHARE)
 
     def _right_end(
         self, seen: Evidence, face_x: float, dust: float, left_m: float, expected_m: float
     ) -> tuple[float, float]:
         """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, and
         confidence; `expected_m` is where it was before (NaN: unknown). `dust`: how far ahead its
-        upper border made the foot appear, 0 without; only what rises above it is then looked at."""
+        upper border made the foot appear, 0 without; only what rises above it is then looked at.
+        The confidence is that of this picture alone."""
         bands = self._bands(face_x, GAP_M)
         if dust > 0.0:
             highest = TALLEST * self._vehicle.crop_height_m
-            if highest > bands[2] + HIDDEN_M / 10:
+            if dust > HIDDEN_M and highest > bands[2] + HIDDEN_M / 10:
                 bands = (1.0, 0.0, bands[2], highest)
             else:
                 x_c, _, z_c = (float(c) for c in self._camera.position)
@@ -370,10 +402,7 @@ class FaceFinder:
             return NAN, 0.0
         contrast = (inside - outside) / (inside + outside)
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ)
-        right = SPAN_M[0] + at * BIN_M
-        if abs(right - expected_m) > TRACK_M:
-            sure *= JUMPED
-        return right, max(0.0, sure)
+        return SPAN_M[0] + at * BIN_M, max(0.0, sure)
 
     def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:
         """Heights on the face where nothing that stands `gap_m` or more behind it is seen: below

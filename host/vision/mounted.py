@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from host.vehicle import Mount, Vehicle
-from host.vision.face import LOWEST_M, Evidence, Face, FaceFinder
+from host.vision.face import LOWEST_M, TRACK_M, Evidence, Face, FaceFinder
 from host.vision.geometry import Camera
 from host.vision.paper import (
     L_TOLERANCE,
@@ -39,9 +39,19 @@ APPROACH_M = 0.03
 SURE = 0.5
 """Confidence from which a picture may set the references."""
 TRACK = 11
-"""Sure right ends that are remembered: a second."""
+"""Clear right ends that are remembered: a second."""
 TRACKED = 3
 """Of them from which on their median is where the next is expected."""
+LEAP_M = 0.3
+"""The right end moves by no more while it is out of sight, and begins no further from O_map where
+crop is already being cut: what seems to is an end of dust."""
+BELIEVED = 30
+"""Pictures that an end further away must stay to be believed after all."""
+DOUBT = 0.5
+"""Factor on the confidence in what has not stayed for long enough."""
+CLEAR, CLEAR_VEILED = 2, 5
+"""Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
+dust lies over the ground that should be seen."""
 
 
 class Source(Protocol):
@@ -92,26 +102,28 @@ class MountedDetector:
         self._cutting = False
         self._stands_m = math.inf
         self._track: deque[float] = deque(maxlen=TRACK)
+        self._elsewhere = 0
+        self._clear = 0
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
-        expected = statistics.median(self._track) if len(self._track) >= TRACKED else NAN
+        expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         face = self._finder.find(seen, stands, expected)
         if face.ahead_confidence >= SURE:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
-        if face.right_confidence >= SURE:
-            self._track.append(face.right_m)
+        confidence = face.right_confidence * self._steadiness(face, expected)
+        ahead_confidence = face.ahead_confidence * self._lasting(face)
         height = l_height(seen.upright)
-        if math.isnan(self._l_reference) and face.right_confidence >= SURE:
+        if math.isnan(self._l_reference) and confidence >= SURE:
             self._l_reference = height
         offset = face.right_m - self._expected_m
         return CropView(
-            face.right_confidence if math.isfinite(offset) else 0.0,
+            confidence if math.isfinite(offset) else 0.0,
             edge_offset_m=offset,
             crop_ahead_m=face.ahead_m,
-            ahead_confidence=face.ahead_confidence,
+            ahead_confidence=ahead_confidence,
             end_of_field=self._end_of_field(height),
             e_outer_px=self._column(face.right_m, face),
             o_map_px=self._column(self._expected_m, face),
@@ -119,7 +131,7 @@ class MountedDetector:
             l_reference_px=self._l_reference,
             standing=face.standing,
             edge_px=self._edge(face),
-            reason=self._reason(face),
+            reason=self._reason(face, confidence),
             stages=pictures,
         )
 
@@ -128,6 +140,36 @@ class MountedDetector:
         self._cutting = False
         self._stands_m = math.inf
         self._track.clear()
+        self._elsewhere = 0
+        self._clear = 0
+
+    def _expected(self) -> float:
+        """Where the right end should be by what was seen before; NaN: nothing was."""
+        return statistics.median(self._track) if len(self._track) >= TRACKED else NAN
+
+    def _steadiness(self, face: Face, expected: float) -> float:
+        """Remembers a clear right end; factor on the confidence in it."""
+        known = math.isfinite(expected)
+        if not known and self._cutting:
+            expected = self._expected_m
+        away = abs(face.right_m - expected)
+        if face.right_confidence >= SURE:
+            leapt = away > LEAP_M
+            self._elsewhere = self._elsewhere + 1 if leapt else 0
+            if self._elsewhere > BELIEVED:
+                self._track.extend([face.right_m] * TRACK)
+                return 1.0
+            if not leapt:
+                self._track.append(face.right_m)
+        return DOUBT if away > (TRACK_M if known else LEAP_M) else 1.0
+
+    def _lasting(self, face: Face) -> float:
+        """Counts the pictures without crop near ahead; factor on the confidence in them."""
+        if not self._cutting or face.ahead_m < NEAR_M:
+            self._clear = 0
+            return 1.0
+        self._clear += 1
+        return DOUBT if self._clear <= (CLEAR_VEILED if face.veiled else CLEAR) else 1.0
 
     def _end_of_field(self, height: float) -> float:
         """The paper's rule: l_height below l_reference by more than the tolerance; 0.5 at it."""
@@ -154,9 +196,11 @@ class MountedDetector:
         return self._camera.project(points).astype(np.float32)
 
     @staticmethod
-    def _reason(face: Face) -> str:
-        if face.right_confidence >= SURE:
+    def _reason(face: Face, confidence: float) -> str:
+        if confidence >= SURE:
             return ""
+        if face.right_confidence >= SURE:
+            return "the crop's right end seems to have jumped"
         if face.ahead_confidence < SURE:
             return "the picture shows too little to say anything"
         if not math.isfinite(face.at_x_m):

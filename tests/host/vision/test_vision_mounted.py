@@ -12,7 +12,7 @@ from scenery import field, stems
 from host.vehicle import LOW, MAST, Mount, Vehicle
 from host.vision import make_detector
 from host.vision.geometry import Camera
-from host.vision.mounted import Mode, MountedDetector
+from host.vision.mounted import BELIEVED, CLEAR, CLEAR_VEILED, TRACK, Mode, MountedDetector
 from host.vision.paper import l_height
 
 MODES: tuple[Mode, ...] = ("robust", "paper")
@@ -125,17 +125,49 @@ def test_the_border_of_the_own_swath_is_not_the_crops_edge() -> None:
     assert eye.see(picture).edge_offset_m == pytest.approx(0.1, abs=0.05)
 
 
-def test_an_edge_that_jumps_is_doubted_until_it_stays() -> None:
+def following(offset_m: float = 0.0) -> MountedDetector:
+    """A detector that has seen the edge at `offset_m` four times, crop being cut."""
     eye = detector("robust", MAST)
     for seed in range(4):
-        assert eye.see(field(MAST, seed=seed)).edge_offset_m == pytest.approx(0, abs=0.05)
-    elsewhere = field(MAST, right_m=-0.15)
-    alone = detector("robust", MAST).see(elsewhere).confidence
-    assert eye.see(elsewhere).confidence < 0.7 * alone
-    for _ in range(12):
-        last = eye.see(elsewhere)
-    assert last.edge_offset_m == pytest.approx(0.3, abs=0.05)
-    assert last.confidence == alone
+        eye.see(field(MAST, right_m=offset_m - 0.45, seed=seed))
+    return eye
+
+
+def test_an_edge_that_jumps_is_doubted_until_it_stays() -> None:
+    eye, elsewhere = following(), field(MAST, right_m=-0.3)
+    assert eye.see(elsewhere).confidence < 0.5
+    views = [eye.see(elsewhere) for _ in range(TRACK)]
+    assert views[-1].edge_offset_m == pytest.approx(0.15, abs=0.05)
+    assert views[-1].confidence > 0.5
+
+
+def test_an_edge_that_leaps_further_than_a_machine_can_is_believed_only_after_seconds() -> None:
+    eye, elsewhere = following(), field(MAST, right_m=-0.05)
+    views = [eye.see(elsewhere) for _ in range(BELIEVED + 2)]
+    assert max(v.confidence for v in views[:BELIEVED]) < 0.5
+    assert min(v.confidence for v in views[BELIEVED:]) > 0.5
+
+
+def test_no_track_begins_far_from_the_blades_end_while_crop_is_being_cut() -> None:
+    eye, dust = detector("robust", MAST), field(MAST, right_m=-0.05)
+    eye.see(field(MAST))
+    for _ in range(5):
+        assert eye.see(dust).confidence < 0.5
+    assert eye.see(field(MAST)).confidence > 0.5
+
+
+def test_an_end_is_no_whim_of_dust() -> None:
+    """While cutting, one picture without crop says nothing yet; more where dust lies before it."""
+    end = field(MAST, right_m=-2.99, face_x_m=30, next_crop_m=None)
+    eye = following()
+    views = [eye.see(end) for _ in range(CLEAR + 1)]
+    assert all(v.crop_ahead_m > 1.0 for v in views)
+    assert [v.ahead_confidence >= 0.5 for v in views] == [False] * CLEAR + [True]
+    eye = following()
+    veiled = end.copy()
+    veiled[360:430, 270:370] = (150, 180, 200)
+    views = [eye.see(veiled) for _ in range(CLEAR_VEILED + 1)]
+    assert [v.ahead_confidence >= 0.5 for v in views] == [False] * CLEAR_VEILED + [True]
 
 
 def test_a_restart_forgets_where_the_edge_was() -> None:
