@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Iterator
 
@@ -58,5 +59,31 @@ def test_closing_ends_a_source_that_pauses() -> None:
     feed = Feed("numbers", source, no_clock, lambda _: None)
     feed.start()
     assert entered.wait(LIMIT_S)
+    feed.close()
+    assert not feed._thread.is_alive()
+
+
+def test_what_stays_lost_is_reported_once() -> None:
+    reports: list[str] = []
+    tries = itertools.count()
+    enough = threading.Event()
+
+    def source(_feed: Feed[int]) -> Iterator[int]:
+        if next(tries) == 5:
+            enough.set()
+        raise SourceLostError("nobody answers")
+        yield 0
+
+    feed = Feed("numbers", source, no_clock, reports.append, retry_s=0.0)
+    feed.start()
+    assert enough.wait(LIMIT_S)
+    feed.close()
+    assert reports == ["numbers lost: nobody answers"]
+
+
+def test_closing_ends_a_source_that_always_has_more() -> None:
+    feed = Feed("numbers", lambda _feed: itertools.count(), no_clock, lambda _: None)
+    feed.start()
+    assert feed.wait(LIMIT_S)
     feed.close()
     assert not feed._thread.is_alive()

@@ -202,6 +202,16 @@ def test_a_late_answer_to_an_earlier_request_is_none_to_this(
                 link.ask(protocol.ParamSave())
 
 
+def test_a_value_of_before_or_of_another_parameter_is_no_answer(board: FakeFirmware) -> None:
+    asked, other = list(board.params)[:2]
+    with Link(board.port, time.monotonic) as link:
+        link.meet()
+        link.session.answers.append(protocol.ParamValue(asked, board.params[asked] + 1))
+        board.write(protocol.encode(protocol.ParamValue(other, board.params[other]), 0))
+        answer = link.ask(protocol.ParamGet(asked))
+    assert answer == protocol.ParamValue(asked, board.params[asked])
+
+
 def test_a_refused_request_raises_its_reason(board: FakeFirmware) -> None:
     board.refuse[protocol.ParamSave] = protocol.Result.WRONG_STATE
     with (

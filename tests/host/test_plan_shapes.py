@@ -7,7 +7,7 @@ import math
 import pytest
 import shapely
 
-from host.plan import KEEP_OUT_M, MAX_SHIFT_M, Plan, Side, spiral
+from host.plan import KEEP_OUT_M, Plan, Side, spiral
 from host.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -34,7 +34,7 @@ def test_beside_a_narrow_strip_the_lane_lies_further_out_but_never_beside_the_bo
     assert narrow
     room = VEHICLE.pass_m - depth_m / strips
     for side in narrow:
-        assert side.shift_m == pytest.approx(min(room, MAX_SHIFT_M), abs=1e-3)
+        assert side.shift_m == pytest.approx(min(room, 0.35), abs=1e-3)
 
 
 def plan_around(hole: shapely.Polygon) -> Plan:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 from hypothesis import given
@@ -16,6 +17,7 @@ from host import progress
 from host.errors import UserError
 from host.pilot import PAUSED, Phase, Pilot
 from host.plan import Plan, spiral
+from host.position import Position
 from host.progress import (
     BEFORE_M,
     EVERY_M,
@@ -151,6 +153,8 @@ def test_what_remains_ends_where_the_plan_does(side: int, share: float) -> None:
             (k.x_m + getattr(k, length) * c, k.y_m + getattr(k, length) * s) for k in (whole, first)
         ]
         assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+    before = [(k.x_m - k.back_m * c, k.y_m - k.back_m * s) for k in (whole, first)]
+    assert before[0] == pytest.approx(before[1], abs=1e-9)
     assert (rest.boundary, rest.gap_m) == (PLAN.boundary, PLAN.gap_m)
 
 
@@ -236,6 +240,47 @@ def test_a_full_disk_is_said_once_and_stops_nothing(
     keeper.close(pilot)
     assert len(said) == 1
     assert "No space left on device: should the run end, it cannot be resumed" in said[0]
+
+
+@dataclass
+class Stub:
+    """What a keeper reads of a pilot."""
+
+    turns: int = 0
+    cut_m: float = 0.0
+    phase: Phase = Phase.FOLLOW
+    reason: str = ""
+    position: Position = field(default_factory=lambda: Position(VEHICLE))
+
+
+def kept_of(path: Path, pilot: Stub, begun: tuple[int, float] = (0, 0.0)) -> Progress:
+    keeper = Keeper(path, PLAN, 1, print, begun)
+    keeper.note(cast(Pilot, pilot))
+    keeper.close(cast(Pilot, pilot))
+    return load(path)
+
+
+def test_what_was_cut_before_counts_on_the_side_that_was_resumed_only(tmp_path: Path) -> None:
+    first = kept_of(tmp_path / PATH, Stub(0, 0.5), (2, 3.0))
+    assert (first.side, first.cut_m) == (2, 3.5)
+    later = kept_of(tmp_path / PATH, Stub(1, 0.5), (2, 3.0))
+    assert (later.side, later.cut_m) == (3, 0.5)
+
+
+def test_a_change_of_phase_is_kept_at_once(tmp_path: Path) -> None:
+    keeper = Keeper(tmp_path / PATH, PLAN, 1, print)
+    for phase in (Phase.FOLLOW, Phase.HESITATE):
+        keeper.note(cast(Pilot, Stub(phase=phase)))
+        assert keeper._writing is not None
+        keeper._writing.result()
+    assert load(tmp_path / PATH).phase is Phase.HESITATE
+    keeper._writer.shutdown()
+
+
+def test_a_run_that_never_took_a_step_leaves_what_was_there(tmp_path: Path) -> None:
+    save(tmp_path / PATH, at(4, 1.0))
+    Keeper(tmp_path / PATH, PLAN, 1, print).close(cast(Pilot, Stub()))
+    assert load(tmp_path / PATH) == at(4, 1.0)
 
 
 # ---- the operator's pause ------------------------------------------------------------------------
