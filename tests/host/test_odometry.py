@@ -1,0 +1,93 @@
+"""Facts about dead reckoning: what it learns from, what it does not, and how far."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from host.odometry import Odometry
+from host.types import Fix, State, Telemetry
+from host.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+DUTY = 128
+
+
+def telemetry(
+    t: float, *, angle: float = 0.0, duty: int = DUTY, blade: bool = False,
+    speed: float | None = None, distance: float = 0.0,
+) -> Telemetry:  # fmt: skip
+    return Telemetry(t, State.RUNNING, 0, angle, angle, 0, duty, blade, speed, distance, 12.0, 0, 0)
+
+
+def driven(
+    ratio: float,
+    seconds: int,
+    odometry: Odometry | None = None,
+    *,
+    angle: float = 0.0,
+    duty: int = DUTY,
+    blade: bool = False,
+    speed: float | None = None,
+) -> Odometry:
+    """After a drive whose Doppler speed was `ratio` times the duty model's."""
+    made = odometry or Odometry(VEHICLE)
+    begin = made.now.stamp if math.isfinite(made.now.stamp) else 0.0
+    for k in range(1, 50 * seconds + 1):
+        now = begin + 0.02 * k
+        told = telemetry(now, angle=angle, duty=duty, blade=blade, speed=speed)
+        made.update(told)
+        if k % 50 == 0:
+            doppler = ratio * VEHICLE.duty_speed(duty, 12.0)
+            made.learn(Fix(now, 31.5, 74.3, 1, 1.0, 8, doppler), told, 1.0)
+    return made
+
+
+def test_the_gain_is_learned_on_straights_only() -> None:
+    assert driven(0.8, 60, angle=math.radians(20)).gain == 1.0
+    assert driven(0.8, 60).gain == pytest.approx(0.8, abs=0.02)
+
+
+def test_at_a_crawl_nothing_is_learned() -> None:
+    assert driven(0.8, 60, duty=30).gain == 1.0
+
+
+def test_where_the_wheels_are_counted_there_is_nothing_to_learn() -> None:
+    assert driven(0.8, 60, speed=0.5).gain == 1.0
+
+
+def test_a_gain_beyond_belief_is_not_learned() -> None:
+    assert driven(3.0, 300).gain == 1.4
+    assert driven(0.1, 300).gain == 0.6
+
+
+def test_cutting_and_driving_are_learned_apart() -> None:
+    made = driven(0.7, 60, blade=True)
+    assert made.gain == pytest.approx(0.7, abs=0.02)
+    made = driven(1.1, 60, made)
+    assert made.gain == pytest.approx(1.1, abs=0.02)
+    made.update(telemetry(made.now.stamp + 0.02, blade=True))
+    assert made.gain == pytest.approx(0.7, abs=0.02)
+
+
+def test_what_was_learned_long_ago_can_be_learned_anew() -> None:
+    """A battery runs down in an hour."""
+    made = driven(1.0, 1800)
+    assert driven(0.9, 120, made).gain == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_trim_beyond_belief_is_not_taken() -> None:
+    made = Odometry(VEHICLE)
+    for curvature, trim_deg in ((1.0, 4.0), (-2.0, -4.0)):
+        made.turn_trim(curvature)
+        assert math.degrees(made.trim_rad) == pytest.approx(trim_deg)
+
+
+def test_a_late_picture_finds_the_motion_of_its_own_time() -> None:
+    made = Odometry(VEHICLE)
+    for k in range(101):
+        made.update(telemetry(0.02 * k, speed=0.5, distance=0.01 * k))
+    for late in (0.0, 0.1, 0.5, 1.0):
+        assert made.at(2.0 - late).distance_m == pytest.approx(1.0 - 0.5 * late, abs=0.011)
+    assert made.at(-5.0).stamp == pytest.approx(0.5, abs=0.021), "as far back as it remembers"
