@@ -47,6 +47,9 @@ DEPTH_M = 7.0
 """Of the field behind the edge."""
 BEYOND_M = 1.6
 """How far the blade goes on after the crop's end: what is not declared by then was missed."""
+LASTS_M = 0.2
+"""Of crop beyond the place where the edge is measured, below which there is no true edge: a ragged
+end has no right side."""
 WRONG_M = 0.1
 """What `CropView.confidence` is about."""
 DISTANCE_SD, TURN_SD = 0.01, 0.03
@@ -213,14 +216,17 @@ def drive_along(edge: _Edge) -> Iterator[Seen]:
         beside = crop.true_edge_offset(
             x + ahead * c - right * s, y + ahead * s + right * c, yaw, 0.6
         )
+        last = ahead + LASTS_M
+        width = 0.6 * v.blade_width_m
+        lasting = crop.crop_ahead(x + last * c, y + last * s, yaw, width, 0.1)
         front = v.blade_x_m + FALSE_END_M
-        beyond = crop.crop_ahead(x + front * c, y + front * s, yaw, 0.6 * v.blade_width_m, 0.5)
+        beyond = crop.crop_ahead(x + front * c, y + front * s, yaw, width, 0.5)
         yield Seen(
             np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8),
             before,
             k * STEP_M,
             cut > 0,
-            beside - v.overlap_m,
+            beside - v.overlap_m if math.isfinite(lasting) else math.nan,
             -yaw,
             math.isfinite(beyond),
         )

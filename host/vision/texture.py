@@ -16,6 +16,8 @@ two blurs take away, squares of light and yellow, and the cube of the relief."""
 Means = NDArray[np.float32]
 """(h, w, QUANTITIES)."""
 
+REACH_SIGMAS = 2.5
+"""Half the width of a blur."""
 RELIEF = np.float32(60)
 """Grey levels to which the relief is limited."""
 
@@ -36,13 +38,18 @@ def measure(bgr: Picture, cell: tuple[int, int], sigmas: tuple[float, float]) ->
     two, grain is told apart."""
     lab = u8(cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB))
     light = lab[..., 0].astype(np.float32)
-    fine = np.asarray(cv2.GaussianBlur(light, (0, 0), sigmas[0]), np.float32)
-    coarse = np.asarray(cv2.GaussianBlur(light, (0, 0), sigmas[1]), np.float32)
+    fine, coarse = (_blurred(light, sigma) for sigma in sigmas)
     h, w = light.shape
     means = np.zeros((h // cell[0], w // cell[1], QUANTITIES), np.float32)
     _accumulate(lab, fine, coarse, cell, means)
     means /= cell[0] * cell[1]
     return means
+
+
+def _blurred(light: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """OpenCV's own choice of size for floats reaches four sigmas, which nothing here needs."""
+    size = 2 * round(REACH_SIGMAS * sigma) + 1
+    return np.asarray(cv2.GaussianBlur(light, (size, size), sigma), np.float32)
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)

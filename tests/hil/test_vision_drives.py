@@ -58,6 +58,7 @@ def test_a_drive_cuts_along_the_edge_to_its_end(tmp_path: Path) -> None:
     cutting = [s for s in seen if s.cutting]
     assert len(cutting) > 10
     assert all(abs(s.offset_m) < 0.3 for s in cutting[:-6] if math.isfinite(s.offset_m))
+    assert math.isnan(cutting[-1].offset_m)
     assert not seen[-1].cutting
     assert not seen[-1].crop_beyond
     assert cutting[0].crop_beyond
