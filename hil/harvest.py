@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -339,13 +340,15 @@ def harvest(
     scenario: Scenario,
     out: Path,
     progress: Callable[[Progress], None] | None = None,
+    *,
+    camera_threads: int = 1,
 ) -> dict[str, Any]:
     """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4 and record.mcap
-    into `out`. Returns the summary."""
+    into `out`. Returns the summary. The number of threads changes nothing but the time it takes."""
     film = out / "camera.mp4" if scenario.record.film else None
     out.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
-    run = Harvest(scenario, out / "record.mcap", film)
+    run = Harvest(scenario, out / "record.mcap", film, camera_threads=camera_threads)
     try:
         run.run(progress)
     finally:
@@ -427,7 +430,7 @@ def harvest_command(
                 task, completed=step.coverage, time=step.time_s, description=step.phase.value
             )
 
-        summary = harvest(chosen, out, show)
+        summary = harvest(chosen, out, show, camera_threads=os.cpu_count() or 1)
     table = Table(title=f"{summary['scenario']}: {summary['outcome']} ({summary['reason']})")
     table.add_column("figure")
     table.add_column("value", justify="right")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from host.areas import GAP_MARGIN_M
 from host.vehicle import Vehicle
@@ -94,26 +95,33 @@ def turning_radius(vehicle: Vehicle) -> tuple[float, float]:
     return vehicle.wheelbase_m / math.tan(angle), angle
 
 
-def _new_lane(vehicle: Vehicle, turn_rad: float, shift_m: float) -> tuple[float, float, float]:
-    """(x, y, along where the blade meets crop) of the lane that follows the crop's end line.
+class NewLane(NamedTuple):
+    """The lane that a turn leads to, in its frame: the point beside the crop's beginning, and from
+    there along the lane to the crop."""
 
-    The end line crosses the old side's centre at the blade, at angle turn_rad; the lane lies
-    half a blade less the overlap and the side's shift inside it. Crop begins where the blade's
-    first end leaves the swath just cut, whose left border is y = half a blade."""
+    x_m: float
+    y_m: float
+    begins_m: float
+
+
+def lane_beside(vehicle: Vehicle, turn_rad: float) -> NewLane:
+    """Without a plan: the lane that follows the crop's end line, which crosses the old side's
+    centre at the blade, at angle turn_rad. It lies half a blade less the overlap inside. Crop
+    begins where the blade's first end leaves the swath just cut, whose left border is y = half a
+    blade."""
     half = vehicle.blade_width_m / 2
-    inside = vehicle.inset_m - shift_m
-    x = vehicle.blade_x_m - inside * math.sin(turn_rad)
-    y = inside * math.cos(turn_rad)
+    x = vehicle.blade_x_m - vehicle.inset_m * math.sin(turn_rad)
+    y = vehicle.inset_m * math.cos(turn_rad)
     ends = [
         (half - y - lateral * math.cos(turn_rad)) / math.sin(turn_rad) for lateral in (-half, half)
     ]
-    return x, y, min(ends)
+    return NewLane(x, y, min(ends))
 
 
-def arc(vehicle: Vehicle, turn_rad: float, shift_m: float = 0.0) -> Turn:
+def arc(vehicle: Vehicle, turn_rad: float, lane: NewLane) -> Turn:
     """The paper's turn: one forward arc on the left lock, ending on the lane."""
     radius, lock = turning_radius(vehicle)
-    x, y, begins = _new_lane(vehicle, turn_rad, shift_m)
+    x, y, begins = lane
     # The arc's end (start + R sin t, R - R cos t) must lie on the lane.
     end_y = radius - radius * math.cos(turn_rad)
     start = x + (end_y - y) / math.tan(turn_rad) - radius * math.sin(turn_rad)
@@ -124,7 +132,7 @@ def arc(vehicle: Vehicle, turn_rad: float, shift_m: float = 0.0) -> Turn:
 def three_point(
     vehicle: Vehicle,
     turn_rad: float,
-    shift_m: float = 0.0,
+    lane: NewLane,
     *,
     swing: float = 0.55,
     run_in_m: float = 0.45,
@@ -133,7 +141,7 @@ def three_point(
     straight back until the blade stands run_in_m before the crop."""
     radius, lock = turning_radius(vehicle)
     first = swing * turn_rad
-    x, y, begins = _new_lane(vehicle, turn_rad, shift_m)
+    x, y, begins = lane
     end_x = 2 * radius * math.sin(first) - radius * math.sin(turn_rad)
     end_y = radius - 2 * radius * math.cos(first) + radius * math.cos(turn_rad)
     start = x + (end_y - y) / math.tan(turn_rad) - end_x

@@ -39,10 +39,10 @@ LATE_M = 0.9
 SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
-LANE_SIGMA_M = 0.15
-"""Uncertainty of the edge at the blade beyond which the pilot does not cut on: where pictures
-contradict what is known of it, and where they show crop ahead but no edge."""
-BLIND_SIGMA_M = 0.3
+LANE_SIGMA_M = 0.3
+"""Uncertainty of the edge at the blade beyond which the pilot does not cut on. Over a patch of
+weeds or thin crop, or where no edge line shows (short remnants, slanting ends), dead reckoning does
+for some metres."""
 SKIP_SIDE_M = 3.0
 """A side up to this long without any crop is driven along to the next."""
 REMNANT = 0.015
@@ -56,6 +56,8 @@ MOVED_M = 0.01
 """The same view again from the same place is no second measurement."""
 HEADING_SIGMA_RAD = math.radians(4)
 CROP_SEEN_M = 0.1
+SQUARE_M = 0.1
+"""A border that crosses the strip over less is no slanting one."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 STEER_READY_RAD = math.radians(6.0)
@@ -147,7 +149,7 @@ class Pilot:
         self._clear_since: EndOfField | None = None
         self._clear_count = 0
         self._turn: Turn | None = None
-        self._turn_from: tuple[Motion, float] | None = None
+        self._turn_from: tuple[float, float, float] | None = None
         self._leg_index = 0
         self._leg_running = False
         self._leg_stamp = -math.inf
@@ -319,7 +321,7 @@ class Pilot:
             self._unsure_stamp = frame.stamp
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
-        if sure and (moved or self._lane.contradicted) and self._on_lane():
+        if sure and (moved or self._lane.contradicted) and self._on_lane(then):
             self._corrected_m = then.distance_m
             edge, heading = self._edge_m(view), view.edge_heading_rad
             learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
@@ -341,12 +343,20 @@ class Pilot:
         heading = math.remainder(self._position.pose[2] - side.heading_rad, math.tau)
         self._lane.correct_heading(heading, HEADING_SIGMA_RAD)
 
-    def _on_lane(self) -> bool:
-        """Whether the edge in the picture is the lane's: on a side, or backing along the next
-        once the crop begins ahead of the blade; before that the picture shows the crop's flank."""
-        if self._turn is None or self._leg_index >= len(self._turn.legs):
+    def _on_lane(self, then: Motion) -> bool:
+        """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
+        next once the crop begins ahead of the blade; before that the picture shows the crop's
+        flank, and so it does where the crop's border slants across the strip."""
+        side = self._side()
+        on_side = self._turn is None or self._leg_index >= len(self._turn.legs)
+        if not on_side and not (self._backing() and self._crop_expected_m() > CROP_SEEN_M):
+            return False
+        if side is None or not self._position.known:
             return True
-        return self._backing() and self._crop_expected_m() > CROP_SEEN_M
+        along = self._position.along(side) - (self.motion.distance_m - then.distance_m)
+        begins = side.begin_slant_m if side.begin_slant_m > SQUARE_M else -math.inf
+        ends = side.length_m - side.end_slant_m if side.end_slant_m > SQUARE_M else math.inf
+        return begins <= along <= ends
 
     def _backing(self) -> bool:
         """Whether this is a turn's last leg, back along the new side."""
@@ -442,7 +452,7 @@ class Pilot:
         lane, vehicle = self._lane, self._vehicle
         self._anchor()
         quiet = now - self._sure_stamp
-        if quiet > STOP_AFTER_S or lane.offset_sigma_m > self._sigma_limit_m():
+        if quiet > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
             self._unsure_stamp = now
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
@@ -493,28 +503,22 @@ class Pilot:
         coast = self.motion.speed_mps * self._vehicle.drive_lag_s
         left = side.length_m - self._cut_m(self.motion)
         if self._position.known:
-            x, y, _ = self._position.pose
-            c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-            along = (x - side.x_m) * c + (y - side.y_m) * s + self._vehicle.blade_x_m
-            left = side.length_m - along
+            left = side.length_m - self._position.along(side)
         return left - coast
 
     def _side(self) -> Side | None:
         """The plan's side that is being cut, if there is a plan."""
         return self._plan.sides[self.turns] if self._plan.sides else None
 
-    def _sigma_limit_m(self) -> float:
-        """Where no edge line shows (short remnants, slanting ends) dead reckoning does for a while;
-        an edge that contradicts it stops the machine sooner."""
-        sure = self.view is not None and self.view.confidence >= CONFIDENT
-        return LANE_SIGMA_M if sure and self._lane.contradicted else BLIND_SIGMA_M
-
     def _end_due(self, motion: Motion) -> bool:
         """Whether the plan lets the side end here. Clear ground well before is a bare patch: the
-        machine creeps on over it."""
+        machine creeps on over it. A slanting border's tip is too narrow to be seen."""
         side = self._side()
+        if side is None:
+            return True
         doubt = 2 * self._odometry.scale_sigma
-        return side is None or self._cut_m(motion) > (1 - doubt) * side.length_m - EARLY_M
+        early = EARLY_M + side.end_slant_m / 2
+        return self._cut_m(motion) > (1 - doubt) * side.length_m - early
 
     def _overrun(self) -> bool:
         """Whether the blade has passed the field's boundary, whatever vision says."""
@@ -550,7 +554,7 @@ class Pilot:
                 self._go(now, Phase.TURN, "the camera sees again")
             return self._hold()
         sure_for = self._sure_stamp - self._unsure_stamp
-        known = self._lane.offset_sigma_m < self._sigma_limit_m()
+        known = self._lane.offset_sigma_m < LANE_SIGMA_M
         if known and now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
             self._go(now, Phase.FOLLOW, "the edge is in view again")
         return self._hold()
@@ -562,19 +566,13 @@ class Pilot:
             return
         side = self._side()
         seen = self._entered_at is not None
-        if side is not None and seen and not side.blind_end and self._position.known:
-            self._position.at_end(side, self.motion.distance_m - end.motion.distance_m)
-        cut_m = self._cut_m(end.motion)
-        if side is not None and not seen:
-            cut_m = side.length_m - self._to_blind_end_m(side)
-
-        def room_m(turn: Turn) -> float:
-            return self._room_m(turn, end)
-
-        self._turn = next_turn(self._plan, self.turns, cut_m, self._vehicle, room_m)
-        # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
-        lane_heading_then = self._lane.heading_rad - (self.motion.yaw_rad - end.motion.yaw_rad)
-        self._turn_from = (end.motion, lane_heading_then)
+        blind = side is not None and side.blind_end
+        if side is not None and seen and not blind and self._position.known:
+            ago = self.motion.distance_m - end.motion.distance_m
+            drift = self._odometry.scale_sigma * self._cut_m(end.motion)
+            self._position.at_end(side, ago, drift)
+        self._turn_from = self._end_of_lane(end)
+        self._turn = next_turn(self._plan, self.turns, self._vehicle, self._room_m)
         if seen:
             self.ends.append(end)
         self.turns += 1
@@ -583,27 +581,45 @@ class Pilot:
         self._begin_leg(self._turn.legs[0])
         self._leg_stamp = now
         self._search_m = math.inf
-        blind = side is not None and side.blind_end
         why = "the keep-out's margin" if blind else "no crop before the blade"
         self._go(now, Phase.TURN, f"end of {self._plan.name(self.turns - 1)}: {why}")
 
-    def _room_m(self, turn: Turn, end: EndOfField) -> float:
-        """The least clearance to the geofence along a turn that begins where the side ended."""
-        if self._fence is None or not self._position.known:
+    def _end_of_lane(self, end: EndOfField) -> tuple[float, float, float]:
+        """The turn's frame in dead reckoning's (x, y, direction): the rear axle's place on the lane
+        when the blade stands at the side's end. By the position, in which that end has its part;
+        without one, where the end was declared."""
+        here, side = self.motion, self._side()
+        if side is not None and self._position.known:
+            x, y, yaw = self._position.pose
+            c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+            dx, dy = x - side.x_m, y - side.y_m
+            along = c * dx + s * dy + self._vehicle.blade_x_m - side.length_m
+            across = c * dy - s * dx - self._vehicle.inset_m + side.shift_m
+            direction = here.yaw_rad - math.remainder(yaw - side.heading_rad, math.tau)
+            c, s = math.cos(direction), math.sin(direction)
+            x0 = here.x_m - c * along + s * across
+            return x0, here.y_m - s * along - c * across, direction
+        # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
+        return end.motion.x_m, end.motion.y_m, here.yaw_rad - self._lane.heading_rad
+
+    def _room_m(self, turn: Turn) -> float:
+        """The least clearance to the geofence along a turn from the end of this side's lane."""
+        side = self._side()
+        if self._fence is None or side is None or not self._position.known:
             return ROOM_M
-        x, y, yaw = self._position.pose
-        back = self.motion.distance_m - end.motion.distance_m
-        at = (x - back * math.cos(yaw), y - back * math.sin(yaw), yaw)
-        return room_along(turn, at, self._vehicle, self._fence)
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        along = side.length_m - self._vehicle.blade_x_m
+        inside = self._vehicle.inset_m - side.shift_m
+        x, y = side.x_m + c * along - s * inside, side.y_m + s * along + c * inside
+        return room_along(turn, (x, y, side.heading_rad), self._vehicle, self._fence)
 
     def _in_turn_frame(self) -> tuple[float, float, float]:
         """The rear axle's (x, y, heading) in the turn's frame; x runs along the old lane."""
         assert self._turn_from is not None
-        start, heading = self._turn_from
-        cos, sin = math.cos(start.yaw_rad - heading), math.sin(start.yaw_rad - heading)
-        dx, dy = self.motion.x_m - start.x_m, self.motion.y_m - start.y_m
-        x, y = cos * dx + sin * dy, -sin * dx + cos * dy
-        return x, y, self.motion.yaw_rad - start.yaw_rad + heading
+        x0, y0, direction = self._turn_from
+        c, s = math.cos(direction), math.sin(direction)
+        dx, dy = self.motion.x_m - x0, self.motion.y_m - y0
+        return c * dx + s * dy, c * dy - s * dx, self.motion.yaw_rad - direction
 
     def _drive_turn(self, now: float, telemetry: Telemetry) -> Command:
         turn = self._turn

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import shapely
@@ -56,6 +57,10 @@ class Side:
     over a strip that is narrow for the sake of a corner or a keep-out beside it."""
     blind_end: bool = False
     """The side ends in standing crop, before a keep-out: no picture shows where."""
+    begin_slant_m: float = 0.0
+    end_slant_m: float = 0.0
+    """Lengths over which the crop's border crosses the strip, at slanting corners; they count in
+    length_m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,9 +199,21 @@ def _cut(
         back,
         min(width_m - width, MAX_SHIFT_M),
         _ends_at_hole(strip, _turned(field, heading)),
+        *_slants(strip),
     )
     rest = turned.difference(strip.buffer(1e-4, join_style="mitre"))
     return side, _clean(_turned(rest, -heading)), strip.area
+
+
+def _slants(strip: shapely.Polygon) -> tuple[float, float]:
+    """Lengths over which the ends of a strip along x cross it."""
+    begin, low, end, top = strip.bounds
+    ends = []
+    for y in (low + NEAR_M, top - NEAR_M):
+        row = strip.intersection(shapely.LineString([(begin - 1.0, y), (end + 1.0, y)]))
+        ends.append(row.bounds)
+    (b0, _, e0, _), (b1, _, e1, _) = ends
+    return abs(b1 - b0), abs(e1 - e0)
 
 
 def _ends_at_hole(strip: shapely.Polygon, field: shapely.Polygon) -> bool:
@@ -236,8 +253,11 @@ class _Rounds:
     keep-outs inside together and every strip's ends stay open ground. A far edge gives more, by
     shuttles."""
 
-    def __init__(self, holes: list[shapely.Polygon], width_m: float) -> None:
+    def __init__(
+        self, holes: list[shapely.Polygon], width_m: float, fits: Callable[[float], bool]
+    ) -> None:
         self._holes = holes
+        self._fits = fits
         self._width = width_m
         self._left = 0
         """Rounds; 0 while the field is not convex yet."""
@@ -270,11 +290,12 @@ class _Rounds:
         self._strips -= 1
         return self._strips >= 0
 
-    def again(self, edges: list[_Edge]) -> bool:
-        """Whether the next strip is to be taken off the same edge."""
+    def again(self, edges: list[_Edge], back_m: float) -> bool:
+        """Whether the next strip is to be taken off the same edge, whose crop begins back_m from
+        the boundary. Without the room for a shuttle there, later rounds take more."""
         if self._left == 0:
             return any(not e.open_ends for e in edges)
-        return self._strips > 0
+        return self._strips > 0 and self._fits(back_m)
 
 
 def _walk(
@@ -311,8 +332,11 @@ def _walk(
             onward = min(left, key=lambda e: math.hypot(e.ax - x, e.ay - y), default=None)
         again = _follow(edges, edge.heading, edge.ax, edge.ay)
         reflex = any(not e.open_ends for e in edges)
-        repeat = rounds.again(edges) if rounds is not None else shuttle and reflex
-        choices = [again, onward] if repeat and done is not None else [onward, again]
+        if done is not None and rounds is not None:
+            repeat = rounds.again(edges, done[0].back_m)
+        else:
+            repeat = done is not None and shuttle and reflex
+        choices = [again, onward] if repeat else [onward, again]
         edge = next((e for e in choices if e is not None and e.open_ends), None)
     return sides
 
@@ -341,17 +365,20 @@ def spiral(
     if not isinstance(field, shapely.Polygon):
         raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
     best: tuple[tuple[float, int, int, int], list[Side], float] | None = None
+
+    def fits(back_m: float) -> bool:
+        return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
+
     edges = _edges(field)
     ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
     for ahead, way in itertools.product(range(len(edges)), ways):
         if not edges[(start + ahead) % len(edges)].open_ends:
             continue
-        rounds = _Rounds(away, width_m) if way == "rounds" else None
+        rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
         sides = _walk(field, start + ahead, width_m, way == "shuttle", rounds)
         left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(
-            abs(b.heading_rad - a.heading_rad) < SAME_RAD
-            and shuttle_room_m(vehicle, b.back_m, gap_m) < least_m
+            abs(b.heading_rad - a.heading_rad) < SAME_RAD and not fits(b.back_m)
             for a, b in itertools.pairwise(sides)
         )
         rank = (round(2 * left_m2) / 2, cramped, ahead, len(sides))

@@ -23,6 +23,11 @@ RING_SIGMA_M = 0.02
 LANE_SIGMA_RAD = math.radians(2)
 BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
+SEEN_SHARE = 0.22
+"""Vision sees crop where it fills this share of the blade's width: of a slanting border's length,
+the part beyond."""
+SLANT_SHARE = 0.15
+"""Standard deviation of that, as a share of its length."""
 STEP_SIGMA = 0.03
 """Error of a step as a share of it, along and across."""
 YAW_SIGMA_PER_M = math.radians(0.3)
@@ -50,10 +55,10 @@ class Position:
         return self._p[:2, :2]
 
     def place(self, side: Side, along_m: float, offset_m: float, heading_rad: float) -> None:
-        """On a side's lane: the blade along_m past the side's beginning, the rear axle offset_m
-        left of the lane, the vehicle heading_rad left of its direction."""
+        """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
+        axle offset_m left of the lane, the vehicle heading_rad left of its direction."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        back = along_m - self._vehicle.blade_x_m
+        back = along_m + SEEN_SHARE * side.begin_slant_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
         self._x = np.array(
             [
@@ -84,6 +89,12 @@ class Position:
         yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
         self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw])
 
+    def along(self, side: Side) -> float:
+        """How far the blade's line is past a side's beginning."""
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        dx, dy = self._x[0] - side.x_m, self._x[1] - side.y_m
+        return float(dx * c + dy * s) + self._vehicle.blade_x_m
+
     def on_lane(self, side: Side, index: int, offset_m: float, heading_rad: float) -> None:
         """The lane filter's place against the lane of side number `index`."""
         s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
@@ -96,18 +107,23 @@ class Position:
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
-        self._along(side, ago_m, BEGIN_SIGMA_M)
+        seen = SEEN_SHARE * side.begin_slant_m
+        sigma = math.hypot(BEGIN_SIGMA_M, SLANT_SHARE * side.begin_slant_m)
+        self._along(side, seen + ago_m, sigma)
 
-    def at_end(self, side: Side, ago_m: float) -> None:
-        """The blade met the end of a side, and has travelled ago_m since."""
-        self._along(side, side.length_m + ago_m, END_SIGMA_M)
+    def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0) -> None:
+        """The blade met the end of a side, and has travelled ago_m since; drift_m is what a wrong
+        scale of the distances may have done along it."""
+        along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0]])
+        self._p = self._p + along.T @ along * drift_m**2
+        seen = side.length_m - SEEN_SHARE * side.end_slant_m
+        sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_slant_m)
+        self._along(side, seen + ago_m, sigma)
 
     def _along(self, side: Side, blade_m: float, sigma_m: float) -> None:
         """The blade's line stands blade_m past the side's beginning."""
-        s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
-        along = (self._x[0] - side.x_m) * c + (self._x[1] - side.y_m) * s
-        expected = blade_m - self._vehicle.blade_x_m
-        self._correct(np.array([[c, s, 0.0]]), expected - along, sigma_m)
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        self._correct(np.array([[c, s, 0.0]]), blade_m - self.along(side), sigma_m)
 
     def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> None:
         variance = (h @ self._p @ h.T).item() + sigma**2

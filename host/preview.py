@@ -161,7 +161,7 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         def room_m(turn: Turn, at: Pose = ends[1]) -> float:
             return ROOM_M if fence is None else room_along(turn, at, vehicle, fence)
 
-        turn = next_turn(plan, number, side.length_m, vehicle, room_m)
+        turn = next_turn(plan, number, vehicle, room_m)
         shuttles += plan.corner_rad(number) == 0.0
         poses, way, spent = drive_turn(turn, vehicle)
         turning += way

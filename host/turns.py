@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from host import manoeuvre
 from host.areas import Geofence, outline_of, placed
-from host.manoeuvre import Turn
-from host.plan import Plan
+from host.manoeuvre import NewLane, Turn
+from host.plan import Plan, Side
 from host.vehicle import Vehicle
 
 SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
@@ -18,31 +18,38 @@ ROOM_M = 0.6
 """Clearance to the geofence's border that any turn may be driven with."""
 
 
-def next_turn(
-    plan: Plan, index: int, cut_m: float, vehicle: Vehicle, room_m: Callable[[Turn], float]
-) -> Turn:
-    """The turn from side `index`, whose crop the blade followed for cut_m. `room_m` is the least
-    clearance along a turn; of the three-point turns it is the first that has ROOM_M, else the one
-    that has the most."""
+def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn], float]) -> Turn:
+    """The turn from the end of side `index` to the next. `room_m` is the least clearance along a
+    turn; of the three-point turns it is the first that has ROOM_M, else the one that has the
+    most."""
     corner = plan.corner_rad(index)
-    following = plan.sides[index + 1] if index + 1 < len(plan.sides) else None
-    shift = following.shift_m if following is not None else 0.0
-    if corner == 0.0 and following is not None:
-        this = plan.sides[index]
-        c, s = math.cos(following.heading_rad), math.sin(following.heading_rad)
-        dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
-        left = c * dy - s * dx - (shift - this.shift_m)
-        room = manoeuvre.shuttle_room_m(vehicle, following.back_m, plan.gap_m)
-        return manoeuvre.shuttle(vehicle, c * dx + s * dy - cut_m, left, room)
+    if index + 1 < len(plan.sides):
+        this, following = plan.sides[index], plan.sides[index + 1]
+        lane = _lane_of(this, following, corner, vehicle)
+        if corner == 0.0:
+            room = manoeuvre.shuttle_room_m(vehicle, following.back_m, plan.gap_m)
+            return manoeuvre.shuttle(vehicle, lane.x_m - vehicle.blade_x_m, lane.y_m, room)
+    else:
+        lane = manoeuvre.lane_beside(vehicle, corner)
     if plan.turn == "arc":
-        return manoeuvre.arc(vehicle, corner, shift)
+        return manoeuvre.arc(vehicle, corner, lane)
     rooms: list[tuple[float, Turn]] = []
     for swing in SWINGS:
-        turn = manoeuvre.three_point(vehicle, corner, shift, swing=swing)
+        turn = manoeuvre.three_point(vehicle, corner, lane, swing=swing)
         rooms.append((room_m(turn), turn))
         if rooms[-1][0] >= ROOM_M:
             return turn
     return max(rooms, key=lambda pair: pair[0])[1]
+
+
+def _lane_of(this: Side, following: Side, corner_rad: float, vehicle: Vehicle) -> NewLane:
+    """The lane beside a plan's following side, in the frame of the turn from this one's end."""
+    c, s = math.cos(this.heading_rad), math.sin(this.heading_rad)
+    dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
+    inside = vehicle.inset_m - following.shift_m
+    x = c * dx + s * dy - this.length_m + vehicle.blade_x_m - inside * math.sin(corner_rad)
+    y = c * dy - s * dx - (vehicle.inset_m - this.shift_m) + inside * math.cos(corner_rad)
+    return NewLane(x, y, 0.0)
 
 
 def room_along(

@@ -133,17 +133,18 @@ def drive_legs(turn: manoeuvre.Turn) -> tuple[float, float, float]:
 @given(st.floats(math.radians(60), math.radians(120)))
 def test_both_turns_end_on_the_new_lane(corner: float) -> None:
     for plan in (manoeuvre.arc, manoeuvre.three_point):
-        turn = plan(VEHICLE, corner)
+        turn = plan(VEHICLE, corner, manoeuvre.lane_beside(VEHICLE, corner))
         x, y, heading = drive_legs(turn)
         assert heading == pytest.approx(corner, abs=2e-3)
         assert turn.offset(x, y) == pytest.approx(0.0, abs=5e-3)
 
 
 def test_the_three_point_turn_ends_before_the_crop_the_arc_beyond_its_beginning() -> None:
-    square = manoeuvre.three_point(VEHICLE, math.pi / 2)
+    lane = manoeuvre.lane_beside(VEHICLE, math.pi / 2)
+    square = manoeuvre.three_point(VEHICLE, math.pi / 2, lane)
     x, y, _ = drive_legs(square)
     assert square.along(x, y) + VEHICLE.blade_x_m < square.crop_begins_m - 0.3
-    arc = manoeuvre.arc(VEHICLE, math.pi / 2)
+    arc = manoeuvre.arc(VEHICLE, math.pi / 2, lane)
     x, y, _ = drive_legs(arc)
     assert arc.along(x, y) + VEHICLE.blade_x_m > arc.crop_begins_m + 1.0
 

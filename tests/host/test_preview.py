@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from host.areas import Geofence, areas_of
 from host.field_file import boundary_of, save_field
 from host.gnss import LocalFrame
-from host.manoeuvre import arc, three_point, turning_radius
+from host.manoeuvre import arc, lane_beside, three_point, turning_radius
 from host.plan import Plan, Side
 from host.preview import Preview, drive_turn, lane_pose, plan_field, preview
 from host.vehicle import Vehicle
@@ -38,7 +38,8 @@ def of(
 @pytest.mark.parametrize("corner_deg", [50, 90, 120])
 def test_a_turn_driven_without_error_ends_on_the_new_lane(kind: object, corner_deg: float) -> None:
     assert kind in (arc, three_point)
-    turn = (arc if kind is arc else three_point)(VEHICLE, math.radians(corner_deg))
+    corner = math.radians(corner_deg)
+    turn = (arc if kind is arc else three_point)(VEHICLE, corner, lane_beside(VEHICLE, corner))
     poses, way, seconds = drive_turn(turn, VEHICLE)
     x, y, heading = poses[-1]
     assert turn.offset(x, y) == pytest.approx(0, abs=1e-9)
@@ -49,7 +50,7 @@ def test_a_turn_driven_without_error_ends_on_the_new_lane(kind: object, corner_d
 @given(st.floats(0.7, 2.2))
 def test_no_step_of_a_turn_is_tighter_than_the_steering_allows(corner: float) -> None:
     radius, _ = turning_radius(VEHICLE)
-    poses, way, _ = drive_turn(three_point(VEHICLE, corner), VEHICLE)
+    poses, way, _ = drive_turn(three_point(VEHICLE, corner, lane_beside(VEHICLE, corner)), VEHICLE)
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     bends = np.abs(np.diff(poses[:, 2]))
     assert (bends <= 2 * np.arcsin(steps / (2 * radius)) + 1e-9).all()
