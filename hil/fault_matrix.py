@@ -384,9 +384,9 @@ def in_a_copy(function: Callable[[], Result]) -> Result:
             with os.fdopen(begin, "wb") as pipe:
                 pickle.dump(function(), pipe)
             status = 0
-        except BaseException:
+        except Exception:
             traceback.print_exc()
-        finally:
+        finally:  # at an interrupt as well: the original says so
             os._exit(status)
     os.close(begin)
     with os.fdopen(end, "rb") as pipe:
