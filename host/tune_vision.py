@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import itertools
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from rich.table import Table
 
 from host.errors import UserError
 from host.see import read_sides
+from host.tune_page import TunePage, Tuner
 from host.vehicle import Vehicle
 from host.vision.figure import staged
 from host.vision.mounted import MountedDetector, make_detector
@@ -22,7 +24,6 @@ from host.vision.pictures import Picture, frames
 from host.vision.profiles import DATABASE, Circumstance, Profiles
 from host.vision.split import SIDES, Side
 from host.vision.tuning import Contrast, mounted_contrast, photo_contrast, tune
-from host.vision.view import Detector
 
 
 def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
@@ -53,6 +54,11 @@ def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float
 @click.option("--db", type=click.Path(path_type=Path), default=DATABASE, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True)
 @click.option("--save/--no-save", default=True, show_default=True)
+@click.option(
+    "--page", is_flag=True, help="Tune by hand instead: sliders on a page, in a browser here."
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8023, show_default=True,
+              help="Of the page; 0 takes a free one.")  # fmt: skip
 def tune_vision(
     source: tuple[str, ...],
     hour: float | None,
@@ -66,43 +72,67 @@ def tune_vision(
     db: Path,
     out: Path,
     save: bool,
+    page: bool,
+    port: int,
 ) -> None:
     """Finds the paper's parameters on the first pictures, starting from the nearest profile; shows
-    before and after, and saves the profile."""
+    before and after, and saves the profile. With --page a person does it, on a page with
+    sliders."""
     sides = read_sides(manifest) if manifest else {}
     taken: list[tuple[str, Picture]] = []
     for item in source:
         taken += itertools.islice(frames(item), pictures - len(taken))
-    now = datetime.datetime.now().astimezone()
+    now = _now()
     where = Circumstance(
         now.hour + now.minute / 60 if hour is None else hour, terrain, crop, weather, mount
     )
     contrast: Contrast
+    make: Callable[[str, PaperParams], PaperPhoto | MountedDetector]
     if mount == "photo":
-        named = [(bgr, side or sides.get(name, "left")) for name, bgr in taken]
-        contrast = photo_contrast(named)
+        contrast = photo_contrast([(bgr, side or sides.get(name, "left")) for name, bgr in taken])
+
+        def make(name: str, params: PaperParams) -> PaperPhoto | MountedDetector:
+            return PaperPhoto(side or sides.get(name, "left"), params)
+
     else:
         detector = _mounted(mount, taken)
         contrast = mounted_contrast([bgr for _, bgr in taken], detector)
+
+        def make(_name: str, params: PaperParams) -> PaperPhoto | MountedDetector:
+            return detector(params)
+
     with Profiles(db) as profiles:
         near = profiles.nearest(where)
-        start = near.params if near else PaperParams()
-        params, reached = tune(contrast, start)
-        if save:
+    start = near.params if near else PaperParams()
+    if page:
+        _serve(Tuner(taken, make, contrast, start, db, where, _now), port)
+        return
+    params, reached = tune(contrast, start)
+    if save:
+        with Profiles(db) as profiles:
             profiles.save(where, params, reached, now)
     console = Console()
     console.print(show_change(start, params, (contrast(start), reached)))
     out.mkdir(parents=True, exist_ok=True)
     for name, bgr in taken:
         for when, used in (("before", start), ("after", params)):
-            eye: Detector | PaperPhoto
-            if mount == "photo":
-                eye = PaperPhoto(side or sides.get(name, "left"), used)
-            else:
-                eye = detector(used)
-            cv2.imwrite(str(out / f"{name}.{when}.png"), staged(bgr, eye.see(bgr, stages=True)))
+            view = make(name, used).see(bgr, stages=True)
+            cv2.imwrite(str(out / f"{name}.{when}.png"), staged(bgr, view))
     saved = f"; saved in {db}" if save else ""
     console.print(f"{len(taken)} pictures before and after in {out}{saved}")
+
+
+def _now() -> datetime.datetime:
+    return datetime.datetime.now().astimezone()
+
+
+def _serve(tuner: Tuner, port: int) -> None:
+    """Until Ctrl-C."""
+    if not tuner.pictures:
+        raise UserError("no pictures to tune on; name photographs, a folder, a video or a record")
+    with TunePage(tuner, port) as server, contextlib.suppress(KeyboardInterrupt):
+        Console().print(f"sliders at {server.url}; Ctrl-C ends")
+        server.serve_forever()
 
 
 def _mounted(
