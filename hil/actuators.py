@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Final, Literal, Self
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from hil import inner, targets
 from host import protocol
 from host import step_response as step_figures
+from host.closing import Closing
 from host.errors import UserError
 from host.link import Session
 from host.step_response import Response, Step
@@ -166,7 +166,7 @@ def _replace(plant: Plant, changes: Mapping[str, Any]) -> Plant:
 # ---- stand ---------------------------------------------------------------------------------------
 
 
-class Stand:
+class Stand(Closing):
     """Firmware and machine in lockstep, and a log of what the steering truly did."""
 
     def __init__(
@@ -216,17 +216,6 @@ class Stand:
     def close(self) -> None:
         """Ends the target."""
         self.target.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def calibration(spec: SteeringSpec) -> dict[str, float]:

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from hil import inner, provision
 from hil.board import Board, Controller
 from hil.faults import Injector
 from hil.scenario import Scenario
+from host.closing import Closing
 from host.errors import UserError
 from sim_plant import machine
 from sim_plant.camera import Camera, Shot
@@ -25,7 +25,7 @@ SLICE_US: Final = 10_000
 SLICES_PER_CUT: Final = 2
 
 
-class Bench:
+class Bench(Closing):
     """One machine on one field with its firmware; time in seconds from 0."""
 
     def __init__(
@@ -169,14 +169,3 @@ class Bench:
     def close(self) -> None:
         """Ends the target."""
         self.target.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import ctypes
 import enum
-import types
 from ctypes import POINTER, c_char_p, c_int32, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64
 from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
+from host.closing import Closing
 from host.errors import UserError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -91,7 +91,7 @@ def _pointers(library: Path, _stamp: int) -> Pointers:
     return Pointers(library)
 
 
-class Target:
+class Target(Closing):
     """One microcontroller. Time is in microseconds since its creation and advances in run_until()
     only; pins are Arduino Uno numbers, analog channels A0 = 0. Not to be shared between threads."""
 
@@ -118,17 +118,6 @@ class Target:
         if self.handle:
             self.pointers.destroy(self.handle)
             self.handle = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: types.TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __del__(self) -> None:
         if getattr(self, "handle", 0):

@@ -10,13 +10,13 @@ import errno
 import math
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
 import serial
 from serial.tools import list_ports
 
 from host import protocol
+from host.closing import Closing
 from host.errors import UserError
 from host.types import Command, Request, State, Telemetry
 
@@ -166,7 +166,7 @@ def _refusal(ack: protocol.Ack) -> str:
     return f"{name} refused: {RESULT_TEXTS[ack.result]}"
 
 
-class Link:
+class Link(Closing):
     """A Session on a serial port. Single-threaded: `poll` and `send` are called in turn.
 
     `tap(direction, stamp, bytes)`, when set, sees everything that passes: for the record.
@@ -254,17 +254,6 @@ class Link:
         with contextlib.suppress(UserError):
             self.send(Command(Request.STOP, reason="closing"))
         self._serial.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _write(self, data: bytes) -> None:
         if not data:

@@ -15,14 +15,14 @@ import math
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from mcap.exceptions import McapError
 from mcap.records import Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
+from host.closing import Closing
 from host.errors import UserError
 from host.pilot import Pilot
 from host.types import Command, Fix, Request, State, Telemetry
@@ -137,7 +137,7 @@ ABOUT = "daranti"
 """Name of the metadata that say what the run depends on."""
 
 
-class Recorder:
+class Recorder(Closing):
     """Writes one record. Deterministic: the same messages give the same bytes."""
 
     def __init__(
@@ -248,17 +248,6 @@ class Recorder:
         """Writes the index; without it the record is readable, only slower to seek in."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _records(path: Path) -> Iterator[McapRecord]:

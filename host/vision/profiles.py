@@ -8,10 +8,10 @@ import sqlite3
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from pydantic import ValidationError
 
+from host.closing import Closing
 from host.errors import UserError
 from host.vision.paper import PaperParams
 
@@ -64,7 +64,7 @@ class Profile:
     saved: str
 
 
-class Profiles:
+class Profiles(Closing):
     """The database; a context manager."""
 
     def __init__(self, path: Path) -> None:
@@ -79,15 +79,8 @@ class Profiles:
                 f"{path}: not a database of profiles ({error}); name another file with --db"
             ) from error
 
-    def __enter__(self) -> Profiles:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Ends the connection; what was saved stays."""
         self._db.close()
 
     def save(
