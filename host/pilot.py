@@ -354,8 +354,8 @@ class Pilot:
         if side is None or not self._position.known:
             return True
         along = self._position.along(side) - (self.motion.distance_m - then.distance_m)
-        begins = side.begin_slant_m if side.begin_slant_m > SQUARE_M else -math.inf
-        ends = side.length_m - side.end_slant_m if side.end_slant_m > SQUARE_M else math.inf
+        begins = side.edge_begin_m if side.edge_begin_m > SQUARE_M else -math.inf
+        ends = side.length_m - side.edge_end_m if side.edge_end_m > SQUARE_M else math.inf
         return begins <= along <= ends
 
     def _backing(self) -> bool:
@@ -517,7 +517,7 @@ class Pilot:
         if side is None:
             return True
         doubt = 2 * self._odometry.scale_sigma
-        early = EARLY_M + side.end_slant_m / 2
+        early = EARLY_M + 2 * side.end_seen_m
         return self._cut_m(motion) > (1 - doubt) * side.length_m - early
 
     def _overrun(self) -> bool:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import shapely
 from shapely.affinity import affine_transform
 
@@ -24,6 +25,9 @@ from host.vehicle import Vehicle
 
 MIN_STRIP_M2 = 0.02
 """What a side would cut at least; smaller remains are nothing a camera could find."""
+SEEN_SHARE = 0.22
+"""Vision sees crop where it fills this share of the blade's width."""
+SEEN_ROWS = 9
 MAX_SIDES = 4000
 SAME_RAD = 1e-3
 NEAR_M = 1e-3
@@ -57,10 +61,13 @@ class Side:
     over a strip that is narrow for the sake of a corner or a keep-out beside it."""
     blind_end: bool = False
     """The side ends in standing crop, before a keep-out: no picture shows where."""
-    begin_slant_m: float = 0.0
-    end_slant_m: float = 0.0
-    """Lengths over which the crop's border crosses the strip, at slanting corners; they count in
-    length_m."""
+    begin_seen_m: float = 0.0
+    end_seen_m: float = 0.0
+    """From the crop's first and to its last tip, at slanting corners: where it fills enough of the
+    strip's width to be seen."""
+    edge_begin_m: float = 0.0
+    edge_end_m: float = 0.0
+    """From there the outer edge runs; what is seen before and behind it is a slanting border."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,15 +212,16 @@ def _cut(
     return side, _clean(_turned(rest, -heading)), strip.area
 
 
-def _slants(strip: shapely.Polygon) -> tuple[float, float]:
-    """Lengths over which the ends of a strip along x cross it."""
+def _slants(strip: shapely.Polygon) -> tuple[float, float, float, float]:
+    """begin_seen_m to edge_end_m of a side along x."""
     begin, low, end, top = strip.bounds
-    ends = []
-    for y in (low + NEAR_M, top - NEAR_M):
-        row = strip.intersection(shapely.LineString([(begin - 1.0, y), (end + 1.0, y)]))
-        ends.append(row.bounds)
-    (b0, _, e0, _), (b1, _, e1, _) = ends
-    return abs(b1 - b0), abs(e1 - e0)
+    begins, ends = [], []
+    for y in np.linspace(low + NEAR_M, top - NEAR_M, SEEN_ROWS):
+        row = strip.intersection(shapely.LineString([(begin - 1.0, y), (end + 1.0, y)])).bounds
+        begins.append(row[0] - begin)
+        ends.append(end - row[2])
+    seen = [float(np.quantile(row, SEEN_SHARE)) for row in (begins, ends)]
+    return seen[0], seen[1], begins[0], ends[0]
 
 
 def _ends_at_hole(strip: shapely.Polygon, field: shapely.Polygon) -> bool:

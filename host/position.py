@@ -23,11 +23,8 @@ RING_SIGMA_M = 0.02
 LANE_SIGMA_RAD = math.radians(2)
 BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
-SEEN_SHARE = 0.22
-"""Vision sees crop where it fills this share of the blade's width: of a slanting border's length,
-the part beyond."""
-SLANT_SHARE = 0.15
-"""Standard deviation of that, as a share of its length."""
+SLANT_SHARE = 0.7
+"""Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 STEP_SIGMA = 0.03
 """Error of a step as a share of it, along and across."""
 YAW_SIGMA_PER_M = math.radians(0.3)
@@ -58,7 +55,7 @@ class Position:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
         axle offset_m left of the lane, the vehicle heading_rad left of its direction."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        back = along_m + SEEN_SHARE * side.begin_slant_m - self._vehicle.blade_x_m
+        back = along_m + side.begin_seen_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
         self._x = np.array(
             [
@@ -107,18 +104,16 @@ class Position:
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
-        seen = SEEN_SHARE * side.begin_slant_m
-        sigma = math.hypot(BEGIN_SIGMA_M, SLANT_SHARE * side.begin_slant_m)
-        self._along(side, seen + ago_m, sigma)
+        sigma = math.hypot(BEGIN_SIGMA_M, SLANT_SHARE * side.begin_seen_m)
+        self._along(side, side.begin_seen_m + ago_m, sigma)
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since; drift_m is what a wrong
         scale of the distances may have done along it."""
         along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0]])
         self._p = self._p + along.T @ along * drift_m**2
-        seen = side.length_m - SEEN_SHARE * side.end_slant_m
-        sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_slant_m)
-        self._along(side, seen + ago_m, sigma)
+        sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m)
+        self._along(side, side.length_m - side.end_seen_m + ago_m, sigma)
 
     def _along(self, side: Side, blade_m: float, sigma_m: float) -> None:
         """The blade's line stands blade_m past the side's beginning."""
