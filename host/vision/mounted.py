@@ -43,8 +43,8 @@ TRACK = 11
 TRACKED = 3
 """Of them from which on their median is where the next is expected."""
 LEAP_M = 0.3
-"""The right end moves by no more while it is out of sight, and begins no further from O_map where
-crop is already being cut: what seems to is an end of dust."""
+"""The right end moves no further left while it is out of sight, and begins no further from O_map
+where crop is already being cut: what seems to is an end of dust."""
 BELIEVED = 30
 """Pictures that an end further away must stay to be believed after all."""
 DOUBT = 0.5
@@ -149,12 +149,15 @@ class MountedDetector:
 
     def _steadiness(self, face: Face, expected: float) -> float:
         """Remembers a clear right end; factor on the confidence in it."""
+        if self._cutting and face.ahead_m >= NEAR_M:
+            return DOUBT  # not the face that is being cut
         known = math.isfinite(expected)
         if not known and self._cutting:
             expected = self._expected_m
         away = abs(face.right_m - expected)
         if face.right_confidence >= SURE:
-            leapt = away > LEAP_M
+            # what dust hides makes the end seem too far left, never too far right
+            leapt = face.right_m - expected > LEAP_M
             self._elsewhere = self._elsewhere + 1 if leapt else 0
             if self._elsewhere > BELIEVED:
                 self._track.extend([face.right_m] * TRACK)
