@@ -100,3 +100,33 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
         position.on_lane(side, index, 0.1, 0.0)
         moved.append(position.pose[1] - before)
     assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
+
+
+def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    moved = []
+    for drift_m in (0.0, 0.3, 1.0):
+        position = Position(VEHICLE)
+        position.place(side, 9.5, 0.0, 0.0)
+        before = position.pose
+        position.at_end(side, 0.0, drift_m)
+        moved.append(position.pose[0] - before[0])
+        assert position.pose[1] == pytest.approx(before[1]), "it says nothing about the lane"
+    assert 0.0 < moved[0] < 0.8 * moved[1]
+    assert moved[1] < 0.9 * moved[2] < 0.5
+
+
+@pytest.mark.parametrize("seen_m", [0.0, 0.8])
+def test_a_slanting_end_counts_where_it_is_seen_and_the_less_the_more_it_slants(
+    seen_m: float,
+) -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0, begin_seen_m=seen_m, end_seen_m=seen_m)
+    for told, blade_m in (("at_begin", seen_m), ("at_end", side.length_m - seen_m)):
+        position = Position(VEHICLE)
+        position.place(side, blade_m - seen_m, 0.0, 0.0)
+        assert position.along(side) == pytest.approx(blade_m)
+        getattr(position, told)(side, 0.0)
+        assert position.along(side) == pytest.approx(blade_m), "it is where it was thought to be"
+        getattr(position, told)(side, 0.4)
+        moved = position.along(side) - blade_m
+        assert 0.01 < moved < (0.03 if seen_m else 0.2)

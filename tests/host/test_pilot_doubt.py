@@ -217,6 +217,35 @@ def test_a_side_that_ends_before_a_keep_out_ends_there_though_its_crop_goes_on()
     assert "keep-out" in pilot.transitions[-1].reason
 
 
+@pytest.mark.parametrize("where", ["begin", "end"])
+def test_what_is_seen_where_the_crops_border_slants_is_not_its_edge(where: str) -> None:
+    world = SimpleWorld(VEHICLE)
+    usual = world.x
+    begin = where == "begin"
+    slanting = replace(FIRST, edge_begin_m=2.0 * begin, edge_end_m=2.0 * (not begin))
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+
+    def spoil(view: CropView) -> CropView:
+        along = world.y + VEHICLE.blade_x_m
+        slants = 0.0 < along < 1.9 if begin else along > 8.1
+        return replace(view, edge_offset_m=view.edge_offset_m + 0.15 * slants)
+
+    eyes.spoil = spoil
+    drive(world, pilot, 60.0, until=lambda: world.y + VEHICLE.blade_x_m > (1.9 if begin else 9.9))
+    assert pilot.phase is Phase.FOLLOW
+    assert world.x == pytest.approx(usual, abs=0.03)
+
+
+def test_a_slanting_tip_that_is_not_seen_does_not_keep_a_side_from_ending() -> None:
+    world = SimpleWorld(VEHICLE, height=8.0)
+    tipped = replace(FIRST, end_seen_m=1.0)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(tipped, *PLAN.sides[1:])))
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or world.y > 9.0)
+    assert pilot.turns == 1
+    assert world.y + VEHICLE.blade_x_m < 9.0
+
+
 # ---- the geofence --------------------------------------------------------------------------------
 
 
