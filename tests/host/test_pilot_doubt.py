@@ -339,6 +339,39 @@ def test_what_the_pot_hides_is_taken_off_on_the_way_back_too() -> None:
     assert steer == pytest.approx(law, abs=1e-3)
 
 
+@pytest.mark.parametrize(("shift_m", "next_shift_m"), [(0.0, 0.0), (0.2, 0.0), (0.0, 0.2)])
+def test_a_shuttle_ends_on_the_next_strips_lane_however_either_is_shifted(
+    shift_m: float, next_shift_m: float
+) -> None:
+    world = SimpleWorld(VEHICLE, gap=5.0)
+    width_m = VEHICLE.pass_m - shift_m
+    this = replace(FIRST, shift_m=shift_m, width_m=width_m)
+    again = replace(FIRST, x_m=FIRST.x_m - width_m, shift_m=next_shift_m, back_m=2.0)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(this, again), gap_m=None))
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.LOOK)
+    assert pilot.phase is Phase.LOOK, pilot.reason
+    lane_x = again.x_m - VEHICLE.inset_m + next_shift_m
+    assert world.x == pytest.approx(lane_x, abs=0.06)
+
+
+def test_how_unsure_the_distance_is_goes_into_what_an_end_proves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drifts: list[float] = []
+
+    def at_end(_position: Position, _side: Side, _ago_m: float, drift_m: float) -> None:
+        drifts.append(drift_m)
+
+    monkeypatch.setattr(Position, "at_end", at_end)
+    for hall in (True, False):
+        world = SimpleWorld(VEHICLE, hall=hall)
+        pilot = Pilot(VEHICLE, world, PLAN)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.turns == 1)
+    wheels, duty = drifts
+    assert 0.05 < wheels < 0.15
+    assert duty > 2 * wheels
+
+
 class Jammed(SimpleWorld):
     """Its front wheel does not turn any more once it is `jammed`."""
 
