@@ -129,11 +129,11 @@ def _straightened(bgr: Picture, line: Line, half: int) -> _Strip | None:
     h, w = bgr.shape[:2]
     cos, sin = math.cos(line.angle_rad), math.sin(line.angle_rad)
     foot_u, foot_v = _foot(line, w, h)
-    # where the line runs inside the picture, widened by the strip
+    # where the strip, as wide as it is, runs inside the picture
     t = np.arange(-math.hypot(h, w) / 2, math.hypot(h, w) / 2)
     u, v = foot_u - t * sin, foot_v + t * cos
-    inside = (u >= -half) & (u <= w + half) & (v >= -half) & (v <= h + half)
-    t = t[inside]
+    over_u, over_v = half * abs(cos), half * abs(sin)
+    t = t[(u >= -over_u) & (u <= w + over_u) & (v >= -over_v) & (v <= h + over_v)]
     blocks = len(t) // BLOCK_PX
     if blocks < 4:
         return None

@@ -16,7 +16,7 @@ RIDGE = 0.15
 """Of each feature's variance within the kinds, added to it: too few cells must not make a feature
 look sharp."""
 CELLS_PER_FEATURE = 3
-ALIKE = 0.5
+ALIKE = 0.6
 """Weight of the two kinds' mean covariance in each one's own."""
 STRANGE = 0.5
 """Share of what is not crop that is like neither kind (a cut face, a shadow, trampled stalks): all
