@@ -66,11 +66,15 @@ class Drive:
     mode: Mode
     length_m: float
     folder: str
+    dust: float | None = None
+    """Instead of the random one."""
 
     @property
     def path(self) -> Path:
         """Where its result is kept."""
-        return Path(self.folder) / f"{self.mode}-{self.mount}-{self.seed}-{self.number:05d}.json"
+        air = "" if self.dust is None else f"-dust{self.dust:g}"
+        name = f"{self.mode}-{self.mount}-{self.seed}{air}-{self.number:05d}.json"
+        return Path(self.folder) / name
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +135,8 @@ def _prepare(drive: Drive) -> _Edge:
         cloud=float(rng.choice([0.0, 0.0, 0.0, 0.5, 1.0])),
         haze=float(rng.uniform(0.002, 0.02)),
     )
+    if drive.dust is not None:
+        weather = weather.model_copy(update={"dust": drive.dust})
     scenario = Scenario(
         seed=int(rng.integers(1 << 30)), camera=drive.mount, field=spec, weather=weather
     )
@@ -376,6 +382,8 @@ def show(figures: dict[str, dict[str, float | int | None]]) -> Table:
 @click.option("--mode", type=click.Choice(["robust", "paper"]), default="robust", show_default=True)
 @click.option("--length", "length_m", type=click.FloatRange(5, 200), default=20.0,
               show_default=True, help="Of one edge, m.")  # fmt: skip
+@click.option("--dust", type=click.FloatRange(0, 1),
+              help="Instead of a random one between 0 and 0.6.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/vision"),
@@ -385,6 +393,7 @@ def vision(
     mounts: tuple[str, ...],
     mode: Mode,
     length_m: float,
+    dust: float | None,
     seed: int,
     workers: int,
     out: Path,
@@ -399,7 +408,7 @@ def vision(
         raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
     names = mounts or ("low", "mast")
     count = max(1, round(1e3 * km / length_m / len(names)))
-    make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out))
+    make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust)
     drives = [make(number=n, mount=name) for n in range(count) for name in names]
     found: dict[str, list[Outcome]] = {name: [] for name in names}
     console = Console()
@@ -409,7 +418,7 @@ def vision(
             found[drive.mount].append(outcome)
             progress.advance(task)
     figures = {name: summary(outcomes) for name, outcomes in found.items()}
-    record = {"mode": mode, "seed": seed, "length_m": length_m, "mounts": figures}
+    record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures}
     (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     console.print(show(figures))
     console.print(out / "summary.json")

@@ -77,6 +77,15 @@ def test_a_drive_that_was_done_is_read_not_driven(
     assert run(drive) == first
 
 
+def test_dust_that_is_asked_for_changes_nothing_else(tmp_path: Path) -> None:
+    drawn = Drive(5, 1, "low", "robust", 5.0, str(tmp_path))
+    clean = replace(drawn, dust=0.0)
+    assert clean.path != drawn.path
+    a, b = _prepare(drawn), _prepare(clean)
+    assert b.scenario.weather == a.scenario.weather.model_copy(update={"dust": 0.0})
+    assert (b.scenario.seed, b.depth_m, b.weave) == (a.scenario.seed, a.depth_m, a.weave)
+
+
 def test_a_run_of_no_length_is_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(vision, ["--out", str(tmp_path), "--km", "0"])
     assert result.exit_code == 2

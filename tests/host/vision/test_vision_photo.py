@@ -210,6 +210,7 @@ def test_robust_mode_on_the_labelled_photographs() -> None:
     figures = bench.summary([bench.judge(p, see(p)) for p in photos], 0.0)
     assert figures["lateral_pictures"] == 64
     assert figures["miou_mean"] >= 0.945
+    assert figures["lateral_median"] <= 0.012
     assert figures["within_5pct"] >= 0.90
     assert figures["confident_wrong"] <= 0.01
     assert figures["confident"] >= 0.8
