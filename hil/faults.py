@@ -79,6 +79,9 @@ class Pair:
 _STOP, _RIDE = Expect.STOP, Expect.RIDE
 _NO_BLADE_SENSOR: Final = "not detectable: no sensor on the blade"
 _SLOW: Final = (1.0, 0.5)
+_STEERING: Final = (2.0, 0.5)
+"""A turn's leg holds an angle for nearly two seconds, and so long a motor that does not turn makes
+no difference that could be seen."""
 
 PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("pot", "off"): Pair("wire open: the pin reads `value` V", _STOP, value=5.0),
@@ -88,15 +91,15 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("pot", "slow"): Pair("follows with `value` s", _RIDE, value=0.2),
     ("pot", "delayed"): Pair("reads what it was `value` s ago", _RIDE, value=0.1),
     ("pot", "intermittent"): Pair("the wiper lifts now and then", _STOP),
-    ("steering_motor", "off"): Pair("winding open", _STOP, *_SLOW),
-    ("steering_motor", "stuck"): Pair("jammed", _STOP, *_SLOW),
-    ("steering_motor", "wrong"): Pair("turns the wrong way", _STOP, *_SLOW),
+    ("steering_motor", "off"): Pair("winding open", _STOP, *_STEERING),
+    ("steering_motor", "stuck"): Pair("jammed", _STOP, *_STEERING),
+    ("steering_motor", "wrong"): Pair("turns the wrong way", _STOP, *_STEERING),
     ("steering_motor", "slow"): Pair("has `value` of its strength", _RIDE, value=0.4),
     ("steering_motor", "intermittent"): Pair("loose brush", _RIDE),
-    ("steering_bridge", "off"): Pair("gives no current", _STOP, *_SLOW),
-    ("steering_bridge", "stuck"): Pair("keeps its output", _STOP, *_SLOW),
-    ("steering_bridge", "garbage"): Pair("gives anything", _STOP, *_SLOW),
-    ("steering_bridge", "wrong"): Pair("reversed", _STOP, *_SLOW),
+    ("steering_bridge", "off"): Pair("gives no current", _STOP, *_STEERING),
+    ("steering_bridge", "stuck"): Pair("keeps its output", _STOP, *_STEERING),
+    ("steering_bridge", "garbage"): Pair("gives anything", _STOP, *_STEERING),
+    ("steering_bridge", "wrong"): Pair("reversed", _STOP, *_STEERING),
     ("steering_bridge", "slow"): Pair("gives `value` of the duty", _RIDE, value=0.5),
     ("steering_bridge", "delayed"): Pair("follows `value` s later", _RIDE, value=0.05),
     ("steering_bridge", "intermittent"): Pair("loose contact", _RIDE),
