@@ -8,9 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from simple_world import BLANK, SimpleWorld, drive, harvest
 
 from host import steering
+from host.areas import Geofence, areas_of
+from host.manoeuvre import Turn
 from host.pilot import (
     CREEP_MPS,
     END_PAST_M,
@@ -20,6 +23,7 @@ from host.pilot import (
 )
 from host.plan import Plan, Side, spiral
 from host.position import Position
+from host.turns import next_turn, room_along
 from host.types import Command, Fix, Frame, Request, State
 from host.vehicle import Vehicle
 from host.vision.view import CropView
@@ -324,6 +328,39 @@ def test_what_is_seen_of_the_crops_flank_while_it_backs_out_is_not_its_edge() ->
         return view if shown is view else replace(shown, edge_offset_m=0.15)
 
     assert driven_to_look(aside) == pytest.approx(driven_to_look(), abs=0.005)
+
+
+def test_an_end_that_is_seen_too_soon_hardly_moves_the_turn() -> None:
+    """The position knows the plan's end as well; 0.5 m are what dust or a thin corner may do."""
+
+    def soon(world: SimpleWorld, pilot: Pilot, view: CropView) -> CropView:
+        gone = pilot.phase is Phase.FOLLOW and world.y + VEHICLE.blade_x_m > FIRST.length_m - 0.5
+        return replace(view, crop_ahead_m=5.0) if gone else view
+
+    (soon_m, _), (usual_m, _) = driven_to_look(soon), driven_to_look()
+    assert abs(soon_m - usual_m) < 0.22
+
+
+def test_the_room_of_a_turn_is_counted_from_the_end_of_the_sides_lane(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shift_m = 0.2
+    world = SimpleWorld(VEHICLE)
+    shifted = replace(FIRST, shift_m=shift_m)
+    told: list[tuple[Turn, float]] = []
+
+    def chosen(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn], float]) -> Turn:
+        turn = next_turn(plan, index, vehicle, room_m)
+        told.append((turn, room_m(turn)))
+        return turn
+
+    monkeypatch.setattr("host.pilot.next_turn", chosen)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(shifted, *PLAN.sides[1:])))
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    ((turn, room_m),) = told
+    fence = Geofence(areas_of(shapely.Polygon(SQUARE), 2.0))
+    at = (10.0 - VEHICLE.inset_m + shift_m, 10.0 - VEHICLE.blade_x_m, math.pi / 2)
+    assert room_m == pytest.approx(room_along(turn, at, VEHICLE, fence), abs=1e-6)
 
 
 def test_a_leg_is_ended_so_that_it_coasts_to_its_angle() -> None:
