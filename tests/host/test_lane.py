@@ -130,3 +130,18 @@ def test_a_slanting_end_counts_where_it_is_seen_and_the_less_the_more_it_slants(
         getattr(position, told)(side, 0.4)
         moved = position.along(side) - blade_m
         assert 0.01 < moved < (0.03 if seen_m else 0.2)
+
+
+def pictures_until_believed(lane: Lane, offset_m: float, most: int = 200) -> int:
+    for k in range(most):
+        if lane.correct(edge_at(offset_m, 0.0), 0.0, 0.9, (0.0, 0.0)):
+            return k
+    return most
+
+
+def test_a_lane_that_a_turn_left_askew_yields_soon_and_a_sure_one_outlasts_a_patch() -> None:
+    """At 10 pictures a second and 0.5 m/s: half a metre are 10 pictures, 1.5 m 30."""
+    askew = settled()
+    askew.place(0.0, 0.0, 0.12, math.radians(2.5))
+    assert pictures_until_believed(askew, 0.45) <= 10
+    assert 30 < pictures_until_believed(settled(), 0.3) < 200

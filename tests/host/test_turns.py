@@ -18,7 +18,9 @@ from host.manoeuvre import (
     NewLane,
     Turn,
     arc,
+    lane_beside,
     path,
+    shuttle,
     shuttle_length,
     shuttle_room_m,
     three_point,
@@ -137,3 +139,21 @@ def test_at_the_room_that_the_plan_asks_for_a_shuttle_keeps_its_distance_to_the_
     rear = path(VEHICLE, shift, 0.01)[-1][0] - VEHICLE.rear_overhang_m
     border = VEHICLE.blade_x_m - FIRST.length_m - back_m - (gap_m - GAP_MARGIN_M)
     assert rear - border == pytest.approx(SHUTTLE_CLEAR_M, abs=0.03)
+
+
+def test_a_small_shift_takes_no_s() -> None:
+    beside, apart = (shuttle(VEHICLE, -8.0, shift_m, 3.0) for shift_m in (0.1, 0.3))
+    assert [leg.goal for leg in beside.legs] == [Goal.ALONG, Goal.ALONG]
+    assert [leg.goal for leg in apart.legs] == [Goal.ALONG, Goal.HEADING, Goal.HEADING, Goal.ALONG]
+    assert (beside.lane_y_m, apart.lane_y_m) == (0.1, 0.3)
+
+
+@pytest.mark.parametrize("corner_deg", [50.0, 90.0, 130.0])
+def test_without_a_plan_crop_begins_where_the_blades_first_end_leaves_the_swath(
+    corner_deg: float,
+) -> None:
+    corner, half = math.radians(corner_deg), VEHICLE.blade_width_m / 2
+    lane = lane_beside(VEHICLE, corner)
+    middle = lane.y_m + lane.begins_m * math.sin(corner)
+    ends = [middle + lateral * math.cos(corner) for lateral in (-half, half)]
+    assert max(ends) == pytest.approx(half)
