@@ -144,8 +144,9 @@ class MountedDetector:
         self._clear = 0
 
     def _expected(self) -> float:
-        """Where the right end should be by what was seen before; NaN: nothing was."""
-        return statistics.median(self._track) if len(self._track) >= TRACKED else NAN
+        """Where the right end should be by what was seen before; NaN: nothing was. Of two places
+        never one between them."""
+        return statistics.median_low(self._track) if len(self._track) >= TRACKED else NAN
 
     def _steadiness(self, face: Face, expected: float) -> float:
         """Remembers a clear right end; factor on the confidence in it."""

@@ -148,6 +148,21 @@ def test_an_edge_that_leaps_further_than_a_machine_can_is_believed_only_after_se
     assert min(v.confidence for v in views[BELIEVED:]) > 0.5
 
 
+def test_an_edge_that_appears_further_right_is_believed_as_soon_as_it_stays() -> None:
+    """Dust hides the end of the crop and never shows more of it."""
+    eye, outer = following(0.25), field(MAST, right_m=-0.55)
+    views = [eye.see(outer) for _ in range(TRACK)]
+    assert views[0].confidence < 0.5 < views[-1].confidence
+    assert views[-1].edge_offset_m == pytest.approx(-0.1, abs=0.05)
+
+
+def test_a_face_further_ahead_tells_nothing_of_the_edge_that_is_being_cut() -> None:
+    eye = following()
+    view = eye.see(field(MAST, face_x_m=1.5 + 1.7, next_crop_m=None))
+    assert view.crop_ahead_m > 1.0
+    assert view.confidence < 0.5
+
+
 def test_no_track_begins_far_from_the_blades_end_while_crop_is_being_cut() -> None:
     eye, dust = detector("robust", MAST), field(MAST, right_m=-0.05)
     eye.see(field(MAST))
