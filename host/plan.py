@@ -378,12 +378,14 @@ def spiral(
         return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
 
     edges = _edges(field)
+    corner = boundary[start % len(boundary)]
+    first = min(range(len(edges)), key=lambda k: math.dist((edges[k].ax, edges[k].ay), corner))
     ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
     for ahead, way in itertools.product(range(len(edges)), ways):
-        if not edges[(start + ahead) % len(edges)].open_ends:
+        if not edges[(first + ahead) % len(edges)].open_ends:
             continue
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
-        sides = _walk(field, start + ahead, width_m, way == "shuttle", rounds)
+        sides = _walk(field, first + ahead, width_m, way == "shuttle", rounds)
         left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(
             abs(b.heading_rad - a.heading_rad) < SAME_RAD and not fits(b.back_m)

@@ -93,22 +93,20 @@ def test_the_plan_begins_with_the_side_that_leaves_the_corner(corner: int, first
     assert plan.corner_rad(0) == pytest.approx(math.pi / 2, abs=1e-4)
 
 
-def begins(field: Boundary) -> int:
-    """The corner that the field is to be begun at, asked for at corner 0."""
-    try:
-        plan_of(field, 0, Vehicle(), "arc")
-    except UserError as error:
-        return int(str(error).rsplit(" ", 1)[1])
-    return 0
-
-
 def test_gap_and_keep_outs_reach_the_plan() -> None:
     well = [FRAME.to_wgs84(*corner) for corner in ((9, 5), (10, 5), (10, 6), (9, 6))]
     field = Boundary(tuple(SQUARE), (tuple(well),))
-    begin = begins(field)
-    _, plan = plan_of(field, begin, Vehicle(), "arc", 1.5)
-    assert (plan.gap_m, plan.turn, len(plan.keep_outs)) == (1.5, "arc", 1)
-    assert plan_of(field, begin, Vehicle(), "arc")[1].gap_m is None
+    for gap_m in (1.5, None):
+        _, plan = plan_of(field, 0, Vehicle(), "arc", gap_m)
+        assert (plan.gap_m, plan.turn, len(plan.keep_outs)) == (gap_m, "arc", 1)
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_a_field_with_a_keep_out_is_begun_at_the_corner_that_is_asked_for(corner: int) -> None:
+    well = [FRAME.to_wgs84(*place) for place in ((9, 5), (10, 5), (10, 6), (9, 6))]
+    frame, plan = plan_of(Boundary(tuple(SQUARE), (tuple(well),)), corner, Vehicle(), "arc", 2.0)
+    first = plan.sides[0]
+    assert (first.x_m, first.y_m) == pytest.approx(frame.to_local(*SQUARE[corner]), abs=0.01)
 
 
 def test_a_corner_that_a_field_cannot_be_begun_at_names_the_one_that_can() -> None:

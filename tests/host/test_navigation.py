@@ -35,7 +35,7 @@ def telemetry(t: float, *, angle: float = 0.0, duty: int = 0, speed: float | Non
 def convex_fields(draw: st.DrawFn) -> list[tuple[float, float]]:
     count = draw(st.integers(3, 8))
     angles = sorted(draw(st.lists(st.floats(0, 6.28), min_size=count, max_size=count, unique=True)))
-    a, b = draw(st.floats(5, 40)), draw(st.floats(5, 40))
+    a, b = draw(st.floats(4, 15)), draw(st.floats(4, 15))
     hull = shapely.MultiPoint([(a * math.cos(t), b * math.sin(t)) for t in angles]).convex_hull
     if hull.geom_type != "Polygon" or hull.area < 10:
         return [(0.0, 0.0), (a, 0.0), (a, b), (0.0, b)]
