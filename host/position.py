@@ -23,6 +23,9 @@ RING_SIGMA_M = 0.02
 LANE_SIGMA_RAD = math.radians(2)
 BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
+END_EARLY_M = 0.1
+"""The last crop before the blade is too shallow a strip to look like crop: vision loses it 0.14 m
+before its end from the mast, at 0.05 m from the low camera (docs/vision.md)."""
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 STEP_SIGMA = 0.03
@@ -113,7 +116,8 @@ class Position:
         along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0]])
         self._p = self._p + along.T @ along * drift_m**2
         sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m)
-        self._along(side, side.length_m - side.end_seen_m + ago_m, sigma)
+        seen = side.length_m - side.end_seen_m - END_EARLY_M
+        self._along(side, seen + ago_m, sigma)
 
     def _along(self, side: Side, blade_m: float, sigma_m: float) -> None:
         """The blade's line stands blade_m past the side's beginning."""
