@@ -363,7 +363,9 @@ def report_of(folder: Path, against: Path | None = None) -> Path:
         title = f"faults, {summary['firmware']} firmware"
         sections = faults_sections(verdicts)
         if against is not None:
-            sections.insert(0, Section("Against", grid=_changed(verdicts, against)))
+            grid = _changed(verdicts, against)
+            text = "" if grid.rows else f"Every verdict is that of {against.name}."
+            sections.insert(0, Section("Against", text, grid if grid.rows else None))
         return write(folder, title, sections)
     if "outcome" not in summary:
         raise UserError(
@@ -380,11 +382,11 @@ def _changed(verdicts: Sequence[Verdict], against: Path) -> Grid:
     }
     if not theirs:
         raise UserError(f"{against} is not a fault matrix's folder: its summary.json has no faults")
-    grid = Grid(("fault", "while", "this", "against"))
+    grid = Grid(("fault", "while", "this", against.name))
     for v in verdicts:
         other = theirs.get((v.fault, v.situation))
         if other is not None and other["verdict"] != v.verdict:
-            mark = "good" if v.ok else "bad"
+            mark = "good" if v.ok else "limit" if v.limit else "bad"
             grid.rows.append((mark, [v.fault, v.situation, v.verdict, other["verdict"]]))
     return grid
 
