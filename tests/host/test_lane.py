@@ -121,7 +121,9 @@ def test_a_slanting_end_counts_where_it_is_seen_and_the_less_the_more_it_slants(
     seen_m: float,
 ) -> None:
     side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0, begin_seen_m=seen_m, end_seen_m=seen_m)
-    for told, blade_m in (("at_begin", seen_m), ("at_end", side.length_m - seen_m)):
+    early_m = 0.1  # vision loses the last crop before its end
+    ends_m = side.length_m - seen_m - early_m
+    for told, blade_m in (("at_begin", seen_m), ("at_end", ends_m)):
         position = Position(VEHICLE)
         position.place(side, blade_m - seen_m, 0.0, 0.0)
         assert position.along(side) == pytest.approx(blade_m)
