@@ -298,7 +298,7 @@ class Pilot:
             return
         then = self._odometry.at(frame.stamp)
         side = self._side()
-        at_end = side is not None and self._cut_m(then) > side.length_m + END_PAST_M
+        at_end = side is not None and self._along_m(then) > side.length_m + END_PAST_M
         if self.phase is not Phase.FOLLOW or at_end:
             # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
             self._detector.restart()
@@ -353,7 +353,7 @@ class Pilot:
             return False
         if side is None or not self._position.known:
             return True
-        along = self._position.along(side) - (self.motion.distance_m - then.distance_m)
+        along = self._along_m(then)
         begins = side.edge_begin_m if side.edge_begin_m > SQUARE_M else -math.inf
         ends = side.length_m - side.edge_end_m if side.edge_end_m > SQUARE_M else math.inf
         return begins <= along <= ends
@@ -498,13 +498,18 @@ class Pilot:
         start = self._entered_at or self._run_from
         return motion.distance_m - start.distance_m if start is not None else 0.0
 
+    def _along_m(self, motion: Motion) -> float:
+        """How far the blade has come past the side's beginning: by the position, in which what was
+        seen of that beginning has its part; without one, from where the crop was met."""
+        side = self._side()
+        if side is None or not self._position.known:
+            return self._cut_m(motion)
+        return self._position.along(side) - (self.motion.distance_m - motion.distance_m)
+
     def _to_blind_end_m(self, side: Side) -> float:
         """From where the blade will stop to where the side ends before a keep-out."""
         coast = self.motion.speed_mps * self._vehicle.drive_lag_s
-        left = side.length_m - self._cut_m(self.motion)
-        if self._position.known:
-            left = side.length_m - self._position.along(side)
-        return left - coast
+        return side.length_m - self._along_m(self.motion) - coast
 
     def _side(self) -> Side | None:
         """The plan's side that is being cut, if there is a plan."""
@@ -518,14 +523,14 @@ class Pilot:
             return True
         doubt = 2 * self._odometry.scale_sigma
         early = EARLY_M + 2 * side.end_seen_m
-        return self._cut_m(motion) > (1 - doubt) * side.length_m - early
+        return self._along_m(motion) > (1 - doubt) * side.length_m - early
 
     def _overrun(self) -> bool:
         """Whether the blade has passed the field's boundary, whatever vision says."""
         side = self._side()
         if side is None:
             return False
-        farthest = (1 + self._odometry.scale_sigma) * self._cut_m(self.motion)
+        farthest = (1 + self._odometry.scale_sigma) * self._along_m(self.motion)
         return farthest > side.fence_m + LATE_M
 
     def _blind(self, now: float) -> bool:
