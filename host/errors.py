@@ -42,8 +42,9 @@ def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
 
 def run(command: click.Command, program: str, args: Sequence[str] | None = None) -> NoReturn:
     """Runs a click command as the process's main function and exits. SIGTERM and a closed terminal
-    unwind as Ctrl-C does, so that whoever holds the outputs gets to switch them off."""
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    unwind as Ctrl-C does, so that whoever holds the outputs gets to switch them off; and Ctrl-C
+    does where a script's `&` had it ignored."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
     try:
         code = command.main(args, prog_name=program, standalone_mode=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 
 import click
 import pytest
@@ -54,19 +55,28 @@ def test_debug_shows_the_traceback(
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_sigterm_unwinds_like_ctrl_c(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_a_program_unwinds_it_even_where_it_was_ignored(
+    number: signal.Signals,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A script's `&` leaves Ctrl-C ignored."""
+    before = signal.signal(number, signal.SIG_IGN)
     unwound = []
 
     @click.command()
     def command() -> None:
         try:
-            os.kill(os.getpid(), signal.SIGTERM)
-            signal.pause()
+            os.kill(os.getpid(), number)
+            time.sleep(1.0)
         finally:
             unwound.append(True)
 
-    with pytest.raises(SystemExit) as exit_:
-        run(command, "daranti", [])
+    try:
+        with pytest.raises(SystemExit) as exit_:
+            run(command, "daranti", [])
+    finally:
+        signal.signal(number, before)
     assert exit_.value.code == EXIT_INTERRUPTED
     assert unwound
     capsys.readouterr()
