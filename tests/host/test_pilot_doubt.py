@@ -126,6 +126,23 @@ def test_beyond_the_plans_end_clear_ground_is_no_dust() -> None:
     assert eyes.restarts == eyes.looks != []
 
 
+def test_a_side_whose_crop_seems_to_begin_early_is_not_too_long_for_that() -> None:
+    """As where the tops of farther crop pass for crop at the blade (the low camera)."""
+    world = SimpleWorld(VEHICLE)
+    tight = replace(SECOND, fence_m=SECOND.length_m - 0.5)
+    plan = replace(PLAN, sides=(FIRST, tight, *PLAN.sides[2:]))
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, plan)
+
+    def early(view: CropView) -> CropView:
+        begins = pilot.turns == 1 and pilot.phase is Phase.FOLLOW and pilot.cut_m < 0.8
+        return replace(view, crop_ahead_m=0.0) if begins else view
+
+    eyes.spoil = early
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert pilot.turns == 2, pilot.reason
+
+
 def test_while_it_hesitates_nothing_is_dust() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, lambda view: view)
