@@ -119,13 +119,14 @@ class Face:
     """Dust lies over a part of the ground that the blade is about to reach."""
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, boundscheck=False)
 def _profile(
     upright: Mask,
     steps: Mask,
     grey: Mask,
     across: Floats,
     upward: Floats,
+    reach: Floats,
     scale: float,
     origin: tuple[float, float],
     bands: tuple[float, float, float, float],
@@ -133,44 +134,56 @@ def _profile(
     sums: Sums,
 ) -> None:
     """Per lateral bin of the face's two bands of height (lower from, to, upper from, to), from the
-    right end: pixels, stems, steps, grey (n, 4)."""
+    right end: pixels, stems, steps, grey (n, 4). `reach`: least and greatest `upward` of each row.
+
+    Counts share a word, three of 20 bits; the first and the last bin are for what is outside."""
     height, width = upright.shape
     bins = sums.shape[0]
+    low = np.float32((bands[0] - origin[1]) / scale), np.float32((bands[2] - origin[1]) / scale)
+    high = np.float32((bands[1] - origin[1]) / scale), np.float32((bands[3] - origin[1]) / scale)
+    first, per = np.float32((origin[0] - right) / BIN_M + 1.0), np.float32(scale / BIN_M)
+    none, last = np.float32(0.0), np.float32(bins + 1)
+    counts = np.zeros((bins + 2, 2), np.int64)
+    place, word = np.empty(width, np.int32), np.empty(width, np.int64)
     for v in range(height):
+        least, most = reach[v]
+        if not ((least <= high[0] and most >= low[0]) or (least <= high[1] and most >= low[1])):
+            continue
+        stem, step, level, aside, z = upright[v], steps[v], grey[v], across[v], upward[v]
         for u in range(width):
-            z = origin[1] + scale * upward[v, u]
-            if not (bands[0] <= z <= bands[1] or bands[2] <= z <= bands[3]):
-                continue
-            b = int((origin[0] + scale * across[v, u] - right) / BIN_M)
-            if 0 <= b < bins:
-                sums[b, 0] += 1.0
-                sums[b, 1] += upright[v, u] != 0
-                sums[b, 2] += steps[v, u] != 0
-                sums[b, 3] += grey[v, u]
+            inside = ((low[0] <= z[u]) & (z[u] <= high[0])) | ((low[1] <= z[u]) & (z[u] <= high[1]))
+            b = min(last, max(none, first + per * aside[u]))
+            place[u] = np.int32(b) if inside else np.int32(0)
+        for u in range(width):
+            word[u] = 1 | np.int64(stem[u] & 1) << 20 | np.int64(step[u] & 1) << 40
+        for u in range(width):
+            counts[place[u], 0] += word[u]
+            counts[place[u], 1] += level[u]
+    field = (1 << 20) - 1
+    for b in range(bins):
+        pixels = counts[b + 1, 0]
+        sums[b, 0], sums[b, 1] = pixels & field, pixels >> 20 & field
+        sums[b, 2], sums[b, 3] = pixels >> 40, counts[b + 1, 1]
 
 
-@numba.njit(cache=True, nogil=True)
-def _blocks(upright: Mask, steps: Mask, grey: Mask, block: int, sums: Sums) -> None:
-    """Sums of stems, steps and grey per block of columns and row: (blocks, rows + 1, 3), running
-    from the top."""
-    height = upright.shape[0]
-    for b in range(sums.shape[0]):
-        for v in range(height):
-            stems, step, level = 0, 0, 0
-            for u in range(b * block, (b + 1) * block):
-                stems += upright[v, u] != 0
-                step += steps[v, u] != 0
-                level += grey[v, u]
-            sums[b, v + 1, 0] = sums[b, v, 0] + stems
-            sums[b, v + 1, 1] = sums[b, v, 1] + step
-            sums[b, v + 1, 2] = sums[b, v, 2] + level
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _blocks(steps: Mask, grey: Mask, sums: NDArray[np.int32]) -> None:
+    """Sums of steps and of grey per block of columns and row, running from the top:
+    (2, rows + 1, blocks)."""
+    for v in range(steps.shape[0]):
+        for b in range(sums.shape[2]):
+            step, level = np.int32(0), np.int32(0)
+            for u in range(b * BLOCK_PX, (b + 1) * BLOCK_PX):
+                step += np.int32(steps[v, u] & 1)
+                level += np.int32(grey[v, u])
+            sums[0, v + 1, b] = sums[0, v, b] + step
+            sums[1, v + 1, b] = sums[1, v, b] + level
 
 
 @numba.njit(cache=True, nogil=True)
 def _feet(
     dense: Mask,
-    sums: Sums,
-    block: int,
+    sums: NDArray[np.int32],
     horizon: int,
     limit: NDArray[np.int32],
     windows: NDArray[np.int32],
@@ -183,7 +196,7 @@ def _feet(
     height = dense.shape[0]
     for b in range(feet.shape[0]):
         feet[b] = -1
-        middle = b * block + block // 2
+        middle = b * BLOCK_PX + BLOCK_PX // 2
         rough = -1
         for v in range(height - 1, horizon - 1, -1):
             if dense[v, middle]:
@@ -195,16 +208,16 @@ def _feet(
         for v in range(rough - windows[rough] // 2, min(height - 2, limit[rough]) + 1):
             n = windows[v]
             lo, hi = max(0, v - n), min(height, v + max(3, n // 2))
-            above, below = float((v - lo) * block), float((hi - v) * block)
+            above, below = float((v - lo) * BLOCK_PX), float((hi - v) * BLOCK_PX)
             if above <= 0.0 or below <= 0.0:
                 continue
             score = 0.0
-            for k in range(1, 3):
-                d = (sums[b, v, k] - sums[b, lo, k]) / above
-                d -= (sums[b, hi, k] - sums[b, v, k]) / below
-                if k == 1 and d < 0.0:
+            for k in range(2):
+                d = (sums[k, v, b] - sums[k, lo, b]) / above
+                d -= (sums[k, hi, b] - sums[k, v, b]) / below
+                if k == 0 and d < 0.0:
                     d = 0.0
-                score += (d / spread[k]) ** 2
+                score += (d / spread[k + 1]) ** 2
             if score > best:
                 best, at = score, v
         feet[b] = at
@@ -294,6 +307,7 @@ class FaceFinder:
         far = 1e6
         self._across = np.nan_to_num(rays[..., 1] / forward, nan=far).astype(np.float32)
         self._upward = np.nan_to_num(rays[..., 2] / forward, nan=far).astype(np.float32)
+        self._reach = np.stack([self._upward.min(1), self._upward.max(1)], 1)
         x = np.nan_to_num(camera.on_height(pixels, 0.0)[..., 0], nan=far)
         self._ground_x = np.minimum(x, far).astype(np.float32)
         middle = self._ground_x[:, width // 2]
@@ -347,10 +361,10 @@ class FaceFinder:
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
         """(x, y) on the ground of the foot of each block of columns that has one."""
         blocks = seen.upright.shape[1] // BLOCK_PX
-        sums = np.zeros((blocks, seen.upright.shape[0] + 1, 3))
+        sums = np.zeros((2, seen.upright.shape[0] + 1, blocks), np.int32)
         feet = np.empty(blocks, np.int32)
-        _blocks(seen.upright, seen.steps, seen.grey, BLOCK_PX, sums)
-        _feet(dense, sums, BLOCK_PX, self._horizon, self._limit, self._windows, SPREAD, feet)
+        _blocks(seen.steps, seen.grey, sums)
+        _feet(dense, sums, self._horizon, self._limit, self._windows, SPREAD, feet)
         columns = np.arange(blocks) * BLOCK_PX + BLOCK_PX // 2
         rows, columns = feet[feet >= 0], columns[feet >= 0]
         x = self._ground_x[rows, columns]
@@ -426,6 +440,7 @@ class FaceFinder:
             seen.grey,
             self._across,
             self._upward,
+            self._reach,
             face_x - x_c,
             (y_c, z_c),
             bands,

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.vision.geometry import Camera
-from host.vision.pictures import Mask
+from host.vision.pictures import Mask, u8
+
+Places = NDArray[np.int16]
 
 LONGER = 1.7
 """Than stubble: the least length of a standing stem."""
@@ -44,46 +46,77 @@ def rails(width: int, height: int, camera: Camera | None, tilt_deg: float) -> ND
     return np.column_stack([top, bottom - shift]).astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
-def _mark(
-    on: Mask, track: NDArray[np.float32], least: NDArray[np.float32], gap: int, out: Mask
-) -> None:
-    """Rows are taken in pairs, which halves the work; gaps count in pairs too."""
-    height, width = on.shape
-    pairs = height // 2
-    for r in range(track.shape[0]):
-        slope = 2.0 * (track[r, 1] - track[r, 0]) / height
-        start = track[r, 0] + 0.5
-        begin, end = 0, pairs
-        if slope != 0.0:  # the pairs of rows in which the rail is inside the picture
-            enters, leaves = -start / slope, (width - start) / slope
-            if enters > leaves:
-                enters, leaves = leaves, enters
-            begin, end = max(0, int(enters) + 1), min(pairs, int(leaves))
-        elif start < 0.0 or start >= width:
-            continue
-        first = -1  # pair where the running piece began
-        last = -1  # its lowest lit pair so far
-        for v in range(begin, end):
-            u = int(start + slope * v)
-            if on[2 * v, u] | on[2 * v + 1, u]:
-                if first < 0:
-                    first = v
-                last = v
-            elif first >= 0 and 2 * (v - last) > gap:
-                if 2 * (last - first + 1) >= least[2 * last + 1]:
-                    _light(on, start, slope, first, last, out)
-                first = -1
-        if first >= 0 and 2 * (last - first + 1) >= least[2 * last + 1]:
-            _light(on, start, slope, first, last, out)
+# Each loop below does one thing, over neighbours, in bytes: that is what compilers make quick.
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
-def _light(on: Mask, start: float, slope: float, first: int, last: int, out: Mask) -> None:
-    for v in range(first, last + 1):
-        u = int(start + slope * v)
-        out[2 * v, u] = on[2 * v, u]
-        out[2 * v + 1, u] = on[2 * v + 1, u]
+def _places(track: NDArray[np.float32], width: int, places: Places, spans: Places) -> None:
+    """Per pair of rows and rail the column of the rail, in (0, width) limited to -1 and `width`;
+    and which rails are inside."""
+    pairs, n = places.shape
+    slope = (track[:, 1] - track[:, 0]) / np.float32(pairs)
+    start = track[:, 0] + np.float32(1.5)
+    low, high = np.float32(0.0), np.float32(width + 1)
+    for v in range(pairs):
+        place, row = places[v], np.float32(v)
+        for r in range(n):
+            place[r] = np.int16(min(high, max(low, start[r] + slope[r] * row))) - 1
+        spans[v, 0] = np.searchsorted(place, 0)
+        spans[v, 1] = np.searchsorted(place, width)
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _lengths(lit: Mask, length: Mask, since: Mask, gap: int) -> None:
+    """One row further down. `lit` becomes the length, up to here, of the piece that a lit place
+    belongs to; `length` and `since` are the length so far and the rows since, of each rail."""
+    bridged, most, none, one = np.uint8(gap), np.uint8(254), np.uint8(0), np.uint8(1)
+    for r in range(lit.shape[0]):
+        on, away = lit[r], since[r]
+        now = np.uint8(min(length[r] + away, most) + one) if away <= bridged else one
+        length[r] = now if on else length[r]
+        lit[r] = now if on else none
+        since[r] = none if on else np.uint8(min(away, most) + one)
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _keep(lengths: Mask, kept: Mask, since: Mask, least: int, gap: int) -> None:
+    """One row further up. `lengths` becomes 1 where the piece, whose lowest row tells its whole
+    length, is at least so long; `kept` says so of each rail's piece."""
+    bridged, most, none, one = np.uint8(gap), np.uint8(254), np.uint8(0), np.uint8(1)
+    enough = np.uint8(least)
+    for r in range(lengths.shape[0]):
+        length, away, before = lengths[r], since[r], kept[r]
+        long = one if length >= enough else none
+        keep = long if away > bridged else before
+        kept[r] = keep if length else before
+        lengths[r] = keep if length else none
+        since[r] = none if length else np.uint8(min(away, most) + one)
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _mark(on: Mask, track: NDArray[np.float32], least: Mask, gap: int, out: Mask) -> None:
+    """Sets `out` on the pieces of one track; `on` and `out` are 0 or 1, a row for a pair of rows.
+    `least` and `gap` count in such pairs."""
+    pairs, width = on.shape
+    n = track.shape[0]
+    places, spans = np.empty((pairs, n), np.int16), np.empty((pairs, 2), np.int16)
+    _places(track, width, places, spans)
+    lengths = np.empty((pairs, n), np.uint8)
+    length, since = np.zeros(n, np.uint8), np.full(n, 255, np.uint8)
+    for v in range(pairs):
+        first, end = spans[v]
+        row, place, here = on[v], places[v], lengths[v]
+        for r in range(first, end):
+            here[r] = row[place[r]]
+        _lengths(here[first:end], length[first:end], since[first:end], gap)
+    kept = np.zeros(n, np.uint8)
+    since[:] = 255
+    for v in range(pairs - 1, -1, -1):
+        first, end = spans[v]
+        row, place, here = out[v], places[v], lengths[v]
+        _keep(here[first:end], kept[first:end], since[first:end], least[v], gap)
+        for r in range(first, end):
+            row[place[r]] |= here[r]
 
 
 def upright_pieces(
@@ -91,8 +124,17 @@ def upright_pieces(
 ) -> Mask:
     """Keeps the lit pixels of `on` that lie on a piece along a rail which is at least `least_px` of
     the piece's lowest row long (height,); gaps up to `gap_px` rows are bridged. A piece's lowest
-    row is where a stem stands, so that a length in metres becomes its projection there."""
-    out = np.zeros_like(on)
+    row is where a stem stands, so that a length in metres becomes its projection there.
+
+    Rows are taken in pairs, which halves the work; what is longer than 510 rows is always enough.
+    """
+    pairs = on.shape[0] // 2
+    both = on[: 2 * pairs].reshape(pairs, 2, -1)
+    lit = u8(np.bitwise_or(both[:, 0], both[:, 1]) & 1)
+    least = np.clip(np.ceil(least_px[1 : 2 * pairs : 2] / 2), 1, 255).astype(np.uint8)
+    marked = np.zeros_like(lit)
     for track in tracks:
-        _mark(on, track, least_px, gap_px, out)
+        _mark(lit, track, least, gap_px // 2, marked)
+    out = np.zeros_like(on)
+    np.multiply(both, marked[:, None], out=out[: 2 * pairs].reshape(pairs, 2, -1))
     return out

@@ -8,6 +8,7 @@ in shadow count as those in the sun do.
 from __future__ import annotations
 
 import cv2
+import numba
 import numpy as np
 
 from host.vehicle import Vehicle
@@ -40,23 +41,31 @@ class Stems:
         """The evidence of one picture (height, width, 3). `cutting`: through the blade's dust,
         fainter steps count; stubble that then passes for stems is behind the blade."""
         grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), LOGARITHM))
-        across = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 1, 0, ksize=1))
-        along = cv2.convertScaleAbs(cv2.Sobel(grey, cv2.CV_16S, 0, 1, ksize=1))
-        _, step = cv2.threshold(
-            across,
-            self._least_step(u8(across)) * (FAINTER if cutting else 1.0),
-            255,
-            cv2.THRESH_BINARY,
-        )
-        steps = u8(cv2.bitwise_and(step, cv2.compare(across, along, cv2.CMP_GT)))
+        least = self._least_step(grey) * (FAINTER if cutting else 1.0)
+        steps = np.empty_like(grey)
+        _upright_steps(grey, int(least), steps)
         upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
         return Evidence(upright, steps, grey)
 
-    def _least_step(self, across: Mask) -> float:
-        ground = across[self._cut]
-        counts = np.bincount(ground.ravel(), minlength=256)
-        level = float(np.searchsorted(np.cumsum(counts), CUT_QUANTILE * ground.size))
+    def _least_step(self, grey: Mask) -> float:
+        ground = grey[self._cut]
+        counts = np.bincount(cv2.absdiff(ground[:, 2:], ground[:, :-2]).ravel(), minlength=256)
+        level = float(np.searchsorted(np.cumsum(counts), CUT_QUANTILE * counts.sum()))
         return min(max(level, STEP_RANGE[0]), STEP_RANGE[1])
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _upright_steps(grey: Mask, least: int, steps: Mask) -> None:
+    """255 where the step across the picture exceeds `least` and the step along it."""
+    height, width = grey.shape
+    for v in range(height):
+        above, below = grey[abs(v - 1)], grey[v + 1 if v + 1 < height else v - 1]
+        row, out = grey[v], steps[v]
+        out[0], out[width - 1] = 0, 0
+        for u in range(1, width - 1):
+            across = abs(np.int16(row[u + 1]) - np.int16(row[u - 1]))
+            along = abs(np.int16(below[u]) - np.int16(above[u]))
+            out[u] = np.uint8(255) if (across > along) & (across > least) else np.uint8(0)
 
 
 def _cut_ground(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
