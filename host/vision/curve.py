@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vision.fisher import Features, Reach, learn
+from host.vision.fisher import Features, Kinds, Reach, learn
 from host.vision.pictures import Picture, u8
 from host.vision.split import NEAR_SHARE, Line
 from host.vision.texture import combine, measure
@@ -139,13 +139,20 @@ def _straightened(bgr: Picture, line: Line, half: int) -> _Strip | None:
         return None
     t = t[: blocks * BLOCK_PX]
     s = np.arange(-half, half + 1)
-    map_u = (foot_u + s[None] * cos - t[:, None] * sin - 0.5).astype(np.float32)
-    map_v = (foot_v + s[None] * sin + t[:, None] * cos - 0.5).astype(np.float32)
-    piece = cv2.remap(bgr, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    # column and row of the strip to pixel of the picture
+    turn = np.array([[cos, -sin], [sin, cos]])
+    corner = np.array([foot_u, foot_v]) + turn @ (s[0], t[0]) - 0.5
+    piece = cv2.warpAffine(
+        bgr,
+        np.column_stack([turn, corner]),
+        (len(s), len(t)),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
     sums = measure(u8(piece), (BLOCK_PX, 1), SIGMAS)
     means = cv2.sepFilter2D(sums, cv2.CV_32F, ACROSS, ALONG, borderType=cv2.BORDER_REPLICATE)
-    middle = slice(BLOCK_PX // 2, None, BLOCK_PX)
-    a, b = map_u[middle], map_v[middle]
+    middle = t[BLOCK_PX // 2 :: BLOCK_PX, None]
+    a, b = foot_u + s * cos - middle * sin - 0.5, foot_v + s * sin + middle * cos - 0.5
     seen = (a >= 0) & (a <= w - 1) & (b >= 0) & (b <= h - 1)
     along = t.reshape(blocks, BLOCK_PX).mean(1)
     return _Strip(combine(np.asarray(means, np.float32), with_light=True), seen, along, half)
@@ -167,7 +174,7 @@ def follow(bgr: Picture, line: Line) -> Curve:
     ends = math.hypot(h, w) / 2
     along = strip.along if strip else np.array([-ends, ends])
     found: list[NDArray[np.float64]] = [np.zeros(len(along))]
-    apart = 0.0
+    kinds: Kinds | None = None
     if strip is not None:
         across = np.arange(-strip.half, strip.half + 1)
         columns = slice(strip.half - band, strip.half + band + 1)
@@ -179,13 +186,13 @@ def follow(bgr: Picture, line: Line) -> Curve:
         for dead in DEAD_SHARES:
             distances = np.where(known, across - found[-1][::LEARNT, None], np.nan)
             reach = Reach(near, cut, max(1.0, dead * shorter))
-            kinds = learn(features, distances.astype(np.float32), reach)
-            if kinds is None:
+            learnt = learn(features, distances.astype(np.float32), reach)
+            if learnt is None:
                 break
-            fisher = kinds.discriminant()
-            apart = fisher.apart
+            kinds = learnt
             # the line is too far off for more than the direction in which the kinds differ
-            value = fisher.value(beside) if len(found) == 1 else kinds.odds(beside)
+            first = len(found) == 1
+            value = kinds.discriminant().value(beside) if first else kinds.odds(beside)
             path = np.zeros(len(along), np.int32)
             _path(value, inside, BEND, path)
             found.append(path.astype(np.float64) - band - 0.5)
@@ -195,4 +202,5 @@ def follow(bgr: Picture, line: Line) -> Curve:
     points = np.column_stack(
         [foot_u + aside * cos - along * sin, foot_v + aside * sin + along * cos]
     )
+    apart = kinds.discriminant().apart if kinds else 0.0
     return Curve(points, line, apart, float(np.abs(aside).mean()))

@@ -7,11 +7,12 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from host.errors import UserError
-from host.vision.pictures import Picture, read_photo
+from host.vision.pictures import Picture, read_photo, u8
 from host.vision.split import SIDES, Side
 
 Standing = NDArray[np.bool_]
@@ -111,10 +112,11 @@ def edge_direction(standing: Standing, side: Side) -> NDArray[np.float64] | None
 def edge_of(standing: Standing, side: Side) -> NDArray[np.float32]:
     """(n, 2) points (u, v) where a mask changes for the first time, one per row (crop left or
     right; from top to bottom) or per column (crop above or below; from left to right)."""
-    mask = standing if side in ("left", "right") else standing.T
-    change = mask[:, 1:] != mask[:, :-1]
-    rows = np.flatnonzero(change.any(1))
-    at = change[rows].argmax(1) + 1.0
+    mask = standing.view(np.uint8)
+    mask = mask if side in ("left", "right") else u8(cv2.transpose(mask))
+    first = (mask != mask[:, :1]).argmax(1)
+    rows = np.flatnonzero(first)
+    at = first[rows].astype(np.float64)
     points = np.column_stack([at, rows + 0.5])
     if side in ("top", "bottom"):
         points = points[:, ::-1]

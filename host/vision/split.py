@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from host.vision.fisher import Features, Reach, learn
 
+Floats = NDArray[np.floating]
 Side = Literal["left", "right", "top", "bottom"]
 SIDES: tuple[Side, ...] = ("left", "right", "top", "bottom")
 TOWARDS_CROP: dict[Side, float] = {"right": 0.0, "bottom": 90.0, "left": 180.0, "top": 270.0}
@@ -60,7 +61,7 @@ class Line:
     strip: float = 0.0
     """Width of the strip beside it, 0 without."""
 
-    def signed(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    def signed(self, u: Floats, v: Floats) -> NDArray[np.float64]:
         """Distance, positive on the standing side."""
         d = u * math.cos(self.angle_rad) + v * math.sin(self.angle_rad) - self.offset
         return np.asarray(d)
@@ -70,50 +71,52 @@ class Line:
         return Line(self.angle_rad, self.offset * factor, self.explained, self.strip * factor)
 
 
-@numba.njit(cache=True, nogil=True)
-def _covariance(flat: Features, mean: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    """Plain loops: a threaded matrix product costs more than it saves at this size."""
-    rows, n = flat.shape
-    for i in range(rows):
-        for j in range(n):
-            mean[j] += flat[i, j]
-    mean /= rows
-    for i in range(rows):
-        for j in range(n):
-            d = flat[i, j] - mean[j]
-            for k in range(j + 1):
-                out[j, k] += d * (flat[i, k] - mean[k])
+@numba.njit(cache=True, nogil=True, boundscheck=False, fastmath={"reassoc", "nsz"})
+def _covariance(planes: Features, out: NDArray[np.float64]) -> None:
+    """Of (n, cells) planes, from which their means are taken away. Plain loops: a threaded matrix
+    product costs more than it saves at this size."""
+    n, cells = planes.shape
+    for j in range(n):
+        total = 0.0
+        for i in range(cells):
+            total += planes[j, i]
+        mean = np.float32(total / cells)
+        for i in range(cells):
+            planes[j, i] -= mean
     for j in range(n):
         for k in range(j + 1):
-            out[j, k] /= rows
-            out[k, j] = out[j, k]
+            product = np.float32(0.0)
+            for i in range(cells):
+                product += planes[j, i] * planes[k, i]
+            out[j, k] = out[k, j] = product / cells
 
 
-@numba.njit(cache=True, nogil=True)
-def _turned(
-    flat: Features, mean: NDArray[np.float64], turn: NDArray[np.float64], out: Features
-) -> None:
-    rows, n = flat.shape
-    for i in range(rows):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += (flat[i, k] - mean[k]) * turn[k, j]
-            out[i, j] = total
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _turned(planes: Features, turn: NDArray[np.float32], out: Features) -> None:
+    n, cells = planes.shape
+    column = np.empty(cells, np.float32)
+    for j in range(n):
+        column[:] = 0.0
+        for k in range(n):
+            factor = turn[k, j]
+            for i in range(cells):
+                column[i] += planes[k, i] * factor
+        for i in range(cells):
+            out[i, j] = column[i]
 
 
 def whiten(features: Features) -> Features:
     """(h, w, n) features to (h, w, n) with zero mean and unit covariance."""
     h, w, n = features.shape
-    flat = np.ascontiguousarray(features.reshape(-1, n))
-    mean, covariance = np.zeros(n), np.zeros((n, n))
-    _covariance(flat, mean, covariance)
+    planes = np.array(features.reshape(-1, n).T, order="C")  # a copy: it is centred in place
+    covariance = np.empty((n, n))
+    _covariance(planes, covariance)
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 1e-6, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     turn = vectors / np.sqrt(np.maximum(values, LEAST_VARIANCE)) / scale[:, None]
-    out = np.empty_like(flat)
-    _turned(flat, mean, turn, out)
+    out = np.empty((h * w, n), np.float32)
+    _turned(planes, turn.astype(np.float32), out)
     return out.reshape(h, w, n)
 
 
@@ -217,7 +220,7 @@ def _around(line: Line) -> NDArray[np.float32]:
 def _apart(features: Features, line: Line) -> float:
     """How well the features tell the two kinds apart beside the line."""
     h, w, _ = features.shape
-    u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+    u, v = np.arange(w) + 0.5, np.arange(h)[:, None] + 0.5
     near = NEAR_SHARE * min(h, w)
     cut = near if line.strip == 0 else max(2.0, min(near, line.strip))
     kinds = learn(features, line.signed(u, v).astype(np.float32), Reach(near, cut, 0.5))

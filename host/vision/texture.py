@@ -36,12 +36,12 @@ def measure(bgr: Picture, cell: tuple[int, int], sigmas: tuple[float, float]) ->
     """Means of a picture (height, width, 3) over cells of (rows, columns); what is left over at the
     right and lower borders is not looked at. `sigmas` in px: below the first scale, and between the
     two, grain is told apart."""
-    lab = u8(cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB))
-    light = lab[..., 0].astype(np.float32)
+    planes = cv2.split(u8(cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB)))
+    light = planes[0].astype(np.float32)
     fine, coarse = (_blurred(light, sigma) for sigma in sigmas)
     h, w = light.shape
-    means = np.zeros((h // cell[0], w // cell[1], QUANTITIES), np.float32)
-    _accumulate(lab, fine, coarse, cell, means)
+    means = np.empty((h // cell[0], w // cell[1], QUANTITIES), np.float32)
+    _accumulate(light, u8(planes[1]), u8(planes[2]), fine, coarse, cell, means)
     means /= cell[0] * cell[1]
     return means
 
@@ -54,33 +54,77 @@ def _blurred(light: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
 def _accumulate(
-    lab: Picture,
+    light: NDArray[np.float32],
+    red: NDArray[np.uint8],
+    yellow: NDArray[np.uint8],
     fine: NDArray[np.float32],
     coarse: NDArray[np.float32],
     cell: tuple[int, int],
     sums: Means,
 ) -> None:
-    height, width, _ = lab.shape
+    """Sums over the rows of a cell, column by column, which compilers make quick, and then over its
+    columns."""
+    height, width = light.shape
+    columns = np.empty((QUANTITIES, width), np.float32)
     for i in range(sums.shape[0]):
+        columns[:] = 0.0
         for v in range(i * cell[0], (i + 1) * cell[0]):
-            above, below = max(0, v - 1), min(height - 1, v + 1)
+            _add_row(
+                light[v],
+                light[max(0, v - 1)],
+                light[min(height - 1, v + 1)],
+                red[v],
+                yellow[v],
+                fine[v],
+                coarse[v],
+                columns,
+            )
+        if cell[1] == 1:
             for j in range(sums.shape[1]):
+                for q in range(QUANTITIES):
+                    sums[i, j, q] = columns[q, j]
+            continue
+        for q in range(QUANTITIES):
+            for j in range(sums.shape[1]):
+                total = np.float32(0.0)
                 for u in range(j * cell[1], (j + 1) * cell[1]):
-                    before, after = max(0, u - 1), min(width - 1, u + 1)
-                    light, yellow = np.float32(lab[v, u, 0]), np.float32(lab[v, u, 2])
-                    across = np.int32(lab[v, after, 0]) - np.int32(lab[v, before, 0])
-                    along = np.int32(lab[below, u, 0]) - np.int32(lab[above, u, 0])
-                    relief = min(RELIEF, max(-RELIEF, light - coarse[v, u]))
-                    sums[i, j, 0] += light
-                    sums[i, j, 1] += np.float32(lab[v, u, 1])
-                    sums[i, j, 2] += yellow
-                    sums[i, j, 3] += np.float32(abs(across))
-                    sums[i, j, 4] += np.float32(abs(along))
-                    sums[i, j, 5] += abs(light - fine[v, u])
-                    sums[i, j, 6] += abs(fine[v, u] - coarse[v, u])
-                    sums[i, j, 7] += light * light
-                    sums[i, j, 8] += yellow * yellow
-                    sums[i, j, 9] += relief * relief * relief
+                    total += columns[q, u]
+                sums[i, j, q] = total
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _add_row(
+    light: NDArray[np.float32],
+    above: NDArray[np.float32],
+    below: NDArray[np.float32],
+    red: NDArray[np.uint8],
+    yellow: NDArray[np.uint8],
+    fine: NDArray[np.float32],
+    coarse: NDArray[np.float32],
+    columns: NDArray[np.float32],
+) -> None:
+    """Adds a row's quantities to (QUANTITIES, width) sums."""
+    last = light.shape[0] - 1
+    columns[3, 0] += abs(light[1] - light[0])
+    columns[3, last] += abs(light[last] - light[last - 1])
+    across = columns[3]
+    for u in range(1, last):
+        across[u] += abs(light[u + 1] - light[u - 1])
+    for u in range(last + 1):
+        columns[0, u] += light[u]
+        columns[7, u] += light[u] * light[u]
+        columns[4, u] += abs(below[u] - above[u])
+    for u in range(last + 1):
+        b = np.float32(yellow[u])
+        columns[1, u] += np.float32(red[u])
+        columns[2, u] += b
+        columns[8, u] += b * b
+    for u in range(last + 1):
+        relief = light[u] - coarse[u]
+        limited = min(RELIEF, max(-RELIEF, relief))
+        columns[5, u] += abs(light[u] - fine[u])
+        columns[6, u] += abs(fine[u] - coarse[u])
+        columns[9, u] += limited * limited * limited
 
 
 def pooled(means: Means, sigma: float) -> Means:
@@ -91,13 +135,19 @@ def pooled(means: Means, sigma: float) -> Means:
 def combine(means: Means, with_light: bool) -> NDArray[np.float32]:
     """(h, w, n) features of means. Brightness itself is left out of the search for a line: shadows
     and dust divide a picture as neatly as crop does."""
-    light, yellow = means[..., 0], means[..., 2]
-    out = np.empty((*means.shape[:2], 10 if with_light else 9), np.float32)
-    out[..., :2] = means[..., 1:3]
-    out[..., 2:6] = np.log(means[..., 3:7] + np.float32(0.5))
-    out[..., 6] = 0.5 * np.log(np.maximum(means[..., 7] - light * light, 0.0) + np.float32(1.0))
-    out[..., 7] = 0.5 * np.log(np.maximum(means[..., 8] - yellow * yellow, 0.0) + np.float32(0.25))
-    out[..., 8] = np.cbrt(means[..., 9])
+    height, width, n = means.shape
+    planes = np.asarray(cv2.transpose(means.reshape(-1, n)), np.float32).reshape(n, height, width)
+    light, yellow = planes[0], planes[2]
+    out = np.empty((10 if with_light else 9, *light.shape), np.float32)
+    out[:2] = planes[1:3]
+    out[2:6] = planes[3:7] + np.float32(0.5)
+    out[6] = np.maximum(planes[7] - light * light, 0.0) + np.float32(1.0)
+    out[7] = np.maximum(planes[8] - yellow * yellow, 0.0) + np.float32(0.25)
+    out[8] = np.abs(planes[9]) + np.float32(1e-6)
+    np.log(out[2:9], out=out[2:9])
+    out[6:8] *= np.float32(0.5)
+    out[8] = np.copysign(np.exp(out[8] * np.float32(1 / 3)), planes[9])
     if with_light:
-        out[..., 9] = light
-    return out
+        out[9] = light
+    together = cv2.transpose(out.reshape(len(out), -1))
+    return np.asarray(together, np.float32).reshape(height, width, -1)
