@@ -107,15 +107,19 @@ class _Edge:
     """(amplitude m, wavelength m, phase) of the blade's middle about its lane."""
 
     def pose(self, blade_x: float) -> Pose:
-        """The rear axle where the blade's line is at `blade_x`; the heading follows the weave."""
+        """The rear axle where the blade's line is at `blade_x`. The blade's middle weaves; the rear
+        axle, whose wheels do not slip sideways, is drawn behind it like a trailer."""
         v = self.scenario.vehicle
-        aside = sum(a * math.sin(math.tau * blade_x / w + p) for a, w, p in self.weave)
-        slope = sum(
-            a * math.tau / w * math.cos(math.tau * blade_x / w + p) for a, w, p in self.weave
-        )
-        yaw = math.atan(slope)
-        y = self.depth_m + 0.5 * v.blade_width_m - v.overlap_m + aside
-        return blade_x - v.blade_x_m * math.cos(yaw), y - v.blade_x_m * math.sin(yaw), yaw
+        bar = v.blade_x_m
+        blade = rear = self.depth_m + 0.5 * v.blade_width_m - v.overlap_m
+        for amplitude, wavelength, phase in self.weave:
+            k = math.tau / wavelength
+            blade += amplitude * math.sin(k * blade_x + phase)
+            # the solution of rear' = (blade - rear) / bar, for small angles
+            less = amplitude / math.hypot(1.0, k * bar)
+            rear += less * math.sin(k * blade_x + phase - math.atan(k * bar))
+        yaw = math.asin((blade - rear) / bar)
+        return blade_x - bar * math.cos(yaw), rear, yaw
 
 
 def _prepare(drive: Drive) -> _Edge:

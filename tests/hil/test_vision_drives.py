@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -90,3 +91,14 @@ def test_a_run_of_no_length_is_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(vision, ["--out", str(tmp_path), "--km", "0"])
     assert result.exit_code == 2
     assert "--km" in result.output
+
+
+def test_the_rear_axle_rolls_where_it_looks(tmp_path: Path) -> None:
+    """A drive that slips sideways would be none that dead reckoning can follow."""
+    edge = _prepare(Drive(5, 0, "mast", "robust", 5.0, str(tmp_path)))
+    poses = [edge.pose(0.02 * k) for k in range(200)]
+    for (x0, y0, yaw0), (x1, y1, yaw1) in pairwise(poses):
+        middle = 0.5 * (yaw0 + yaw1)
+        aside = (y1 - y0) * math.cos(middle) - (x1 - x0) * math.sin(middle)
+        assert abs(aside) < 1e-4
+    assert max(abs(yaw) for _, _, yaw in poses) > math.radians(0.5)
