@@ -67,6 +67,12 @@ DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
 BLOCK_PX = 16
 """Columns that share a foot."""
+BESIDE_M = (0.05, 0.3)
+"""Right and left of the right end, once crop is not being cut: the feet there tell how far away it
+is."""
+BESIDE_BLOCKS = 3
+ASKEW_M = 0.4
+"""The right end's distance and the nearest one's differ by less, where both are the same face's."""
 FOOT_M = 0.5
 """The stems' lower ends fade in shade and dust: the foot is looked for this much nearer."""
 FOOT_WINDOW_M = 0.12
@@ -344,7 +350,8 @@ class FaceFinder:
         if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         sight, veiled = self._sight(seen)
-        ahead, sight = self._ahead(*self._contour(seen, dense), sight)
+        x, y = self._contour(seen, dense)
+        ahead, sight = self._ahead(x, y, sight)
         dust = 0.0
         hidden = CUT_HIDDEN_M if stands_m == 0.0 else HIDDEN_M
         if ahead > stands_m + hidden and (
@@ -356,6 +363,13 @@ class FaceFinder:
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         right, sure = self._right_end(seen, face_x, dust, left, expected_m)
+        if stands_m > 0.0 and dust == 0.0:
+            # a machine that stands askew sees a face askew: nearer or further at its right end
+            beside = x[(y > right - BESIDE_M[0]) & (y < right + BESIDE_M[1])]
+            beside = beside[np.abs(beside - face_x) < ASKEW_M]
+            if len(beside) >= BESIDE_BLOCKS:
+                face_x = float(np.median(beside))
+                right, sure = self._right_end(seen, face_x, dust, left, expected_m)
         return Face(ahead, sight, right, sure, face_x, standing, veiled)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:

@@ -122,6 +122,7 @@ class MountedDetector:
         return CropView(
             confidence if math.isfinite(offset) else 0.0,
             edge_offset_m=offset,
+            edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
             crop_ahead_m=face.ahead_m,
             ahead_confidence=ahead_confidence,
             end_of_field=self._end_of_field(height),

@@ -23,6 +23,10 @@ class CropView:
     edge_offset_m: float = NAN
     """E_outer against O_map at the blade's line: positive where the crop's outer edge appears left
     of where it should be (the blade's right end), so a positive offset asks to steer left."""
+    edge_ahead_m: float = 0.0
+    """How far ahead of the blade's line the edge was seen, along the vehicle: before crop that is
+    not being cut yet, `edge_offset_m` is that of its near corner, and says of the blade's line only
+    as much as the heading is known."""
     edge_heading_rad: float = NAN
     """Direction of the edge line against the vehicle's x axis, positive where it runs left."""
     edge_curvature_1pm: float = NAN
