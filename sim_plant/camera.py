@@ -166,7 +166,7 @@ class Camera:
         self._paint = render.Paint(
             tiles=tiles,
             levels=levels,
-            panorama=panorama.astype(np.uint8),
+            panorama=panorama.astype(np.int32) @ np.array([1, 1 << 8, 1 << 16], np.int32),
             light=sky.light_table(self.weather),
             haze=self.weather.haze,
             haze_bgr=np.array([196.0, 208.0, 214.0], np.float32),
@@ -186,8 +186,7 @@ class Camera:
         self._pieces = np.zeros((w, 2 * render.SEGMENTS + 1, 4), np.float32)
         self._count = np.zeros(w, np.int32)
         self._image = np.zeros((h, w, 3), np.uint8)
-        self._depth = np.zeros((h, w), np.float32)
-        self._label = np.zeros((h, w), np.uint8)
+        self._canvas = np.zeros((h, w), np.int64)
         self._records = np.zeros(0, render.STALK)
         self._spans = np.zeros((0, 2), np.int16)
         self._header = self._bake_header() if s.machine_in_view else None
@@ -310,7 +309,9 @@ class Camera:
         """What each pixel of `capture` with the same arguments shows: (height, width) uint8 of the
         label constants."""
         self._render(self.shutter(t, x, y, yaw, roll, pitch, v, yaw_rate, blade_on))
-        label = self._label.copy()
+        label = (self._canvas >> 24 & 255).astype(np.uint8)
+        if self._header is not None:
+            label[self._header[1]] = labels.MACHINE
         # Single stalks stand out of the crop's outline: close their gaps before taking the border.
         crop = (label == labels.STANDING).astype(np.uint8)
         solid = cv2.morphologyEx(crop, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
@@ -410,11 +411,11 @@ class Camera:
 
         def draw(part: int) -> None:
             left, right = width * part // render.STRIPS, width * (part + 1) // render.STRIPS
-            canvas = self._image, self._depth, self._label, left, right
-            render.find(*canvas[1:], view, self._pieces, self._count)
-            render.draw_crowns(*canvas, self._crowns, view, paint)
-            render.draw_stalks(*canvas, first, drawn, spans, records, paint)
-            render.fill(*canvas, scene, view, paint)
+            strip = self._canvas, left, right
+            render.find(*strip, view, self._pieces, self._count)
+            render.draw_crowns(*strip, self._crowns, view, paint)
+            render.draw_stalks(*strip, first, drawn, spans, records, paint)
+            render.fill(self._image, *strip, scene, view, paint)
 
         for stage in (prepare, draw):
             if self._pool is None:
@@ -426,7 +427,6 @@ class Camera:
         if self._header is not None:
             picture, mask = self._header
             self._image[mask] = picture[mask]
-            self._label[mask] = labels.MACHINE
         if shot.blade_on and self.weather.dust > 0:
             self._raise_dust(shot)
 

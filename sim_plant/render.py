@@ -31,6 +31,7 @@ _HIGH: Final = 2
 """Of a cell of the picture, px: its pixels that met the same share light, haze, tile and label.
 Narrower on the ground, where shadows have an edge."""
 _KNOWN, _TILE, _HERE, _KIND, _BASE, _MASK, _GAIN, _, _, _FOG, _, _ = range(12)
+_BACKGROUND: Final = labels.BACKGROUND << 24
 _FLAT: Final = -1
 """Instead of a tile: no texture."""
 _CANOPY_BACK_M: Final = 0.25
@@ -44,6 +45,13 @@ STRIPS: Final = 8
 """The picture is drawn in so many strips of columns, whatever the number of threads."""
 REACH_M: Final = 24.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
+
+
+Canvas = NDArray[np.int64]
+"""(rows, columns): a pixel's depth in 1/DEPTHS_PER_M in the upper half, then its label, red, green
+and blue: what is nearer is the lesser number."""
+DEPTHS_PER_M: Final = 65536.0
+FARTHEST_M: Final = 32767.0
 
 
 GROWN: Final = np.dtype(
@@ -133,8 +141,8 @@ class Paint(NamedTuple):
     tiles: NDArray[np.int32]
     """(tile, texel), packed: blue in the lowest byte, then green and red."""
     levels: NDArray[np.int32]
-    panorama: NDArray[np.uint8]
-    """As bright as the sky is at this hour."""
+    panorama: NDArray[np.int32]
+    """Packed like a texel, as bright as the sky is at this hour."""
     light: NDArray[np.float32]
     haze: float
     haze_bgr: NDArray[np.float32]
@@ -325,8 +333,7 @@ def _heading(view: View) -> NDArray[np.float32]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def find(
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     view: View,
@@ -335,9 +342,10 @@ def find(
 ) -> None:
     """Where the rays of columns [left, right) end, from the profile of each one's azimuth.
 
-    `depth` becomes the distance along the optical axis, a little behind canopy and face so that the
-    foremost stalks stand out; `label` becomes what was met: _SKY, _CANOPY, _FACE or _GROUND."""
-    rows = depth.shape[0]
+    The depth becomes the distance along the optical axis, a little behind canopy and face so that
+    the foremost stalks stand out; the label becomes what was met: _SKY, _CANOPY, _FACE or
+    _GROUND."""
+    rows = canvas.shape[0]
     n = right - left
     axes = _heading(view)
     ra, rl, rz = axes[0]
@@ -355,6 +363,9 @@ def find(
     bin_of = np.empty(n, np.int32)
     rise = np.empty(n, np.float32)
     back = np.empty(n, np.float32)
+    met = np.empty(n, np.int32)
+    farthest = np.float32(FARTHEST_M)
+    per_m = np.float32(DEPTHS_PER_M)
     for v in range(rows):
         a_row = view.rays_a[v, left:right]
         b_row = view.rays_b[v, left:right]
@@ -369,7 +380,6 @@ def find(
             per_flat[i] = per_ahead / np.sqrt(one + lateral * lateral)
             bin_of[i] = np.int32(min(max((lateral + tangent) * to_bin, none), most))
         k = 0
-        labels_row = label[v, left:right]
         for i in range(n):
             which = bin_of[i]
             slope = up[i] * per_flat[i]
@@ -381,10 +391,11 @@ def find(
                 k += 1
             rise[i] = pieces[which, k, RISE]
             back[i] = pieces[which, k, BACK]
-            labels_row[i] = int(pieces[which, k, MET])
-        depth_row = depth[v, left:right]
+            met[i] = np.int32(pieces[which, k, MET])
+        row = canvas[v, left:right]
         for i in range(n):
-            depth_row[i] = rise[i] / up[i] + back[i] * per_flat[i]
+            far = min(rise[i] / up[i] + back[i] * per_flat[i], farthest)
+            row[i] = np.int64(np.int32(far * per_m)) << 32 | np.int64(met[i]) << 24
 
 
 @njit(cache=True, nogil=True)
@@ -431,18 +442,18 @@ def _azimuth(tangent: Any) -> Any:
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill(
     image: NDArray[np.uint8],
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     scene: Scene,
     view: View,
     paint: Paint,
 ) -> None:
-    """Paints what `find` met in columns [left, right) and no stalk hides, and labels it.
+    """Paints and labels what `find` met in columns [left, right) and no stalk hides; then copies
+    the colours of all into `image`.
 
     Pixels of a cell that met the same share light, haze, tile and label; each has its own texel."""
-    rows = depth.shape[0]
+    rows = canvas.shape[0]
     n = right - left
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
@@ -469,6 +480,7 @@ def fill(
     z0 = np.float32(view.z)
     one = np.float32(1.0)
     none = np.float32(0.0)
+    depth_unit = np.float32(1.0 / DEPTHS_PER_M)
     offset = np.float32(65536.0)
     tiny = np.float32(1e-7)
     canopy_back = np.float32(_CANOPY_BACK_M)
@@ -481,6 +493,7 @@ def fill(
     where = np.empty((len(met), 4), np.float32)
     of = np.empty(n + 1, np.int32)
     sky_of = np.empty(n + 1, np.int32)
+    hits = np.empty(n, np.int32)
     cells = np.empty(n, np.int32)
     at = np.empty(n, np.int32)
     texels = np.empty(n, np.int32)
@@ -492,8 +505,7 @@ def fill(
     for v in range(rows):
         a_row = view.rays_a[v, left:right]
         b_row = view.rays_b[v, left:right]
-        label_row = label[v, left:right]
-        depth_row = depth[v, left:right]
+        row = canvas[v, left:right]
         shift = np.float32(view.shear * ((v + 0.5) / rows - 0.5) / view.focal)
         for i in range(n):
             a = a_row[i] - shift
@@ -501,9 +513,12 @@ def fill(
             east = a * rx + b * dx + fx
             north = a * ry + b * dy + fy
             up = a * rz + b * dz + fz
-            forward = canopy_back if label_row[i] == _CANOPY else none
-            forward = face_back if label_row[i] == _FACE else forward
-            t = depth_row[i] - forward / np.sqrt(east * east + north * north)
+            hit = np.int32(row[i] >> 24) & np.int32(255)
+            hits[i] = hit
+            forward = canopy_back if hit == _CANOPY else none
+            forward = face_back if hit == _FACE else forward
+            deep = np.float32(np.int32(row[i] >> 32)) * depth_unit
+            t = deep - forward / np.sqrt(east * east + north * north)
             ups[i] = up
             ts[i] = t
             xs[i] = x0 + t * east
@@ -515,7 +530,7 @@ def fill(
         covered = 0
         skies = 0
         for i in range(n):
-            hit = label_row[i]
+            hit = hits[i]
             of[covered] = i
             covered += hit > _SKY
             sky_of[skies] = i
@@ -534,12 +549,9 @@ def fill(
                 c = cells[i]
                 while c >= paint.panorama.shape[1]:
                     c -= paint.panorama.shape[1]
-                label_row[i] = labels.BACKGROUND
-                for q in range(3):
-                    image[v, left + i, q] = paint.panorama[at[i], c, q]
+                row[i] = _BACKGROUND | paint.panorama[at[i], c]
         cell = -1
         tile = 0
-        here = 0
         kind = 0
         base = 0
         mask = 0
@@ -549,7 +561,7 @@ def fill(
         cz = none
         for k in range(covered):
             i = of[k]
-            hit = label_row[i]
+            hit = hits[i]
             mine = (hit - _CANOPY) * across + (i // _GROUND_WIDE if hit == _GROUND else i // _WIDE)
             if mine != cell and met[mine, _KNOWN] == 0:
                 t = float(ts[i])
@@ -647,12 +659,10 @@ def fill(
             if mine != cell:
                 cell = mine
                 tile = met[mine, _TILE]
-                here = met[mine, _HERE]
                 kind = met[mine, _KIND]
                 base = met[mine, _BASE]
                 mask = met[mine, _MASK]
                 ax, ay, cy, cz = where[mine]
-            label_row[i] = here
             cells[k] = cell
             if tile == _FLAT:
                 at[k] = -1
@@ -669,11 +679,17 @@ def fill(
                 texels[k] = paint.tiles[texels[k], at[k]]
         for k in range(covered):
             texel = texels[k]
-            u = left + of[k]
             c = met[cells[k]]
-            image[v, u, 0] = min(255, ((texel & 255) * c[_GAIN] + c[_FOG]) >> 8)
-            image[v, u, 1] = min(255, ((texel >> 8 & 255) * c[_GAIN + 1] + c[_FOG + 1]) >> 8)
-            image[v, u, 2] = min(255, ((texel >> 16) * c[_GAIN + 2] + c[_FOG + 2]) >> 8)
+            blue = min(255, ((texel & 255) * c[_GAIN] + c[_FOG]) >> 8)
+            green = min(255, ((texel >> 8 & 255) * c[_GAIN + 1] + c[_FOG + 1]) >> 8)
+            red = min(255, ((texel >> 16) * c[_GAIN + 2] + c[_FOG + 2]) >> 8)
+            row[of[k]] = np.int64(c[_HERE]) << 24 | red << 16 | green << 8 | blue
+        image_row = image[v, left:right]
+        for i in range(n):
+            word = row[i]
+            image_row[i, 0] = np.uint8(word & 255)
+            image_row[i, 1] = np.uint8(word >> 8 & 255)
+            image_row[i, 2] = np.uint8(word >> 16 & 255)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -879,9 +895,7 @@ def project(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def draw_stalks(
-    image: NDArray[np.uint8],
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     first: NDArray[np.int64],
@@ -891,7 +905,7 @@ def draw_stalks(
     paint: Paint,
 ) -> None:
     """Draws the projected stalks into columns [left, right), front to back."""
-    rows = depth.shape[0]
+    rows = canvas.shape[0]
     for k in range(drawn.shape[0]):
         for n in range(first[k], first[k] + drawn[k]):
             if spans[n, 1] < left or spans[n, 0] >= right:
@@ -913,7 +927,7 @@ def draw_stalks(
             vh = min(vb + 1, max(va, math.ceil(v1 - 0.5 + head * long)))
             fog = 0.5 * (e.z0 + e.z1) * paint.haze
             fog = fog / (1.0 + fog)
-            here = np.uint8(e.label)
+            here = int(e.label) << 24
             ears = int(u1)
             darker = 0.22 * e.visible
             shaded = 0.22 if head > 0.0 else 0.0
@@ -927,14 +941,15 @@ def draw_stalks(
             # How far above the shadow's border a row is, x 4, plus 0.4; and its change by row.
             lit = 4.0 * ((1.0 - a0) * e.height - e.sunlit) + 0.4
             lit_by_row = -4.0 * per * e.height
-            z = e.z1 + dz * (va + 0.5 - v1)
+            z = DEPTHS_PER_M * (e.z1 + dz * (va + 0.5 - v1))
+            dz *= DEPTHS_PER_M
             uc = u1 + du * (va + 0.5 - v1) + 0.5
             stem_gain = 0.93 if head > 0.0 else 1.0
             per_head = 1.0 / max(1e-6, head)
             stem = max(float(e.stem), slant)
             nod = float(e.nod)
             fresh = 0
-            c0 = c1 = c2 = np.uint8(0)
+            colour = 0
             for v in range(va, vb + 1):
                 at = uc
                 w = stem
@@ -943,7 +958,7 @@ def draw_stalks(
                     w = max(slant, e.ear * (0.4 + 2.4 * p * (1.0 - p)))
                     at += nod * (1.0 - p) * (1.0 - p)
                 uc += du
-                zv = z
+                key = int(z) << 32
                 z += dz
                 # The offset makes truncation a floor.
                 ua = int(at - w + 4096.0) - 4096
@@ -952,8 +967,8 @@ def draw_stalks(
                 ub = min(ub, right)
                 if ua >= ub:
                     continue
-                if zv >= depth[v, ua] and zv >= depth[v, ub - 1]:
-                    if sinks and label[v, ua] >= _SKY:
+                if key >= canvas[v, ua] and key >= canvas[v, ub - 1]:
+                    if sinks and canvas[v, ua] >> 24 & 255 >= _SKY:
                         break
                     continue
                 if v >= fresh:
@@ -965,19 +980,12 @@ def draw_stalks(
                     gain *= 1.0 - darker * (v + 0.5 - v1) * per
                     seen = min(1.0, max(shaded, lit + (v - va) * lit_by_row))
                     si = int(255.0 * seen)
-                    c0 = np.uint8(min(255.0, blue * gain * paint.light[si, 0] + fog_blue))
-                    c1 = np.uint8(min(255.0, green * gain * paint.light[si, 1] + fog_green))
-                    c2 = np.uint8(min(255.0, red * gain * paint.light[si, 2] + fog_red))
-                zf = np.float32(zv)
+                    colour = here | int(min(255.0, blue * gain * paint.light[si, 0] + fog_blue))
+                    colour |= int(min(255.0, green * gain * paint.light[si, 1] + fog_green)) << 8
+                    colour |= int(min(255.0, red * gain * paint.light[si, 2] + fog_red)) << 16
+                key |= colour
                 for u in range(ua, ub):
-                    # Written in any case, since no one could foretell a branch.
-                    far = depth[v, u]
-                    nearer = zf < far
-                    depth[v, u] = zf if nearer else far
-                    label[v, u] = here if nearer else label[v, u]
-                    image[v, u, 0] = c0 if nearer else image[v, u, 0]
-                    image[v, u, 1] = c1 if nearer else image[v, u, 1]
-                    image[v, u, 2] = c2 if nearer else image[v, u, 2]
+                    canvas[v, u] = min(canvas[v, u], key)
 
 
 _PUFFS: Final = 14
@@ -1095,9 +1103,7 @@ def expose(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def draw_crowns(
-    image: NDArray[np.uint8],
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     crowns: NDArray[np.float64],
@@ -1106,7 +1112,7 @@ def draw_crowns(
 ) -> None:
     """Draws the trees' crowns (n, 4: x, y, z, radius in m) into columns [left, right): balls of
     leaves, lit from above."""
-    rows = depth.shape[0]
+    rows = canvas.shape[0]
     R = view.axes
     for k in range(crowns.shape[0]):
         ax = crowns[k, 0] - view.x
@@ -1119,6 +1125,7 @@ def draw_crowns(
         vc = view.focal * (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) / z + view.cv
         radius = view.focal * crowns[k, 3] / z
         leaf = 40.0 / radius
+        key = int(z * DEPTHS_PER_M) << 32 | _BACKGROUND
         fog = paint.haze * z / (1.0 + paint.haze * z)
         for v in range(max(0, int(vc - radius)), min(rows, int(vc + radius) + 1)):
             for u in range(max(left, int(uc - radius)), min(right, int(uc + radius) + 1)):
@@ -1126,14 +1133,14 @@ def draw_crowns(
                 dy = (v - vc) / radius
                 clump = noise.smooth(k + 7, dx * 4.0 + 9.0, dy * 4.0 + 9.0)
                 fine = noise.smooth(k + 8, (u - uc) * leaf + 99.0, (v - vc) * leaf + 99.0)
-                if dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine or z >= depth[v, u]:
+                if dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine or key >= canvas[v, u]:
                     continue
-                depth[v, u] = z
-                label[v, u] = labels.BACKGROUND
+                word = key
                 lit = int(255.0 * min(1.0, max(0.0, 0.55 - 0.5 * dy + 0.9 * (clump + fine - 1.0))))
                 for q in range(3):
                     x = (42.0, 84.0, 66.0)[q] * (0.7 + 0.6 * fine) * paint.light[lit, q]
-                    image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
+                    word |= int(min(255.0, x + fog * (paint.haze_bgr[q] - x))) << 8 * q
+                canvas[v, u] = word
 
 
 def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[Any]:
