@@ -7,6 +7,7 @@ all.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
@@ -123,7 +124,7 @@ class Camera:
         self.weather = weather or WeatherSpec()
         self._seed = seed
         self._threads = max(1, threads)
-        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._watch = field.watch()
         self._sun = sky.sun(self.weather)
         rng = np.random.default_rng(seed)
@@ -411,24 +412,34 @@ class Camera:
 
         def draw(part: int) -> None:
             left, right = width * part // render.STRIPS, width * (part + 1) // render.STRIPS
-            strip = self._canvas, left, right
-            render.find(*strip, view, self._pieces, self._count)
-            render.draw_crowns(*strip, self._crowns, view, paint)
-            render.draw_stalks(*strip, first, drawn, spans, records, paint)
-            render.fill(self._image, *strip, scene, view, paint)
+            render.draw(
+                self._image, self._canvas, left, right, scene, view, paint, self._pieces,
+                self._count, self._crowns, first, drawn, spans, records,
+            )  # fmt: skip
 
-        for stage in (prepare, draw):
-            if self._pool is None:
-                for part in range(render.STRIPS):
-                    stage(part)
-            else:
-                list(self._pool.map(stage, range(render.STRIPS)))
+        self._shared(prepare)
+        self._shared(draw)
 
         if self._header is not None:
             picture, mask = self._header
             self._image[mask] = picture[mask]
         if shot.blade_on and self.weather.dust > 0:
             self._raise_dust(shot)
+
+    def _shared(self, work: Callable[[int], None]) -> None:
+        """Does each of the STRIPS parts of a work once, in as many threads as there are."""
+        parts = iter(range(render.STRIPS))
+
+        def some() -> None:
+            for part in parts:
+                work(part)
+
+        helpers = [self._pool.submit(some) for _ in range(self._threads - 1)] if self._pool else []
+        some()
+        for helper in helpers:
+            # One that never came to begin is not waited for.
+            if not helper.cancel():
+                helper.result()
 
     def _mount_axes(self) -> NDArray[np.float64]:
         """Right, down and forward of the camera in the vehicle frame."""

@@ -1143,6 +1143,30 @@ def draw_crowns(
                 canvas[v, u] = word
 
 
+@njit(cache=True, nogil=True)
+def draw(
+    image: NDArray[np.uint8],
+    canvas: Canvas,
+    left: int,
+    right: int,
+    scene: Scene,
+    view: View,
+    paint: Paint,
+    pieces: NDArray[np.float32],
+    count: NDArray[np.int32],
+    crowns: NDArray[np.float64],
+    first: NDArray[np.int64],
+    drawn: NDArray[np.int64],
+    spans: NDArray[np.int16],
+    stalks: NDArray[Any],
+) -> None:
+    """Columns [left, right) of a picture, in one call: what is passed costs as much as a kernel."""
+    find(canvas, left, right, view, pieces, count)
+    draw_crowns(canvas, left, right, crowns, view, paint)
+    draw_stalks(canvas, left, right, first, drawn, spans, stalks, paint)
+    fill(image, canvas, left, right, scene, view, paint)
+
+
 def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[Any]:
     """(PACKS, stalks) of GROWN: the blocks that the field's spec asks for."""
     n = max(1, round(spec.stalks_per_m2 * BLOCK_M**2))
