@@ -51,6 +51,7 @@ Canvas = NDArray[np.int64]
 """(rows, columns): a pixel's depth in 1/DEPTHS_PER_M in the upper half, then its label, red, green
 and blue: what is nearer is the lesser number."""
 DEPTHS_PER_M: Final = 65536.0
+_ONE: Final = 4294967296.0
 FARTHEST_M: Final = 32767.0
 
 
@@ -458,6 +459,8 @@ def fill(
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
     slab = scene.canopy
+    tiles = paint.tiles.ravel()
+    tile_size = paint.tiles.shape[1]
     side = texture.SIDE
     texels_per_m = 1.0 / (side * texture.TEXEL_M)
     per_footprint = 1.0 / (view.focal * texture.TEXEL_M)
@@ -642,7 +645,7 @@ def fill(
                 met[mine, _TILE] = tile
                 met[mine, _HERE] = here
                 met[mine, _KIND] = kind
-                met[mine, _BASE] = paint.levels[level]
+                met[mine, _BASE] = tile * tile_size + paint.levels[level]
                 met[mine, _MASK] = m - 1
                 # Colours in 1/256.
                 met[mine, _GAIN + 0] = int(blue)
@@ -672,11 +675,10 @@ def fill(
                 ti = np.int32(xs[i] * ax + ys[i] * ay + offset) & mask
                 tj = np.int32(ys[i] * cy + zs[i] * cz + offset) & mask
                 at[k] = base + texture.SPREAD[ti] + 2 * texture.SPREAD[tj]
-                texels[k] = tile
         # Apart from what comes before and after, so that many texels are on their way at once.
         for k in range(covered):
             if at[k] >= 0:
-                texels[k] = paint.tiles[texels[k], at[k]]
+                texels[k] = tiles[at[k]]
         for k in range(covered):
             texel = texels[k]
             c = met[cells[k]]
@@ -937,34 +939,56 @@ def draw_stalks(
             fog_blue = fog * paint.haze_bgr[0]
             fog_green = fog * paint.haze_bgr[1]
             fog_red = fog * paint.haze_bgr[2]
-            a0 = (va + 0.5 - v1) * per
-            # How far above the shadow's border a row is, x 4, plus 0.4; and its change by row.
-            lit = 4.0 * ((1.0 - a0) * e.height - e.sunlit) + 0.4
+            # How far above the shadow's border the top is, x 4, plus 0.4; and its change by row.
+            lit = 4.0 * (e.height - e.sunlit) + 0.4
             lit_by_row = -4.0 * per * e.height
-            z = DEPTHS_PER_M * (e.z1 + dz * (va + 0.5 - v1))
-            dz *= DEPTHS_PER_M
-            uc = u1 + du * (va + 0.5 - v1) + 0.5
-            stem_gain = 0.93 if head > 0.0 else 1.0
+            below = va + 0.5 - v1
+            z = e.z1 + dz * below
+            uc = u1 + du * below + 0.5
             per_head = 1.0 / max(1e-6, head)
-            stem = max(float(e.stem), slant)
             nod = float(e.nod)
-            fresh = 0
-            colour = 0
-            for v in range(va, vb + 1):
-                at = uc
-                w = stem
-                if v < vh:
-                    p = max(0.0, (v + 0.5 - v1) * per * per_head)
-                    w = max(slant, e.ear * (0.4 + 2.4 * p * (1.0 - p)))
-                    at += nod * (1.0 - p) * (1.0 - p)
+            for v in range(va, vh):
+                a = (v + 0.5 - v1) * per
+                p = max(0.0, a * per_head)
+                w = max(slant, e.ear * (0.4 + 2.4 * p * (1.0 - p)))
+                at = uc + nod * (1.0 - p) * (1.0 - p)
                 uc += du
-                key = int(z) << 32
+                key = int(z * DEPTHS_PER_M) << 32
                 z += dz
                 # The offset makes truncation a floor.
                 ua = int(at - w + 4096.0) - 4096
                 ub = max(ua + 1, int(at + w + 4096.0) - 4096)
                 ua = max(ua, left)
                 ub = min(ub, right)
+                if ua >= ub or (key >= canvas[v, ua] and key >= canvas[v, ub - 1]):
+                    continue
+                gain = (1.08 if (v + ears) & 3 else 0.92) * (1.0 - darker * a)
+                seen = lit + (v + 0.5 - v1) * lit_by_row
+                si = int(255.0 * min(1.0, max(shaded, seen)))
+                key |= here | int(min(255.0, blue * gain * paint.light[si, 0] + fog_blue))
+                key |= int(min(255.0, green * gain * paint.light[si, 1] + fog_green)) << 8
+                key |= int(min(255.0, red * gain * paint.light[si, 2] + fog_red)) << 16
+                for u in range(ua, ub):
+                    canvas[v, u] = min(canvas[v, u], key)
+            # In fixed point from here on: 32 bits after the point.
+            stem = max(float(e.stem), slant)
+            low = int((uc - stem) * _ONE)
+            high = int((uc + stem) * _ONE)
+            by_row = int(du * _ONE)
+            deep = int(z * (DEPTHS_PER_M * _ONE))
+            deeper = int(dz * (DEPTHS_PER_M * _ONE))
+            stem_gain = 0.93 if head > 0.0 else 1.0
+            fresh = 0
+            colour = 0
+            for v in range(max(va, vh), vb + 1):
+                ua = low >> 32
+                ub = max(ua + 1, high >> 32)
+                ua = max(ua, left)
+                ub = min(ub, right)
+                key = deep >> 32 << 32
+                low += by_row
+                high += by_row
+                deep += deeper
                 if ua >= ub:
                     continue
                 if key >= canvas[v, ua] and key >= canvas[v, ub - 1]:
@@ -973,13 +997,10 @@ def draw_stalks(
                     continue
                 if v >= fresh:
                     # A stem changes little over four rows.
-                    fresh = v + 1 if v < vh else v + 4
-                    gain = stem_gain
-                    if v < vh:
-                        gain = 1.08 if (v + ears) & 3 else 0.92
-                    gain *= 1.0 - darker * (v + 0.5 - v1) * per
-                    seen = min(1.0, max(shaded, lit + (v - va) * lit_by_row))
-                    si = int(255.0 * seen)
+                    fresh = v + 4
+                    gain = stem_gain * (1.0 - darker * (v + 0.5 - v1) * per)
+                    seen = lit + (v + 0.5 - v1) * lit_by_row
+                    si = int(255.0 * min(1.0, max(shaded, seen)))
                     colour = here | int(min(255.0, blue * gain * paint.light[si, 0] + fog_blue))
                     colour |= int(min(255.0, green * gain * paint.light[si, 1] + fog_green)) << 8
                     colour |= int(min(255.0, red * gain * paint.light[si, 2] + fog_red)) << 16
