@@ -7,9 +7,10 @@ all.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import cv2
 import numpy as np
@@ -61,6 +62,9 @@ class CameraSpec(Strict):
         """Focal length in pixels."""
         return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
 
+
+_VEIL_SCALE: Final = 4
+"""The blade's dust is drawn so much smaller."""
 
 LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
@@ -120,7 +124,7 @@ class Camera:
         self.weather = weather or WeatherSpec()
         self._seed = seed
         self._threads = max(1, threads)
-        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
         self._watch = field.watch()
         self._sun = sky.sun(self.weather)
         rng = np.random.default_rng(seed)
@@ -158,12 +162,13 @@ class Camera:
         crop, straw = field.spec.crop_bgr, field.spec.straw_bgr
         green = (56.0, 138.0, 118.0)
         tiles, levels = texture.bake(seed, field.spec.soil_bgr, straw, crop)
+        gain = float(np.mean(sky.light_table(self.weather)[255]))
+        panorama = np.minimum(255, sky.panorama(self.weather, rng) * gain)
         self._paint = render.Paint(
             tiles=tiles,
             levels=levels,
-            panorama=sky.panorama(self.weather, rng),
+            panorama=panorama.astype(np.int32) @ np.array([1, 1 << 8, 1 << 16], np.int32),
             light=sky.light_table(self.weather),
-            sky_gain=float(np.mean(sky.light_table(self.weather)[255])),
             haze=self.weather.haze,
             haze_bgr=np.array([196.0, 208.0, 214.0], np.float32),
             crop_bgr=np.array(crop, np.float32),
@@ -178,19 +183,23 @@ class Camera:
         # Azimuths reach past the picture's sides: pitch and roll spread them.
         half_fov = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
         self._tangent = math.tan(min(1.5, 1.25 * half_fov + 0.1))
-        bins = 3 * w // 2
-        middles = ((np.arange(bins) + 0.5) / bins * 2 - 1) * self._tangent
-        self._stretch = np.sqrt(1 + middles**2)
-        self._start = np.zeros((bins, render.SEGMENTS), np.float32)
-        self._top = np.zeros((bins, render.SEGMENTS), np.float32)
-        self._count = np.zeros(bins, np.int32)
+        self._rays_a, self._rays_b = (self._rays[..., k].copy() for k in (0, 1))
+        self._pieces = np.zeros((w, 2 * render.SEGMENTS + 1, 4), np.float32)
+        self._count = np.zeros(w, np.int32)
         self._image = np.zeros((h, w, 3), np.uint8)
-        self._depth = np.zeros((h, w), np.float32)
-        self._label = np.zeros((h, w), np.uint8)
+        self._canvas = np.zeros((h, w), np.int64)
         self._records = np.zeros(0, render.STALK)
+        self._spans = np.zeros((0, 2), np.int16)
         self._header = self._bake_header() if s.machine_in_view else None
         tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
-        self._noise = np.rint(tile).astype(np.int16)
+        self._noise = np.rint(tile).astype(np.int8).reshape(h + 128, -1)
+        self._clouds = noise.smooth_grid(
+            seed + 14,
+            h // _VEIL_SCALE + render.CLOUD_OFFSETS,
+            w // _VEIL_SCALE + render.CLOUD_OFFSETS,
+            1.0,
+            render.CLOUD_PX,
+        )
         radius = np.linalg.norm(self._rays, axis=2) / np.linalg.norm(self._rays[0, 0])
         self._vignette = np.rint(255 * (1 - 0.22 * radius**2)).astype(np.uint8)[..., None]
         self._vignette = np.repeat(self._vignette, 3, axis=2)
@@ -216,8 +225,8 @@ class Camera:
         a, b = max(0, j0 - 2 * pad), min(rows, j1 + 2 * pad)
         c, d = max(0, i0 - 2 * pad), min(columns, i1 + 2 * pad)
         fine = scene.kind[2 * a : 2 * b, 2 * c : 2 * d]
-        solid = np.isin(fine, (f.OBSTACLE, f.TRUNK))
-        crop: NDArray[Any] = np.isin(fine, (f.CROP, f.NEIGHBOUR)).astype(np.uint8)
+        solid = (fine == f.OBSTACLE) | (fine == f.TRUNK)
+        crop: NDArray[Any] = ((fine == f.CROP) | (fine == f.NEIGHBOUR)).view(np.uint8)
         # A strip left standing that is narrower than this is a row of stalks without a body.
         narrowest = max(2, round(0.25 / scene.cell))
         block = np.ones((narrowest, narrowest), np.uint8)
@@ -301,7 +310,9 @@ class Camera:
         """What each pixel of `capture` with the same arguments shows: (height, width) uint8 of the
         label constants."""
         self._render(self.shutter(t, x, y, yaw, roll, pitch, v, yaw_rate, blade_on))
-        label = self._label.copy()
+        label = (self._canvas >> 24 & 255).astype(np.uint8)
+        if self._header is not None:
+            label[self._header[1]] = labels.MACHINE
         # Single stalks stand out of the crop's outline: close their gaps before taking the border.
         crop = (label == labels.STANDING).astype(np.uint8)
         solid = cv2.morphologyEx(crop, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
@@ -350,9 +361,9 @@ class Camera:
             k1=s.k1,
             k2=s.k2,
             shear=s.focal_px * shot.yaw_rate * s.readout_s,
-            rays=self._rays,
+            rays_a=self._rays_a,
+            rays_b=self._rays_b,
             tangent=self._tangent,
-            stretch=self._stretch,
         )
 
     def _render(self, shot: Shot) -> None:
@@ -372,11 +383,13 @@ class Camera:
         found = render.blocks_in_view(view, math.atan(corner) + 0.05, scene, blocks, away)
         order = np.argsort(away[:found], kind="stable")
         blocks, away = blocks[order], away[order]
-        share = np.clip(2.8 / np.maximum(away, 0.1), 0.06, 1.0)
+        near = np.maximum(away, 0.1)
+        share = np.clip(2.8 / near * np.minimum(1, 10.0 / near), 0.04, 1.0)
         first = np.zeros(found + 1, np.int64)
         np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
         if first[-1] > len(self._records):
             self._records = np.zeros(int(first[-1] * 1.3), render.STALK)
+            self._spans = np.zeros((len(self._records), 2), np.int16)
         drawn = np.zeros(found, np.int64)
         weather = self.weather
         toward = math.radians(90 - weather.wind_from_deg + 180)
@@ -386,37 +399,47 @@ class Camera:
         # Blocks are dealt out so that every part gets about as many stalks.
         share_of = np.searchsorted(first, first[-1] * np.arange(render.STRIPS + 1) / render.STRIPS)
         share_of[-1] = found
+        spans = self._spans
         records, bins, width = self._records, len(self._count), self.spec.width_px
 
         def prepare(part: int) -> None:
             render.project(
                 blocks, self._packs, first, scene, view, paint, self._seed, shot.t,
-                sway_x, sway_y, 0.35, share_of[part], share_of[part + 1], records, drawn,
+                sway_x, sway_y, 0.35, share_of[part], share_of[part + 1], records, spans, drawn,
             )  # fmt: skip
             b0, b1 = bins * part // render.STRIPS, bins * (part + 1) // render.STRIPS
-            render.profile(scene, view, b0, b1, self._start, self._top, self._count)
+            render.profile(scene, view, b0, b1, self._pieces, self._count)
 
         def draw(part: int) -> None:
             left, right = width * part // render.STRIPS, width * (part + 1) // render.STRIPS
-            canvas = self._image, self._depth, self._label, left, right
-            render.find(*canvas[1:], view, self._start, self._top, self._count)
-            render.draw_crowns(*canvas, self._crowns, view, paint)
-            render.draw_stalks(*canvas, first, drawn, records, paint)
-            render.fill(*canvas, scene, view, paint)
+            render.draw(
+                self._image, self._canvas, left, right, scene, view, paint, self._pieces,
+                self._count, self._crowns, first, drawn, spans, records,
+            )  # fmt: skip
 
-        for stage in (prepare, draw):
-            if self._pool is None:
-                for part in range(render.STRIPS):
-                    stage(part)
-            else:
-                list(self._pool.map(stage, range(render.STRIPS)))
+        self._shared(prepare)
+        self._shared(draw)
 
         if self._header is not None:
             picture, mask = self._header
             self._image[mask] = picture[mask]
-            self._label[mask] = labels.MACHINE
         if shot.blade_on and self.weather.dust > 0:
             self._raise_dust(shot)
+
+    def _shared(self, work: Callable[[int], None]) -> None:
+        """Does each of the STRIPS parts of a work once, in as many threads as there are."""
+        parts = iter(range(render.STRIPS))
+
+        def some() -> None:
+            for part in parts:
+                work(part)
+
+        helpers = [self._pool.submit(some) for _ in range(self._threads - 1)] if self._pool else []
+        some()
+        for helper in helpers:
+            # One that never came to begin is not waited for.
+            if not helper.cancel():
+                helper.result()
 
     def _mount_axes(self) -> NDArray[np.float64]:
         """Right, down and forward of the camera in the vehicle frame."""
@@ -455,7 +478,7 @@ class Camera:
 
     def _raise_dust(self, shot: Shot) -> None:
         s, weather = self.spec, self.weather
-        scale = 4
+        scale = _VEIL_SCALE
         mount = np.vstack([self._mount_axes(), (s.x_m, s.y_m, s.z_m)])
         toward = math.radians(90 - weather.wind_from_deg + 180) - shot.yaw
         wind = 0.4 * weather.wind_mps  # near the ground
@@ -463,7 +486,7 @@ class Camera:
         veil = np.zeros((s.height_px // scale, s.width_px // scale), np.float32)
         render.puff(
             veil, mount, s.focal_px, scale, self._seed + 13, shot.t, drift, self._blade_x_m,
-            self._blade_width_m / 2, weather.dust,
+            self._blade_width_m / 2, weather.dust, self._clouds,
         )  # fmt: skip
         coarse = np.rint(veil * 255).astype(np.uint8)
         opacity: NDArray[Any] = cv2.resize(
@@ -479,18 +502,15 @@ class Camera:
         smear = round(s.focal_px * abs(shot.yaw_rate) * s.shutter_s)
         if smear > 1:
             image = cv2.blur(image, (smear, 1))
-        image = cv2.multiply(image, self._vignette, scale=1 / 255)
-        mean = max(8.0, float(image[::8, ::8].mean()))
+        sample = image[::8, ::8] * (self._vignette[::8, ::8] / np.float32(255))
+        mean = max(8.0, float(sample.mean()))
         wander = 1 + 0.04 * (noise.smooth(self._seed + 5, shot.t * 0.4, 0.5) - 0.5)
         gain = wander * (s.target / mean) ** s.exposure
         tint = noise.smooth(self._seed + 6, shot.t * 0.1, 0.5) - 0.5
-        level = np.arange(256, dtype=np.float64)[:, None] * gain
-        level = level * np.array([1 + 0.05 * tint, 1.0, 1 - 0.05 * tint])
-        # A shoulder above 200 keeps highlights from clipping hard.
-        level = np.where(level > 200, 200 + 55 * (1 - np.exp(-(level - 200) / 55)), level)
-        table = np.rint(np.clip(level, 0, 255)).astype(np.uint8)[None]
-        image = cv2.LUT(image, table)
+        gains = np.array([1 + 0.05 * tint, 1.0, 1 - 0.05 * tint], np.float32) * np.float32(gain)
         h = noise.mix(self._seed, round(shot.t * 1e6), 9)
         dv, du = int(h) % 128, (int(h) >> 8) % 128
-        rough = self._noise[dv : dv + s.height_px, du : du + s.width_px]
-        return np.asarray(cv2.add(image, rough, dtype=cv2.CV_8U))
+        rough = self._noise[dv : dv + s.height_px, 3 * du : 3 * (du + s.width_px)]
+        flat = s.height_px, 3 * s.width_px
+        answer = render.expose(image.reshape(flat), self._vignette.reshape(flat), gains, rough)
+        return answer.reshape(self._image.shape)

@@ -25,6 +25,13 @@ PACKS: Final = 64
 SUNLIT, HEIGHT, GREEN, DENSITY, WEED, LODGE, TONE, BODY = range(8)
 _SKY, _CANOPY, _FACE, _GROUND = range(100, 104)
 """Pixels that are found but not painted yet, among the labels."""
+_WIDE: Final = 8
+_GROUND_WIDE: Final = 4
+_HIGH: Final = 2
+"""Of a cell of the picture, px: its pixels that met the same share light, haze, tile and label.
+Narrower on the ground, where shadows have an edge."""
+_KNOWN, _TILE, _HERE, _KIND, _BASE, _MASK, _GAIN, _, _, _FOG, _, _ = range(12)
+_BACKGROUND: Final = labels.BACKGROUND << 24
 _FLAT: Final = -1
 """Instead of a tile: no texture."""
 _CANOPY_BACK_M: Final = 0.25
@@ -32,10 +39,20 @@ _FACE_BACK_M: Final = 0.30
 """How far behind its front the body of the crop lies: stalks fill the space between."""
 SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
-STRIPS: Final = 4
+LIMIT, RISE, BACK, MET = range(4)
+"""Of a profile's piece."""
+STRIPS: Final = 8
 """The picture is drawn in so many strips of columns, whatever the number of threads."""
 REACH_M: Final = 24.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
+
+
+Canvas = NDArray[np.int64]
+"""(rows, columns): a pixel's depth in 1/DEPTHS_PER_M in the upper half, then its label, red, green
+and blue: what is nearer is the lesser number."""
+DEPTHS_PER_M: Final = 65536.0
+_ONE: Final = 4294967296.0
+FARTHEST_M: Final = 32767.0
 
 
 GROWN: Final = np.dtype(
@@ -111,22 +128,23 @@ class View(NamedTuple):
     k2: float
     shear: float
     """Rolling shutter: horizontal shift in px from first to last row."""
-    rays: NDArray[np.float32]
-    """(rows, columns, 2): undistorted normalised image coordinates."""
+    rays_a: NDArray[np.float32]
+    """(rows, columns): undistorted normalised image coordinate to the right."""
+    rays_b: NDArray[np.float32]
+    """The same downward."""
     tangent: float
     """Of the largest azimuth that the profiles hold, either side of the heading."""
-    stretch: NDArray[np.float64]
-    """Per azimuth bin: distance per distance ahead."""
 
 
 class Paint(NamedTuple):
     """Colours: tiles, background, light and haze, all BGR."""
 
-    tiles: NDArray[np.uint8]
+    tiles: NDArray[np.int32]
+    """(tile, texel), packed: blue in the lowest byte, then green and red."""
     levels: NDArray[np.int32]
-    panorama: NDArray[np.uint8]
+    panorama: NDArray[np.int32]
+    """Packed like a texel, as bright as the sky is at this hour."""
     light: NDArray[np.float32]
-    sky_gain: float
     haze: float
     haze_bgr: NDArray[np.float32]
     crop_bgr: NDArray[np.float32]
@@ -202,15 +220,16 @@ def profile(
     view: View,
     b0: int,
     b1: int,
-    start: NDArray[np.float32],
-    top: NDArray[np.float32],
+    pieces: NDArray[np.float32],
     count: NDArray[np.int32],
 ) -> None:
-    """Heights that azimuths b0..b1 cross: from `start[b, k]` (m, horizontal) on, the crop's body is
-    `top[b, k]` high (0: ground), `count[b]` of them.
+    """What the rays of azimuths b0..b1 meet, by their slope (rise per horizontal distance).
 
-    The azimuth of bin b is atan(_bin_tangent(b)) to the left of the view's heading. Free ground is
-    crossed by leaps of the clear distance, crop by steps of 8 cm and more with the distance.
+    Of a ray of bin b the first of `count[b]` pieces with slope < `pieces[b, k, LIMIT]` says what
+    it meets (MET) and its depth: RISE over the direction's z, plus BACK over its horizontal length.
+    Piece `count[b]` is sky. The azimuth of bin b is atan(_bin_tangent(b)) to the left of the
+    view's heading. Free ground is crossed by leaps of the clear distance, crop by steps of 8 cm and
+    more with the distance.
     """
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
@@ -219,19 +238,20 @@ def profile(
     norm = math.sqrt(hx * hx + hy * hy)
     hx /= norm
     hy /= norm
-    bins, most = start.shape
+    bins = pieces.shape[0]
+    px0 = (view.x - scene.x0) * inv
+    py0 = (view.y - scene.y0) * inv
+    start = np.empty(SEGMENTS)
+    top = np.empty(SEGMENTS)
     for b in range(b0, b1):
         lateral = _bin_tangent(b, bins, view.tangent)
         stretch = math.sqrt(1.0 + lateral * lateral)
         dx = (hx - lateral * hy) / stretch * inv
         dy = (hy + lateral * hx) / stretch * inv
-        px0 = (view.x - scene.x0) * inv
-        py0 = (view.y - scene.y0) * inv
         n = 0
         r = 0.0
         now = -1.0
-        rough = 0.0
-        while n < most - 1 and r < 80.0:
+        while n < SEGMENTS - 1 and r < 80.0:
             px = px0 + r * dx
             py = py0 + r * dy
             if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
@@ -239,33 +259,57 @@ def profile(
             i = int(px)
             j = int(py)
             height = 0.0
-            leap = scene.clear[j, i]
-            stands = scene.stand[j, i, BODY] > 0.0
+            leap = float(scene.clear[j, i])
             if leap > 0.0:
                 leap += 0.005
-            elif stands and _standing(scene.kind[int(2.0 * py), int(2.0 * px)]):
-                height = 0.8 * scene.stand[j, i, HEIGHT]
-                leap = 0.08 + 0.02 * r
-                rough = 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
-            elif stands and _solid(scene.kind[int(2.0 * py), int(2.0 * px)]):
-                height = scene.stand[j, i, HEIGHT]
-                leap = 0.5 * scene.cell
-                rough = 0.0
             else:
                 leap = 0.5 * scene.cell
+                if scene.stand[j, i, BODY] > 0.0:
+                    kind = scene.kind[int(2.0 * py), int(2.0 * px)]
+                    if _standing(kind):
+                        height = 0.8 * scene.stand[j, i, HEIGHT]
+                        leap = 0.08 + 0.03 * r
+                    elif _solid(kind):
+                        height = float(scene.stand[j, i, HEIGHT])
             entered = (height > 0.0) != (now > 0.0)
             if now < 0.0 or entered or abs(height - now) > 0.06:
-                start[b, n] = r
-                top[b, n] = height
-                if entered and height > 0.0:
+                start[n] = r
+                top[n] = height
+                if entered and height > 0.0 and leap > 0.5 * scene.cell:
                     # The crop's upper border is ragged.
-                    top[b, n] += rough
+                    top[n] += 0.16 * noise.uniform(5, int(30.0 * px), int(30.0 * py)) - 0.10
                 n += 1
                 now = height
             r += leap
-        start[b, n] = r
-        top[b, n] = scene.canopy if scene.beyond_is_crop else 0.0
-        count[b] = n + 1
+        start[n] = r
+        top[n] = scene.canopy if scene.beyond_is_crop else 0.0
+
+        m = 0
+        highest = -math.inf
+        for k in range(n + 1):
+            rise = top[k] - view.z
+            limit = rise / max(start[k], 1e-6)
+            if limit > highest:
+                highest = limit
+                pieces[b, m, LIMIT] = limit
+                pieces[b, m, RISE] = 0.0
+                pieces[b, m, BACK] = start[k] + _FACE_BACK_M
+                pieces[b, m, MET] = _FACE
+                m += 1
+            if rise < 0.0:
+                limit = rise / (start[k + 1] if k < n else 240.0)
+                if limit > highest:
+                    highest = limit
+                    pieces[b, m, LIMIT] = limit
+                    pieces[b, m, RISE] = rise
+                    pieces[b, m, BACK] = _CANOPY_BACK_M if top[k] > 0.0 else 0.0
+                    pieces[b, m, MET] = _CANOPY if top[k] > 0.0 else _GROUND
+                    m += 1
+        pieces[b, m, LIMIT] = math.inf
+        pieces[b, m, RISE] = 0.0
+        pieces[b, m, BACK] = 1e9
+        pieces[b, m, MET] = _SKY
+        count[b] = m
 
 
 @njit(cache=True, nogil=True)
@@ -274,82 +318,98 @@ def _bin_tangent(b: float, bins: int, tangent: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _direction(view: View, u: int, v: int) -> tuple[float, float, float]:
-    """The ray of a pixel in the field frame, 1 long along the optical axis."""
-    R = view.axes
-    a = view.rays[v, u, 0] - view.shear * ((v + 0.5) / view.rays.shape[0] - 0.5) / view.focal
-    b = view.rays[v, u, 1]
-    return (
-        a * R[0, 0] + b * R[1, 0] + R[2, 0],
-        a * R[0, 1] + b * R[1, 1] + R[2, 1],
-        a * R[0, 2] + b * R[1, 2] + R[2, 2],
-    )
+def _heading(view: View) -> NDArray[np.float32]:
+    """The view's axes in the heading frame, (right, down, forward) x (ahead, left, up): float32,
+    so that the loops over a row run several pixels at once."""
+    hx = view.axes[2, 0]
+    hy = view.axes[2, 1]
+    norm = math.sqrt(hx * hx + hy * hy)
+    out = np.empty((3, 3), np.float32)
+    for k in range(3):
+        out[k, 0] = (view.axes[k, 0] * hx + view.axes[k, 1] * hy) / norm
+        out[k, 1] = (view.axes[k, 1] * hx - view.axes[k, 0] * hy) / norm
+        out[k, 2] = view.axes[k, 2]
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def find(
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     view: View,
-    start: NDArray[np.float32],
-    top: NDArray[np.float32],
+    pieces: NDArray[np.float32],
     count: NDArray[np.int32],
 ) -> None:
     """Where the rays of columns [left, right) end, from the profile of each one's azimuth.
 
-    `depth` becomes the distance along the optical axis, a little behind canopy and face so that the
-    foremost stalks stand out; `label` becomes what was met: _SKY, _CANOPY, _FACE or _GROUND."""
-    rows = depth.shape[0]
-    bins = start.shape[0]
-    hx = view.axes[2, 0]
-    hy = view.axes[2, 1]
-    norm = math.sqrt(hx * hx + hy * hy)
-    hx /= norm
-    hy /= norm
-    to_bin = 0.5 * bins / view.tangent
+    The depth becomes the distance along the optical axis, a little behind canopy and face so that
+    the foremost stalks stand out; the label becomes what was met: _SKY, _CANOPY, _FACE or
+    _GROUND."""
+    rows = canvas.shape[0]
+    n = right - left
+    axes = _heading(view)
+    ra, rl, rz = axes[0]
+    da, dl, dz = axes[1]
+    fa, fl, fz = axes[2]
+    one = np.float32(1.0)
+    tiny = np.float32(1e-7)
+    bins = pieces.shape[0]
+    tangent = np.float32(view.tangent)
+    to_bin = np.float32(0.5 * bins / view.tangent)
+    most = np.float32(bins - 1)
+    none = np.float32(0.0)
+    per_flat = np.empty(n, np.float32)
+    up = np.empty(n, np.float32)
+    bin_of = np.empty(n, np.int32)
+    rise = np.empty(n, np.float32)
+    back = np.empty(n, np.float32)
+    met = np.empty(n, np.int32)
+    farthest = np.float32(FARTHEST_M)
+    per_m = np.float32(DEPTHS_PER_M)
     for v in range(rows):
-        for u in range(left, right):
-            dx, dy, dz = _direction(view, u, v)
-            ahead = max(1e-6, dx * hx + dy * hy)
-            lateral = (dy * hx - dx * hy) / ahead
-            which = min(max(int((lateral + view.tangent) * to_bin), 0), bins - 1)
-            flat = ahead * view.stretch[which]
-            slope = dz / flat
-            per_slope = 1.0 / slope
-            hit = _SKY
-            r = 1e9
-            last = count[which] - 1
-            for k in range(last + 1):
-                high = top[which, k]
-                near = start[which, k]
-                if view.z + slope * near < high:
-                    hit = _FACE
-                    r = near + _FACE_BACK_M
-                    break
-                if slope < 0.0:
-                    reach = (high - view.z) * per_slope
-                    if k == last or reach < start[which, k + 1]:
-                        if reach < 240.0:
-                            hit = _CANOPY if high > 0.0 else _GROUND
-                            r = reach + _CANOPY_BACK_M if high > 0.0 else reach
-                        break
-            depth[v, u] = r / flat
-            label[v, u] = hit
+        a_row = view.rays_a[v, left:right]
+        b_row = view.rays_b[v, left:right]
+        shift = np.float32(view.shear * ((v + 0.5) / rows - 0.5) / view.focal)
+        for i in range(n):
+            a = a_row[i] - shift
+            b = b_row[i]
+            per_ahead = one / max(tiny, a * ra + b * da + fa)
+            lateral = (a * rl + b * dl + fl) * per_ahead
+            z = a * rz + b * dz + fz
+            up[i] = z if abs(z) > tiny else -tiny
+            per_flat[i] = per_ahead / np.sqrt(one + lateral * lateral)
+            bin_of[i] = np.int32(min(max((lateral + tangent) * to_bin, none), most))
+        k = 0
+        for i in range(n):
+            which = bin_of[i]
+            slope = up[i] * per_flat[i]
+            # Neighbours mostly meet the same.
+            k = min(k, count[which])
+            while k > 0 and slope < pieces[which, k - 1, LIMIT]:
+                k -= 1
+            while slope >= pieces[which, k, LIMIT]:
+                k += 1
+            rise[i] = pieces[which, k, RISE]
+            back[i] = pieces[which, k, BACK]
+            met[i] = np.int32(pieces[which, k, MET])
+        row = canvas[v, left:right]
+        for i in range(n):
+            far = min(rise[i] / up[i] + back[i] * per_flat[i], farthest)
+            row[i] = np.int64(np.int32(far * per_m)) << 32 | np.int64(met[i]) << 24
 
 
 @njit(cache=True, nogil=True)
-def _masonry(kind: int, hit: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """BGR of a trunk's bark, a house's roof, or its wall with windows."""
+def _masonry(kind: int, hit: int, x: float, y: float, z: float) -> int:
+    """A trunk's bark, a house's roof, or its wall with windows, packed as a tile's texel."""
     if kind == f.TRUNK:
-        return 38.0, 52.0, 66.0
+        return 38 | 52 << 8 | 66 << 16
     if hit == _CANOPY:
-        return 70.0, 84.0, 150.0
+        return 70 | 84 << 8 | 150 << 16
     along = 0.6 * (x + y)
     if along - math.floor(along) < 0.3 and 0.9 < z < 1.9:
-        return 62.0, 66.0, 70.0
-    return 160.0, 186.0, 198.0
+        return 62 | 66 << 8 | 70 << 16
+    return 160 | 186 << 8 | 198 << 16
 
 
 @njit(cache=True, nogil=True)
@@ -366,158 +426,272 @@ def _between(grids: NDArray[np.float32], x: float, y: float, channel: int) -> fl
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _azimuth(tangent: Any) -> Any:
+    """atan in float32, to 1e-5: a series, so that several run at once."""
+    one = np.float32(1.0)
+    steep = abs(tangent) > one
+    x = one / tangent if steep else tangent
+    q = x * x
+    series = np.float32(0.05265332) - np.float32(0.0117212) * q
+    series = np.float32(0.19354346) + q * (series * q - np.float32(0.11643287))
+    angle = x * (np.float32(0.99997726) + q * (series * q - np.float32(0.33262347)))
+    right = np.float32(math.pi / 2)
+    beyond = right - angle if tangent > np.float32(0.0) else -right - angle
+    return beyond if steep else angle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill(
     image: NDArray[np.uint8],
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     scene: Scene,
     view: View,
     paint: Paint,
 ) -> None:
-    """Paints what `find` met in columns [left, right) and no stalk hides, and labels it.
+    """Paints and labels what `find` met in columns [left, right) and no stalk hides; then copies
+    the colours of all into `image`.
 
-    Two neighbours that met the same share light, haze, tile and label; each has its own texel."""
-    rows = depth.shape[0]
+    Pixels of a cell that met the same share light, haze, tile and label; each has its own texel."""
+    rows = canvas.shape[0]
+    n = right - left
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
     slab = scene.canopy
+    tiles = paint.tiles.ravel()
+    tile_size = paint.tiles.shape[1]
     side = texture.SIDE
     texels_per_m = 1.0 / (side * texture.TEXEL_M)
     per_footprint = 1.0 / (view.focal * texture.TEXEL_M)
-    per_row = paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM)
-    per_column = paint.panorama.shape[1] / (2 * math.pi)
+    sky_top = np.float32(sky.PANORAMA_TOP)
+    lowest = np.float32(paint.panorama.shape[0] - 1)
+    per_row = np.float32(paint.panorama.shape[0] / (sky.PANORAMA_TOP - sky.PANORAMA_BOTTOM))
+    per_column = np.float32(paint.panorama.shape[1] / (2 * math.pi))
+    # A turn more than the panorama's beginning, so that no column is negative.
+    ahead = np.float32(math.atan2(view.axes[2, 1], view.axes[2, 0]) + 3 * math.pi)
+    axes = view.axes.astype(np.float32)
+    rx, ry, rz = axes[0]
+    dx, dy, dz = axes[1]
+    fx, fy, fz = axes[2]
+    heading = _heading(view)
+    ra, rl = heading[0, 0], heading[0, 1]
+    da, dl = heading[1, 0], heading[1, 1]
+    fa = heading[2, 0]
+    x0 = np.float32(view.x)
+    y0 = np.float32(view.y)
+    z0 = np.float32(view.z)
+    one = np.float32(1.0)
+    none = np.float32(0.0)
+    depth_unit = np.float32(1.0 / DEPTHS_PER_M)
+    offset = np.float32(65536.0)
+    tiny = np.float32(1e-7)
+    canopy_back = np.float32(_CANOPY_BACK_M)
+    face_back = np.float32(_FACE_BACK_M - 0.01)
+    haze_blue = 256.0 * paint.haze_bgr[0]
+    haze_green = 256.0 * paint.haze_bgr[1]
+    haze_red = 256.0 * paint.haze_bgr[2]
+    across = (n + _WIDE - 1) // _WIDE
+    met = np.zeros((2 * across + (n + _GROUND_WIDE - 1) // _GROUND_WIDE, 12), np.int32)
+    where = np.empty((len(met), 4), np.float32)
+    of = np.empty(n + 1, np.int32)
+    sky_of = np.empty(n + 1, np.int32)
+    hits = np.empty(n, np.int32)
+    cells = np.empty(n, np.int32)
+    at = np.empty(n, np.int32)
+    texels = np.empty(n, np.int32)
+    ups = np.empty(n, np.float32)
+    ts = np.empty(n, np.float32)
+    xs = np.empty(n, np.float32)
+    ys = np.empty(n, np.float32)
+    zs = np.empty(n, np.float32)
     for v in range(rows):
-        next_u = left
-        while next_u < right:
-            u = next_u
-            next_u = u + 1
-            hit = label[v, u]
-            if hit < _SKY:
-                continue
-            if next_u < right and label[v, next_u] == hit:
-                next_u += 1
-            dx, dy, dz = _direction(view, u, v)
-            flat = math.sqrt(dx * dx + dy * dy)
-            if hit == _SKY:
-                p = int((sky.PANORAMA_TOP - dz / flat) * per_row)
-                p = min(max(p, 0), paint.panorama.shape[0] - 1)
-                c = int((math.atan2(dy, dx) + math.pi) * per_column)
-                c = min(max(c, 0), paint.panorama.shape[1] - 1)
-                for w in range(u, next_u):
-                    label[v, w] = labels.BACKGROUND
-                    for q in range(3):
-                        image[v, w, q] = int(min(255.0, paint.panorama[p, c, q] * paint.sky_gain))
-                continue
-
-            forward = 0.0
-            if hit == _CANOPY:
-                forward = _CANOPY_BACK_M / flat
-            elif hit == _FACE:
-                forward = (_FACE_BACK_M - 0.01) / flat
-            t = depth[v, u] - forward
-            wx = view.x + t * dx
-            wy = view.y + t * dy
-            wz = view.z + t * dz
-            px = (wx - scene.x0) * inv
-            py = (wy - scene.y0) * inv
-            ao = 1.0
-            unripe = 0.0
-            stretch = 1.0
-            kind = f.SOIL
-            if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
-                # Fields beyond the grid: blocks of some 40 m, ripe or grass.
-                far = noise.mix(77, math.floor(wx * 0.025), math.floor(wy * 0.04))
-                tile = texture.TOP if hit != _GROUND or far & 3 else texture.GRASS
-                here = labels.NEIGHBOUR if hit != _GROUND else labels.BACKGROUND
-                seen = 0.85
+        a_row = view.rays_a[v, left:right]
+        b_row = view.rays_b[v, left:right]
+        row = canvas[v, left:right]
+        shift = np.float32(view.shear * ((v + 0.5) / rows - 0.5) / view.focal)
+        for i in range(n):
+            a = a_row[i] - shift
+            b = b_row[i]
+            east = a * rx + b * dx + fx
+            north = a * ry + b * dy + fy
+            up = a * rz + b * dz + fz
+            hit = np.int32(row[i] >> 24) & np.int32(255)
+            hits[i] = hit
+            forward = canopy_back if hit == _CANOPY else none
+            forward = face_back if hit == _FACE else forward
+            deep = np.float32(np.int32(row[i] >> 32)) * depth_unit
+            t = deep - forward / np.sqrt(east * east + north * north)
+            ups[i] = up
+            ts[i] = t
+            xs[i] = x0 + t * east
+            ys[i] = y0 + t * north
+            zs[i] = z0 + t * up
+        if v % _HIGH == 0:
+            met[:, _KNOWN] = 0
+        # Without a branch, which no one could foretell.
+        covered = 0
+        skies = 0
+        for i in range(n):
+            hit = hits[i]
+            of[covered] = i
+            covered += hit > _SKY
+            sky_of[skies] = i
+            skies += hit == _SKY
+        if skies > 0:
+            for i in range(n):
+                a = a_row[i] - shift
+                b = b_row[i]
+                per = one / max(tiny, a * ra + b * da + fa)
+                lateral = (a * rl + b * dl) * per
+                steep = ups[i] * per / np.sqrt(one + lateral * lateral)
+                at[i] = np.int32(min(max((sky_top - steep) * per_row, none), lowest))
+                cells[i] = np.int32((ahead + _azimuth(lateral)) * per_column)
+            for k in range(skies):
+                i = sky_of[k]
+                c = cells[i]
+                while c >= paint.panorama.shape[1]:
+                    c -= paint.panorama.shape[1]
+                row[i] = _BACKGROUND | paint.panorama[at[i], c]
+        cell = -1
+        tile = 0
+        kind = 0
+        base = 0
+        mask = 0
+        ax = none
+        ay = none
+        cy = none
+        cz = none
+        for k in range(covered):
+            i = of[k]
+            hit = hits[i]
+            mine = (hit - _CANOPY) * across + (i // _GROUND_WIDE if hit == _GROUND else i // _WIDE)
+            if mine != cell and met[mine, _KNOWN] == 0:
+                t = float(ts[i])
+                wx = float(xs[i])
+                wy = float(ys[i])
+                wz = float(zs[i])
+                px = (wx - scene.x0) * inv
+                py = (wy - scene.y0) * inv
+                ao = 1.0
+                unripe = 0.0
+                stretch = 1.0
+                kind = f.SOIL
+                if px < 0.0 or py < 0.0 or px >= n_i or py >= n_j:
+                    # Fields beyond the grid: blocks of some 40 m, ripe or grass.
+                    far = noise.mix(77, math.floor(wx * 0.025), math.floor(wy * 0.04))
+                    tile = texture.TOP if hit != _GROUND or far & 3 else texture.GRASS
+                    here = labels.NEIGHBOUR if hit != _GROUND else labels.BACKGROUND
+                    seen = 0.85
+                else:
+                    ci = int(px)
+                    cj = int(py)
+                    kind = scene.kind[int(2 * py), int(2 * px)]
+                    shadow = scene.stand[cj, ci, SUNLIT]
+                    ao = 0.8 + 0.4 * scene.stand[cj, ci, TONE]
+                    if hit == _GROUND:
+                        shadow = _between(scene.stand, px - 0.5, py - 0.5, SUNLIT)
+                        seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
+                        if kind in (f.STUBBLE, f.NEIGHBOUR_STUBBLE):
+                            tile = texture.STUBBLE
+                            here = labels.STUBBLE
+                        elif kind == f.WINDROW:
+                            tile = texture.STRAW
+                            here = labels.STRAW
+                        elif kind == f.GRASS:
+                            tile = texture.GRASS
+                            here = labels.WEEDS
+                        else:
+                            tile = texture.SOIL
+                            here = labels.SOIL
+                    elif _solid(kind):
+                        here = labels.BACKGROUND
+                        tile = _FLAT
+                        seen = min(1.0, max(0.0, (wz - shadow) * 3.0 + 0.3))
+                    else:
+                        here = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
+                        unripe = scene.stand[cj, ci, GREEN]
+                        if hit == _CANOPY:
+                            tile = texture.TOP
+                            far_lit = min(0.9, 0.25 + 0.035 * t)
+                            seen = max(far_lit, min(1.0, (wz - shadow) * 4.0 + 0.3))
+                            ao *= min(1.0, 0.85 + 0.01 * t)
+                        else:
+                            tile = texture.WALL
+                            stretch = 3.0 if t < 2.0 else 1.0
+                            seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
+                            ao *= min(1.0, 0.6 + 0.4 * wz / slab)
+                seen_i = int(255.0 * min(1.0, max(0.0, seen)))
+                fog = paint.haze * t / (1.0 + paint.haze * t)
+                bright = 256.0 * ao * (1.0 - fog)
+                blue = bright * paint.light[seen_i, 0]
+                green = bright * paint.light[seen_i, 1]
+                red = bright * paint.light[seen_i, 2]
+                if unripe > 0.0:
+                    blue *= 1.0 - unripe * paint.unripe_loss[0]
+                    green *= 1.0 - unripe * paint.unripe_loss[1]
+                    red *= 1.0 - unripe * paint.unripe_loss[2]
+                foot = t * per_footprint
+                if hit != _FACE:
+                    foot /= 0.3 + 0.7 * min(1.0, abs(ups[i]) * 2.0)
+                level = 0
+                m = side
+                while foot > 1.4 and m > 8:
+                    foot *= 0.5
+                    level += 1
+                    m >>= 1
+                scale = m * texels_per_m
+                met[mine, _KNOWN] = 1
+                met[mine, _TILE] = tile
+                met[mine, _HERE] = here
+                met[mine, _KIND] = kind
+                met[mine, _BASE] = tile * tile_size + paint.levels[level]
+                met[mine, _MASK] = m - 1
+                # Colours in 1/256.
+                met[mine, _GAIN + 0] = int(blue)
+                met[mine, _GAIN + 1] = int(green)
+                met[mine, _GAIN + 2] = int(red)
+                met[mine, _FOG + 0] = int(fog * haze_blue)
+                met[mine, _FOG + 1] = int(fog * haze_green)
+                met[mine, _FOG + 2] = int(fog * haze_red)
+                upright = tile == texture.WALL
+                where[mine, 0] = scale * 1.5 * 0.83 * stretch if upright else scale
+                where[mine, 1] = scale * 1.5 * 0.57 * stretch if upright else 0.0
+                where[mine, 2] = 0.0 if upright else scale
+                where[mine, 3] = -scale * stretch if upright else 0.0
+            if mine != cell:
+                cell = mine
+                tile = met[mine, _TILE]
+                kind = met[mine, _KIND]
+                base = met[mine, _BASE]
+                mask = met[mine, _MASK]
+                ax, ay, cy, cz = where[mine]
+            cells[k] = cell
+            if tile == _FLAT:
+                at[k] = -1
+                texels[k] = _masonry(kind, hit, xs[i], ys[i], zs[i])
             else:
-                i = int(px)
-                j = int(py)
-                kind = scene.kind[int(2 * py), int(2 * px)]
-                shadow = scene.stand[j, i, SUNLIT]
-                ao = 0.8 + 0.4 * scene.stand[j, i, TONE]
-                if hit == _GROUND:
-                    shadow = _between(scene.stand, px - 0.5, py - 0.5, SUNLIT)
-                    seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
-                    if kind in (f.STUBBLE, f.NEIGHBOUR_STUBBLE):
-                        tile = texture.STUBBLE
-                        here = labels.STUBBLE
-                    elif kind == f.WINDROW:
-                        tile = texture.STRAW
-                        here = labels.STRAW
-                    elif kind == f.GRASS:
-                        tile = texture.GRASS
-                        here = labels.WEEDS
-                    else:
-                        tile = texture.SOIL
-                        here = labels.SOIL
-                elif _solid(kind):
-                    here = labels.BACKGROUND
-                    tile = _FLAT
-                    seen = min(1.0, max(0.0, (wz - shadow) * 3.0 + 0.3))
-                else:
-                    here = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
-                    unripe = scene.stand[j, i, GREEN]
-                    if hit == _CANOPY:
-                        tile = texture.TOP
-                        far_lit = min(0.9, 0.25 + 0.035 * t)
-                        seen = max(far_lit, min(1.0, (wz - shadow) * 4.0 + 0.3))
-                        ao *= min(1.0, 0.85 + 0.01 * t)
-                    else:
-                        tile = texture.WALL
-                        stretch = 3.0 if t < 2.0 else 1.0
-                        seen = min(0.9, max(0.12, (wz - shadow) * 3.0 + 0.5))
-                        ao *= min(1.0, 0.6 + 0.4 * wz / slab)
-            seen_i = int(255.0 * min(1.0, max(0.0, seen)))
-            fog = paint.haze * t / (1.0 + paint.haze * t)
-            blue = ao * paint.light[seen_i, 0]
-            green = ao * paint.light[seen_i, 1]
-            red = ao * paint.light[seen_i, 2]
-            if unripe > 0.0:
-                blue *= 1.0 - unripe * paint.unripe_loss[0]
-                green *= 1.0 - unripe * paint.unripe_loss[1]
-                red *= 1.0 - unripe * paint.unripe_loss[2]
-            blue *= 1.0 - fog
-            green *= 1.0 - fog
-            red *= 1.0 - fog
-            foot = t * per_footprint
-            if hit != _FACE:
-                foot /= 0.3 + 0.7 * min(1.0, abs(dz) * 2.0)
-            level = 0
-            m = side
-            while foot > 1.4 and m > 8:
-                foot *= 0.5
-                level += 1
-                m >>= 1
-            scale = m * texels_per_m
-            for w in range(u, next_u):
-                if w > u:
-                    dx, dy, dz = _direction(view, w, v)
-                    t = depth[v, w] - forward
-                    wx = view.x + t * dx
-                    wy = view.y + t * dy
-                    wz = view.z + t * dz
-                label[v, w] = here
-                if tile == _FLAT:
-                    b, g, r = _masonry(kind, hit, wx, wy, wz)
-                else:
-                    if tile == texture.WALL:
-                        sx = 1.5 * stretch * (0.83 * wx + 0.57 * wy)
-                        sy = -stretch * wz
-                    else:
-                        sx = wx
-                        sy = wy
-                    ti = math.floor(sx * scale) & (m - 1)
-                    tj = math.floor(sy * scale) & (m - 1)
-                    texel = paint.levels[level] + tj * m + ti
-                    b = float(paint.tiles[tile, texel, 0])
-                    g = float(paint.tiles[tile, texel, 1])
-                    r = float(paint.tiles[tile, texel, 2])
-                image[v, w, 0] = int(min(255.0, b * blue + fog * paint.haze_bgr[0]))
-                image[v, w, 1] = int(min(255.0, g * green + fog * paint.haze_bgr[1]))
-                image[v, w, 2] = int(min(255.0, r * red + fog * paint.haze_bgr[2]))
+                # The offset, a multiple of every tile's side, makes truncation a floor.
+                ti = np.int32(xs[i] * ax + ys[i] * ay + offset) & mask
+                tj = np.int32(ys[i] * cy + zs[i] * cz + offset) & mask
+                at[k] = base + texture.SPREAD[ti] + 2 * texture.SPREAD[tj]
+        # Apart from what comes before and after, so that many texels are on their way at once.
+        for k in range(covered):
+            if at[k] >= 0:
+                texels[k] = tiles[at[k]]
+        for k in range(covered):
+            texel = texels[k]
+            c = met[cells[k]]
+            blue = min(255, ((texel & 255) * c[_GAIN] + c[_FOG]) >> 8)
+            green = min(255, ((texel >> 8 & 255) * c[_GAIN + 1] + c[_FOG + 1]) >> 8)
+            red = min(255, ((texel >> 16) * c[_GAIN + 2] + c[_FOG + 2]) >> 8)
+            row[of[k]] = np.int64(c[_HERE]) << 24 | red << 16 | green << 8 | blue
+        image_row = image[v, left:right]
+        for i in range(n):
+            word = row[i]
+            image_row[i, 0] = np.uint8(word & 255)
+            image_row[i, 1] = np.uint8(word >> 8 & 255)
+            image_row[i, 2] = np.uint8(word >> 16 & 255)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -572,13 +746,15 @@ def project(
     k0: int,
     k1: int,
     out: NDArray[Any],
+    spans: NDArray[np.int16],
     drawn: NDArray[np.int64],
 ) -> None:
-    """Projects stalks of blocks k0..k1 into `out`, `drawn[k]` of block k; see `draw_stalks`."""
+    """Projects stalks of blocks k0..k1 into `out`, `drawn[k]` of block k, and the columns that
+    each covers into `spans`; see `draw_stalks`."""
     R = view.axes
     n_j, n_i = scene.kind.shape
     inv = 1.0 / scene.cell
-    rows, columns = view.rays.shape[:2]
+    rows, columns = view.rays_a.shape
     F = view.focal
     for k in range(k0, k1):
         bj = blocks[k, 0]
@@ -697,6 +873,9 @@ def project(
                 e.label = labels.WEEDS
             else:
                 e.label = labels.STUBBLE
+            wide = max(e.stem, e.ear) + abs(e.nod) + 1.5
+            spans[first[k] + n, 0] = np.int16(max(-32e3, min(u0, u1) - wide))
+            spans[first[k] + n, 1] = np.int16(min(32e3, max(u0, u1) + wide))
             shade = s.shade * (0.86 + 0.28 * scene.stand[cj, ci, TONE])
             if not tall:
                 shade *= 1.12
@@ -718,95 +897,123 @@ def project(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def draw_stalks(
-    image: NDArray[np.uint8],
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     first: NDArray[np.int64],
     drawn: NDArray[np.int64],
+    spans: NDArray[np.int16],
     stalks: NDArray[Any],
     paint: Paint,
 ) -> None:
     """Draws the projected stalks into columns [left, right), front to back."""
-    rows = depth.shape[0]
+    rows = canvas.shape[0]
     for k in range(drawn.shape[0]):
         for n in range(first[k], first[k] + drawn[k]):
-            e = stalks[n]
-            u0 = e.u0
-            u1 = e.u1
-            wide = max(e.stem, e.ear) + abs(e.nod) + 1.0
-            if max(u0, u1) + wide < left or min(u0, u1) - wide > right:
+            if spans[n, 1] < left or spans[n, 0] >= right:
                 continue
-            v0 = e.v0
-            v1 = e.v1
+            e = stalks[n]
+            u1 = float(e.u1)
+            v0 = float(e.v0)
+            v1 = float(e.v1)
             long = v0 - v1
             per = 1.0 / long
-            slant = 0.5 * abs(u1 - u0) * per
-            ears = int(u1)
+            du = (e.u0 - u1) * per
+            dz = (e.z0 - e.z1) * per
+            slant = 0.5 * abs(du)
             va = max(0, math.ceil(v1 - 0.5))
             vb = min(rows - 1, math.floor(v0 - 0.5), int(v1 + long * e.visible))
-            z0 = e.z0
-            z1 = e.z1
-            fog = 0.5 * (z0 + z1) * paint.haze
+            head = float(e.ear_share)
+            # Interior crop sinks into its body, from there on down it is hidden.
+            sinks = e.visible < 1.0
+            vh = min(vb + 1, max(va, math.ceil(v1 - 0.5 + head * long)))
+            fog = 0.5 * (e.z0 + e.z1) * paint.haze
             fog = fog / (1.0 + fog)
-            here = int(e.label)
-            head = e.ear_share
-            per_head = 1.0 / max(1e-6, head)
-            stem_width = e.stem
-            head_width = e.ear
-            nod = e.nod
-            height = e.height
-            sunlit = e.sunlit
+            here = int(e.label) << 24
+            ears = int(u1)
             darker = 0.22 * e.visible
-            blue = e.blue
-            green = e.green
-            red = e.red
             shaded = 0.22 if head > 0.0 else 0.0
-            for v in range(va, vb + 1):
-                a = max(0.0, (v + 0.5 - v1) * per)
-                z = z1 + (z0 - z1) * a
-                uc = u1 + (u0 - u1) * a
-                gain = 1.0
-                if a < head:
-                    p = a * per_head
-                    w = head_width * (0.4 + 2.4 * p * (1.0 - p))
-                    uc += nod * (1.0 - p) * (1.0 - p)
-                    gain = 1.08 if (v + ears) & 3 else 0.92
-                else:
-                    w = stem_width
-                    if head > 0.0:
-                        gain = 0.93
-                w = max(w, slant)
-                ua = math.floor(uc - w + 0.5)
-                ub = math.floor(uc + w + 0.5)
-                if ub <= ua:
-                    ub = ua + 1
+            blue = e.blue * (1.0 - fog)
+            green = e.green * (1.0 - fog)
+            red = e.red * (1.0 - fog)
+            fog_blue = fog * paint.haze_bgr[0]
+            fog_green = fog * paint.haze_bgr[1]
+            fog_red = fog * paint.haze_bgr[2]
+            # How far above the shadow's border the top is, x 4, plus 0.4; and its change by row.
+            lit = 4.0 * (e.height - e.sunlit) + 0.4
+            lit_by_row = -4.0 * per * e.height
+            below = va + 0.5 - v1
+            z = e.z1 + dz * below
+            uc = u1 + du * below + 0.5
+            per_head = 1.0 / max(1e-6, head)
+            nod = float(e.nod)
+            for v in range(va, vh):
+                a = (v + 0.5 - v1) * per
+                p = max(0.0, a * per_head)
+                w = max(slant, e.ear * (0.4 + 2.4 * p * (1.0 - p)))
+                at = uc + nod * (1.0 - p) * (1.0 - p)
+                uc += du
+                key = int(z * DEPTHS_PER_M) << 32
+                z += dz
+                # The offset makes truncation a floor.
+                ua = int(at - w + 4096.0) - 4096
+                ub = max(ua + 1, int(at + w + 4096.0) - 4096)
                 ua = max(ua, left)
                 ub = min(ub, right)
-                if ua >= ub or (z >= depth[v, ua] and z >= depth[v, ub - 1]):
+                if ua >= ub or (key >= canvas[v, ua] and key >= canvas[v, ub - 1]):
                     continue
-                over = (1.0 - a) * height - sunlit
-                seen = min(1.0, max(shaded, over * 4.0 + 0.4))
-                gain *= 1.0 - darker * a
-                si = int(255.0 * seen)
-                c0 = min(255.0, blue * gain * paint.light[si, 0])
-                c1 = min(255.0, green * gain * paint.light[si, 1])
-                c2 = min(255.0, red * gain * paint.light[si, 2])
-                c0 += fog * (paint.haze_bgr[0] - c0)
-                c1 += fog * (paint.haze_bgr[1] - c1)
-                c2 += fog * (paint.haze_bgr[2] - c2)
+                gain = (1.08 if (v + ears) & 3 else 0.92) * (1.0 - darker * a)
+                seen = lit + (v + 0.5 - v1) * lit_by_row
+                si = int(255.0 * min(1.0, max(shaded, seen)))
+                key |= here | int(min(255.0, blue * gain * paint.light[si, 0] + fog_blue))
+                key |= int(min(255.0, green * gain * paint.light[si, 1] + fog_green)) << 8
+                key |= int(min(255.0, red * gain * paint.light[si, 2] + fog_red)) << 16
                 for u in range(ua, ub):
-                    if z < depth[v, u]:
-                        depth[v, u] = z
-                        label[v, u] = here
-                        image[v, u, 0] = int(c0)
-                        image[v, u, 1] = int(c1)
-                        image[v, u, 2] = int(c2)
+                    canvas[v, u] = min(canvas[v, u], key)
+            # In fixed point from here on: 32 bits after the point.
+            stem = max(float(e.stem), slant)
+            low = int((uc - stem) * _ONE)
+            high = int((uc + stem) * _ONE)
+            by_row = int(du * _ONE)
+            deep = int(z * (DEPTHS_PER_M * _ONE))
+            deeper = int(dz * (DEPTHS_PER_M * _ONE))
+            stem_gain = 0.93 if head > 0.0 else 1.0
+            fresh = 0
+            colour = 0
+            for v in range(max(va, vh), vb + 1):
+                ua = low >> 32
+                ub = max(ua + 1, high >> 32)
+                ua = max(ua, left)
+                ub = min(ub, right)
+                key = deep >> 32 << 32
+                low += by_row
+                high += by_row
+                deep += deeper
+                if ua >= ub:
+                    continue
+                if key >= canvas[v, ua] and key >= canvas[v, ub - 1]:
+                    if sinks and canvas[v, ua] >> 24 & 255 >= _SKY:
+                        break
+                    continue
+                if v >= fresh:
+                    # A stem changes little over four rows.
+                    fresh = v + 4
+                    gain = stem_gain * (1.0 - darker * (v + 0.5 - v1) * per)
+                    seen = lit + (v + 0.5 - v1) * lit_by_row
+                    si = int(255.0 * min(1.0, max(shaded, seen)))
+                    colour = here | int(min(255.0, blue * gain * paint.light[si, 0] + fog_blue))
+                    colour |= int(min(255.0, green * gain * paint.light[si, 1] + fog_green)) << 8
+                    colour |= int(min(255.0, red * gain * paint.light[si, 2] + fog_red)) << 16
+                key |= colour
+                for u in range(ua, ub):
+                    canvas[v, u] = min(canvas[v, u], key)
 
 
 _PUFFS: Final = 14
 _PUFF_LIFE_S: Final = 1.6
+CLOUD_OFFSETS: Final = 256
+CLOUD_PX: Final = 10.0
+"""Wavelength of the noise in a puff, px of the veil."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -821,12 +1028,13 @@ def puff(
     ahead: float,
     half_width: float,
     density: float,
+    clouds: NDArray[np.float32],
 ) -> None:
     """Lays the blade's dust over `veil` (rows, columns at 1/`scale` of the picture): opacity 0..1.
 
     A puff is born along the blade's line every life/_PUFFS seconds, rises, grows, drifts by `drift`
     (m/s in the vehicle frame) and fades. `mount` (4, 3): right, down, forward of the camera in the
-    vehicle frame, and its place."""
+    vehicle frame, and its place. `clouds` (`CLOUD_OFFSETS` larger than `veil` each way): noise."""
     rows, columns = veil.shape
     every = _PUFF_LIFE_S / _PUFFS
     newest = math.floor(t / every)
@@ -848,11 +1056,14 @@ def puff(
         v += 0.5 * rows
         radius = focal * (0.22 + 0.35 * age) / z / scale
         strength = density * (1.0 - share) * (0.4 + 0.6 * noise.uniform(seed, index, 3))
+        across = noise.mix(seed, index, 4) & (CLOUD_OFFSETS - 1)
+        down = noise.mix(seed, index, 5) & (CLOUD_OFFSETS - 1)
+        per_square = 1.0 / (radius * radius)
         for j in range(max(0, int(v - radius)), min(rows, int(v + radius) + 1)):
             for i in range(max(0, int(u - radius)), min(columns, int(u + radius) + 1)):
-                d = ((i - u) ** 2 + (j - v) ** 2) / (radius * radius)
+                d = ((i - u) ** 2 + (j - v) ** 2) * per_square
                 if d < 1.0:
-                    cloud = 0.7 + 0.6 * noise.smooth(seed + index, i * 0.1, j * 0.1)
+                    cloud = 0.7 + 0.6 * clouds[down + j, across + i]
                     veil[j, i] += (1.0 - veil[j, i]) * min(1.0, strength * (1.0 - d) ** 2 * cloud)
 
 
@@ -873,10 +1084,47 @@ def veil(image: NDArray[np.uint8], opacity: NDArray[np.uint8], bgr: NDArray[np.f
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def expose(
+    light: NDArray[np.uint8],
+    vignette: NDArray[np.uint8],
+    gain: NDArray[np.float32],
+    rough: NDArray[np.int8],
+) -> NDArray[np.uint8]:
+    """The sensor's answer, (rows, columns times 3): gain by colour (3), a shoulder above 200 counts
+    that keeps highlights from clipping hard, and noise."""
+    rows, n = light.shape
+    out = np.empty((rows, n), np.uint8)
+    gains = np.empty(n, np.float32)
+    for i in range(n):
+        gains[i] = gain[i % 3] / np.float32(255.0)
+    # All in float32, so that a row runs several pixels at once.
+    none = np.float32(0.0)
+    half = np.float32(0.5)
+    one = np.float32(1.0)
+    third = np.float32(1.0 / 6.0)
+    fourth = np.float32(1.0 / 24.0)
+    knee = np.float32(200.0)
+    span = np.float32(55.0)
+    per_span = np.float32(1.0 / 55.0)
+    most = np.float32(255.0)
+    for v in range(rows):
+        light_row = light[v]
+        vignette_row = vignette[v]
+        rough_row = rough[v]
+        out_row = out[v]
+        for i in range(n):
+            x = np.float32(light_row[i]) * np.float32(vignette_row[i]) * gains[i]
+            d = max(none, x - knee) * per_span
+            # The exponential's series.
+            grown = one + d * (one + d * (half + d * (third + d * fourth)))
+            y = min(x, knee) + span - span / grown + np.float32(rough_row[i]) + half
+            out_row[i] = np.uint8(np.int32(min(max(y, none), most)))
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def draw_crowns(
-    image: NDArray[np.uint8],
-    depth: NDArray[np.float32],
-    label: NDArray[np.uint8],
+    canvas: Canvas,
     left: int,
     right: int,
     crowns: NDArray[np.float64],
@@ -885,7 +1133,7 @@ def draw_crowns(
 ) -> None:
     """Draws the trees' crowns (n, 4: x, y, z, radius in m) into columns [left, right): balls of
     leaves, lit from above."""
-    rows = depth.shape[0]
+    rows = canvas.shape[0]
     R = view.axes
     for k in range(crowns.shape[0]):
         ax = crowns[k, 0] - view.x
@@ -898,6 +1146,7 @@ def draw_crowns(
         vc = view.focal * (R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az) / z + view.cv
         radius = view.focal * crowns[k, 3] / z
         leaf = 40.0 / radius
+        key = int(z * DEPTHS_PER_M) << 32 | _BACKGROUND
         fog = paint.haze * z / (1.0 + paint.haze * z)
         for v in range(max(0, int(vc - radius)), min(rows, int(vc + radius) + 1)):
             for u in range(max(left, int(uc - radius)), min(right, int(uc + radius) + 1)):
@@ -905,14 +1154,38 @@ def draw_crowns(
                 dy = (v - vc) / radius
                 clump = noise.smooth(k + 7, dx * 4.0 + 9.0, dy * 4.0 + 9.0)
                 fine = noise.smooth(k + 8, (u - uc) * leaf + 99.0, (v - vc) * leaf + 99.0)
-                if dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine or z >= depth[v, u]:
+                if dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine or key >= canvas[v, u]:
                     continue
-                depth[v, u] = z
-                label[v, u] = labels.BACKGROUND
+                word = key
                 lit = int(255.0 * min(1.0, max(0.0, 0.55 - 0.5 * dy + 0.9 * (clump + fine - 1.0))))
                 for q in range(3):
                     x = (42.0, 84.0, 66.0)[q] * (0.7 + 0.6 * fine) * paint.light[lit, q]
-                    image[v, u, q] = int(min(255.0, x + fog * (paint.haze_bgr[q] - x)))
+                    word |= int(min(255.0, x + fog * (paint.haze_bgr[q] - x))) << 8 * q
+                canvas[v, u] = word
+
+
+@njit(cache=True, nogil=True)
+def draw(
+    image: NDArray[np.uint8],
+    canvas: Canvas,
+    left: int,
+    right: int,
+    scene: Scene,
+    view: View,
+    paint: Paint,
+    pieces: NDArray[np.float32],
+    count: NDArray[np.int32],
+    crowns: NDArray[np.float64],
+    first: NDArray[np.int64],
+    drawn: NDArray[np.int64],
+    spans: NDArray[np.int16],
+    stalks: NDArray[Any],
+) -> None:
+    """Columns [left, right) of a picture, in one call: what is passed costs as much as a kernel."""
+    find(canvas, left, right, view, pieces, count)
+    draw_crowns(canvas, left, right, crowns, view, paint)
+    draw_stalks(canvas, left, right, first, drawn, spans, stalks, paint)
+    fill(image, canvas, left, right, scene, view, paint)
 
 
 def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[Any]:

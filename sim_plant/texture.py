@@ -65,19 +65,36 @@ def _strokes(
                 break
 
 
-def _mips(tile: Tile) -> tuple[Tile, NDArray[np.int32]]:
+def _spread() -> NDArray[np.int32]:
+    n = np.arange(SIDE)
+    return np.asarray(sum((n >> bit & 1) << 2 * bit for bit in range(10)), np.int32)
+
+
+SPREAD: Final = _spread()
+"""Texel (row, column) lies at SPREAD[column] + 2 * SPREAD[row] of its level (Z-order), so that the
+neighbours of a pixel's texel share its cache line in whatever direction the picture runs."""
+
+
+def _mips(tile: Tile) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     levels = [tile]
     while levels[-1].shape[0] > 4:
         n = levels[-1].shape[0] // 2
         levels.append(cv2.resize(levels[-1], (n, n), interpolation=cv2.INTER_AREA).astype(np.uint8))
     offsets = np.cumsum([0] + [m.shape[0] ** 2 for m in levels[:-1]]).astype(np.int32)
-    return np.concatenate([m.reshape(-1, 3) for m in levels]), offsets
+    packed = np.empty(sum(m.shape[0] ** 2 for m in levels), np.int32)
+    for offset, level in zip(offsets, levels, strict=True):
+        z_order = SPREAD[: len(level)] + 2 * SPREAD[: len(level), None]
+        packed[offset + z_order] = level.astype(np.int32) @ (1, 1 << 8, 1 << 16)
+    return packed, offsets
 
 
 @functools.lru_cache(maxsize=4)
-def bake(seed: int, soil: Colour, straw: Colour, crop: Colour) -> tuple[Tile, NDArray[np.int32]]:
-    """All tiles: (6, texels of all levels, 3) uint8, and where each level starts; not to be
-    written to, because equal calls share them."""
+def bake(
+    seed: int, soil: Colour, straw: Colour, crop: Colour
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """All tiles: (6, texels of all levels), blue in a texel's lowest byte, then green and red, in
+    the order of `SPREAD`; and where each level starts. Not to be written to: equal calls share
+    them."""
     rng = np.random.default_rng([seed, 0x7E])
     base = 1 + _noise(rng, (1, 0.05), (2, 0.06), (8, 0.07), (32, 0.06), (128, 0.05))
     cast = 1 + np.stack([_noise(rng, (4, 0.03), (64, 0.012)) for _ in range(3)], -1)
