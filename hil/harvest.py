@@ -40,7 +40,7 @@ HOST_HZ = 20
 """Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
 record give exactly the same times again."""
 FIX_TICKS = HOST_HZ
-VIDEO_EVERY = 2
+VIDEO_EVERY = 4
 LINGER_S = 1.0
 """Simulated time after the pilot is done, so that the outputs are seen to be off."""
 

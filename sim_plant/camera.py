@@ -129,7 +129,7 @@ class Camera:
         self._sun = sky.sun(self.weather)
         rng = np.random.default_rng(seed)
         coarse = field.height.shape
-        stand = np.zeros((*coarse, 8), np.float32)
+        stand = np.zeros((*coarse, 8), np.uint16)
         for channel, grid in (
             (render.HEIGHT, field.height),
             (render.GREEN, field.green),
@@ -138,19 +138,20 @@ class Camera:
             (render.LODGE, field.lodge),
             (render.TONE, field.tone),
         ):
-            stand[..., channel] = grid
+            stand[..., channel] = np.clip(grid / render.UNIT + 0.5, 0, 65535)
+        self._tallest = float(stand[..., render.HEIGHT].max() * render.UNIT)
         self._scene = render.Scene(
             kind=field.kind.copy(),
             clear=np.zeros(coarse, np.float32),
             stand=stand,
-            x0=field.origin[0],
-            y0=field.origin[1],
+            x0=float(field.origin[0]),
+            y0=float(field.origin[1]),
             cell=field.cell,
             beyond_is_crop=field.spec.neighbours != "none",
             canopy=0.8 * field.tallest_crop_m,
         )
         self._coarse = field.coarse
-        self._tallest = field.tallest_crop_m
+        self._tallest_crop = field.tallest_crop_m
         crowns = [
             (t.x_m, t.y_m, t.height_m - t.crown_radius_m, t.crown_radius_m)
             for t in field.spec.trees
@@ -187,6 +188,8 @@ class Camera:
         self._pieces = np.zeros((w, 2 * render.SEGMENTS + 1, 4), np.float32)
         self._count = np.zeros(w, np.int32)
         self._image = np.zeros((h, w, 3), np.uint8)
+        self._prepare = render.Direct(render.prepare)
+        self._draw = render.Direct(render.draw)
         self._canvas = np.zeros((h, w), np.int64)
         self._records = np.zeros(0, render.STALK)
         self._spans = np.zeros((0, 2), np.int16)
@@ -243,10 +246,11 @@ class Camera:
         scene.stand[p:q, r:s, render.BODY] = body[p - a : q - a, r - c : s - c]
         # Only crop is ever cut, so a change lengthens or shortens no longer shadow than the crop's.
         flat = math.hypot(self._sun.east, self._sun.north) / max(self._sun.up, 0.03)
-        reach = math.ceil(self._tallest * flat / self._coarse) + 1
+        reach = math.ceil(self._tallest_crop * flat / self._coarse) + 1
         render.shade(
             scene.stand,
             self._coarse,
+            self._tallest,
             self._sun.east,
             self._sun.north,
             self._sun.up,
@@ -403,16 +407,16 @@ class Camera:
         records, bins, width = self._records, len(self._count), self.spec.width_px
 
         def prepare(part: int) -> None:
-            render.project(
-                blocks, self._packs, first, scene, view, paint, self._seed, shot.t,
+            self._prepare(
+                blocks, self._packs, first, scene, view, paint, self._seed, float(shot.t),
                 sway_x, sway_y, 0.35, share_of[part], share_of[part + 1], records, spans, drawn,
+                bins * part // render.STRIPS, bins * (part + 1) // render.STRIPS,
+                self._pieces, self._count,
             )  # fmt: skip
-            b0, b1 = bins * part // render.STRIPS, bins * (part + 1) // render.STRIPS
-            render.profile(scene, view, b0, b1, self._pieces, self._count)
 
         def draw(part: int) -> None:
             left, right = width * part // render.STRIPS, width * (part + 1) // render.STRIPS
-            render.draw(
+            self._draw(
                 self._image, self._canvas, left, right, scene, view, paint, self._pieces,
                 self._count, self._crowns, first, drawn, spans, records,
             )  # fmt: skip

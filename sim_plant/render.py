@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+import numba
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ BLOCK_M: Final = 0.5
 PACKS: Final = 64
 """Different blocks; which one stands where is drawn per block."""
 SUNLIT, HEIGHT, GREEN, DENSITY, WEED, LODGE, TONE, BODY = range(8)
+UNIT: Final = 1.0 / 4096.0
+"""Of `Scene.stand`."""
 _SKY, _CANOPY, _FACE, _GROUND = range(100, 104)
 """Pixels that are found but not painted yet, among the labels."""
 _WIDE: Final = 8
@@ -41,7 +44,7 @@ SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
 LIMIT, RISE, BACK, MET = range(4)
 """Of a profile's piece."""
-STRIPS: Final = 8
+STRIPS: Final = 6
 """The picture is drawn in so many strips of columns, whatever the number of threads."""
 REACH_M: Final = 24.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
@@ -103,9 +106,9 @@ class Scene(NamedTuple):
     kind: NDArray[np.uint8]
     clear: NDArray[np.float32]
     """Coarse: a lower bound of the distance to standing crop, m."""
-    stand: NDArray[np.float32]
-    """Coarse, (rows, columns, 8): `SUNLIT` (above this height in m the sun reaches) and the
-    field's attributes; together, because a lookup costs a cache line."""
+    stand: NDArray[np.uint16]
+    """Coarse, (rows, columns, 8), in 1/UNIT: `SUNLIT` (above this height in m the sun reaches) and
+    the field's attributes; together and small, because a lookup costs a cache line."""
     x0: float
     y0: float
     cell: float
@@ -166,8 +169,9 @@ def _solid(kind: int) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def shade(
-    stand: NDArray[np.float32],
+    stand: NDArray[np.uint16],
     coarse: float,
+    tallest: float,
     east: float,
     north: float,
     up: float,
@@ -179,17 +183,14 @@ def shade(
 ) -> None:
     """Fills SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
 
-    `crowns` (n, 4): x, y, z and radius of the trees' crowns in coarse cells from the grid's corner.
+    Nothing is higher than `tallest`. `crowns` (n, 4): x, y, z and radius of the trees' crowns in
+    coarse cells from the grid's corner.
     """
     rows, columns = stand.shape[:2]
     flat = math.hypot(east, north)
     tangent = up / max(flat, 1e-6)
     dx = east / max(flat, 1e-6)
     dy = north / max(flat, 1e-6)
-    tallest = 0.0
-    for j in range(rows):
-        for i in range(columns):
-            tallest = max(tallest, stand[j, i, HEIGHT])
     for j in range(j0, j1):
         for i in range(i0, i1):
             highest = 0.0
@@ -207,11 +208,11 @@ def shade(
                 q = int(j + 0.5 + dy * s / coarse)
                 if p < 0 or q < 0 or p >= columns or q >= rows:
                     break
-                if stand[q, p, BODY] > 0.0:
-                    h = stand[q, p, HEIGHT] - s * tangent
+                if stand[q, p, BODY] > 0:
+                    h = UNIT * stand[q, p, HEIGHT] - s * tangent
                     highest = max(highest, h)
                 s += 0.05
-            stand[j, i, SUNLIT] = highest
+            stand[j, i, SUNLIT] = np.uint16(min(65535.0, highest / UNIT + 0.5))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -261,16 +262,17 @@ def profile(
             height = 0.0
             leap = float(scene.clear[j, i])
             if leap > 0.0:
-                leap += 0.005
+                # Along an edge the distance to it would make the steps too many.
+                leap = max(leap + 0.005, 0.008 * r)
             else:
                 leap = 0.5 * scene.cell
-                if scene.stand[j, i, BODY] > 0.0:
+                if scene.stand[j, i, BODY] > 0:
                     kind = scene.kind[int(2.0 * py), int(2.0 * px)]
                     if _standing(kind):
-                        height = 0.8 * scene.stand[j, i, HEIGHT]
+                        height = 0.8 * UNIT * scene.stand[j, i, HEIGHT]
                         leap = 0.08 + 0.03 * r
                     elif _solid(kind):
-                        height = float(scene.stand[j, i, HEIGHT])
+                        height = UNIT * scene.stand[j, i, HEIGHT]
             entered = (height > 0.0) != (now > 0.0)
             if now < 0.0 or entered or abs(height - now) > 0.06:
                 start[n] = r
@@ -413,8 +415,8 @@ def _masonry(kind: int, hit: int, x: float, y: float, z: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _between(grids: NDArray[np.float32], x: float, y: float, channel: int) -> float:
-    """Bilinear interpolation between cells, clamped at the border."""
+def _between(grids: NDArray[np.uint16], x: float, y: float, channel: int) -> float:
+    """Bilinear interpolation between cells of `Scene.stand`, clamped at the border."""
     rows, columns = grids.shape[:2]
     i = min(max(int(x), 0), columns - 2)
     j = min(max(int(y), 0), rows - 2)
@@ -422,7 +424,7 @@ def _between(grids: NDArray[np.float32], x: float, y: float, channel: int) -> fl
     fy = min(1.0, max(0.0, y - j))
     low = grids[j, i, channel] * (1.0 - fx) + grids[j, i + 1, channel] * fx
     high = grids[j + 1, i, channel] * (1.0 - fx) + grids[j + 1, i + 1, channel] * fx
-    return float(low * (1.0 - fy) + high * fy)
+    return float(low * (1.0 - fy) + high * fy) * UNIT
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -587,8 +589,8 @@ def fill(
                     ci = int(px)
                     cj = int(py)
                     kind = scene.kind[int(2 * py), int(2 * px)]
-                    shadow = scene.stand[cj, ci, SUNLIT]
-                    ao = 0.8 + 0.4 * scene.stand[cj, ci, TONE]
+                    shadow = UNIT * scene.stand[cj, ci, SUNLIT]
+                    ao = 0.8 + 0.4 * UNIT * scene.stand[cj, ci, TONE]
                     if hit == _GROUND:
                         shadow = _between(scene.stand, px - 0.5, py - 0.5, SUNLIT)
                         seen = 1.0 - 0.88 * min(1.0, shadow * 8.0)
@@ -610,7 +612,7 @@ def fill(
                         seen = min(1.0, max(0.0, (wz - shadow) * 3.0 + 0.3))
                     else:
                         here = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
-                        unripe = scene.stand[cj, ci, GREEN]
+                        unripe = UNIT * scene.stand[cj, ci, GREEN]
                         if hit == _CANOPY:
                             tile = texture.TOP
                             far_lit = min(0.9, 0.25 + 0.035 * t)
@@ -777,15 +779,15 @@ def project(
             kind = scene.kind[j, i]
             ci = i >> 1
             cj = j >> 1
-            if kind == f.SOIL or _solid(kind) or s.rank > scene.stand[cj, ci, DENSITY]:
+            if kind == f.SOIL or _solid(kind) or s.rank > UNIT * scene.stand[cj, ci, DENSITY]:
                 continue
             tall = _standing(kind)
             lean_x = s.lean_x
             lean_y = s.lean_y
             head = 0.0
             if tall:
-                lodge = scene.stand[cj, ci, LODGE]
-                height = scene.stand[cj, ci, HEIGHT] * s.height
+                lodge = UNIT * scene.stand[cj, ci, LODGE]
+                height = UNIT * scene.stand[cj, ci, HEIGHT] * s.height
                 phase = 1.1 * t + 37.0 * s.rank
                 flutter = 4.0 * abs(phase - math.floor(phase) - 0.5) - 1.0
                 bend = wave + gust * flutter
@@ -793,7 +795,7 @@ def project(
                 lean_y += sway_y * bend
                 if lodge > 0.05:
                     lean = math.tan(lodge)
-                    way = 6.28 * scene.stand[cj, ci, TONE]
+                    way = 6.28 * UNIT * scene.stand[cj, ci, TONE]
                     lean_x += lean * math.cos(way)
                     lean_y += lean * math.sin(way)
                 head = 0.085 / max(height, 0.1)
@@ -864,7 +866,7 @@ def project(
             e.nod = s.nod * scale / wider if tall else 0.0
             e.visible = visible
             e.height = height
-            e.sunlit = scene.stand[cj, ci, SUNLIT]
+            e.sunlit = UNIT * scene.stand[cj, ci, SUNLIT]
             if tall:
                 e.label = labels.STANDING if kind == f.CROP else labels.NEIGHBOUR
             elif kind == f.WINDROW:
@@ -876,13 +878,13 @@ def project(
             wide = max(e.stem, e.ear) + abs(e.nod) + 1.5
             spans[first[k] + n, 0] = np.int16(max(-32e3, min(u0, u1) - wide))
             spans[first[k] + n, 1] = np.int16(min(32e3, max(u0, u1) + wide))
-            shade = s.shade * (0.86 + 0.28 * scene.stand[cj, ci, TONE])
+            shade = s.shade * (0.86 + 0.28 * UNIT * scene.stand[cj, ci, TONE])
             if not tall:
                 shade *= 1.12
             green = 0.0
             if tall:
-                green = scene.stand[cj, ci, GREEN] * (0.75 + 0.5 * s.stub)
-                if scene.stand[cj, ci, WEED] > 0.3 and s.rank < 0.5:
+                green = UNIT * scene.stand[cj, ci, GREEN] * (0.75 + 0.5 * s.stub)
+                if UNIT * scene.stand[cj, ci, WEED] > 0.3 and s.rank < 0.5:
                     green = 1.0
                 green = min(1.0, green)
             elif kind == f.GRASS:
@@ -1186,6 +1188,55 @@ def draw(
     draw_crowns(canvas, left, right, crowns, view, paint)
     draw_stalks(canvas, left, right, first, drawn, spans, stalks, paint)
     fill(image, canvas, left, right, scene, view, paint)
+
+
+@njit(cache=True, nogil=True)
+def prepare(
+    blocks: NDArray[np.int32],
+    packs: NDArray[Any],
+    first: NDArray[np.int64],
+    scene: Scene,
+    view: View,
+    paint: Paint,
+    seed: int,
+    t: float,
+    sway_x: float,
+    sway_y: float,
+    gust: float,
+    k0: int,
+    k1: int,
+    stalks: NDArray[Any],
+    spans: NDArray[np.int16],
+    drawn: NDArray[np.int64],
+    b0: int,
+    b1: int,
+    pieces: NDArray[np.float32],
+    count: NDArray[np.int32],
+) -> None:
+    """What `draw` needs: stalks of blocks k0..k1, profiles of azimuths b0..b1."""
+    project(
+        blocks, packs, first, scene, view, paint, seed, t, sway_x, sway_y, gust, k0, k1, stalks,
+        spans, drawn,
+    )  # fmt: skip
+    profile(scene, view, b0, b1, pieces, count)
+
+
+class Direct:
+    """Calls a kernel whose arguments have the same types each time. Numba's dispatcher would work
+    out the types of the tuples' arrays at every call, with the interpreter locked, which costs as
+    much as a small kernel does."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        self._dispatcher = dispatcher
+        self._entry: Any = None
+
+    def __call__(self, *arguments: Any) -> None:
+        """The kernel's call."""
+        if self._entry is None:
+            types = tuple(numba.typeof(a) for a in arguments)  # type: ignore[no-untyped-call]
+            self._dispatcher.compile(types)
+            self._entry = self._dispatcher.overloads[types].entry_point
+        self._entry(*arguments)
 
 
 def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[Any]:
