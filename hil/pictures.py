@@ -162,7 +162,8 @@ class Video:
 
     def add(self, bgr: NDArray[np.uint8]) -> None:
         """Appends one picture."""
-        for packet in self._stream.encode(av.VideoFrame.from_ndarray(bgr, format="bgr24")):
+        planes = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420)
+        for packet in self._stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")):
             self._container.mux(packet)
 
     def close(self) -> None:

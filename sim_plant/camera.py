@@ -72,16 +72,14 @@ MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
 
 def _axes(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
     """Rows right, down, forward of a camera; pitch positive downward, roll clockwise."""
-    forward = np.array(
-        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
-    )
-    level = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
-    under = np.cross(forward, level)
-    return np.stack(
+    cp, sp, cy, sy, cr, sr = (g(a) for a in (pitch, yaw, roll) for g in (math.cos, math.sin))
+    level = (sy, -cy, 0.0)
+    under = (-cy * sp, -sy * sp, -cp)
+    return np.array(
         [
-            math.cos(roll) * level + math.sin(roll) * under,
-            math.cos(roll) * under - math.sin(roll) * level,
-            forward,
+            [cr * a + sr * b for a, b in zip(level, under, strict=True)],
+            [cr * b - sr * a for a, b in zip(level, under, strict=True)],
+            [cy * cp, sy * cp, -sp],
         ]
     )
 

@@ -364,9 +364,9 @@ def find(
     per_flat = np.empty(n, np.float32)
     up = np.empty(n, np.float32)
     bin_of = np.empty(n, np.int32)
-    rise = np.empty(n, np.float32)
-    back = np.empty(n, np.float32)
-    met = np.empty(n, np.int32)
+    rise = np.empty(n + 1, np.float32)
+    back = np.empty(n + 1, np.float32)
+    met = np.empty(n + 1, np.int32)
     farthest = np.float32(FARTHEST_M)
     per_m = np.float32(DEPTHS_PER_M)
     for v in range(rows):
@@ -383,21 +383,21 @@ def find(
             per_flat[i] = per_ahead / np.sqrt(one + lateral * lateral)
             bin_of[i] = np.int32(min(max((lateral + tangent) * to_bin, none), most))
         k = 0
-        for i in range(n):
+        for i in range(0, n, 2):
             which = bin_of[i]
             slope = up[i] * per_flat[i]
-            # Neighbours mostly meet the same.
+            # Neighbours mostly meet the same; a pair always does.
             k = min(k, count[which])
             while k > 0 and slope < pieces[which, k - 1, LIMIT]:
                 k -= 1
             while slope >= pieces[which, k, LIMIT]:
                 k += 1
-            rise[i] = pieces[which, k, RISE]
-            back[i] = pieces[which, k, BACK]
-            met[i] = np.int32(pieces[which, k, MET])
+            rise[i] = rise[i + 1] = pieces[which, k, RISE]
+            back[i] = back[i + 1] = pieces[which, k, BACK]
+            met[i] = met[i + 1] = np.int32(pieces[which, k, MET])
         row = canvas[v, left:right]
         for i in range(n):
-            far = min(rise[i] / up[i] + back[i] * per_flat[i], farthest)
+            far = min(abs(rise[i] / up[i]) + back[i] * per_flat[i], farthest)
             row[i] = np.int64(np.int32(far * per_m)) << 32 | np.int64(met[i]) << 24
 
 
