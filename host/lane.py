@@ -20,10 +20,10 @@ SLIP_PER_M = 0.02
 """Lateral drift per metre travelled, standard deviation."""
 YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
-YAW_PER_M = math.radians(0.5)
+YAW_PER_M = math.radians(0.7)
 BIAS_SIGMA_1PM = 0.006
 """Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
-BIAS_PER_M = 0.001
+BIAS_PER_M = 0.0003
 """Its growth per square root of a metre."""
 GATE = (9.0, 11.8)
 """Squared Mahalanobis distance beyond which a measurement is another edge's: three sigma of one
@@ -112,21 +112,22 @@ class Lane:
         confidence: float,
         since: tuple[float, float],
         *,
+        ahead_m: float = 0.0,
         learn: bool = True,
     ) -> bool:
-        """Takes vision's measurement of the edge (NaN heading: not seen).
+        """Takes vision's measurement of the edge (NaN heading: not seen), made ahead_m before the
+        blade's line.
 
         `since` is (distance travelled, yaw turned) from the shutter to now. With `learn` the bias
         is estimated too; not after a turn, whose errors it would take upon itself. Returns False
         where the measurement contradicts the prediction beyond the gate; it is then not used.
         """
         step, turn = since
+        at = self._blade_x + ahead_m
         heading = self._x[1] - turn
         offset = self._x[0] - step * math.sin((heading + self._x[1]) / 2)
-        rows = [[1.0, self._blade_x * math.cos(heading), 0.0]]
-        innovation = [
-            -edge_offset_m * math.cos(heading) - offset - self._blade_x * math.sin(heading)
-        ]
+        rows = [[1.0, at * math.cos(heading), 0.0]]
+        innovation = [-edge_offset_m * math.cos(heading) - offset - at * math.sin(heading)]
         doubt = 1.0 + 3.0 * (1.0 - confidence)
         variances = [(OFFSET_NOISE_M * doubt) ** 2]
         if math.isfinite(edge_heading_rad):

@@ -15,8 +15,8 @@ from host.vehicle import Vehicle
 
 HISTORY_S = 1.5
 GAIN_LIMITS = (0.6, 1.4)
-HALL_SIGMA = 0.01
-"""Wheel slip."""
+HALL_SIGMA = 0.005
+"""Wheel slip, besides what the position learns of it."""
 GAIN_PRIOR = {False: (1.0, 0.05), True: (0.9, 0.08)}
 """Mean and standard deviation of the duty model's gain before anything is learned, by whether the
 blade is on: crop drags."""

@@ -205,7 +205,7 @@ class Pilot:
             if fresh:
                 motion = self._odometry.update(telemetry)
                 self._lane.predict(motion)
-                self._position.predict(motion)
+                self._position.predict(motion, cutting=telemetry.blade)
                 self._direction.move(motion)
         backwards = False
         if fix is not None and telemetry is not None:
@@ -325,7 +325,8 @@ class Pilot:
             self._corrected_m = then.distance_m
             edge, heading = self._edge_m(view), view.edge_heading_rad
             learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
-            self._lane.correct(edge, heading, view.confidence, since, learn=learn)
+            ahead = view.edge_ahead_m
+            self._lane.correct(edge, heading, view.confidence, since, ahead_m=ahead, learn=learn)
             self._odometry.turn_trim(self._lane.take_bias())
             if moved and not self._lane.contradicted:
                 self._believe_heading()
@@ -414,8 +415,9 @@ class Pilot:
             self._lane.place(0.0, 0.0, 0.05, math.radians(2))
         else:
             self._lane.place(0.0, 0.0, 0.15, math.radians(8))
-            here = (0.0, 0.0)
-            self._lane.correct(self._edge_m(view), view.edge_heading_rad, view.confidence, here)
+            edge, heading = self._edge_m(view), view.edge_heading_rad
+            ahead = view.edge_ahead_m
+            self._lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead)
         side = self._side()
         if side is not None:
             ahead = view.crop_ahead_m if view.ahead_confidence >= CONFIDENT else 0.0
@@ -574,8 +576,7 @@ class Pilot:
         blind = side is not None and side.blind_end
         if side is not None and seen and not blind and self._position.known:
             ago = self.motion.distance_m - end.motion.distance_m
-            drift = self._odometry.scale_sigma * self._cut_m(end.motion)
-            self._position.at_end(side, ago, drift)
+            self._position.at_end(side, ago, self._odometry.scale_sigma * self._cut_m(end.motion))
         self._turn_from = self._end_of_lane(end)
         self._turn = next_turn(self._plan, self.turns, self._vehicle, self._room_m)
         if seen:

@@ -2,7 +2,8 @@
 
 A phone's position is good to some 2.5 m, slowly wandering: no use beside a gap of 2 m. But the
 operator puts the blade on a known corner, every side lies along a known line, and every end of a
-side is a known place: those anchor an extended Kalman filter over (x, y, yaw).
+side is a known place: those anchor an extended Kalman filter over (x, y, yaw, slip
+of the wheels while cutting).
 """
 
 from __future__ import annotations
@@ -28,8 +29,14 @@ END_EARLY_M = 0.1
 before its end from the mast, at 0.05 m from the low camera (docs/vision.md)."""
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
-STEP_SIGMA = 0.03
+STEP_SIGMA = 0.02
 """Error of a step as a share of it, along and across."""
+WHEEL_SLIP = (0.01, 0.015)
+"""Mean and standard deviation, before anything is learned, of what the driven wheels lose of their
+way while they push the blade through crop."""
+DOUBTED_SIGMAS = 2.0
+"""An end or beginning that is seen farther from where it is expected counts the less, the farther:
+weeds in the gap look like crop, and dust hides it."""
 YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.05
 
@@ -39,8 +46,8 @@ class Position:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._x: NDArray[np.float64] = np.zeros(3)
-        self._p: NDArray[np.float64] = np.full((3, 3), math.inf)
+        self._x: NDArray[np.float64] = np.zeros(4)
+        self._p: NDArray[np.float64] = np.full((4, 4), math.inf)
         self._past: Motion | None = None
         self.known = False
 
@@ -65,12 +72,13 @@ class Position:
                 side.x_m + c * back - s * inside,
                 side.y_m + s * back + c * inside,
                 side.heading_rad + heading_rad,
+                WHEEL_SLIP[0],
             ]
         )
-        self._p = np.diag([sigma**2 for sigma in START_SIGMA])
+        self._p = np.diag([sigma**2 for sigma in (*START_SIGMA, WHEEL_SLIP[1])])
         self.known = True
 
-    def predict(self, motion: Motion) -> None:
+    def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
         past, self._past = self._past, motion
         if past is None or not self.known:
@@ -81,13 +89,17 @@ class Position:
             return
         middle = self._x[2] + turn / 2
         c, s = math.cos(middle), math.sin(middle)
-        self._x = self._x + np.array([step * c, step * s, turn])
-        jacobian = np.array([[1.0, 0.0, -step * s], [0.0, 1.0, step * c], [0.0, 0.0, 1.0]])
+        lost = step if cutting else 0.0
+        step -= lost * float(self._x[3])
+        self._x = self._x + np.array([step * c, step * s, turn, 0.0])
+        jacobian = np.eye(4)
+        jacobian[:2, 2] = -step * s, step * c
+        jacobian[:2, 3] = -lost * c, -lost * s
         # Neighbouring steps err alike: their errors grow along a metre as one.
         run = abs(step)
         place = STEP_SIGMA**2 * run
         yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
-        self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw])
+        self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw, 0.0])
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
@@ -102,8 +114,8 @@ class Position:
         across = -(self._x[0] - side.x_m) * s + (self._x[1] - side.y_m) * c - inside
         turn = math.remainder(side.heading_rad + heading_rad - self._x[2], math.tau)
         sigma = LANE_SIGMA_M + RING_SIGMA_M * index / 4
-        self._correct(np.array([[-s, c, 0.0]]), offset_m - across, sigma)
-        self._correct(np.array([[0.0, 0.0, 1.0]]), turn, LANE_SIGMA_RAD)
+        self._correct(np.array([[-s, c, 0.0, 0.0]]), offset_m - across, sigma)
+        self._correct(np.array([[0.0, 0.0, 1.0, 0.0]]), turn, LANE_SIGMA_RAD)
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
@@ -113,7 +125,7 @@ class Position:
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since; drift_m is what a wrong
         scale of the distances may have done along it."""
-        along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0]])
+        along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0, 0.0]])
         self._p = self._p + along.T @ along * drift_m**2
         sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m)
         seen = side.length_m - side.end_seen_m - END_EARLY_M
@@ -121,12 +133,15 @@ class Position:
 
     def _along(self, side: Side, blade_m: float, sigma_m: float) -> None:
         """The blade's line stands blade_m past the side's beginning."""
-        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        self._correct(np.array([[c, s, 0.0]]), blade_m - self.along(side), sigma_m)
+        along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0, 0.0]])
+        innovation = blade_m - self.along(side)
+        expected = math.sqrt((along @ self._p @ along.T).item() + sigma_m**2)
+        doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
+        self._correct(along, innovation, sigma_m * doubt**2)
 
     def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> None:
         variance = (h @ self._p @ h.T).item() + sigma**2
         gain = (self._p @ h.T) / variance
         self._x = self._x + gain[:, 0] * innovation
-        keep = np.eye(3) - gain @ h
+        keep = np.eye(4) - gain @ h
         self._p = keep @ self._p @ keep.T + gain @ gain.T * sigma**2

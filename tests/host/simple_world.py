@@ -125,11 +125,12 @@ class SimpleWorld:
             return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
         along = f[:n] - f[:n].mean()
         slope = float(along @ edge[:n] / (along @ along))
-        at = float(edge[:n].mean() - slope * (f[:n].mean() - v.blade_x_m))
+        at = float(edge[:n].mean() - slope * (f[:n].mean() - start))
         wanted = -(half - v.overlap_m)
         return CropView(
             0.9,
             edge_offset_m=at - wanted,
+            edge_ahead_m=start - v.blade_x_m,
             edge_heading_rad=math.atan(slope),
             crop_ahead_m=crop_ahead,
             ahead_confidence=1.0,

@@ -70,6 +70,18 @@ def test_the_less_sure_the_picture_the_less_it_moves_the_estimate() -> None:
     assert moved[1] > 1.2 * moved[2] > 0.0
 
 
+def test_an_edge_seen_ahead_is_none_at_the_blade() -> None:
+    """Askew by 10 degrees, the crop's corner 1.2 m ahead of the blade."""
+    ahead_m, heading = 1.2, math.radians(10)
+    lane = Lane(VEHICLE.blade_x_m)
+    lane.place(0.05, heading, 0.1, math.radians(1))
+    seen = -(0.05 + (VEHICLE.blade_x_m + ahead_m) * math.sin(heading)) / math.cos(heading)
+    for _ in range(20):
+        assert lane.correct(seen, math.nan, 1.0, (0.0, 0.0), ahead_m=ahead_m)
+    assert lane.offset_m == pytest.approx(0.05, abs=1e-6)
+    assert lane.heading_rad == pytest.approx(heading, abs=1e-6)
+
+
 def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
     """On a circle around the lane's origin, each picture half a metre late."""
     curvature, late = 0.1, 10
@@ -114,6 +126,41 @@ def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None
         assert position.pose[1] == pytest.approx(before[1]), "it says nothing about the lane"
     assert 0.0 < moved[0] < 0.8 * moved[1]
     assert moved[1] < 0.9 * moved[2] < 0.5
+
+
+def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() -> None:
+    slip, length_m = 0.03, 20.0
+    side = Side(0.0, 0.0, 0.0, length_m, VEHICLE.pass_m, length_m)
+    missed = []
+    position = Position(VEHICLE)
+    position.place(side, 0.0, 0.0, 0.0)
+    run_m = 0.0
+    for _ in range(4):
+        for _ in range(round(length_m / STEP_M)):
+            run_m += STEP_M / (1 - slip)
+            position.predict(motion(run_m), cutting=True)
+            position.on_lane(side, 0, 0.0, 0.0)
+        missed.append(position.along(side) - length_m)
+        position.at_end(side, 0.1)
+        run_m -= length_m
+        position.predict(motion(run_m), cutting=False)
+    assert missed[0] > 0.3
+    assert abs(missed[-1]) < 0.3 * missed[0]
+    backed = position.along(side)
+    position.predict(motion(run_m - 1.0), cutting=False)
+    assert position.along(side) == pytest.approx(backed - 1.0), "without the blade none is lost"
+
+
+def test_an_end_seen_far_from_where_it_is_expected_counts_less() -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    moved = []
+    for late_m in (0.2, 1.0):
+        position = Position(VEHICLE)
+        position.place(side, 9.9 + late_m, 0.0, 0.0)
+        position.at_end(side, 0.0)
+        moved.append(9.9 + late_m - position.along(side))
+    assert moved[0] > 0.05
+    assert moved[1] < 1.5 * moved[0], "five times as far, not five times the correction"
 
 
 @pytest.mark.parametrize("seen_m", [0.0, 0.8])
