@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from collections import deque
 from collections.abc import Callable
@@ -41,6 +42,7 @@ HOST_HZ = 20
 record give exactly the same times again."""
 FIX_TICKS = HOST_HZ
 VIDEO_EVERY = 4
+SWITCH_S = 0.0005
 LINGER_S = 1.0
 """Simulated time after the pilot is done, so that the outputs are seen to be off."""
 
@@ -404,6 +406,10 @@ def harvest_command(
     **options: Any,
 ) -> None:
     """Harvests a field in lockstep and says how well."""
+    # The threads here share the cores already, and one that comes back from a kernel is not to wait
+    # 5 ms for another to let go of the interpreter.
+    cv2.setNumThreads(1)
+    sys.setswitchinterval(SWITCH_S)
     overrides: dict[str, Any] = {k: v for k, v in options.items() if v is not None}
     if hour is not None:
         overrides["weather"] = {"hour": hour}

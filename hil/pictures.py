@@ -162,7 +162,7 @@ class Video:
 
     def add(self, bgr: NDArray[np.uint8]) -> None:
         """Appends one picture."""
-        planes = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420)
+        planes = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_I420), np.uint8)
         for packet in self._stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")):
             self._container.mux(packet)
 

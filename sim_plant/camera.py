@@ -386,7 +386,7 @@ class Camera:
         order = np.argsort(away[:found], kind="stable")
         blocks, away = blocks[order], away[order]
         near = np.maximum(away, 0.1)
-        share = np.clip(2.8 / near * np.minimum(1, 10.0 / near), 0.04, 1.0)
+        share = np.clip(2.8 / near, 0.06, 1.0)
         first = np.zeros(found + 1, np.int64)
         np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
         if first[-1] > len(self._records):

@@ -378,13 +378,14 @@ int32_t target_run_until(daranti_target *target, uint64_t time_us) {
 uint64_t target_time_us(const daranti_target *target) { return target->now() / kCyclesPerUs; }
 
 void target_set_analog_mv(daranti_target *target, uint8_t channel, uint16_t millivolt) {
-  if (channel >= 8) return;
+  // Told every millisecond, changed seldom: libsimavr looks its modules up by name each time.
+  if (channel >= 8 || target->millivolt[channel] == millivolt) return;
   target->millivolt[channel] = millivolt;
   target->raise(AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + channel, millivolt);
 }
 
 void target_set_pin(daranti_target *target, uint8_t pin, uint8_t level) {
-  if (pin >= kPins) return;
+  if (pin >= kPins || (target->driven[pin] && target->level[pin] == (level != 0))) return;
   target->level[pin] = level != 0;
   target->driven[pin] = true;
   target->apply_pin(pin);
