@@ -75,6 +75,15 @@ ASKEW_M = 0.4
 """The right end's distance and the nearest one's differ by less, where both are the same face's."""
 FOOT_M = 0.5
 """The stems' lower ends fade in shade and dust: the foot is looked for this much nearer."""
+LOWER = 0.7
+"""Of the height above the horizon at which the tops of crop that is being cut were seen: the next
+crop's, a gap further away, are lower than this."""
+UPRIGHT = 3.5
+"""Where crop stands, squared steps across the picture are greater than those along it by this."""
+GRAIN = (1, 5)
+"""Columns and rows over which grey is averaged along an edge before its step is taken."""
+LEAST_STEP2 = 8.0
+"""Mean squared step, in 255ths of the logarithmic range, below which there is but noise."""
 FOOT_WINDOW_M = 0.12
 """On the face, above and below a possible foot."""
 REACH_M = 12.0
@@ -123,6 +132,8 @@ class Face:
     standing: NDArray[np.bool_]
     veiled: bool = False
     """Dust lies over a part of the ground that the blade is about to reach."""
+    tops_px: float = NAN
+    """Rows between the horizon and the tops of what stands in the blade's way."""
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -327,6 +338,13 @@ class FaceFinder:
         self._limit = np.minimum(order, height - 1).astype(np.int32)
         rows = camera.matrix[0, 0] * FOOT_WINDOW_M / np.maximum(middle - x_c, 0.1)
         self._way = self._corridor(camera, vehicle)
+        self._face = self._cut_face()
+        above = vehicle.crop_height_m - float(camera.position[2])
+        self._usual_tops_px = camera.matrix[0, 0] * above / (vehicle.blade_x_m - x_c)
+        self._level_px = int(np.argmin(np.abs(self._upward[:, width // 2])))
+        self._middle = self._face[0][1]
+        # from beside it stubble is as upright as crop
+        self._from_above = float(camera.position[2]) > vehicle.crop_height_m
         self._windows = np.clip(rows, 4, 40).astype(np.int32)
 
     @staticmethod
@@ -340,10 +358,34 @@ class FaceFinder:
         left, right = (int(np.clip(u, 0, width)) for u in (corners[0, 0], corners[1, 0]))
         return slice(min(top, bottom - 1), bottom), slice(left, max(right, left + 1))
 
-    def find(self, seen: Evidence, stands_m: float = math.inf, expected_m: float = NAN) -> Face:
+    def _cut_face(self) -> tuple[tuple[slice, slice], Mask]:
+        """Where crop that is being cut shows its face: rows and columns, and 255 on it in those
+        rows and columns less one all round."""
+        x_c, y_c, z_c = (float(c) for c in self._camera.position)
+        x = self._vehicle.blade_x_m
+        _, highest, _, _ = self._bands(x, GAP_M)
+        y, z = y_c + (x - x_c) * self._across, z_c + (x - x_c) * self._upward
+        half = 0.4 * self._vehicle.blade_width_m
+        inside = (np.abs(y) < half) & (z > LOWEST_M) & (z < highest)
+        inside[[0, -1]], inside[:, [0, -1]] = False, False
+        rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
+        if not len(rows):
+            return (slice(0, 3), slice(0, 3)), np.zeros((1, 1), np.uint8)
+        top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        box = slice(top - 1, bottom + 1), slice(left - 1, right + 1)
+        return box, np.where(inside[top:bottom, left:right], 255, 0).astype(np.uint8)
+
+    def find(
+        self,
+        seen: Evidence,
+        stands_m: float = math.inf,
+        expected_m: float = NAN,
+        tops_px: float = NAN,
+    ) -> Face:
         """The face in one picture. `stands_m`: crop is known to stand at most this far ahead of the
         blade's line, 0 while it is being cut; the blade's dust may hide its foot. `expected_m`:
-        where the right end was in the pictures before."""
+        where the right end was in the pictures before. `tops_px`: how high above the horizon the
+        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken)."""
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
@@ -352,12 +394,17 @@ class FaceFinder:
         sight, veiled = self._sight(seen)
         x, y = self._contour(seen, dense)
         ahead, sight = self._ahead(x, y, sight)
-        dust = 0.0
+        dust, tops = 0.0, self._tops(dense)
         hidden = CUT_HIDDEN_M if stands_m == 0.0 else HIDDEN_M
-        if ahead > stands_m + hidden and (
-            ahead < stands_m + self._no_crop_m or self._stands_at(seen, stands_m, ahead)
-        ):
-            dust, ahead = ahead - stands_m, stands_m
+        if ahead > stands_m + hidden:
+            if stands_m == 0.0 and self._from_above:
+                at_blade = self._upright(seen.grey)
+            else:
+                known = self._usual_tops_px if math.isnan(tops_px) else tops_px
+                lower = stands_m == 0.0 and tops < LOWER * known
+                at_blade = not lower and self._stands_at(seen, stands_m, ahead)
+            if at_blade or ahead < stands_m + self._no_crop_m:
+                dust, ahead = ahead - stands_m, stands_m
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled)
         face_x = self._vehicle.blade_x_m + ahead
@@ -370,7 +417,7 @@ class FaceFinder:
             if len(beside) >= BESIDE_BLOCKS:
                 face_x = float(np.median(beside))
                 right, sure = self._right_end(seen, face_x, dust, left, expected_m)
-        return Face(ahead, sight, right, sure, face_x, standing, veiled)
+        return Face(ahead, sight, right, sure, face_x, standing, veiled, tops)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
         """(x, y) on the ground of the foot of each block of columns that has one."""
@@ -402,6 +449,27 @@ class FaceFinder:
         veiled: ground there has steps too, dust, glare and a covered lens have none."""
         ninths = cv2.resize(seen.steps[self._way], (3, 3), interpolation=cv2.INTER_AREA) / 255.0
         return min(0.95, SEEN_SHARE * float(ninths.mean())), bool(ninths.min() < VEIL_SHARE)
+
+    def _tops(self, dense: Mask) -> float:
+        """Rows from the tops of the stems in the blade's way down to the horizon; NaN without."""
+        lit = dense[: self._level_px, self._middle] > 0
+        some = lit.any(0)
+        if some.mean() < 0.5:
+            return NAN
+        return float(self._level_px - np.median(lit.argmax(0)[some]))
+
+    def _upright(self, grey: Mask) -> bool:
+        """Whether crop stands at the blade's line by the direction of the texture where its face
+        would be: stems are upright, ground is not, and dust takes contrast from both directions
+        alike."""
+        box, face = self._face
+        g = grey[box]
+        across = cv2.absdiff(cv2.blur(g[:, 2:], GRAIN), cv2.blur(g[:, :-2], GRAIN))[1:-1]
+        along = cv2.absdiff(cv2.blur(g[2:], GRAIN[::-1]), cv2.blur(g[:-2], GRAIN[::-1]))[:, 1:-1]
+        n = max(1, cv2.countNonZero(face))
+        x2 = cv2.norm(across, cv2.NORM_L2SQR, mask=face) / n
+        y2 = cv2.norm(along, cv2.NORM_L2SQR, mask=face) / n
+        return bool(x2 > LEAST_STEP2 and x2 > UPRIGHT * y2)
 
     def _right_end(
         self, seen: Evidence, face_x: float, dust: float, left_m: float, expected_m: float

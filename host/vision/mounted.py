@@ -102,6 +102,7 @@ class MountedDetector:
         self._cutting = False
         self._stands_m = math.inf
         self._track: deque[float] = deque(maxlen=TRACK)
+        self._tops: deque[float] = deque(maxlen=TRACK)
         self._elsewhere = 0
         self._clear = 0
 
@@ -109,7 +110,10 @@ class MountedDetector:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
-        face = self._finder.find(seen, stands, expected)
+        tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
+        face = self._finder.find(seen, stands, expected, tops)
+        if self._cutting and face.ahead_m < AT_BLADE_M and math.isfinite(face.tops_px):
+            self._tops.append(face.tops_px)
         if face.ahead_confidence >= SURE:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
@@ -141,6 +145,7 @@ class MountedDetector:
         self._cutting = False
         self._stands_m = math.inf
         self._track.clear()
+        self._tops.clear()
         self._elsewhere = 0
         self._clear = 0
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -101,6 +102,28 @@ def test_dust_before_the_foot_of_crop_that_is_being_cut_is_not_its_end() -> None
     assert view.edge_offset_m == pytest.approx(0, abs=0.1)
     fresh = detector("robust", LOW)
     assert fresh.see(hidden).crop_ahead_m > 0.3
+
+
+def test_a_face_that_dust_veils_is_no_end() -> None:
+    """Its stems are too faint to be steps, but their direction is that of stems."""
+    eye, veiled = following(), field(MAST, seed=5)
+    thick = np.zeros(veiled.shape[:2])
+    thick[150:, 60:560] = 0.8
+    thick = cv2.GaussianBlur(thick, (0, 0), 12)[..., None]
+    veiled = np.clip(veiled * (1 - thick) + 150 * thick, 0, 255).astype(np.uint8)
+    assert detector("robust", MAST).see(veiled).crop_ahead_m > 1.0
+    assert [eye.see(veiled).crop_ahead_m for _ in range(5)] == [0.0] * 5
+    end = field(MAST, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 2.0)
+    assert eye.see(end).crop_ahead_m > 1.0
+
+
+def test_an_end_shows_above_the_dust_by_how_low_the_next_crop_is() -> None:
+    eye = detector("robust", LOW)
+    for seed in range(4):
+        eye.see(field(LOW, seed=seed))
+    assert eye.see(dusty(field(LOW, seed=5), 230)).crop_ahead_m < 0.3
+    end = dusty(field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 1.8), 200)
+    assert eye.see(end).crop_ahead_m > 1.0
 
 
 def beside_the_swath(offset: float) -> NDArray[np.uint8]:
