@@ -339,24 +339,21 @@ class Camera:
 
     def _view(self, shot: Shot) -> render.View:
         s = self.spec
-        yaw = shot.yaw + math.radians(s.yaw_deg)
         instant = round(shot.t * 1e6)
-        pitch = shot.pitch + math.radians(
-            s.pitch_deg + s.vibration_deg * noise.normal(self._seed + 3, instant, 0)
+        shake = [s.vibration_deg * noise.normal(self._seed + k, instant, 0) for k in (3, 4)]
+        mount = _axes(
+            *(math.radians(a) for a in (s.yaw_deg, s.pitch_deg + shake[0], s.roll_deg + shake[1]))
         )
-        roll = shot.roll + math.radians(
-            s.roll_deg + s.vibration_deg * noise.normal(self._seed + 4, instant, 0)
-        )
-        c, n = math.cos(shot.yaw), math.sin(shot.yaw)
-        # The mount tips with the vehicle about its ground point.
-        ahead = s.x_m + s.z_m * math.sin(shot.pitch)
-        aside = s.y_m - s.z_m * math.sin(shot.roll)
-        up = s.z_m - s.x_m * math.sin(shot.pitch) + s.y_m * math.sin(shot.roll)
+        # The mount tips with the vehicle about its ground point: about the vehicle's axes, not the
+        # camera's own, about which a roll would turn a pitched camera's view aside.
+        right, down, forward = _axes(shot.yaw, shot.pitch, shot.roll)
+        vehicle = np.stack([forward, -right, -down])
+        at = np.array([s.x_m, s.y_m, s.z_m]) @ vehicle
         return render.View(
-            x=shot.x + ahead * c - aside * n,
-            y=shot.y + ahead * n + aside * c,
-            z=max(0.05, up),
-            axes=_axes(yaw, pitch, roll),
+            x=shot.x + at[0],
+            y=shot.y + at[1],
+            z=max(0.05, at[2]),
+            axes=mount @ vehicle,
             focal=s.focal_px,
             cu=s.width_px / 2,
             cv=s.height_px / 2,

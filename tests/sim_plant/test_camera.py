@@ -156,6 +156,20 @@ def test_the_grounds_slope_reaches_the_horizon(roll: float, pitch: float) -> Non
         assert shift[1] - shift[0] == pytest.approx(-600 * roll, abs=4)
 
 
+@pytest.mark.parametrize("mount", [LOW, MAST])
+def test_a_rolling_vehicle_turns_the_picture_about_the_ground_ahead_of_it(
+    mount: CameraSpec,
+) -> None:
+    """About the vehicle's axis, that is, not about that of a camera which looks down."""
+    camera = Camera(Field(SPEC, 1), mount.model_copy(update={"vibration_deg": 0.0}))
+    pixels = []
+    for roll in (0.0, 0.05):
+        view = camera._view(camera.shutter(0.0, -3.0, 0.0, 0.0, roll=roll))
+        ray = view.axes @ (np.array([-1.5, 0.0, 0.0]) - [view.x, view.y, view.z])
+        pixels.append(ray[:2] / ray[2])
+    assert pixels[1] == pytest.approx(pixels[0], abs=1e-9)
+
+
 def test_lens_distortion_moves_the_corner_as_its_polynomial_says() -> None:
     mount = MAST.model_copy(update={"k1": -0.1, "k2": 0.02})
     rays = Camera(half_cut(), mount)._rays
