@@ -20,7 +20,9 @@ MARGIN_M = 0.2
 PROBE_AHEAD_M = 0.1
 """The true edge is read this far before the blade, where the crop still stands."""
 FALSE_END_M = 0.5
-"""An end was none where the field's crop still stands this far beyond it."""
+"""An end was none where the field's crop still stands this far beyond it,"""
+FALSE_END_SHARE = 0.1
+"""on at least this share of the next half metre: not a sliver that a swath before has left."""
 
 
 def depth_m(outline: shapely.Polygon, keep_out: shapely.Polygon) -> float:
@@ -115,7 +117,8 @@ class Truth:
         v = self.scenario.vehicle
         beyond = v.blade_x_m + FALSE_END_M
         bx, by = x + beyond * math.cos(yaw), y + beyond * math.sin(yaw)
-        if self.crop.crop_ahead(bx, by, yaw, 0.6 * v.blade_width_m, 0.5) < 0.5:
+        share = self.crop.share_ahead(bx, by, yaw, 0.6 * v.blade_width_m, 0.5)
+        if share >= FALSE_END_SHARE:
             self.false_ends += 1
 
     def summary(self) -> dict[str, float | int | None]:

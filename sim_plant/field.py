@@ -547,18 +547,26 @@ class Field:
     ) -> float:
         """Distance (m) from a point straight ahead to the field's own standing crop, seen over the
         width by nine probes; inf where none stands within `reach_m`."""
+        ahead, standing = self._probe(x, y, yaw, width_m, reach_m)
+        first = np.flatnonzero(standing.any(axis=0))
+        return float(ahead[first[0]]) if first.size else math.inf
+
+    def share_ahead(self, x: float, y: float, yaw: float, width_m: float, reach_m: float) -> float:
+        """Share of a rectangle before a point that the field's own standing crop takes."""
+        return float(self._probe(x, y, yaw, width_m, reach_m)[1].mean())
+
+    def _probe(
+        self, x: float, y: float, yaw: float, width_m: float, reach_m: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(n,) distances ahead and (9, n) whether the field's own crop stands there."""
         ahead = np.arange(0.0, reach_m, 0.5 * self.cell)
-        best = math.inf
-        for lateral in np.linspace(-width_m / 2, width_m / 2, 9):
-            px = x + ahead * math.cos(yaw) - lateral * math.sin(yaw)
-            py = y + ahead * math.sin(yaw) + lateral * math.cos(yaw)
-            i = np.floor((px - self.origin[0]) / self.cell).astype(int)
-            j = np.floor((py - self.origin[1]) / self.cell).astype(int)
-            ok = (i >= 0) & (j >= 0) & (i < self.kind.shape[1]) & (j < self.kind.shape[0])
-            hit = np.flatnonzero(self.kind[j[ok], i[ok]] == CROP)
-            if hit.size:
-                best = min(best, float(ahead[ok][hit[0]]))
-        return best
+        lateral = np.linspace(-width_m / 2, width_m / 2, 9)[:, None]
+        px = x + ahead * math.cos(yaw) - lateral * math.sin(yaw)
+        py = y + ahead * math.sin(yaw) + lateral * math.cos(yaw)
+        i = np.floor((px - self.origin[0]) / self.cell).astype(int)
+        j = np.floor((py - self.origin[1]) / self.cell).astype(int)
+        ok = (i >= 0) & (j >= 0) & (i < self.kind.shape[1]) & (j < self.kind.shape[0])
+        return ahead, ok & (self.kind[j * ok, i * ok] == CROP)
 
     def permitted(self, margin_m: float = 0.0) -> shapely.Polygon:
         """Where any part of the vehicle may be: field and gap up to the neighbours' crop less a

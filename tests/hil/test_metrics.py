@@ -11,7 +11,7 @@ from oracle import quick
 from hil.metrics import MARGIN_M, Truth
 from host.odometry import Motion
 from host.pilot import EndOfField, Phase, Pilot
-from sim_plant.field import Field
+from sim_plant.field import CROP, Field
 
 LENGTH_M, WIDTH_M, GAP_M, STEP_M = 6.0, 4.0, 2.0, 0.02
 POND = [(2.5, 1.0), (3.5, 1.0), (3.5, 3.0), (2.5, 3.0)]
@@ -99,6 +99,24 @@ def test_the_ends_error_is_how_far_beyond_the_last_crop_it_was_declared(late_m: 
 def test_an_end_with_crop_ahead_is_a_false_one(early_m: float, false_ends: int) -> None:
     ride = Ride()
     ride.to(LENGTH_M - early_m)
+    ride.end()
+    assert ride.figures()["false_ends"] == false_ends
+
+
+@pytest.mark.parametrize(("long_m", "false_ends"), [(0.05, 0), (0.5, 1)])
+def test_a_sliver_that_a_swath_before_has_left_makes_no_false_end(
+    long_m: float, false_ends: int
+) -> None:
+    ride = Ride()
+    ride.to(LENGTH_M)
+    x, y = LENGTH_M - 1.2, ride.y
+    i, j = ((at - o) / ride.crop.cell for at, o in zip((x, y), ride.crop.origin, strict=True))
+    columns = slice(round(i), round(i + long_m / ride.crop.cell))
+    rows = slice(round(j), round(j + 0.2 / ride.crop.cell))
+    ride.crop.kind[rows, columns] = CROP
+    ride.x = x - 0.6 - ride.vehicle.blade_x_m
+    ride.truth.step(ride.t + 0.05, (ride.x, ride.y, 0.0), 0, cast(Pilot, ride.pilot))
+    ride.t += 0.05
     ride.end()
     assert ride.figures()["false_ends"] == false_ends
 
