@@ -74,6 +74,13 @@ def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int,
 
 
 @njit(cache=True, nogil=True)
+def _shorted(pwm: Any, pin: Any, handle: int, enable: int, in1: int, in2: int) -> int:
+    """Whether an L298N's inputs short its motor: both high, and enabled."""
+    both = pin(handle, in1) != 0 and pin(handle, in2) != 0
+    return 1 if both and pwm(handle, enable) > 0 else 0
+
+
+@njit(cache=True, nogil=True)
 def _millivolt(volts_mv: float) -> int:
     return int(min(5000.0, max(0.0, volts_mv)) + 0.5)
 
@@ -133,6 +140,7 @@ def _run(
         now += PHYSICS_US
         steer = _bridge(pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1])
         drive = _bridge(pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1])
+        given[0].drive_brake = _shorted(pwm, pin, handle, DRIVE_PWM, DRIVE_IN[0], DRIVE_IN[1])
         _move(steer, drive, float(pin(handle, BLADE)), now, state, params, given, wires)
         pot, battery, steer_sense, drive_sense, hall, estop = _sensed(now, state, wires)
         set_analog(handle, 0, pot)

@@ -63,6 +63,9 @@ NO_CROP_M = 1.2
 STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 STOPPED_MPS = 0.03
+CREEPING_MPS = 0.12
+STAND_S = 1.5
+"""On a slope a braked machine creeps: after so long told to stand, that counts as standing."""
 SEARCH_PICTURES = 5
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden (at a slanting corner) is where the operator has put the blade."""
@@ -650,8 +653,8 @@ class Pilot:
             steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
             steer -= self._odometry.trim_rad
         if not self._leg_running:
-            stopped = abs(self.motion.speed_mps) < STOPPED_MPS
-            ready = stopped and abs(telemetry.angle_rad - steer) < STEER_READY_RAD
+            standing = self._standing(now - self._leg_stamp)
+            ready = standing and abs(telemetry.angle_rad - steer) < STEER_READY_RAD
             if not ready:
                 if now - self._leg_stamp > STEER_TIMEOUT_S:
                     self._go(now, Phase.FAULT, "the steering did not reach its angle")
@@ -659,6 +662,11 @@ class Pilot:
             self._leg_running = True
         speed = self._vehicle.manoeuvre_speed_mps
         return self._drive(steer, -speed if leg.reverse else speed, False)
+
+    def _standing(self, told_s: float) -> bool:
+        """Whether the machine stands, as far as it can, told_s after it was told to."""
+        speed = abs(self.motion.speed_mps)
+        return speed < (STOPPED_MPS if told_s < STAND_S else CREEPING_MPS)
 
     def _leg_done(self, leg: Leg) -> bool:
         """Whether the goal is reached, or will be by coasting on."""
@@ -699,7 +707,8 @@ class Pilot:
         if self._blind(now):
             return self._hold()
         view = self.view
-        if abs(self.motion.speed_mps) > STOPPED_MPS or self._view_stamp <= self._leg_stamp:
+        standing = self._standing(now - self._phase_stamp)
+        if not standing or self._view_stamp <= self._leg_stamp:
             return self._hold()
         self._leg_stamp = self._view_stamp
         self._looks += 1

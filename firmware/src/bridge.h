@@ -19,7 +19,12 @@ constexpr BridgePins kDriveBridge{pins::kDriveEnable, pins::kDriveLpwm, pins::kD
 
 enum class BridgeStyle : uint8_t { kL298n = 0, kBts7960 = 1 };
 
-// duty: -255..255, positive left or forward; 0 lets the motor coast.
-void drive_bridge(Board &board, const BridgePins &pins, BridgeStyle style, int16_t duty);
+// What a motor does at zero duty. An L298N shorts it where both inputs are high (its data sheet,
+// "fast motor stop"); a BTS7960 board whose enables are wired high shorts it in any case.
+enum class Idle : uint8_t { kCoast, kBrake };
+
+// duty: -255..255, positive left or forward.
+void drive_bridge(Board &board, const BridgePins &pins, BridgeStyle style, int16_t duty,
+                  Idle idle = Idle::kCoast);
 
 }  // namespace daranti

@@ -204,7 +204,11 @@ void Controller::actuate(Board &board) {
   const bool rolls_back = hall_.speed() < 0 && hall_.speed() != Hall::kNone;
   blade_ = asked_.blade && asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
   drive_bridge(board, kSteerBridge, steer_style_, steer_duty_);
-  drive_bridge(board, kDriveBridge, drive_style_, drive_duty_);
+  // A machine that has driven and is told to stand must stand on a slope, too.
+  if (drive_.setpoint() != 0) driven_ = true;
+  if (asked_.ident) driven_ = false;
+  const Idle idle = driven_ && drive_.setpoint() == 0 ? Idle::kBrake : Idle::kCoast;
+  drive_bridge(board, kDriveBridge, drive_style_, drive_duty_, idle);
   board.set_pin(pins::kBlade, blade_);
 }
 
@@ -214,6 +218,7 @@ void Controller::off(Board &board) {
   ident_used_ = 0;
   steer_duty_ = 0;
   drive_duty_ = 0;
+  driven_ = false;
   blade_ = false;
   drive_bridge(board, kSteerBridge, steer_style_, 0);
   drive_bridge(board, kDriveBridge, drive_style_, 0);

@@ -73,6 +73,7 @@ class Controller {
   int16_t angle_ = 0;        // centidegree
   int16_t steer_duty_ = 0;
   int16_t drive_duty_ = 0;
+  bool driven_ = false;  // a speed was asked for since the outputs were last off
   int16_t battery_ = 0;  // mV
 };
 

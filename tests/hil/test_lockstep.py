@@ -13,6 +13,7 @@ from hil.lockstep import Bench
 from host.errors import UserError
 from host.gnss import KNOT_MPS
 from host.link import Session
+from host.pilot import CREEPING_MPS
 from host.types import Command, Request, State
 
 pytestmark = pytest.mark.skipif(
@@ -23,9 +24,15 @@ NO_HALL = {"hall_pulses_per_m": 0.0}
 
 
 def driven(
-    bench: Bench, seconds: float, *, blade: bool = True, steer_deg: float = 0.0
+    bench: Bench,
+    seconds: float,
+    *,
+    blade: bool = True,
+    steer_deg: float = 0.0,
+    stand_s: float = math.inf,
 ) -> list[float]:
-    """Arms and drives at cutting speed; the true speed at every host step."""
+    """Arms and drives at cutting speed, to stand from `stand_s` on; the true speed at every host
+    step."""
     session, speeds = Session(), []
     for tick in range(1, round(20 * seconds) + 1):
         now = tick / 20
@@ -33,7 +40,8 @@ def driven(
             session.feed(stamp, data)
         told = session.telemetry
         armed = told is not None and told.state is not State.SAFE
-        motion = Command(Request.DRIVE, math.radians(steer_deg), 0.5, blade)
+        speed = 0.5 if now < stand_s else 0.0
+        motion = Command(Request.DRIVE, math.radians(steer_deg), speed, blade)
         bench.send(session.encode(now, motion if armed else Command(Request.ARM)))
         speeds.append(float(bench.state["v"]))
     return speeds
@@ -70,6 +78,15 @@ def test_uphill_it_is_slower() -> None:
             assert bench.pose[2] == pytest.approx(math.pi / 2)
             speeds.append(sum(driven(bench, 3.0, blade=False)[-20:]) / 20)
     assert speeds[0] < 0.95 * speeds[1]
+
+
+def test_on_a_slope_a_machine_that_is_told_to_stand_creeps_at_most() -> None:
+    """Its motors, let go, would run away at 1.1 m/s."""
+    field = {"size_m": (4.0, 3.0), "side_slope_deg": -4.0, "bump_sd_deg": 0.0}
+    with made(field=field) as bench:
+        speeds = driven(bench, 6.0, blade=False, stand_s=3.0)
+    assert speeds[50] > 0.3
+    assert max(map(abs, speeds[-20:])) < CREEPING_MPS
 
 
 @pytest.mark.parametrize("trees", [(), ({"x_m": 4.5, "y_m": -1.0, "crown_radius_m": 3.0},)])

@@ -605,6 +605,48 @@ TEST_CASE("An L298N gets its direction before its PWM, and a duty beyond 255 cou
   CHECK(!board.pin_out[5]);
 }
 
+TEST_CASE("An L298N brakes where it is told to, at no duty only") {
+  FakeBoard board;
+  drive_bridge(board, kDriveBridge, BridgeStyle::kL298n, 0, Idle::kBrake);
+  CHECK(board.pwm[3] == 255);
+  CHECK(board.pin_out[4]);
+  CHECK(board.pin_out[5]);
+  for (const int16_t duty : {int16_t{100}, int16_t{-100}}) {
+    drive_bridge(board, kDriveBridge, BridgeStyle::kL298n, duty, Idle::kBrake);
+    CHECK(board.pwm[3] == 100);
+    CHECK(board.pin_out[4] == (duty > 0));
+    CHECK(board.pin_out[5] == (duty < 0));
+  }
+}
+
+TEST_CASE("Told to stand after it has driven, the machine holds its wheels until it is stopped") {
+  Rig rig;
+  rig.arm();
+  rig.drive_for(20);
+  CHECK(rig.board.pwm[3] == 0);
+  rig.ask(300);
+  rig.drive_for(100);
+  CHECK(!rig.board.pin_out[5]);
+  rig.ask(0);
+  rig.drive_for(200);
+  CHECK(rig.board.pwm[3] == 255);
+  CHECK(rig.board.pin_out[4]);
+  CHECK(rig.board.pin_out[5]);
+  rig.board.type(protocol::Stop::kId, {});
+  rig.tick();
+  CHECK(rig.off());
+  rig.arm();
+  rig.drive_for(20);
+  CHECK(rig.board.pwm[3] == 0);
+  rig.ask(300);
+  rig.drive_for(100);
+  rig.ask(0);
+  rig.drive_for(200);
+  rig.ident(0, 100);
+  rig.tick(2);
+  CHECK(rig.off());
+}
+
 TEST_CASE("A BTS7960's direction pins are held low, and the smallest duty reaches its half") {
   FakeBoard board;
   board.pin_out[7] = board.pin_out[8] = true;
