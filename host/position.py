@@ -31,7 +31,7 @@ SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 STEP_SIGMA = 0.02
 """Error of a step as a share of it, along and across."""
-WHEEL_SLIP = (0.01, 0.015)
+WHEEL_SLIP = (0.012, 0.01)
 """Mean and standard deviation, before anything is learned, of what the driven wheels lose of their
 way while they push the blade through crop."""
 DOUBTED_SIGMAS = 2.0
