@@ -265,9 +265,9 @@ class Pilot:
         later = self._verdict(command.speed_mps, ahead_s=0.5)
         if later is not None and not later.clearance_m <= verdict.clearance_m + 1e-3:
             return replace(command, speed_mps=slow)
-        if self._backing():
-            self._leg_index += 1
-            self._leg_stamp = now
+        if self.phase is Phase.TURN:
+            # What is left of the turn goes the other way.
+            self._next_leg(now)
             return self._hold()
         self._go(now, Phase.FAULT, verdict.reason)
         return Command(Request.STOP, reason=self.reason)
@@ -642,11 +642,7 @@ class Pilot:
             return self._hold()
         leg = turn.legs[self._leg_index]
         if self._leg_done(leg):
-            self._leg_index += 1
-            self._leg_running = False
-            self._leg_stamp = now
-            if self._leg_index < len(turn.legs):
-                self._begin_leg(turn.legs[self._leg_index])
+            self._next_leg(now)
             return self._drive(leg.steer_rad, 0.0, False)
         steer = leg.steer_rad
         if leg.follow is not Follow.NOTHING:
@@ -681,6 +677,14 @@ class Pilot:
         if leg.follow is Follow.NEW_LANE and 0 <= ahead < ALIGN_ROOM_M:
             return abs(self._lane.blade_offset_m) < ALIGNED_M
         return ahead >= 0 if leg.reverse else ahead <= 0
+
+    def _next_leg(self, now: float) -> None:
+        assert self._turn is not None
+        self._leg_index += 1
+        self._leg_running = False
+        self._leg_stamp = now
+        if self._leg_index < len(self._turn.legs):
+            self._begin_leg(self._turn.legs[self._leg_index])
 
     def _begin_leg(self, leg: Leg) -> None:
         """From here on the lane filter speaks of the new lane, where the leg follows that."""

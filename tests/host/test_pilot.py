@@ -238,6 +238,18 @@ def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_sa
     assert world.y + VEHICLE.blade_x_m < 10 + world.gap - 0.2
 
 
+@pytest.mark.parametrize("gap_m", [1.2, 1.6])
+def test_a_turn_that_the_geofence_cuts_short_goes_on_the_other_way(gap_m: float) -> None:
+    world = SimpleWorld(VEHICLE, width=4.0, height=4.0, gap=gap_m)
+    plan = spiral([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)], 1, VEHICLE, gap_m=gap_m)
+    world.stand_at(plan.sides[0])
+    pilot = Pilot(VEHICLE, world, plan)
+    harvest(world, pilot, 600.0)
+    assert pilot.phase is Phase.FINISHED, pilot.reason
+    assert world.coverage > 0.99
+    assert world.neighbour_cut == 0
+
+
 def test_the_stated_uncertainty_of_the_position_holds() -> None:
     world = SimpleWorld(VEHICLE, speed_error=1.1)
     pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, "three_point", world.gap))
