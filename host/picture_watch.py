@@ -33,6 +33,9 @@ FLAT_SHARE: Final = 0.25
 """Of the compared pixels that equal their neighbours, white apart: what a decoder fills in where a
 file's rest is lost. Photographs have up to 0.15."""
 WHITE: Final = 250
+PROVED: Final = 3
+"""Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
+looks sound, and would keep a blind machine driving."""
 
 
 class PictureWatch:
@@ -74,12 +77,16 @@ class WatchedDetector:
     def __init__(self, detector: Detector, mount: Mount) -> None:
         self._detector = detector
         self._watch = PictureWatch(mount.width_px, mount.height_px)
+        self._spoilt = ""
+        self._sound = PROVED
 
     def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
         """The detector's view, or one without any confidence that says why."""
         problem = self._watch.problem(bgr)
-        if problem:
-            return CropView(0.0, usable=False, reason=problem)
+        self._sound = 0 if problem else self._sound + 1
+        self._spoilt = problem or self._spoilt
+        if self._sound < PROVED:
+            return CropView(0.0, usable=False, reason=self._spoilt)
         return self._detector.see(bgr, stages=stages)
 
     def restart(self) -> None:

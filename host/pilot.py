@@ -156,6 +156,8 @@ class Pilot:
         self._leg_index = 0
         self._leg_running = False
         self._leg_stamp = -math.inf
+        self._by_plan = False
+        """Whether the last end was the plan's alone: twice in a row it is none."""
         self._looks = 0
         self._empty = 0
         self._run_from: Motion | None = None
@@ -443,6 +445,7 @@ class Pilot:
             and self._clear_since is not None
             and self._end_due(self._clear_since.motion)
         ):
+            self._by_plan = False
             self._begin_turn(now, self._clear_since)
             return self._hold()
         side = self._side()
@@ -452,8 +455,12 @@ class Pilot:
         if self._entered_at is None and self._cut_m(self.motion) > self._search_m:
             return self._nothing_found(now)
         if self._overrun():
-            self._go(now, Phase.FAULT, "the side is longer than the boundary allows")
-            return Command(Request.STOP, reason=self.reason)
+            if self._fence is None or self._by_plan:
+                self._go(now, Phase.FAULT, "the side is longer than the boundary allows")
+                return Command(Request.STOP, reason=self.reason)
+            self._by_plan = True
+            self._begin_turn(now, EndOfField(now, self.motion, self.turns))
+            return self._hold()
         lane, vehicle = self._lane, self._vehicle
         self._anchor()
         quiet = now - self._sure_stamp
@@ -575,7 +582,7 @@ class Pilot:
             self._go(now, Phase.FINISHED, "the last side of the plan is cut")
             return
         side = self._side()
-        seen = self._entered_at is not None
+        seen = self._entered_at is not None and not self._by_plan
         blind = side is not None and side.blind_end
         if side is not None and seen and not blind and self._position.known:
             ago = self.motion.distance_m - end.motion.distance_m
@@ -591,6 +598,7 @@ class Pilot:
         self._leg_stamp = now
         self._search_m = math.inf
         why = "the keep-out's margin" if blind else "no crop before the blade"
+        why = "the plan's, which vision has not seen" if self._by_plan else why
         self._go(now, Phase.TURN, f"end of {self._plan.name(self.turns - 1)}: {why}")
 
     def _end_of_lane(self, end: EndOfField) -> tuple[float, float, float]:

@@ -227,6 +227,17 @@ def test_steering_in_the_papers_literal_sense_diverges() -> None:
     assert final_offset(-1.0) > 1.0
 
 
+def test_an_end_that_vision_does_not_see_is_the_plans_once_but_not_twice() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, AlwaysCrop(), spiral(SQUARE, 1, VEHICLE, gap_m=world.gap))
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+    assert "vision has not seen" in pilot.reason
+    assert not pilot.ends, "nobody has seen one"
+    drive(world, pilot, 120.0, until=lambda: pilot.done)
+    assert (pilot.phase, pilot.turns) == (Phase.FAULT, 1)
+    assert world.neighbour_cut == 0
+
+
 def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_says() -> None:
     world = SimpleWorld(VEHICLE)
     plan = spiral(SQUARE, 1, VEHICLE, "three_point", world.gap)
