@@ -157,3 +157,13 @@ def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
     assert "repeats" in second.reason
     made.restart()
     assert (behind.seen, behind.restarts) == (1, 1)
+
+
+def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> None:
+    made, view = WatchedDetector(Counting(), MAST), scene()
+    shots = [shot(view, k, k) for k in range(8)]
+    shots[1] = np.zeros_like(shots[1])
+    shots[4] = shots[3]
+    usable = [made.see(picture).usable for picture in shots]
+    # the picture after the black one is quite another than it, and so spoiled as well
+    assert usable == [True, False, False, False, False, False, False, True]
