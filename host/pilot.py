@@ -72,6 +72,10 @@ TRUST_AFTER_S = 3.0
 PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
+LEAP_M = 0.35
+LEAP_SIGMA_M = 0.15
+"""An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
+the crop's face, as long as dead reckoning knows the lane so well (some 7 m)."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
 ALIGNED_M = 0.03
@@ -360,6 +364,11 @@ class Pilot:
         if side is None or not self._position.known:
             return True
         along = self._along_m(then)
+        settled = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
+        if settled and self._lane.offset_sigma_m < LEAP_SIGMA_M and self.view is not None:
+            leap = self._edge_m(self.view) + self._lane.blade_offset_m
+            if LEAP_M < leap < self._vehicle.blade_width_m:
+                return False
         begins = side.edge_begin_m if side.edge_begin_m > SQUARE_M else -math.inf
         ends = side.length_m - side.edge_end_m if side.edge_end_m > SQUARE_M else math.inf
         return begins <= along <= ends

@@ -186,6 +186,19 @@ def test_an_edge_that_is_elsewhere_stops_it_and_is_believed_while_it_stands() ->
     assert pilot.phase is Phase.FOLLOW
 
 
+def test_a_patch_of_weeds_in_the_face_does_not_move_the_lane() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
+    before = (world.x, world.y)
+    eyes.spoil = beside(0.6)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 6.5)
+    assert pilot.phase is Phase.FOLLOW
+    assert world.y - before[1] > 3.5
+    assert world.x == pytest.approx(before[0], abs=0.05)
+
+
 def test_what_made_it_hesitate_has_to_be_gone_for_a_while() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, beside(0.0))
