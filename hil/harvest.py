@@ -28,6 +28,7 @@ from hil.metrics import Truth
 from hil.scenario import Scenario, assigned, load, merge
 from host.errors import UserError
 from host.gnss import Receiver
+from host.jpeg import NOTHING, Bgr, JpegDecoder
 from host.link import Session
 from host.picture_watch import WatchedDetector
 from host.pilot import Phase, Pilot
@@ -57,19 +58,10 @@ class Progress:
     reason: str
 
 
-Bgr = np.ndarray[Any, np.dtype[np.uint8]]
-
-
-def _decode(jpeg: bytes) -> Bgr | None:
-    """The picture in a file, None where it is broken."""
-    decoded = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    return None if decoded is None else np.asarray(decoded, np.uint8)
-
-
-def _develop(camera: Camera, shot: Shot) -> tuple[bytes, Bgr | None]:
+def _develop(camera: Camera, shot: Shot, decoder: JpegDecoder) -> tuple[bytes, Bgr]:
     """The picture as the host gets it: rendered, JPEG there and back."""
     jpeg = camera.encode(camera.develop(shot))
-    return jpeg, _decode(jpeg)
+    return jpeg, decoder.decode(jpeg)
 
 
 def _vision(bench: Bench) -> Detector:
@@ -104,6 +96,7 @@ class Harvest:
         self.frames = 0
         self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
         self._receiver = Receiver()
+        self._decoder = JpegDecoder()
         self._restarts = 0
         self._events = 0
         self._inbox: list[tuple[float, bytes]] = []
@@ -175,7 +168,9 @@ class Harvest:
             if record is not None:
                 record.put("/serial/to_host", stamp, {"data": data})
         if tick % self._frame_ticks == 0:
-            work = self._darkroom.submit(_develop, self.bench.camera, self.bench.shutter())
+            work = self._darkroom.submit(
+                _develop, self.bench.camera, self.bench.shutter(), self._decoder
+            )
             self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
@@ -195,7 +190,7 @@ class Harvest:
     def _picture(self, now: float) -> None:
         """Takes what the camera sends now; the newest waits for the host."""
         arrived: tuple[float, bytes] | None = None
-        decoded: Bgr | None = None
+        decoded = NOTHING
         if self._due and self._due[0][0] <= now:
             _, stamp, work = self._due.popleft()
             jpeg, decoded = work.result()
@@ -204,9 +199,8 @@ class Harvest:
         if got is None:
             return
         if got is not arrived:
-            decoded = _decode(got[1])
-        if decoded is not None:
-            self._frame = (Frame(got[0], decoded), got[1])
+            decoded = self._decoder.decode(got[1])
+        self._frame = (Frame(got[0], decoded), got[1])
 
     def _host(self, now: float) -> None:
         """One step of the host: takes what has come, lets the pilot decide, sends, records."""
@@ -311,7 +305,7 @@ class Harvest:
             record.put("/serial/to_firmware", now, {"data": data})
 
     def _film(self, frame: Frame) -> None:
-        if self._video is None or self.frames % VIDEO_EVERY:
+        if self._video is None or self.frames % VIDEO_EVERY or not frame.bgr.size:
             return
         pilot, video = self.pilot, self._video
         view, phase, reason = pilot.view, pilot.phase.value, pilot.reason

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +25,7 @@ from hil.lockstep import Bench
 from hil.scenario import Scenario
 from host import protocol, record
 from host.errors import UserError
+from host.jpeg import JpegDecoder
 from host.picture_watch import WatchedDetector
 from host.pilot import Pilot
 from host.plan import Plan, Side
@@ -166,6 +166,7 @@ class _PilotReplay:
         self._telemetry: Telemetry | None = None
         self._view: CropView | None = None
         self._replayed = Replayed()
+        self._decoder = JpegDecoder()
         self.restart()
 
     def restart(self) -> None:
@@ -194,9 +195,7 @@ class _PilotReplay:
             case "/fix":
                 self._fix = record.fix_of(stamp, message)
             case "/camera" if self._vision:
-                bgr = cv2.imdecode(np.frombuffer(message["data"], np.uint8), cv2.IMREAD_COLOR)
-                if bgr is not None:
-                    self._frame = Frame(stamp, np.asarray(bgr, np.uint8))
+                self._frame = Frame(stamp, self._decoder.decode(message["data"]))
             case "/view":
                 self._view = record.view_of(message)
                 if not self._vision:

@@ -38,6 +38,7 @@ from host.errors import UserError
 from host.feed import Feed
 from host.field_file import Boundary, LatLon, load_field
 from host.gnss import LocalFrame, Receiver, gnss_feed
+from host.jpeg import JpegDecoder
 from host.link import Link
 from host.picture_watch import WatchedDetector
 from host.pilot import PAUSED, Phase, Pilot
@@ -64,16 +65,14 @@ FIRST_FIX_S = 10.0
 FIRST_FIXES = 10
 
 
-def fitted(picture: Picture, mount: Mount, delay_s: float) -> Frame | None:
-    """The picture in the mount's size, stamped with its shutter's time; None where the JPEG is
-    broken. One of other proportions stays as it is, for the picture watch to refuse."""
-    frame = picture.frame()
-    if frame is None:
-        return None
+def fitted(picture: Picture, decoder: JpegDecoder, mount: Mount, delay_s: float) -> Frame:
+    """The picture in the mount's size, stamped with its shutter's time. One of other proportions,
+    or without pixels, stays as it is, for the picture watch to refuse."""
+    frame = picture.frame(decoder)
     height, width = frame.bgr.shape[:2]
     bgr = frame.bgr
     size = (mount.width_px, mount.height_px)
-    if (width, height) != size and width * mount.height_px == height * mount.width_px:
+    if bgr.size and (width, height) != size and width * mount.height_px == height * mount.width_px:
         bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA).astype("uint8", copy=False)
     return Frame(picture.stamp - delay_s, bgr)
 
@@ -120,6 +119,7 @@ class Drive:
         self.gnss = gnss
         self.command = Command(Request.STOP, reason="not started")
         self.fix: Fix | None = None
+        self._decoder = JpegDecoder()
         self.pictures = 0
         self.pictures_bad = 0
         self.pictures_repeated = 0
@@ -192,9 +192,9 @@ class Drive:
         picture = self._new_picture()
         frame = None
         if picture is not None:
-            frame = fitted(picture, self._mount, self._delay_s)
+            frame = fitted(picture, self._decoder, self._mount, self._delay_s)
             self.pictures += 1
-            self.pictures_bad += frame is None or not fits(frame, self._mount)
+            self.pictures_bad += not fits(frame, self._mount)
         fix = self.gnss.take() if self.gnss is not None else None
         if fix is not None:
             self.fix = fix
@@ -598,15 +598,18 @@ def _warm_up(
             "start the phone's camera app and check the address"
         )
     picture = pictures.take()
-    frame = fitted(picture, mount, 0.0) if picture is not None else None
-    if frame is not None:
-        if not fits(frame, mount):
-            height, width = frame.bgr.shape[:2]
-            raise UserError(
-                f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
-                f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
-            )
-        make_detector(mode, vehicle, mount).see(frame.bgr)
+    if picture is None:
+        return None
+    frame = fitted(picture, JpegDecoder(), mount, 0.0)
+    if frame.bgr.size == 0:
+        return None
+    if not fits(frame, mount):
+        height, width = frame.bgr.shape[:2]
+        raise UserError(
+            f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
+            f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
+        )
+    make_detector(mode, vehicle, mount).see(frame.bgr)
     return frame
 
 

@@ -20,10 +20,10 @@ SLIP_PER_M = 0.02
 """Lateral drift per metre travelled, standard deviation."""
 YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
-YAW_PER_M = math.radians(0.7)
+YAW_PER_M = math.radians(0.5)
 BIAS_SIGMA_1PM = 0.006
 """Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
-BIAS_PER_M = 0.0003
+BIAS_PER_M = 0.0005
 """Its growth per square root of a metre."""
 GATE = (9.0, 11.8)
 """Squared Mahalanobis distance beyond which a measurement is another edge's: three sigma of one

@@ -48,7 +48,9 @@ class PictureWatch:
 
     def problem(self, bgr: NDArray[np.uint8]) -> str:
         """Why the picture is not to be believed, in words; empty where it is. `bgr` is (height,
-        width, 3)."""
+        width, 3), or of no pixels where the file is damaged."""
+        if bgr.size == 0:
+            return "the camera's picture is broken: its file is damaged"
         if bgr.shape != self._shape:
             return "the camera's picture is broken: it has another size"
         half = GRID // 2

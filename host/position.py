@@ -2,8 +2,8 @@
 
 A phone's position is good to some 2.5 m, slowly wandering: no use beside a gap of 2 m. But the
 operator puts the blade on a known corner, every side lies along a known line, and every end of a
-side is a known place: those anchor an extended Kalman filter over (x, y, yaw, slip
-of the wheels while cutting).
+side is a known place: those anchor an extended Kalman filter over (x, y, yaw, the
+wheels' slip while cutting).
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 STEP_SIGMA = 0.02
 """Error of a step as a share of it, along and across."""
-WHEEL_SLIP = (0.012, 0.01)
-"""Mean and standard deviation, before anything is learned, of what the driven wheels lose of their
-way while they push the blade through crop."""
+SLIP_SIGMA = 0.015
+"""Of the share of their way that the driven wheels lose while they push the blade through crop,
+before anything is learned of it."""
 DOUBTED_SIGMAS = 2.0
 """An end or beginning that is seen farther from where it is expected counts the less, the farther:
 weeds in the gap look like crop, and dust hides it."""
@@ -72,10 +72,10 @@ class Position:
                 side.x_m + c * back - s * inside,
                 side.y_m + s * back + c * inside,
                 side.heading_rad + heading_rad,
-                WHEEL_SLIP[0],
+                0.0,
             ]
         )
-        self._p = np.diag([sigma**2 for sigma in (*START_SIGMA, WHEEL_SLIP[1])])
+        self._p = np.diag([sigma**2 for sigma in (*START_SIGMA, SLIP_SIGMA)])
         self.known = True
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from host.errors import UserError
 from host.feed import Feed, SourceLostError
+from host.jpeg import JpegDecoder
 from host.types import Frame
 
 MAX_JPEG_BYTES = 16 * 1024 * 1024
@@ -36,14 +37,11 @@ class Picture:
     jpeg: bytes | None
     bgr: NDArray[np.uint8] | None = None
 
-    def frame(self) -> Frame | None:
-        """Decoded; None where the JPEG is broken."""
-        bgr = self.bgr
-        if bgr is None and self.jpeg is not None:
-            data = np.frombuffer(self.jpeg, np.uint8)
-            decoded = cv2.imdecode(data, cv2.IMREAD_COLOR)
-            bgr = None if decoded is None else decoded.astype(np.uint8, copy=False)
-        return None if bgr is None else Frame(self.stamp, bgr)
+    def frame(self, decoder: JpegDecoder) -> Frame:
+        """Decoded; without any pixels where the JPEG is spoiled."""
+        if self.bgr is not None:
+            return Frame(self.stamp, self.bgr)
+        return Frame(self.stamp, decoder.decode(self.jpeg or b""))
 
 
 class MultipartJpeg:

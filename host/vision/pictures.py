@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.errors import UserError
+from host.jpeg import JpegDecoder
 
 Picture = NDArray[np.uint8]
 """(height, width, 3) blue, green, red."""
@@ -83,30 +84,41 @@ def _recorded(path: Path) -> Iterator[tuple[str, Picture]]:
     """The pictures that a record of a drive has kept."""
     from host import record  # noqa: PLC0415 (it knows the pilot, which knows the detectors)
 
-    index = 0
+    decoder, spoiled, index = JpegDecoder(), 0, 0
     for topic, stamp, message in record.read(path):
         if topic != record.PICTURES:
             continue
-        decoded = cv2.imdecode(np.frombuffer(message["data"], np.uint8), cv2.IMREAD_COLOR)
-        if decoded is None:
-            raise UserError(f"{path}: the picture at {stamp:.2f} s cannot be decoded")
-        yield f"{path.stem}-{stamp:08.2f}", u8(decoded)
         index += 1
+        bgr = decoder.decode(message["data"])
+        if bgr.size:
+            yield f"{path.stem}-{stamp:08.2f}", bgr
+        else:
+            spoiled += 1
+    if spoiled:
+        raise UserError(f"{path}: {spoiled} of {index} pictures are damaged files, left out")
     if index == 0:
         raise UserError(f"{path}: the record keeps no pictures; record a drive with pictures")
 
 
 def frames(source: str) -> Iterator[tuple[str, Picture]]:
     """(name, picture) of every photograph of a file or folder, or every frame of a record (MCAP), a
-    video file or an HTTP stream. UserError where the source cannot be opened; a photograph that
-    cannot be decoded raises when its turn comes."""
+    video file or an HTTP stream. UserError where the source cannot be opened; pictures that cannot
+    be decoded are left out, and named by one after the others."""
     path = Path(source)
     if "://" not in source:
         if not path.exists():
             raise UserError(f"{source}: no such file or folder; check the path")
         if path.is_dir() or path.suffix.lower() in PHOTO_SUFFIXES:
+            bad = []
             for photo in photos_in(path):
-                yield photo.stem, read_photo(photo)
+                try:
+                    picture = read_photo(photo)
+                except UserError as error:
+                    bad.append(str(error))
+                    continue
+                yield photo.stem, picture
+            if bad:
+                raise UserError("\n".join(bad))
             return
         if path.suffix.lower() == RECORD_SUFFIX:
             yield from _recorded(path)

@@ -326,7 +326,7 @@ def test_the_hang_and_the_reset_reach_the_firmware() -> None:
 # ---- what the machine does about it --------------------------------------------------------------
 
 
-SMALL = {"width_px": 160, "height_px": 120}
+SMALL = {"width_px": 64, "height_px": 48}
 
 
 def watched_oracle(bench: Bench) -> Detector:
@@ -337,8 +337,7 @@ def watched_oracle(bench: Bench) -> Detector:
 def tried(component: str, failure: str, situation: Situation = "follow", how: str = "") -> Verdict:
     """The verdict with small pictures and that detector."""
     base = base_scenario(situation, "desk", "robust", "mast")
-    lens = base.lens_truth.model_copy(update=SMALL)
-    base = base.model_copy(update={"lens": lens})
+    base = base.model_copy(update={"lens": quick().lens})
     chosen = with_fault(base, situation, (component, failure, how))
     return watched(chosen, situation, None, watched_oracle)
 

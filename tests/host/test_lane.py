@@ -129,13 +129,13 @@ def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None
 
 
 def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() -> None:
-    slip, length_m = 0.025, 20.0
+    slip, length_m = 0.03, 20.0
     side = Side(0.0, 0.0, 0.0, length_m, VEHICLE.pass_m, length_m)
     missed = []
     position = Position(VEHICLE)
     position.place(side, 0.0, 0.0, 0.0)
     run_m = 0.0
-    for _ in range(6):
+    for _ in range(4):
         for _ in range(round(length_m / STEP_M)):
             run_m += STEP_M / (1 - slip)
             position.predict(motion(run_m), cutting=True)
@@ -144,8 +144,8 @@ def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() 
         position.at_end(side, 0.1)
         run_m -= length_m
         position.predict(motion(run_m), cutting=False)
-    assert missed[0] > 0.2
-    assert abs(missed[-1]) < 0.4 * missed[0]
+    assert missed[0] > 0.3
+    assert abs(missed[-1]) < 0.3 * missed[0]
     backed = position.along(side)
     position.predict(motion(run_m - 1.0), cutting=False)
     assert position.along(side) == pytest.approx(backed - 1.0), "without the blade none is lost"

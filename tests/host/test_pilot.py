@@ -251,13 +251,13 @@ def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_sa
 
 @pytest.mark.parametrize("gap_m", [1.2, 1.6])
 def test_a_turn_that_the_geofence_cuts_short_goes_on_the_other_way(gap_m: float) -> None:
-    world = SimpleWorld(VEHICLE, width=4.0, height=4.0, gap=gap_m)
-    plan = spiral([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)], 1, VEHICLE, gap_m=gap_m)
+    world = SimpleWorld(VEHICLE, width=6.0, height=6.0, gap=gap_m)
+    plan = spiral([(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)], 1, VEHICLE, gap_m=gap_m)
     world.stand_at(plan.sides[0])
     pilot = Pilot(VEHICLE, world, plan)
-    harvest(world, pilot, 600.0)
+    harvest(world, pilot, 900.0)
     assert pilot.phase is Phase.FINISHED, pilot.reason
-    assert world.coverage > 0.98
+    assert world.coverage > 0.96, "what any finished field has at least"
     assert world.neighbour_cut == 0
 
 
@@ -294,5 +294,5 @@ def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, 
     pilot = Pilot(VEHICLE, world, plan)
     harvest(world, pilot, 2000.0)
     assert pilot.done
-    assert world.coverage > 0.98
+    assert world.coverage > 0.99
     assert world.neighbour_cut == 0

@@ -247,8 +247,7 @@ def test_a_side_that_ends_before_a_keep_out_ends_there_though_its_crop_goes_on()
     pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(blind, *PLAN.sides[1:])))
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
     coast = world.speed * VEHICLE.drive_lag_s
-    # within the slip that is assumed of wheels here that have none
-    assert world.y + VEHICLE.blade_x_m + coast == pytest.approx(5.0, abs=0.07)
+    assert world.y + VEHICLE.blade_x_m + coast == pytest.approx(5.0, abs=0.05)
     assert "keep-out" in pilot.transitions[-1].reason
 
 
@@ -479,7 +478,7 @@ def test_with_a_pot_that_is_off_it_still_follows_the_edge_itself(error_deg: floa
     field = [(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)]
     pilot = Pilot(VEHICLE, world, spiral(field, 1, VEHICLE, gap_m=2.0))
     drive(world, pilot, 200.0, until=lambda: world.y > 28.0)
-    assert world.x == pytest.approx(usual, abs=0.03)
+    assert world.x == pytest.approx(usual, abs=0.02)
 
 
 def test_where_only_the_duty_tells_the_distance_a_side_may_end_as_much_sooner() -> None:

@@ -332,3 +332,26 @@ def test_calibrate_camera_writes_a_lens_for_the_vehicle_file(tmp_path: Path) -> 
     result = run(calibrate_camera, tmp_path, "--square", "0.05", "--out", out)
     assert result.exit_code == 0, result.output
     assert "focal_px" in out.read_text()
+
+
+def test_a_damaged_picture_of_a_record_is_left_out_and_counted(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    jpeg = cv2.imencode(".jpg", field(LOW))[1].tobytes()
+    with Recorder(path, {}) as recorder:
+        for number, data in enumerate([jpeg, jpeg[:4000], jpeg]):
+            recorder.picture(0.1 * number, data)
+    found = frames(str(path))
+    assert [next(found)[0], next(found)[0]] == ["drive-00000.00", "drive-00000.20"]
+    with pytest.raises(UserError, match="1 of 3 pictures are damaged"):
+        next(found)
+
+
+def test_a_bad_photograph_costs_none_of_a_folders_others(photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "a.jpg").write_bytes(b"junk")
+    (folder / "b.jpg").write_bytes(photo.read_bytes())
+    result = run(see, folder, "--side", "left", "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert "a.jpg" in result.output
+    assert (tmp_path / "out" / "b.mask.png").exists()
