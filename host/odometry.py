@@ -26,6 +26,12 @@ DOPPLER_MPS = 0.06
 """Standard deviation of a phone's speed over ground."""
 STRAIGHT_RAD = math.radians(8)
 TRIM_LIMIT_RAD = math.radians(4)
+YAW_GAIN_PRIOR = (1.0, 0.03)
+"""Mean and standard deviation, before any turn, of what the machine turns, over what its steering
+angle says: tyres slip sideways, most at full lock, and a pot's scale is not exact."""
+YAW_GAIN_LIMITS = (0.85, 1.15)
+TURN_SIGMA_RAD = 0.02
+"""How well the lanes before and after a turn show how far the machine has turned."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -60,6 +66,8 @@ class Odometry:
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
         what a side slope does."""
+        self.yaw_gain, self._yaw_gain_sigma = YAW_GAIN_PRIOR
+        """True yaw over what the steering angle and the way say, as learned in turns."""
         self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
@@ -88,6 +96,7 @@ class Odometry:
         self._cutting = telemetry.blade
         vehicle = self._vehicle
         curvature = math.tan(telemetry.angle_rad + self.trim_rad) / vehicle.wheelbase_m
+        curvature *= self.yaw_gain
         if telemetry.speed_mps is not None:
             step = (
                 telemetry.distance_m - self._odometer
@@ -124,6 +133,16 @@ class Odometry:
         """Takes a curvature that nearly straight driving showed besides what the pot said."""
         trim = self.trim_rad + math.atan(curvature_1pm * self._vehicle.wheelbase_m)
         self.trim_rad = min(TRIM_LIMIT_RAD, max(-TRIM_LIMIT_RAD, trim))
+
+    def turned(self, reckoned_rad: float, true_rad: float) -> None:
+        """Learns from a turn of which both are known, the reckoned one with the present gain."""
+        slope = reckoned_rad / self.yaw_gain
+        variance = (slope * self._yaw_gain_sigma) ** 2 + TURN_SIGMA_RAD**2
+        blend = slope * self._yaw_gain_sigma**2 / variance
+        low, high = YAW_GAIN_LIMITS
+        gain = self.yaw_gain + blend * (true_rad - reckoned_rad)
+        self.yaw_gain = min(high, max(low, gain))
+        self._yaw_gain_sigma *= TURN_SIGMA_RAD / math.sqrt(variance)
 
     def learn(self, fix: Fix, telemetry: Telemetry, dt: float) -> None:
         """Corrects the duty model's gain by a Doppler speed that lasted `dt` seconds."""

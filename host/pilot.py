@@ -21,6 +21,7 @@ from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
 from host.plan import Plan, Side
 from host.position import Position
+from host.trail import Trails
 from host.turns import ROOM_M, next_turn, room_along
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
@@ -76,6 +77,9 @@ LEAP_M = 0.35
 LEAP_SIGMA_M = 0.15
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face, as long as dead reckoning knows the lane so well (some 7 m)."""
+TURN_KNOWN_M = 4.0
+"""Of a side, until the lane filter has found its direction."""
+TURN_LEAST_RAD = 0.5
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
 ALIGNED_M = 0.03
@@ -126,6 +130,7 @@ class Pilot:
         self._odometry = Odometry(vehicle)
         self._lane = Lane(vehicle.blade_x_m)
         self._position = Position(vehicle)
+        self._trails = Trails(vehicle)
         self._direction = DirectionCheck()
         self._anchored: Motion | None = None
         self._outline = outline_of(vehicle)
@@ -160,6 +165,8 @@ class Pilot:
         self._leg_index = 0
         self._leg_running = False
         self._leg_stamp = -math.inf
+        self._turned_from: tuple[float, float] | None = None
+        """Before the last turn: dead reckoning's yaw, and the vehicle's direction in the field."""
         self._by_plan = False
         """Whether the last end was the plan's alone: twice in a row it is none."""
         self._looks = 0
@@ -332,7 +339,7 @@ class Pilot:
         # A contradiction that lasts while the machine stands is believed in the end.
         if sure and (moved or self._lane.contradicted) and self._on_lane(then):
             self._corrected_m = then.distance_m
-            edge, heading = self._edge_m(view), view.edge_heading_rad
+            edge, heading = self._edge_m(view, then), view.edge_heading_rad
             learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
             ahead = view.edge_ahead_m
             self._lane.correct(edge, heading, view.confidence, since, ahead_m=ahead, learn=learn)
@@ -341,10 +348,14 @@ class Pilot:
                 self._believe_heading()
         self._watch_ahead(view, then, frame.stamp)
 
-    def _edge_m(self, view: CropView) -> float:
-        """The edge's offset from its place beside this side's lane."""
+    def _edge_m(self, view: CropView, then: Motion) -> float:
+        """The edge's offset from its place beside this side's lane, its bends taken off: those that
+        the machine itself has driven a round earlier."""
         side = self._side()
-        return view.edge_offset_m - (side.shift_m if side is not None else 0.0)
+        if side is None:
+            return view.edge_offset_m
+        bend = self._trails.bend_m(self._along_m(then) + view.edge_ahead_m, side)
+        return view.edge_offset_m - side.shift_m - bend
 
     def _believe_heading(self) -> None:
         side = self._side()
@@ -366,7 +377,7 @@ class Pilot:
         along = self._along_m(then)
         settled = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
         if settled and self._lane.offset_sigma_m < LEAP_SIGMA_M and self.view is not None:
-            leap = self._edge_m(self.view) + self._lane.blade_offset_m
+            leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
             if LEAP_M < leap < self._vehicle.blade_width_m:
                 return False
         begins = side.edge_begin_m if side.edge_begin_m > SQUARE_M else -math.inf
@@ -429,7 +440,7 @@ class Pilot:
             self._lane.place(0.0, 0.0, 0.05, math.radians(2))
         else:
             self._lane.place(0.0, 0.0, 0.15, math.radians(8))
-            edge, heading = self._edge_m(view), view.edge_heading_rad
+            edge, heading = self._edge_m(view, self.motion), view.edge_heading_rad
             ahead = view.edge_ahead_m
             self._lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead)
         side = self._side()
@@ -472,6 +483,9 @@ class Pilot:
             return self._hold()
         lane, vehicle = self._lane, self._vehicle
         self._anchor()
+        if side is not None and self._entered_at is not None:
+            self._trails.note(self._along_m(self.motion), self.motion)
+            self._learn_turn(side)
         quiet = now - self._sure_stamp
         if quiet > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
@@ -482,6 +496,18 @@ class Pilot:
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)
+
+    def _learn_turn(self, side: Side) -> None:
+        """Once on each side, where the lane is known again."""
+        if self._turned_from is None or self._cut_m(self.motion) < TURN_KNOWN_M:
+            return
+        yaw, direction = self._turned_from
+        self._turned_from = None
+        reckoned = self.motion.yaw_rad - yaw
+        true = side.heading_rad + self._lane.heading_rad - direction
+        true = reckoned + math.remainder(true - reckoned, math.tau)
+        if abs(reckoned) > TURN_LEAST_RAD:
+            self._odometry.turned(reckoned, true)
 
     def _nothing_found(self, now: float) -> Command:
         """Where the plan's crop does not stand: a short side may have gone with its neighbours."""
@@ -597,6 +623,12 @@ class Pilot:
             ago = self.motion.distance_m - end.motion.distance_m
             self._position.at_end(side, ago, self._odometry.scale_sigma * self._cut_m(end.motion))
         self._turn_from = self._end_of_lane(end)
+        if side is not None:
+            self._trails.end(side)
+            known = self._entered_at is not None and self._cut_m(self.motion) > TURN_KNOWN_M
+            direction = side.heading_rad + self._lane.heading_rad
+            self._turned_from = (self.motion.yaw_rad, direction) if known else None
+            self._trails.begin(self._plan.sides[self.turns + 1])
         self._turn = next_turn(self._plan, self.turns, self._vehicle, self._room_m)
         if seen:
             self.ends.append(end)

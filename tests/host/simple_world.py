@@ -37,6 +37,8 @@ class SimpleWorld:
     hall: bool = True
     pot_error: float = 0.0
     """True steering angle minus the reported one, radians."""
+    yaw_gain: float = 1.0
+    """Of what the steering angle says, how much the vehicle turns."""
     distance: float = 0.0
     x: float = 0.0
     y: float = 0.0
@@ -152,7 +154,8 @@ class SimpleWorld:
             )
         self.speed += (wanted * self.speed_error - self.speed) * STEP / v.drive_lag_s
         before = self.pose()
-        self.yaw += self.speed * math.tan(self.angle + self.pot_error) / v.wheelbase_m * STEP
+        curvature = self.yaw_gain * math.tan(self.angle + self.pot_error) / v.wheelbase_m
+        self.yaw += self.speed * curvature * STEP
         self.distance += self.speed * STEP
         self.x += self.speed * math.cos(self.yaw) * STEP
         self.y += self.speed * math.sin(self.yaw) * STEP

@@ -91,3 +91,21 @@ def test_a_late_picture_finds_the_motion_of_its_own_time() -> None:
     for late in (0.0, 0.1, 0.5, 1.0):
         assert made.at(2.0 - late).distance_m == pytest.approx(1.0 - 0.5 * late, abs=0.011)
     assert made.at(-5.0).stamp == pytest.approx(0.5, abs=0.021), "as far back as it remembers"
+
+
+def test_what_the_machine_turns_is_learned_from_turns_whose_result_is_known() -> None:
+    made = Odometry(VEHICLE)
+    for _ in range(5):
+        before = made.now.yaw_rad
+        driven(1.0, 5, made, angle=math.radians(40))
+        reckoned = made.now.yaw_rad - before
+        made.turned(reckoned, 0.96 * reckoned / made.yaw_gain)
+    assert made.yaw_gain == pytest.approx(0.96, abs=0.005)
+
+
+def test_one_turn_that_went_wrong_does_not_undo_many() -> None:
+    made = Odometry(VEHICLE)
+    for _ in range(20):
+        made.turned(math.pi / 2 * made.yaw_gain, math.pi / 2)
+    made.turned(math.pi / 2, math.pi / 2 - 0.2)
+    assert made.yaw_gain == pytest.approx(1.0, abs=0.01)

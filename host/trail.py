@@ -1,0 +1,104 @@
+"""The edge that the machine itself has left: where the blade's left end went, one round earlier.
+
+A follower of an edge copies its bends and adds its own, round after round. But dead reckoning knows
+the shape of the way just driven, over some metres, far better than a picture shows it: taken off
+what vision sees, it leaves a straight edge to follow, and the new one is straight again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.odometry import Motion
+from host.plan import Side
+from host.vehicle import Vehicle
+
+MIN_M = 3.0
+"""A shorter way has no shape besides its direction and bend."""
+STEP_M = 0.05
+SAME_RAD = math.radians(1.0)
+NEAR_WIDTHS = 1.5
+"""Of two sides that lie beside each other, the one left by the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trail:
+    """`across_m[k]`: how far left of its own mean parabola the blade's left end was at `along_m[k]`
+    (ascending), measured along heading_rad from the field's origin; `right_m`: the line's place."""
+
+    heading_rad: float
+    right_m: float
+    along_m: NDArray[np.float64]
+    across_m: NDArray[np.float64]
+
+
+class Trails:
+    """Remembers the last way along every direction."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._points: list[tuple[float, float, float]] = []
+        self._left: list[Trail] = []
+        self._beside: Trail | None = None
+
+    def note(self, along_m: float, motion: Motion) -> None:
+        """The blade is cutting, along_m past its side's beginning."""
+        if self._points and along_m - self._points[-1][0] < STEP_M:
+            return
+        ahead, left = self._vehicle.blade_x_m, self._vehicle.blade_width_m / 2
+        c, s = math.cos(motion.yaw_rad), math.sin(motion.yaw_rad)
+        x, y = motion.x_m + ahead * c - left * s, motion.y_m + ahead * s + left * c
+        self._points.append((along_m, x, y))
+
+    def end(self, side: Side) -> None:
+        """The side is cut: its trail is what the next round finds."""
+        points, self._points = np.array(self._points), []
+        if len(points) < 3 or points[-1, 0] - points[0, 0] < MIN_M:
+            return
+        chord = points[-1, 1:] - points[0, 1:]
+        c, s = chord / np.hypot(*chord)
+        run = (points[:, 1:] - points[0, 1:]) @ (c, s)
+        across = (points[:, 1:] - points[0, 1:]) @ (-s, c)
+        # Offset and direction are for vision to see; a bend is what an unknown steering bias adds.
+        across -= np.polyval(np.polyfit(run, across, 2), run)
+        begin, right = _line(side)
+        trail = Trail(side.heading_rad, right, begin + points[:, 0], across)
+        self._left = [t for t in self._left if not self._replaces(trail, t)] + [trail]
+
+    def begin(self, side: Side) -> None:
+        """A new side: looks for the trail that left its edge."""
+        self._points = []
+        _, right = _line(side)
+        near = [t for t in self._left if self._same(t, side.heading_rad, right)]
+        self._beside = near[-1] if near else None
+
+    def bend_m(self, along_m: float, side: Side) -> float:
+        """How far left of straight the side's outer edge is at along_m; 0 where nothing is known of
+        it."""
+        trail = self._beside
+        if trail is None:
+            return 0.0
+        at = _line(side)[0] + along_m
+        if not trail.along_m[0] <= at <= trail.along_m[-1]:
+            return 0.0
+        return float(np.interp(at, trail.along_m, trail.across_m))
+
+    def _same(self, trail: Trail, heading_rad: float, right_m: float) -> bool:
+        turned = abs(math.remainder(heading_rad - trail.heading_rad, math.tau))
+        apart = right_m - trail.right_m
+        reach = NEAR_WIDTHS * self._vehicle.blade_width_m
+        return turned < SAME_RAD and 0.2 * self._vehicle.blade_width_m < apart < reach
+
+    def _replaces(self, new: Trail, old: Trail) -> bool:
+        """An older trail that a new side has cut away."""
+        return self._same(old, new.heading_rad, new.right_m)
+
+
+def _line(side: Side) -> tuple[float, float]:
+    """Along and left of a side's direction, from the field's origin: where its edge begins."""
+    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+    return c * side.x_m + s * side.y_m, c * side.y_m - s * side.x_m

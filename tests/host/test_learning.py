@@ -1,0 +1,60 @@
+"""Facts about what a pilot learns of the machine and of its own way, in the plane world."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from simple_world import SimpleWorld, drive
+
+from host.pilot import Phase, Pilot
+from host.plan import Plan, spiral
+from host.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+LONG = [(0.0, 0.0), (24.0, 0.0), (24.0, 8.0), (0.0, 8.0)]
+
+
+def ways(world: SimpleWorld, plan: Plan, sides: int) -> dict[int, np.ndarray]:
+    """(n, 3) true poses while each of the first sides was cut."""
+    pilot = Pilot(VEHICLE, world, plan)
+    found: dict[int, list[tuple[float, float, float]]] = {}
+
+    def over() -> bool:
+        if pilot.phase is Phase.FOLLOW and pilot.cut_m > 0:
+            found.setdefault(pilot.turns, []).append(world.pose())
+        return pilot.turns >= sides or pilot.done
+
+    drive(world, pilot, 1500.0, until=over)
+    assert pilot.turns == sides, pilot.reason
+    return {turn: np.array(poses) for turn, poses in found.items()}
+
+
+def test_how_much_the_machine_turns_is_learned_from_its_turns() -> None:
+    world = SimpleWorld(VEHICLE, yaw_gain=0.96)
+    square = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+    plan = spiral(square, 1, VEHICLE)
+    world.stand_at(plan.sides[0])
+    askew = [
+        abs(math.remainder(way[0, 2] - plan.sides[k].heading_rad, math.tau))
+        for k, way in ways(world, plan, 9).items()
+    ]
+    assert math.degrees(askew[1]) > 1.0, "by its own reckoning it turned 90 deg"
+    assert math.degrees(max(askew[2:])) < 0.6
+
+
+def test_bends_are_not_copied_from_round_to_round() -> None:
+    wavy = [(float(x), 0.05 * math.sin(math.tau * x / 6.0)) for x in np.arange(0.0, 24.01, 0.1)]
+    world = SimpleWorld(VEHICLE, width=24.0, height=8.0, polygon=[*wavy, (24.0, 8.0), (0.0, 8.0)])
+    plan = spiral(LONG, 0, VEHICLE)
+    world.stand_at(plan.sides[0])
+    found = ways(world, plan, 9)
+
+    def bends(way: np.ndarray) -> float:
+        left = way[:, 1] + VEHICLE.blade_x_m * np.sin(way[:, 2])
+        return float((left - np.polyval(np.polyfit(way[:, 0], left, 2), way[:, 0])).std())
+
+    assert bends(found[0]) == pytest.approx(0.035, abs=0.005), "the border's own"
+    assert bends(found[4]) < 0.5 * bends(found[0])
+    assert bends(found[8]) < 0.2 * bends(found[0])
