@@ -58,3 +58,16 @@ def test_bends_are_not_copied_from_round_to_round() -> None:
     assert bends(found[0]) == pytest.approx(0.035, abs=0.005), "the border's own"
     assert bends(found[4]) < 0.5 * bends(found[0])
     assert bends(found[8]) < 0.2 * bends(found[0])
+
+
+def test_an_edge_that_is_seen_farther_ahead_is_taken_there() -> None:
+    """Before crop that is not being cut yet, askew to it."""
+    world = SimpleWorld(VEHICLE, width=24.0, height=8.0)
+    plan = spiral(LONG, 0, VEHICLE)
+    world.stand_at(plan.sides[0])
+    world.x -= 0.9
+    world.yaw += math.radians(4)
+    pilot = Pilot(VEHICLE, world, plan)
+    drive(world, pilot, 20.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    blade_y = world.y + VEHICLE.blade_x_m * math.sin(world.yaw)
+    assert pilot.lane.blade_offset_m == pytest.approx(blade_y - VEHICLE.inset_m, abs=0.02)
