@@ -79,7 +79,8 @@ class Truth:
         if cut_cells:
             self._last_cut_at = self._travelled
         self._travel.append((t, self._travelled, self._last_cut_at, x, y, yaw))
-        outline = affinity.translate(affinity.rotate(self._outline, yaw, (0, 0), True), x, y)
+        c, s = math.cos(yaw), math.sin(yaw)
+        outline = affinity.affine_transform(self._outline, [c, -s, s, c, x, y])
         if not self._permitted.contains(outline):
             beyond = outline.difference(self._permitted)
             if not beyond.is_empty:

@@ -221,9 +221,14 @@ class Geofence:
         if velocity != (0.0, 0.0):
             way = (velocity[0] * horizon_s, velocity[1] * horizon_s)
             swept = np.concatenate([swept, swept + way])
-        hull = shapely.convex_hull(shapely.linestrings(swept))
-        return bool(self._permitted.contains_properly(hull)) and not bool(
-            self._keep_outs.intersects(hull)
+        # The box around the sweep is a tenth of the work, and mostly enough.
+        if self._free(shapely.box(*swept.min(axis=0), *swept.max(axis=0))):
+            return True
+        return self._free(shapely.convex_hull(shapely.linestrings(swept)))
+
+    def _free(self, shape: shapely.Geometry) -> bool:
+        return bool(self._permitted.contains_properly(shape)) and not bool(
+            self._keep_outs.intersects(shape)
         )
 
     def _clearance(self, outline: NDArray[np.float64]) -> float:
