@@ -65,6 +65,8 @@ class CameraSpec(Strict):
 
 _VEIL_SCALE: Final = 4
 """The blade's dust is drawn so much smaller."""
+_GUSTS: Final = 0.35
+"""Of the mean lean, what gusts add and take."""
 
 LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
@@ -183,8 +185,8 @@ class Camera:
         half_fov = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
         self._tangent = math.tan(min(1.5, 1.25 * half_fov + 0.1))
         self._rays_a, self._rays_b = (self._rays[..., k].copy() for k in (0, 1))
-        self._pieces = np.zeros((w, 2 * render.SEGMENTS + 1, 4), np.float32)
-        self._count = np.zeros(w, np.int32)
+        pieces = np.zeros((w, 2 * render.SEGMENTS + 1, 4), np.float32)
+        self._profiles = render.Profiles(pieces, np.zeros(w, np.int32))
         self._image = np.zeros((h, w, 3), np.uint8)
         self._prepare = render.Direct(render.prepare)
         self._draw = render.Direct(render.draw)
@@ -393,27 +395,27 @@ class Camera:
         weather = self.weather
         toward = math.radians(90 - weather.wind_from_deg + 180)
         sway = 0.012 * weather.wind_mps
-        sway_x, sway_y = sway * math.cos(toward), sway * math.sin(toward)
+        wind = render.Wind(float(shot.t), sway * math.cos(toward), sway * math.sin(toward), _GUSTS)
 
         # Blocks are dealt out so that every part gets about as many stalks.
         share_of = np.searchsorted(first, first[-1] * np.arange(render.STRIPS + 1) / render.STRIPS)
         share_of[-1] = found
-        spans = self._spans
-        records, bins, width = self._records, len(self._count), self.spec.width_px
+        stalks = render.Stalks(blocks, self._packs, first, drawn, self._records, self._spans)
+        profiles, width = self._profiles, self.spec.width_px
+        bins = len(profiles.counts)
 
         def prepare(part: int) -> None:
             self._prepare(
-                blocks, self._packs, first, scene, view, paint, self._seed, float(shot.t),
-                sway_x, sway_y, 0.35, share_of[part], share_of[part + 1], records, spans, drawn,
-                bins * part // render.STRIPS, bins * (part + 1) // render.STRIPS,
-                self._pieces, self._count,
+                (int(share_of[part]), int(share_of[part + 1])),
+                (bins * part // render.STRIPS, bins * (part + 1) // render.STRIPS),
+                scene, view, paint, profiles, stalks, self._seed, wind,
             )  # fmt: skip
 
         def draw(part: int) -> None:
             left, right = width * part // render.STRIPS, width * (part + 1) // render.STRIPS
             self._draw(
-                self._image, self._canvas, left, right, scene, view, paint, self._pieces,
-                self._count, self._crowns, first, drawn, spans, records,
+                self._image, self._canvas, left, right, scene, view, paint, profiles,
+                self._crowns, stalks,
             )  # fmt: skip
 
         self._shared(prepare)

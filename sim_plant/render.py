@@ -157,6 +157,39 @@ class Paint(NamedTuple):
     """1 - green/crop: what unripe crop lacks of the ripe one's colour."""
 
 
+class Wind(NamedTuple):
+    """How the stalks sway at time `t`, s: tangents of the mean lean, and the gusts' share."""
+
+    t: float
+    sway_x: float
+    sway_y: float
+    gust: float
+
+
+class Stalks(NamedTuple):
+    """The blocks in view, near ones first, and their stalks in the picture."""
+
+    blocks: NDArray[np.int32]
+    """(blocks, 2): row and column."""
+    packs: NDArray[Any]
+    """(PACKS, stalks) of GROWN."""
+    first: NDArray[np.int64]
+    """Of block k, the place of its first stalk in `records` and `spans`."""
+    drawn: NDArray[np.int64]
+    """Of block k, how many stalks from there on are in the picture."""
+    records: NDArray[Any]
+    """Of STALK."""
+    spans: NDArray[np.int16]
+    """(stalks, 2): the columns that each covers."""
+
+
+class Profiles(NamedTuple):
+    """What the rays of each azimuth meet; see `profile`."""
+
+    pieces: NDArray[np.float32]
+    counts: NDArray[np.int32]
+
+
 @njit(cache=True, nogil=True)
 def _standing(kind: int) -> bool:
     return kind in (f.CROP, f.NEIGHBOUR)
@@ -221,17 +254,17 @@ def profile(
     view: View,
     b0: int,
     b1: int,
-    pieces: NDArray[np.float32],
-    count: NDArray[np.int32],
+    profiles: Profiles,
 ) -> None:
     """What the rays of azimuths b0..b1 meet, by their slope (rise per horizontal distance).
 
-    Of a ray of bin b the first of `count[b]` pieces with slope < `pieces[b, k, LIMIT]` says what
+    Of a ray of bin b the first of `counts[b]` pieces with slope < `pieces[b, k, LIMIT]` says what
     it meets (MET) and its depth: RISE over the direction's z, plus BACK over its horizontal length.
-    Piece `count[b]` is sky. The azimuth of bin b is atan(_bin_tangent(b)) to the left of the
+    Piece `counts[b]` is sky. The azimuth of bin b is atan(_bin_tangent(b)) to the left of the
     view's heading. Free ground is crossed by leaps of the clear distance, crop by steps of 8 cm and
     more with the distance.
     """
+    pieces, counts = profiles
     n_j, n_i = scene.clear.shape
     inv = 0.5 / scene.cell
     hx = view.axes[2, 0]
@@ -311,7 +344,7 @@ def profile(
         pieces[b, m, RISE] = 0.0
         pieces[b, m, BACK] = 1e9
         pieces[b, m, MET] = _SKY
-        count[b] = m
+        counts[b] = m
 
 
 @njit(cache=True, nogil=True)
@@ -340,14 +373,14 @@ def find(
     left: int,
     right: int,
     view: View,
-    pieces: NDArray[np.float32],
-    count: NDArray[np.int32],
+    profiles: Profiles,
 ) -> None:
     """Where the rays of columns [left, right) end, from the profile of each one's azimuth.
 
     The depth becomes the distance along the optical axis, a little behind canopy and face so that
     the foremost stalks stand out; the label becomes what was met: _SKY, _CANOPY, _FACE or
     _GROUND."""
+    pieces, counts = profiles
     rows = canvas.shape[0]
     n = right - left
     axes = _heading(view)
@@ -387,7 +420,7 @@ def find(
             which = bin_of[i]
             slope = up[i] * per_flat[i]
             # Neighbours mostly meet the same; a pair always does.
-            k = min(k, count[which])
+            k = min(k, counts[which])
             while k > 0 and slope < pieces[which, k - 1, LIMIT]:
                 k -= 1
             while slope >= pieces[which, k, LIMIT]:
@@ -734,25 +767,12 @@ def blocks_in_view(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def project(
-    blocks: NDArray[np.int32],
-    packs: NDArray[Any],
-    first: NDArray[np.int64],
-    scene: Scene,
-    view: View,
-    paint: Paint,
-    seed: int,
-    t: float,
-    sway_x: float,
-    sway_y: float,
-    gust: float,
-    k0: int,
-    k1: int,
-    out: NDArray[Any],
-    spans: NDArray[np.int16],
-    drawn: NDArray[np.int64],
+    stalks: Stalks, k0: int, k1: int, scene: Scene, view: View, paint: Paint, seed: int, wind: Wind
 ) -> None:
-    """Projects stalks of blocks k0..k1 into `out`, `drawn[k]` of block k, and the columns that
-    each covers into `spans`; see `draw_stalks`."""
+    """Projects the stalks of blocks k0..k1: `drawn`, `records` and `spans` of them; see
+    `draw_stalks`."""
+    blocks, packs, first, drawn, out, spans = stalks
+    t, sway_x, sway_y, gust = wind
     R = view.axes
     n_j, n_i = scene.kind.shape
     inv = 1.0 / scene.cell
@@ -902,19 +922,17 @@ def draw_stalks(
     canvas: Canvas,
     left: int,
     right: int,
-    first: NDArray[np.int64],
-    drawn: NDArray[np.int64],
-    spans: NDArray[np.int16],
-    stalks: NDArray[Any],
+    stalks: Stalks,
     paint: Paint,
 ) -> None:
     """Draws the projected stalks into columns [left, right), front to back."""
+    _, _, first, drawn, records, spans = stalks
     rows = canvas.shape[0]
     for k in range(drawn.shape[0]):
         for n in range(first[k], first[k] + drawn[k]):
             if spans[n, 1] < left or spans[n, 0] >= right:
                 continue
-            e = stalks[n]
+            e = records[n]
             u1 = float(e.u1)
             v0 = float(e.v0)
             v1 = float(e.v1)
@@ -1175,50 +1193,32 @@ def draw(
     scene: Scene,
     view: View,
     paint: Paint,
-    pieces: NDArray[np.float32],
-    count: NDArray[np.int32],
+    profiles: Profiles,
     crowns: NDArray[np.float64],
-    first: NDArray[np.int64],
-    drawn: NDArray[np.int64],
-    spans: NDArray[np.int16],
-    stalks: NDArray[Any],
+    stalks: Stalks,
 ) -> None:
     """Columns [left, right) of a picture, in one call: what is passed costs as much as a kernel."""
-    find(canvas, left, right, view, pieces, count)
+    find(canvas, left, right, view, profiles)
     draw_crowns(canvas, left, right, crowns, view, paint)
-    draw_stalks(canvas, left, right, first, drawn, spans, stalks, paint)
+    draw_stalks(canvas, left, right, stalks, paint)
     fill(image, canvas, left, right, scene, view, paint)
 
 
 @njit(cache=True, nogil=True)
 def prepare(
-    blocks: NDArray[np.int32],
-    packs: NDArray[Any],
-    first: NDArray[np.int64],
+    blocks: tuple[int, int],
+    azimuths: tuple[int, int],
     scene: Scene,
     view: View,
     paint: Paint,
+    profiles: Profiles,
+    stalks: Stalks,
     seed: int,
-    t: float,
-    sway_x: float,
-    sway_y: float,
-    gust: float,
-    k0: int,
-    k1: int,
-    stalks: NDArray[Any],
-    spans: NDArray[np.int16],
-    drawn: NDArray[np.int64],
-    b0: int,
-    b1: int,
-    pieces: NDArray[np.float32],
-    count: NDArray[np.int32],
+    wind: Wind,
 ) -> None:
-    """What `draw` needs: stalks of blocks k0..k1, profiles of azimuths b0..b1."""
-    project(
-        blocks, packs, first, scene, view, paint, seed, t, sway_x, sway_y, gust, k0, k1, stalks,
-        spans, drawn,
-    )  # fmt: skip
-    profile(scene, view, b0, b1, pieces, count)
+    """What `draw` needs: the stalks of these blocks, the profiles of these azimuths."""
+    project(stalks, blocks[0], blocks[1], scene, view, paint, seed, wind)
+    profile(scene, view, azimuths[0], azimuths[1], profiles)
 
 
 class Direct:
