@@ -69,7 +69,8 @@ STAND_S = 1.5
 """On a slope a braked machine creeps: after so long told to stand, that counts as standing."""
 SEARCH_PICTURES = 5
 TRUST_AFTER_S = 3.0
-"""An edge that stays hidden (at a slanting corner) is where the operator has put the blade."""
+"""An edge that stays hidden is where the operator has put the blade; where the crop's border slants
+across the strip, what is seen is not the edge, and that holds at once."""
 PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
@@ -375,8 +376,7 @@ class Pilot:
         if side is None or not self._position.known:
             return True
         along = self._along_m(then)
-        settled = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
-        if settled and self._lane.offset_sigma_m < LEAP_SIGMA_M and self.view is not None:
+        if self._lane.offset_sigma_m < LEAP_SIGMA_M and self.view is not None:
             leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
             if LEAP_M < leap < self._vehicle.blade_width_m:
                 return False
@@ -434,20 +434,21 @@ class Pilot:
         if view is None or view.ahead_confidence < CONFIDENT:
             return self._hold()
         waited = now - self._phase_stamp
-        if view.confidence < CONFIDENT and (waited < TRUST_AFTER_S or not self._plan.sides):
+        side = self._side()
+        slanting = side is not None and side.edge_begin_m > SQUARE_M
+        seen = view.confidence >= CONFIDENT and not slanting
+        if not (seen or slanting) and (waited < TRUST_AFTER_S or side is None):
             return self._hold()
-        if view.confidence < CONFIDENT:
+        if not seen:
             self._lane.place(0.0, 0.0, 0.05, math.radians(2))
         else:
             self._lane.place(0.0, 0.0, 0.15, math.radians(8))
             edge, heading = self._edge_m(view, self.motion), view.edge_heading_rad
             ahead = view.edge_ahead_m
             self._lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead)
-        side = self._side()
         if side is not None:
             ahead = view.crop_ahead_m if view.ahead_confidence >= CONFIDENT else 0.0
             self._position.place(side, -ahead, self._lane.offset_m, self._lane.heading_rad)
-        seen = view.confidence >= CONFIDENT
         self._start_side(now, "the edge is in view" if seen else "on the operator's alignment")
         return self._hold()
 

@@ -63,6 +63,9 @@ NARROW_M = 0.12
 AROUND_M = 0.06
 """Which of two grounds a place belongs to shows in a wide window, where exactly they meet in a
 narrow one: looked for so far around."""
+AGAIN_M = (0.05, 0.1)
+"""From the right end, and how wide: pieces of the face beside it."""
+AGAIN_PIXELS = 50.0
 DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
 BLOCK_PX = 16
@@ -310,6 +313,17 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
     return found
 
 
+def _again(sums: Sums, at: int) -> float:
+    """The greatest share of stems right of an end: of a true one nothing stands there, but what
+    dust or weeds hide of a face goes on behind them."""
+    beyond, wide = (round(m / BIN_M) for m in AGAIN_M)
+    count = max(0, at - beyond) // wide
+    first = at - beyond - count * wide
+    pieces = sums[first : first + count * wide].reshape(count, wide, 4).sum(axis=1)
+    pieces = pieces[pieces[:, 0] > AGAIN_PIXELS]
+    return float((pieces[:, 1] / pieces[:, 0]).max(initial=0.0))
+
+
 class FaceFinder:
     """Finds the face in pictures of one mount."""
 
@@ -487,8 +501,9 @@ class FaceFinder:
                 x_c, _, z_c = (float(c) for c in self._camera.position)
                 border = z_c * dust / (face_x - x_c + dust)
                 bands = (min(border, bands[1] - 0.1), bands[1], bands[2], bands[3])
+        sums = self._sums(seen, face_x, bands)
         at, inside, outside, differ = _step(
-            self._sums(seen, face_x, bands),
+            sums,
             round(WINDOW_M / BIN_M),
             round((left_m - SPAN_M[0]) / BIN_M),
             (expected_m - SPAN_M[0]) / BIN_M,
@@ -497,7 +512,8 @@ class FaceFinder:
         if at < 0:
             return NAN, 0.0
         contrast = (inside - outside) / (inside + outside)
-        sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ)
+        again = _again(sums, at) / inside
+        sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
         return SPAN_M[0] + at * BIN_M, max(0.0, sure)
 
     def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:

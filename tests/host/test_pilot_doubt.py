@@ -17,6 +17,7 @@ from host.manoeuvre import Turn
 from host.pilot import (
     CREEP_MPS,
     END_PAST_M,
+    LEAP_SIGMA_M,
     RESUME_AFTER_S,
     Phase,
     Pilot,
@@ -546,6 +547,26 @@ def test_an_edge_that_stays_hidden_is_where_the_operator_put_the_blade() -> None
         assert pilot.phase is Phase.ALIGN
         drive(world, pilot, 1.5)
         assert pilot.phase is phase, "without a plan it takes no place for granted"
+
+
+def test_before_a_slanting_border_the_operators_alignment_counts_and_not_what_is_seen() -> None:
+    world = SimpleWorld(VEHICLE)
+    slanting = replace(FIRST, edge_begin_m=1.3, begin_seen_m=0.3)
+    pilot = Pilot(VEHICLE, Eyes(world, beside(0.3)), replace(PLAN, sides=(slanting, SECOND)))
+    drive(world, pilot, 3.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert pilot.phase is Phase.FOLLOW, "at once"
+    assert pilot.lane.blade_offset_m == pytest.approx(0.0, abs=0.01)
+
+
+def test_no_leap_of_the_edge_counts_as_soon_as_the_lane_is_known() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 0.3)
+    assert pilot.lane.offset_sigma_m < LEAP_SIGMA_M
+    eyes.spoil = beside(0.6)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.5)
+    assert pilot.lane.blade_offset_m == pytest.approx(0.0, abs=0.02)
 
 
 def test_a_fault_of_the_firmware_that_does_not_clear_ends_it() -> None:

@@ -269,3 +269,20 @@ def test_the_stages_are_there_when_asked_for(mode: Mode) -> None:
 def test_only_the_left_side_drives() -> None:
     with pytest.raises(ValueError, match="left"):
         make_detector("robust", Vehicle(), LOW, side="right")  # type: ignore[arg-type]
+
+
+def behind_a_puff(middle: int) -> NDArray[np.uint8]:
+    """Crop from a mast, and dust that hides its face from top to bottom around a column."""
+    picture = field(MAST, right_m=-0.45).astype(np.float64)
+    column = np.abs(np.arange(picture.shape[1]) - middle)
+    hides = 0.95 * np.clip((75.0 - column) / 25.0, 0.0, 1.0)[None, :, None]
+    return np.asarray((1 - hides) * picture + hides * 200.0, np.uint8)
+
+
+@pytest.mark.parametrize("middle", [320, 350, 380])
+def test_a_face_that_goes_on_behind_dust_has_no_end_there_however_long_it_lies(middle: int) -> None:
+    eye = detector("robust", MAST)
+    assert eye.see(field(MAST, right_m=-0.45)).confidence >= 0.5
+    for _ in range(BELIEVED + 5):
+        view = eye.see(behind_a_puff(middle))
+        assert view.confidence < 0.5 or abs(view.edge_offset_m) < 0.05
