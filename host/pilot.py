@@ -173,6 +173,8 @@ class Pilot:
         self._empty = 0
         self._run_from: Motion | None = None
         self._search_m = math.inf
+        self._crop_at_m = math.inf
+        """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._corrected_m = math.inf
 
     # ---- what others may read --------------------------------------------------------------------
@@ -395,8 +397,13 @@ class Pilot:
         )
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
-        """Counts pictures in a row that show no crop before the blade."""
-        if self.phase is not Phase.FOLLOW or view.ahead_confidence < CONFIDENT:
+        """Notes where the side's crop begins, and counts pictures in a row that show no crop before
+        the blade. Crop that was seen does not recede: where dust hides its foot from then on, the
+        way to it says when the blade has met it."""
+        if self.phase not in (Phase.LOOK, Phase.FOLLOW) or view.ahead_confidence < CONFIDENT:
+            return
+        self._crop_at_m = min(self._crop_at_m, then.distance_m + view.crop_ahead_m)
+        if self.phase is Phase.LOOK:
             return
         if view.crop_ahead_m < NEAR_CROP_M and self._entered_at is None:
             self._entered_at = then
@@ -404,6 +411,8 @@ class Pilot:
             if side is not None and self._position.known:
                 ago = self.motion.distance_m - then.distance_m
                 self._position.at_begin(side, ago - view.crop_ahead_m)
+        elif then.distance_m > self._crop_at_m + NEAR_CROP_M and self._entered_at is None:
+            self._entered_at = then
         if view.crop_ahead_m < END_CLEAR_M:
             self._clear_count, self._clear_since = 0, None
         elif self._entered_at is not None:
@@ -637,7 +646,7 @@ class Pilot:
         self._leg_running = False
         self._begin_leg(self._turn.legs[0])
         self._leg_stamp = now
-        self._search_m = math.inf
+        self._search_m = self._crop_at_m = math.inf
         why = "the keep-out's margin" if blind else "no crop before the blade"
         why = "the plan's, which vision has not seen" if self._by_plan else why
         self._go(now, Phase.TURN, f"end of {self._plan.name(self.turns - 1)}: {why}")

@@ -143,6 +143,25 @@ def test_a_side_whose_crop_seems_to_begin_early_is_not_too_long_for_that() -> No
     assert pilot.turns == 2, pilot.reason
 
 
+def test_crop_whose_foot_dust_hides_is_met_where_it_was_seen_before() -> None:
+    """A side whose crop seems never to be met would be driven on to the geofence."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def dusty(view: CropView) -> CropView:
+        hidden = pilot.turns == 1 and pilot.phase is Phase.FOLLOW
+        return replace(view, crop_ahead_m=max(view.crop_ahead_m, 0.6)) if hidden else view
+
+    eyes.spoil = dusty
+    drive(world, pilot, 120.0, until=lambda: pilot.cut_m > 0.0 and pilot.turns == 1)
+    begun = 10.0 - VEHICLE.pass_m - (world.x - VEHICLE.blade_x_m)
+    assert 0.0 < begun < 0.5
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert "no crop before the blade" in pilot.reason
+    assert world.x - VEHICLE.blade_x_m == pytest.approx(0.0, abs=0.5)
+
+
 def test_while_it_hesitates_nothing_is_dust() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, lambda view: view)
