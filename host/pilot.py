@@ -33,6 +33,8 @@ END_CLEAR_M = 0.8
 END_PICTURES = 3
 END_PAST_M = 0.15
 """Beyond the plan's end of a side, from where on clear ground is more likely than dust."""
+DOUBTED_M = 0.3
+"""Before the first sure picture without crop, at most: what a detector waits for, at full speed."""
 NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.9
@@ -160,6 +162,9 @@ class Pilot:
         self._entered_at: Motion | None = None
         self._clear_since: EndOfField | None = None
         self._clear_count = 0
+        self._seems_clear_since: Motion | None = None
+        """The first of the latest pictures without crop before the blade, sure or not: what a
+        detector doubts until it has stayed was there from the first."""
         self._turn: Turn | None = None
         self._turn_from: tuple[float, float, float] | None = None
         self._leg_index = 0
@@ -400,6 +405,10 @@ class Pilot:
         """Notes where the side's crop begins, and counts pictures in a row that show no crop before
         the blade. Crop that was seen does not recede: where dust hides its foot from then on, the
         way to it says when the blade has met it."""
+        if view.crop_ahead_m < END_CLEAR_M:
+            self._seems_clear_since = None
+        elif view.crop_ahead_m >= END_CLEAR_M:
+            self._seems_clear_since = self._seems_clear_since or then
         if self.phase not in (Phase.LOOK, Phase.FOLLOW) or view.ahead_confidence < CONFIDENT:
             return
         self._crop_at_m = min(self._crop_at_m, then.distance_m + view.crop_ahead_m)
@@ -463,7 +472,7 @@ class Pilot:
     def _start_side(self, now: float, reason: str) -> None:
         self._turn = None
         self._entered_at = None
-        self._clear_count, self._clear_since = 0, None
+        self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
         self._go(now, Phase.FOLLOW, reason)
 
@@ -629,7 +638,9 @@ class Pilot:
         seen = self._entered_at is not None and not self._by_plan
         blind = side is not None and side.blind_end
         if side is not None and seen and not blind and self._position.known:
-            ago = self.motion.distance_m - end.motion.distance_m
+            first = self._seems_clear_since or end.motion
+            ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
+            ago = self.motion.distance_m - ended_m
             self._position.at_end(side, ago, self._odometry.scale_sigma * self._cut_m(end.motion))
         self._turn_from = self._end_of_lane(end)
         if side is not None:

@@ -162,6 +162,26 @@ def test_crop_whose_foot_dust_hides_is_met_where_it_was_seen_before() -> None:
     assert world.x - VEHICLE.blade_x_m == pytest.approx(0.0, abs=0.5)
 
 
+def test_an_end_that_is_doubted_at_first_was_where_it_was_first_seen() -> None:
+    """A detector waits for some pictures until it believes that clear ground is not dust: the
+    machine rolls on meanwhile, a fifth of a metre at 0.5 m/s."""
+
+    def believed(doubted: int) -> float:
+        """How far along the side the position is at the turn, less where the machine is."""
+        world = SimpleWorld(VEHICLE)
+        clear = [0]
+
+        def doubting(view: CropView) -> CropView:
+            clear[0] = clear[0] + 1 if view.crop_ahead_m > 0.5 else 0
+            return replace(view, ahead_confidence=0.4) if 0 < clear[0] <= doubted else view
+
+        pilot = Pilot(VEHICLE, Eyes(world, doubting), PLAN)
+        drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+        return pilot.position.along(FIRST) - world.y - VEHICLE.blade_x_m
+
+    assert believed(5) == pytest.approx(believed(0), abs=0.02)
+
+
 def test_while_it_hesitates_nothing_is_dust() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, lambda view: view)
