@@ -82,6 +82,9 @@ the crop's face, as long as dead reckoning knows the lane so well (some 7 m)."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
+CORNER_SIGMA_M = 0.1
+"""Uncertainty of the lane from which on the corner at a slanting border is taken for what it
+tells."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
 ALIGNED_M = 0.03
@@ -353,6 +356,8 @@ class Pilot:
             self._odometry.turn_trim(self._lane.take_bias())
             if moved and not self._lane.contradicted:
                 self._believe_heading()
+        elif sure and moved:
+            self._take_corner(view, then, since)
         self._watch_ahead(view, then, frame.stamp)
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
@@ -390,6 +395,24 @@ class Pilot:
         begins = side.edge_begin_m if side.edge_begin_m > SQUARE_M else -math.inf
         ends = side.length_m - side.edge_end_m if side.edge_end_m > SQUARE_M else math.inf
         return begins <= along <= ends
+
+    def _take_corner(self, view: CropView, then: Motion, since: tuple[float, float]) -> None:
+        """Where the crop's border slants across the strip, the right end that a picture shows is
+        the corner from which the outer edge runs: a line of sight from the rear axle, near which
+        the cameras sit. It tells a lane that is doubtful more than dead reckoning does."""
+        side = self._side()
+        driving_turn = self._turn is not None and self._leg_index < len(self._turn.legs)
+        if side is None or driving_turn or not self._position.known:
+            return
+        blade, ahead = self._vehicle.blade_x_m, view.edge_ahead_m
+        corner = side.edge_begin_m - self._along_m(then)
+        if corner <= ahead or self._lane.offset_sigma_m < CORNER_SIGMA_M:
+            return
+        self._corrected_m = then.distance_m
+        inset = self._vehicle.inset_m
+        edge = (view.edge_offset_m - inset) * (blade + corner) / (blade + ahead) + inset
+        edge -= side.shift_m
+        self._lane.correct(edge, math.nan, CONFIDENT, since, ahead_m=corner, learn=False)
 
     def _backing(self) -> bool:
         """Whether this is a turn's last leg, back along the new side."""
@@ -556,7 +579,8 @@ class Pilot:
             return
         self._anchored = here
         lane = self._lane
-        self._position.on_lane(side, self.turns, lane.offset_m, lane.heading_rad)
+        sigma = lane.offset_sigma_m
+        self._position.on_lane(side, self.turns, lane.offset_m, lane.heading_rad, sigma)
 
     def _cut_m(self, motion: Motion) -> float:
         """How far the blade has come along this side since it met the crop."""
@@ -762,10 +786,13 @@ class Pilot:
             return
         x, y, heading = self._in_turn_frame()
         scale = self._odometry.scale_sigma
+        side = self._side()
+        known = side is not None and self._position.known
+        across = self._position.across_sigma_m(side) if side is not None and known else 0.0
         self._lane.place(
             self._turn.offset(x, y),
             heading - self._turn.lane_rad,
-            PLACE_SIGMA_M + 2 * scale,
+            max(PLACE_SIGMA_M + 2 * scale, across),
             PLACE_SIGMA_RAD + self._turn.lane_rad * scale,
         )
 

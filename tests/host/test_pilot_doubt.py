@@ -310,6 +310,59 @@ def test_what_is_seen_where_the_crops_border_slants_is_not_its_edge(where: str) 
     assert world.x == pytest.approx(usual, abs=0.03)
 
 
+def corner_of(world: SimpleWorld, corner_y: float) -> Callable[[CropView], CropView]:
+    """The crop's right end as a camera on the rear axle shows it while the border slants: in line
+    with the corner at corner_y, wherever the nearest crop stands."""
+
+    def see(_view: CropView) -> CropView:
+        away, aside = corner_y - world.y, 10.0 - world.x
+        c, s = math.cos(world.yaw), math.sin(world.yaw)
+        forward, left = away * s + aside * c, away * c - aside * s
+        at = left / forward * (VEHICLE.blade_x_m + 0.2)
+        return CropView(
+            0.9,
+            edge_offset_m=at + VEHICLE.inset_m,
+            edge_ahead_m=0.2,
+            crop_ahead_m=0.0,
+            ahead_confidence=1.0,
+        )
+
+    return see
+
+
+@pytest.mark.parametrize("beside_m", [-0.2, 0.2])
+def test_a_doubtful_lane_is_found_by_the_corner_behind_a_slanting_border(beside_m: float) -> None:
+    """Short sides with slanting ends follow one another: dead reckoning alone goes farther astray
+    on each."""
+    world = SimpleWorld(VEHICLE)
+    world.x += beside_m
+    eyes = Eyes(world, corner_of(world, 3.0))
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    pilot.lane.place(0.0, 0.0, 0.25, math.radians(2.0))
+    drive(world, pilot, 20.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.5)
+    assert pilot.phase is Phase.FOLLOW
+    left_m = 10.0 - VEHICLE.inset_m - world.x
+    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.5 * abs(beside_m))
+    assert abs(left_m) < 0.6 * abs(beside_m)
+
+
+def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
+    def turned(doubt: float) -> float:
+        """Uncertainty of the lane where no edge is seen; `doubt` times that of the place before."""
+        world = SimpleWorld(VEHICLE)
+        eyes = Eyes(world, lambda view: view)
+        pilot = Pilot(VEHICLE, eyes, PLAN)
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+        eyes.spoil = lambda view: replace(view, confidence=0.0)
+        pilot.position.covariance[...] *= doubt**2
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+        return pilot.lane.offset_sigma_m
+
+    assert turned(5.0) > 1.5 * turned(1.0)
+
+
 def test_a_slanting_tip_that_is_not_seen_does_not_keep_a_side_from_ending() -> None:
     world = SimpleWorld(VEHICLE, height=8.0)
     tipped = replace(FIRST, end_seen_m=1.0)
