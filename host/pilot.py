@@ -19,7 +19,7 @@ from host.direction_check import DirectionCheck
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
-from host.plan import Plan, Side
+from host.plan import SEEN_SHARE, Plan, Side
 from host.position import Position
 from host.trail import Trails
 from host.turns import ROOM_M, next_turn, room_along
@@ -665,7 +665,11 @@ class Pilot:
             first = self._seems_clear_since or end.motion
             ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
             ago = self.motion.distance_m - ended_m
-            self._position.at_end(side, ago, self._odometry.scale_sigma * self._cut_m(end.motion))
+            drift = self._odometry.scale_sigma * self._cut_m(end.motion)
+            share = self.view.tip_share if self.view is not None else math.nan
+            share = share / SEEN_SHARE if math.isfinite(share) else 1.0
+            as_seen = replace(side, end_seen_m=share * side.end_seen_m)
+            self._position.at_end(as_seen, ago, drift)
         self._turn_from = self._end_of_lane(end)
         if side is not None:
             self._trails.end(side)

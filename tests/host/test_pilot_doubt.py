@@ -21,7 +21,7 @@ from host.pilot import (
     Phase,
     Pilot,
 )
-from host.plan import Plan, Side, spiral
+from host.plan import SEEN_SHARE, Plan, Side, spiral
 from host.position import Position
 from host.turns import next_turn, room_along
 from host.types import Command, Fix, Frame, Request, State
@@ -180,6 +180,22 @@ def test_an_end_that_is_doubted_at_first_was_where_it_was_first_seen() -> None:
         return pilot.position.along(FIRST) - world.y - VEHICLE.blade_x_m
 
     assert believed(5) == pytest.approx(believed(0), abs=0.02)
+
+
+def test_eyes_that_see_a_slanting_end_to_its_tip_place_it_there() -> None:
+    """The low camera sees stems over the tops of none: a twentieth of the blade's width will do."""
+
+    def believed(tip_share: float) -> float:
+        """How far along the position has the blade at the turn."""
+        world = SimpleWorld(VEHICLE)
+        eyes = Eyes(world, lambda view: replace(view, tip_share=tip_share))
+        slanting = replace(FIRST, end_seen_m=0.44)
+        pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+        drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+        return pilot.position.along(FIRST)
+
+    assert believed(math.nan) == believed(SEEN_SHARE)
+    assert believed(0.0) > believed(SEEN_SHARE) + 0.02
 
 
 def test_while_it_hesitates_nothing_is_dust() -> None:
