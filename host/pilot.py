@@ -19,7 +19,7 @@ from host.direction_check import DirectionCheck
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
-from host.plan import Plan, Side
+from host.plan import SEEN_SHARE, Plan, Side
 from host.position import Position
 from host.trail import Trails
 from host.turns import ROOM_M, next_turn, room_along
@@ -33,6 +33,8 @@ END_CLEAR_M = 0.8
 END_PICTURES = 3
 END_PAST_M = 0.15
 """Beyond the plan's end of a side, from where on clear ground is more likely than dust."""
+DOUBTED_M = 0.3
+"""Before the first sure picture without crop, at most: what a detector waits for, at full speed."""
 NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.9
@@ -81,6 +83,9 @@ the crop's face, as long as dead reckoning knows the lane so well (some 7 m)."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
+CORNER_SIGMA_M = 0.1
+"""Uncertainty of the lane from which on the corner at a slanting border is taken for what it
+tells."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
 ALIGNED_M = 0.03
@@ -161,6 +166,9 @@ class Pilot:
         self._entered_at: Motion | None = None
         self._clear_since: EndOfField | None = None
         self._clear_count = 0
+        self._seems_clear_since: Motion | None = None
+        """The first of the latest pictures without crop before the blade, sure or not: what a
+        detector doubts until it has stayed was there from the first."""
         self._turn: Turn | None = None
         self._turn_from: tuple[float, float, float] | None = None
         self._leg_index = 0
@@ -174,6 +182,8 @@ class Pilot:
         self._empty = 0
         self._run_from: Motion | None = None
         self._search_m = math.inf
+        self._crop_at_m = math.inf
+        """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._corrected_m = math.inf
 
     # ---- what others may read --------------------------------------------------------------------
@@ -347,6 +357,8 @@ class Pilot:
             self._odometry.turn_trim(self._lane.take_bias())
             if moved and not self._lane.contradicted:
                 self._believe_heading()
+        elif sure and moved:
+            self._take_corner(view, then, since)
         self._watch_ahead(view, then, frame.stamp)
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
@@ -384,6 +396,24 @@ class Pilot:
         ends = side.length_m - side.edge_end_m if side.edge_end_m > SQUARE_M else math.inf
         return begins <= along <= ends
 
+    def _take_corner(self, view: CropView, then: Motion, since: tuple[float, float]) -> None:
+        """Where the crop's border slants across the strip, the right end that a picture shows is
+        the corner from which the outer edge runs: a line of sight from the rear axle, near which
+        the cameras sit. It tells a lane that is doubtful more than dead reckoning does."""
+        side = self._side()
+        driving_turn = self._turn is not None and self._leg_index < len(self._turn.legs)
+        if side is None or driving_turn or not self._position.known:
+            return
+        blade, ahead = self._vehicle.blade_x_m, view.edge_ahead_m
+        corner = side.edge_begin_m - self._along_m(then)
+        if corner <= ahead or self._lane.offset_sigma_m < CORNER_SIGMA_M:
+            return
+        self._corrected_m = then.distance_m
+        inset = self._vehicle.inset_m
+        edge = (view.edge_offset_m - inset) * (blade + corner) / (blade + ahead) + inset
+        edge -= side.shift_m
+        self._lane.correct(edge, math.nan, CONFIDENT, since, ahead_m=corner, learn=False)
+
     def _backing(self) -> bool:
         """Whether this is a turn's last leg, back along the new side."""
         turn = self._turn
@@ -395,8 +425,17 @@ class Pilot:
         )
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
-        """Counts pictures in a row that show no crop before the blade."""
-        if self.phase is not Phase.FOLLOW or view.ahead_confidence < CONFIDENT:
+        """Notes where the side's crop begins, and counts pictures in a row that show no crop before
+        the blade. Crop that was seen does not recede: where dust hides its foot from then on, the
+        way to it says when the blade has met it."""
+        if view.crop_ahead_m < END_CLEAR_M:
+            self._seems_clear_since = None
+        elif view.crop_ahead_m >= END_CLEAR_M:
+            self._seems_clear_since = self._seems_clear_since or then
+        if self.phase not in (Phase.LOOK, Phase.FOLLOW) or view.ahead_confidence < CONFIDENT:
+            return
+        self._crop_at_m = min(self._crop_at_m, then.distance_m + view.crop_ahead_m)
+        if self.phase is Phase.LOOK:
             return
         if view.crop_ahead_m < NEAR_CROP_M and self._entered_at is None:
             self._entered_at = then
@@ -404,6 +443,8 @@ class Pilot:
             if side is not None and self._position.known:
                 ago = self.motion.distance_m - then.distance_m
                 self._position.at_begin(side, ago - view.crop_ahead_m)
+        elif then.distance_m > self._crop_at_m + NEAR_CROP_M and self._entered_at is None:
+            self._entered_at = then
         if view.crop_ahead_m < END_CLEAR_M:
             self._clear_count, self._clear_since = 0, None
         elif self._entered_at is not None:
@@ -455,7 +496,7 @@ class Pilot:
     def _start_side(self, now: float, reason: str) -> None:
         self._turn = None
         self._entered_at = None
-        self._clear_count, self._clear_since = 0, None
+        self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
         self._go(now, Phase.FOLLOW, reason)
 
@@ -539,7 +580,8 @@ class Pilot:
             return
         self._anchored = here
         lane = self._lane
-        self._position.on_lane(side, self.turns, lane.offset_m, lane.heading_rad)
+        sigma = lane.offset_sigma_m
+        self._position.on_lane(side, self.turns, lane.offset_m, lane.heading_rad, sigma)
 
     def _cut_m(self, motion: Motion) -> float:
         """How far the blade has come along this side since it met the crop."""
@@ -621,8 +663,14 @@ class Pilot:
         seen = self._entered_at is not None and not self._by_plan
         blind = side is not None and side.blind_end
         if side is not None and seen and not blind and self._position.known:
-            ago = self.motion.distance_m - end.motion.distance_m
-            self._position.at_end(side, ago, self._odometry.scale_sigma * self._cut_m(end.motion))
+            first = self._seems_clear_since or end.motion
+            ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
+            ago = self.motion.distance_m - ended_m
+            drift = self._odometry.scale_sigma * self._cut_m(end.motion)
+            share = self.view.tip_share if self.view is not None else math.nan
+            share = share / SEEN_SHARE if math.isfinite(share) else 1.0
+            as_seen = replace(side, end_seen_m=share * side.end_seen_m)
+            self._position.at_end(as_seen, ago, drift)
         self._turn_from = self._end_of_lane(end)
         if side is not None:
             self._trails.end(side)
@@ -638,7 +686,7 @@ class Pilot:
         self._leg_running = False
         self._begin_leg(self._turn.legs[0])
         self._leg_stamp = now
-        self._search_m = math.inf
+        self._search_m = self._crop_at_m = math.inf
         why = "the keep-out's margin" if blind else "no crop before the blade"
         why = "the plan's, which vision has not seen" if self._by_plan else why
         self._go(now, Phase.TURN, f"end of {self._plan.name(self.turns - 1)}: {why}")
@@ -743,10 +791,13 @@ class Pilot:
             return
         x, y, heading = self._in_turn_frame()
         scale = self._odometry.scale_sigma
+        side = self._side()
+        known = side is not None and self._position.known
+        across = self._position.across_sigma_m(side) if side is not None and known else 0.0
         self._lane.place(
             self._turn.offset(x, y),
             heading - self._turn.lane_rad,
-            PLACE_SIGMA_M + 2 * scale,
+            max(PLACE_SIGMA_M + 2 * scale, across),
             PLACE_SIGMA_RAD + self._turn.lane_rad * scale,
         )
 

@@ -29,6 +29,8 @@ END_EARLY_M = 0.1
 before its end from the mast, at 0.05 m from the low camera (docs/vision.md)."""
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
+SLOPE_MOST = 2.2
+"""Of a slanting border, along the side for each metre across it: a corner of 155°."""
 STEP_SIGMA = 0.02
 """Error of a step as a share of it, along and across."""
 SLIP_SIGMA = 0.015
@@ -107,20 +109,39 @@ class Position:
         dx, dy = self._x[0] - side.x_m, self._x[1] - side.y_m
         return float(dx * c + dy * s) + self._vehicle.blade_x_m
 
-    def on_lane(self, side: Side, index: int, offset_m: float, heading_rad: float) -> None:
-        """The lane filter's place against the lane of side number `index`."""
+    def across(self, side: Side) -> float:
+        """How far the rear axle is left of a side's lane."""
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        dx, dy = self._x[0] - side.x_m, self._x[1] - side.y_m
+        return float(dy * c - dx * s) - self._vehicle.inset_m + side.shift_m
+
+    def across_sigma_m(self, side: Side) -> float:
+        """Standard deviation of the place across a side's lane."""
+        across = np.array([-math.sin(side.heading_rad), math.cos(side.heading_rad)])
+        return math.sqrt(across @ self.covariance @ across)
+
+    def on_lane(
+        self,
+        side: Side,
+        index: int,
+        offset_m: float,
+        heading_rad: float,
+        offset_sigma_m: float = 0.0,
+    ) -> None:
+        """The lane filter's place, known to offset_sigma_m, against the lane of side number
+        `index`. A lane that goes by dead reckoning alone is no measurement of its own."""
         s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
-        inside = self._vehicle.inset_m - side.shift_m
-        across = -(self._x[0] - side.x_m) * s + (self._x[1] - side.y_m) * c - inside
+        across = self.across(side)
         turn = math.remainder(side.heading_rad + heading_rad - self._x[2], math.tau)
-        sigma = LANE_SIGMA_M + RING_SIGMA_M * index / 4
+        sigma = math.hypot(LANE_SIGMA_M + RING_SIGMA_M * index / 4, offset_sigma_m)
         self._correct(np.array([[-s, c, 0.0, 0.0]]), offset_m - across, sigma)
         self._correct(np.array([[0.0, 0.0, 1.0, 0.0]]), turn, LANE_SIGMA_RAD)
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
         sigma = math.hypot(BEGIN_SIGMA_M, SLANT_SHARE * side.begin_seen_m)
-        self._along(side, side.begin_seen_m + ago_m, sigma)
+        slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
+        self._along(side, side.begin_seen_m + ago_m, sigma, slope)
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since; drift_m is what a wrong
@@ -129,15 +150,19 @@ class Position:
         self._p = self._p + along.T @ along * drift_m**2
         sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m)
         seen = side.length_m - side.end_seen_m - END_EARLY_M
-        self._along(side, seen + ago_m, sigma)
+        slope = min(SLOPE_MOST, side.edge_end_m / side.width_m)
+        self._along(side, seen + ago_m, sigma, -slope)
 
-    def _along(self, side: Side, blade_m: float, sigma_m: float) -> None:
-        """The blade's line stands blade_m past the side's beginning."""
-        along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0, 0.0]])
-        innovation = blade_m - self.along(side)
-        expected = math.sqrt((along @ self._p @ along.T).item() + sigma_m**2)
+    def _along(self, side: Side, blade_m: float, sigma_m: float, slope: float) -> None:
+        """The blade's line stands blade_m past the side's beginning, if it is on the lane. Of a
+        border that slants a machine left of the lane meets the beginning earlier by `slope` of how
+        far left it is."""
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        h = np.array([[c - slope * s, s + slope * c, 0.0, 0.0]])
+        innovation = blade_m - self.along(side) - slope * self.across(side)
+        expected = math.sqrt((h @ self._p @ h.T).item() + sigma_m**2)
         doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
-        self._correct(along, innovation, sigma_m * doubt**2)
+        self._correct(h, innovation, sigma_m * doubt**2)
 
     def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> None:
         variance = (h @ self._p @ h.T).item() + sigma**2

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from host.vehicle import Mount, Vehicle
-from host.vision.face import LOWEST_M, TRACK_M, Evidence, Face, FaceFinder
+from host.vision.face import HIDDEN_DENSE, LOWEST_M, TRACK_M, Evidence, Face, FaceFinder
 from host.vision.geometry import Camera
 from host.vision.paper import (
     L_TOLERANCE,
@@ -129,6 +129,7 @@ class MountedDetector:
             edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
             crop_ahead_m=face.ahead_m,
             ahead_confidence=ahead_confidence,
+            tip_share=HIDDEN_DENSE if self._below_tops else NAN,
             end_of_field=self._end_of_field(height),
             e_outer_px=self._column(face.right_m, face),
             o_map_px=self._column(self._expected_m, face),

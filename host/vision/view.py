@@ -35,6 +35,9 @@ class CropView:
     cutting, inf where none stands in view, NaN where unknown."""
     ahead_confidence: float = 0.0
     """The same meaning for `crop_ahead_m`, within 0.25 m."""
+    tip_share: float = NAN
+    """Share of the blade's width down to which crop that is being cut still counts as ahead: at a
+    slanting end it says how near the last tip that is lost. NaN: as the plan has it."""
     end_of_field: float = 0.0
     """Evidence 0..1 of the mode's own rule (the paper's: l_height below l_reference by over
     3 % of the rows)."""

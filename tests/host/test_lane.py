@@ -151,6 +151,20 @@ def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() 
     assert position.along(side) == pytest.approx(backed - 1.0), "without the blade none is lost"
 
 
+def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    sigmas = []
+    for lane_sigma_m in (0.0, 0.3):
+        position = Position(VEHICLE)
+        position.place(side, 0.0, 0.0, 0.0)
+        for k in range(6):
+            position.predict(motion(0.5 * k), cutting=True)
+            position.on_lane(side, 0, 0.0, 0.0, lane_sigma_m)
+        sigmas.append(position.across_sigma_m(side))
+    assert sigmas[0] < 0.04
+    assert sigmas[1] > 2.0 * sigmas[0]
+
+
 def test_an_end_seen_far_from_where_it_is_expected_counts_less() -> None:
     side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
     moved = []
@@ -179,6 +193,23 @@ def test_a_slanting_end_counts_where_it_is_seen_and_the_less_the_more_it_slants(
         getattr(position, told)(side, 0.4)
         moved = position.along(side) - blade_m
         assert 0.01 < moved < (0.03 if seen_m else 0.2)
+
+
+@pytest.mark.parametrize("told", ["at_begin", "at_end"])
+def test_a_slanting_border_met_late_or_early_tells_of_the_place_across_too(told: str) -> None:
+    """At a corner of 135° a machine 0.3 m right of its lane meets the crop 0.3 m later, and loses
+    it as much earlier."""
+    width_m, right_m, early_m = VEHICLE.pass_m, 0.3, 0.1
+    side = Side(0.0, 0.0, 0.0, 10.0, width_m, 10.0, edge_begin_m=width_m, edge_end_m=width_m)
+    met_m = right_m if told == "at_begin" else side.length_m - early_m - right_m
+    for wrong_m in (0.0, 0.2):
+        position = Position(VEHICLE)
+        position.place(side, met_m, -right_m + wrong_m, 0.0)
+        getattr(position, told)(side, 0.0)
+        moved = position.across(side) - (-right_m + wrong_m)
+        assert moved == pytest.approx(0.0, abs=1e-6) if wrong_m == 0.0 else moved < -0.01
+        if wrong_m == 0.0:
+            assert position.along(side) == pytest.approx(met_m, abs=1e-6)
 
 
 def pictures_until_believed(lane: Lane, offset_m: float, most: int = 200) -> int:

@@ -22,7 +22,7 @@ from host.pilot import (
     Phase,
     Pilot,
 )
-from host.plan import Plan, Side, spiral
+from host.plan import SEEN_SHARE, Plan, Side, spiral
 from host.position import Position
 from host.turns import next_turn, room_along
 from host.types import Command, Fix, Frame, Request, State
@@ -142,6 +142,61 @@ def test_a_side_whose_crop_seems_to_begin_early_is_not_too_long_for_that() -> No
     eyes.spoil = early
     drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
     assert pilot.turns == 2, pilot.reason
+
+
+def test_crop_whose_foot_dust_hides_is_met_where_it_was_seen_before() -> None:
+    """A side whose crop seems never to be met would be driven on to the geofence."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def dusty(view: CropView) -> CropView:
+        hidden = pilot.turns == 1 and pilot.phase is Phase.FOLLOW
+        return replace(view, crop_ahead_m=max(view.crop_ahead_m, 0.6)) if hidden else view
+
+    eyes.spoil = dusty
+    drive(world, pilot, 120.0, until=lambda: pilot.cut_m > 0.0 and pilot.turns == 1)
+    begun = 10.0 - VEHICLE.pass_m - (world.x - VEHICLE.blade_x_m)
+    assert 0.0 < begun < 0.5
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert "no crop before the blade" in pilot.reason
+    assert world.x - VEHICLE.blade_x_m == pytest.approx(0.0, abs=0.5)
+
+
+def test_an_end_that_is_doubted_at_first_was_where_it_was_first_seen() -> None:
+    """A detector waits for some pictures until it believes that clear ground is not dust: the
+    machine rolls on meanwhile, a fifth of a metre at 0.5 m/s."""
+
+    def believed(doubted: int) -> float:
+        """How far along the side the position is at the turn, less where the machine is."""
+        world = SimpleWorld(VEHICLE)
+        clear = [0]
+
+        def doubting(view: CropView) -> CropView:
+            clear[0] = clear[0] + 1 if view.crop_ahead_m > 0.5 else 0
+            return replace(view, ahead_confidence=0.4) if 0 < clear[0] <= doubted else view
+
+        pilot = Pilot(VEHICLE, Eyes(world, doubting), PLAN)
+        drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+        return pilot.position.along(FIRST) - world.y - VEHICLE.blade_x_m
+
+    assert believed(5) == pytest.approx(believed(0), abs=0.02)
+
+
+def test_eyes_that_see_a_slanting_end_to_its_tip_place_it_there() -> None:
+    """The low camera sees stems over the tops of none: a twentieth of the blade's width will do."""
+
+    def believed(tip_share: float) -> float:
+        """How far along the position has the blade at the turn."""
+        world = SimpleWorld(VEHICLE)
+        eyes = Eyes(world, lambda view: replace(view, tip_share=tip_share))
+        slanting = replace(FIRST, end_seen_m=0.44)
+        pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+        drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+        return pilot.position.along(FIRST)
+
+    assert believed(math.nan) == believed(SEEN_SHARE)
+    assert believed(0.0) > believed(SEEN_SHARE) + 0.02
 
 
 def test_while_it_hesitates_nothing_is_dust() -> None:
@@ -270,6 +325,59 @@ def test_what_is_seen_where_the_crops_border_slants_is_not_its_edge(where: str) 
     drive(world, pilot, 60.0, until=lambda: world.y + VEHICLE.blade_x_m > (1.9 if begin else 9.9))
     assert pilot.phase is Phase.FOLLOW
     assert world.x == pytest.approx(usual, abs=0.03)
+
+
+def corner_of(world: SimpleWorld, corner_y: float) -> Callable[[CropView], CropView]:
+    """The crop's right end as a camera on the rear axle shows it while the border slants: in line
+    with the corner at corner_y, wherever the nearest crop stands."""
+
+    def see(_view: CropView) -> CropView:
+        away, aside = corner_y - world.y, 10.0 - world.x
+        c, s = math.cos(world.yaw), math.sin(world.yaw)
+        forward, left = away * s + aside * c, away * c - aside * s
+        at = left / forward * (VEHICLE.blade_x_m + 0.2)
+        return CropView(
+            0.9,
+            edge_offset_m=at + VEHICLE.inset_m,
+            edge_ahead_m=0.2,
+            crop_ahead_m=0.0,
+            ahead_confidence=1.0,
+        )
+
+    return see
+
+
+@pytest.mark.parametrize("beside_m", [-0.2, 0.2])
+def test_a_doubtful_lane_is_found_by_the_corner_behind_a_slanting_border(beside_m: float) -> None:
+    """Short sides with slanting ends follow one another: dead reckoning alone goes farther astray
+    on each."""
+    world = SimpleWorld(VEHICLE)
+    world.x += beside_m
+    eyes = Eyes(world, corner_of(world, 3.0))
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    pilot.lane.place(0.0, 0.0, 0.25, math.radians(2.0))
+    drive(world, pilot, 20.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.5)
+    assert pilot.phase is Phase.FOLLOW
+    left_m = 10.0 - VEHICLE.inset_m - world.x
+    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.5 * abs(beside_m))
+    assert abs(left_m) < 0.6 * abs(beside_m)
+
+
+def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
+    def turned(doubt: float) -> float:
+        """Uncertainty of the lane where no edge is seen; `doubt` times that of the place before."""
+        world = SimpleWorld(VEHICLE)
+        eyes = Eyes(world, lambda view: view)
+        pilot = Pilot(VEHICLE, eyes, PLAN)
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+        eyes.spoil = lambda view: replace(view, confidence=0.0)
+        pilot.position.covariance[...] *= doubt**2
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+        return pilot.lane.offset_sigma_m
+
+    assert turned(5.0) > 1.5 * turned(1.0)
 
 
 def test_a_slanting_tip_that_is_not_seen_does_not_keep_a_side_from_ending() -> None:
