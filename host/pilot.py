@@ -46,6 +46,14 @@ LANE_SIGMA_M = 0.3
 """Uncertainty of the edge at the blade beyond which the pilot does not cut on. Over a patch of
 weeds or thin crop, or where no edge line shows (short remnants, slanting ends), dead reckoning does
 for some metres."""
+DUST_SIGMA_M = 0.12
+"""From here on it is worth a stop to look without the blade's dust."""
+UNSEEN_M = 0.3
+"""Travelled without an edge: not a puff that is gone at the next picture."""
+LOOK_EVERY_M = 1.0
+LOOK_S = 3.0
+SETTLE_S = 1.0
+"""Of it, until the dust has settled."""
 SKIP_SIDE_M = 3.0
 """A side up to this long without any crop is driven along to the next."""
 REMNANT = 0.015
@@ -181,6 +189,9 @@ class Pilot:
         self._looks = 0
         self._empty = 0
         self._run_from: Motion | None = None
+        self._look_until = math.inf
+        """While it stands to look without dust: when that was long enough."""
+        self._looked_m = -math.inf
         self._search_m = math.inf
         self._crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
@@ -348,6 +359,7 @@ class Pilot:
             self._unsure_stamp = frame.stamp
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
+        sure = sure and not LOOK_S - SETTLE_S < self._look_until - frame.stamp < math.inf
         if sure and (moved or self._lane.contradicted) and self._on_lane(then):
             self._corrected_m = then.distance_m
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
@@ -534,10 +546,28 @@ class Pilot:
             self._unsure_stamp = now
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
+        if self._worth_a_look():
+            self._look_until = now + LOOK_S
+            self._looked_m = self.motion.distance_m
+            self._go(now, Phase.HESITATE, "the edge is unsure: looking without the blade's dust")
+            return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)
+
+    def _worth_a_look(self) -> bool:
+        """Whether the lane has become doubtful where its edge might be seen but for dust."""
+        side, here = self._side(), self.motion
+        if side is None or self._entered_at is None or self._clear_count > 0:
+            return False
+        along = self._along_m(here)
+        return (
+            self._lane.offset_sigma_m > DUST_SIGMA_M
+            and abs(here.distance_m - self._corrected_m) > UNSEEN_M
+            and abs(here.distance_m - self._looked_m) > LOOK_EVERY_M
+            and side.edge_begin_m < along < side.length_m - max(side.edge_end_m, END_CLEAR_M)
+        )
 
     def _learn_turn(self, side: Side) -> None:
         """Once on each side, where the lane is known again."""
@@ -647,6 +677,13 @@ class Pilot:
                 self._leg_running = False
                 self._leg_stamp = now
                 self._go(now, Phase.TURN, "the camera sees again")
+            return self._hold()
+        if self._look_until < math.inf:
+            seen = abs(self.motion.distance_m - self._corrected_m) < UNSEEN_M
+            if seen or now > self._look_until:
+                self._look_until = math.inf
+                what = "the edge is in view again" if seen else "no clearer view: by dead reckoning"
+                self._go(now, Phase.FOLLOW, what)
             return self._hold()
         sure_for = self._sure_stamp - self._unsure_stamp
         known = self._lane.offset_sigma_m < LANE_SIGMA_M

@@ -268,6 +268,38 @@ def test_what_made_it_hesitate_has_to_be_gone_for_a_while() -> None:
     assert RESUME_AFTER_S <= world.now - began < 3.0
 
 
+def test_where_the_blades_dust_hides_the_edge_it_stops_to_look_and_goes_on() -> None:
+    world = SimpleWorld(VEHICLE, yaw_gain=0.97, pot_error=math.radians(0.5))
+    eyes = Eyes(world, lambda view: replace(view, confidence=0.0) if world.command.blade else view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    beside = []
+
+    def on_first_side() -> bool:
+        if pilot.cut_m > 0.5:
+            beside.append(world.x - (10.0 - VEHICLE.inset_m))
+        return pilot.turns == 1
+
+    drive(world, pilot, 120.0, until=on_first_side)
+    stops = [t for t in pilot.transitions if "without the blade's dust" in t.reason]
+    assert len(stops) >= 2
+    assert np.abs(beside).max() < 0.1, "0.16 m without the looks"
+    assert pilot.phase is Phase.TURN
+
+
+def test_a_look_that_shows_no_more_does_not_hold_it_up() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
+    eyes.spoil = lambda view: replace(view, confidence=0.0)
+    log: list[Command] = []
+    drive(world, pilot, 60.0, log, until=lambda: pilot.cut_m > 7.0)
+    assert pilot.cut_m > 7.0
+    stood = [c for c in log if "without the blade's dust" in c.reason]
+    assert stood
+    assert not any(c.blade for c in stood)
+
+
 def test_dead_reckoning_along_crop_without_an_edge_lasts_only_a_while() -> None:
     world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
     eyes = Eyes(world, lambda view: view)
