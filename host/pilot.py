@@ -67,6 +67,8 @@ MOVED_M = 0.01
 """The same view again from the same place is no second measurement."""
 HEADING_SIGMA_RAD = math.radians(4)
 CROP_SEEN_M = 0.1
+CORNER_M = 0.3
+"""How far along a side a slanting border's corner may lie from where dead reckoning has it."""
 SQUARE_M = 0.1
 """A border that crosses the strip over less is no slanting one."""
 NO_CROP_M = 1.2
@@ -404,9 +406,10 @@ class Pilot:
             leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
             if LEAP_M < leap < self._vehicle.blade_width_m:
                 return False
-        begins = side.edge_begin_m if side.edge_begin_m > SQUARE_M else -math.inf
-        ends = side.length_m - side.edge_end_m if side.edge_end_m > SQUARE_M else math.inf
-        return begins <= along <= ends
+        begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
+        return (side.edge_begin_m <= SQUARE_M or along >= begin) and (
+            side.edge_end_m <= SQUARE_M or along <= end
+        )
 
     def _take_corner(self, view: CropView, then: Motion, since: tuple[float, float]) -> None:
         """Where the crop's border slants across the strip, the right end that a picture shows is

@@ -698,6 +698,20 @@ def test_before_a_slanting_border_the_operators_alignment_counts_and_not_what_is
     assert pilot.lane.blade_offset_m == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_slanting_border_that_goes_on_a_little_is_still_no_edge() -> None:
+    """Dead reckoning may be ahead of the corner."""
+    world = SimpleWorld(VEHICLE)
+
+    def slants(view: CropView) -> CropView:
+        return beside(0.3 if world.y + VEHICLE.blade_x_m < 2.2 else 0.0)(view)
+
+    slanting = replace(FIRST, edge_begin_m=2.0, begin_seen_m=0.3)
+    pilot = Pilot(VEHICLE, Eyes(world, slants), replace(PLAN, sides=(slanting, SECOND)))
+    before = world.x
+    drive(world, pilot, 60.0, until=lambda: world.y + VEHICLE.blade_x_m > 3.0)
+    assert world.x == pytest.approx(before, abs=0.02)
+
+
 def test_no_leap_of_the_edge_counts_as_soon_as_the_lane_is_known() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, beside(0.0))
