@@ -76,9 +76,10 @@ PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
 LEAP_M = 0.35
-LEAP_SIGMA_M = 0.15
+DUST_SETTLES_S = 2.0
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
-the crop's face, as long as dead reckoning knows the lane so well (some 7 m)."""
+the crop's face or the border of the blade's dust. It is believed when it is still there that long
+after the blade has stopped, as it does where dead reckoning does not know the lane any more."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
@@ -388,7 +389,8 @@ class Pilot:
             return True
         along = self._along_m(then)
         settled = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
-        if settled and self._lane.offset_sigma_m < LEAP_SIGMA_M and self.view is not None:
+        dusty = self.phase is Phase.FOLLOW or then.stamp - self._phase_stamp < DUST_SETTLES_S
+        if settled and dusty and self.view is not None:
             leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
             if LEAP_M < leap < self._vehicle.blade_width_m:
                 return False
@@ -406,7 +408,8 @@ class Pilot:
             return
         blade, ahead = self._vehicle.blade_x_m, view.edge_ahead_m
         corner = side.edge_begin_m - self._along_m(then)
-        if corner <= ahead or self._lane.offset_sigma_m < CORNER_SIGMA_M:
+        near = ahead < NEAR_CROP_M or corner <= ahead  # in the blade's dust, or past the corner
+        if near or self._lane.offset_sigma_m < CORNER_SIGMA_M:
             return
         self._corrected_m = then.distance_m
         inset = self._vehicle.inset_m
@@ -477,18 +480,20 @@ class Pilot:
         waited = now - self._phase_stamp
         if view.confidence < CONFIDENT and (waited < TRUST_AFTER_S or not self._plan.sides):
             return self._hold()
-        if view.confidence < CONFIDENT:
+        side = self._side()
+        seen = view.confidence >= CONFIDENT
+        if side is not None and side.edge_begin_m > SQUARE_M:
+            seen = False  # the border slants: what is seen is not the edge yet
+        if not seen:
             self._lane.place(0.0, 0.0, 0.05, math.radians(2))
         else:
             self._lane.place(0.0, 0.0, 0.15, math.radians(8))
             edge, heading = self._edge_m(view, self.motion), view.edge_heading_rad
             ahead = view.edge_ahead_m
             self._lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead)
-        side = self._side()
         if side is not None:
             ahead = view.crop_ahead_m if view.ahead_confidence >= CONFIDENT else 0.0
             self._position.place(side, -ahead, self._lane.offset_m, self._lane.heading_rad)
-        seen = view.confidence >= CONFIDENT
         self._start_side(now, "the edge is in view" if seen else "on the operator's alignment")
         return self._hold()
 

@@ -254,6 +254,40 @@ def test_a_patch_of_weeds_in_the_face_does_not_move_the_lane() -> None:
     assert world.x == pytest.approx(before[0], abs=0.05)
 
 
+def test_an_edge_that_leaps_in_the_blades_dust_is_looked_at_again_without_it() -> None:
+    """The border of the dust seems to be the crop's, half a blade's width inside; what the machine
+    knows of the lane wears out, then it stands and sees."""
+    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
+    eyes = Eyes(world, beside(0.0))
+    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
+    pilot = Pilot(VEHICLE, eyes, long)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
+    before = world.x
+
+    def dusty(view: CropView) -> CropView:
+        return beside(0.6 * world.command.blade)(view)
+
+    eyes.spoil = dusty
+    worst = 0.0
+    while world.now < 160.0 and pilot.turns == 0:
+        drive(world, pilot, 0.5)
+        worst = max(worst, abs(world.x - before))
+    assert pilot.turns == 1, pilot.reason
+    assert Phase.HESITATE in [t.phase for t in pilot.transitions]
+    assert worst < 0.1
+
+
+def test_where_the_border_slants_at_the_start_the_operators_alignment_counts() -> None:
+    world = SimpleWorld(VEHICLE)
+    seen = corner_of(world, 2.0)
+    slanting = replace(FIRST, edge_begin_m=2.0)
+    pilot = Pilot(VEHICLE, Eyes(world, seen), replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert abs(pilot.lane.offset_m) < 0.01
+    assert abs(pilot.lane.heading_rad) < math.radians(0.2)
+    assert pilot.position.pose[2] == pytest.approx(world.yaw, abs=math.radians(0.2))
+
+
 def test_what_made_it_hesitate_has_to_be_gone_for_a_while() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, beside(0.0))
@@ -334,11 +368,11 @@ def corner_of(world: SimpleWorld, corner_y: float) -> Callable[[CropView], CropV
         away, aside = corner_y - world.y, 10.0 - world.x
         c, s = math.cos(world.yaw), math.sin(world.yaw)
         forward, left = away * s + aside * c, away * c - aside * s
-        at = left / forward * (VEHICLE.blade_x_m + 0.2)
+        at = left / forward * (VEHICLE.blade_x_m + 0.3)
         return CropView(
             0.9,
             edge_offset_m=at + VEHICLE.inset_m,
-            edge_ahead_m=0.2,
+            edge_ahead_m=0.3,
             crop_ahead_m=0.0,
             ahead_confidence=1.0,
         )
