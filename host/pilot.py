@@ -87,9 +87,10 @@ PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
 LEAP_M = 0.35
-LEAP_SIGMA_M = 0.15
+DUST_SETTLES_S = 2.0
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
-the crop's face, as long as dead reckoning knows the lane so well (some 7 m)."""
+the crop's face or the border of the blade's dust. It is believed when it is still there that long
+after the blade has stopped, as it does where dead reckoning does not know the lane any more."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
@@ -402,7 +403,9 @@ class Pilot:
         if side is None or not self._position.known:
             return True
         along = self._along_m(then)
-        if self._lane.offset_sigma_m < LEAP_SIGMA_M and self.view is not None:
+        settling = then.stamp - self._phase_stamp < DUST_SETTLES_S
+        dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
+        if dusty and self.view is not None:
             leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
             if LEAP_M < leap < self._vehicle.blade_width_m:
                 return False
@@ -421,7 +424,8 @@ class Pilot:
             return
         blade, ahead = self._vehicle.blade_x_m, view.edge_ahead_m
         corner = side.edge_begin_m - self._along_m(then)
-        if corner <= ahead or self._lane.offset_sigma_m < CORNER_SIGMA_M:
+        near = ahead < NEAR_CROP_M or corner <= ahead  # in the blade's dust, or past the corner
+        if near or self._lane.offset_sigma_m < CORNER_SIGMA_M:
             return
         self._corrected_m = then.distance_m
         inset = self._vehicle.inset_m
