@@ -52,6 +52,8 @@ UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 LOOK_EVERY_M = 1.0
 LOOK_S = 3.0
+SPIN_S = 0.6
+"""Before it goes on in crop, for the blade to spin up."""
 SETTLE_S = 1.0
 """Of it, until the dust has settled."""
 SKIP_SIDE_M = 3.0
@@ -409,9 +411,16 @@ class Pilot:
             leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
             if LEAP_M < leap < self._vehicle.blade_width_m:
                 return False
+        return self._shows_edge(along)
+
+    def _shows_edge(self, along_m: float) -> bool:
+        """Whether the side's outer edge, and no slanting border, is what a picture shows there."""
+        side = self._side()
+        if side is None:
+            return True
         begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
-        return (side.edge_begin_m <= SQUARE_M or along >= begin) and (
-            side.edge_end_m <= SQUARE_M or along <= end
+        return (side.edge_begin_m <= SQUARE_M or along_m >= begin) and (
+            side.edge_end_m <= SQUARE_M or along_m <= end
         )
 
     def _take_corner(self, view: CropView, then: Motion, since: tuple[float, float]) -> None:
@@ -559,6 +568,8 @@ class Pilot:
             self._go(now, Phase.HESITATE, "the edge is unsure: looking without the blade's dust")
             return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
+        if self._entered_at is not None and now - self._phase_stamp < SPIN_S:
+            return self._drive(steer, 0.0, True)
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, True)
@@ -573,7 +584,8 @@ class Pilot:
             self._lane.offset_sigma_m > DUST_SIGMA_M
             and abs(here.distance_m - self._corrected_m) > UNSEEN_M
             and abs(here.distance_m - self._looked_m) > LOOK_EVERY_M
-            and side.edge_begin_m < along < side.length_m - max(side.edge_end_m, END_CLEAR_M)
+            and self._shows_edge(along - UNSEEN_M)
+            and self._shows_edge(along + END_CLEAR_M)
         )
 
     def _learn_turn(self, side: Side) -> None:
@@ -686,6 +698,9 @@ class Pilot:
                 self._go(now, Phase.TURN, "the camera sees again")
             return self._hold()
         if self._look_until < math.inf:
+            if not self._standing(now - self._phase_stamp):
+                # a blade that stops first pushes the last crop over instead of cutting it
+                return replace(self._hold(), blade=True)
             seen = abs(self.motion.distance_m - self._corrected_m) < UNSEEN_M
             if seen or now > self._look_until:
                 self._look_until = math.inf
