@@ -698,7 +698,8 @@ class Pilot:
                 self._go(now, Phase.TURN, "the camera sees again")
             return self._hold()
         if self._look_until < math.inf:
-            if not self._standing(now - self._phase_stamp):
+            told = now - self._phase_stamp
+            if told < STAND_S and not self._standing(told):
                 # a blade that stops first pushes the last crop over instead of cutting it
                 return replace(self._hold(), blade=True)
             seen = abs(self.motion.distance_m - self._corrected_m) < UNSEEN_M
