@@ -65,6 +65,13 @@ AROUND_M = 0.06
 narrow one: looked for so far around."""
 DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
+OPEN, OPEN_PER_STEP = 1.1, 2.0
+"""While cutting, ground right of the crop's end has few steps to the crop's, 0.03 to 0.2 times as
+many. Where it has 0.3 times, crop goes on behind the dust that seemed to be its end: the confidence
+is at most the former less the latter times that share."""
+WITHIN_M = 0.2
+"""That goes for an end so far inside the blade's: dust never makes it seem too far right, and
+beside a machine that is too far left uncut stalks stand before the ground."""
 BLOCK_PX = 16
 """Columns that share a foot."""
 BESIDE_M = (0.05, 0.3)
@@ -310,6 +317,14 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
     return found
 
 
+def _steps_beyond(sums: Sums, at: int) -> float:
+    """The share of steps in the window right of a bin over that in the window left of it."""
+    window = round(WINDOW_M / BIN_M)
+    beyond, within = sums[max(0, at - window) : at].sum(0), sums[at : at + window].sum(0)
+    share = float(within[2]) / max(1.0, float(within[0]))
+    return float(beyond[2]) / max(1.0, float(beyond[0])) / max(share, 1e-3)
+
+
 class FaceFinder:
     """Finds the face in pictures of one mount."""
 
@@ -487,8 +502,9 @@ class FaceFinder:
                 x_c, _, z_c = (float(c) for c in self._camera.position)
                 border = z_c * dust / (face_x - x_c + dust)
                 bands = (min(border, bands[1] - 0.1), bands[1], bands[2], bands[3])
+        sums = self._sums(seen, face_x, bands)
         at, inside, outside, differ = _step(
-            self._sums(seen, face_x, bands),
+            sums,
             round(WINDOW_M / BIN_M),
             round((left_m - SPAN_M[0]) / BIN_M),
             (expected_m - SPAN_M[0]) / BIN_M,
@@ -498,7 +514,10 @@ class FaceFinder:
             return NAN, 0.0
         contrast = (inside - outside) / (inside + outside)
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ)
-        return SPAN_M[0] + at * BIN_M, max(0.0, sure)
+        right = SPAN_M[0] + at * BIN_M
+        if left_m == OWN_M and right > WITHIN_M - 0.5 * self._vehicle.blade_width_m:
+            sure = min(sure, OPEN - OPEN_PER_STEP * _steps_beyond(sums, at))
+        return right, max(0.0, sure)
 
     def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:
         """Heights on the face where nothing that stands `gap_m` or more behind it is seen: below
