@@ -366,15 +366,16 @@ class Pilot:
         # A contradiction that lasts while the machine stands is believed in the end.
         sure = sure and not LOOK_S - SETTLE_S < self._look_until - frame.stamp < math.inf
         if sure and (moved or self._lane.contradicted) and self._on_lane(then):
-            self._corrected_m = then.distance_m
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
-            learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
-            ahead = view.edge_ahead_m
-            self._lane.correct(edge, heading, view.confidence, since, ahead_m=ahead, learn=learn)
-            self._odometry.turn_trim(self._lane.take_bias())
-            if moved and not self._lane.contradicted:
-                self._believe_heading()
-        elif sure and moved:
+            if not self._leaps(edge, then):
+                self._corrected_m = then.distance_m
+                learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
+                seen = (edge, heading, view.confidence, since)
+                self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
+                self._odometry.turn_trim(self._lane.take_bias())
+                if moved and not self._lane.contradicted:
+                    self._believe_heading()
+        elif sure and (moved or self._lane.contradicted):
             self._take_corner(view, then, since)
         self._watch_ahead(view, then, frame.stamp)
 
@@ -386,6 +387,14 @@ class Pilot:
             return view.edge_offset_m
         bend = self._trails.bend_m(self._along_m(then) + view.edge_ahead_m, side)
         return view.edge_offset_m - side.shift_m - bend
+
+    def _leaps(self, edge_m: float, then: Motion) -> bool:
+        """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
+        settling = then.stamp - self._phase_stamp < DUST_SETTLES_S
+        dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
+        known = self._side() is not None and self._position.known
+        leap = edge_m + self._lane.blade_offset_m
+        return dusty and known and LEAP_M < leap < self._vehicle.blade_width_m
 
     def _believe_heading(self) -> None:
         side = self._side()
@@ -405,12 +414,6 @@ class Pilot:
         if side is None or not self._position.known:
             return True
         along = self._along_m(then)
-        settling = then.stamp - self._phase_stamp < DUST_SETTLES_S
-        dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
-        if dusty and self.view is not None:
-            leap = self._edge_m(self.view, then) + self._lane.blade_offset_m
-            if LEAP_M < leap < self._vehicle.blade_width_m:
-                return False
         return self._shows_edge(along)
 
     def _shows_edge(self, along_m: float) -> bool:
@@ -886,7 +889,10 @@ class Pilot:
             if self._empty >= SEARCH_PICTURES:
                 self._nothing_there(now)
             return self._hold()
-        if view.confidence >= CONFIDENT or self._looks >= SEARCH_PICTURES:
+        # What the lane does not believe at once it learns here, where no dust is in the air.
+        contradicted = self._lane.contradicted
+        agreed = view.confidence >= CONFIDENT and not contradicted
+        if agreed or self._looks >= SEARCH_PICTURES * (3 if contradicted else 1):
             self._start_side(
                 now, f"{self._plan.name(self.turns)}: crop {view.crop_ahead_m:.1f} m ahead"
             )

@@ -12,8 +12,17 @@ from scenery import field, stems
 
 from host.vehicle import LOW, MAST, Mount, Vehicle
 from host.vision import make_detector
+from host.vision.face import FaceFinder
 from host.vision.geometry import Camera
-from host.vision.mounted import BELIEVED, CLEAR, CLEAR_VEILED, TRACK, Mode, MountedDetector
+from host.vision.mounted import (
+    BELIEVED,
+    CLEAR,
+    CLEAR_VEILED,
+    TRACK,
+    Mode,
+    MountedDetector,
+    RobustSource,
+)
 from host.vision.paper import l_height
 
 MODES: tuple[Mode, ...] = ("robust", "paper")
@@ -115,6 +124,28 @@ def test_a_face_that_dust_veils_is_no_end() -> None:
     assert [eye.see(veiled).crop_ahead_m for _ in range(5)] == [0.0] * 5
     end = field(MAST, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 2.0)
     assert eye.see(end).crop_ahead_m > 1.0
+
+
+def half_veiled(picture: NDArray[np.uint8], thick: float) -> NDArray[np.uint8]:
+    """A puff lies over what is right of the picture's middle."""
+    veil = np.zeros(picture.shape[:2])
+    veil[:, picture.shape[1] // 2 :] = thick
+    veil = cv2.GaussianBlur(veil, (0, 0), 12)[..., None]
+    return np.clip(picture * (1 - veil) + 200 * veil, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("thick", [0.2, 0.25, 0.3])
+def test_an_end_beyond_which_crop_shows_through_the_dust_is_none(thick: float) -> None:
+    camera, vehicle = Camera(MAST), Vehicle()
+    source, finder = RobustSource(camera, vehicle), FaceFinder(camera, vehicle)
+    dim = half_veiled(field(MAST, right_m=-2.9, seed=9), thick)
+    found = finder.find(source.look(dim, False, False)[0], stands_m=0.0)
+    assert found.right_m > 0.0, "in the middle of the crop"
+    assert found.right_confidence < 0.5
+    inside = field(MAST, right_m=-0.25, seed=9)
+    found = finder.find(source.look(inside, False, False)[0], stands_m=0.0)
+    assert found.right_m == pytest.approx(-0.25, abs=0.05)
+    assert found.right_confidence >= 0.5
 
 
 def test_an_end_shows_above_the_dust_by_how_low_the_next_crop_is() -> None:
