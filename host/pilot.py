@@ -374,7 +374,7 @@ class Pilot:
             self._odometry.turn_trim(self._lane.take_bias())
             if moved and not self._lane.contradicted:
                 self._believe_heading()
-        elif sure and moved:
+        elif sure and (moved or self._lane.contradicted):
             self._take_corner(view, then, since)
         self._watch_ahead(view, then, frame.stamp)
 
@@ -886,7 +886,10 @@ class Pilot:
             if self._empty >= SEARCH_PICTURES:
                 self._nothing_there(now)
             return self._hold()
-        if view.confidence >= CONFIDENT or self._looks >= SEARCH_PICTURES:
+        # What the lane does not believe at once it learns here, where no dust is in the air.
+        contradicted = self._lane.contradicted
+        agreed = view.confidence >= CONFIDENT and not contradicted
+        if agreed or self._looks >= SEARCH_PICTURES * (3 if contradicted else 1):
             self._start_side(
                 now, f"{self._plan.name(self.turns)}: crop {view.crop_ahead_m:.1f} m ahead"
             )

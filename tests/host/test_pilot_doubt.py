@@ -277,6 +277,39 @@ def test_an_edge_that_leaps_in_the_blades_dust_is_looked_at_again_without_it() -
     assert worst < 0.1
 
 
+def test_dust_from_the_first_metre_of_a_side_does_not_move_its_lane() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1 and pilot.phase is Phase.FOLLOW)
+
+    def dusty(view: CropView) -> CropView:
+        return beside(0.5 * world.command.blade)(view)
+
+    eyes.spoil = dusty
+    worst = 0.0
+    while pilot.turns == 1 and pilot.cut_m < 6.0 and not pilot.done:
+        drive(world, pilot, 0.5)
+        worst = max(worst, abs(pilot.lane.offset_m))
+    assert pilot.cut_m >= 6.0, pilot.reason
+    assert worst < 0.1
+    assert world.y == pytest.approx(10.0 - VEHICLE.inset_m, abs=0.1)
+
+
+def test_a_lane_that_the_turn_missed_is_learned_before_the_blade_turns() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1)
+    eyes.spoil = lambda view: replace(view, confidence=0.0)  # nor is the next edge seen in the turn
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+    eyes.spoil = beside(0.0)
+    world.y += 0.5
+    drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    left_m = 10.0 - VEHICLE.inset_m - world.y
+    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.2)
+
+
 def test_where_the_border_slants_at_the_start_the_operators_alignment_counts() -> None:
     world = SimpleWorld(VEHICLE)
     seen = corner_of(world, 2.0)
