@@ -62,6 +62,9 @@ REMNANT = 0.015
 """Share of the plan that may be given up as done where nothing shows it."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
+BACK_AFTER_S, BACK_M, BACKS = 6.0, 0.6, 3
+"""After so long the machine backs so far, less than clear ground that ends a side, at most so often
+on a side."""
 CREEP_MPS = 0.15
 """Near the geofence."""
 ANCHOR_EVERY_M = 0.5
@@ -201,6 +204,9 @@ class Pilot:
         self._crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._corrected_m = math.inf
+        self._back_from: Motion | None = None
+        self._backed_stamp = -math.inf
+        self._backs = 0
 
     # ---- what others may read --------------------------------------------------------------------
 
@@ -308,6 +314,9 @@ class Pilot:
         if self.phase is Phase.TURN:
             # What is left of the turn goes the other way.
             self._next_leg(now)
+            return self._hold()
+        if self.phase is Phase.HESITATE:
+            self._back_from = None
             return self._hold()
         self._go(now, Phase.FAULT, verdict.reason)
         return Command(Request.STOP, reason=self.reason)
@@ -529,6 +538,7 @@ class Pilot:
         self._entered_at = None
         self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
+        self._backs = 0
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
@@ -714,8 +724,28 @@ class Pilot:
         sure_for = self._sure_stamp - self._unsure_stamp
         known = self._lane.offset_sigma_m < LANE_SIGMA_M
         if known and now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
+            self._back_from = None
             self._go(now, Phase.FOLLOW, "the edge is in view again")
-        return self._hold()
+            return self._hold()
+        return self._back_off(now)
+
+    def _back_off(self, now: float) -> Command:
+        """Nothing sure to be seen from here: some way back over the swath, the blade off, crop that
+        filled the picture is a face again. Once for each hesitation, a few times for each side."""
+        sees = now - self._usable_stamp < SLOW_AFTER_S
+        if self._back_from is None:
+            due = now - self._phase_stamp > BACK_AFTER_S and self._backed_stamp < self._phase_stamp
+            if due and sees and self._backs < BACKS and self.cut_m > BACK_M:
+                self._back_from, self._backed_stamp = self.motion, now
+                self._backs += 1
+            return self._hold()
+        coast = abs(self.motion.speed_mps) * self._vehicle.drive_lag_s
+        if not sees or self._back_from.distance_m - self.motion.distance_m + coast > BACK_M:
+            self._back_from = None
+            return self._hold()
+        steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
+        steer -= self._odometry.trim_rad
+        return self._drive(steer, -self._vehicle.manoeuvre_speed_mps, False)
 
     def _begin_turn(self, now: float, end: EndOfField) -> None:
         if self._plan.sides and self.turns + 1 >= len(self._plan.sides):

@@ -277,6 +277,47 @@ def test_an_edge_that_leaps_in_the_blades_dust_is_looked_at_again_without_it() -
     assert worst < 0.1
 
 
+def test_where_nothing_is_to_be_seen_it_backs_off_and_looks_again() -> None:
+    """As where crop fills the picture of a low camera."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 4.0)
+    eyes.spoil = lambda _view: CropView(0.0, reason="crop fills the picture")
+    drive(world, pilot, 20.0, until=lambda: pilot.phase is Phase.HESITATE)
+    drive(world, pilot, 3.0)
+    stood = world.y
+
+    def too_near(view: CropView) -> CropView:
+        near = world.y > stood - 0.4
+        return CropView(0.0, reason="crop fills the picture") if near else view
+
+    eyes.spoil = too_near
+    log: list[Command] = []
+    drive(world, pilot, 30.0, log, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert pilot.phase is Phase.FOLLOW
+    assert world.y > stood - 0.7
+    assert not any(c.blade for c in log[:-1])
+    eyes.spoil = beside(0.0)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.4)
+
+
+def test_it_backs_off_in_vain_a_few_times_at_most_and_never_without_pictures() -> None:
+    for unusable in (False, True):
+        world = SimpleWorld(VEHICLE)
+        pilot = Pilot(VEHICLE, world, PLAN)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.cut_m > 4.0)
+        world.blind, world.unusable = True, unusable
+        drive(world, pilot, 20.0, until=lambda p=pilot: p.phase is Phase.HESITATE)
+        drive(world, pilot, 3.0)
+        stood = world.y
+        harvest(world, pilot, world.now + 120.0)
+        assert pilot.phase is Phase.FAULT
+        assert "gave up" in pilot.reason
+        assert stood - world.y == pytest.approx(0.0 if unusable else 0.6, abs=0.08)
+
+
 def test_dust_from_the_first_metre_of_a_side_does_not_move_its_lane() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, beside(0.0))
