@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 
 import shapely
@@ -96,6 +97,10 @@ DUST_SETTLES_S = 2.0
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust. It is believed when it is still there that long
 after the blade has stopped, as it does where dead reckoning does not know the lane any more."""
+INWARD_M = 0.06
+SURE_SHARE, SURE_PICTURES = 0.7, 10
+"""Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
+that has moved inside by more counts where at least this share of the last second's are sure."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
@@ -204,6 +209,7 @@ class Pilot:
         self._crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._corrected_m = math.inf
+        self._sure: deque[bool] = deque(maxlen=SURE_PICTURES)
         self._back_from: Motion | None = None
         self._backed_stamp = -math.inf
         self._backs = 0
@@ -371,6 +377,7 @@ class Pilot:
             self._sure_stamp = frame.stamp
         else:
             self._unsure_stamp = frame.stamp
+        self._sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         sure = sure and not LOOK_S - SETTLE_S < self._look_until - frame.stamp < math.inf
@@ -403,7 +410,9 @@ class Pilot:
         dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
         known = self._side() is not None and self._position.known
         leap = edge_m + self._lane.blade_offset_m
-        return dusty and known and LEAP_M < leap < self._vehicle.blade_width_m
+        clear = sum(self._sure) >= SURE_SHARE * len(self._sure)
+        least = LEAP_M if clear else INWARD_M
+        return dusty and known and least < leap < self._vehicle.blade_width_m
 
     def _believe_heading(self) -> None:
         side = self._side()

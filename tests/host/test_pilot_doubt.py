@@ -277,6 +277,26 @@ def test_an_edge_that_leaps_in_the_blades_dust_is_looked_at_again_without_it() -
     assert worst < 0.1
 
 
+def test_where_most_pictures_are_unsure_the_sure_ones_do_not_draw_it_inside() -> None:
+    """A puff of dust that goes with the blade: its border is always as far inside."""
+    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
+    eyes = Eyes(world, beside(0.0))
+    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
+    pilot = Pilot(VEHICLE, eyes, long)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
+    before = world.x
+
+    def puff(view: CropView) -> CropView:
+        sure = round(10 * world.now) % 4 == 0
+        dusty = world.command.blade
+        return replace(beside(0.2 * dusty)(view), confidence=0.9 if sure or not dusty else 0.2)
+
+    eyes.spoil = puff
+    drive(world, pilot, 200.0, until=lambda: pilot.cut_m > 20.0 or pilot.done)
+    assert pilot.cut_m > 20.0, pilot.reason
+    assert world.x == pytest.approx(before, abs=0.1)
+
+
 def test_where_nothing_is_to_be_seen_it_backs_off_and_looks_again() -> None:
     """As where crop fills the picture of a low camera."""
     world = SimpleWorld(VEHICLE)
