@@ -147,6 +147,27 @@ class EndOfField:
     turn_index: int
 
 
+class Steady:
+    """Since when something holds. After a gap of STOP_AFTER_S it has to prove itself anew."""
+
+    def __init__(self) -> None:
+        self.stamp = -math.inf
+        """When it last held."""
+        self.broken = -math.inf
+
+    @property
+    def held_s(self) -> float:
+        """For how long without a break."""
+        return self.stamp - self.broken
+
+    def note(self, stamp: float, holds: bool) -> None:
+        """What a picture says of it."""
+        if not holds or stamp - self.stamp > STOP_AFTER_S:
+            self.broken = stamp
+        if holds:
+            self.stamp = stamp
+
+
 class Pilot:
     """See the module. `detector` turns pictures into CropViews; everything else is arithmetic."""
 
@@ -179,10 +200,10 @@ class Pilot:
         self._phase_stamp = -math.inf
         self._cleared = False
         self._view_stamp = -math.inf
-        self._sure_stamp = -math.inf
-        self._unsure_stamp = -math.inf
-        self._usable_stamp = -math.inf
-        self._spoilt_stamp = -math.inf
+        self._seen = Steady()
+        """The edge, or what stands ahead, is in view."""
+        self._usable = Steady()
+        """Pictures are to be believed."""
         self._fix_stamp = -math.inf
         self._entered_at: Motion | None = None
         self._clear_since: EndOfField | None = None
@@ -287,7 +308,7 @@ class Pilot:
                 "it moves the other way: downhill, or by drive motors wired the wrong way",
             )
         if self.paused and not self.done:
-            self._phase_stamp = self._leg_stamp = self._sure_stamp = now  # nothing runs out
+            self._phase_stamp = self._leg_stamp = self._seen.stamp = now  # nothing runs out
             return replace(self._hold(), reason=PAUSED)
         command = {
             Phase.CONNECT: self._connect,
@@ -363,20 +384,10 @@ class Pilot:
         view = self._detector.see(frame.bgr)
         self.view = view
         self._view_stamp = frame.stamp
-        if view.usable:
-            if frame.stamp - self._usable_stamp > STOP_AFTER_S:
-                self._spoilt_stamp = frame.stamp  # after a gap it has to prove itself anew
-            self._usable_stamp = frame.stamp
-        else:
-            self._spoilt_stamp = frame.stamp
+        self._usable.note(frame.stamp, view.usable)
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
-        if sure or view.ahead_confidence >= CONFIDENT:
-            if frame.stamp - self._sure_stamp > STOP_AFTER_S:
-                self._unsure_stamp = frame.stamp
-            self._sure_stamp = frame.stamp
-        else:
-            self._unsure_stamp = frame.stamp
+        self._seen.note(frame.stamp, sure or view.ahead_confidence >= CONFIDENT)
         self._sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
@@ -578,10 +589,10 @@ class Pilot:
         if side is not None and self._entered_at is not None:
             self._trails.note(self._along_m(self.motion), self.motion)
             self._learn_turn(side)
-        quiet = now - self._sure_stamp
+        quiet = now - self._seen.stamp
         if quiet > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
             why = self.view.reason if self.view is not None and self.view.reason else "no sure view"
-            self._unsure_stamp = now
+            self._seen.broken = now
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
         if self._worth_a_look():
@@ -697,7 +708,7 @@ class Pilot:
     def _blind(self, now: float) -> bool:
         """Whether a turn is to be broken off: it is driven by dead reckoning, but not without eyes,
         which everything after it depends on."""
-        if now - self._usable_stamp <= STOP_AFTER_S:
+        if now - self._usable.stamp <= STOP_AFTER_S:
             return False
         view = self.view
         why = view.reason if view is not None and not view.usable else "no pictures come"
@@ -713,8 +724,8 @@ class Pilot:
                 self._go(now, Phase.FAULT, f"gave up after {GIVE_UP_S:.0f} s: {self.reason}")
             return Command(Request.STOP, reason=self.reason)
         if self._turn is not None:
-            usable_for = self._usable_stamp - self._spoilt_stamp
-            if now - self._usable_stamp < SLOW_AFTER_S and usable_for > RESUME_AFTER_S:
+            steady = self._usable.held_s > RESUME_AFTER_S
+            if steady and now - self._usable.stamp < SLOW_AFTER_S:
                 self._leg_running = False
                 self._leg_stamp = now
                 self._go(now, Phase.TURN, "the camera sees again")
@@ -730,9 +741,9 @@ class Pilot:
                 what = "the edge is in view again" if seen else "no clearer view: by dead reckoning"
                 self._go(now, Phase.FOLLOW, what)
             return self._hold()
-        sure_for = self._sure_stamp - self._unsure_stamp
+        steady = self._seen.held_s > RESUME_AFTER_S
         known = self._lane.offset_sigma_m < LANE_SIGMA_M
-        if known and now - self._sure_stamp < SLOW_AFTER_S and sure_for > RESUME_AFTER_S:
+        if known and steady and now - self._seen.stamp < SLOW_AFTER_S:
             self._back_from = None
             self._go(now, Phase.FOLLOW, "the edge is in view again")
             return self._hold()
@@ -741,7 +752,7 @@ class Pilot:
     def _back_off(self, now: float) -> Command:
         """Nothing sure to be seen from here: some way back over the swath, the blade off, crop that
         filled the picture is a face again. Once for each hesitation, a few times for each side."""
-        sees = now - self._usable_stamp < SLOW_AFTER_S
+        sees = now - self._usable.stamp < SLOW_AFTER_S
         if self._back_from is None:
             due = now - self._phase_stamp > BACK_AFTER_S and self._backed_stamp < self._phase_stamp
             if due and sees and self._backs < BACKS and self.cut_m > BACK_M:
