@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from simple_world import BLANK, CELL, SimpleWorld, drive, harvest
+from eyes import Eyes, beside
+from simple_world import BLANK, SimpleWorld, drive, harvest
 
 from host import steering
 from host.areas import Geofence, areas_of
@@ -32,23 +33,6 @@ VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
 PLAN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
 FIRST, SECOND = PLAN.sides[:2]
-
-
-class Eyes:
-    """The world's vision, with what a test does to its views and a list of its restarts."""
-
-    def __init__(self, world: SimpleWorld, spoil: Callable[[CropView], CropView]) -> None:
-        self.world = world
-        self.spoil = spoil
-        self.restarts: list[float] = []
-        self.looks: list[float] = []
-
-    def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
-        self.looks.append(self.world.now)
-        return self.spoil(self.world.see(bgr, stages=stages))
-
-    def restart(self) -> None:
-        self.restarts.append(self.world.now)
 
 
 def endless(_view: CropView) -> CropView:
@@ -223,10 +207,6 @@ def test_the_same_view_again_from_the_same_place_proves_nothing_more() -> None:
     assert pilot.lane.offset_sigma_m == pytest.approx(before, rel=1e-6)
 
 
-def beside(offset_m: float) -> Callable[[CropView], CropView]:
-    return lambda view: replace(view, edge_offset_m=view.edge_offset_m + offset_m)
-
-
 def test_an_edge_that_is_elsewhere_stops_it_and_is_believed_while_it_stands() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, beside(0.0))
@@ -239,136 +219,6 @@ def test_an_edge_that_is_elsewhere_stops_it_and_is_believed_while_it_stands() ->
     assert world.y - before < 4.0
     drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.FOLLOW)
     assert pilot.phase is Phase.FOLLOW
-
-
-def test_a_patch_of_weeds_in_the_face_does_not_move_the_lane() -> None:
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, beside(0.0))
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
-    before = (world.x, world.y)
-    eyes.spoil = beside(0.6)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 6.5)
-    assert pilot.phase is Phase.FOLLOW
-    assert world.y - before[1] > 3.5
-    assert world.x == pytest.approx(before[0], abs=0.05)
-
-
-def test_an_edge_that_leaps_in_the_blades_dust_is_looked_at_again_without_it() -> None:
-    """The border of the dust seems to be the crop's, half a blade's width inside; what the machine
-    knows of the lane wears out, then it stands and sees."""
-    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
-    eyes = Eyes(world, beside(0.0))
-    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
-    pilot = Pilot(VEHICLE, eyes, long)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
-    before = world.x
-
-    def dusty(view: CropView) -> CropView:
-        return beside(0.6 * world.command.blade)(view)
-
-    eyes.spoil = dusty
-    worst = 0.0
-    while world.now < 160.0 and pilot.turns == 0:
-        drive(world, pilot, 0.5)
-        worst = max(worst, abs(world.x - before))
-    assert pilot.turns == 1, pilot.reason
-    assert Phase.HESITATE in [t.phase for t in pilot.transitions]
-    assert worst < 0.1
-
-
-def test_where_most_pictures_are_unsure_the_sure_ones_do_not_draw_it_inside() -> None:
-    """A puff of dust that goes with the blade: its border is always as far inside."""
-    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
-    eyes = Eyes(world, beside(0.0))
-    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
-    pilot = Pilot(VEHICLE, eyes, long)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
-    before = world.x
-
-    def puff(view: CropView) -> CropView:
-        sure = round(10 * world.now) % 4 == 0
-        dusty = world.command.blade
-        return replace(beside(0.2 * dusty)(view), confidence=0.9 if sure or not dusty else 0.2)
-
-    eyes.spoil = puff
-    drive(world, pilot, 200.0, until=lambda: pilot.cut_m > 20.0 or pilot.done)
-    assert pilot.cut_m > 20.0, pilot.reason
-    assert world.x == pytest.approx(before, abs=0.1)
-
-
-def test_where_nothing_is_to_be_seen_it_backs_off_and_looks_again() -> None:
-    """As where crop fills the picture of a low camera."""
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, beside(0.0))
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 4.0)
-    eyes.spoil = lambda _view: CropView(0.0, reason="crop fills the picture")
-    drive(world, pilot, 20.0, until=lambda: pilot.phase is Phase.HESITATE)
-    drive(world, pilot, 3.0)
-    stood = world.y
-
-    def too_near(view: CropView) -> CropView:
-        near = world.y > stood - 0.4
-        return CropView(0.0, reason="crop fills the picture") if near else view
-
-    eyes.spoil = too_near
-    log: list[Command] = []
-    drive(world, pilot, 30.0, log, until=lambda: pilot.phase is Phase.FOLLOW)
-    assert pilot.phase is Phase.FOLLOW
-    assert world.y > stood - 0.7
-    assert not any(c.blade for c in log[:-1])
-    eyes.spoil = beside(0.0)
-    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
-    assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.4)
-
-
-def test_it_backs_off_in_vain_a_few_times_at_most_and_never_without_pictures() -> None:
-    for unusable in (False, True):
-        world = SimpleWorld(VEHICLE)
-        pilot = Pilot(VEHICLE, world, PLAN)
-        drive(world, pilot, 60.0, until=lambda p=pilot: p.cut_m > 4.0)
-        world.blind, world.unusable = True, unusable
-        drive(world, pilot, 20.0, until=lambda p=pilot: p.phase is Phase.HESITATE)
-        drive(world, pilot, 3.0)
-        stood = world.y
-        harvest(world, pilot, world.now + 120.0)
-        assert pilot.phase is Phase.FAULT
-        assert "gave up" in pilot.reason
-        assert stood - world.y == pytest.approx(0.0 if unusable else 0.6, abs=0.08)
-
-
-def test_dust_from_the_first_metre_of_a_side_does_not_move_its_lane() -> None:
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, beside(0.0))
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1 and pilot.phase is Phase.FOLLOW)
-
-    def dusty(view: CropView) -> CropView:
-        return beside(0.5 * world.command.blade)(view)
-
-    eyes.spoil = dusty
-    worst = 0.0
-    while pilot.turns == 1 and pilot.cut_m < 6.0 and not pilot.done:
-        drive(world, pilot, 0.5)
-        worst = max(worst, abs(pilot.lane.offset_m))
-    assert pilot.cut_m >= 6.0, pilot.reason
-    assert worst < 0.1
-    assert world.y == pytest.approx(10.0 - VEHICLE.inset_m, abs=0.1)
-
-
-def test_a_lane_that_the_turn_missed_is_learned_before_the_blade_turns() -> None:
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, beside(0.0))
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1)
-    eyes.spoil = lambda view: replace(view, confidence=0.0)  # nor is the next edge seen in the turn
-    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
-    eyes.spoil = beside(0.0)
-    world.y += 0.5
-    drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.FOLLOW)
-    left_m = 10.0 - VEHICLE.inset_m - world.y
-    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.2)
 
 
 def test_where_the_border_slants_at_the_start_the_operators_alignment_counts() -> None:
@@ -393,66 +243,6 @@ def test_what_made_it_hesitate_has_to_be_gone_for_a_while() -> None:
     eyes.spoil = beside(0.0)
     drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
     assert RESUME_AFTER_S <= world.now - began < 3.0
-
-
-def test_where_the_blades_dust_hides_the_edge_it_stops_to_look_and_goes_on() -> None:
-    world = SimpleWorld(VEHICLE, yaw_gain=0.97, pot_error=math.radians(0.5))
-    eyes = Eyes(world, lambda view: replace(view, confidence=0.0) if world.command.blade else view)
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    beside = []
-
-    def on_first_side() -> bool:
-        if pilot.cut_m > 0.5:
-            beside.append(world.x - (10.0 - VEHICLE.inset_m))
-        return pilot.turns == 1
-
-    drive(world, pilot, 120.0, until=on_first_side)
-    stops = [t for t in pilot.transitions if "without the blade's dust" in t.reason]
-    assert len(stops) >= 2
-    assert np.abs(beside).max() < 0.1, "0.16 m without the looks"
-    assert pilot.phase is Phase.TURN
-
-
-def test_a_stop_to_look_leaves_nothing_standing() -> None:
-    """The blade stops last and starts first."""
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, lambda view: replace(view, confidence=0.0) if world.command.blade else view)
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1)
-    assert any("without the blade's dust" in t.reason for t in pilot.transitions)
-    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
-    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    strip = world.crop[:, (columns > 9.3) & (columns < 9.9)][(rows > 0.2) & (rows < 9.0)]
-    assert not strip.any()
-
-
-def test_a_look_that_shows_no_more_does_not_hold_it_up() -> None:
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, lambda view: view)
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
-    eyes.spoil = lambda view: replace(view, confidence=0.0)
-    log: list[Command] = []
-    drive(world, pilot, 60.0, log, until=lambda: pilot.cut_m > 7.0)
-    assert pilot.cut_m > 7.0
-    stood = [c for c in log if "without the blade's dust" in c.reason]
-    assert all(c.speed_mps == 0.0 for c in stood)
-    share = sum(c.blade for c in stood) / len(stood)
-    assert 0 < share < 0.35, "off as soon as it stands"
-
-
-def test_dead_reckoning_along_crop_without_an_edge_lasts_only_a_while() -> None:
-    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
-    eyes = Eyes(world, lambda view: view)
-    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
-    pilot = Pilot(VEHICLE, eyes, long)
-    drive(world, pilot, 8.0)
-    before = world.y
-    eyes.spoil = lambda view: replace(view, confidence=0.0)
-    drive(world, pilot, 60.0)
-    assert pilot.phase is Phase.HESITATE
-    assert 1.0 < world.y - before < 12.0
-    assert pilot.lane.offset_sigma_m < 0.35
 
 
 # ---- what the plan says of a side ----------------------------------------------------------------
@@ -842,16 +632,6 @@ def test_a_slanting_border_that_goes_on_a_little_is_still_no_edge() -> None:
     before = world.x
     drive(world, pilot, 60.0, until=lambda: world.y + VEHICLE.blade_x_m > 3.0)
     assert world.x == pytest.approx(before, abs=0.02)
-
-
-def test_no_leap_of_the_edge_counts_from_the_beginning_of_a_side_on() -> None:
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, beside(0.0))
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 0.3)
-    eyes.spoil = beside(0.6)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.5)
-    assert pilot.lane.blade_offset_m == pytest.approx(0.0, abs=0.02)
 
 
 def test_a_fault_of_the_firmware_that_does_not_clear_ends_it() -> None:

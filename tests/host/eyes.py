@@ -1,0 +1,32 @@
+"""Eyes for a pilot in the plane world: what it shows, and what a test does to that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from simple_world import SimpleWorld
+
+from host.vision.view import CropView
+
+
+class Eyes:
+    """The world's vision, with what a test does to its views and a list of its restarts."""
+
+    def __init__(self, world: SimpleWorld, spoil: Callable[[CropView], CropView]) -> None:
+        self.world = world
+        self.spoil = spoil
+        self.restarts: list[float] = []
+        self.looks: list[float] = []
+
+    def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
+        self.looks.append(self.world.now)
+        return self.spoil(self.world.see(bgr, stages=stages))
+
+    def restart(self) -> None:
+        self.restarts.append(self.world.now)
+
+
+def beside(offset_m: float) -> Callable[[CropView], CropView]:
+    return lambda view: replace(view, edge_offset_m=view.edge_offset_m + offset_m)
