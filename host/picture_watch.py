@@ -17,7 +17,7 @@ from host.vehicle import Mount
 from host.vision.view import CropView, Detector
 
 GRID: Final = 8
-"""Every so many pixels one is compared."""
+"""Every so many pixels, a JPEG's block, one is compared."""
 THUMBNAIL: Final = (32, 24)
 REPEATED_SHARE: Final = 0.01
 """Of the compared pixels that differ at least between two pictures. Pictures of the simulated
@@ -29,9 +29,10 @@ and 7.6 and more in photographs; a covered, dark or blinded lens has up to 5."""
 JUMP: Final = 30.0
 """Mean change of a thumbnail's grey levels from picture to picture. Turning, with two pictures a
 second, it reaches 23; of spoiled files nine in ten exceed 26."""
-FLAT_SHARE: Final = 0.25
-"""Of the compared pixels that equal their neighbours, white apart: what a decoder fills in where a
-file's rest is lost. Photographs have up to 0.15."""
+FLAT_SHARE: Final = 0.15
+"""Of the compared pixels that equal the next ones, a block of the file away, white apart: what a
+decoder fills in where a file's rest is lost, 0.38 and more of a halved one. Photographs have up to
+0.01 at this size, crop close before the lens 0.04."""
 WHITE: Final = 250
 PROVED: Final = 3
 """Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
@@ -63,9 +64,8 @@ class PictureWatch:
             return "the camera repeats its picture"
         if float(thumbnail.std()) < CONTRAST:
             return "the camera's picture shows nothing: dark, blinded or covered"
-        right = bgr[half:-1:GRID, half + 1 :: GRID]
-        below = bgr[half + 1 :: GRID, half:-1:GRID]
-        flat = ((pixels == right) & (pixels == below)).all(axis=2) & (pixels < WHITE).any(axis=2)
+        here, right, below = pixels[:-1, :-1], pixels[:-1, 1:], pixels[1:, :-1]
+        flat = ((here == right) & (here == below)).all(axis=2) & (here < WHITE).any(axis=2)
         if flat.mean() > FLAT_SHARE:
             return "the camera's picture is broken"
         if earlier is not None and float(np.abs(thumbnail - earlier).mean()) > JUMP:

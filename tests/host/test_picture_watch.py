@@ -167,3 +167,11 @@ def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> Non
     usable = [made.see(picture).usable for picture in shots]
     # the picture after the black one is quite another than it, and so spoiled as well
     assert usable == [True, False, False, False, False, False, False, True]
+
+
+def test_smooth_squares_are_not_a_lost_part() -> None:
+    """Crop close before the lens is out of focus; its file's blocks have one colour each."""
+    rng = np.random.default_rng(2)
+    blocks = rng.integers(60, 200, (HEIGHT // 8, WIDTH // 8, 3), np.uint8)
+    squares = np.kron(blocks, np.ones((8, 8, 1), np.uint8))
+    assert watch().problem(squares) == ""
