@@ -100,6 +100,8 @@ class MountedDetector:
         # such a camera looks through the blade's dust; one above the tops looks over most of it
         self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
         self._cutting = False
+        self._no_dust = True
+        """Whether the next picture is the first after a restart: the blade is out of the crop."""
         self._stands_m = math.inf
         self._track: deque[float] = deque(maxlen=TRACK)
         self._tops: deque[float] = deque(maxlen=TRACK)
@@ -118,6 +120,7 @@ class MountedDetector:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
         confidence = face.right_confidence * self._steadiness(face, expected)
+        self._no_dust = False
         ahead_confidence = face.ahead_confidence * self._lasting(face)
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and confidence >= SURE:
@@ -144,6 +147,7 @@ class MountedDetector:
     def restart(self) -> None:
         """The blade is out of the crop; the paper's references stay."""
         self._cutting = False
+        self._no_dust = True
         self._stands_m = math.inf
         self._track.clear()
         self._tops.clear()
@@ -160,7 +164,7 @@ class MountedDetector:
         if self._cutting and face.ahead_m >= NEAR_M:
             return DOUBT  # not the face that is being cut
         known = math.isfinite(expected)
-        if not known and self._cutting:
+        if not known and self._cutting and not self._no_dust:
             expected = self._expected_m
         away = abs(face.right_m - expected)
         if face.right_confidence >= SURE:

@@ -229,6 +229,16 @@ def test_no_track_begins_far_from_the_blades_end_while_crop_is_being_cut() -> No
     assert eye.see(field(MAST)).confidence > 0.5
 
 
+def test_out_of_the_crop_an_edge_far_from_the_blades_end_is_believed_at_once() -> None:
+    """A machine that stands, its blade off, to see where it is: each picture begins anew."""
+    eye = detector("robust", MAST)
+    for seed in range(3):
+        eye.restart()
+        view = eye.see(field(MAST, right_m=-0.05, seed=seed))
+        assert view.confidence >= 0.5
+        assert view.edge_offset_m == pytest.approx(0.4, abs=0.05)
+
+
 def test_an_end_is_no_whim_of_dust() -> None:
     """While cutting, one picture without crop says nothing yet; more where dust lies before it."""
     end = field(MAST, right_m=-2.99, face_x_m=30, next_crop_m=None)
