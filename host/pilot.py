@@ -575,7 +575,8 @@ class Pilot:
         if side is not None and side.blind_end and self._to_blind_end_m(side) <= 0:
             self._begin_turn(now, EndOfField(now, self.motion, self.turns))
             return self._hold()
-        if self._entered_at is None and self._cut_m(self.motion) > self._search_m:
+        searched = self._entered_at is None and self._cut_m(self.motion) > self._search_m
+        if searched and self._crop_at_m - self.motion.distance_m > NO_CROP_M:
             return self._nothing_found(now)
         if self._overrun():
             if self._fence is None or self._by_plan:

@@ -81,6 +81,25 @@ def test_a_long_side_that_is_gone_needs_a_person() -> None:
     assert world.x > 10 - VEHICLE.blade_x_m - 2.0, "it does not look for it along the whole side"
 
 
+def test_a_side_whose_first_crop_lies_flat_is_found_behind_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def lodged(view: CropView) -> CropView:
+        """Nothing upright for three metres: what is seen, from near, is behind them."""
+        blade = 10.0 - (world.x - VEHICLE.blade_x_m)
+        if pilot.turns != 1 or blade > 3.0:
+            return view
+        behind = 3.0 - blade
+        far = behind if behind < 1.0 else math.inf
+        return CropView(0.0, crop_ahead_m=far, ahead_confidence=1.0, reason="no edge")
+
+    eyes.spoil = lodged
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert pilot.turns == 2, pilot.reason
+
+
 def test_a_short_side_that_is_gone_is_driven_along_to_the_next() -> None:
     short = strip(2.9, VEHICLE.pass_m)
     north = replace(SECOND, x_m=SECOND.x_m - short.length_m, y_m=SECOND.y_m - 3.0)
