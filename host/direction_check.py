@@ -1,13 +1,18 @@
-"""Whether the machine moves the way its motors are told: only the receiver's Doppler course knows.
+"""Whether the machine moves the way it believes: only the receiver's Doppler course knows.
 
 A hall sensor counts pulses and not their direction, so with swapped motor wires everything on board
 agrees and is wrong. The receiver's course settles it once the machine has gone one way for a
 metre: phones smooth their speed over a second or two, which each change of direction blurs.
+
+And a position that is anchored to edges turns with them: where strip after strip is cut a little
+askew, plan, lane and dead reckoning agree and are wrong, and no geofence helps.
 """
 
 from __future__ import annotations
 
 import math
+import statistics
+from collections import deque
 from typing import Final
 
 from host.odometry import Motion
@@ -20,6 +25,12 @@ SHARE: Final = 0.5
 """Of the reckoned speed that must be seen the other way."""
 FIXES: Final = 2
 """In a row."""
+STRAIGHT_1PM: Final = 0.1
+AVERAGED: Final = (30, 60)
+"""Fixes at least and at most."""
+ASKEW_RAD: Final = math.radians(7.0)
+SIGNIFICANT: Final = 4.0
+"""Standard errors of the mean."""
 
 
 class DirectionCheck:
@@ -29,6 +40,7 @@ class DirectionCheck:
         self._sign = 0.0
         self._since_m = 0.0
         self._against = 0
+        self._askew: deque[float] = deque(maxlen=AVERAGED[1])
 
     def move(self, motion: Motion) -> None:
         """Notes where the present direction was taken."""
@@ -46,6 +58,20 @@ class DirectionCheck:
         if abs(speed) < MOVING_MPS or abs(motion.distance_m - self._since_m) < RUN_M:
             self._against = 0
             return False
+        if abs(motion.curvature_1pm) < STRAIGHT_1PM:
+            backwards = math.pi if speed < 0 else 0.0
+            off = math.remainder(fix.course_rad + backwards - heading_rad, math.tau)
+            self._askew.append(off)
         along = fix.speed_mps * math.cos(fix.course_rad - heading_rad)
         self._against = self._against + 1 if along * self._sign < -SHARE * abs(speed) else 0
         return self._against >= FIXES
+
+    @property
+    def askew_rad(self) -> float:
+        """By how much the courses of late lie left of the believed direction, on average; 0 where
+        that may be the courses' noise."""
+        if len(self._askew) < AVERAGED[0]:
+            return 0.0
+        mean = statistics.fmean(self._askew)
+        error = statistics.stdev(self._askew) / math.sqrt(len(self._askew))
+        return mean if abs(mean) > max(ASKEW_RAD, SIGNIFICANT * error) else 0.0

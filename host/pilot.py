@@ -307,6 +307,13 @@ class Pilot:
                 Phase.FAULT,
                 "it moves the other way: downhill, or by drive motors wired the wrong way",
             )
+        elif state is not None and (askew := self._direction.askew_rad):
+            self._go(
+                now,
+                Phase.FAULT,
+                f"the receiver's courses show it {abs(math.degrees(askew)):.0f} deg askew of the "
+                "plan: its strips have turned, put it on a corner of what stands",
+            )
         if self.paused and not self.done:
             self._phase_stamp = self._leg_stamp = self._seen.stamp = now  # nothing runs out
             return replace(self._hold(), reason=PAUSED)

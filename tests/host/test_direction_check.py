@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -64,6 +65,39 @@ def test_a_receiver_that_is_two_seconds_late_is_not_blamed_at_a_change_of_direct
             seen = past[max(0, k - 20)]
             course = 0.0 if seen > 0 else math.pi
             assert not check.contradicted(fix(abs(seen), course), motion(distance, speed), 0.0)
+
+
+def courses(off_rad: float, noise_rad: float, seconds: int = 120) -> DirectionCheck:
+    """After a straight drive whose courses are off, and noisy."""
+    check, distance, rng = DirectionCheck(), 0.0, np.random.default_rng(3)
+    for _ in range(seconds):
+        distance += 0.5
+        check.move(motion(distance, 0.5))
+        course = 0.3 + off_rad + rng.normal(0.0, noise_rad)
+        check.contradicted(fix(0.5, course), motion(distance, 0.5), 0.3)
+    return check
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 8.0, 20.0])
+def test_a_machine_that_drives_askew_of_what_it_believes_is_found(noise_deg: float) -> None:
+    found = courses(math.radians(-14), math.radians(noise_deg)).askew_rad
+    assert math.degrees(found) == pytest.approx(-14, abs=6)
+
+
+@pytest.mark.parametrize("off_deg", [0.0, 4.0])
+@pytest.mark.parametrize("noise_deg", [0.0, 8.0, 20.0, 60.0])
+def test_noise_and_small_angles_are_not_askew(off_deg: float, noise_deg: float) -> None:
+    assert courses(math.radians(off_deg), math.radians(noise_deg)).askew_rad == 0.0
+
+
+def test_a_few_fixes_and_those_in_turns_say_nothing_of_it() -> None:
+    assert courses(math.radians(30), 0.0, seconds=20).askew_rad == 0.0
+    check = DirectionCheck()
+    for k in range(200):
+        turning = Motion(0.0, 0.5, 0.5, 0.5 * k, 0.0, 0.0, 0.0)
+        check.move(turning)
+        check.contradicted(fix(0.5, 0.5), turning, 0.0)
+    assert check.askew_rad == 0.0
 
 
 @pytest.mark.parametrize("seen", [fix(None, math.pi), fix(0.5, None), fix(0.5, math.pi, quality=0)])

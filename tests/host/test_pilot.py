@@ -151,6 +151,26 @@ def test_positions_that_show_it_going_backwards_stop_it() -> None:
     assert world.command.request is Request.STOP
 
 
+def test_strips_that_have_turned_against_the_plan_stop_it() -> None:
+    """Plan, lane and dead reckoning agree and are wrong; only the receiver's courses tell."""
+    world = SimpleWorld(VEHICLE, height=40.0)
+    long = [(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)]
+    pilot = Pilot(VEHICLE, world, spiral(long, 1, VEHICLE))
+    for tick in range(1, 5000):
+        world.advance()
+        frame = Frame(world.now, BLANK) if tick % 5 == 0 else None
+        course = world.yaw + math.radians(10)
+        askew = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed), course)
+        fix = askew if tick % 50 == 0 else None
+        world.command = pilot.step(world.now, frame, fix, world.telemetry())
+        if pilot.done:
+            break
+    assert pilot.phase is Phase.FAULT
+    assert "10 deg askew" in pilot.reason
+    assert world.command.request is Request.STOP
+    assert world.y < 30.0
+
+
 def test_a_hesitation_that_lasts_ends_in_a_stop() -> None:
     world = SimpleWorld(VEHICLE)
     pilot = pilot_for(world)
