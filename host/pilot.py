@@ -53,10 +53,10 @@ UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 LOOK_EVERY_M = 1.0
 LOOK_S = 3.0
+SETTLE_S = 1.0
+"""Of a look, until most of the dust has settled."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
-SETTLE_S = 1.0
-"""Of it, until the dust has settled."""
 SKIP_SIDE_M = 3.0
 """A side up to this long without any crop is driven along to the next."""
 REMNANT = 0.015
@@ -93,10 +93,10 @@ PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
 LEAP_M = 0.35
-DUST_SETTLES_S = 2.0
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
-the crop's face or the border of the blade's dust. It is believed when it is still there that long
-after the blade has stopped, as it does where dead reckoning does not know the lane any more."""
+the crop's face or the border of the blade's dust."""
+DUST_SETTLES_S = 2.0
+"""It is believed when it is still there that long after the machine was told to stand."""
 INWARD_M = 0.06
 SURE_SHARE, SURE_PICTURES = 0.7, 10
 """Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
@@ -283,11 +283,12 @@ class Pilot:
                 self._lane.predict(motion)
                 self._position.predict(motion, cutting=telemetry.blade)
                 self._direction.move(motion)
-        backwards = False
+        backwards, askew_rad = False, 0.0
         if fix is not None and telemetry is not None:
             if self._position.known and self.phase in (Phase.FOLLOW, Phase.TURN):
                 yaw = self._position.pose[2]
                 backwards = self._direction.contradicted(fix, self.motion, yaw)
+                askew_rad = self._direction.askew_rad
             self._odometry.learn(fix, telemetry, min(2.0, fix.stamp - self._fix_stamp))
             self._fix_stamp = fix.stamp
         if frame is not None:
@@ -307,12 +308,12 @@ class Pilot:
                 Phase.FAULT,
                 "it moves the other way: downhill, or by drive motors wired the wrong way",
             )
-        elif state is not None and (askew := self._direction.askew_rad):
+        elif state is not None and askew_rad != 0.0:
             self._go(
                 now,
                 Phase.FAULT,
-                f"the receiver's courses show it {abs(math.degrees(askew)):.0f} deg askew of the "
-                "plan: its strips have turned, put it on a corner of what stands",
+                f"the receiver's courses show it {abs(math.degrees(askew_rad)):.0f} deg askew of "
+                "the plan: its strips have turned, put it on a corner of what stands",
             )
         if self.paused and not self.done:
             self._phase_stamp = self._leg_stamp = self._seen.stamp = now  # nothing runs out
@@ -773,7 +774,8 @@ class Pilot:
             return self._hold()
         steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
         steer -= self._odometry.trim_rad
-        return self._drive(steer, -self._vehicle.manoeuvre_speed_mps, False)
+        backing = self._drive(steer, -self._vehicle.manoeuvre_speed_mps, False)
+        return replace(backing, reason=f"backing off to look again: {self.reason}")
 
     def _begin_turn(self, now: float, end: EndOfField) -> None:
         if self._plan.sides and self.turns + 1 >= len(self._plan.sides):

@@ -21,17 +21,18 @@ MIN_M = 3.0
 """A shorter way has no shape besides its direction and bend."""
 STEP_M = 0.05
 SAME_RAD = math.radians(1.0)
-NEAR_WIDTHS = 1.5
-"""Of two sides that lie beside each other, the one left by the other."""
+APART_WIDTHS = (0.2, 1.5)
+"""Between the lines of a side and of the one that has left its edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trail:
     """`across_m[k]`: how far left of its own mean parabola the blade's left end was at `along_m[k]`
-    (ascending), measured along heading_rad from the field's origin; `right_m`: the line's place."""
+    (ascending), measured along heading_rad from the field's origin; `left_m`: how far left of that
+    origin the side's line runs."""
 
     heading_rad: float
-    right_m: float
+    left_m: float
     along_m: NDArray[np.float64]
     across_m: NDArray[np.float64]
 
@@ -65,15 +66,14 @@ class Trails:
         across = (points[:, 1:] - points[0, 1:]) @ (-s, c)
         # Offset and direction are for vision to see; a bend is what an unknown steering bias adds.
         across -= np.polyval(np.polyfit(run, across, 2), run)
-        begin, right = _line(side)
-        trail = Trail(side.heading_rad, right, begin + points[:, 0], across)
-        self._left = [t for t in self._left if not self._replaces(trail, t)] + [trail]
+        begin, left = _line(side)
+        trail = Trail(side.heading_rad, left, begin + points[:, 0], across)
+        self._left = [t for t in self._left if not self._beside_of(t, side)] + [trail]
 
     def begin(self, side: Side) -> None:
         """A new side: looks for the trail that left its edge."""
         self._points = []
-        _, right = _line(side)
-        near = [t for t in self._left if self._same(t, side.heading_rad, right)]
+        near = [t for t in self._left if self._beside_of(t, side)]
         self._beside = near[-1] if near else None
 
     def bend_m(self, along_m: float, side: Side) -> float:
@@ -87,15 +87,11 @@ class Trails:
             return 0.0
         return float(np.interp(at, trail.along_m, trail.across_m))
 
-    def _same(self, trail: Trail, heading_rad: float, right_m: float) -> bool:
-        turned = abs(math.remainder(heading_rad - trail.heading_rad, math.tau))
-        apart = right_m - trail.right_m
-        reach = NEAR_WIDTHS * self._vehicle.blade_width_m
-        return turned < SAME_RAD and 0.2 * self._vehicle.blade_width_m < apart < reach
-
-    def _replaces(self, new: Trail, old: Trail) -> bool:
-        """An older trail that a new side has cut away."""
-        return self._same(old, new.heading_rad, new.right_m)
+    def _beside_of(self, trail: Trail, side: Side) -> bool:
+        """Whether a trail is the edge of a side, which cuts it away."""
+        turned = abs(math.remainder(side.heading_rad - trail.heading_rad, math.tau))
+        apart = (_line(side)[1] - trail.left_m) / self._vehicle.blade_width_m
+        return turned < SAME_RAD and APART_WIDTHS[0] < apart < APART_WIDTHS[1]
 
 
 def _line(side: Side) -> tuple[float, float]:

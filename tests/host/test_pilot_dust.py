@@ -94,6 +94,7 @@ def test_where_nothing_is_to_be_seen_it_backs_off_and_looks_again() -> None:
     assert pilot.phase is Phase.FOLLOW
     assert world.y > stood - 0.7
     assert not any(c.blade for c in log[:-1])
+    assert {"backing off" in c.reason for c in log if c.speed_mps < 0} == {True}
     eyes.spoil = beside(0.0)
     drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
     assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.4)
