@@ -41,6 +41,9 @@ class DirectionCheck:
         self._since_m = 0.0
         self._against = 0
         self._askew: deque[float] = deque(maxlen=AVERAGED[1])
+        self.off_rad: float | None = None
+        """How far left of the believed direction the last fix's course lay; None where it says
+        nothing of it."""
 
     def move(self, motion: Motion) -> None:
         """Notes where the present direction was taken."""
@@ -52,6 +55,7 @@ class DirectionCheck:
     def contradicted(self, fix: Fix, motion: Motion, heading_rad: float) -> bool:
         """Whether this fix and the ones before it show the machine going the other way. The heading
         is the vehicle's in the field frame."""
+        self.off_rad = None
         if fix.speed_mps is None or fix.course_rad is None or fix.quality == 0:
             return False
         speed = motion.speed_mps
@@ -60,8 +64,8 @@ class DirectionCheck:
             return False
         if abs(motion.curvature_1pm) < STRAIGHT_1PM:
             backwards = math.pi if speed < 0 else 0.0
-            off = math.remainder(fix.course_rad + backwards - heading_rad, math.tau)
-            self._askew.append(off)
+            self.off_rad = math.remainder(fix.course_rad + backwards - heading_rad, math.tau)
+            self._askew.append(self.off_rad)
         along = fix.speed_mps * math.cos(fix.course_rad - heading_rad)
         self._against = self._against + 1 if along * self._sign < -SHARE * abs(speed) else 0
         return self._against >= FIXES

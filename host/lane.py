@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from host.odometry import Motion
 
 OFFSET_NOISE_M = 0.05
+AHEAD_NOISE_RAD = 0.15
+"""What an edge seen farther ahead errs for each metre: pictures show no direction, and a side's
+first crop may have been trimmed by the turn before."""
 HEADING_NOISE_RAD = math.radians(2.5)
 SLIP_PER_M = 0.02
 """Lateral drift per metre travelled, standard deviation."""
@@ -129,7 +132,7 @@ class Lane:
         rows = [[1.0, at * math.cos(heading), 0.0]]
         innovation = [-edge_offset_m * math.cos(heading) - offset - at * math.sin(heading)]
         doubt = 1.0 + 3.0 * (1.0 - confidence)
-        variances = [(OFFSET_NOISE_M * doubt) ** 2]
+        variances = [(OFFSET_NOISE_M * doubt) ** 2 + (AHEAD_NOISE_RAD * ahead_m) ** 2]
         if math.isfinite(edge_heading_rad):
             rows.append([0.0, 1.0, 0.0])
             innovation.append(-edge_heading_rad - heading)

@@ -32,6 +32,8 @@ angle says: tyres slip sideways, most at full lock, and a pot's scale is not exa
 YAW_GAIN_LIMITS = (0.85, 1.15)
 TURN_SIGMA_RAD = 0.02
 """How well the lanes before and after a turn show how far the machine has turned."""
+ROLLS_FASTER, ROLLS_MPS = 1.3, 0.01
+"""Times, and how much, the slowest since the drive was switched off."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -62,6 +64,9 @@ class Odometry:
         self._speed = 0.0
         self._odometer: float | None = None
         self._too_fast_s = 0.0
+        self._slowest_mps = math.inf
+        self._since_slowest_m = 0.0
+        self._rolls_back = False
         self._history: deque[Motion] = deque()
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
@@ -104,7 +109,7 @@ class Odometry:
                 else telemetry.speed_mps * dt
             )
             self._odometer = telemetry.distance_m
-            self._speed = telemetry.speed_mps
+            step, self._speed = self._rolled(step, telemetry)
             too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
             self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
         else:
@@ -128,6 +133,25 @@ class Odometry:
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
             self._history.popleft()
         return self.now
+
+    def _rolled(self, step_m: float, telemetry: Telemetry) -> tuple[float, float]:
+        """The step and the speed with their true signs. One hall sensor counts a machine that rolls
+        back down a slope as going on. But with the drive off it slows down to a stand or to what
+        the slope keeps up: when it becomes faster again, it has turned round."""
+        assert telemetry.speed_mps is not None
+        if telemetry.drive_duty != 0:
+            self._slowest_mps, self._since_slowest_m, self._rolls_back = math.inf, 0.0, False
+            return step_m, telemetry.speed_mps
+        if self._rolls_back:
+            return -step_m, -telemetry.speed_mps
+        self._since_slowest_m += step_m
+        speed = abs(telemetry.speed_mps)
+        if speed < self._slowest_mps:
+            self._slowest_mps, self._since_slowest_m = speed, 0.0
+        self._rolls_back = speed > ROLLS_FASTER * self._slowest_mps + ROLLS_MPS
+        if self._rolls_back:
+            return step_m - 2 * self._since_slowest_m, -telemetry.speed_mps
+        return step_m, telemetry.speed_mps
 
     def turn_trim(self, curvature_1pm: float) -> None:
         """Takes a curvature that nearly straight driving showed besides what the pot said."""

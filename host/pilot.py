@@ -17,6 +17,7 @@ import shapely
 from host import steering
 from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
 from host.direction_check import DirectionCheck
+from host.dust import CONFIDENCE, DustyEdge
 from host.lane import Lane
 from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
@@ -57,6 +58,8 @@ SETTLE_S = 1.0
 """Of a look, until most of the dust has settled."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
+BLADE_ON_M = 0.6
+"""Before the crop of a side."""
 SKIP_SIDE_M = 3.0
 """A side up to this long without any crop is driven along to the next."""
 REMNANT = 0.015
@@ -98,9 +101,11 @@ the crop's face or the border of the blade's dust."""
 DUST_SETTLES_S = 2.0
 """It is believed when it is still there that long after the machine was told to stand."""
 INWARD_M = 0.06
-SURE_SHARE, SURE_PICTURES = 0.7, 10
+EDGE_SURE = (0.7, 10)
 """Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
-that has moved inside by more counts where at least this share of the last second's are sure."""
+that has moved inside by more counts where at least this share of so many pictures are sure."""
+END_SURE = (0.5, 30)
+"""And an end without a look; the last half metre of crop shows no edge anyway."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
@@ -109,9 +114,11 @@ CORNER_SIGMA_M = 0.1
 tells."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
-ALIGNED_M = 0.03
-ALIGN_ROOM_M = 0.5
-"""How much farther than planned the vehicle may back to get into line with the edge."""
+ALIGNED = (0.03, math.radians(3.0))
+"""Offset of the blade, m, and heading, rad, with which a side is begun."""
+ALIGN_ROOM_M = (0.5, 1.0)
+"""How much farther than planned the vehicle may back to get into line with the edge: into the gap,
+and at most, over what has been cut."""
 ARM_RETRY_S = 0.5
 PAUSED = "paused by the operator"
 
@@ -180,6 +187,9 @@ class Pilot:
         self._position = Position(vehicle)
         self._trails = Trails(vehicle)
         self._direction = DirectionCheck()
+        self._dusty = DustyEdge()
+        self._dust_doubts = False
+        """Whether pictures in the dust together show the edge elsewhere than it is believed."""
         self._anchored: Motion | None = None
         self._outline = outline_of(vehicle)
         self._fence: Geofence | None = None
@@ -226,11 +236,13 @@ class Pilot:
         self._look_until = math.inf
         """While it stands to look without dust: when that was long enough."""
         self._looked_m = -math.inf
+        self._end_look = False
+        """Whether that look is for the end of the side."""
         self._search_m = math.inf
         self._crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._corrected_m = math.inf
-        self._sure: deque[bool] = deque(maxlen=SURE_PICTURES)
+        self._sure: deque[bool] = deque(maxlen=END_SURE[1])
         self._back_from: Motion | None = None
         self._backed_stamp = -math.inf
         self._backs = 0
@@ -289,10 +301,12 @@ class Pilot:
                 yaw = self._position.pose[2]
                 backwards = self._direction.contradicted(fix, self.motion, yaw)
                 askew_rad = self._direction.askew_rad
+                if self._direction.off_rad is not None:
+                    self._position.course(self._direction.off_rad, self.motion.speed_mps)
             self._odometry.learn(fix, telemetry, min(2.0, fix.stamp - self._fix_stamp))
             self._fix_stamp = fix.stamp
         if frame is not None:
-            self._look(frame)
+            self._see(frame)
         if self._telemetry is None:
             return Command(Request.STOP, reason=self.reason)
         state = self._telemetry.state if self.phase is not Phase.CONNECT and not self.done else None
@@ -380,7 +394,7 @@ class Pilot:
 
     # ---- vision ----------------------------------------------------------------------------------
 
-    def _look(self, frame: Frame) -> None:
+    def _see(self, frame: Frame) -> None:
         if self.phase in (Phase.FINISHED, Phase.FAULT):
             return
         then = self._odometry.at(frame.stamp)
@@ -396,10 +410,11 @@ class Pilot:
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
         self._seen.note(frame.stamp, sure or view.ahead_confidence >= CONFIDENT)
-        self._sure.append(sure)
+        if not view.crop_ahead_m >= END_CLEAR_M:
+            self._sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
-        sure = sure and not LOOK_S - SETTLE_S < self._look_until - frame.stamp < math.inf
+        sure = sure and (self._look_until == math.inf or self._settled(frame.stamp))
         if sure and (moved or self._lane.contradicted) and self._on_lane(then):
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
@@ -412,7 +427,34 @@ class Pilot:
                     self._believe_heading()
         elif sure and (moved or self._lane.contradicted):
             self._take_corner(view, then, since)
+        self._look_through_dust(view, then)
         self._watch_ahead(view, then, frame.stamp)
+
+    def _look_through_dust(self, view: CropView, then: Motion) -> None:
+        """Where no picture is sure for a while, what many show together."""
+        unseen = abs(then.distance_m - self._corrected_m) > UNSEEN_M
+        if self.phase is not Phase.FOLLOW or self._entered_at is None or not unseen:
+            self._dusty.clear()
+            self._dust_doubts = False
+            return
+        edge = self._edge_m(view, then)
+        seen = math.isfinite(edge) and view.confidence > 0.0
+        if not seen or view.edge_ahead_m > NEAR_CROP_M or not self._on_lane(then):
+            return
+        self._dusty.note(then.stamp, edge + self._lane.blade_offset_m)
+        line = self._dusty.take()
+        if line is None:
+            return
+        # What lies inside may be the dust's border all the time.
+        self._dust_doubts = line > INWARD_M and self._in_dust(*EDGE_SURE)
+        if not self._dust_doubts:
+            here = line - self._lane.blade_offset_m
+            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=False)
+            self._believe_heading()
+
+    def _settled(self, stamp: float) -> bool:
+        """Whether, of a look, the dust has had its time to settle."""
+        return self._look_until - stamp <= LOOK_S - SETTLE_S
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
         """The edge's offset from its place beside this side's lane, its bends taken off: those that
@@ -423,22 +465,24 @@ class Pilot:
         bend = self._trails.bend_m(self._along_m(then) + view.edge_ahead_m, side)
         return view.edge_offset_m - side.shift_m - bend
 
+    def _in_dust(self, share: float, pictures: int) -> bool:
+        """Whether fewer of the latest pictures than this share were sure."""
+        latest = list(self._sure)[-pictures:]
+        return sum(latest) < share * len(latest)
+
     def _leaps(self, edge_m: float, then: Motion) -> bool:
         """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
         settling = then.stamp - self._phase_stamp < DUST_SETTLES_S
         dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
         known = self._side() is not None and self._position.known
         leap = edge_m + self._lane.blade_offset_m
-        clear = sum(self._sure) >= SURE_SHARE * len(self._sure)
-        least = LEAP_M if clear else INWARD_M
+        least = INWARD_M if self._in_dust(*EDGE_SURE) else LEAP_M
         return dusty and known and least < leap < self._vehicle.blade_width_m
 
     def _believe_heading(self) -> None:
-        side = self._side()
-        if side is None or not self._position.known:
-            return
-        heading = math.remainder(self._position.pose[2] - side.heading_rad, math.tau)
-        self._lane.correct_heading(heading, HEADING_SIGMA_RAD)
+        if self._side() is not None and self._position.known:
+            _, heading, _, sigma = self._position.on_lane()
+            self._lane.correct_heading(heading, max(HEADING_SIGMA_RAD, sigma))
 
     def _on_lane(self, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
@@ -500,7 +544,9 @@ class Pilot:
             self._seems_clear_since = None
         elif view.crop_ahead_m >= END_CLEAR_M:
             self._seems_clear_since = self._seems_clear_since or then
-        if self.phase not in (Phase.LOOK, Phase.FOLLOW) or view.ahead_confidence < CONFIDENT:
+        looking = self._end_look and self._settled(stamp)
+        watches = self.phase in (Phase.LOOK, Phase.FOLLOW) or looking
+        if not watches or view.ahead_confidence < CONFIDENT:
             return
         self._crop_at_m = min(self._crop_at_m, then.distance_m + view.crop_ahead_m)
         if self.phase is Phase.LOOK:
@@ -571,14 +617,16 @@ class Pilot:
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
-        if (
-            self._clear_count >= END_PICTURES
-            and self._clear_since is not None
-            and self._end_due(self._clear_since.motion)
-        ):
-            self._by_plan = False
-            self._begin_turn(now, self._clear_since)
-            return self._hold()
+        clear = self._clear_since
+        if clear is not None and self._clear_count >= END_PICTURES:
+            due = self._end_due(clear.motion)
+            if due and not (self._plan.sides and self._in_dust(*END_SURE)):
+                self._by_plan = False
+                self._begin_turn(now, clear)
+                return self._hold()
+            if due or self.motion.distance_m - self._looked_m > LOOK_EVERY_M:
+                self._look_for_crop(now)
+                return self._hold()
         side = self._side()
         if side is not None and side.blind_end and self._to_blind_end_m(side) <= 0:
             self._begin_turn(now, EndOfField(now, self.motion, self.turns))
@@ -605,16 +653,36 @@ class Pilot:
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
         if self._worth_a_look():
-            self._look_until = now + LOOK_S
-            self._looked_m = self.motion.distance_m
-            self._go(now, Phase.HESITATE, "the edge is unsure: looking without the blade's dust")
+            self._look(now, "the edge is unsure: looking without the blade's dust")
             return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
         if self._entered_at is not None and now - self._phase_stamp < SPIN_S:
             return self._drive(steer, 0.0, True)
         slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
-        return self._drive(steer, speed, True)
+        return self._drive(steer, speed, self._crop_is_near())
+
+    def _look_for_crop(self, now: float) -> None:
+        """What seems clear ground may be dust before crop."""
+        self._look(now, "the crop seems to end: looking without the blade's dust")
+        self._clear_count = 0
+        self._end_look = True
+
+    def _crop_is_near(self) -> bool:
+        """Whether the blade must turn. On the way to a side's crop it would only raise dust, just
+        where the edge is to be found."""
+        if self._entered_at is not None or self._side() is None or not self._position.known:
+            return True
+        here = self.motion
+        seen = self._crop_at_m - here.distance_m
+        return min(seen, -self._along_m(here)) < BLADE_ON_M
+
+    def _look(self, now: float, reason: str) -> None:
+        """Stops to look without the blade's dust."""
+        self._look_until = now + LOOK_S
+        self._looked_m = self.motion.distance_m
+        self._end_look = False
+        self._go(now, Phase.HESITATE, reason)
 
     def _worth_a_look(self) -> bool:
         """Whether the lane has become doubtful where its edge might be seen but for dust."""
@@ -623,7 +691,7 @@ class Pilot:
             return False
         along = self._along_m(here)
         return (
-            self._lane.offset_sigma_m > DUST_SIGMA_M
+            (self._lane.offset_sigma_m > DUST_SIGMA_M or self._dust_doubts)
             and abs(here.distance_m - self._corrected_m) > UNSEEN_M
             and abs(here.distance_m - self._looked_m) > LOOK_EVERY_M
             and self._shows_edge(along - UNSEEN_M)
@@ -637,10 +705,14 @@ class Pilot:
         yaw, direction = self._turned_from
         self._turned_from = None
         reckoned = self.motion.yaw_rad - yaw
-        true = side.heading_rad + self._lane.heading_rad - direction
+        true = self._direction_rad(side) - direction
         true = reckoned + math.remainder(true - reckoned, math.tau)
         if abs(reckoned) > TURN_LEAST_RAD:
             self._odometry.turned(reckoned, true)
+
+    def _direction_rad(self, side: Side) -> float:
+        """The vehicle's in the field frame, by the lane that it follows."""
+        return side.heading_rad + self._lane.heading_rad
 
     def _nothing_found(self, now: float) -> Command:
         """Where the plan's crop does not stand: a short side may have gone with its neighbours."""
@@ -670,9 +742,7 @@ class Pilot:
         if since is not None and abs(here.distance_m - since.distance_m) < ANCHOR_EVERY_M:
             return
         self._anchored = here
-        lane = self._lane
-        sigma = lane.offset_sigma_m
-        self._position.on_lane(side, self.turns, lane.offset_m, lane.heading_rad, sigma)
+        self._position.follow(self._lane.blade_offset_m, self._lane.offset_sigma_m)
 
     def _cut_m(self, motion: Motion) -> float:
         """How far the blade has come along this side since it met the crop."""
@@ -744,6 +814,8 @@ class Pilot:
             if told < STAND_S and not self._standing(told):
                 # a blade that stops first pushes the last crop over instead of cutting it
                 return replace(self._hold(), blade=True)
+            if self._end_look:
+                return self._look_at_end(now)
             seen = abs(self.motion.distance_m - self._corrected_m) < UNSEEN_M
             if seen or now > self._look_until:
                 self._look_until = math.inf
@@ -757,6 +829,21 @@ class Pilot:
             self._go(now, Phase.FOLLOW, "the edge is in view again")
             return self._hold()
         return self._back_off(now)
+
+    def _look_at_end(self, now: float) -> Command:
+        """Without dust: no crop before the blade is the side's end, and so is what shows none in
+        all the time of a look."""
+        clear = self._clear_count >= END_PICTURES or now > self._look_until
+        if self._clear_since is None or (clear and not self._end_due(self._clear_since.motion)):
+            bare = self._clear_since is not None
+            self._look_until = math.inf
+            self._clear_count, self._clear_since = 0, None
+            self._go(now, Phase.FOLLOW, "bare ground" if bare else "the crop goes on")
+        elif clear:
+            self._look_until = math.inf
+            self._by_plan = False
+            self._begin_turn(now, self._clear_since)
+        return self._hold()
 
     def _back_off(self, now: float) -> Command:
         """Nothing sure to be seen from here: some way back over the swath, the blade off, crop that
@@ -798,9 +885,9 @@ class Pilot:
         if side is not None:
             self._trails.end(side)
             known = self._entered_at is not None and self._cut_m(self.motion) > TURN_KNOWN_M
-            direction = side.heading_rad + self._lane.heading_rad
-            self._turned_from = (self.motion.yaw_rad, direction) if known else None
+            self._turned_from = (self.motion.yaw_rad, self._direction_rad(side)) if known else None
             self._trails.begin(self._plan.sides[self.turns + 1])
+            self._position.begin(self._plan.sides[self.turns + 1])
         self._turn = next_turn(self._plan, self.turns, self._vehicle, self._room_m)
         if seen:
             self.ends.append(end)
@@ -895,8 +982,13 @@ class Pilot:
             return beyond >= 0 if leg.rises else beyond <= 0
         place = x if leg.goal is Goal.X else self._turn.along(x, y)
         ahead = leg.value - place - coast
-        if leg.follow is Follow.NEW_LANE and 0 <= ahead < ALIGN_ROOM_M:
-            return abs(self._lane.blade_offset_m) < ALIGNED_M
+        side = self._side()
+        cut = side.back_m if side is not None else 0.0
+        if leg.follow is Follow.NEW_LANE and 0 <= ahead < min(
+            ALIGN_ROOM_M[0] + cut, *ALIGN_ROOM_M[1:]
+        ):
+            lane = self._lane
+            return abs(lane.blade_offset_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
         return ahead >= 0 if leg.reverse else ahead <= 0
 
     def _next_leg(self, now: float) -> None:
@@ -914,15 +1006,14 @@ class Pilot:
             return
         x, y, heading = self._in_turn_frame()
         scale = self._odometry.scale_sigma
-        side = self._side()
-        known = side is not None and self._position.known
-        across = self._position.across_sigma_m(side) if side is not None and known else 0.0
-        self._lane.place(
-            self._turn.offset(x, y),
-            heading - self._turn.lane_rad,
-            max(PLACE_SIGMA_M + 2 * scale, across),
-            PLACE_SIGMA_RAD + self._turn.lane_rad * scale,
-        )
+        offset, turned = self._turn.offset(x, y), heading - self._turn.lane_rad
+        offset_sigma = PLACE_SIGMA_M + 2 * scale
+        heading_sigma = PLACE_SIGMA_RAD + self._turn.lane_rad * scale
+        if self._side() is not None and self._position.known:
+            offset, turned, *sigmas = self._position.on_lane()
+            offset_sigma = max(offset_sigma, sigmas[0])
+            heading_sigma = max(heading_sigma, sigmas[1])
+        self._lane.place(offset, turned, offset_sigma, heading_sigma)
 
     def _crop_expected_m(self) -> float:
         """From the blade to where the new side's crop should begin."""

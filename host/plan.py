@@ -30,6 +30,9 @@ SEEN_SHARE = 0.22
 SEEN_ROWS = 9
 MAX_SIDES = 4000
 SAME_RAD = 1e-3
+BESIDE_RAD = math.radians(1.0)
+BESIDE_WIDTHS = (0.2, 1.5)
+"""Of the blade, between the lines of a side and of the one that has left its edge."""
 NEAR_M = 1e-3
 CONVEX_RAD = 1e-3
 MIN_EDGE_M = 0.05
@@ -68,6 +71,19 @@ class Side:
     edge_begin_m: float = 0.0
     edge_end_m: float = 0.0
     """From there the outer edge runs; what is seen before and behind it is a slanting border."""
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """Where the edge begins, along the side's direction from the field's origin, and how far
+        left of that origin it runs."""
+        c, s = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return c * self.x_m + s * self.y_m, c * self.y_m - s * self.x_m
+
+    def left_by(self, past: Side, blade_width_m: float) -> bool:
+        """Whether cutting `past` has left this side's edge."""
+        turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))
+        apart = (self.line[1] - past.line[1]) / blade_width_m
+        return turned < BESIDE_RAD and BESIDE_WIDTHS[0] < apart < BESIDE_WIDTHS[1]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,21 @@
 
 A phone's position is good to some 2.5 m, slowly wandering: no use beside a gap of 2 m. But the
 operator puts the blade on a known corner, every side lies along a known line, and every end of a
-side is a known place: those anchor an extended Kalman filter over (x, y, yaw, the
-wheels' slip while cutting).
+side is a known place: those anchor an extended Kalman filter over (x, y, yaw, the wheels' slip
+while cutting, the lane's offset and direction against the plan's, the courses' direction against
+the plan's).
+
+A line is known only as well as it was cut: strip after strip may lie a little askew of the one
+before. So each lane has an offset and a direction of its own, known from the lane whose cutting has
+left its edge, and the receiver's Doppler courses, which no strip turns, tell them from the
+machine's. A walked boundary is some degrees off: what the courses differ by along the outer edge is
+the plan's, and stays.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +26,18 @@ from host.plan import Side
 from host.vehicle import Vehicle
 
 START_SIGMA = (0.1, 0.1, math.radians(2))
-LANE_SIGMA_M = 0.06
-RING_SIGMA_M = 0.02
-"""Growth of the lane's uncertainty with every side cut beside it."""
-LANE_SIGMA_RAD = math.radians(2)
+LANE_SIGMA = (0.06, math.radians(0.5))
+"""Of the outer edge's line against the plan's, m and rad."""
+RING_SIGMA = (0.02, math.radians(0.2))
+RING_ENDS_M = 0.05
+"""What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
+so much."""
+FOLLOWED_SIGMA_M = 0.05
+"""Of the way driven beside the lane's line."""
+PLAN_SIGMA_RAD = math.radians(3)
+"""Of a walked boundary's direction against the courses'."""
+DOPPLER_MPS = 0.09
+"""Of a phone's velocity across its course, as smoothed as it comes."""
 BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
 END_EARLY_M = 0.1
@@ -40,7 +56,18 @@ DOUBTED_SIGMAS = 2.0
 """An end or beginning that is seen farther from where it is expected counts the less, the farther:
 weeds in the gap look like crop, and dust hides it."""
 YAW_SIGMA_PER_M = math.radians(0.3)
-YAW_SIGMA_SHARE = 0.05
+YAW_SIGMA_SHARE = 0.03
+LANE = slice(4, 6)
+"""Of the state."""
+
+
+class _Lane(NamedTuple):
+    """What was found of a side's lane: (2,) its offset at the side's beginning, m left of the
+    plan's, and its direction, rad; (2, 2) their covariance."""
+
+    side: Side
+    x: NDArray[np.float64]
+    p: NDArray[np.float64]
 
 
 class Position:
@@ -48,9 +75,11 @@ class Position:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._x: NDArray[np.float64] = np.zeros(4)
-        self._p: NDArray[np.float64] = np.full((4, 4), math.inf)
+        self._x: NDArray[np.float64] = np.zeros(7)
+        self._p: NDArray[np.float64] = np.full((7, 7), math.inf)
         self._past: Motion | None = None
+        self._lanes: list[_Lane] = []
+        self._lane_of: Side | None = None
         self.known = False
 
     @property
@@ -74,11 +103,37 @@ class Position:
                 side.x_m + c * back - s * inside,
                 side.y_m + s * back + c * inside,
                 side.heading_rad + heading_rad,
-                0.0,
+                *np.zeros(4),
             ]
         )
-        self._p = np.diag([sigma**2 for sigma in (*START_SIGMA, SLIP_SIGMA)])
+        sigmas = (*START_SIGMA, SLIP_SIGMA, *LANE_SIGMA, PLAN_SIGMA_RAD)
+        self._p = np.diag([sigma**2 for sigma in sigmas])
         self.known = True
+        self._lane_of = side
+
+    def begin(self, side: Side) -> None:
+        """From here on it is this side's lane: what is known of the last is kept for the one whose
+        edge it has left."""
+        past = self._lane_of
+        if past is not None:
+            done = _Lane(past, self._x[LANE].copy(), self._p[LANE, LANE].copy())
+            kept = [lane for lane in self._lanes if not self._left_by(past, lane)]
+            self._lanes = [*kept, done]
+        self._lane_of = side
+        beside = [known for known in self._lanes if self._left_by(side, known)]
+        lane, covariance = np.zeros(2), np.diag(LANE_SIGMA) ** 2
+        if beside:
+            last = beside[-1]
+            moved = np.array([[1.0, side.line[0] - last.side.line[0]], [0.0, 1.0]])
+            askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
+            grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
+            lane, covariance = moved @ last.x, moved @ last.p @ moved.T + grown
+        self._x[LANE] = lane
+        self._p[LANE, :] = self._p[:, LANE] = 0.0
+        self._p[LANE, LANE] = covariance
+
+    def _left_by(self, side: Side, lane: _Lane) -> bool:
+        return side.left_by(lane.side, self._vehicle.blade_width_m)
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
@@ -93,15 +148,15 @@ class Position:
         c, s = math.cos(middle), math.sin(middle)
         lost = step if cutting else 0.0
         step -= lost * float(self._x[3])
-        self._x = self._x + np.array([step * c, step * s, turn, 0.0])
-        jacobian = np.eye(4)
+        self._x[:3] += step * c, step * s, turn
+        jacobian = np.eye(7)
         jacobian[:2, 2] = -step * s, step * c
         jacobian[:2, 3] = -lost * c, -lost * s
         # Neighbouring steps err alike: their errors grow along a metre as one.
         run = abs(step)
         place = STEP_SIGMA**2 * run
         yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
-        self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw, 0.0])
+        self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw, 0.0, 0.0, 0.0, 0.0])
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
@@ -115,27 +170,43 @@ class Position:
         dx, dy = self._x[0] - side.x_m, self._x[1] - side.y_m
         return float(dy * c - dx * s) - self._vehicle.inset_m + side.shift_m
 
-    def across_sigma_m(self, side: Side) -> float:
-        """Standard deviation of the place across a side's lane."""
-        across = np.array([-math.sin(side.heading_rad), math.cos(side.heading_rad)])
-        return math.sqrt(across @ self.covariance @ across)
+    def on_lane(self) -> tuple[float, float, float, float]:
+        """The rear axle's place against the present lane as it lies, not as the plan has it: how
+        far left (m) and how far turned left (rad), and their standard deviations."""
+        side = self._lane_of
+        assert side is not None
+        along = self.along(side) - self._vehicle.blade_x_m
+        offset = self.across(side) - float(self._x[4]) - float(self._x[5]) * along
+        heading = math.remainder(self._x[2] - side.heading_rad - self._x[5], math.tau)
+        across = self._beside(side, along)
+        turned = np.array([0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0])
+        sigmas = (math.sqrt(across @ self._p @ across), math.sqrt(turned @ self._p @ turned))
+        return offset, heading, *sigmas
 
-    def on_lane(
-        self,
-        side: Side,
-        index: int,
-        offset_m: float,
-        heading_rad: float,
-        offset_sigma_m: float = 0.0,
-    ) -> None:
-        """The lane filter's place, known to offset_sigma_m, against the lane of side number
-        `index`. A lane that goes by dead reckoning alone is no measurement of its own."""
-        s, c = math.sin(side.heading_rad), math.cos(side.heading_rad)
-        across = self.across(side)
-        turn = math.remainder(side.heading_rad + heading_rad - self._x[2], math.tau)
-        sigma = math.hypot(LANE_SIGMA_M + RING_SIGMA_M * index / 4, offset_sigma_m)
-        self._correct(np.array([[-s, c, 0.0, 0.0]]), offset_m - across, sigma)
-        self._correct(np.array([[0.0, 0.0, 1.0, 0.0]]), turn, LANE_SIGMA_RAD)
+    def _beside(self, side: Side, along_m: float) -> NDArray[np.float64]:
+        """The derivative of the rear axle's offset from the lane, along_m past its beginning."""
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        return np.array([-s, c, 0.0, 0.0, -1.0, -along_m, 0.0])
+
+    def follow(self, blade_offset_m: float, sigma_m: float) -> None:
+        """The lane filter's place of the blade's middle left of the present lane. A lane that goes
+        by dead reckoning alone is no measurement of its own: sigma_m is that filter's."""
+        side = self._lane_of
+        assert side is not None
+        ahead = self._vehicle.blade_x_m
+        turned = math.remainder(self._x[2] - side.heading_rad, math.tau)
+        along = self.along(side)
+        h = self._beside(side, along)
+        h[2] = ahead * math.cos(turned)
+        at_blade = self.across(side) + ahead * math.sin(turned)
+        expected = at_blade - float(self._x[4]) - float(self._x[5]) * along
+        sigma = math.hypot(FOLLOWED_SIGMA_M, sigma_m)
+        self._correct(h[np.newaxis], blade_offset_m - expected, sigma)
+
+    def course(self, left_rad: float, speed_mps: float) -> None:
+        """The receiver's course lies left_rad left of the yaw, at that speed over ground."""
+        h = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]])
+        self._correct(h, left_rad - float(self._x[6]), math.atan2(DOPPLER_MPS, abs(speed_mps)))
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
@@ -146,7 +217,8 @@ class Position:
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since; drift_m is what a wrong
         scale of the distances may have done along it."""
-        along = np.array([[math.cos(side.heading_rad), math.sin(side.heading_rad), 0.0, 0.0]])
+        along = np.zeros((1, 7))
+        along[0, :2] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
         sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m)
         seen = side.length_m - side.end_seen_m - END_EARLY_M
@@ -158,7 +230,7 @@ class Position:
         border that slants a machine left of the lane meets the beginning earlier by `slope` of how
         far left it is."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        h = np.array([[c - slope * s, s + slope * c, 0.0, 0.0]])
+        h = np.array([[c - slope * s, s + slope * c, *np.zeros(5)]])
         innovation = blade_m - self.along(side) - slope * self.across(side)
         expected = math.sqrt((h @ self._p @ h.T).item() + sigma_m**2)
         doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
@@ -168,5 +240,5 @@ class Position:
         variance = (h @ self._p @ h.T).item() + sigma**2
         gain = (self._p @ h.T) / variance
         self._x = self._x + gain[:, 0] * innovation
-        keep = np.eye(4) - gain @ h
+        keep = np.eye(7) - gain @ h
         self._p = keep @ self._p @ keep.T + gain @ gain.T * sigma**2

@@ -20,19 +20,14 @@ from host.vehicle import Vehicle
 MIN_M = 3.0
 """A shorter way has no shape besides its direction and bend."""
 STEP_M = 0.05
-SAME_RAD = math.radians(1.0)
-APART_WIDTHS = (0.2, 1.5)
-"""Between the lines of a side and of the one that has left its edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trail:
     """`across_m[k]`: how far left of its own mean parabola the blade's left end was at `along_m[k]`
-    (ascending), measured along heading_rad from the field's origin; `left_m`: how far left of that
-    origin the side's line runs."""
+    (ascending), measured along the side's direction from the field's origin."""
 
-    heading_rad: float
-    left_m: float
+    side: Side
     along_m: NDArray[np.float64]
     across_m: NDArray[np.float64]
 
@@ -66,8 +61,7 @@ class Trails:
         across = (points[:, 1:] - points[0, 1:]) @ (-s, c)
         # Offset and direction are for vision to see; a bend is what an unknown steering bias adds.
         across -= np.polyval(np.polyfit(run, across, 2), run)
-        begin, left = _line(side)
-        trail = Trail(side.heading_rad, left, begin + points[:, 0], across)
+        trail = Trail(side, side.line[0] + points[:, 0], across)
         self._left = [t for t in self._left if not self._beside_of(t, side)] + [trail]
 
     def begin(self, side: Side) -> None:
@@ -82,19 +76,11 @@ class Trails:
         trail = self._beside
         if trail is None:
             return 0.0
-        at = _line(side)[0] + along_m
+        at = side.line[0] + along_m
         if not trail.along_m[0] <= at <= trail.along_m[-1]:
             return 0.0
         return float(np.interp(at, trail.along_m, trail.across_m))
 
     def _beside_of(self, trail: Trail, side: Side) -> bool:
         """Whether a trail is the edge of a side, which cuts it away."""
-        turned = abs(math.remainder(side.heading_rad - trail.heading_rad, math.tau))
-        apart = (_line(side)[1] - trail.left_m) / self._vehicle.blade_width_m
-        return turned < SAME_RAD and APART_WIDTHS[0] < apart < APART_WIDTHS[1]
-
-
-def _line(side: Side) -> tuple[float, float]:
-    """Along and left of a side's direction, from the field's origin: where its edge begins."""
-    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-    return c * side.x_m + s * side.y_m, c * side.y_m - s * side.x_m
+        return side.left_by(trail.side, self._vehicle.blade_width_m)
