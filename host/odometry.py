@@ -32,8 +32,10 @@ angle says: tyres slip sideways, most at full lock, and a pot's scale is not exa
 YAW_GAIN_LIMITS = (0.85, 1.15)
 TURN_SIGMA_RAD = 0.02
 """How well the lanes before and after a turn show how far the machine has turned."""
-ROLLS_FASTER, ROLLS_MPS = 1.3, 0.01
-"""Times, and how much, the slowest since the drive was switched off."""
+ROLLS_FASTER, ROLLS_MPS = 1.15, 0.004
+"""Times, and how much, the slowest since the drive was switched off, a pulse's jitter."""
+STOOD_MPS = 0.06
+"""What the hall sensor still reads where the wheels have turned round between two pulses."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -148,7 +150,8 @@ class Odometry:
         speed = abs(telemetry.speed_mps)
         if speed < self._slowest_mps:
             self._slowest_mps, self._since_slowest_m = speed, 0.0
-        self._rolls_back = speed > ROLLS_FASTER * self._slowest_mps + ROLLS_MPS
+        faster = speed > ROLLS_FASTER * self._slowest_mps + ROLLS_MPS
+        self._rolls_back = faster and self._slowest_mps < STOOD_MPS
         if self._rolls_back:
             return step_m - 2 * self._since_slowest_m, -telemetry.speed_mps
         return step_m, telemetry.speed_mps

@@ -46,6 +46,8 @@ class PictureWatch:
         self._shape = (height_px, width_px, 3)
         self._pixels: NDArray[np.uint8] | None = None
         self._thumbnail: NDArray[np.int16] | None = None
+        self.jumped = False
+        """Whether the last picture, if sound, is quite another than the one before."""
 
     def problem(self, bgr: NDArray[np.uint8]) -> str:
         """Why the picture is not to be believed, in words; empty where it is. `bgr` is (height,
@@ -68,8 +70,8 @@ class PictureWatch:
         flat = ((here == right) & (here == below)).all(axis=2) & (here < WHITE).any(axis=2)
         if flat.mean() > FLAT_SHARE:
             return "the camera's picture is broken"
-        if earlier is not None and float(np.abs(thumbnail - earlier).mean()) > JUMP:
-            return "the camera's picture is quite another than the one before"
+        jump = 0.0 if earlier is None else float(np.abs(thumbnail - earlier).mean())
+        self.jumped = jump > JUMP
         return ""
 
 
@@ -89,6 +91,10 @@ class WatchedDetector:
         self._spoilt = problem or self._spoilt
         if self._sound < PROVED:
             return CropView(0.0, usable=False, reason=self._spoilt)
+        if self._watch.jumped:
+            # Stalks right before the lens do that: nothing to be measured, but no dead camera.
+            reason = "the camera's picture is quite another than the one before"
+            return CropView(0.0, reason=reason)
         return self._detector.see(bgr, stages=stages)
 
     def restart(self) -> None:

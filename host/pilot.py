@@ -53,6 +53,7 @@ DUST_SIGMA_M = 0.12
 UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 LOOK_EVERY_M = 1.0
+END_LOOK_EVERY_M = 0.3
 LOOK_S = 3.0
 SETTLE_S = 1.0
 """Of a look, until most of the dust has settled."""
@@ -624,7 +625,8 @@ class Pilot:
                 self._by_plan = False
                 self._begin_turn(now, clear)
                 return self._hold()
-            if due or self.motion.distance_m - self._looked_m > LOOK_EVERY_M:
+            again_m = END_LOOK_EVERY_M if due else LOOK_EVERY_M
+            if self.motion.distance_m - self._looked_m > again_m:
                 self._look_for_crop(now)
                 return self._hold()
         side = self._side()

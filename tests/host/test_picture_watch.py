@@ -127,12 +127,6 @@ def test_a_washed_out_sky_is_not_a_lost_part() -> None:
     assert watch().problem(picture) == ""
 
 
-def test_a_picture_of_quite_another_place_is_not_believed() -> None:
-    made = watch()
-    assert made.problem(shot(scene(1))) == ""
-    assert "another" in made.problem(cv2.bitwise_not(shot(scene(1))).astype(np.uint8))
-
-
 class Counting:
     """A detector that says how often it was asked."""
 
@@ -159,13 +153,25 @@ def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
     assert (behind.seen, behind.restarts) == (1, 1)
 
 
+def test_a_picture_of_quite_another_place_shows_nothing_but_that_the_camera_lives() -> None:
+    """Stalks right before the lens, in a turn: nothing is measured in them, but nothing stops."""
+    behind = Counting()
+    made = WatchedDetector(behind, MAST)
+    here, there = shot(scene(1)), cv2.bitwise_not(shot(scene(1))).astype(np.uint8)
+    assert made.see(here).confidence == 0.9
+    view = made.see(there)
+    assert (view.usable, view.confidence, view.ahead_confidence) == (True, 0.0, 0.0)
+    assert "another" in view.reason
+    assert behind.seen == 1
+    assert made.see(shot(255 - scene(1), 3)).usable
+
+
 def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> None:
     made, view = WatchedDetector(Counting(), MAST), scene()
     shots = [shot(view, k, k) for k in range(8)]
     shots[1] = np.zeros_like(shots[1])
     shots[4] = shots[3]
     usable = [made.see(picture).usable for picture in shots]
-    # the picture after the black one is quite another than it, and so spoiled as well
     assert usable == [True, False, False, False, False, False, False, True]
 
 
