@@ -10,6 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from host.slope import Slope
 from host.types import Fix, Telemetry
 from host.vehicle import Vehicle
 
@@ -34,6 +35,8 @@ TURN_SIGMA_RAD = 0.02
 """How well the lanes before and after a turn show how far the machine has turned."""
 ROLLS_FASTER, ROLLS_MPS = 1.15, 0.004
 """Times, and how much, the slowest since the drive was switched off, a pulse's jitter."""
+STEADY_S, STOPS_S = 1.0, 0.3
+"""After the drive is switched on or off."""
 STOOD_MPS = 0.06
 """What the hall sensor still reads where the wheels have turned round between two pulses."""
 TOO_FAST = 2.0
@@ -66,6 +69,9 @@ class Odometry:
         self._speed = 0.0
         self._odometer: float | None = None
         self._too_fast_s = 0.0
+        self._slope = Slope()
+        self._driven_s = 0.0
+        """Since the drive was last switched; negative: since it was switched off."""
         self._slowest_mps = math.inf
         self._since_slowest_m = 0.0
         self._rolls_back = False
@@ -111,7 +117,7 @@ class Odometry:
                 else telemetry.speed_mps * dt
             )
             self._odometer = telemetry.distance_m
-            step, self._speed = self._rolled(step, telemetry)
+            step, self._speed = self._rolled(step, telemetry, dt)
             too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
             self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
         else:
@@ -136,25 +142,37 @@ class Odometry:
             self._history.popleft()
         return self.now
 
-    def _rolled(self, step_m: float, telemetry: Telemetry) -> tuple[float, float]:
+    def _rolled(self, step_m: float, telemetry: Telemetry, dt: float) -> tuple[float, float]:
         """The step and the speed with their true signs. One hall sensor counts a machine that rolls
-        back down a slope as going on. But with the drive off it slows down to a stand or to what
-        the slope keeps up: when it becomes faster again, it has turned round."""
-        assert telemetry.speed_mps is not None
+        back down a slope as going on. Where the slope is not known yet: with the drive off a
+        machine slows down to a stand or to what the slope keeps up, and when it becomes faster
+        again it has turned round."""
+        speed = telemetry.speed_mps
+        assert speed is not None
         if telemetry.drive_duty != 0:
+            self._driven_s = max(0.0, self._driven_s) + dt
             self._slowest_mps, self._since_slowest_m, self._rolls_back = math.inf, 0.0, False
-            return step_m, telemetry.speed_mps
+            straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
+            if straight and not telemetry.blade and self._driven_s > STEADY_S and speed != 0.0:
+                level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
+                self._slope.learn(self.now.yaw_rad, speed, level)
+            return step_m, speed
+        self._driven_s = min(0.0, self._driven_s) - dt
+        downhill = self._slope.rolls(self.now.yaw_rad)
+        if downhill != 0:
+            if self._driven_s > -STOPS_S:
+                return step_m, speed
+            return math.copysign(step_m, downhill), math.copysign(speed, downhill)
         if self._rolls_back:
-            return -step_m, -telemetry.speed_mps
+            return -step_m, -speed
         self._since_slowest_m += step_m
-        speed = abs(telemetry.speed_mps)
-        if speed < self._slowest_mps:
-            self._slowest_mps, self._since_slowest_m = speed, 0.0
-        faster = speed > ROLLS_FASTER * self._slowest_mps + ROLLS_MPS
+        if abs(speed) < self._slowest_mps:
+            self._slowest_mps, self._since_slowest_m = abs(speed), 0.0
+        faster = abs(speed) > ROLLS_FASTER * self._slowest_mps + ROLLS_MPS
         self._rolls_back = faster and self._slowest_mps < STOOD_MPS
         if self._rolls_back:
-            return step_m - 2 * self._since_slowest_m, -telemetry.speed_mps
-        return step_m, telemetry.speed_mps
+            return step_m - 2 * self._since_slowest_m, -speed
+        return step_m, speed
 
     def turn_trim(self, curvature_1pm: float) -> None:
         """Takes a curvature that nearly straight driving showed besides what the pot said."""

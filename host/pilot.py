@@ -54,6 +54,7 @@ UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
+BARE_LOOKS = 2
 LOOK_S = 3.0
 SETTLE_S = 1.0
 """Of a look, until most of the dust has settled."""
@@ -239,6 +240,8 @@ class Pilot:
         self._looked_m = -math.inf
         self._end_look = False
         """Whether that look is for the end of the side."""
+        self._bare = 0
+        """Looks in a row that showed bare ground where the plan has crop."""
         self._search_m = math.inf
         self._crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
@@ -450,7 +453,7 @@ class Pilot:
         self._dust_doubts = line > INWARD_M and self._in_dust(*EDGE_SURE)
         if not self._dust_doubts:
             here = line - self._lane.blade_offset_m
-            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=False)
+            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=True)
             self._believe_heading()
 
     def _settled(self, stamp: float) -> bool:
@@ -613,7 +616,7 @@ class Pilot:
         self._entered_at = None
         self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
-        self._backs = 0
+        self._backs = self._bare = 0
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
@@ -834,17 +837,22 @@ class Pilot:
 
     def _look_at_end(self, now: float) -> Command:
         """Without dust: no crop before the blade is the side's end, and so is what shows none in
-        all the time of a look."""
-        clear = self._clear_count >= END_PICTURES or now > self._look_until
-        if self._clear_since is None or (clear and not self._end_due(self._clear_since.motion)):
-            bare = self._clear_since is not None
+        all the time of a look. Where the plan has no end it is a bare patch, or no lane at all."""
+        if self._clear_since is None:
+            self._end_look = False  # the crop goes on; now for its edge
+            self._bare = 0
+        elif self._clear_count >= END_PICTURES or now > self._look_until:
             self._look_until = math.inf
+            if self._end_due(self._clear_since.motion):
+                self._by_plan = False
+                self._begin_turn(now, self._clear_since)
+                return self._hold()
             self._clear_count, self._clear_since = 0, None
-            self._go(now, Phase.FOLLOW, "bare ground" if bare else "the crop goes on")
-        elif clear:
-            self._look_until = math.inf
-            self._by_plan = False
-            self._begin_turn(now, self._clear_since)
+            self._bare += 1
+            if self._bare > BARE_LOOKS:
+                self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
+                return Command(Request.STOP, reason=self.reason)
+            self._go(now, Phase.FOLLOW, "bare ground")
         return self._hold()
 
     def _back_off(self, now: float) -> Command:

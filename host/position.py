@@ -29,10 +29,10 @@ START_SIGMA = (0.1, 0.1, math.radians(2))
 LANE_SIGMA = (0.06, math.radians(0.5))
 """Of the outer edge's line against the plan's, m and rad."""
 RING_SIGMA = (0.02, math.radians(0.2))
-RING_ENDS_M = 0.05
+RING_ENDS_M = 0.1
 """What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
 so much."""
-FOLLOWED_SIGMA_M = 0.05
+FOLLOWED_SIGMA_M = 0.03
 """Of the way driven beside the lane's line."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""

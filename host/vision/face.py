@@ -57,6 +57,8 @@ TRACK_M = 0.08
 is more likely something else, an end of dust for one."""
 ELSEWHERE = 0.35
 """Factor on how much such a place differs, squared."""
+BORDER_M = 0.06
+"""Crop that goes on to so near the picture's border ends there for the picture alone."""
 WINDOW_M = 0.3
 """Looked at on either side of a possible right end."""
 NARROW_M = 0.12
@@ -527,6 +529,8 @@ class FaceFinder:
         if at < 0:
             return NAN, 0.0
         contrast = (inside - outside) / (inside + outside)
+        if (at - int(np.argmax(sums[:, 0] > 0.0))) * BIN_M < BORDER_M:
+            return SPAN_M[0] + at * BIN_M, 0.0
         again = _again(sums, at) / inside
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
         right = SPAN_M[0] + at * BIN_M

@@ -101,17 +101,66 @@ def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
     assert lane.offset_m == pytest.approx(offset, abs=0.02)
 
 
+def ring(index: int, length_m: float = 10.0) -> Side:
+    """Each lies a pass inside the one before."""
+    return Side(0.0, index * VEHICLE.pass_m, 0.0, length_m, VEHICLE.pass_m, length_m)
+
+
 def test_the_further_inside_the_less_a_sides_line_proves() -> None:
     """What the swaths before it were off adds up."""
-    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
     moved = []
-    for index in (0, 8, 20):
+    for inside in (0, 8, 20):
         position = Position(VEHICLE)
-        position.place(side, 0.0, 0.0, 0.0)
+        position.place(ring(0), 0.0, 0.0, 0.0)
+        for k in range(1, inside + 1):
+            position.begin(ring(k))
+        position._x[1] = inside * VEHICLE.pass_m + VEHICLE.inset_m
         before = position.pose[1]
-        position.on_lane(side, index, 0.1, 0.0)
+        position.follow(0.1, 0.0)
         moved.append(position.pose[1] - before)
     assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
+
+
+def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[float]:
+    """By how much the position's yaw is off, rad, after each round along a side of 5 m whose strips
+    are each cut so much more askew, while lane and dead reckoning say that all is straight."""
+    rng = np.random.default_rng(4)
+    position, run_m, off = Position(VEHICLE), 0.0, []
+    position.place(ring(0, 5.0), 0.0, 0.0, 0.0)
+    for k in range(rounds):
+        true = math.radians(askew_deg * k)
+        for _ in range(10):
+            run_m += 0.5
+            position.predict(motion(run_m), cutting=False)
+            position.follow(0.0, 0.03)
+            position.course(true + rng.normal(0.0, noise_rad) - position.pose[2], 0.5)
+        off.append(math.remainder(position.pose[2] - true, math.tau))
+        back_m = run_m - 5.0
+        run_m = back_m + VEHICLE.pass_m
+        for way_m, yaw in ((back_m, 0.0), (back_m, 1.571), (run_m, 1.571), (run_m, 0.0)):
+            position.predict(motion(way_m, yaw), cutting=False)
+        position.begin(ring(k + 1, 5.0))
+    return off
+
+
+def test_strips_that_turn_do_not_turn_the_position_with_them() -> None:
+    """1.5 deg a round, which neither lane nor dead reckoning shows."""
+    off = turned_by_courses(1.5, 12, 0.12)
+    assert abs(math.degrees(off[-1])) < 5.0
+    straight = turned_by_courses(0.0, 12, 0.12)
+    assert max(abs(math.degrees(o)) for o in straight) < 1.5
+
+
+def test_a_walked_boundary_that_is_off_does_not_turn_the_machine_in_it() -> None:
+    """All courses differ by the same from a plan that is as much turned."""
+    position, run_m = Position(VEHICLE), 0.0
+    position.place(ring(0, 20.0), 0.0, 0.0, 0.0)
+    for _ in range(40):
+        run_m += 0.5
+        position.predict(motion(run_m), cutting=False)
+        position.follow(0.0, 0.03)
+        position.course(math.radians(4.0) - position.pose[2], 0.5)
+    assert math.degrees(position.pose[2]) == pytest.approx(0.0, abs=0.4)
 
 
 def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None:
@@ -139,7 +188,7 @@ def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() 
         for _ in range(round(length_m / STEP_M)):
             run_m += STEP_M / (1 - slip)
             position.predict(motion(run_m), cutting=True)
-            position.on_lane(side, 0, 0.0, 0.0)
+            position.follow(0.0, 0.0)
         missed.append(position.along(side) - length_m)
         position.at_end(side, 0.1)
         run_m -= length_m
@@ -159,8 +208,8 @@ def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() 
         position.place(side, 0.0, 0.0, 0.0)
         for k in range(6):
             position.predict(motion(0.5 * k), cutting=True)
-            position.on_lane(side, 0, 0.0, 0.0, lane_sigma_m)
-        sigmas.append(position.across_sigma_m(side))
+            position.follow(0.0, lane_sigma_m)
+        sigmas.append(position.on_lane()[2])
     assert sigmas[0] < 0.04
     assert sigmas[1] > 2.0 * sigmas[0]
 

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from host.odometry import Odometry
+from host.slope import Slope
 from host.types import Fix, State, Telemetry
 from host.vehicle import Vehicle
 
@@ -109,3 +110,80 @@ def test_one_turn_that_went_wrong_does_not_undo_many() -> None:
         made.turned(math.pi / 2 * made.yaw_gain, math.pi / 2)
     made.turned(math.pi / 2, math.pi / 2 - 0.2)
     assert made.yaw_gain == pytest.approx(1.0, abs=0.01)
+
+
+class Slide:
+    """A machine with one hall sensor on a slope: what it truly does, and what it reports."""
+
+    def __init__(self, uphill: float) -> None:
+        self.uphill = uphill
+        """By how much slower than its duty says the machine drives forward, m/s; braked it creeps
+        downhill with a third of it."""
+        self.odometry = Odometry(VEHICLE)
+        self.now = self.speed = self.place = self.counted = 0.0
+        self.sign = 1.0
+
+    def drive(self, seconds: float, duty: int, angle: float = 0.0) -> None:
+        level = math.copysign(VEHICLE.duty_speed(abs(duty), 12.0), duty) if duty else 0.0
+        for _ in range(round(50 * seconds)):
+            self.now += 0.02
+            steady = level - self.uphill if duty else -self.uphill / 3
+            self.speed += (steady - self.speed) * 0.02 / 0.1
+            step = self.speed * 0.02
+            self.place += step
+            self.sign = math.copysign(1.0, duty) if duty else self.sign
+            self.counted += self.sign * abs(step)
+            self.odometry.update(
+                telemetry(
+                    self.now,
+                    angle=angle,
+                    duty=duty,
+                    speed=self.sign * abs(self.speed),
+                    distance=self.counted,
+                )
+            )
+
+
+@pytest.mark.parametrize("uphill", [0.2, -0.2])
+@pytest.mark.parametrize("duty", [90, -90])
+def test_a_machine_that_rolls_while_it_stands_is_not_counted_as_going_on(
+    uphill: float, duty: int
+) -> None:
+    """Once it has driven a little, it knows where downhill is."""
+    slide = Slide(uphill)
+    slide.drive(4.0, 90)
+    slide.drive(4.0, -90)
+    slide.drive(2.0, duty)
+    before = slide.place - slide.odometry.now.distance_m
+    slide.drive(5.0, 0)
+    assert abs(slide.place - slide.odometry.now.distance_m - before) < 0.05
+    assert slide.odometry.now.speed_mps == pytest.approx(slide.speed, abs=0.01)
+
+
+def test_at_its_first_stand_on_a_slope_it_is_told_by_becoming_faster_again() -> None:
+    slide = Slide(0.2)
+    slide.drive(1.0, 90)
+    slide.drive(5.0, 0)
+    assert slide.place < 0.25
+    assert slide.odometry.now.distance_m == pytest.approx(slide.place, abs=0.05)
+
+
+def test_on_the_level_a_machine_that_runs_out_counts_as_it_goes() -> None:
+    slide = Slide(0.0)
+    slide.drive(2.0, 90)
+    slide.drive(2.0, 0)
+    assert slide.odometry.now.distance_m == pytest.approx(slide.place, abs=5e-3)
+
+
+def test_the_slope_is_known_in_every_direction_and_crop_before_the_blade_is_none() -> None:
+    slope = Slope()
+    for yaw, loss in ((0.0, 0.15), (math.pi / 2, 0.05), (math.pi, -0.05), (-math.pi / 2, 0.05)):
+        for _ in range(100):
+            slope.learn(yaw, 0.3, 0.3 + loss)
+    assert [slope.rolls(k * math.pi / 2) for k in range(4)] == [-1, 0, 1, 0]
+    odometry = Odometry(VEHICLE)
+    for k in range(400):
+        odometry.update(telemetry(0.02 * k, blade=True, speed=0.2, distance=0.004 * k))
+    for k in range(400, 500):
+        odometry.update(telemetry(0.02 * k, duty=0, speed=0.1, distance=0.8 + 0.002 * k))
+    assert odometry.now.speed_mps > 0, "the crop slowed it, not a slope"

@@ -210,3 +210,81 @@ def test_no_leap_of_the_edge_counts_from_the_beginning_of_a_side_on() -> None:
     eyes.spoil = beside(0.6)
     drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.5)
     assert pilot.lane.blade_offset_m == pytest.approx(0.0, abs=0.02)
+
+
+def test_edges_none_of_which_is_sure_keep_it_on_its_lane_together() -> None:
+    """Dust: of the edges some are right, and the others lie inside."""
+    world = SimpleWorld(VEHICLE, height=40.0, yaw_gain=0.97, pot_error=math.radians(0.5))
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, LONG)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.5)
+    rng = np.random.default_rng(5)
+
+    def dusty(view: CropView) -> CropView:
+        inside = 0.3 * float(rng.random() < 0.3)
+        return replace(beside(inside)(view), confidence=0.2) if world.command.blade else view
+
+    eyes.spoil = dusty
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 22.0 or pilot.done)
+    assert pilot.cut_m > 22.0, pilot.reason
+    assert len([t for t in pilot.transitions if t.phase is Phase.HESITATE]) < 8
+    assert world.x == pytest.approx(10.0 - VEHICLE.inset_m, abs=0.1)
+
+
+def hidden_ahead(_view: CropView) -> CropView:
+    """Dust that looks like clear ground."""
+    return CropView(0.0, crop_ahead_m=math.inf, ahead_confidence=0.9, reason="no edge")
+
+
+@pytest.mark.parametrize("before_end_m", [0.5, 4.0])
+def test_clear_ground_that_is_dust_is_no_end(before_end_m: float) -> None:
+    """Where the plan may have the end, and where it has crop."""
+    world, eyes, pilot = cutting(metres=1.0)
+
+    def dusty(view: CropView) -> CropView:
+        blade = world.y + VEHICLE.blade_x_m
+        puff = world.command.blade and 10.0 - before_end_m - 0.8 < blade < 10.0 - before_end_m
+        return hidden_ahead(view) if puff else replace(view, confidence=0.3)
+
+    eyes.spoil = dusty
+    drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
+    assert pilot.turns == 1, pilot.reason
+    looks = [t for t in pilot.transitions if "the crop seems to end" in t.reason]
+    assert looks
+    assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.45)
+
+
+def test_an_end_in_clear_air_needs_no_look() -> None:
+    world, _, pilot = cutting()
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    assert not [t for t in pilot.transitions if t.phase is Phase.HESITATE]
+
+
+def test_a_bare_patch_is_looked_at_and_crossed() -> None:
+    world, _, pilot = cutting(metres=1.0)
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    world.crop[(rows > 4.0) & (rows < 6.0)] = False
+    drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
+    assert pilot.turns == 1, pilot.reason
+    assert any(t.reason == "bare ground" for t in pilot.transitions)
+    assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.45)
+    assert not world.crop[(rows > 0.2) & (rows < 9.8)][:, -1].any()
+
+
+def test_the_blade_raises_no_dust_on_the_way_to_a_sides_crop() -> None:
+    """It turns before it meets the crop all the same."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1)
+    log: list[tuple[float, bool]] = []
+
+    def on_the_way() -> bool:
+        if pilot.phase is Phase.FOLLOW and world.command.speed_mps > 0:
+            to_crop = world.x - VEHICLE.blade_x_m - (10.0 - VEHICLE.pass_m)
+            log.append((to_crop, world.command.blade))
+        return pilot.turns == 1 and pilot.cut_m > 0.3
+
+    drive(world, pilot, 60.0, until=on_the_way)
+    assert not any(blade for to_crop, blade in log if to_crop > 0.7)
+    assert {blade for to_crop, blade in log if to_crop < 0.4} == {True}
+    assert min(to_crop for to_crop, _ in log) < 0.0
