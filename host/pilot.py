@@ -861,7 +861,8 @@ class Pilot:
         sees = now - self._usable.stamp < SLOW_AFTER_S
         if self._back_from is None:
             due = now - self._phase_stamp > BACK_AFTER_S and self._backed_stamp < self._phase_stamp
-            if due and sees and self._backs < BACKS and self.cut_m > BACK_M:
+            clear = self.cut_m > BACK_M or self._fence is not None
+            if due and sees and self._backs < BACKS and clear:
                 self._back_from, self._backed_stamp = self.motion, now
                 self._backs += 1
             return self._hold()
