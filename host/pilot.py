@@ -55,9 +55,10 @@ UNSEEN_M = 0.3
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
 BARE_LOOKS = 2
-LOOK_S = 3.0
+LOOK_S, LONG_LOOK_S = 3.0, 5.0
 SETTLE_S = 1.0
-"""Of a look, until most of the dust has settled."""
+"""Of a look, until most of the dust has settled; of a long one all but as much as of the other is
+for that: where the plan has crop, and no wind takes the dust away."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 BLADE_ON_M = 0.6
@@ -630,7 +631,7 @@ class Pilot:
                 return self._hold()
             again_m = END_LOOK_EVERY_M if due else LOOK_EVERY_M
             if self.motion.distance_m - self._looked_m > again_m:
-                self._look_for_crop(now)
+                self._look_for_crop(now, LOOK_S if due else LONG_LOOK_S)
                 return self._hold()
         side = self._side()
         if side is not None and side.blind_end and self._to_blind_end_m(side) <= 0:
@@ -667,9 +668,9 @@ class Pilot:
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, self._crop_is_near())
 
-    def _look_for_crop(self, now: float) -> None:
+    def _look_for_crop(self, now: float, time_s: float) -> None:
         """What seems clear ground may be dust before crop."""
-        self._look(now, "the crop seems to end: looking without the blade's dust")
+        self._look(now, "the crop seems to end: looking without the blade's dust", time_s)
         self._clear_count = 0
         self._end_look = True
 
@@ -682,9 +683,9 @@ class Pilot:
         seen = self._crop_at_m - here.distance_m
         return min(seen, -self._along_m(here)) < BLADE_ON_M
 
-    def _look(self, now: float, reason: str) -> None:
+    def _look(self, now: float, reason: str, time_s: float = LOOK_S) -> None:
         """Stops to look without the blade's dust."""
-        self._look_until = now + LOOK_S
+        self._look_until = now + time_s
         self._looked_m = self.motion.distance_m
         self._end_look = False
         self._go(now, Phase.HESITATE, reason)
@@ -847,8 +848,8 @@ class Pilot:
                 self._by_plan = False
                 self._begin_turn(now, self._clear_since)
                 return self._hold()
+            self._bare += self._clear_count >= END_PICTURES
             self._clear_count, self._clear_since = 0, None
-            self._bare += 1
             if self._bare > BARE_LOOKS:
                 self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
                 return Command(Request.STOP, reason=self.reason)
