@@ -415,7 +415,8 @@ class Pilot:
         since = (self.motion.distance_m - then.distance_m, self.motion.yaw_rad - then.yaw_rad)
         sure = view.confidence >= CONFIDENT
         self._seen.note(frame.stamp, sure or view.ahead_confidence >= CONFIDENT)
-        if not view.crop_ahead_m >= END_CLEAR_M:
+        cutting = self.phase is Phase.FOLLOW and then.speed_mps > STOPPED_MPS
+        if cutting and not view.crop_ahead_m >= END_CLEAR_M:
             self._sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
