@@ -851,10 +851,12 @@ class Pilot:
                 return self._hold()
             self._bare += self._clear_count >= END_PICTURES
             self._clear_count, self._clear_since = 0, None
-            if self._bare > BARE_LOOKS:
+            if self._bare > BARE_LOOKS and self.turns + 1 >= len(self._plan.sides):
+                self._go(now, Phase.FINISHED, "no crop left on the last side")
+            elif self._bare > BARE_LOOKS:
                 self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
-                return Command(Request.STOP, reason=self.reason)
-            self._go(now, Phase.FOLLOW, "bare ground")
+            else:
+                self._go(now, Phase.FOLLOW, "bare ground")
         return self._hold()
 
     def _back_off(self, now: float) -> Command:

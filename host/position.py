@@ -47,8 +47,9 @@ SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 SLOPE_MOST = 2.2
 """Of a slanting border, along the side for each metre across it: a corner of 155°."""
-STEP_SIGMA = 0.02
-"""Error of a step as a share of it, along and across."""
+STEP_SIGMA = (0.04, 0.02)
+"""Error of a step as a share of it, along (wheels slip, most where they start and stop) and
+across."""
 SLIP_SIGMA = 0.015
 """Of the share of their way that the driven wheels lose while they push the blade through crop,
 before anything is learned of it."""
@@ -154,9 +155,11 @@ class Position:
         jacobian[:2, 3] = -lost * c, -lost * s
         # Neighbouring steps err alike: their errors grow along a metre as one.
         run = abs(step)
-        place = STEP_SIGMA**2 * run
-        yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
-        self._p = jacobian @ self._p @ jacobian.T + np.diag([place, place, yaw, 0.0, 0.0, 0.0, 0.0])
+        turned = np.array([[c, -s], [s, c]])
+        noise = np.zeros((7, 7))
+        noise[:2, :2] = turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
+        noise[2, 2] = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
+        self._p = jacobian @ self._p @ jacobian.T + noise
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
