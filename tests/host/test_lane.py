@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,6 +120,32 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
         position.follow(0.1, 0.0)
         moved.append(position.pose[1] - before)
     assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
+
+
+@pytest.mark.parametrize("askew_deg", [0.0, 2.0])
+def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> None:
+    """0.1 m right of the plan's lane at its beginning, and askew; another edge's lane is not."""
+    position, run_m = Position(VEHICLE), 0.0
+    position.place(ring(0), 0.0, 0.0, 0.0)
+    position._p[:3, :3] *= 1e-6  # the machine's own place is known
+    position._p[5, 5] = math.radians(3.0) ** 2
+    for _ in range(20):
+        run_m += 0.5
+        position.predict(motion(run_m), cutting=False)
+        position._p[:3, :3] *= 1e-6
+        along = position.along(ring(0))
+        position.follow(0.1 - math.radians(askew_deg) * along, 0.0)
+    inner = replace(ring(1), x_m=2.0)
+    position.begin(inner)
+    position._x[0] = 2.0
+    position._x[1] = VEHICLE.pass_m + VEHICLE.inset_m
+    offset, heading, _, _ = position.on_lane()
+    assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.02)
+    assert math.degrees(heading) == pytest.approx(-askew_deg, abs=0.3)
+    across = replace(ring(1), heading_rad=math.pi / 2)
+    position.begin(across)
+    position._x[:3] = -VEHICLE.inset_m + across.x_m, 1.0, math.pi / 2
+    assert position.on_lane()[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[float]:
