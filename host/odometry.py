@@ -33,12 +33,8 @@ angle says: tyres slip sideways, most at full lock, and a pot's scale is not exa
 YAW_GAIN_LIMITS = (0.85, 1.15)
 TURN_SIGMA_RAD = 0.02
 """How well the lanes before and after a turn show how far the machine has turned."""
-ROLLS_FASTER, ROLLS_MPS = 1.15, 0.004
-"""Times, and how much, the slowest since the drive was switched off, a pulse's jitter."""
 STEADY_S, STOPS_S = 1.0, 0.3
 """After the drive is switched on or off."""
-STOOD_MPS = 0.06
-"""What the hall sensor still reads where the wheels have turned round between two pulses."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -72,9 +68,6 @@ class Odometry:
         self._slope = Slope()
         self._driven_s = 0.0
         """Since the drive was last switched; negative: since it was switched off."""
-        self._slowest_mps = math.inf
-        self._since_slowest_m = 0.0
-        self._rolls_back = False
         self._history: deque[Motion] = deque()
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
@@ -143,15 +136,12 @@ class Odometry:
         return self.now
 
     def _rolled(self, step_m: float, telemetry: Telemetry, dt: float) -> tuple[float, float]:
-        """The step and the speed with their true signs. One hall sensor counts a machine that rolls
-        back down a slope as going on. Where the slope is not known yet: with the drive off a
-        machine slows down to a stand or to what the slope keeps up, and when it becomes faster
-        again it has turned round."""
+        """The step and the speed with their true signs: one hall sensor counts a machine that rolls
+        back down a slope as going on."""
         speed = telemetry.speed_mps
         assert speed is not None
         if telemetry.drive_duty != 0:
             self._driven_s = max(0.0, self._driven_s) + dt
-            self._slowest_mps, self._since_slowest_m, self._rolls_back = math.inf, 0.0, False
             straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
             if straight and not telemetry.blade and self._driven_s > STEADY_S and speed != 0.0:
                 level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
@@ -159,20 +149,9 @@ class Odometry:
             return step_m, speed
         self._driven_s = min(0.0, self._driven_s) - dt
         downhill = self._slope.rolls(self.now.yaw_rad)
-        if downhill != 0:
-            if self._driven_s > -STOPS_S:
-                return step_m, speed
-            return math.copysign(step_m, downhill), math.copysign(speed, downhill)
-        if self._rolls_back:
-            return -step_m, -speed
-        self._since_slowest_m += step_m
-        if abs(speed) < self._slowest_mps:
-            self._slowest_mps, self._since_slowest_m = abs(speed), 0.0
-        faster = abs(speed) > ROLLS_FASTER * self._slowest_mps + ROLLS_MPS
-        self._rolls_back = faster and self._slowest_mps < STOOD_MPS
-        if self._rolls_back:
-            return step_m - 2 * self._since_slowest_m, -speed
-        return step_m, speed
+        if downhill == 0 or self._driven_s > -STOPS_S:
+            return step_m, speed
+        return math.copysign(step_m, downhill), math.copysign(speed, downhill)
 
     def turn_trim(self, curvature_1pm: float) -> None:
         """Takes a curvature that nearly straight driving showed besides what the pot said."""
