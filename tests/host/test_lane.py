@@ -193,6 +193,10 @@ def test_a_walked_boundary_that_is_off_does_not_turn_the_machine_in_it() -> None
         position.follow(0.0, 0.03)
         position.course(math.radians(4.0) - position.pose[2], 0.5)
     assert math.degrees(position.pose[2]) == pytest.approx(0.0, abs=0.4)
+    settled_at = position.pose[2]
+    position._p[2, 2] += math.radians(3.0) ** 2  # a turn
+    position.course(math.radians(4.0) - position.pose[2], 0.5)
+    assert abs(math.degrees(position.pose[2] - settled_at)) < 0.15, "nothing new"
 
 
 def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None:
@@ -291,6 +295,19 @@ def test_a_slanting_border_met_late_or_early_tells_of_the_place_across_too(told:
         assert moved == pytest.approx(0.0, abs=1e-6) if wrong_m == 0.0 else moved < -0.01
         if wrong_m == 0.0:
             assert position.along(side) == pytest.approx(met_m, abs=1e-6)
+
+
+def test_an_edge_seen_farther_ahead_counts_less() -> None:
+    """Its direction is not seen, and the crop's first corner is not its edge."""
+    moved = []
+    for ahead_m in (0.0, 0.5, 1.0):
+        lane = settled()
+        lane.place(0.0, 0.0, 0.12, math.radians(0.1))
+        lane.correct(-0.1, math.nan, 0.9, (0.0, 0.0), ahead_m=ahead_m)
+        moved.append(lane.offset_m)
+    assert 0.07 < moved[0] < 0.1
+    assert moved[1] < 0.85 * moved[0]
+    assert moved[2] < 0.7 * moved[1]
 
 
 def pictures_until_believed(lane: Lane, offset_m: float, most: int = 200) -> int:
