@@ -731,3 +731,39 @@ def test_a_finished_machine_may_be_pushed_anywhere() -> None:
         command = pilot.step(world.now, None, back, run)
     assert pilot.phase is Phase.FINISHED
     assert command.request is Request.STOP
+
+
+def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Half a metre into the gap; a metre over what has been cut."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 120.0, until=pilot._backing)
+    turn = pilot._turn
+    assert turn is not None
+    leg = turn.legs[-1]
+
+    def done(beyond_m: float, offset_m: float = 0.0, askew_deg: float = 0.0) -> bool:
+        heading = math.radians(askew_deg)
+        pilot.lane.place(offset_m - VEHICLE.blade_x_m * math.sin(heading), heading, 0.1, 0.1)
+        coast = pilot.motion.speed_mps * VEHICLE.drive_lag_s
+        place = leg.value - beyond_m - coast
+        c, s = math.cos(turn.lane_rad), math.sin(turn.lane_rad)
+        x, y = turn.lane_x_m + c * place, turn.lane_y_m + s * place
+        monkeypatch.setattr(pilot, "_in_turn_frame", lambda: (x, y, 0.0))
+        return pilot._leg_done(leg)
+
+    def behind(back_m: float) -> None:
+        sides = (FIRST, replace(SECOND, back_m=back_m))
+        monkeypatch.setattr(pilot, "_plan", replace(PLAN, sides=sides))
+
+    behind(0.0)
+    assert not done(-0.1)
+    assert done(0.1)
+    assert not done(0.1, offset_m=0.1)
+    assert not done(0.1, askew_deg=8.0)
+    assert done(0.6, offset_m=0.1)
+    behind(2.0)
+    assert not done(0.9, offset_m=0.1)
+    assert done(1.1, offset_m=0.1)

@@ -301,3 +301,13 @@ def test_the_blade_raises_no_dust_on_the_way_to_a_sides_crop() -> None:
     assert {blade for to_crop, blade in log if to_crop > 0.75} == {False}
     assert {blade for to_crop, blade in log if to_crop < 0.4} == {True}
     assert min(to_crop for to_crop, _ in log) < 0.0
+
+
+def test_what_it_sees_while_it_stands_does_not_make_the_air_clear() -> None:
+    world, eyes, pilot = cutting(LONG)
+    eyes.spoil = lambda view: replace(view, confidence=0.0) if world.command.blade else view
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.HESITATE)
+    drive(world, pilot, 1.0)
+    before = list(pilot._sure)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert list(pilot._sure) == before
