@@ -143,9 +143,9 @@ class Odometry:
         if telemetry.drive_duty != 0:
             self._driven_s = max(0.0, self._driven_s) + dt
             straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
-            if straight and not telemetry.blade and self._driven_s > STEADY_S and speed != 0.0:
+            if straight and self._driven_s > STEADY_S and speed != 0.0:
                 level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
-                self._slope.learn(self.now.yaw_rad, speed, level)
+                self._slope.learn(self.now.yaw_rad, speed, level, cutting=telemetry.blade)
             return step_m, speed
         self._driven_s = min(0.0, self._driven_s) - dt
         downhill = self._slope.rolls(self.now.yaw_rad)
