@@ -767,3 +767,54 @@ def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
     behind(2.0)
     assert not done(0.9, offset_m=0.1)
     assert done(1.1, offset_m=0.1)
+
+
+def test_courses_turn_back_a_position_that_has_turned_with_its_lane() -> None:
+    world = SimpleWorld(VEHICLE, height=40.0)
+    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE)
+    pilot = Pilot(VEHICLE, world, long)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
+    state, covariance = pilot.position._x, pilot.position._p
+    for k in (2, 5):  # yaw and lane
+        state[k] += math.radians(5.0)
+        covariance[k, k] = math.radians(5.0) ** 2
+    for tick in range(1, 2000):
+        world.advance()
+        frame = Frame(world.now, BLANK) if tick % 5 == 0 else None
+        seen = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed), world.yaw)
+        fix = seen if tick % 50 == 0 else None
+        world.command = pilot.step(world.now, frame, fix, world.telemetry())
+    assert pilot.phase is Phase.FOLLOW
+    assert abs(math.degrees(pilot.position.pose[2] - world.yaw)) < 2.0
+
+
+def test_a_turn_leads_to_where_the_last_strip_was_cut() -> None:
+    """The first side was cut 0.15 m too far inside: there the second round's begins."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def spoilt(view: CropView) -> CropView:
+        return replace(view, edge_offset_m=view.edge_offset_m + 0.15 * (pilot.turns == 0))
+
+    eyes.spoil = spoilt
+    drive(world, pilot, 400.0, until=lambda: pilot.turns == 4 and pilot._backing())
+    assert pilot.turns == 4, pilot.reason
+    side = PLAN.sides[4]
+    assert side.heading_rad == pytest.approx(FIRST.heading_rad)
+    beside = side.x_m - VEHICLE.inset_m + side.shift_m - 0.15 - world.x
+    assert pilot.lane.offset_m == pytest.approx(beside, abs=0.07)
+
+
+@pytest.mark.parametrize("gap_m", [2.0, None])
+def test_at_a_sides_beginning_it_backs_off_only_where_a_fence_guards_it(
+    gap_m: float | None,
+) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=gap_m))
+    drive(world, pilot, 60.0, until=lambda: 0.1 < pilot.cut_m < 0.4)
+    world.blind = True
+    log: list[Command] = []
+    drive(world, pilot, 20.0, log)
+    assert pilot.phase is Phase.HESITATE
+    assert any(c.speed_mps < 0 for c in log) is (gap_m is not None)

@@ -331,3 +331,9 @@ def test_a_face_that_goes_on_behind_dust_has_no_end_there_however_long_it_lies(m
     for _ in range(BELIEVED + 5):
         view = eye.see(behind_a_puff(middle))
         assert view.confidence < 0.5 or abs(view.edge_offset_m) < 0.05
+
+
+def test_crop_that_reaches_the_pictures_border_has_no_right_end() -> None:
+    """The picture ends 0.84 m right of the middle at the blade."""
+    assert detector("robust", LOW).see(field(LOW, right_m=-0.75)).confidence > 0.5
+    assert detector("robust", LOW).see(field(LOW, right_m=-0.84)).confidence == 0.0
