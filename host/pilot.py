@@ -619,6 +619,7 @@ class Pilot:
         self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
         self._backs = self._bare = 0
+        self._end_look = False
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
@@ -849,6 +850,7 @@ class Pilot:
                 self._by_plan = False
                 self._begin_turn(now, self._clear_since)
                 return self._hold()
+            self._end_look = False
             self._bare += self._clear_count >= END_PICTURES
             self._clear_count, self._clear_since = 0, None
             if self._bare > BARE_LOOKS and self.turns + 1 >= len(self._plan.sides):
@@ -890,12 +892,16 @@ class Pilot:
         if side is not None and seen and not blind and self._position.known:
             first = self._seems_clear_since or end.motion
             ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
-            ago = self.motion.distance_m - ended_m
+            doubt = 0.0
+            if self._end_look:
+                # Somewhere between where dust began to look like clear ground and here.
+                doubt = (self.motion.distance_m - ended_m) / 2
+            ago = self.motion.distance_m - ended_m - doubt
             drift = self._odometry.scale_sigma * self._cut_m(end.motion)
             share = self.view.tip_share if self.view is not None else math.nan
             share = share / SEEN_SHARE if math.isfinite(share) else 1.0
             as_seen = replace(side, end_seen_m=share * side.end_seen_m)
-            self._position.at_end(as_seen, ago, drift)
+            self._position.at_end(as_seen, ago, drift, doubt)
         self._turn_from = self._end_of_lane(end)
         if side is not None:
             self._trails.end(side)

@@ -47,7 +47,7 @@ SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 SLOPE_MOST = 2.2
 """Of a slanting border, along the side for each metre across it: a corner of 155°."""
-STEP_SIGMA = (0.04, 0.02)
+STEP_SIGMA = (0.03, 0.02)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
 across."""
 SLIP_SIGMA = 0.015
@@ -217,13 +217,13 @@ class Position:
         slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
         self._along(side, side.begin_seen_m + ago_m, sigma, slope)
 
-    def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0) -> None:
-        """The blade met the end of a side, and has travelled ago_m since; drift_m is what a wrong
-        scale of the distances may have done along it."""
+    def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
+        """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
+        drift_m is what a wrong scale of the distances may have done along it."""
         along = np.zeros((1, 7))
         along[0, :2] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
-        sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m)
+        sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m, doubt_m)
         seen = side.length_m - side.end_seen_m - END_EARLY_M
         slope = min(SLOPE_MOST, side.edge_end_m / side.width_m)
         self._along(side, seen + ago_m, sigma, -slope)

@@ -522,7 +522,7 @@ def test_how_unsure_the_distance_is_goes_into_what_an_end_proves(
 ) -> None:
     drifts: list[float] = []
 
-    def at_end(_position: Position, _side: Side, _ago_m: float, drift_m: float) -> None:
+    def at_end(_p: Position, _side: Side, _ago_m: float, drift_m: float, _doubt: float) -> None:
         drifts.append(drift_m)
 
     monkeypatch.setattr(Position, "at_end", at_end)
