@@ -38,7 +38,7 @@ from hil.targets import ROOT
 from host import protocol
 from host.errors import UserError
 from host.link import Session
-from host.pilot import Phase
+from host.pilot import LOOKING, Phase
 from host.types import State
 from host.vision.view import Detector
 from sim_plant.field import FieldSpec
@@ -168,7 +168,9 @@ class Watch:
         found += [
             (change.stamp, f"pilot: {change.reason}")
             for change in self.run.pilot.transitions
-            if change.stamp >= begun and change.phase in (Phase.HESITATE, Phase.FAULT)
+            if change.stamp >= begun
+            and change.phase in (Phase.HESITATE, Phase.FAULT)
+            and LOOKING not in change.reason
         ]
         # What says why wins over the bare restart in the same telemetry.
         found.sort(key=lambda item: (item[0], item[1].startswith("firmware: ")))

@@ -124,6 +124,7 @@ ALIGN_ROOM_M = (0.5, 1.0)
 and at most, over what has been cut."""
 ARM_RETRY_S = 0.5
 PAUSED = "paused by the operator"
+LOOKING = "looking without the blade's dust"
 
 
 class Phase(enum.Enum):
@@ -631,8 +632,10 @@ class Pilot:
                 self._by_plan = False
                 self._begin_turn(now, clear)
                 return self._hold()
-            again_m = END_LOOK_EVERY_M if due else LOOK_EVERY_M
-            if self.motion.distance_m - self._looked_m > again_m:
+            again_m, since_m = END_LOOK_EVERY_M, self._looked_m
+            if not due:
+                again_m, since_m = LOOK_EVERY_M, max(since_m, clear.motion.distance_m)
+            if self.motion.distance_m - since_m > again_m:
                 self._look_for_crop(now, LOOK_S if due else LONG_LOOK_S)
                 return self._hold()
         side = self._side()
@@ -661,7 +664,7 @@ class Pilot:
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
         if self._worth_a_look():
-            self._look(now, "the edge is unsure: looking without the blade's dust")
+            self._look(now, f"the edge is unsure: {LOOKING}")
             return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
         if self._entered_at is not None and now - self._phase_stamp < SPIN_S:
@@ -672,7 +675,7 @@ class Pilot:
 
     def _look_for_crop(self, now: float, time_s: float) -> None:
         """What seems clear ground may be dust before crop."""
-        self._look(now, "the crop seems to end: looking without the blade's dust", time_s)
+        self._look(now, f"the crop seems to end: {LOOKING}", time_s)
         self._clear_count = 0
         self._end_look = True
 
