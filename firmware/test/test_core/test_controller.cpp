@@ -619,6 +619,21 @@ TEST_CASE("An L298N brakes where it is told to, at no duty only") {
   }
 }
 
+TEST_CASE("A machine that a slope drives faster than it is told gets no duty, but is not braked") {
+  Rig rig;
+  rig.set(Param::hall_per_metre, 1000);
+  rig.set(Param::drive_kp, 10000);
+  rig.arm();
+  rig.ask(300);
+  for (int tick = 0; tick < 100; ++tick) {
+    rig.board.pulses = static_cast<uint16_t>(rig.board.pulses + 10);  // 2 m/s
+    rig.drive_for(1);
+  }
+  CHECK(rig.state() == State::RUNNING);
+  CHECK(rig.board.pwm[3] == 0);
+  CHECK(!(rig.board.pin_out[4] && rig.board.pin_out[5]));
+}
+
 TEST_CASE("Told to stand after it has driven, the machine holds its wheels until it is stopped") {
   Rig rig;
   rig.arm();
