@@ -19,6 +19,7 @@ from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline
 from host.direction_check import DirectionCheck
 from host.dust import CONFIDENCE, DustyEdge
 from host.lane import Lane
+from host.look import LONG_LOOK_S, LOOK_S, Look
 from host.manoeuvre import Follow, Goal, Leg, Turn
 from host.odometry import Motion, Odometry
 from host.plan import SEEN_SHARE, Plan, Side
@@ -55,10 +56,6 @@ UNSEEN_M = 0.3
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
 BARE_LOOKS = 2
-LOOK_S, LONG_LOOK_S = 3.0, 5.0
-SETTLE_S = 1.0
-"""Of a look, until most of the dust has settled; of a long one all but as much as of the other is
-for that: where the plan has crop, and no wind takes the dust away."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 BLADE_ON_M = 0.6
@@ -234,14 +231,10 @@ class Pilot:
         """Before the last turn: dead reckoning's yaw, and the vehicle's direction in the field."""
         self._by_plan = False
         """Whether the last end was the plan's alone: twice in a row it is none."""
-        self._looks = 0
+        self._tries = 0
         self._empty = 0
         self._run_from: Motion | None = None
-        self._look_until = math.inf
-        """While it stands to look without dust: when that was long enough."""
-        self._looked_m = -math.inf
-        self._end_look = False
-        """Whether that look is for the end of the side."""
+        self._look = Look()
         self._bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
         self._search_m = math.inf
@@ -421,7 +414,7 @@ class Pilot:
             self._sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
-        sure = sure and (self._look_until == math.inf or self._settled(frame.stamp))
+        sure = sure and (not self._look.active or self._look.settled(frame.stamp))
         if sure and (moved or self._lane.contradicted) and self._on_lane(then):
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
@@ -434,10 +427,10 @@ class Pilot:
                     self._believe_heading()
         elif sure and (moved or self._lane.contradicted):
             self._take_corner(view, then, since)
-        self._look_through_dust(view, then)
+        self._take_dusty_edge(view, then)
         self._watch_ahead(view, then, frame.stamp)
 
-    def _look_through_dust(self, view: CropView, then: Motion) -> None:
+    def _take_dusty_edge(self, view: CropView, then: Motion) -> None:
         """Where no picture is sure for a while, what many show together."""
         unseen = abs(then.distance_m - self._corrected_m) > UNSEEN_M
         if self.phase is not Phase.FOLLOW or self._entered_at is None or not unseen:
@@ -458,10 +451,6 @@ class Pilot:
             here = line - self._lane.blade_offset_m
             self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=True)
             self._believe_heading()
-
-    def _settled(self, stamp: float) -> bool:
-        """Whether, of a look, the dust has had its time to settle."""
-        return self._look_until - stamp <= LOOK_S - SETTLE_S
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
         """The edge's offset from its place beside this side's lane, its bends taken off: those that
@@ -551,7 +540,7 @@ class Pilot:
             self._seems_clear_since = None
         elif view.crop_ahead_m >= END_CLEAR_M:
             self._seems_clear_since = self._seems_clear_since or then
-        looking = self._end_look and self._settled(stamp)
+        looking = self._look.for_end and self._look.settled(stamp)
         watches = self.phase in (Phase.LOOK, Phase.FOLLOW) or looking
         if not watches or view.ahead_confidence < CONFIDENT:
             return
@@ -620,7 +609,7 @@ class Pilot:
         self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
         self._backs = self._bare = 0
-        self._end_look = False
+        self._look.for_end = False
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
@@ -632,7 +621,7 @@ class Pilot:
                 self._by_plan = False
                 self._begin_turn(now, clear)
                 return self._hold()
-            again_m, since_m = END_LOOK_EVERY_M, self._looked_m
+            again_m, since_m = END_LOOK_EVERY_M, self._look.at_m
             if not due:
                 again_m, since_m = LOOK_EVERY_M, max(since_m, clear.motion.distance_m)
             if self.motion.distance_m - since_m > again_m:
@@ -664,7 +653,8 @@ class Pilot:
             self._go(now, Phase.HESITATE, f"the edge is lost: {why}")
             return self._hold()
         if self._worth_a_look():
-            self._look(now, f"the edge is unsure: {LOOKING}")
+            self._look.begin(now, self.motion.distance_m)
+            self._go(now, Phase.HESITATE, f"the edge is unsure: {LOOKING}")
             return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
         if self._entered_at is not None and now - self._phase_stamp < SPIN_S:
@@ -675,9 +665,9 @@ class Pilot:
 
     def _look_for_crop(self, now: float, time_s: float) -> None:
         """What seems clear ground may be dust before crop."""
-        self._look(now, f"the crop seems to end: {LOOKING}", time_s)
+        self._look.begin(now, self.motion.distance_m, time_s, for_end=True)
         self._clear_count = 0
-        self._end_look = True
+        self._go(now, Phase.HESITATE, f"the crop seems to end: {LOOKING}")
 
     def _crop_is_near(self) -> bool:
         """Whether the blade must turn. On the way to a side's crop it would only raise dust, just
@@ -688,13 +678,6 @@ class Pilot:
         seen = self._crop_at_m - here.distance_m
         return min(seen, -self._along_m(here)) < BLADE_ON_M
 
-    def _look(self, now: float, reason: str, time_s: float = LOOK_S) -> None:
-        """Stops to look without the blade's dust."""
-        self._look_until = now + time_s
-        self._looked_m = self.motion.distance_m
-        self._end_look = False
-        self._go(now, Phase.HESITATE, reason)
-
     def _worth_a_look(self) -> bool:
         """Whether the lane has become doubtful where its edge might be seen but for dust."""
         side, here = self._side(), self.motion
@@ -704,7 +687,7 @@ class Pilot:
         return (
             (self._lane.offset_sigma_m > DUST_SIGMA_M or self._dust_doubts)
             and abs(here.distance_m - self._corrected_m) > UNSEEN_M
-            and abs(here.distance_m - self._looked_m) > LOOK_EVERY_M
+            and abs(here.distance_m - self._look.at_m) > LOOK_EVERY_M
             and self._shows_edge(along - UNSEEN_M)
             and self._shows_edge(along + END_CLEAR_M)
         )
@@ -820,16 +803,16 @@ class Pilot:
                 self._leg_stamp = now
                 self._go(now, Phase.TURN, "the camera sees again")
             return self._hold()
-        if self._look_until < math.inf:
+        if self._look.active:
             told = now - self._phase_stamp
             if told < STAND_S and not self._standing(told):
                 # a blade that stops first pushes the last crop over instead of cutting it
                 return replace(self._hold(), blade=True)
-            if self._end_look:
+            if self._look.for_end:
                 return self._look_at_end(now)
             seen = abs(self.motion.distance_m - self._corrected_m) < UNSEEN_M
-            if seen or now > self._look_until:
-                self._look_until = math.inf
+            if seen or self._look.over(now):
+                self._look.end()
                 what = "the edge is in view again" if seen else "no clearer view: by dead reckoning"
                 self._go(now, Phase.FOLLOW, what)
             return self._hold()
@@ -845,15 +828,15 @@ class Pilot:
         """Without dust: no crop before the blade is the side's end, and so is what shows none in
         all the time of a look. Where the plan has no end it is a bare patch, or no lane at all."""
         if self._clear_since is None:
-            self._end_look = False  # the crop goes on; now for its edge
+            self._look.for_end = False  # the crop goes on; now for its edge
             self._bare = 0
-        elif self._clear_count >= END_PICTURES or now > self._look_until:
-            self._look_until = math.inf
+        elif self._clear_count >= END_PICTURES or self._look.over(now):
+            self._look.end()
             if self._end_due(self._clear_since.motion):
                 self._by_plan = False
                 self._begin_turn(now, self._clear_since)
                 return self._hold()
-            self._end_look = False
+            self._look.for_end = False
             self._bare += self._clear_count >= END_PICTURES
             self._clear_count, self._clear_since = 0, None
             if self._bare > BARE_LOOKS and self.turns + 1 >= len(self._plan.sides):
@@ -896,7 +879,7 @@ class Pilot:
             first = self._seems_clear_since or end.motion
             ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
             doubt = 0.0
-            if self._end_look:
+            if self._look.for_end:
                 # Somewhere between where dust began to look like clear ground and here.
                 doubt = (self.motion.distance_m - ended_m) / 2
             ago = self.motion.distance_m - ended_m - doubt
@@ -968,7 +951,7 @@ class Pilot:
         if self._blind(now):
             return self._hold()
         if self._leg_index >= len(turn.legs):
-            self._looks = self._empty = 0
+            self._tries = self._empty = 0
             self._leg_stamp = now
             self._go(now, Phase.LOOK, "turned; looking for the crop's edge")
             return self._hold()
@@ -1054,9 +1037,9 @@ class Pilot:
         if not standing or self._view_stamp <= self._leg_stamp:
             return self._hold()
         self._leg_stamp = self._view_stamp
-        self._looks += 1
+        self._tries += 1
         if view is None or view.ahead_confidence < CONFIDENT:
-            if self._looks > 10 * SEARCH_PICTURES:
+            if self._tries > 10 * SEARCH_PICTURES:
                 self._go(now, Phase.FAULT, "nothing to be made out after the turn")
             return self._hold()
         if view.crop_ahead_m > self._crop_expected_m() + NO_CROP_M:
@@ -1067,7 +1050,7 @@ class Pilot:
         # What the lane does not believe at once it learns here, where no dust is in the air.
         contradicted = self._lane.contradicted
         agreed = view.confidence >= CONFIDENT and not contradicted
-        if agreed or self._looks >= SEARCH_PICTURES * (3 if contradicted else 1):
+        if agreed or self._tries >= SEARCH_PICTURES * (3 if contradicted else 1):
             self._start_side(
                 now, f"{self._plan.name(self.turns)}: crop {view.crop_ahead_m:.1f} m ahead"
             )

@@ -1,0 +1,46 @@
+"""A stop to look without the blade's dust, at the edge or for the end of a side."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+LOOK_S: Final = 3.0
+LONG_LOOK_S: Final = 5.0
+SETTLE_S: Final = 1.0
+"""Of a look, until most of the dust has settled; of a long one all but as much as of the other is
+for that: where the plan has crop, and no wind takes the dust away."""
+
+
+class Look:
+    """The present look, or the last."""
+
+    def __init__(self) -> None:
+        self._until = math.inf
+        self.at_m = -math.inf
+        """The travelled distance where it was begun."""
+        self.for_end = False
+        """Whether it is for the end of the side, and not for the edge."""
+
+    @property
+    def active(self) -> bool:
+        """Whether the machine stands to look."""
+        return self._until < math.inf
+
+    def begin(
+        self, now: float, at_m: float, time_s: float = LOOK_S, *, for_end: bool = False
+    ) -> None:
+        """From now on, for time_s at most."""
+        self._until, self.at_m, self.for_end = now + time_s, at_m, for_end
+
+    def settled(self, stamp: float) -> bool:
+        """Whether the dust has had its time to settle."""
+        return self._until - stamp <= LOOK_S - SETTLE_S
+
+    def over(self, now: float) -> bool:
+        """Whether that was long enough."""
+        return now > self._until
+
+    def end(self) -> None:
+        """Seen, or not to be seen."""
+        self._until = math.inf
