@@ -830,22 +830,31 @@ class Pilot:
         if self._clear_since is None:
             self._look.for_end = False  # the crop goes on; now for its edge
             self._bare = 0
-        elif self._clear_count >= END_PICTURES or self._look.over(now):
-            self._look.end()
-            if self._end_due(self._clear_since.motion):
+        elif self._look.over(now) or self._clear_count >= END_PICTURES:
+            over, due = self._look.over(now), self._end_due(self._clear_since.motion)
+            if due:
+                self._look.end()
                 self._by_plan = False
                 self._begin_turn(now, self._clear_since)
-                return self._hold()
-            self._look.for_end = False
-            self._bare += self._clear_count >= END_PICTURES
-            self._clear_count, self._clear_since = 0, None
-            if self._bare > BARE_LOOKS and self.turns + 1 >= len(self._plan.sides):
-                self._go(now, Phase.FINISHED, "no crop left on the last side")
-            elif self._bare > BARE_LOOKS:
-                self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
-            else:
-                self._go(now, Phase.FOLLOW, "bare ground")
+            elif over or not self._lane.contradicted:
+                self._go_on_beyond(now)
         return self._hold()
+
+    def _go_on_beyond(self, now: float) -> None:
+        """After a look that showed no crop where the plan has some. An edge beside the lane that
+        stayed in view is the lane's."""
+        clear, self._clear_since = self._clear_count >= END_PICTURES, None
+        self._clear_count = 0
+        self._look.end()
+        self._look.for_end = False
+        seen = self._corrected_m > self._look.at_m
+        self._bare = 0 if seen else self._bare + clear
+        if self._bare > BARE_LOOKS and self.turns + 1 >= len(self._plan.sides):
+            self._go(now, Phase.FINISHED, "no crop left on the last side")
+        elif self._bare > BARE_LOOKS:
+            self._go(now, Phase.FAULT, "the crop that the plan has here is not to be found")
+        else:
+            self._go(now, Phase.FOLLOW, "the edge is in view again" if seen else "bare ground")
 
     def _back_off(self, now: float) -> Command:
         """Nothing sure to be seen from here: some way back over the swath, the blade off, crop that

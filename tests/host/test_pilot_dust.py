@@ -273,7 +273,7 @@ def test_an_end_in_clear_air_needs_no_look() -> None:
 def test_a_bare_patch_is_looked_at_and_crossed() -> None:
     world, _, pilot = cutting(metres=1.0)
     rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    world.crop[(rows > 4.0) & (rows < 6.0)] = False
+    world.crop[(rows > 3.0) & (rows < 7.0)] = False
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
     assert pilot.turns == 1, pilot.reason
     assert any(t.reason == "bare ground" for t in pilot.transitions)
@@ -311,3 +311,27 @@ def test_what_it_sees_while_it_stands_does_not_make_the_air_clear() -> None:
     before = list(pilot._sure)
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
     assert list(pilot._sure) == before
+
+
+def test_a_machine_that_has_left_its_lane_finds_the_edge_beside_it() -> None:
+    """Nothing but stubble before the blade, and 0.7 m to the left, farther on, the crop."""
+    world, eyes, pilot = cutting(metres=2.0)
+    world.x += 0.75
+    on_lane = 10.0 - VEHICLE.inset_m
+
+    def aside(view: CropView) -> CropView:
+        beside = world.x - on_lane
+        if beside < 0.3:
+            return view
+        return CropView(
+            0.9,
+            edge_offset_m=beside - (VEHICLE.blade_x_m + 1.2) * math.sin(world.yaw - math.pi / 2),
+            edge_ahead_m=1.2,
+            crop_ahead_m=1.2,
+            ahead_confidence=0.9,
+        )
+
+    eyes.spoil = aside
+    drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
+    assert pilot.turns == 1, pilot.reason
+    assert world.x == pytest.approx(on_lane, abs=0.1)
