@@ -260,7 +260,7 @@ class At(Strict):
 
     time_s: Annotated[float, Field(ge=0)] | None = None
     state: (
-        Literal["connect", "align", "follow", "turn", "look", "hesitate", "finished", "fault"]
+        Literal["connect", "align", "follow", "turn", "search", "hesitate", "finished", "fault"]
         | None
     ) = None
     place: Place | None = None

@@ -25,7 +25,7 @@ PHASES = {
     "align": "0.6",
     "follow": "tab:blue",
     "turn": "tab:purple",
-    "look": "tab:cyan",
+    "search": "tab:cyan",
     "hesitate": "tab:orange",
     "finished": "tab:green",
     "fault": "tab:red",

@@ -1,4 +1,4 @@
-"""A stop to look without the blade's dust, at the edge or for the end of a side."""
+"""A stop to look without the blade's dust, for the edge or for the end of a side."""
 
 from __future__ import annotations
 
@@ -19,19 +19,27 @@ class Look:
         self._until = math.inf
         self.at_m = -math.inf
         """The travelled distance where it was begun."""
-        self.for_end = False
-        """Whether it is for the end of the side, and not for the edge."""
+        self._for_end = False
 
     @property
     def active(self) -> bool:
         """Whether the machine stands to look."""
         return self._until < math.inf
 
+    @property
+    def for_end(self) -> bool:
+        """Whether it looks for the end of the side, and not for the edge."""
+        return self.active and self._for_end
+
     def begin(
         self, now: float, at_m: float, time_s: float = LOOK_S, *, for_end: bool = False
     ) -> None:
         """From now on, for time_s at most."""
-        self._until, self.at_m, self.for_end = now + time_s, at_m, for_end
+        self._until, self.at_m, self._for_end = now + time_s, at_m, for_end
+
+    def crop_goes_on(self) -> None:
+        """No end here: the rest of the time is for the edge."""
+        self._for_end = False
 
     def settled(self, stamp: float) -> bool:
         """Whether the dust has had its time to settle."""

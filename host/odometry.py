@@ -24,7 +24,7 @@ blade is on: crop drags."""
 GAIN_WALK = 0.004
 """Growth per square root of a second: load and battery change."""
 DOPPLER_MPS = 0.06
-"""Standard deviation of a phone's speed over ground."""
+"""Standard deviation of a phone's speed over ground, and of its velocity across the course."""
 STRAIGHT_RAD = math.radians(8)
 TRIM_LIMIT_RAD = math.radians(4)
 YAW_GAIN_PRIOR = (1.0, 0.03)
@@ -33,8 +33,10 @@ angle says: tyres slip sideways, most at full lock, and a pot's scale is not exa
 YAW_GAIN_LIMITS = (0.85, 1.15)
 TURN_SIGMA_RAD = 0.02
 """How well the lanes before and after a turn show how far the machine has turned."""
-STEADY_S, STOPS_S = 1.0, 0.3
-"""After the drive is switched on or off."""
+STEADY_S = 1.0
+"""After the drive is switched on, until the speed is the slope's and not the start's."""
+STOPS_S = 0.3
+"""After it is switched off, until a machine that still moves rolls, and does not coast."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1

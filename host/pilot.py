@@ -55,7 +55,9 @@ UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
+"""Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
 BARE_LOOKS = 2
+"""Looks in a row at bare ground where the plan has crop, after which the next is one too many."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 BLADE_ON_M = 0.6
@@ -98,8 +100,8 @@ PLACE_SIGMA_RAD = math.radians(2.5)
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
-DUST_SETTLES_S = 2.0
-"""It is believed when it is still there that long after the machine was told to stand."""
+LEAP_STAYS_S = 2.0
+"""It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
 EDGE_SURE = (0.7, 10)
 """Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
@@ -131,7 +133,7 @@ class Phase(enum.Enum):
     ALIGN = "align"
     FOLLOW = "follow"
     TURN = "turn"
-    LOOK = "look"
+    SEARCH = "search"
     HESITATE = "hesitate"
     FINISHED = "finished"
     FAULT = "fault"
@@ -336,7 +338,7 @@ class Pilot:
             Phase.ALIGN: self._align,
             Phase.FOLLOW: self._follow,
             Phase.TURN: self._drive_turn,
-            Phase.LOOK: self._search,
+            Phase.SEARCH: self._search,
             Phase.HESITATE: self._hesitate,
             Phase.FINISHED: self._rest,
             Phase.FAULT: self._rest,
@@ -410,7 +412,11 @@ class Pilot:
         sure = view.confidence >= CONFIDENT
         self._seen.note(frame.stamp, sure or view.ahead_confidence >= CONFIDENT)
         cutting = self.phase is Phase.FOLLOW and then.speed_mps > STOPPED_MPS
-        if cutting and not view.crop_ahead_m >= END_CLEAR_M:
+        if (
+            cutting
+            and not view.crop_ahead_m >= END_CLEAR_M
+            and self._shows_edge(self._along_m(then))
+        ):
             self._sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
@@ -468,7 +474,7 @@ class Pilot:
 
     def _leaps(self, edge_m: float, then: Motion) -> bool:
         """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
-        settling = then.stamp - self._phase_stamp < DUST_SETTLES_S
+        settling = then.stamp - self._phase_stamp < LEAP_STAYS_S
         dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
         known = self._side() is not None and self._position.known
         leap = edge_m + self._lane.blade_offset_m
@@ -477,7 +483,7 @@ class Pilot:
 
     def _believe_heading(self) -> None:
         if self._side() is not None and self._position.known:
-            _, heading, _, sigma = self._position.on_lane()
+            _, heading, _, sigma = self._position.against_lane()
             self._lane.correct_heading(heading, max(HEADING_SIGMA_RAD, sigma))
 
     def _on_lane(self, then: Motion) -> bool:
@@ -541,11 +547,11 @@ class Pilot:
         elif view.crop_ahead_m >= END_CLEAR_M:
             self._seems_clear_since = self._seems_clear_since or then
         looking = self._look.for_end and self._look.settled(stamp)
-        watches = self.phase in (Phase.LOOK, Phase.FOLLOW) or looking
+        watches = self.phase in (Phase.SEARCH, Phase.FOLLOW) or looking
         if not watches or view.ahead_confidence < CONFIDENT:
             return
         self._crop_at_m = min(self._crop_at_m, then.distance_m + view.crop_ahead_m)
-        if self.phase is Phase.LOOK:
+        if self.phase is Phase.SEARCH:
             return
         if view.crop_ahead_m < NEAR_CROP_M and self._entered_at is None:
             self._entered_at = then
@@ -609,7 +615,6 @@ class Pilot:
         self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
         self._run_from = self.motion
         self._backs = self._bare = 0
-        self._look.for_end = False
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
@@ -828,14 +833,14 @@ class Pilot:
         """Without dust: no crop before the blade is the side's end, and so is what shows none in
         all the time of a look. Where the plan has no end it is a bare patch, or no lane at all."""
         if self._clear_since is None:
-            self._look.for_end = False  # the crop goes on; now for its edge
+            self._look.crop_goes_on()
             self._bare = 0
         elif self._look.over(now) or self._clear_count >= END_PICTURES:
             over, due = self._look.over(now), self._end_due(self._clear_since.motion)
             if due:
                 self._look.end()
                 self._by_plan = False
-                self._begin_turn(now, self._clear_since)
+                self._begin_turn(now, self._clear_since, looked=True)
             elif over or not self._lane.contradicted:
                 self._go_on_beyond(now)
         return self._hold()
@@ -846,7 +851,6 @@ class Pilot:
         clear, self._clear_since = self._clear_count >= END_PICTURES, None
         self._clear_count = 0
         self._look.end()
-        self._look.for_end = False
         seen = self._corrected_m > self._look.at_m
         self._bare = 0 if seen else self._bare + clear
         if self._bare > BARE_LOOKS and self.turns + 1 >= len(self._plan.sides):
@@ -876,7 +880,7 @@ class Pilot:
         backing = self._drive(steer, -self._vehicle.manoeuvre_speed_mps, False)
         return replace(backing, reason=f"backing off to look again: {self.reason}")
 
-    def _begin_turn(self, now: float, end: EndOfField) -> None:
+    def _begin_turn(self, now: float, end: EndOfField, *, looked: bool = False) -> None:
         if self._plan.sides and self.turns + 1 >= len(self._plan.sides):
             self.ends.append(end)
             self._go(now, Phase.FINISHED, "the last side of the plan is cut")
@@ -888,7 +892,7 @@ class Pilot:
             first = self._seems_clear_since or end.motion
             ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
             doubt = 0.0
-            if self._look.for_end:
+            if looked:
                 # Somewhere between where dust began to look like clear ground and here.
                 doubt = (self.motion.distance_m - ended_m) / 2
             ago = self.motion.distance_m - ended_m - doubt
@@ -962,7 +966,7 @@ class Pilot:
         if self._leg_index >= len(turn.legs):
             self._tries = self._empty = 0
             self._leg_stamp = now
-            self._go(now, Phase.LOOK, "turned; looking for the crop's edge")
+            self._go(now, Phase.SEARCH, "turned; looking for the crop's edge")
             return self._hold()
         leg = turn.legs[self._leg_index]
         if self._leg_done(leg):
@@ -1026,7 +1030,7 @@ class Pilot:
         offset_sigma = PLACE_SIGMA_M + 2 * scale
         heading_sigma = PLACE_SIGMA_RAD + self._turn.lane_rad * scale
         if self._side() is not None and self._position.known:
-            offset, turned, *sigmas = self._position.on_lane()
+            offset, turned, *sigmas = self._position.against_lane()
             offset_sigma = max(offset_sigma, sigmas[0])
             heading_sigma = max(heading_sigma, sigmas[1])
         self._lane.place(offset, turned, offset_sigma, heading_sigma)

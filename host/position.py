@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from host.odometry import Motion
+from host.odometry import DOPPLER_MPS, Motion
 from host.plan import Side
 from host.vehicle import Vehicle
 
@@ -36,8 +36,9 @@ FOLLOWED_SIGMA_M = 0.03
 """Of the way driven beside the lane's line."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-DOPPLER_MPS = 0.09
-"""Of a phone's velocity across its course, as smoothed as it comes."""
+COURSE_SHARE = 1.5
+"""A phone's course is smoothed: one fix errs much like the last, and each counts as one this much
+worse than its speed is."""
 BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
 END_EARLY_M = 0.1
@@ -58,8 +59,9 @@ DOUBTED_SIGMAS = 2.0
 weeds in the gap look like crop, and dust hides it."""
 YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
-LANE = slice(4, 6)
+X, Y, YAW, SLIP, LANE_OFFSET, LANE_YAW, PLAN_YAW = range(STATES := 7)
 """Of the state."""
+LANE = slice(LANE_OFFSET, LANE_YAW + 1)
 
 
 class _Lane(NamedTuple):
@@ -76,8 +78,8 @@ class Position:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._x: NDArray[np.float64] = np.zeros(7)
-        self._p: NDArray[np.float64] = np.full((7, 7), math.inf)
+        self._x: NDArray[np.float64] = np.zeros(STATES)
+        self._p: NDArray[np.float64] = np.full((STATES, STATES), math.inf)
         self._past: Motion | None = None
         self._lanes: list[_Lane] = []
         self._lane_of: Side | None = None
@@ -86,12 +88,12 @@ class Position:
     @property
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, m and rad."""
-        return float(self._x[0]), float(self._x[1]), float(self._x[2])
+        return float(self._x[X]), float(self._x[Y]), float(self._x[YAW])
 
     @property
     def covariance(self) -> NDArray[np.float64]:
         """(2, 2) of the place, m²."""
-        return self._p[:2, :2]
+        return self._p[:YAW, :YAW]
 
     def place(self, side: Side, along_m: float, offset_m: float, heading_rad: float) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
@@ -104,7 +106,7 @@ class Position:
                 side.x_m + c * back - s * inside,
                 side.y_m + s * back + c * inside,
                 side.heading_rad + heading_rad,
-                *np.zeros(4),
+                *np.zeros(STATES - SLIP),
             ]
         )
         sigmas = (*START_SIGMA, SLIP_SIGMA, *LANE_SIGMA, PLAN_SIGMA_RAD)
@@ -145,51 +147,59 @@ class Position:
         turn = motion.yaw_rad - past.yaw_rad
         if step == 0.0 and turn == 0.0:
             return
-        middle = self._x[2] + turn / 2
+        middle = self._x[YAW] + turn / 2
         c, s = math.cos(middle), math.sin(middle)
         lost = step if cutting else 0.0
-        step -= lost * float(self._x[3])
-        self._x[:3] += step * c, step * s, turn
-        jacobian = np.eye(7)
-        jacobian[:2, 2] = -step * s, step * c
-        jacobian[:2, 3] = -lost * c, -lost * s
+        step -= lost * float(self._x[SLIP])
+        self._x[:SLIP] += step * c, step * s, turn
+        jacobian = np.eye(STATES)
+        jacobian[:YAW, YAW] = -step * s, step * c
+        jacobian[:YAW, SLIP] = -lost * c, -lost * s
         # Neighbouring steps err alike: their errors grow along a metre as one.
         run = abs(step)
         turned = np.array([[c, -s], [s, c]])
-        noise = np.zeros((7, 7))
-        noise[:2, :2] = turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
-        noise[2, 2] = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
+        noise = np.zeros((STATES, STATES))
+        noise[:YAW, :YAW] = turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
+        noise[YAW, YAW] = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
         self._p = jacobian @ self._p @ jacobian.T + noise
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        dx, dy = self._x[0] - side.x_m, self._x[1] - side.y_m
+        dx, dy = self._x[X] - side.x_m, self._x[Y] - side.y_m
         return float(dx * c + dy * s) + self._vehicle.blade_x_m
 
     def across(self, side: Side) -> float:
         """How far the rear axle is left of a side's lane."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        dx, dy = self._x[0] - side.x_m, self._x[1] - side.y_m
+        dx, dy = self._x[X] - side.x_m, self._x[Y] - side.y_m
         return float(dy * c - dx * s) - self._vehicle.inset_m + side.shift_m
 
-    def on_lane(self) -> tuple[float, float, float, float]:
+    def against_lane(self) -> tuple[float, float, float, float]:
         """The rear axle's place against the present lane as it lies, not as the plan has it: how
         far left (m) and how far turned left (rad), and their standard deviations."""
         side = self._lane_of
         assert side is not None
         along = self.along(side) - self._vehicle.blade_x_m
-        offset = self.across(side) - float(self._x[4]) - float(self._x[5]) * along
-        heading = math.remainder(self._x[2] - side.heading_rad - self._x[5], math.tau)
+        offset = self.across(side) - self._lane_m(along)
+        heading = self._x[YAW] - side.heading_rad - self._x[LANE_YAW]
+        heading = math.remainder(heading, math.tau)
         across = self._beside(side, along)
-        turned = np.array([0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0])
+        turned = np.zeros(STATES)
+        turned[[YAW, LANE_YAW]] = 1.0, -1.0
         sigmas = (math.sqrt(across @ self._p @ across), math.sqrt(turned @ self._p @ turned))
         return offset, heading, *sigmas
+
+    def _lane_m(self, along_m: float) -> float:
+        """How far left of the plan's the present lane lies, along_m past its beginning."""
+        return float(self._x[LANE_OFFSET] + self._x[LANE_YAW] * along_m)
 
     def _beside(self, side: Side, along_m: float) -> NDArray[np.float64]:
         """The derivative of the rear axle's offset from the lane, along_m past its beginning."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        return np.array([-s, c, 0.0, 0.0, -1.0, -along_m, 0.0])
+        h = np.zeros(STATES)
+        h[[X, Y, LANE_OFFSET, LANE_YAW]] = -s, c, -1.0, -along_m
+        return h
 
     def follow(self, blade_offset_m: float, sigma_m: float) -> None:
         """The lane filter's place of the blade's middle left of the present lane. A lane that goes
@@ -197,19 +207,21 @@ class Position:
         side = self._lane_of
         assert side is not None
         ahead = self._vehicle.blade_x_m
-        turned = math.remainder(self._x[2] - side.heading_rad, math.tau)
+        turned = math.remainder(self._x[YAW] - side.heading_rad, math.tau)
         along = self.along(side)
         h = self._beside(side, along)
-        h[2] = ahead * math.cos(turned)
+        h[YAW] = ahead * math.cos(turned)
         at_blade = self.across(side) + ahead * math.sin(turned)
-        expected = at_blade - float(self._x[4]) - float(self._x[5]) * along
+        expected = at_blade - self._lane_m(along)
         sigma = math.hypot(FOLLOWED_SIGMA_M, sigma_m)
         self._correct(h[np.newaxis], blade_offset_m - expected, sigma)
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of the yaw, at that speed over ground."""
-        h = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]])
-        self._correct(h, left_rad - float(self._x[6]), math.atan2(DOPPLER_MPS, abs(speed_mps)))
+        h = np.zeros((1, STATES))
+        h[0, [YAW, PLAN_YAW]] = 1.0
+        sigma = math.atan2(COURSE_SHARE * DOPPLER_MPS, abs(speed_mps))
+        self._correct(h, left_rad - float(self._x[PLAN_YAW]), sigma)
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
@@ -220,8 +232,8 @@ class Position:
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
         drift_m is what a wrong scale of the distances may have done along it."""
-        along = np.zeros((1, 7))
-        along[0, :2] = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        along = np.zeros((1, STATES))
+        along[0, :YAW] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
         sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m, doubt_m)
         seen = side.length_m - side.end_seen_m - END_EARLY_M
@@ -233,7 +245,8 @@ class Position:
         border that slants a machine left of the lane meets the beginning earlier by `slope` of how
         far left it is."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        h = np.array([[c - slope * s, s + slope * c, *np.zeros(5)]])
+        h = np.zeros((1, STATES))
+        h[0, :YAW] = c - slope * s, s + slope * c
         innovation = blade_m - self.along(side) - slope * self.across(side)
         expected = math.sqrt((h @ self._p @ h.T).item() + sigma_m**2)
         doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
@@ -243,5 +256,5 @@ class Position:
         variance = (h @ self._p @ h.T).item() + sigma**2
         gain = (self._p @ h.T) / variance
         self._x = self._x + gain[:, 0] * innovation
-        keep = np.eye(7) - gain @ h
+        keep = np.eye(STATES) - gain @ h
         self._p = keep @ self._p @ keep.T + gain @ gain.T * sigma**2

@@ -139,13 +139,13 @@ def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> Non
     position.begin(inner)
     position._x[0] = 2.0
     position._x[1] = VEHICLE.pass_m + VEHICLE.inset_m
-    offset, heading, _, _ = position.on_lane()
+    offset, heading, _, _ = position.against_lane()
     assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.02)
     assert math.degrees(heading) == pytest.approx(-askew_deg, abs=0.3)
     across = replace(ring(1), heading_rad=math.pi / 2)
     position.begin(across)
     position._x[:3] = -VEHICLE.inset_m + across.x_m, 1.0, math.pi / 2
-    assert position.on_lane()[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert position.against_lane()[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[float]:
@@ -245,7 +245,7 @@ def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() 
         for k in range(6):
             position.predict(motion(0.5 * k), cutting=True)
             position.follow(0.0, lane_sigma_m)
-        sigmas.append(position.on_lane()[2])
+        sigmas.append(position.against_lane()[2])
     assert sigmas[0] < 0.04
     assert sigmas[1] > 2.0 * sigmas[0]
 

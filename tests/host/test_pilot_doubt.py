@@ -356,7 +356,7 @@ def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
         drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
         eyes.spoil = lambda view: replace(view, confidence=0.0)
         pilot.position.covariance[...] *= doubt**2
-        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
         return pilot.lane.offset_sigma_m
 
     assert turned(5.0) > 1.5 * turned(1.0)
@@ -428,10 +428,10 @@ def driven_to_look(
         if log is not None and pilot.phase is Phase.TURN:
             law = steering.reverse(pilot.lane.offset_m, pilot.lane.heading_rad, VEHICLE)
             log.append((world.command, law - pilot.trim_rad))
-        return pilot.phase is Phase.LOOK
+        return pilot.phase is Phase.SEARCH
 
     drive(world, pilot, 100.0, until=looking)
-    assert pilot.phase is Phase.LOOK
+    assert pilot.phase is Phase.SEARCH
     drive(world, pilot, 3.0, until=lambda: abs(world.speed) < 0.02)
     lane_y = SECOND.y_m - VEHICLE.inset_m
     return lane_y - world.y, math.remainder(world.yaw - SECOND.heading_rad, math.tau)
@@ -510,8 +510,8 @@ def test_a_shuttle_ends_on_the_next_strips_lane_however_either_is_shifted(
     pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(this, again), gap_m=None))
     drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
     eyes.spoil = lambda view: replace(view, confidence=0.0)
-    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.LOOK)
-    assert pilot.phase is Phase.LOOK, pilot.reason
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.SEARCH)
+    assert pilot.phase is Phase.SEARCH, pilot.reason
     lane_x = again.x_m - VEHICLE.inset_m + next_shift_m
     assert world.x == pytest.approx(lane_x, abs=0.08)
     assert pilot.lane.offset_m == pytest.approx(lane_x - world.x, abs=0.05)
@@ -704,7 +704,7 @@ def test_a_turn_by_a_speed_that_is_only_modelled_leaves_it_less_sure_of_its_plac
         pilot = Pilot(VEHICLE, eyes, PLAN)
         drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.TURN)
         eyes.spoil = lambda view: replace(view, confidence=0.0)
-        drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.LOOK)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.SEARCH)
         sigmas.append(pilot.lane.offset_sigma_m)
     assert sigmas[1] > 1.3 * sigmas[0]
 
@@ -713,7 +713,7 @@ def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, lambda view: view)
     pilot = Pilot(VEHICLE, eyes, PLAN)
-    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
     eyes.spoil = lambda _view: CropView(0.0, reason="nothing")
     harvest(world, pilot, world.now + 30.0)
     assert pilot.phase is Phase.FAULT

@@ -140,7 +140,7 @@ def test_a_lane_that_the_turn_missed_is_learned_before_the_blade_turns() -> None
     pilot = Pilot(VEHICLE, eyes, PLAN)
     drive(world, pilot, 120.0, until=lambda: pilot.turns == 1)
     eyes.spoil = lambda view: replace(view, confidence=0.0)  # nor is the next edge seen in the turn
-    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.LOOK)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
     eyes.spoil = beside(0.0)
     world.y += 0.5
     drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.FOLLOW)
