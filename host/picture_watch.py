@@ -44,7 +44,7 @@ class PictureWatch:
 
     def __init__(self, width_px: int, height_px: int) -> None:
         self._shape = (height_px, width_px, 3)
-        self._pixels: NDArray[np.uint8] | None = None
+        self._pixels: NDArray[np.int32] | None = None
         self._thumbnail: NDArray[np.int16] | None = None
         self.jumped = False
         """Whether the last picture, if sound, is quite another than the one before."""
@@ -57,19 +57,22 @@ class PictureWatch:
         if bgr.shape != self._shape:
             return "the camera's picture is broken: it has another size"
         half = GRID // 2
-        pixels = bgr[half:-1:GRID, half:-1:GRID]
+        colours = bgr[half:-1:GRID, half:-1:GRID]
+        pixels = colours.astype(np.int32) @ np.array([1, 1 << 8, 1 << 16], np.int32)
         grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
         thumbnail = cv2.resize(grey, THUMBNAIL, interpolation=cv2.INTER_AREA).astype(np.int16)
         before, earlier = self._pixels, self._thumbnail
-        self._pixels, self._thumbnail = pixels.copy(), thumbnail
-        if before is not None and (pixels != before).any(axis=2).mean() < REPEATED_SHARE:
+        self._pixels, self._thumbnail = pixels, thumbnail
+        if before is not None and np.count_nonzero(pixels != before) < REPEATED_SHARE * pixels.size:
             return "the camera repeats its picture"
         if float(thumbnail.std()) < CONTRAST:
             return "the camera's picture shows nothing: dark, blinded or covered"
-        here, right, below = pixels[:-1, :-1], pixels[:-1, 1:], pixels[1:, :-1]
-        flat = ((here == right) & (here == below)).all(axis=2) & (here < WHITE).any(axis=2)
-        if flat.mean() > FLAT_SHARE:
-            return "the camera's picture is broken"
+        here = pixels[:-1, :-1]
+        flat = (here == pixels[:-1, 1:]) & (here == pixels[1:, :-1])
+        if np.count_nonzero(flat) > FLAT_SHARE * flat.size:
+            white = colours[:-1, :-1].min(axis=2) >= WHITE
+            if np.count_nonzero(flat & ~white) > FLAT_SHARE * flat.size:
+                return "the camera's picture is broken"
         jump = 0.0 if earlier is None else float(np.abs(thumbnail - earlier).mean())
         self.jumped = jump > JUMP
         return ""

@@ -42,6 +42,8 @@ NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
+LAST_EARLY_M = 0.3
+"""On the last side: no turn needs the room, and what seemed clear is cut on the way to its end."""
 SLOW_AFTER_S = 0.4
 STOP_AFTER_S = 0.8
 RESUME_AFTER_S = 0.5
@@ -772,7 +774,8 @@ class Pilot:
         if side is None:
             return True
         doubt = 2 * self._odometry.scale_sigma
-        early = EARLY_M + 2 * side.end_seen_m
+        last = self.turns + 1 == len(self._plan.sides)
+        early = LAST_EARLY_M if last else EARLY_M + 2 * side.end_seen_m
         return self._along_m(motion) > (1 - doubt) * side.length_m - early
 
     def _overrun(self) -> bool:
