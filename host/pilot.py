@@ -20,11 +20,12 @@ from host.direction_check import DirectionCheck
 from host.dust import CONFIDENCE, DustyEdge
 from host.lane import Lane
 from host.look import LONG_LOOK_S, LOOK_S, Look
-from host.manoeuvre import Follow, Goal, Leg, Turn
+from host.manoeuvre import Follow, Turn
 from host.odometry import Motion, Odometry
 from host.plan import SEEN_SHARE, Plan, Side
 from host.position import Position
 from host.trail import Trails
+from host.turning import Turning
 from host.turns import ROOM_M, next_turn, room_along
 from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
@@ -116,6 +117,8 @@ TURN_LEAST_RAD = 0.5
 CORNER_SIGMA_M = 0.1
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""
+CORNER_SIGMAS = 3.0
+"""How far beside the lane a corner may be, in the lane's own uncertainty."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
 ALIGNED = (0.03, math.radians(3.0))
@@ -226,11 +229,7 @@ class Pilot:
         self._seems_clear_since: Motion | None = None
         """The first of the latest pictures without crop before the blade, sure or not: what a
         detector doubts until it has stayed was there from the first."""
-        self._turn: Turn | None = None
-        self._turn_from: tuple[float, float, float] | None = None
-        self._leg_index = 0
-        self._leg_running = False
-        self._leg_stamp = -math.inf
+        self._turn: Turning | None = None
         self._turned_from: tuple[float, float] | None = None
         """Before the last turn: dead reckoning's yaw, and the vehicle's direction in the field."""
         self._by_plan = False
@@ -278,6 +277,11 @@ class Pilot:
         if self._turn is not None or self._entered_at is None:
             return 0.0
         return max(0.0, self._cut_m(self.motion))
+
+    @property
+    def backing(self) -> bool:
+        """Whether this is a turn's last leg, back along the next side."""
+        return self.phase is Phase.TURN and self._turn is not None and self._turn.backing
 
     @property
     def done(self) -> bool:
@@ -333,7 +337,9 @@ class Pilot:
                 "the plan: its strips have turned, put it on a corner of what stands",
             )
         if self.paused and not self.done:
-            self._phase_stamp = self._leg_stamp = self._seen.stamp = now  # nothing runs out
+            self._phase_stamp = self._seen.stamp = now  # nothing runs out
+            if self._turn is not None:
+                self._turn.since = now
             return replace(self._hold(), reason=PAUSED)
         command = {
             Phase.CONNECT: self._connect,
@@ -363,9 +369,9 @@ class Pilot:
         later = self._verdict(command.speed_mps, ahead_s=0.5)
         if later is not None and not later.clearance_m <= verdict.clearance_m + 1e-3:
             return replace(command, speed_mps=slow)
-        if self.phase is Phase.TURN:
+        if self.phase is Phase.TURN and self._turn is not None:
             # What is left of the turn goes the other way.
-            self._next_leg(now)
+            self._next_leg(now, self._turn)
             return self._hold()
         if self.phase is Phase.HESITATE:
             self._back_from = None
@@ -493,13 +499,12 @@ class Pilot:
         next once the crop begins ahead of the blade; before that the picture shows the crop's
         flank, and so it does where the crop's border slants across the strip."""
         side = self._side()
-        on_side = self._turn is None or self._leg_index >= len(self._turn.legs)
-        if not on_side and not (self._backing() and self._crop_expected_m() > CROP_SEEN_M):
+        turning = self._turn is not None and self._turn.leg is not None
+        if turning and not (self.backing and self._crop_expected_m() > CROP_SEEN_M):
             return False
         if side is None or not self._position.known:
             return True
-        along = self._along_m(then)
-        return self._shows_edge(along)
+        return self._shows_edge(self._along_m(then))
 
     def _shows_edge(self, along_m: float) -> bool:
         """Whether the side's outer edge, and no slanting border, is what a picture shows there."""
@@ -516,29 +521,21 @@ class Pilot:
         the corner from which the outer edge runs: a line of sight from the rear axle, near which
         the cameras sit. It tells a lane that is doubtful more than dead reckoning does."""
         side = self._side()
-        driving_turn = self._turn is not None and self._leg_index < len(self._turn.legs)
-        if side is None or driving_turn or not self._position.known:
+        turning = self._turn is not None and self._turn.leg is not None
+        if side is None or turning or not self._position.known:
             return
         blade, ahead = self._vehicle.blade_x_m, view.edge_ahead_m
         corner = side.edge_begin_m - self._along_m(then)
         near = ahead < NEAR_CROP_M or corner <= ahead  # in the blade's dust, or past the corner
         if near or self._lane.offset_sigma_m < CORNER_SIGMA_M:
             return
-        self._corrected_m = then.distance_m
         inset = self._vehicle.inset_m
         edge = (view.edge_offset_m - inset) * (blade + corner) / (blade + ahead) + inset
         edge -= side.shift_m
+        if abs(edge + self._lane.blade_offset_m) > CORNER_SIGMAS * self._lane.offset_sigma_m:
+            return  # another corner's: of what a round before has left, or of the next crop
+        self._corrected_m = then.distance_m
         self._lane.correct(edge, math.nan, CONFIDENT, since, ahead_m=corner, learn=False)
-
-    def _backing(self) -> bool:
-        """Whether this is a turn's last leg, back along the new side."""
-        turn = self._turn
-        return (
-            self.phase is Phase.TURN
-            and turn is not None
-            and self._leg_index < len(turn.legs)
-            and turn.legs[self._leg_index].follow is Follow.NEW_LANE
-        )
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
         """Notes where the side's crop begins, and counts pictures in a row that show no crop before
@@ -807,8 +804,7 @@ class Pilot:
         if self._turn is not None:
             steady = self._usable.held_s > RESUME_AFTER_S
             if steady and now - self._usable.stamp < SLOW_AFTER_S:
-                self._leg_running = False
-                self._leg_stamp = now
+                self._turn.wait(now)
                 self._go(now, Phase.TURN, "the camera sees again")
             return self._hold()
         if self._look.active:
@@ -904,21 +900,19 @@ class Pilot:
             share = share / SEEN_SHARE if math.isfinite(share) else 1.0
             as_seen = replace(side, end_seen_m=share * side.end_seen_m)
             self._position.at_end(as_seen, ago, drift, doubt)
-        self._turn_from = self._end_of_lane(end)
+        origin = self._end_of_lane(end)
         if side is not None:
             self._trails.end(side)
             known = self._entered_at is not None and self._cut_m(self.motion) > TURN_KNOWN_M
             self._turned_from = (self.motion.yaw_rad, self._direction_rad(side)) if known else None
             self._trails.begin(self._plan.sides[self.turns + 1])
             self._position.begin(self._plan.sides[self.turns + 1])
-        self._turn = next_turn(self._plan, self.turns, self._vehicle, self._room_m)
+        turn = next_turn(self._plan, self.turns, self._vehicle, self._room_m)
+        self._turn = Turning(now, turn, origin)
         if seen:
             self.ends.append(end)
         self.turns += 1
-        self._leg_index = 0
-        self._leg_running = False
-        self._begin_leg(self._turn.legs[0])
-        self._leg_stamp = now
+        self._begin_leg(self._turn)
         self._search_m = self._crop_at_m = math.inf
         why = "the keep-out's margin" if blind else "no crop before the blade"
         why = "the plan's, which vision has not seen" if self._by_plan else why
@@ -953,40 +947,32 @@ class Pilot:
         x, y = side.x_m + c * along - s * inside, side.y_m + s * along + c * inside
         return room_along(turn, (x, y, side.heading_rad), self._vehicle, self._fence)
 
-    def _in_turn_frame(self) -> tuple[float, float, float]:
-        """The rear axle's (x, y, heading) in the turn's frame; x runs along the old lane."""
-        assert self._turn_from is not None
-        x0, y0, direction = self._turn_from
-        c, s = math.cos(direction), math.sin(direction)
-        dx, dy = self.motion.x_m - x0, self.motion.y_m - y0
-        return c * dx + s * dy, c * dy - s * dx, self.motion.yaw_rad - direction
-
     def _drive_turn(self, now: float, telemetry: Telemetry) -> Command:
         turn = self._turn
         assert turn is not None
         if self._blind(now):
             return self._hold()
-        if self._leg_index >= len(turn.legs):
+        leg = turn.leg
+        if leg is None:
             self._tries = self._empty = 0
-            self._leg_stamp = now
+            turn.since = now
             self._go(now, Phase.SEARCH, "turned; looking for the crop's edge")
             return self._hold()
-        leg = turn.legs[self._leg_index]
-        if self._leg_done(leg):
-            self._next_leg(now)
+        if self._leg_done(turn):
+            self._next_leg(now, turn)
             return self._drive(leg.steer_rad, 0.0, False)
         steer = leg.steer_rad
         if leg.follow is not Follow.NOTHING:
             steer = steering.reverse(self._lane.offset_m, self._lane.heading_rad, self._vehicle)
             steer -= self._odometry.trim_rad
-        if not self._leg_running:
-            standing = self._standing(now - self._leg_stamp)
+        if not turn.running:
+            standing = self._standing(now - turn.since)
             ready = standing and abs(telemetry.angle_rad - steer) < STEER_READY_RAD
             if not ready:
-                if now - self._leg_stamp > STEER_TIMEOUT_S:
+                if now - turn.since > STEER_TIMEOUT_S:
                     self._go(now, Phase.FAULT, "the steering did not reach its angle")
                 return self._drive(steer, 0.0, False)
-            self._leg_running = True
+            turn.running = True
         speed = self._vehicle.manoeuvre_speed_mps
         return self._drive(steer, -speed if leg.reverse else speed, False)
 
@@ -995,43 +981,30 @@ class Pilot:
         speed = abs(self.motion.speed_mps)
         return speed < (STOPPED_MPS if told_s < STAND_S else CREEPING_MPS)
 
-    def _leg_done(self, leg: Leg) -> bool:
-        """Whether the goal is reached, or will be by coasting on."""
-        assert self._turn is not None
-        x, y, heading = self._in_turn_frame()
-        coast = self.motion.speed_mps * self._vehicle.drive_lag_s
-        if leg.goal is Goal.HEADING:
-            beyond = heading + coast * self.motion.curvature_1pm - leg.value
-            return beyond >= 0 if leg.rises else beyond <= 0
-        place = x if leg.goal is Goal.X else self._turn.along(x, y)
-        ahead = leg.value - place - coast
+    def _leg_done(self, turn: Turning) -> bool:
+        """Whether the goal is reached, or will be by coasting on. Backing along the new side goes
+        on for a while until the machine is in line with it."""
+        to_go = turn.to_go(self.motion, self._vehicle.drive_lag_s)
         side = self._side()
         cut = side.back_m if side is not None else 0.0
-        if leg.follow is Follow.NEW_LANE and 0 <= ahead < min(
-            ALIGN_ROOM_M[0] + cut, *ALIGN_ROOM_M[1:]
-        ):
+        room = min(ALIGN_ROOM_M[0] + cut, ALIGN_ROOM_M[1])
+        if turn.backing and -room < to_go <= 0:
             lane = self._lane
             return abs(lane.blade_offset_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
-        return ahead >= 0 if leg.reverse else ahead <= 0
+        return to_go <= 0
 
-    def _next_leg(self, now: float) -> None:
-        assert self._turn is not None
-        self._leg_index += 1
-        self._leg_running = False
-        self._leg_stamp = now
-        if self._leg_index < len(self._turn.legs):
-            self._begin_leg(self._turn.legs[self._leg_index])
+    def _next_leg(self, now: float, turn: Turning) -> None:
+        turn.next(now)
+        self._begin_leg(turn)
 
-    def _begin_leg(self, leg: Leg) -> None:
+    def _begin_leg(self, turn: Turning) -> None:
         """From here on the lane filter speaks of the new lane, where the leg follows that."""
-        assert self._turn is not None
-        if leg.follow is not Follow.NEW_LANE:
+        if not turn.backing:
             return
-        x, y, heading = self._in_turn_frame()
         scale = self._odometry.scale_sigma
-        offset, turned = self._turn.offset(x, y), heading - self._turn.lane_rad
+        offset, turned = turn.against_lane(self.motion)
         offset_sigma = PLACE_SIGMA_M + 2 * scale
-        heading_sigma = PLACE_SIGMA_RAD + self._turn.lane_rad * scale
+        heading_sigma = PLACE_SIGMA_RAD + turn.turn.lane_rad * scale
         if self._side() is not None and self._position.known:
             offset, turned, *sigmas = self._position.against_lane()
             offset_sigma = max(offset_sigma, sigmas[0])
@@ -1039,20 +1012,19 @@ class Pilot:
         self._lane.place(offset, turned, offset_sigma, heading_sigma)
 
     def _crop_expected_m(self) -> float:
-        """From the blade to where the new side's crop should begin."""
         assert self._turn is not None
-        x, y, _ = self._in_turn_frame()
-        return self._turn.crop_begins_m - self._turn.along(x, y) - self._vehicle.blade_x_m
+        return self._turn.crop_expected_m(self.motion, self._vehicle.blade_x_m)
 
     def _search(self, now: float, telemetry: Telemetry) -> Command:
         """Standing still after the turn: is there crop where it should be?"""
         if self._blind(now):
             return self._hold()
-        view = self.view
+        view, turn = self.view, self._turn
+        assert turn is not None
         standing = self._standing(now - self._phase_stamp)
-        if not standing or self._view_stamp <= self._leg_stamp:
+        if not standing or self._view_stamp <= turn.since:
             return self._hold()
-        self._leg_stamp = self._view_stamp
+        turn.since = self._view_stamp
         self._tries += 1
         if view is None or view.ahead_confidence < CONFIDENT:
             if self._tries > 10 * SEARCH_PICTURES:

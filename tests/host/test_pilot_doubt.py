@@ -347,6 +347,26 @@ def test_a_doubtful_lane_is_found_by_the_corner_behind_a_slanting_border(beside_
     assert abs(left_m) < 0.6 * abs(beside_m)
 
 
+@pytest.mark.parametrize("aside_m", [-0.7, 0.7])
+def test_a_corner_far_beside_the_lane_is_another_strips(aside_m: float) -> None:
+    """Not even many pictures of it turn the machine."""
+    world = SimpleWorld(VEHICLE)
+    beside_lane = world.x
+    corner = corner_of(world, 3.0)
+
+    def another(view: CropView) -> CropView:
+        seen = corner(view)
+        return replace(seen, edge_offset_m=seen.edge_offset_m + aside_m)
+
+    eyes = Eyes(world, another)
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    pilot.lane.place(0.0, 0.0, 0.2, math.radians(2.0))
+    drive(world, pilot, 20.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.5)
+    assert world.x == pytest.approx(beside_lane, abs=0.05)
+
+
 def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
     def turned(doubt: float) -> float:
         """Uncertainty of the lane where no edge is seen; `doubt` times that of the place before."""
@@ -739,20 +759,15 @@ def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
     """Half a metre into the gap; a metre over what has been cut."""
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, world, PLAN)
-    drive(world, pilot, 120.0, until=pilot._backing)
+    drive(world, pilot, 120.0, until=lambda: pilot.backing)
     turn = pilot._turn
     assert turn is not None
-    leg = turn.legs[-1]
 
     def done(beyond_m: float, offset_m: float = 0.0, askew_deg: float = 0.0) -> bool:
         heading = math.radians(askew_deg)
         pilot.lane.place(offset_m - VEHICLE.blade_x_m * math.sin(heading), heading, 0.1, 0.1)
-        coast = pilot.motion.speed_mps * VEHICLE.drive_lag_s
-        place = leg.value - beyond_m - coast
-        c, s = math.cos(turn.lane_rad), math.sin(turn.lane_rad)
-        x, y = turn.lane_x_m + c * place, turn.lane_y_m + s * place
-        monkeypatch.setattr(pilot, "_in_turn_frame", lambda: (x, y, 0.0))
-        return pilot._leg_done(leg)
+        monkeypatch.setattr(turn, "to_go", lambda *_: -beyond_m)
+        return pilot._leg_done(turn)
 
     def behind(back_m: float) -> None:
         sides = (FIRST, replace(SECOND, back_m=back_m))
@@ -801,7 +816,7 @@ def test_a_turn_leads_to_where_the_last_strip_was_cut() -> None:
     scale = np.diag([0.01] * 3 + [1.0] * 4)  # where the machine is, is known
     pilot.position._p = scale @ pilot.position._p @ scale
     eyes.spoil = spoilt
-    drive(world, pilot, 400.0, until=lambda: pilot.turns == 4 and pilot._backing())
+    drive(world, pilot, 400.0, until=lambda: pilot.turns == 4 and pilot.backing)
     assert pilot.turns == 4, pilot.reason
     side = PLAN.sides[4]
     assert side.heading_rad == pytest.approx(FIRST.heading_rad)

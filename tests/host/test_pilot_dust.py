@@ -11,7 +11,8 @@ from eyes import Eyes, beside
 from simple_world import CELL, SimpleWorld, drive, harvest
 
 from host.pilot import Phase, Pilot
-from host.plan import Plan, spiral
+from host.plan import Plan, Side, spiral
+from host.position import Position
 from host.types import Command
 from host.vehicle import Vehicle
 from host.vision.view import CropView
@@ -335,3 +336,56 @@ def test_a_machine_that_has_left_its_lane_finds_the_edge_beside_it() -> None:
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
     assert pilot.turns == 1, pilot.reason
     assert world.x == pytest.approx(on_lane, abs=0.1)
+
+
+def test_where_the_crop_of_the_last_side_is_gone_the_field_is_finished() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:1]))
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    world.crop[rows > 3.5] = False
+    drive(world, pilot, 90.0, until=lambda: pilot.done)
+    assert pilot.phase is Phase.FINISHED
+    assert "no crop left" in pilot.reason
+    assert world.y + VEHICLE.blade_x_m < 7.5
+
+
+def test_the_last_side_is_cut_to_its_end_though_it_seems_to_end_before() -> None:
+    """Elsewhere an end may come 0.8 m before the plan's; here nothing follows."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: hidden_ahead(view) if world.y > 7.7 else view)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=PLAN.sides[:1]))
+    drive(world, pilot, 120.0, until=lambda: pilot.done)
+    assert pilot.phase is Phase.FINISHED, pilot.reason
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
+    strip = world.crop[:, (columns > 9.3) & (columns < 9.9)]
+    assert not strip[(rows > 0.2) & (rows < 9.6)].any()
+
+
+@pytest.mark.parametrize("dusty", [False, True])
+def test_behind_dust_an_end_lies_somewhere_on_the_way_since_it_was_seen(
+    dusty: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[float, float]] = []
+
+    def at_end(_p: Position, _side: Side, ago_m: float, _drift: float, doubt_m: float) -> None:
+        told.append((ago_m, doubt_m))
+
+    monkeypatch.setattr(Position, "at_end", at_end)
+    world, eyes, pilot = cutting()
+
+    def hidden(view: CropView) -> CropView:
+        if not (dusty and world.command.blade):
+            return view
+        near = world.y + VEHICLE.blade_x_m > 9.6
+        return hidden_ahead(view) if near else replace(view, confidence=0.3)
+
+    eyes.spoil = hidden
+    drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
+    [(ago_m, doubt_m)] = told
+    if dusty:
+        assert doubt_m > 0.05
+        assert ago_m == pytest.approx(doubt_m)
+    else:
+        assert doubt_m == 0.0
