@@ -168,6 +168,16 @@ def test_a_machine_that_rolls_while_it_stands_is_not_counted_as_going_on(
     assert slide.odometry.now.speed_mps == pytest.approx(slide.speed, abs=0.03)
 
 
+def test_uphill_too_a_machine_runs_out_before_it_rolls_back() -> None:
+    slide = Slide(0.35)
+    slide.drive(4.0, 110)
+    slide.drive(4.0, -110)
+    slide.drive(2.0, 200)
+    slide.drive(0.1, 0)
+    assert slide.speed > 0.0
+    assert slide.odometry.now.speed_mps > 0.0
+
+
 def test_on_the_level_a_machine_that_runs_out_counts_as_it_goes() -> None:
     slide = Slide(0.0)
     slide.drive(2.0, 90)
