@@ -14,6 +14,7 @@ from simple_world import BLANK, SimpleWorld, drive, harvest
 
 from host import steering
 from host.areas import Geofence, areas_of
+from host.lane import Lane
 from host.manoeuvre import Turn
 from host.pilot import (
     CREEP_MPS,
@@ -380,6 +381,38 @@ def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
         return pilot.lane.offset_sigma_m
 
     assert turned(5.0) > 1.5 * turned(1.0)
+
+
+def test_the_lane_takes_no_heading_for_surer_than_the_position_has_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Neither while an edge is followed nor where a turn leads back along the next."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    told: list[float] = []
+    against_lane = Position.against_lane
+
+    def unsure(position: Position) -> tuple[float, float, float, float]:
+        offset, heading, offset_sigma, _ = against_lane(position)
+        return offset, heading, offset_sigma, math.radians(10.0)
+
+    def correct_heading(_lane: Lane, _heading_rad: float, sigma_rad: float) -> None:
+        told.append(sigma_rad)
+
+    def place(_lane: Lane, _offset: float, _heading: float, _sd: float, sd_rad: float) -> None:
+        told.append(sd_rad)
+
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 3.0)
+    monkeypatch.setattr(Position, "against_lane", unsure)
+    monkeypatch.setattr(Lane, "correct_heading", correct_heading)
+    monkeypatch.setattr(Lane, "place", place)
+    drive(world, pilot, 60.0, until=lambda: bool(told))
+    assert set(told) == {math.radians(10.0)}
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+    told.clear()
+    drive(world, pilot, 60.0, until=lambda: bool(told))
+    assert pilot.backing
+    assert set(told) == {math.radians(10.0)}
 
 
 def test_a_slanting_tip_that_is_not_seen_does_not_keep_a_side_from_ending() -> None:
