@@ -869,3 +869,60 @@ def test_at_a_sides_beginning_it_backs_off_only_where_a_fence_guards_it(
     drive(world, pilot, 20.0, log)
     assert pilot.phase is Phase.HESITATE
     assert any(c.speed_mps < 0 for c in log) is (gap_m is not None)
+
+
+def test_where_the_border_is_too_near_behind_it_backs_off_only_so_far() -> None:
+    """And hesitates on, instead of giving up."""
+    world = SimpleWorld(VEHICLE, gap=2.2)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=2.2))
+    drive(world, pilot, 60.0, until=lambda: 0.1 < pilot.cut_m < 0.4)
+    world.blind = True
+    log: list[Command] = []
+    drive(world, pilot, 4.0)
+    stood = world.y
+    drive(world, pilot, 16.0, log)
+    assert any(c.speed_mps < 0 for c in log)
+    assert pilot.phase is Phase.HESITATE, pilot.reason
+    assert stood - world.y < 0.5
+
+
+def test_an_end_that_long_seemed_one_was_at_most_a_little_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Unsure pictures of clear ground from a metre and a half before the end on are dust's."""
+    told: list[float] = []
+
+    def at_end(_p: Position, _side: Side, ago_m: float, _drift: float, _doubt: float) -> None:
+        told.append(ago_m)
+
+    monkeypatch.setattr(Position, "at_end", at_end)
+    world = SimpleWorld(VEHICLE)
+
+    def hazy(view: CropView) -> CropView:
+        if world.y + VEHICLE.blade_x_m < 8.2:
+            return view
+        sure = 0.3 if view.confidence > 0.0 else 0.9
+        return replace(view, crop_ahead_m=math.inf, ahead_confidence=sure)
+
+    pilot = Pilot(VEHICLE, Eyes(world, hazy), PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    [ago_m] = told
+    assert ago_m < 0.7
+
+
+def test_over_a_slanting_border_no_edge_is_missed() -> None:
+    """None is to be seen there: it says nothing of dust, and a look is due no sooner than for an
+    edge that has been hidden for a while."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 20.0, until=lambda: pilot.cut_m > 0.2)
+    pilot.lane.place(0.0, 0.0, 0.2, math.radians(2.0))
+    eyes.spoil = lambda view: replace(view, confidence=0.0)
+    sure = list(pilot._sure)
+    drive(world, pilot, 30.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.4)
+    assert list(pilot._sure) == sure
+    drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.HESITATE)
+    assert "dust" in pilot.reason
+    assert world.y + VEHICLE.blade_x_m > 3.5

@@ -389,3 +389,20 @@ def test_behind_dust_an_end_lies_somewhere_on_the_way_since_it_was_seen(
         assert ago_m == pytest.approx(doubt_m)
     else:
         assert doubt_m == 0.0
+
+
+def test_what_a_look_shows_before_the_dust_has_settled_is_not_believed() -> None:
+    world, eyes, pilot = cutting(LONG)
+    before = world.x
+
+    def settling(view: CropView) -> CropView:
+        if world.command.blade or pilot.phase is not Phase.HESITATE:
+            return replace(view, confidence=0.0)
+        looked_s = world.now - pilot.transitions[-1].stamp
+        return beside(-0.2)(view) if looked_s < 0.9 else view
+
+    eyes.spoil = settling
+    drive(world, pilot, 90.0, until=lambda: pilot.cut_m > 12.0 or pilot.done)
+    assert pilot.cut_m > 12.0, pilot.reason
+    assert any("without the blade's dust" in t.reason for t in pilot.transitions)
+    assert world.x == pytest.approx(before, abs=0.05)
