@@ -766,14 +766,15 @@ class Pilot:
 
     def _end_due(self, motion: Motion) -> bool:
         """Whether the plan lets the side end here. Clear ground well before is a bare patch: the
-        machine creeps on over it. A slanting border's tip is too narrow to be seen."""
+        machine creeps on over it. A slanting border's tip is too narrow to be seen. A side that is
+        shorter than that allows does not end before it begins."""
         side = self._side()
         if side is None:
             return True
         doubt = 2 * self._odometry.scale_sigma
         last = self.turns + 1 == len(self._plan.sides)
         early = LAST_EARLY_M if last else EARLY_M + 2 * side.end_seen_m
-        return self._along_m(motion) > (1 - doubt) * side.length_m - early
+        return self._along_m(motion) > max(0.0, (1 - doubt) * side.length_m - early)
 
     def _overrun(self) -> bool:
         """Whether the blade has passed the field's boundary, whatever vision says."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 from eyes import Eyes, beside
-from simple_world import BLANK, SimpleWorld, drive, harvest
+from simple_world import BLANK, CELL, SimpleWorld, drive, harvest
 
 from host import steering
 from host.areas import Geofence, areas_of
@@ -926,3 +926,23 @@ def test_over_a_slanting_border_no_edge_is_missed() -> None:
     drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.HESITATE)
     assert "dust" in pilot.reason
     assert world.y + VEHICLE.blade_x_m > 3.5
+
+
+def test_a_short_side_does_not_end_before_it_begins() -> None:
+    """Crop seemed near, and then farther off: it is still to come."""
+    world = SimpleWorld(VEHICLE)
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    world.crop[rows > 0.3] = False
+
+    def flickering(view: CropView) -> CropView:
+        blade = world.y + VEHICLE.blade_x_m
+        if not -0.27 < blade < -0.05:
+            return view
+        return replace(view, crop_ahead_m=0.0 if blade < -0.22 else 0.9)
+
+    short = replace(FIRST, length_m=0.3)
+    plan = replace(PLAN, sides=(short, *PLAN.sides[1:]))
+    pilot = Pilot(VEHICLE, Eyes(world, flickering), plan)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or pilot.done)
+    assert pilot.turns == 1, pilot.reason
+    assert world.y + VEHICLE.blade_x_m > 0.3
