@@ -32,7 +32,7 @@ from hil.faults import PAIRS, At, Expect, Fault
 from hil.harvest import Harvest
 from hil.lockstep import SLICE_US, Bench
 from hil.provision import Firmware
-from hil.scenario import Limits, Recording, Scenario
+from hil.scenario import Limits, Recording, Scenario, Start
 from hil.taps import Signal
 from hil.targets import ROOT
 from host import protocol
@@ -45,8 +45,11 @@ from sim_plant.field import FieldSpec
 
 Result = TypeVar("Result")
 Situation = Literal["follow", "turn"]
-SETTLE_S = 3.0
-"""Following for this long before the fault."""
+SETTLE_S = 4.0
+"""Following for this long before the fault: the blade has spun up and the machine cuts at its
+speed."""
+BESIDE_M = 0.25
+"""It begins so far beside the lane: what fails of the steering shows where it steers."""
 WATCH_S = 5.0
 """The run goes on for at least this long after the fault, and for BEYOND_S after its bound."""
 BEYOND_S = 2.0
@@ -241,7 +244,8 @@ class Watch:
 
 def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
     """A small field; its first side is long enough, or short so that the turn comes soon."""
-    size = (4.0, 5.0) if situation == "follow" else (4.0, 2.0)
+    size = (4.0, 6.0) if situation == "follow" else (4.0, 2.0)
+    start = Start(lateral_error_m=BESIDE_M if situation == "follow" else 0.0)
     return Scenario.model_validate(
         {
             "name": f"fault-{situation}",
@@ -249,6 +253,7 @@ def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: s
             "mode": mode,
             "camera": camera,
             "field": FieldSpec(size_m=size).model_dump(),
+            "start": start.model_dump(),
             "limits": Limits(time_s=LIMIT_S).model_dump(),
             "record": Recording(pictures_every=1).model_dump(),
         }
