@@ -48,8 +48,9 @@ Situation = Literal["follow", "turn"]
 SETTLE_S = 4.0
 """Following for this long before the fault: the blade has spun up and the machine cuts at its
 speed."""
+STEERING = ("pot", "steering_motor", "steering_bridge")
 BESIDE_M = 0.25
-"""It begins so far beside the lane: what fails of the steering shows where it steers."""
+"""What fails of the steering shows where it steers: there the run begins so far beside the lane."""
 WATCH_S = 5.0
 """The run goes on for at least this long after the fault, and for BEYOND_S after its bound."""
 BEYOND_S = 2.0
@@ -245,7 +246,6 @@ class Watch:
 def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
     """A small field; its first side is long enough, or short so that the turn comes soon."""
     size = (4.0, 6.0) if situation == "follow" else (4.0, 2.0)
-    start = Start(lateral_error_m=BESIDE_M if situation == "follow" else 0.0)
     return Scenario.model_validate(
         {
             "name": f"fault-{situation}",
@@ -253,7 +253,6 @@ def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: s
             "mode": mode,
             "camera": camera,
             "field": FieldSpec(size_m=size).model_dump(),
-            "start": start.model_dump(),
             "limits": Limits(time_s=LIMIT_S).model_dump(),
             "record": Recording(pictures_every=1).model_dump(),
         }
@@ -272,7 +271,10 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
         values["how"] = how
     if name == ("host", "stuck", ""):
         values["for_s"] = 1.0
-    return base.model_copy(update={"faults": (Fault.model_validate(values),)})
+    update: dict[str, Any] = {"faults": (Fault.model_validate(values),)}
+    if situation == "follow" and component in STEERING:
+        update["start"] = Start(lateral_error_m=BESIDE_M)
+    return base.model_copy(update=update)
 
 
 def all_faults() -> list[tuple[str, str, str]]:
