@@ -32,7 +32,7 @@ from hil.faults import PAIRS, At, Expect, Fault
 from hil.harvest import Harvest
 from hil.lockstep import SLICE_US, Bench
 from hil.provision import Firmware
-from hil.scenario import Limits, Recording, Scenario, Start
+from hil.scenario import Limits, Recording, Scenario
 from hil.taps import Signal
 from hil.targets import ROOT
 from host import protocol
@@ -45,12 +45,8 @@ from sim_plant.field import FieldSpec
 
 Result = TypeVar("Result")
 Situation = Literal["follow", "turn"]
-SETTLE_S = 4.0
-"""Following for this long before the fault: the blade has spun up and the machine cuts at its
-speed."""
-STEERING = ("pot", "steering_motor", "steering_bridge")
-BESIDE_M = 0.25
-"""What fails of the steering shows where it steers: there the run begins so far beside the lane."""
+SETTLE_S = 3.0
+"""Following for this long before the fault."""
 WATCH_S = 5.0
 """The run goes on for at least this long after the fault, and for BEYOND_S after its bound."""
 BEYOND_S = 2.0
@@ -245,7 +241,7 @@ class Watch:
 
 def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
     """A small field; its first side is long enough, or short so that the turn comes soon."""
-    size = (4.0, 6.0) if situation == "follow" else (4.0, 2.0)
+    size = (4.0, 5.0) if situation == "follow" else (4.0, 2.0)
     return Scenario.model_validate(
         {
             "name": f"fault-{situation}",
@@ -271,10 +267,7 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
         values["how"] = how
     if name == ("host", "stuck", ""):
         values["for_s"] = 1.0
-    update: dict[str, Any] = {"faults": (Fault.model_validate(values),)}
-    if situation == "follow" and component in STEERING:
-        update["start"] = Start(lateral_error_m=BESIDE_M)
-    return base.model_copy(update=update)
+    return base.model_copy(update={"faults": (Fault.model_validate(values),)})
 
 
 def all_faults() -> list[tuple[str, str, str]]:

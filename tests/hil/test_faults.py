@@ -505,10 +505,10 @@ def test_a_fault_in_a_copy_of_the_process_is_the_same_as_in_a_run_of_its_own(
 ) -> None:
     base = base_scenario(situation, "desk", "robust", "mast")
     base = base.model_copy(update={"lens": quick().lens})
-    names = [("serial", "off", ""), ("camera", "off", ""), ("hall", "garbage", "")]
+    names = [("serial", "off", ""), ("camera", "off", ""), ("pot", "garbage", "")]
     chosen = [with_fault(base, situation, name) for name in names]
     verdicts = branched(chosen, situation, watched_oracle)
-    assert [v.fault for v in verdicts] == ["serial off", "camera off", "hall garbage"]
+    assert [v.fault for v in verdicts] == ["serial off", "camera off", "pot garbage"]
     assert verdicts[-1] == watched(chosen[-1], situation, None, watched_oracle)
 
 
