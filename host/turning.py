@@ -30,11 +30,10 @@ class Turning:
         """Whether the present leg leads back along the new side."""
         return self.leg is not None and self.leg.follow is Follow.NEW_LANE
 
-    def next(self, now: float) -> Leg | None:
-        """The leg after this one."""
+    def next(self, now: float) -> None:
+        """On to the leg after this one."""
         self._index += 1
         self.wait(now)
-        return self.leg
 
     def wait(self, now: float) -> None:
         """Stands until the steering is ready (again)."""

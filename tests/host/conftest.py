@@ -6,10 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 from console import Cli
+from eyes import ToldEnd
 from fake_firmware import FakeFirmware
 
 from host.cli import daranti
 from host.errors import run
+from host.plan import Side
+from host.position import Position
 
 
 @pytest.fixture
@@ -33,3 +36,15 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
         return exit_.value.code, out, err
 
     return call
+
+
+@pytest.fixture
+def told_ends(monkeypatch: pytest.MonkeyPatch) -> list[ToldEnd]:
+    """Every end of a side that the position is told of, and does not take."""
+    told: list[ToldEnd] = []
+
+    def at_end(_position: Position, _side: Side, *end: float) -> None:
+        told.append(ToldEnd(*end))
+
+    monkeypatch.setattr(Position, "at_end", at_end)
+    return told

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from simple_world import SimpleWorld
 
 from host.vision.view import CropView
+
+
+class ToldEnd(NamedTuple):
+    """What the pilot told the position of a side's end."""
+
+    ago_m: float
+    drift_m: float
+    doubt_m: float
 
 
 class Eyes:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from eyes import Eyes, beside
+from eyes import Eyes, ToldEnd, beside
 from simple_world import BLANK, CELL, SimpleWorld, drive, harvest
 
 from host import steering
@@ -570,20 +570,12 @@ def test_a_shuttle_ends_on_the_next_strips_lane_however_either_is_shifted(
     assert pilot.lane.offset_m == pytest.approx(lane_x - world.x, abs=0.05)
 
 
-def test_how_unsure_the_distance_is_goes_into_what_an_end_proves(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    drifts: list[float] = []
-
-    def at_end(_p: Position, _side: Side, _ago_m: float, drift_m: float, _doubt: float) -> None:
-        drifts.append(drift_m)
-
-    monkeypatch.setattr(Position, "at_end", at_end)
+def test_how_unsure_the_distance_is_goes_into_what_an_end_proves(told_ends: list[ToldEnd]) -> None:
     for hall in (True, False):
         world = SimpleWorld(VEHICLE, hall=hall)
         pilot = Pilot(VEHICLE, world, PLAN)
         drive(world, pilot, 60.0, until=lambda p=pilot: p.turns == 1)
-    wheels, duty = drifts
+    wheels, duty = (end.drift_m for end in told_ends)
     assert 0.05 < wheels < 0.15
     assert duty > 2 * wheels
 
@@ -886,16 +878,8 @@ def test_where_the_border_is_too_near_behind_it_backs_off_only_so_far() -> None:
     assert stood - world.y < 0.5
 
 
-def test_an_end_that_long_seemed_one_was_at_most_a_little_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_end_that_long_seemed_one_was_at_most_a_little_before(told_ends: list[ToldEnd]) -> None:
     """Unsure pictures of clear ground from a metre and a half before the end on are dust's."""
-    told: list[float] = []
-
-    def at_end(_p: Position, _side: Side, ago_m: float, _drift: float, _doubt: float) -> None:
-        told.append(ago_m)
-
-    monkeypatch.setattr(Position, "at_end", at_end)
     world = SimpleWorld(VEHICLE)
 
     def hazy(view: CropView) -> CropView:
@@ -906,8 +890,8 @@ def test_an_end_that_long_seemed_one_was_at_most_a_little_before(
 
     pilot = Pilot(VEHICLE, Eyes(world, hazy), PLAN)
     drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
-    [ago_m] = told
-    assert ago_m < 0.7
+    [end] = told_ends
+    assert end.ago_m < 0.7
 
 
 def test_over_a_slanting_border_no_edge_is_missed() -> None:

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eyes import Eyes, beside
+from eyes import Eyes, ToldEnd, beside
 from simple_world import CELL, SimpleWorld, drive, harvest
 
 from host.pilot import Phase, Pilot
-from host.plan import Plan, Side, spiral
-from host.position import Position
+from host.plan import Plan, spiral
 from host.types import Command
 from host.vehicle import Vehicle
 from host.vision.view import CropView
@@ -30,6 +29,20 @@ def cutting(plan: Plan = PLAN, metres: float = 2.5) -> tuple[SimpleWorld, Eyes, 
     pilot = Pilot(VEHICLE, eyes, plan)
     drive(world, pilot, 60.0, until=lambda: pilot.cut_m > metres)
     return world, eyes, pilot
+
+
+def bare(world: SimpleWorld, begin_m: float, end_m: float = math.inf) -> None:
+    """No crop stands any more between so far north and so far."""
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    world.crop[(rows > begin_m) & (rows < end_m)] = False
+
+
+def standing(world: SimpleWorld, begin_m: float, end_m: float) -> bool:
+    """Whether any of the first side's strip stands between so far north and so far."""
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
+    strip = world.crop[:, (columns > 9.3) & (columns < 9.9)]
+    return bool(strip[(rows > begin_m) & (rows < end_m)].any())
 
 
 def test_a_patch_of_weeds_in_the_face_does_not_move_the_lane() -> None:
@@ -174,10 +187,7 @@ def test_a_stop_to_look_leaves_nothing_standing() -> None:
     pilot = Pilot(VEHICLE, eyes, PLAN)
     drive(world, pilot, 120.0, until=lambda: pilot.turns == 1)
     assert any("without the blade's dust" in t.reason for t in pilot.transitions)
-    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
-    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    strip = world.crop[:, (columns > 9.3) & (columns < 9.9)][(rows > 0.2) & (rows < 9.0)]
-    assert not strip.any()
+    assert not standing(world, 0.2, 9.0)
 
 
 def test_a_look_that_shows_no_more_does_not_hold_it_up() -> None:
@@ -257,8 +267,7 @@ def test_clear_ground_that_is_dust_is_no_end(before_end_m: float) -> None:
 def test_where_the_crop_of_the_plan_is_gone_it_stops() -> None:
     """As when it has left its lane: what is farther on may be the neighbour's."""
     world, _, pilot = cutting(metres=1.0)
-    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    world.crop[rows > 3.5] = False
+    bare(world, 3.5)
     drive(world, pilot, 90.0, until=lambda: pilot.done)
     assert pilot.phase is Phase.FAULT
     assert "not to be found" in pilot.reason
@@ -271,15 +280,17 @@ def test_an_end_in_clear_air_needs_no_look() -> None:
     assert not [t for t in pilot.transitions if t.phase is Phase.HESITATE]
 
 
-def test_a_bare_patch_is_looked_at_and_crossed() -> None:
+@pytest.mark.parametrize(("begin_m", "end_m", "looked_at"), [(4.0, 6.0, False), (3.0, 7.0, True)])
+def test_a_bare_patch_is_crossed_and_a_long_one_looked_at(
+    begin_m: float, end_m: float, looked_at: bool
+) -> None:
     world, _, pilot = cutting(metres=1.0)
-    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    world.crop[(rows > 3.0) & (rows < 7.0)] = False
+    bare(world, begin_m, end_m)
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
     assert pilot.turns == 1, pilot.reason
-    assert any(t.reason == "bare ground" for t in pilot.transitions)
+    assert any(t.reason == "bare ground" for t in pilot.transitions) is looked_at
     assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.45)
-    assert not world.crop[(rows > 0.2) & (rows < 9.8)][:, -1].any()
+    assert not standing(world, 0.2, 9.8)
 
 
 def test_the_blade_raises_no_dust_on_the_way_to_a_sides_crop() -> None:
@@ -342,8 +353,7 @@ def test_where_the_crop_of_the_last_side_is_gone_the_field_is_finished() -> None
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:1]))
     drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
-    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    world.crop[rows > 3.5] = False
+    bare(world, 3.5)
     drive(world, pilot, 90.0, until=lambda: pilot.done)
     assert pilot.phase is Phase.FINISHED
     assert "no crop left" in pilot.reason
@@ -357,22 +367,13 @@ def test_the_last_side_is_cut_to_its_end_though_it_seems_to_end_before() -> None
     pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=PLAN.sides[:1]))
     drive(world, pilot, 120.0, until=lambda: pilot.done)
     assert pilot.phase is Phase.FINISHED, pilot.reason
-    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
-    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
-    strip = world.crop[:, (columns > 9.3) & (columns < 9.9)]
-    assert not strip[(rows > 0.2) & (rows < 9.6)].any()
+    assert not standing(world, 0.2, 9.6)
 
 
 @pytest.mark.parametrize("dusty", [False, True])
 def test_behind_dust_an_end_lies_somewhere_on_the_way_since_it_was_seen(
-    dusty: bool, monkeypatch: pytest.MonkeyPatch
+    dusty: bool, told_ends: list[ToldEnd]
 ) -> None:
-    told: list[tuple[float, float]] = []
-
-    def at_end(_p: Position, _side: Side, ago_m: float, _drift: float, doubt_m: float) -> None:
-        told.append((ago_m, doubt_m))
-
-    monkeypatch.setattr(Position, "at_end", at_end)
     world, eyes, pilot = cutting()
 
     def hidden(view: CropView) -> CropView:
@@ -383,12 +384,12 @@ def test_behind_dust_an_end_lies_somewhere_on_the_way_since_it_was_seen(
 
     eyes.spoil = hidden
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
-    [(ago_m, doubt_m)] = told
+    [end] = told_ends
     if dusty:
-        assert doubt_m > 0.05
-        assert ago_m == pytest.approx(doubt_m)
+        assert end.doubt_m > 0.05
+        assert end.ago_m == pytest.approx(end.doubt_m)
     else:
-        assert doubt_m == 0.0
+        assert end.doubt_m == 0.0
 
 
 def test_what_a_look_shows_before_the_dust_has_settled_is_not_believed() -> None:

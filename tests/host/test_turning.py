@@ -85,5 +85,6 @@ def test_every_leg_waits_for_its_steering() -> None:
     turning.next(6.0)
     turning.next(7.0)
     assert turning.backing
-    assert turning.next(8.0) is None
+    turning.next(8.0)
+    assert turning.leg is None
     assert not turning.backing
