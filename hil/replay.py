@@ -86,7 +86,7 @@ class Replayed:
         del bgr, stages
         return self.next or CropView(0.0, reason="no view was recorded")
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         """Nothing is tracked here."""
 
 

@@ -100,6 +100,6 @@ class WatchedDetector:
             return CropView(0.0, reason=reason)
         return self._detector.see(bgr, stages=stages)
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         """As the detector's; the camera is still the same."""
-        self._detector.restart()
+        self._detector.restart(turned=turned)

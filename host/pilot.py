@@ -411,7 +411,8 @@ class Pilot:
         at_end = side is not None and self._along_m(then) > side.length_m + END_PAST_M
         if self.phase is not Phase.FOLLOW or at_end:
             # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
-            self._detector.restart()
+            turned = self._turn is not None or self.phase not in (Phase.FOLLOW, Phase.HESITATE)
+            self._detector.restart(turned=turned)
         view = self._detector.see(frame.bgr)
         self.view = view
         self._view_stamp = frame.stamp

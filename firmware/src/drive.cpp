@@ -9,10 +9,11 @@ using protocol::Param;
 namespace {
 constexpr uint16_t kStandsTicks = 1000 / kTickMs;  // no pulse for so long: standing
 constexpr int32_t kTicksPerSecond = 1000 / kTickMs;
-constexpr int32_t kLostDistance = 250;  // mm
-constexpr int16_t kSlow = 100;          // mm/s: a machine in mud may stand still at less
-constexpr int32_t kErrorMax = 10000;    // mm/s, keeps the products within 32 bits
-constexpr int32_t kFreshMax = 1000;     // pulses in a tick
+constexpr int32_t kLostDistance = int32_t{250} * kTicksPerSecond;  // mm/s times ticks
+constexpr uint16_t kLostTicks = 900 / kTickMs;
+constexpr int16_t kSlow = 100;        // mm/s: a machine in mud may stand still at less
+constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
+constexpr int32_t kFreshMax = 1000;   // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
 constexpr int32_t kHalf = int32_t{1} << 15;
 }  // namespace
@@ -25,8 +26,7 @@ void Hall::configure(const Params &params) {
   }
   // A pulse is 10000 / per_metre_ mm.
   one_ = divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
-  const int32_t three_pulses = int32_t{30000} / per_metre_;  // mm
-  patience_ = (three_pulses > kLostDistance ? three_pulses : kLostDistance) * kTicksPerSecond;
+  two_pulses_ = int32_t{20000} / per_metre_ * kTicksPerSecond;
 }
 
 void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
@@ -37,8 +37,10 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
   if (silent_ != UINT16_MAX) ++silent_;
   if (duty == 0 || fresh != 0) {
     awaited_ = 0;
+    waited_ = 0;
   } else if (magnitude(setpoint) >= kSlow) {
     awaited_ += magnitude(setpoint);
+    ++waited_;
   }
 
   int32_t speed = magnitude(speed_ == kNone ? 0 : speed_);
@@ -56,6 +58,11 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
     speed = one_ / silent_;
   }
   speed_ = static_cast<int16_t>(backward_ ? -speed : speed);
+}
+
+bool Hall::lost() const {
+  if (per_metre_ == 0) return false;
+  return awaited_ >= two_pulses_ && (awaited_ >= kLostDistance || waited_ >= kLostTicks);
 }
 
 void Drive::configure(const Params &params) {

@@ -17,8 +17,8 @@ class Hall {
   int16_t speed() const { return speed_; }
   // mm, signed, since boot.
   int32_t distance() const { return distance_; }
-  // Driven for 0.25 m or three pulses' distance, whichever is more, without a pulse.
-  bool lost() const { return per_metre_ != 0 && awaited_ >= patience_; }
+  // Driven without a pulse for 0.25 m or 0.9 s, whichever is first, in which two were due.
+  bool lost() const;
 
   static constexpr int16_t kNone = INT16_MIN;
 
@@ -26,10 +26,11 @@ class Hall {
   int16_t per_metre_ = 0;  // 0.1 pulses/m; 0: no sensor
   int32_t one_ = 0;        // mm/s where a pulse comes in every tick
   int32_t distance_ = 0;
-  int32_t remainder_ = 0;  // of a millimetre, in 1/per_metre_ mm
-  int32_t awaited_ = 0;    // mm/s times ticks that should have been travelled since the last pulse
-  int32_t patience_ = 0;   // of them, until the sensor counts as lost
+  int32_t remainder_ = 0;   // of a millimetre, in 1/per_metre_ mm
+  int32_t awaited_ = 0;     // mm/s times ticks that should have been travelled since the last pulse
+  int32_t two_pulses_ = 0;  // of them
   uint16_t last_ = 0;
+  uint16_t waited_ = 0;           // ticks in awaited_
   uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
   int16_t speed_ = kNone;
   bool backward_ = false;

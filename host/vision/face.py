@@ -47,6 +47,9 @@ HIDDEN_PX = 300.0
 HIDDEN_DENSE = 0.05
 """From this distance on a face is doubted whose foot dust may hide; what may stand at the blade is
 judged by at least so many pixels and this share of stems among them: only ears reach that high."""
+LATE_M, LATE_DENSE = 0.5, 0.08
+"""Behind the blade's dust, crop so far ahead of the blade shows by its ears: what a camera below the
+tops sees of it reaches above all that stands half a gap further away. At least so dense."""
 GAP_M = 2.0
 """Least gap to the next crop behind: what a camera sees of that must not count as this face."""
 OWN_M = 0.2
@@ -412,11 +415,13 @@ class FaceFinder:
         stands_m: float = math.inf,
         expected_m: float = NAN,
         tops_px: float = NAN,
+        late: bool = False,
     ) -> Face:
         """The face in one picture. `stands_m`: crop is known to stand at most this far ahead of the
         blade's line, 0 while it is being cut; the blade's dust may hide its foot. `expected_m`:
         where the right end was in the pictures before. `tops_px`: how high above the horizon the
-        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken)."""
+        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken). `late`: what was
+        cut ends near here, and no dust is in the air: the last of it is looked for by its ears."""
         near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
         dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
         standing = np.asarray(dense > 0)
@@ -436,6 +441,9 @@ class FaceFinder:
                 at_blade = not lower and self._stands_at(seen, stands_m, ahead)
             if at_blade or ahead < stands_m + self._no_crop_m:
                 dust, ahead = ahead - stands_m, stands_m
+        ears = late and ahead > LATE_M and not self._from_above
+        if ears and self._stands_at(seen, LATE_M, LATE_M + GAP_M / 2, LATE_DENSE):
+            return Face(LATE_M, max(sight, 0.9), NAN, 0.0, NAN, standing, veiled, tops)
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled)
         face_x = self._vehicle.blade_x_m + ahead
@@ -569,7 +577,9 @@ class FaceFinder:
         )
         return sums
 
-    def _stands_at(self, seen: Evidence, stands_m: float, ahead: float) -> bool:
+    def _stands_at(
+        self, seen: Evidence, stands_m: float, ahead: float, density: float = HIDDEN_DENSE
+    ) -> bool:
         """Whether crop stands `stands_m` before the blade though its foot is not seen: dust hides
         it, and what was taken for the foot is the upper border of the dust. Crop that began `ahead`
         would leave the bands of `_bands` empty."""
@@ -580,4 +590,4 @@ class FaceFinder:
         half = 0.5 * vehicle.blade_width_m
         inside = slice(round((-half - SPAN_M[0]) / BIN_M), round((half - SPAN_M[0]) / BIN_M))
         pixels, stems = sums[inside, 0].sum(), sums[inside, 1].sum()
-        return bool(pixels > HIDDEN_PX and stems > HIDDEN_DENSE * pixels)
+        return bool(pixels > HIDDEN_PX and stems > density * pixels)

@@ -100,6 +100,8 @@ class MountedDetector:
         # such a camera looks through the blade's dust; one above the tops looks over most of it
         self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
         self._cutting = False
+        self._near = False
+        """Whether what the blade cuts, or has just cut, is before it."""
         self._no_dust = True
         """Whether the next picture is the first after a restart: the blade is out of the crop."""
         self._stands_m = math.inf
@@ -109,16 +111,18 @@ class MountedDetector:
         self._clear = 0
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
-        seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
+        seen, pictures = self._source.look(bgr, stages, self._near and self._below_tops)
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
-        face = self._finder.find(seen, stands, expected, tops)
+        late = self._near and not self._cutting
+        face = self._finder.find(seen, stands, expected, tops, late)
         if self._cutting and face.ahead_m < AT_BLADE_M and math.isfinite(face.tops_px):
             self._tops.append(face.tops_px)
         if face.ahead_confidence >= SURE:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
+            self._near = self._near or self._cutting
         confidence = face.right_confidence * self._steadiness(face, expected)
         self._no_dust = False
         ahead_confidence = face.ahead_confidence * self._lasting(face)
@@ -144,9 +148,10 @@ class MountedDetector:
             stages=pictures,
         )
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         """The blade is out of the crop; the paper's references stay."""
         self._cutting = False
+        self._near = self._near and not turned
         self._no_dust = True
         self._stands_m = math.inf
         self._track.clear()

@@ -65,7 +65,8 @@ class Detector(Protocol):
         """`bgr` is (height, width, 3) of the mount's size."""
         ...
 
-    def restart(self) -> None:
-        """Forgets what was tracked (the vehicle has turned); references set from the first picture
-        of the run (O_map, l_reference) stay."""
+    def restart(self, *, turned: bool = True) -> None:
+        """Forgets what was tracked; references set from the first picture of the run (O_map,
+        l_reference) stay. `turned`: the crop ahead is another than before; else it is what was cut
+        last, or the clear ground behind it, without dust before it."""
         ...

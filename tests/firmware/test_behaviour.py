@@ -264,6 +264,19 @@ def hall_sensor_closes_the_loop_and_goes_silent(make: Maker) -> Bench:
 
 
 @scenario
+def hall_sensor_goes_silent_while_the_machine_creeps(make: Maker) -> Bench:
+    bench = Bench(make())
+    bench.run(10)
+    bench.set_param("hall_per_metre", 20)
+    bench.hall_per_metre = 20.0
+    bench.arm()
+    bench.ask(speed=0.15)
+    bench.run(4000)
+    bench.hall_per_metre = 0.0
+    return faulted(bench, Fault.HALL_LOST, 910)
+
+
+@scenario
 def parameters_change_when_safe(make: Maker) -> Bench:
     bench = Bench(make())
     bench.run(10)

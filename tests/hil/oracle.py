@@ -52,7 +52,7 @@ class Oracle:
             ahead_confidence=1.0,
         )
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         """Nothing is tracked."""
 
 

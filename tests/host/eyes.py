@@ -33,7 +33,7 @@ class Eyes:
         self.looks.append(self.world.now)
         return self.spoil(self.world.see(bgr, stages=stages))
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         self.restarts.append(self.world.now)
 
 

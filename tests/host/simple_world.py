@@ -138,7 +138,7 @@ class SimpleWorld:
             ahead_confidence=1.0,
         )
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         pass
 
     # ---- motion ----

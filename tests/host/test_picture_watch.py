@@ -138,7 +138,7 @@ class Counting:
         self.seen += 1
         return CropView(0.9, edge_offset_m=0.1)
 
-    def restart(self) -> None:
+    def restart(self, *, turned: bool = True) -> None:
         self.restarts += 1
 
 

@@ -208,7 +208,7 @@ class AlwaysCrop:
             0.9, edge_offset_m=0.0, edge_heading_rad=0.0, crop_ahead_m=0.0, ahead_confidence=1.0
         )
 
-    def restart(self) -> None: ...
+    def restart(self, *, turned: bool = True) -> None: ...
 
 
 def test_the_boundary_stops_it_where_vision_does_not() -> None:
