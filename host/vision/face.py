@@ -8,7 +8,7 @@ from where stems stand, so that neither the crop's height nor the camera's side 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numba
@@ -47,9 +47,10 @@ HIDDEN_PX = 300.0
 HIDDEN_DENSE = 0.05
 """From this distance on a face is doubted whose foot dust may hide; what may stand at the blade is
 judged by at least so many pixels and this share of stems among them: only ears reach that high."""
-LATE_M, LATE_DENSE = 0.5, 0.08
-"""Behind the blade's dust, crop so far ahead of the blade shows by its ears: what a camera below the
-tops sees of it reaches above all that stands half a gap further away. At least so dense."""
+LATE_M, LATE_DENSE, LATE_SURE = 0.5, 0.08, 0.9
+"""The last of the crop, so far ahead of the blade, shows by its ears: what a camera below the tops
+sees of it reaches above all that stands half a gap further away. At least so dense, and how sure
+that is."""
 GAP_M = 2.0
 """Least gap to the next crop behind: what a camera sees of that must not count as this face."""
 OWN_M = 0.2
@@ -325,6 +326,12 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
     return found
 
 
+def _dense(seen: Evidence) -> Mask:
+    """255 where stems are so many that crop stands."""
+    near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
+    return u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
+
+
 def _again(sums: Sums, at: int) -> float:
     """The greatest share of stems right of an end: of a true one nothing stands there, but what
     dust or weeds hide of a face goes on behind them."""
@@ -415,15 +422,12 @@ class FaceFinder:
         stands_m: float = math.inf,
         expected_m: float = NAN,
         tops_px: float = NAN,
-        late: bool = False,
     ) -> Face:
         """The face in one picture. `stands_m`: crop is known to stand at most this far ahead of the
         blade's line, 0 while it is being cut; the blade's dust may hide its foot. `expected_m`:
         where the right end was in the pictures before. `tops_px`: how high above the horizon the
-        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken). `late`: what was
-        cut ends near here, and no dust is in the air: the last of it is looked for by its ears."""
-        near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
-        dense = u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
+        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken)."""
+        dense = _dense(seen)
         standing = np.asarray(dense > 0)
         if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
@@ -441,9 +445,6 @@ class FaceFinder:
                 at_blade = not lower and self._stands_at(seen, stands_m, ahead)
             if at_blade or ahead < stands_m + self._no_crop_m:
                 dust, ahead = ahead - stands_m, stands_m
-        ears = late and ahead > LATE_M and not self._from_above
-        if ears and self._stands_at(seen, LATE_M, LATE_M + GAP_M / 2, LATE_DENSE):
-            return Face(LATE_M, max(sight, 0.9), NAN, 0.0, NAN, standing, veiled, tops)
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled)
         face_x = self._vehicle.blade_x_m + ahead
@@ -457,6 +458,16 @@ class FaceFinder:
                 face_x = float(np.median(beside))
                 right, sure = self._right_end(seen, face_x, dust, left, expected_m)
         return Face(ahead, sight, right, sure, face_x, standing, veiled, tops)
+
+    def last(self, faint: Evidence, seems: Face) -> Face:
+        """What `seems` clear ground to a camera below the tops, looked at again without dust in the
+        air by fainter stems: the last of the crop may stand on it. Nothing new of its right end."""
+        ahead, sight = self._ahead(*self._contour(faint, _dense(faint)), seems.ahead_confidence)
+        if ahead > LATE_M:
+            if not self._stands_at(faint, LATE_M, LATE_M + GAP_M / 2, LATE_DENSE):
+                return seems
+            ahead, sight = LATE_M, max(sight, LATE_SURE)
+        return replace(seems, ahead_m=ahead, ahead_confidence=sight)
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
         """(x, y) on the ground of the foot of each block of columns that has one."""

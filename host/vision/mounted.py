@@ -111,12 +111,14 @@ class MountedDetector:
         self._clear = 0
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
-        seen, pictures = self._source.look(bgr, stages, self._near and self._below_tops)
+        seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
-        late = self._near and not self._cutting
-        face = self._finder.find(seen, stands, expected, tops, late)
+        face = self._finder.find(seen, stands, expected, tops)
+        late = self._near and not self._cutting and self._below_tops
+        if late and face.ahead_m > NEAR_M:
+            face = self._finder.last(self._source.look(bgr, False, True)[0], face)
         if self._cutting and face.ahead_m < AT_BLADE_M and math.isfinite(face.tops_px):
             self._tops.append(face.tops_px)
         if face.ahead_confidence >= SURE:

@@ -21,12 +21,14 @@ class ToldEnd(NamedTuple):
 
 
 class Eyes:
-    """The world's vision, with what a test does to its views and a list of its restarts."""
+    """The world's vision, with what a test does to its views and a list of its restarts, and of those at
+    which it was told that the machine has turned."""
 
     def __init__(self, world: SimpleWorld, spoil: Callable[[CropView], CropView]) -> None:
         self.world = world
         self.spoil = spoil
         self.restarts: list[float] = []
+        self.turned: list[float] = []
         self.looks: list[float] = []
 
     def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
@@ -35,6 +37,8 @@ class Eyes:
 
     def restart(self, *, turned: bool = True) -> None:
         self.restarts.append(self.world.now)
+        if turned:
+            self.turned.append(self.world.now)
 
 
 def beside(offset_m: float) -> Callable[[CropView], CropView]:

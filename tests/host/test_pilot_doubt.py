@@ -125,9 +125,11 @@ def test_beyond_the_plans_end_clear_ground_is_no_dust() -> None:
     drive(world, pilot, 2.0, until=lambda: pilot.cut_m > FIRST.length_m + END_PAST_M + 0.05)
     eyes.restarts.clear()
     eyes.looks.clear()
+    eyes.turned.clear()
     drive(world, pilot, 0.5)
     assert pilot.phase is Phase.FOLLOW
     assert eyes.restarts == eyes.looks != []
+    assert eyes.turned == [], "it is the same crop's end"
 
 
 def test_a_side_whose_crop_seems_to_begin_early_is_not_too_long_for_that() -> None:
@@ -211,9 +213,27 @@ def test_while_it_hesitates_nothing_is_dust() -> None:
     drive(world, pilot, 5.0, until=lambda: pilot.phase is Phase.HESITATE)
     eyes.restarts.clear()
     eyes.looks.clear()
+    eyes.turned.clear()
     drive(world, pilot, 2.0)
     assert pilot.phase is Phase.HESITATE
     assert eyes.restarts == eyes.looks != []
+    assert eyes.turned == [], "the crop before it is the one that it cuts"
+
+
+def test_whatever_is_seen_in_a_turn_is_other_crop() -> None:
+    """Also where it stands and hesitates in one."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    eyes.looks.clear()
+    eyes.turned.clear()
+    drive(world, pilot, 3.0)
+    assert pilot.phase is Phase.TURN
+    eyes.spoil = lambda _view: CropView(0.0, usable=False, reason="covered")
+    drive(world, pilot, 2.0)
+    assert pilot.phase is Phase.HESITATE
+    assert eyes.turned == eyes.looks != []
 
 
 def test_the_same_view_again_from_the_same_place_proves_nothing_more() -> None:

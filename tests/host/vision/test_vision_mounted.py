@@ -262,6 +262,43 @@ def test_a_restart_forgets_where_the_edge_was() -> None:
     assert eye.see(elsewhere).confidence == detector("robust", MAST).see(elsewhere).confidence
 
 
+def after_cutting(*, turned: bool) -> MountedDetector:
+    """Its blade was in the crop, and is out of it."""
+    eye = detector("robust", LOW)
+    eye.see(field(LOW))
+    eye.restart(turned=turned)
+    return eye
+
+
+def faded(picture: NDArray[np.uint8], share: float) -> NDArray[np.uint8]:
+    """All contrast below the horizon, but for a share of it, in the haze."""
+    hazy = picture.astype(float)
+    hazy[200:] = 140 + share * (hazy[200:] - 140)
+    return hazy.astype(np.uint8)
+
+
+def test_where_it_was_cut_fainter_stems_are_crop() -> None:
+    """Until the machine has turned: then stubble before it must not be."""
+    faint = faded(field(LOW, next_crop_m=None), 0.3)
+    assert after_cutting(turned=False).see(faint).crop_ahead_m < 0.3
+    assert after_cutting(turned=True).see(faint).crop_ahead_m > 0.8
+
+
+@pytest.mark.parametrize("lateral", [-0.3, 0.0, 0.3])
+def test_the_last_stalks_before_the_blade_show_by_their_ears(lateral: float) -> None:
+    """Their feet in the last of the dust; no crop beyond a gap reaches so high in the picture."""
+    end = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 2.0)
+    last, rng = end.copy(), np.random.default_rng(7)
+    feet = np.column_stack([rng.uniform(2.0, 2.2, 30), rng.uniform(-0.1, 0.1, 30) + lateral])
+    stems(last, Camera(LOW), feet, 1.0, rng)
+    end, last = dusty(end, 215), dusty(last, 215)
+    assert after_cutting(turned=False).see(end).crop_ahead_m > 0.8
+    view = after_cutting(turned=False).see(last)
+    assert view.crop_ahead_m == pytest.approx(0.5, abs=0.1)
+    assert view.ahead_confidence >= 0.5
+    assert after_cutting(turned=True).see(last).crop_ahead_m > 0.8
+
+
 def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
     hidden = dusty(near, 225)
