@@ -36,6 +36,7 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
   if (duty != 0) backward_ = duty < 0;
   if (silent_ != UINT16_MAX) ++silent_;
   if (duty == 0 || fresh != 0) {
+    rolls_ = duty != 0;
     awaited_ = 0;
     waited_ = 0;
   } else if (magnitude(setpoint) >= kSlow) {
@@ -62,7 +63,8 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
 
 bool Hall::lost() const {
   if (per_metre_ == 0) return false;
-  return awaited_ >= two_pulses_ && (awaited_ >= kLostDistance || waited_ >= kLostTicks);
+  return awaited_ >= two_pulses_ &&
+         (awaited_ >= kLostDistance || (rolls_ && waited_ >= kLostTicks));
 }
 
 void Drive::configure(const Params &params) {

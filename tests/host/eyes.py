@@ -21,8 +21,8 @@ class ToldEnd(NamedTuple):
 
 
 class Eyes:
-    """The world's vision, with what a test does to its views and a list of its restarts, and of those at
-    which it was told that the machine has turned."""
+    """The world's vision, with what a test does to its views, a list of its restarts, and one of
+    those at which it was told that the machine has turned."""
 
     def __init__(self, world: SimpleWorld, spoil: Callable[[CropView], CropView]) -> None:
         self.world = world

@@ -131,7 +131,8 @@ class Counting:
     """A detector that says how often it was asked."""
 
     def __init__(self) -> None:
-        self.seen = self.restarts = 0
+        self.seen = 0
+        self.restarts: list[bool] = []
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         del bgr, stages
@@ -139,7 +140,7 @@ class Counting:
         return CropView(0.9, edge_offset_m=0.1)
 
     def restart(self, *, turned: bool = True) -> None:
-        self.restarts += 1
+        self.restarts.append(turned)
 
 
 def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
@@ -150,7 +151,8 @@ def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
     assert (second.usable, second.confidence, second.ahead_confidence) == (False, 0.0, 0.0)
     assert "repeats" in second.reason
     made.restart()
-    assert (behind.seen, behind.restarts) == (1, 1)
+    made.restart(turned=False)
+    assert (behind.seen, behind.restarts) == (1, [True, False])
 
 
 def test_a_picture_of_quite_another_place_shows_nothing_but_that_the_camera_lives() -> None:

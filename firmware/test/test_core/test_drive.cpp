@@ -343,17 +343,31 @@ TEST_CASE("The sensor counts as lost after 0.25 m without a pulse") {
 
 TEST_CASE("A creeping machine's sensor counts as lost after 0.9 s") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 179; ++i) hall.step(0, 100, 150);
+  hall.step(1, 100, 150);
+  for (int i = 0; i < 179; ++i) hall.step(1, 100, 150);
+  CHECK(!hall.lost());
+  hall.step(1, 100, 150);
+  CHECK(hall.lost());
+  hall.step(2, 100, 150);
+  CHECK(!hall.lost());
+  for (int i = 0; i < 179; ++i) hall.step(2, 100, 150);
+  CHECK(!hall.lost());
+  hall.step(2, 100, 150);
+  CHECK(hall.lost());
+}
+
+TEST_CASE("To break away a machine may take until it should have come 0.25 m") {
+  Hall hall = hall_with(200);
+  for (int i = 0; i < 333; ++i) hall.step(0, 100, 150);
   CHECK(!hall.lost());
   hall.step(0, 100, 150);
   CHECK(hall.lost());
   hall.step(1, 100, 150);
+  hall.step(2, 0, 150);  // rolls on without duty, and stands: again it must break away
+  for (int i = 0; i < 333; ++i) hall.step(2, 100, 150);
   CHECK(!hall.lost());
-  for (int i = 0; i < 179; ++i) hall.step(1, 100, 150);
-  CHECK(!hall.lost());
-  hall.step(1, 0, 150);
-  hall.step(1, 100, 150);
-  CHECK(!hall.lost());
+  hall.step(2, 100, 150);
+  CHECK(hall.lost());
 }
 
 TEST_CASE("A sensor of few pulses is given two of them") {
@@ -362,14 +376,19 @@ TEST_CASE("A sensor of few pulses is given two of them") {
   CHECK(!hall.lost());
   hall.step(0, 100, 500);
   CHECK(hall.lost());
+  hall.step(1, 100, 150);
+  for (int i = 0; i < 533; ++i) hall.step(1, 100, 150);
+  CHECK(!hall.lost());
+  hall.step(1, 100, 150);
+  CHECK(hall.lost());
 }
 
 TEST_CASE("A sensor of one pulse in 10 m is given 20 m to the last millimetre") {
   Hall hall = hall_with(1);
-  hall.step(1, 100, 1013);
-  for (int i = 0; i < 3948; ++i) hall.step(1, 100, 1013);  // 5.065 mm a tick, 3 mm short
+  hall.step(1, 100, 2001);
+  for (int i = 0; i < 1999; ++i) hall.step(1, 100, 2001);  // 10.005 mm a tick, 5 um short
   CHECK(!hall.lost());
-  hall.step(1, 100, 1013);
+  hall.step(1, 100, 2001);
   CHECK(hall.lost());
 }
 
@@ -377,7 +396,7 @@ TEST_CASE("What the machine crawls does not count against the sensor") {
   Hall hall = hall_with(200);
   for (int i = 0; i < 2000; ++i) hall.step(0, 100, 99);
   CHECK(!hall.lost());
-  for (int i = 0; i < 199; ++i) hall.step(0, 100, -100);
+  for (int i = 0; i < 499; ++i) hall.step(0, 100, -100);
   CHECK(!hall.lost());
   hall.step(0, 100, 100);
   CHECK(hall.lost());
