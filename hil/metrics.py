@@ -12,7 +12,8 @@ import shapely
 from shapely import affinity
 
 from hil.scenario import Scenario
-from host.pilot import EndOfField, Phase, Pilot
+from host.ahead import EndOfField
+from host.pilot import Phase, Pilot
 from sim_plant.field import Field
 
 MARGIN_M = 0.2

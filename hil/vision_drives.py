@@ -26,10 +26,10 @@ from rich.table import Table
 from hil.campaign import spread
 from hil.metrics import FALSE_END_M, PROBE_AHEAD_M
 from hil.scenario import Scenario
+from host.ahead import CONFIDENT, Ahead, EndOfField
 from host.errors import UserError
 from host.lane import Lane
 from host.odometry import Motion
-from host.pilot import CONFIDENT, END_CLEAR_M, END_PICTURES, NEAR_CROP_M
 from host.vision import CropView, make_detector
 from sim_plant.camera import Camera
 from sim_plant.field import Field, FieldSpec
@@ -160,28 +160,17 @@ def _prepare(drive: Drive) -> _Edge:
     return _Edge(crop, scenario, depth, end, weave)
 
 
-class _EndWatch:
-    """The pilot's rule for the end of a side, by vision alone."""
-
-    def __init__(self) -> None:
-        self._entered = False
-        self._count = 0
-        self._since = 0.0
-
-    def see(self, view: CropView, travelled: float) -> float | None:
-        """Where the end was first seen, when this picture declares it."""
-        if view.ahead_confidence < CONFIDENT:
-            return None
-        self._entered = self._entered or view.crop_ahead_m < NEAR_CROP_M
-        if view.crop_ahead_m < END_CLEAR_M:
-            self._count = 0
-        elif self._entered:
-            self._since = self._since if self._count else travelled
-            self._count += 1
-        if self._count < END_PICTURES:
-            return None
-        self._count = 0
-        return self._since
+def _declared(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
+    """Where the end was first seen, when this picture declares it by vision alone."""
+    if view.ahead_confidence < CONFIDENT:
+        return None
+    ahead.sight(view, motion)
+    ahead.follow(view, EndOfField(motion.stamp, motion, 0))
+    if not ahead.ends or ahead.clear_since is None:
+        return None
+    end = ahead.clear_since.motion
+    ahead.go_on()
+    return end
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +241,7 @@ def run(drive: Drive) -> Outcome:
     eye = make_detector(drive.mode, v, scenario.mount, overlap_m=v.overlap_m)
     rng = np.random.default_rng((drive.seed, drive.number, 1))
     scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()
-    lane, watch = Lane(v.blade_x_m), _EndWatch()
+    lane, ahead = Lane(v.blade_x_m), Ahead()
     lane.place(0.0, 0.0, 0.15, math.radians(8))
     offsets: list[float | None] = []
     headings: list[float | None] = []
@@ -263,17 +252,16 @@ def run(drive: Drive) -> Outcome:
     for seen in drive_along(edge):
         view = eye.see(seen.bgr)
         x, y, yaw = seen.pose
-        lane.predict(
-            Motion(
-                seen.travelled_m / v.cutting_speed_mps,
-                v.cutting_speed_mps,
-                0.0,
-                scale * seen.travelled_m,
-                gain * yaw,
-                x,
-                y,
-            )
+        motion = Motion(
+            seen.travelled_m / v.cutting_speed_mps,
+            v.cutting_speed_mps,
+            0.0,
+            scale * seen.travelled_m,
+            gain * yaw,
+            x,
+            y,
         )
+        lane.predict(motion)
         sure = view.confidence >= CONFIDENT
         if sure:
             lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
@@ -287,12 +275,12 @@ def run(drive: Drive) -> Outcome:
                 headings.append(turned - seen.heading_rad if known else None)
                 lane_offsets.append(-lane.blade_offset_m - seen.offset_m)
                 lane_headings.append(-lane.heading_rad - seen.heading_rad)
-        end = watch.see(view, seen.travelled_m)
+        end = _declared(ahead, view, motion)
         if end is not None and declared is None:
             if seen.crop_beyond:
                 false_ends += 1
             else:
-                declared = end
+                declared = end.distance_m / scale
     outcome = Outcome(
         _conditions(scenario, edge),
         (last_cut - first_cut) / 1e3,

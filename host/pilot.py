@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import enum
 import math
-from collections import deque
 from dataclasses import dataclass, replace
 
 import shapely
 
 from host import steering
+from host.ahead import CONFIDENT, EDGE_SURE, END_CLEAR_M, END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
 from host.direction_check import DirectionCheck
 from host.dust import CONFIDENCE, DustyEdge
@@ -31,15 +31,10 @@ from host.types import Command, Fix, Frame, Request, State, Telemetry
 from host.vehicle import Vehicle
 from host.vision.view import CropView, Detector
 
-CONFIDENT = 0.5
-END_CLEAR_M = 0.8
-"""Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
-END_PICTURES = 3
 END_PAST_M = 0.15
 """Beyond the plan's end of a side, from where on clear ground is more likely than dust."""
 DOUBTED_M = 0.3
 """Before the first sure picture without crop, at most: what a detector waits for, at full speed."""
-NEAR_CROP_M = 0.2
 EARLY_M = 0.8
 LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
@@ -106,11 +101,7 @@ the crop's face or the border of the blade's dust."""
 LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
-EDGE_SURE = (0.7, 10)
-"""Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
-that has moved inside by more counts where at least this share of so many pictures are sure."""
-END_SURE = (0.5, 30)
-"""And an end without a look; the last half metre of crop shows no edge anyway."""
+"""In dust an edge that has moved inside by more is the dust's."""
 TURN_KNOWN_M = 4.0
 """Of a side, until the lane filter has found its direction."""
 TURN_LEAST_RAD = 0.5
@@ -151,15 +142,6 @@ class Transition:
     stamp: float
     phase: Phase
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class EndOfField:
-    """Where a side's end was declared: the motion at the first picture that showed it."""
-
-    stamp: float
-    motion: Motion
-    turn_index: int
 
 
 class Steady:
@@ -223,12 +205,7 @@ class Pilot:
         self._usable = Steady()
         """Pictures are to be believed."""
         self._fix_stamp = -math.inf
-        self._entered_at: Motion | None = None
-        self._clear_since: EndOfField | None = None
-        self._clear_count = 0
-        self._seems_clear_since: Motion | None = None
-        """The first of the latest pictures without crop before the blade, sure or not: what a
-        detector doubts until it has stayed was there from the first."""
+        self._ahead = Ahead()
         self._turn: Turning | None = None
         self._turned_from: tuple[float, float] | None = None
         """Before the last turn: dead reckoning's yaw, and the vehicle's direction in the field."""
@@ -241,10 +218,7 @@ class Pilot:
         self._bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
         self._search_m = math.inf
-        self._crop_at_m = math.inf
-        """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._corrected_m = math.inf
-        self._sure: deque[bool] = deque(maxlen=END_SURE[1])
         self._back_from: Motion | None = None
         self._backed_stamp = -math.inf
         self._backs = 0
@@ -274,7 +248,7 @@ class Pilot:
     @property
     def cut_m(self) -> float:
         """How far the blade has come along the side since it met its crop; 0 before that."""
-        if self._turn is not None or self._entered_at is None:
+        if self._turn is not None or not self._ahead.entered:
             return 0.0
         return max(0.0, self._cut_m(self.motion))
 
@@ -426,7 +400,7 @@ class Pilot:
             and not view.crop_ahead_m >= END_CLEAR_M
             and self._shows_edge(self._along_m(then))
         ):
-            self._sure.append(sure)
+            self._ahead.sure.append(sure)
         moved = abs(then.distance_m - self._corrected_m) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         sure = sure and (not self._look.active or self._look.settled(frame.stamp))
@@ -434,7 +408,7 @@ class Pilot:
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
                 self._corrected_m = then.distance_m
-                learn = self._entered_at is not None and self._cut_m(then) > LEARN_AFTER_M
+                learn = self._ahead.entered and self._cut_m(then) > LEARN_AFTER_M
                 seen = (edge, heading, view.confidence, since)
                 self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
                 self._odometry.turn_trim(self._lane.take_bias())
@@ -448,7 +422,7 @@ class Pilot:
     def _take_dusty_edge(self, view: CropView, then: Motion) -> None:
         """Where no picture is sure for a while, what many show together."""
         unseen = abs(then.distance_m - self._corrected_m) > UNSEEN_M
-        if self.phase is not Phase.FOLLOW or self._entered_at is None or not unseen:
+        if self.phase is not Phase.FOLLOW or not self._ahead.entered or not unseen:
             self._dusty.clear()
             self._dust_doubts = False
             return
@@ -461,7 +435,7 @@ class Pilot:
         if line is None:
             return
         # What lies inside may be the dust's border all the time.
-        self._dust_doubts = line > INWARD_M and self._in_dust(*EDGE_SURE)
+        self._dust_doubts = line > INWARD_M and self._ahead.in_dust(*EDGE_SURE)
         if not self._dust_doubts:
             here = line - self._lane.blade_offset_m
             self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=True)
@@ -476,18 +450,13 @@ class Pilot:
         bend = self._trails.bend_m(self._along_m(then) + view.edge_ahead_m, side)
         return view.edge_offset_m - side.shift_m - bend
 
-    def _in_dust(self, share: float, pictures: int) -> bool:
-        """Whether fewer of the latest pictures than this share were sure."""
-        latest = list(self._sure)[-pictures:]
-        return sum(latest) < share * len(latest)
-
     def _leaps(self, edge_m: float, then: Motion) -> bool:
         """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
         settling = then.stamp - self._phase_stamp < LEAP_STAYS_S
         dusty = self.phase is Phase.FOLLOW or (self.phase is Phase.HESITATE and settling)
         known = self._side() is not None and self._position.known
         leap = edge_m + self._lane.blade_offset_m
-        least = INWARD_M if self._in_dust(*EDGE_SURE) else LEAP_M
+        least = INWARD_M if self._ahead.in_dust(*EDGE_SURE) else LEAP_M
         return dusty and known and least < leap < self._vehicle.blade_width_m
 
     def _believe_heading(self) -> None:
@@ -539,34 +508,20 @@ class Pilot:
         self._lane.correct(edge, math.nan, CONFIDENT, since, ahead_m=corner, learn=False)
 
     def _watch_ahead(self, view: CropView, then: Motion, stamp: float) -> None:
-        """Notes where the side's crop begins, and counts pictures in a row that show no crop before
-        the blade. Crop that was seen does not recede: where dust hides its foot from then on, the
-        way to it says when the blade has met it."""
-        if view.crop_ahead_m < END_CLEAR_M:
-            self._seems_clear_since = None
-        elif view.crop_ahead_m >= END_CLEAR_M:
-            self._seems_clear_since = self._seems_clear_since or then
+        """Notes where the side's crop begins and where it ends."""
+        self._ahead.note(view, then)
         looking = self._look.for_end and self._look.settled(stamp)
         watches = self.phase in (Phase.SEARCH, Phase.FOLLOW) or looking
         if not watches or view.ahead_confidence < CONFIDENT:
             return
-        self._crop_at_m = min(self._crop_at_m, then.distance_m + view.crop_ahead_m)
+        self._ahead.sight(view, then)
         if self.phase is Phase.SEARCH:
             return
-        if view.crop_ahead_m < NEAR_CROP_M and self._entered_at is None:
-            self._entered_at = then
-            side = self._side()
-            if side is not None and self._position.known:
-                ago = self.motion.distance_m - then.distance_m
-                self._position.at_begin(side, ago - view.crop_ahead_m)
-        elif then.distance_m > self._crop_at_m + NEAR_CROP_M and self._entered_at is None:
-            self._entered_at = then
-        if view.crop_ahead_m < END_CLEAR_M:
-            self._clear_count, self._clear_since = 0, None
-        elif self._entered_at is not None:
-            self._clear_count += 1
-            if self._clear_since is None:
-                self._clear_since = EndOfField(stamp, then, self.turns)
+        begins = self._ahead.follow(view, EndOfField(stamp, then, self.turns))
+        side = self._side()
+        if begins and side is not None and self._position.known:
+            ago = self.motion.distance_m - then.distance_m
+            self._position.at_begin(side, ago - view.crop_ahead_m)
 
     # ---- phases ----------------------------------------------------------------------------------
 
@@ -611,18 +566,17 @@ class Pilot:
 
     def _start_side(self, now: float, reason: str) -> None:
         self._turn = None
-        self._entered_at = None
-        self._clear_count, self._clear_since, self._seems_clear_since = 0, None, None
+        self._ahead.begin()
         self._run_from = self.motion
         self._backs = self._bare = 0
         self._go(now, Phase.FOLLOW, reason)
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
-        clear = self._clear_since
-        if clear is not None and self._clear_count >= END_PICTURES:
+        clear = self._ahead.clear_since
+        if clear is not None and self._ahead.ends:
             due = self._end_due(clear.motion)
-            if due and not (self._plan.sides and self._in_dust(*END_SURE)):
+            if due and not (self._plan.sides and self._ahead.in_dust(*END_SURE)):
                 self._by_plan = False
                 self._begin_turn(now, clear)
                 return self._hold()
@@ -636,8 +590,8 @@ class Pilot:
         if side is not None and side.blind_end and self._to_blind_end_m(side) <= 0:
             self._begin_turn(now, EndOfField(now, self.motion, self.turns))
             return self._hold()
-        searched = self._entered_at is None and self._cut_m(self.motion) > self._search_m
-        if searched and self._crop_at_m - self.motion.distance_m > NO_CROP_M:
+        searched = not self._ahead.entered and self._cut_m(self.motion) > self._search_m
+        if searched and self._ahead.crop_at_m - self.motion.distance_m > NO_CROP_M:
             return self._nothing_found(now)
         if self._overrun():
             if self._fence is None or self._by_plan:
@@ -648,7 +602,7 @@ class Pilot:
             return self._hold()
         lane, vehicle = self._lane, self._vehicle
         self._anchor()
-        if side is not None and self._entered_at is not None:
+        if side is not None and self._ahead.entered:
             self._trails.note(self._along_m(self.motion), self.motion)
             self._learn_turn(side)
         quiet = now - self._seen.stamp
@@ -662,31 +616,31 @@ class Pilot:
             self._go(now, Phase.HESITATE, f"the edge is unsure: {LOOKING}")
             return self._hold()
         steer = steering.follow(lane, self.motion, vehicle) - self._odometry.trim_rad
-        if self._entered_at is not None and now - self._phase_stamp < SPIN_S:
+        if self._ahead.entered and now - self._phase_stamp < SPIN_S:
             return self._drive(steer, 0.0, True)
-        slow = quiet > SLOW_AFTER_S or self._entered_at is None or self._clear_count > 0
+        slow = quiet > SLOW_AFTER_S or not self._ahead.entered or self._ahead.clear_count > 0
         speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
         return self._drive(steer, speed, self._crop_is_near())
 
     def _look_for_crop(self, now: float, time_s: float) -> None:
         """What seems clear ground may be dust before crop."""
         self._look.begin(now, self.motion.distance_m, time_s, for_end=True)
-        self._clear_count = 0
+        self._ahead.clear_count = 0
         self._go(now, Phase.HESITATE, f"the crop seems to end: {LOOKING}")
 
     def _crop_is_near(self) -> bool:
         """Whether the blade must turn. On the way to a side's crop it would only raise dust, just
         where the edge is to be found."""
-        if self._entered_at is not None or self._side() is None or not self._position.known:
+        if self._ahead.entered or self._side() is None or not self._position.known:
             return True
         here = self.motion
-        seen = self._crop_at_m - here.distance_m
+        seen = self._ahead.crop_at_m - here.distance_m
         return min(seen, -self._along_m(here)) < BLADE_ON_M
 
     def _worth_a_look(self) -> bool:
         """Whether the lane has become doubtful where its edge might be seen but for dust."""
         side, here = self._side(), self.motion
-        if side is None or self._entered_at is None or self._clear_count > 0:
+        if side is None or not self._ahead.entered or self._ahead.clear_count > 0:
             return False
         along = self._along_m(here)
         return (
@@ -736,7 +690,7 @@ class Pilot:
         side = self._side()
         here = self.motion
         since = self._anchored
-        if side is None or self._entered_at is None or not self._position.known:
+        if side is None or not self._ahead.entered or not self._position.known:
             return
         if since is not None and abs(here.distance_m - since.distance_m) < ANCHOR_EVERY_M:
             return
@@ -745,7 +699,7 @@ class Pilot:
 
     def _cut_m(self, motion: Motion) -> float:
         """How far the blade has come along this side since it met the crop."""
-        start = self._entered_at or self._run_from
+        start = self._ahead.entered_at or self._run_from
         return motion.distance_m - start.distance_m if start is not None else 0.0
 
     def _along_m(self, motion: Motion) -> float:
@@ -833,15 +787,15 @@ class Pilot:
     def _look_at_end(self, now: float) -> Command:
         """Without dust: no crop before the blade is the side's end, and so is what shows none in
         all the time of a look. Where the plan has no end it is a bare patch, or no lane at all."""
-        if self._clear_since is None:
+        if self._ahead.clear_since is None:
             self._look.crop_goes_on()
             self._bare = 0
-        elif self._look.over(now) or self._clear_count >= END_PICTURES:
-            over, due = self._look.over(now), self._end_due(self._clear_since.motion)
+        elif self._look.over(now) or self._ahead.ends:
+            over, due = self._look.over(now), self._end_due(self._ahead.clear_since.motion)
             if due:
                 self._look.end()
                 self._by_plan = False
-                self._begin_turn(now, self._clear_since, looked=True)
+                self._begin_turn(now, self._ahead.clear_since, looked=True)
             elif over or not self._lane.contradicted:
                 self._go_on_beyond(now)
         return self._hold()
@@ -849,8 +803,8 @@ class Pilot:
     def _go_on_beyond(self, now: float) -> None:
         """After a look that showed no crop where the plan has some. An edge beside the lane that
         stayed in view is the lane's."""
-        clear, self._clear_since = self._clear_count >= END_PICTURES, None
-        self._clear_count = 0
+        clear = self._ahead.ends
+        self._ahead.go_on()
         self._look.end()
         seen = self._corrected_m > self._look.at_m
         self._bare = 0 if seen else self._bare + clear
@@ -887,10 +841,10 @@ class Pilot:
             self._go(now, Phase.FINISHED, "the last side of the plan is cut")
             return
         side = self._side()
-        seen = self._entered_at is not None and not self._by_plan
+        seen = self._ahead.entered and not self._by_plan
         blind = side is not None and side.blind_end
         if side is not None and seen and not blind and self._position.known:
-            first = self._seems_clear_since or end.motion
+            first = self._ahead.seems_clear_since or end.motion
             ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
             doubt = 0.0
             if looked:
@@ -905,7 +859,7 @@ class Pilot:
         origin = self._end_of_lane(end)
         if side is not None:
             self._trails.end(side)
-            known = self._entered_at is not None and self._cut_m(self.motion) > TURN_KNOWN_M
+            known = self._ahead.entered and self._cut_m(self.motion) > TURN_KNOWN_M
             self._turned_from = (self.motion.yaw_rad, self._direction_rad(side)) if known else None
             self._trails.begin(self._plan.sides[self.turns + 1])
             self._position.begin(self._plan.sides[self.turns + 1])
@@ -915,7 +869,8 @@ class Pilot:
             self.ends.append(end)
         self.turns += 1
         self._begin_leg(self._turn)
-        self._search_m = self._crop_at_m = math.inf
+        self._search_m = math.inf
+        self._ahead.turn()
         why = "the keep-out's margin" if blind else "no crop before the blade"
         why = "the plan's, which vision has not seen" if self._by_plan else why
         self._go(now, Phase.TURN, f"end of {self._plan.name(self.turns - 1)}: {why}")

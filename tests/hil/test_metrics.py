@@ -9,8 +9,9 @@ import pytest
 from oracle import quick
 
 from hil.metrics import MARGIN_M, Truth
+from host.ahead import EndOfField
 from host.odometry import Motion
-from host.pilot import EndOfField, Phase, Pilot
+from host.pilot import Phase, Pilot
 from sim_plant.field import CROP, Field
 
 LENGTH_M, WIDTH_M, GAP_M, STEP_M = 6.0, 4.0, 2.0, 0.02

@@ -11,7 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 from hil import vision_drives
-from hil.vision_drives import Drive, Outcome, _EndWatch, _prepare, drive_along, run, summary, vision
+from hil.vision_drives import Drive, Outcome, _declared, _prepare, drive_along, run, summary, vision
+from host.ahead import Ahead
+from host.odometry import Motion
 from host.vision import CropView
 
 NEAR, CLEAR = (CropView(0.9, crop_ahead_m=x, ahead_confidence=0.9) for x in (0.0, 3.0))
@@ -20,9 +22,9 @@ OUTCOME = Outcome("", 0.01, [0.02, None, -0.04], [None] * 3, [0.0] * 3, [0.0] * 
 
 
 def declared(views: list[CropView]) -> list[float]:
-    watch = _EndWatch()
-    seen = [watch.see(view, 0.1 * k) for k, view in enumerate(views)]
-    return [x for x in seen if x is not None]
+    ahead, way = Ahead(), [Motion(0.2 * k, 0.5, 0, 0.1 * k, 0, 0, 0) for k in range(len(views))]
+    ends = [_declared(ahead, view, motion) for view, motion in zip(views, way, strict=True)]
+    return [end.distance_m for end in ends if end is not None]
 
 
 def test_an_end_is_declared_by_three_clear_pictures_where_the_first_was_taken() -> None:

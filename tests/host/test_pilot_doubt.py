@@ -924,9 +924,9 @@ def test_over_a_slanting_border_no_edge_is_missed() -> None:
     drive(world, pilot, 20.0, until=lambda: pilot.cut_m > 0.2)
     pilot.lane.place(0.0, 0.0, 0.2, math.radians(2.0))
     eyes.spoil = lambda view: replace(view, confidence=0.0)
-    sure = list(pilot._sure)
+    sure = list(pilot._ahead.sure)
     drive(world, pilot, 30.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.4)
-    assert list(pilot._sure) == sure
+    assert list(pilot._ahead.sure) == sure
     drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.HESITATE)
     assert "dust" in pilot.reason
     assert world.y + VEHICLE.blade_x_m > 3.5

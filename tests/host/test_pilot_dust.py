@@ -320,9 +320,9 @@ def test_what_it_sees_while_it_stands_does_not_make_the_air_clear() -> None:
     eyes.spoil = lambda view: replace(view, confidence=0.0) if world.command.blade else view
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.HESITATE)
     drive(world, pilot, 1.0)
-    before = list(pilot._sure)
+    before = list(pilot._ahead.sure)
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
-    assert list(pilot._sure) == before
+    assert list(pilot._ahead.sure) == before
 
 
 def test_a_machine_that_has_left_its_lane_finds_the_edge_beside_it() -> None:
