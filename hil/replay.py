@@ -86,6 +86,10 @@ class Replayed:
         del bgr, stages
         return self.next or CropView(0.0, reason="no view was recorded")
 
+    def glance(self, bgr: NDArray[np.uint8]) -> CropView:
+        """Likewise."""
+        return self.see(bgr)
+
     def restart(self, *, turned: bool = True) -> None:
         """Nothing is tracked here."""
 

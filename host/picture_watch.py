@@ -89,6 +89,13 @@ class WatchedDetector:
 
     def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
         """The detector's view, or one without any confidence that says why."""
+        return self._problem(bgr) or self._detector.see(bgr, stages=stages)
+
+    def glance(self, bgr: NDArray[np.uint8]) -> CropView:
+        """Likewise, of a picture in which nothing is to be measured."""
+        return self._problem(bgr) or self._detector.glance(bgr)
+
+    def _problem(self, bgr: NDArray[np.uint8]) -> CropView | None:
         problem = self._watch.problem(bgr)
         self._sound = 0 if problem else self._sound + 1
         self._spoilt = problem or self._spoilt
@@ -98,7 +105,7 @@ class WatchedDetector:
             # Stalks right before the lens do that: nothing to be measured, but no dead camera.
             reason = "the camera's picture is quite another than the one before"
             return CropView(0.0, reason=reason)
-        return self._detector.see(bgr, stages=stages)
+        return None
 
     def restart(self, *, turned: bool = True) -> None:
         """As the detector's; the camera is still the same."""

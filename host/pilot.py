@@ -387,7 +387,10 @@ class Pilot:
             # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
             turned = self._turn is not None or self.phase not in (Phase.FOLLOW, Phase.HESITATE)
             self._detector.restart(turned=turned)
-        view = self._detector.see(frame.bgr)
+        turn = self._turn
+        blind = turn is not None and turn.leg is not None and not turn.backing
+        # a turn is driven by dead reckoning until it backs along the next side
+        view = self._detector.glance(frame.bgr) if blind else self._detector.see(frame.bgr)
         self.view = view
         self._view_stamp = frame.stamp
         self._usable.note(frame.stamp, view.usable)

@@ -65,6 +65,10 @@ class Detector(Protocol):
         """`bgr` is (height, width, 3) of the mount's size."""
         ...
 
+    def glance(self, bgr: NDArray[np.uint8]) -> CropView:
+        """Whether a picture is usable, and why not; nothing is measured in it, nor remembered."""
+        ...
+
     def restart(self, *, turned: bool = True) -> None:
         """Forgets what was tracked; references set from the first picture of the run (O_map,
         l_reference) stay. `turned`: the crop ahead is another than before; else it is what was cut

@@ -52,6 +52,9 @@ class Oracle:
             ahead_confidence=1.0,
         )
 
+    def glance(self, bgr: NDArray[np.uint8]) -> CropView:
+        return self.see(bgr)
+
     def restart(self, *, turned: bool = True) -> None:
         """Nothing is tracked."""
 

@@ -21,8 +21,8 @@ class ToldEnd(NamedTuple):
 
 
 class Eyes:
-    """The world's vision, with what a test does to its views, a list of its restarts, and one of
-    those at which it was told that the machine has turned."""
+    """The world's vision, with what a test does to its views, and when it was asked: looks, those
+    that were but glances, its restarts, and those for which the machine had turned."""
 
     def __init__(self, world: SimpleWorld, spoil: Callable[[CropView], CropView]) -> None:
         self.world = world
@@ -30,10 +30,16 @@ class Eyes:
         self.restarts: list[float] = []
         self.turned: list[float] = []
         self.looks: list[float] = []
+        self.glances: list[float] = []
 
     def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
         self.looks.append(self.world.now)
         return self.spoil(self.world.see(bgr, stages=stages))
+
+    def glance(self, bgr: np.ndarray) -> CropView:
+        self.looks.append(self.world.now)
+        self.glances.append(self.world.now)
+        return self.spoil(self.world.glance(bgr))
 
     def restart(self, *, turned: bool = True) -> None:
         self.restarts.append(self.world.now)

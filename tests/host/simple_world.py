@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -137,6 +137,9 @@ class SimpleWorld:
             crop_ahead_m=crop_ahead,
             ahead_confidence=1.0,
         )
+
+    def glance(self, bgr: np.ndarray) -> CropView:
+        return replace(self.see(bgr), confidence=0.0, ahead_confidence=0.0)
 
     def restart(self, *, turned: bool = True) -> None:
         pass

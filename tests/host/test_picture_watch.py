@@ -131,13 +131,18 @@ class Counting:
     """A detector that says how often it was asked."""
 
     def __init__(self) -> None:
-        self.seen = 0
+        self.seen = self.glances = 0
         self.restarts: list[bool] = []
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         del bgr, stages
         self.seen += 1
         return CropView(0.9, edge_offset_m=0.1)
+
+    def glance(self, bgr: Picture) -> CropView:
+        del bgr
+        self.glances += 1
+        return CropView(0.0)
 
     def restart(self, *, turned: bool = True) -> None:
         self.restarts.append(turned)
@@ -150,6 +155,8 @@ def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
     assert (first.usable, first.confidence) == (True, 0.9)
     assert (second.usable, second.confidence, second.ahead_confidence) == (False, 0.0, 0.0)
     assert "repeats" in second.reason
+    third = made.glance(picture)
+    assert (third.usable, behind.glances) == (False, 0)
     made.restart()
     made.restart(turned=False)
     assert (behind.seen, behind.restarts) == (1, [True, False])
@@ -175,6 +182,16 @@ def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> Non
     shots[4] = shots[3]
     usable = [made.see(picture).usable for picture in shots]
     assert usable == [True, False, False, False, False, False, False, True]
+
+
+def test_a_glance_counts_as_a_picture_and_measures_nothing() -> None:
+    behind, view = Counting(), scene()
+    made = WatchedDetector(behind, MAST)
+    shots = [shot(view, k, k) for k in range(6)]
+    shots[1] = np.zeros_like(shots[1])
+    usable = [made.glance(picture).usable for picture in shots]
+    assert usable == [True, False, False, False, True, True]
+    assert (behind.seen, behind.glances) == (0, 3)
 
 
 def test_smooth_squares_are_not_a_lost_part() -> None:

@@ -208,6 +208,9 @@ class AlwaysCrop:
             0.9, edge_offset_m=0.0, edge_heading_rad=0.0, crop_ahead_m=0.0, ahead_confidence=1.0
         )
 
+    def glance(self, bgr: np.ndarray) -> CropView:
+        return self.see(bgr)
+
     def restart(self, *, turned: bool = True) -> None: ...
 
 

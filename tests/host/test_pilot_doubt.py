@@ -220,6 +220,23 @@ def test_while_it_hesitates_nothing_is_dust() -> None:
     assert eyes.turned == [], "the crop before it is the one that it cuts"
 
 
+def test_in_a_turn_nothing_is_measured_until_it_backs_along_the_next_side() -> None:
+    """What is not believed costs nothing."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    assert eyes.glances == []
+    eyes.looks.clear()
+    drive(world, pilot, 60.0, until=lambda: pilot.backing)
+    assert eyes.glances == eyes.looks != []
+    eyes.looks.clear()
+    eyes.glances.clear()
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert eyes.looks != []
+    assert eyes.glances == []
+
+
 def test_whatever_is_seen_in_a_turn_is_other_crop() -> None:
     """Also where it stands and hesitates in one."""
     world = SimpleWorld(VEHICLE)
