@@ -262,10 +262,10 @@ def test_a_restart_forgets_where_the_edge_was() -> None:
     assert eye.see(elsewhere).confidence == detector("robust", MAST).see(elsewhere).confidence
 
 
-def after_cutting(*, turned: bool) -> MountedDetector:
+def after_cutting(mount: Mount = LOW, *, turned: bool) -> MountedDetector:
     """Its blade was in the crop, and is out of it."""
-    eye = detector("robust", LOW)
-    eye.see(field(LOW))
+    eye = detector("robust", mount)
+    eye.see(field(mount))
     eye.restart(turned=turned)
     return eye
 
@@ -282,6 +282,12 @@ def test_where_it_was_cut_fainter_stems_are_crop() -> None:
     faint = faded(field(LOW, next_crop_m=None), 0.3)
     assert after_cutting(turned=False).see(faint).crop_ahead_m < 0.3
     assert after_cutting(turned=True).see(faint).crop_ahead_m > 0.8
+
+
+def test_a_camera_above_the_tops_takes_no_fainter_stems_for_crop() -> None:
+    """From there the crop's foot shows."""
+    faint = faded(field(MAST, next_crop_m=None), 0.25)
+    assert after_cutting(MAST, turned=False).see(faint).crop_ahead_m > 0.8
 
 
 @pytest.mark.parametrize("lateral", [-0.3, 0.0, 0.3])
