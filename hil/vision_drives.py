@@ -166,11 +166,11 @@ def _declared(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
         return None
     ahead.sight(view, motion)
     ahead.follow(view, EndOfField(motion.stamp, motion, 0))
-    if not ahead.ends or ahead.clear_since is None:
+    end = ahead.end
+    if end is None:
         return None
-    end = ahead.clear_since.motion
     ahead.go_on()
-    return end
+    return end.motion
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,9 +56,9 @@ class Ahead:
         return self.entered_at is not None
 
     @property
-    def ends(self) -> bool:
-        """Whether so many pictures without crop are the end of it."""
-        return self.clear_since is not None and self.clear_count >= END_PICTURES
+    def end(self) -> EndOfField | None:
+        """The side's, where so many pictures show no crop."""
+        return self.clear_since if self.clear_count >= END_PICTURES else None
 
     def turn(self) -> None:
         """To the next side: its crop may be seen already while the machine turns."""

@@ -576,8 +576,8 @@ class Pilot:
 
     def _follow(self, now: float, telemetry: Telemetry) -> Command:
         del telemetry
-        clear = self._ahead.clear_since
-        if clear is not None and self._ahead.ends:
+        clear = self._ahead.end
+        if clear is not None:
             due = self._end_due(clear.motion)
             if due and not (self._plan.sides and self._ahead.in_dust(*END_SURE)):
                 self._by_plan = False
@@ -793,7 +793,7 @@ class Pilot:
         if self._ahead.clear_since is None:
             self._look.crop_goes_on()
             self._bare = 0
-        elif self._look.over(now) or self._ahead.ends:
+        elif self._look.over(now) or self._ahead.end is not None:
             over, due = self._look.over(now), self._end_due(self._ahead.clear_since.motion)
             if due:
                 self._look.end()
@@ -806,7 +806,7 @@ class Pilot:
     def _go_on_beyond(self, now: float) -> None:
         """After a look that showed no crop where the plan has some. An edge beside the lane that
         stayed in view is the lane's."""
-        clear = self._ahead.ends
+        clear = self._ahead.end is not None
         self._ahead.go_on()
         self._look.end()
         seen = self._corrected_m > self._look.at_m

@@ -248,15 +248,21 @@ def battery_rises(make: Maker) -> Bench:
     return faulted(bench, Fault.BATTERY_HIGH, 120)
 
 
-@scenario
-def hall_sensor_closes_the_loop_and_goes_silent(make: Maker) -> Bench:
+def with_hall_sensor(make: Maker, speed: float) -> Bench:
+    """20 pulses a metre, driven for 4 s."""
     bench = Bench(make())
     bench.run(10)
     bench.set_param("hall_per_metre", 20)
     bench.hall_per_metre = 20.0
     bench.arm()
-    bench.ask(speed=0.4)
+    bench.ask(speed=speed)
     bench.run(4000)
+    return bench
+
+
+@scenario
+def hall_sensor_closes_the_loop_and_goes_silent(make: Maker) -> Bench:
+    bench = with_hall_sensor(make, 0.4)
     assert bench.last.speed == pytest.approx(0.4, abs=0.03)
     assert bench.last.distance == pytest.approx(bench.wheel_m, abs=0.06)
     bench.hall_per_metre = 0.0
@@ -265,13 +271,7 @@ def hall_sensor_closes_the_loop_and_goes_silent(make: Maker) -> Bench:
 
 @scenario
 def hall_sensor_goes_silent_while_the_machine_creeps(make: Maker) -> Bench:
-    bench = Bench(make())
-    bench.run(10)
-    bench.set_param("hall_per_metre", 20)
-    bench.hall_per_metre = 20.0
-    bench.arm()
-    bench.ask(speed=0.15)
-    bench.run(4000)
+    bench = with_hall_sensor(make, 0.15)
     bench.hall_per_metre = 0.0
     return faulted(bench, Fault.HALL_LOST, 910)
 

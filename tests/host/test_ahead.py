@@ -60,9 +60,9 @@ def test_a_side_ends_where_the_latest_pictures_in_a_row_show_no_crop(seen: list[
     while clear < len(seen) and seen[-1 - clear] >= END_CLEAR_M:
         clear += 1
     assert ahead.clear_count == clear
-    assert ahead.ends == (clear >= END_PICTURES)
     first = EndOfField(len(seen) - clear + 1, at(len(seen) - clear + 1.0), 3) if clear else None
     assert ahead.clear_since == first
+    assert ahead.end == (first if clear >= END_PICTURES else None)
     assert ahead.seems_clear_since == (first.motion if first else None)
 
 
@@ -70,7 +70,7 @@ def test_clear_ground_before_the_crop_is_no_end() -> None:
     ahead = Ahead()
     for k in range(2 * END_PICTURES):
         shown(ahead, 0.1 * k, math.inf)
-    assert not ahead.ends
+    assert ahead.end is None
 
 
 def test_the_next_side_knows_nothing_of_the_last_but_the_dust() -> None:
@@ -82,7 +82,7 @@ def test_the_next_side_knows_nothing_of_the_last_but_the_dust() -> None:
     assert ahead.crop_at_m == math.inf
     ahead.sight(crop(1.0), at(5.0))
     ahead.begin()
-    assert (ahead.entered, ahead.ends, ahead.seems_clear_since) == (False, False, None)
+    assert (ahead.entered, ahead.end, ahead.seems_clear_since) == (False, None, None)
     assert ahead.crop_at_m == 6.0, "seen while it turned"
     assert ahead.in_dust(0.5, 30)
 
