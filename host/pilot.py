@@ -110,8 +110,10 @@ CORNER_SIGMA_M = 0.1
 tells."""
 CORNER_SIGMAS = 3.0
 """How far beside the lane a corner may be, in the lane's own uncertainty."""
-LEARN_AFTER_M = 2.0
-"""Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
+LEARN_AFTER_M = (2.0, 4.0)
+"""Of the first side and of the others, until what the operator or the turn has left askew is
+straightened: then the steering's bias shows. Short strips, each begun a little askew, would teach
+it that instead, and every turn between them would be the worse for it."""
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
 ALIGN_ROOM_M = (0.5, 1.0)
@@ -411,16 +413,26 @@ class Pilot:
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
                 self._corrected_m = then.distance_m
-                learn = self._ahead.entered and self._cut_m(then) > LEARN_AFTER_M
+                after_m = LEARN_AFTER_M[self.turns > 0]
+                learn = self._ahead.entered and self._cut_m(then) > after_m
                 seen = (edge, heading, view.confidence, since)
                 self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
                 self._odometry.turn_trim(self._lane.take_bias())
                 if moved and not self._lane.contradicted:
                     self._believe_heading()
+                    self._search_on(view, then)
         elif sure and (moved or self._lane.contradicted):
             self._take_corner(view, then, since)
         self._take_dusty_edge(view, then)
         self._watch_ahead(view, then, frame.stamp)
+
+    def _search_on(self, view: CropView, then: Motion) -> None:
+        """A side whose first metres have gone with its neighbours: its edge was seen beside the
+        lane, and so far at least it is looked for."""
+        side = self._side()
+        if side is not None and self._along_m(then) + view.crop_ahead_m < side.length_m:
+            seen_m = self._cut_m(then) + view.crop_ahead_m + NEAR_CROP_M
+            self._search_m = max(self._search_m, seen_m)
 
     def _take_dusty_edge(self, view: CropView, then: Motion) -> None:
         """Where no picture is sure for a while, what many show together."""
@@ -570,6 +582,7 @@ class Pilot:
     def _start_side(self, now: float, reason: str) -> None:
         self._turn = None
         self._ahead.begin()
+        self._look = Look()  # shuttles drive the same way again: the last look's place says nothing
         self._run_from = self.motion
         self._backs = self._bare = 0
         self._go(now, Phase.FOLLOW, reason)

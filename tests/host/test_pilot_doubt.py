@@ -82,6 +82,17 @@ def test_a_long_side_that_is_gone_needs_a_person() -> None:
     assert world.x > 10 - VEHICLE.blade_x_m - 2.0, "it does not look for it along the whole side"
 
 
+def test_a_long_side_that_begins_late_is_gone_for_as_far_as_its_edge_is_seen() -> None:
+    """Its first metres have gone with the strips beside it, more than it is looked for blindly."""
+    world = SimpleWorld(VEHICLE)
+    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
+    world.crop[:, (columns > 5.6) & (columns < 10 - VEHICLE.pass_m)] = False
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 200.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert pilot.turns == 2, pilot.reason
+    assert any("looking for it" in t.reason for t in pilot.transitions)
+
+
 def test_a_side_whose_first_crop_lies_flat_is_found_behind_it() -> None:
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, lambda view: view)

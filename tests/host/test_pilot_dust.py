@@ -264,6 +264,20 @@ def test_clear_ground_that_is_dust_is_no_end(before_end_m: float) -> None:
     assert world.y + VEHICLE.blade_x_m == pytest.approx(10.2, abs=0.25)
 
 
+def test_every_strip_of_a_shuttle_has_its_look_at_the_end() -> None:
+    """It backs along the whole strip and comes to the next one's end having gone no farther."""
+    world = SimpleWorld(VEHICLE, gap=5.0)
+    first = PLAN.sides[0]
+    shift_m = VEHICLE.pass_m
+    strips = [replace(first, x_m=first.x_m - k * shift_m, back_m=2.0) for k in range(4)]
+    dusty = Eyes(world, lambda view: replace(view, confidence=0.3) if world.command.blade else view)
+    pilot = Pilot(VEHICLE, dusty, replace(PLAN, sides=tuple(strips), gap_m=None))
+    for strip in range(1, 4):
+        drive(world, pilot, 120.0, until=lambda n=strip: pilot.turns == n or pilot.done)
+        assert "seems to end" in pilot.transitions[-2].reason
+        assert world.y + VEHICLE.blade_x_m == pytest.approx(10.1, abs=0.1)
+
+
 def test_where_the_crop_of_the_plan_is_gone_it_stops() -> None:
     """As when it has left its lane: what is farther on may be the neighbour's."""
     world, _, pilot = cutting(metres=1.0)
