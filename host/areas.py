@@ -179,17 +179,19 @@ class Geofence:
         velocity: tuple[float, float] = (0.0, 0.0),
     ) -> Verdict:
         """`outline`: (n, 2) corners of the machine in the field frame, m; their hull counts.
-        `covariance`: (2, 2) of the position, m²; NaN or infinite where there is none.
+        `covariance`: (2, 2) of the position, m², or (n, 2, 2) of each corner, which a direction
+        that is not known moves the more the farther out it is; NaN or infinite where there is none.
         `velocity`: m/s, field frame."""
-        (xx, xy), (_, yy) = covariance.tolist()
+        xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
         root = xx * yy - xy * xy
-        if not (math.isfinite(root) and math.isfinite(xx + yy)):
+        if not np.isfinite(root + xx + yy).all():
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        # The symmetric square root of a 2x2 matrix in closed form.
-        root = math.sqrt(max(0.0, root))
-        spread = math.sqrt(max(0.0, xx + yy + 2 * root))
-        scale = self._sigmas / spread if spread > 0 else 0.0
-        half = np.array([[xx + root, xy], [xy, yy + root]]) * scale
+        # The symmetric square root of 2x2 matrices in closed form.
+        root = np.sqrt(np.maximum(0.0, root))
+        spread = np.sqrt(np.maximum(0.0, xx + yy + 2 * root))
+        scale = np.divide(self._sigmas, spread, out=np.zeros_like(spread), where=spread > 0)
+        half = np.stack([xx + root, xy, xy, yy + root], axis=-1) * scale[..., np.newaxis]
+        half = half.reshape(*spread.shape, 2, 2)
         ellipse = _OCTAGON @ half
         wide = ellipse + self._slow_m * _OCTAGON
         if self._inside(outline, wide, velocity, self._slow_s):
@@ -201,7 +203,7 @@ class Geofence:
         where = f"{clearance:.1f} m to" if clearance >= 0 else "beyond"
         reason = (
             f"geofence: {where} {self._nearest(outline)}, "
-            f"position known to {np.linalg.norm(half, 2):.1f} m"
+            f"position known to {np.linalg.norm(half, 2, axis=(-2, -1)).max():.1f} m"
         )
         return Verdict(level, reason, clearance)
 
@@ -217,7 +219,7 @@ class Geofence:
         velocity: tuple[float, float],
         horizon_s: float,
     ) -> bool:
-        swept = (outline[:, None, :] + around[None, :, :]).reshape(-1, 2)
+        swept = (outline[:, None, :] + around).reshape(-1, 2)
         if velocity != (0.0, 0.0):
             way = (velocity[0] * horizon_s, velocity[1] * horizon_s)
             swept = np.concatenate([swept, swept + way])

@@ -19,7 +19,7 @@ from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline
 from host.direction_check import DirectionCheck
 from host.dust import CONFIDENCE, DustyEdge
 from host.lane import Lane
-from host.look import LONG_LOOK_S, LOOK_S, Look
+from host.look import LEAP_STAYS_S, LONG_LOOK_S, LOOK_S, Look
 from host.manoeuvre import Follow, Turn
 from host.odometry import Motion, Odometry
 from host.plan import SEEN_SHARE, Plan, Side
@@ -98,8 +98,6 @@ PLACE_SIGMA_RAD = math.radians(2.5)
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
-LEAP_STAYS_S = 2.0
-"""It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
 """In dust an edge that has moved inside by more is the dust's."""
 TURN_KNOWN_M = 4.0
@@ -110,10 +108,11 @@ CORNER_SIGMA_M = 0.1
 tells."""
 CORNER_SIGMAS = 3.0
 """How far beside the lane a corner may be, in the lane's own uncertainty."""
-LEARN_AFTER_M = (2.0, 4.0)
-"""Of the first side and of the others, until what the operator or the turn has left askew is
-straightened: then the steering's bias shows. Short strips, each begun a little askew, would teach
-it that instead, and every turn between them would be the worse for it."""
+LEARN_AFTER_M = 2.0
+"""Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
+LEARN_LEAST_M = 6.0
+"""A shorter side ends while it is being straightened still: strip after strip would teach it what
+the turns leave, and each turn would be the worse for it."""
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
 ALIGN_ROOM_M = (0.5, 1.0)
@@ -362,7 +361,7 @@ class Pilot:
         x, y, yaw = self._position.pose
         vx, vy = speed_mps * math.cos(yaw), speed_mps * math.sin(yaw)
         outline = placed(self._outline, x + vx * ahead_s, y + vy * ahead_s, yaw)
-        return self._fence.check(outline, self._position.covariance, (vx, vy))
+        return self._fence.check(outline, self._position.covariance_of(outline), (vx, vy))
 
     def _go(self, now: float, phase: Phase, reason: str) -> None:
         if phase is not self.phase:
@@ -413,8 +412,8 @@ class Pilot:
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
                 self._corrected_m = then.distance_m
-                after_m = LEARN_AFTER_M[self.turns > 0]
-                learn = self._ahead.entered and self._cut_m(then) > after_m
+                learn = self._teaches and self._cut_m(then) > LEARN_AFTER_M
+                learn = learn and self._ahead.entered
                 seen = (edge, heading, view.confidence, since)
                 self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
                 self._odometry.turn_trim(self._lane.take_bias())
@@ -453,7 +452,7 @@ class Pilot:
         self._dust_doubts = line > INWARD_M and self._ahead.in_dust(*EDGE_SURE)
         if not self._dust_doubts:
             here = line - self._lane.blade_offset_m
-            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=True)
+            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=self._teaches)
             self._believe_heading()
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
@@ -477,7 +476,14 @@ class Pilot:
     def _believe_heading(self) -> None:
         if self._side() is not None and self._position.known:
             _, heading, _, sigma = self._position.against_lane()
-            self._lane.correct_heading(heading, max(HEADING_SIGMA_RAD, sigma))
+            sigma = max(HEADING_SIGMA_RAD, sigma)
+            self._lane.correct_heading(heading, sigma, learn=self._teaches)
+
+    @property
+    def _teaches(self) -> bool:
+        """Whether the present side is one that shows the steering's bias."""
+        side = self._side()
+        return side is None or side.length_m > LEARN_LEAST_M
 
     def _on_lane(self, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the

@@ -95,6 +95,17 @@ class Position:
         """(2, 2) of the place, m²."""
         return self._p[:YAW, :YAW]
 
+    def covariance_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame: its direction's
+        uncertainty moves them the more, the farther from the rear axle they are."""
+        x, y, _ = self.pose
+        by_pose = np.zeros((len(points), 2, 3))
+        by_pose[:, 0, X] = by_pose[:, 1, Y] = 1.0
+        by_pose[:, 0, YAW], by_pose[:, 1, YAW] = y - points[:, 1], points[:, 0] - x
+        pose = self._p[: YAW + 1, : YAW + 1]
+        found: NDArray[np.float64] = by_pose @ pose @ by_pose.transpose(0, 2, 1)
+        return found
+
     def place(self, side: Side, along_m: float, offset_m: float, heading_rad: float) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
         axle offset_m left of the lane, the vehicle heading_rad left of its direction."""

@@ -145,6 +145,21 @@ def covariance(along: float, across: float, way: float) -> NDArray[np.float64]:
     return found
 
 
+def test_a_corner_counts_with_its_own_uncertainty() -> None:
+    """The blade's, before the machine, and not the tail's."""
+    outline = placed(OUTLINE, 10.0, 19.9, math.pi / 2)
+    clearance = FENCE.clearance(outline)
+    assert 0.2 < clearance < 0.5
+    before = outline[:, 1] > 21.0
+
+    def level(unsure: NDArray[np.bool_]) -> Level:
+        variance = np.where(unsure, (clearance / 1.9) ** 2, 0.0)
+        return FENCE.check(outline, variance[:, None, None] * np.eye(2)).level
+
+    assert level(before) is Level.STOP
+    assert level(~before) is FENCE.check(outline, CERTAIN).level < Level.STOP
+
+
 places = st.tuples(st.floats(-4, 24), st.floats(-4, 24), st.floats(-4, 4))
 spreads = st.tuples(st.floats(0, 1.5), st.floats(0, 1.5), st.floats(-4, 4))
 velocities = st.tuples(st.floats(-1, 1), st.floats(-1, 1))

@@ -323,3 +323,25 @@ def test_a_lane_that_a_turn_left_askew_yields_soon_and_a_sure_one_outlasts_a_pat
     askew.place(0.0, 0.0, 0.12, math.radians(2.5))
     assert pictures_until_believed(askew, 0.45) <= 10
     assert 30 < pictures_until_believed(settled(), 0.3) < 200
+
+
+def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None:
+    position = Position(VEHICLE)
+    position.place(Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0), 2.0, 0.1, 0.3)
+    for k in range(40):
+        position.predict(motion(STEP_M * k, 0.02 * k), cutting=True)
+    x, y, yaw = position.pose
+    reach = np.array([[0.0, 0.0], [1.5, 0.5], [-0.3, -0.4]])
+    c, s = math.cos(yaw), math.sin(yaw)
+    points = reach @ np.array([[c, s], [-s, c]]) + (x, y)
+    rng = np.random.default_rng(1)
+    poses = rng.multivariate_normal([x, y, yaw], position._p[:3, :3], 40_000)
+    stated = position.covariance_of(points)
+    for point, found in zip(reach, stated, strict=True):
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        drawn = [
+            poses[:, 0] + cos * point[0] - sin * point[1],
+            poses[:, 1] + sin * point[0] + cos * point[1],
+        ]
+        assert found == pytest.approx(np.cov(drawn), rel=0.05, abs=1e-4)
+    assert stated[0] == pytest.approx(position.covariance)

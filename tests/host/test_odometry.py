@@ -178,6 +178,34 @@ def test_uphill_too_a_machine_runs_out_before_it_rolls_back() -> None:
     assert slide.odometry.now.speed_mps > 0.0
 
 
+@pytest.mark.parametrize("uphill", [0.2, 0.35])
+@pytest.mark.parametrize("duty", [90, -90])
+def test_a_machine_that_turns_round_shows_it_by_its_speed_alone(
+    monkeypatch: pytest.MonkeyPatch, uphill: float, duty: int
+) -> None:
+    """Nothing is known of the slope: it rolls back where driving was uphill, on where it was
+    downhill."""
+    monkeypatch.setattr(Slope, "rolls", lambda *_: 0)
+    slide = Slide(uphill)
+    slide.drive(2.0, duty)
+    before = slide.lost_m
+    slide.drive(5.0, 0)
+    assert abs(slide.lost_m - before) < 3 * PULSE_M
+    assert slide.odometry.now.speed_mps == pytest.approx(slide.speed, abs=0.02)
+
+
+def test_a_machine_that_runs_away_has_not_turned_round() -> None:
+    """Its outputs are off and the brake is: downhill it only becomes the faster."""
+    slide = Slide(-0.9)
+    slide.drive(2.0, 30)
+    slide.drive(0.4, 0)
+    slide.uphill = -2.4
+    before = slide.lost_m
+    slide.drive(2.0, 0)
+    assert slide.speed > 0.7
+    assert abs(slide.lost_m - before) < 0.05
+
+
 def test_on_the_level_a_machine_that_runs_out_counts_as_it_goes() -> None:
     slide = Slide(0.0)
     slide.drive(2.0, 90)
