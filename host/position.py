@@ -36,7 +36,7 @@ FOLLOWED_SIGMA_M = 0.03
 """Of the way driven beside the lane's line."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-COURSE_SHARE = 1.5
+COURSE_SHARE = 1.2
 """A phone's course is smoothed: one fix errs much like the last, and each counts as one this much
 worse than its speed is."""
 BEGIN_SIGMA_M = 0.25
