@@ -412,8 +412,8 @@ class Pilot:
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
                 self._corrected_m = then.distance_m
-                learn = self._teaches and self._cut_m(then) > LEARN_AFTER_M
-                learn = learn and self._ahead.entered
+                cut_m = self._cut_m(then) if self._ahead.entered else 0.0
+                learn = self._teaches and cut_m > LEARN_AFTER_M
                 seen = (edge, heading, view.confidence, since)
                 self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
                 self._odometry.turn_trim(self._lane.take_bias())

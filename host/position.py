@@ -90,11 +90,6 @@ class Position:
         """(x, y, yaw) of the rear axle, m and rad."""
         return float(self._x[X]), float(self._x[Y]), float(self._x[YAW])
 
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """(2, 2) of the place, m²."""
-        return self._p[:YAW, :YAW]
-
     def covariance_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame: its direction's
         uncertainty moves them the more, the farther from the rear axle they are."""

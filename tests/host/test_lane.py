@@ -344,4 +344,4 @@ def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None
             poses[:, 1] + sin * point[0] + cos * point[1],
         ]
         assert found == pytest.approx(np.cov(drawn), rel=0.05, abs=1e-4)
-    assert stated[0] == pytest.approx(position.covariance)
+    assert stated[0] == pytest.approx(position._p[:2, :2])

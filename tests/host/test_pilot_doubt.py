@@ -424,7 +424,7 @@ def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
         pilot = Pilot(VEHICLE, eyes, PLAN)
         drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
         eyes.spoil = lambda view: replace(view, confidence=0.0)
-        pilot.position.covariance[...] *= doubt**2
+        pilot.position._p[:2, :2] *= doubt**2
         drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
         return pilot.lane.offset_sigma_m
 
