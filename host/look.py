@@ -10,10 +10,6 @@ LONG_LOOK_S: Final = 5.0
 SETTLE_S: Final = 1.0
 """Of a look, until most of the dust has settled; of a long one all but as much as of the other is
 for that: where the plan has crop, and no wind takes the dust away."""
-LEAP_STAYS_S: Final = 2.0
-"""An edge that has leapt inside is believed when it stays that long after the machine was told to
-stand. No edge counts in a look before: to take only those that lie outside would draw the lane
-there."""
 
 
 class Look:
@@ -46,9 +42,8 @@ class Look:
         self._for_end = False
 
     def settled(self, stamp: float) -> bool:
-        """Whether the dust has had its time to settle, for what is looked for."""
-        settles_s = SETTLE_S if self._for_end else LEAP_STAYS_S
-        return self._until - stamp <= LOOK_S - settles_s
+        """Whether the dust has had its time to settle."""
+        return self._until - stamp <= LOOK_S - SETTLE_S
 
     def over(self, now: float) -> bool:
         """Whether that was long enough."""

@@ -19,7 +19,7 @@ from host.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline
 from host.direction_check import DirectionCheck
 from host.dust import CONFIDENCE, DustyEdge
 from host.lane import Lane
-from host.look import LEAP_STAYS_S, LONG_LOOK_S, LOOK_S, Look
+from host.look import LONG_LOOK_S, LOOK_S, Look
 from host.manoeuvre import Follow, Turn
 from host.odometry import Motion, Odometry
 from host.plan import SEEN_SHARE, Plan, Side
@@ -98,6 +98,8 @@ PLACE_SIGMA_RAD = math.radians(2.5)
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
+LEAP_STAYS_S = 2.0
+"""It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
 """In dust an edge that has moved inside by more is the dust's."""
 TURN_KNOWN_M = 4.0

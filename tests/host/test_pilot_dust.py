@@ -421,20 +421,3 @@ def test_what_a_look_shows_before_the_dust_has_settled_is_not_believed() -> None
     assert pilot.cut_m > 12.0, pilot.reason
     assert any("without the blade's dust" in t.reason for t in pilot.transitions)
     assert world.x == pytest.approx(before, abs=0.05)
-
-
-def test_an_edge_inside_is_believed_in_a_look_as_soon_as_one_that_lies_outside() -> None:
-    """Dust settles: first its border passes for the edge in every other picture."""
-    world, eyes, pilot = cutting(LONG)
-
-    def settling(view: CropView) -> CropView:
-        if world.command.blade or pilot.phase is not Phase.HESITATE:
-            return replace(view, confidence=0.0)
-        looked_s = world.now - pilot.transitions[-1].stamp
-        return beside(0.0 if looked_s < 1.9 and len(eyes.looks) % 2 else 0.15)(view)
-
-    eyes.spoil = settling
-    drive(world, pilot, 90.0, until=lambda: pilot.phase is Phase.HESITATE)
-    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
-    assert pilot.phase is Phase.FOLLOW
-    assert pilot.lane.blade_offset_m < -0.08
