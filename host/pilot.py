@@ -112,9 +112,6 @@ CORNER_SIGMAS = 3.0
 """How far beside the lane a corner may be, in the lane's own uncertainty."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
-LEARN_LEAST_M = 6.0
-"""A shorter side ends while it is being straightened still: strip after strip would teach it what
-the turns leave, and each turn would be the worse for it."""
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
 ALIGN_ROOM_M = (0.5, 1.0)
@@ -414,8 +411,7 @@ class Pilot:
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
                 self._corrected_m = then.distance_m
-                cut_m = self._cut_m(then) if self._ahead.entered else 0.0
-                learn = self._teaches and cut_m > LEARN_AFTER_M
+                learn = self._ahead.entered and self._cut_m(then) > LEARN_AFTER_M
                 seen = (edge, heading, view.confidence, since)
                 self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
                 self._odometry.turn_trim(self._lane.take_bias())
@@ -454,7 +450,7 @@ class Pilot:
         self._dust_doubts = line > INWARD_M and self._ahead.in_dust(*EDGE_SURE)
         if not self._dust_doubts:
             here = line - self._lane.blade_offset_m
-            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=self._teaches)
+            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=True)
             self._believe_heading()
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
@@ -478,14 +474,7 @@ class Pilot:
     def _believe_heading(self) -> None:
         if self._side() is not None and self._position.known:
             _, heading, _, sigma = self._position.against_lane()
-            sigma = max(HEADING_SIGMA_RAD, sigma)
-            self._lane.correct_heading(heading, sigma, learn=self._teaches)
-
-    @property
-    def _teaches(self) -> bool:
-        """Whether the present side is one that shows the steering's bias."""
-        side = self._side()
-        return side is None or side.length_m > LEARN_LEAST_M
+            self._lane.correct_heading(heading, max(HEADING_SIGMA_RAD, sigma))
 
     def _on_lane(self, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the

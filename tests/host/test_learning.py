@@ -44,19 +44,6 @@ def test_how_much_the_machine_turns_is_learned_from_its_turns() -> None:
     assert math.degrees(max(askew[2:])) < 0.6
 
 
-def test_short_strips_teach_nothing_of_the_steerings_bias() -> None:
-    """Each is begun as the turn before it has left the machine, and is over before it is in
-    line."""
-    square = [(0.0, 0.0), (5.5, 0.0), (5.5, 5.5), (0.0, 5.5)]
-    world = SimpleWorld(VEHICLE, width=5.5, height=5.5, yaw_gain=0.96)
-    plan = spiral(square, 1, VEHICLE)
-    world.stand_at(plan.sides[0])
-    pilot = Pilot(VEHICLE, world, plan)
-    drive(world, pilot, 600.0, until=lambda: pilot.turns >= 5 or pilot.done)
-    assert pilot.turns == 5, pilot.reason
-    assert pilot.trim_rad == 0.0
-
-
 def test_bends_are_not_copied_from_round_to_round() -> None:
     wavy = [(float(x), 0.05 * math.sin(math.tau * x / 6.0)) for x in np.arange(0.0, 24.01, 0.1)]
     world = SimpleWorld(VEHICLE, width=24.0, height=8.0, polygon=[*wavy, (24.0, 8.0), (0.0, 8.0)])
