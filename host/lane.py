@@ -101,12 +101,17 @@ class Lane:
         noise = np.diag([SLIP_PER_M**2 * run, yaw, BIAS_PER_M**2 * run])
         self._p = jacobian @ self._p @ jacobian.T + noise
 
-    def correct_heading(self, heading_rad: float, sigma_rad: float) -> None:
+    def correct_heading(self, heading_rad: float, sigma_rad: float, *, learn: bool = True) -> None:
         """What dead reckoning in the field frame says of the heading: offsets alone, where vision
-        sees no direction, could be explained by any heading for a while."""
+        sees no direction, could be explained by any heading for a while. `learn` as in
+        `correct`."""
         gain = self._p[:, 1] / (self._p[1, 1] + sigma_rad**2)
+        if not learn:
+            gain[2] = 0.0
         self._x = self._x + gain * (heading_rad - self._x[1])
-        self._p = self._p - np.outer(gain, self._p[1])
+        keep = np.eye(3)
+        keep[:, 1] -= gain
+        self._p = keep @ self._p @ keep.T + np.outer(gain, gain) * sigma_rad**2
 
     def correct(
         self,

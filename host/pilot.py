@@ -112,6 +112,9 @@ CORNER_SIGMAS = 3.0
 """How far beside the lane a corner may be, in the lane's own uncertainty."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
+SHUTTLE_LEARN_M = 6.0
+"""A shorter strip of a shuttle ends while it is being straightened still, and the next is begun by
+the same turn: strip after strip would teach the bias what that leaves."""
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
 ALIGN_ROOM_M = (0.5, 1.0)
@@ -411,7 +414,8 @@ class Pilot:
             edge, heading = self._edge_m(view, then), view.edge_heading_rad
             if not self._leaps(edge, then):
                 self._corrected_m = then.distance_m
-                learn = self._ahead.entered and self._cut_m(then) > LEARN_AFTER_M
+                cut_m = self._cut_m(then) if self._ahead.entered else 0.0
+                learn = self._teaches and cut_m > LEARN_AFTER_M
                 seen = (edge, heading, view.confidence, since)
                 self._lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
                 self._odometry.turn_trim(self._lane.take_bias())
@@ -450,7 +454,7 @@ class Pilot:
         self._dust_doubts = line > INWARD_M and self._ahead.in_dust(*EDGE_SURE)
         if not self._dust_doubts:
             here = line - self._lane.blade_offset_m
-            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=True)
+            self._lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=self._teaches)
             self._believe_heading()
 
     def _edge_m(self, view: CropView, then: Motion) -> float:
@@ -474,7 +478,15 @@ class Pilot:
     def _believe_heading(self) -> None:
         if self._side() is not None and self._position.known:
             _, heading, _, sigma = self._position.against_lane()
-            self._lane.correct_heading(heading, max(HEADING_SIGMA_RAD, sigma))
+            sigma = max(HEADING_SIGMA_RAD, sigma)
+            self._lane.correct_heading(heading, sigma, learn=self._teaches)
+
+    @property
+    def _teaches(self) -> bool:
+        """Whether the present side is one that shows the steering's bias."""
+        side = self._side()
+        long = side is None or side.length_m > SHUTTLE_LEARN_M
+        return long or self.turns == 0 or self._plan.corner_rad(self.turns - 1) != 0.0
 
     def _on_lane(self, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the

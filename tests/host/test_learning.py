@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,21 @@ def test_how_much_the_machine_turns_is_learned_from_its_turns() -> None:
     ]
     assert math.degrees(askew[1]) > 1.0, "by its own reckoning it turned 90 deg"
     assert math.degrees(max(askew[2:])) < 0.6
+
+
+def test_the_short_strips_of_a_shuttle_teach_nothing_of_the_steerings_bias() -> None:
+    """Each is begun as the turn before it has left the machine, and is over before it is in
+    line."""
+    world = SimpleWorld(VEHICLE, height=5.5, gap=5.0)
+    first = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 5.5), (0.0, 5.5)], 1, VEHICLE).sides[0]
+    strips = [replace(first, x_m=first.x_m - k * VEHICLE.pass_m, back_m=2.0) for k in range(5)]
+    pilot = Pilot(VEHICLE, world, Plan(sides=tuple(strips)))
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    world.pot_error = math.radians(1.0)
+    known = pilot.trim_rad
+    drive(world, pilot, 600.0, until=lambda: pilot.turns == 4 or pilot.done)
+    assert pilot.turns == 4, pilot.reason
+    assert pilot.trim_rad == pytest.approx(known, abs=1e-5)
 
 
 def test_bends_are_not_copied_from_round_to_round() -> None:

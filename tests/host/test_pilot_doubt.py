@@ -444,7 +444,8 @@ def test_the_lane_takes_no_heading_for_surer_than_the_position_has_it(
         offset, heading, offset_sigma, _ = against_lane(position)
         return offset, heading, offset_sigma, math.radians(10.0)
 
-    def correct_heading(_lane: Lane, _heading_rad: float, sigma_rad: float) -> None:
+    def correct_heading(_lane: Lane, _heading_rad: float, sigma_rad: float, *, learn: bool) -> None:
+        del learn
         told.append(sigma_rad)
 
     def place(_lane: Lane, _offset: float, _heading: float, _sd: float, sd_rad: float) -> None:
