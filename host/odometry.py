@@ -10,7 +10,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from host.slope import Slope
+from host.slope import Coast, Slope
 from host.types import Fix, Telemetry
 from host.vehicle import Vehicle
 
@@ -37,9 +37,6 @@ STEADY_S = 1.0
 """After the drive is switched on, until the speed is the slope's and not the start's."""
 STOPS_S = 0.3
 """After it is switched off, until a machine that still moves rolls, and does not coast."""
-TURNS_MPS, TURNED_SHARE, TURNED_M = 0.08, 1.15, 0.04
-"""A braked machine that rolls on only slows down. One that had all but stopped and is the faster
-again, by such a factor at least after so far (two pulses), has turned round."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -73,11 +70,7 @@ class Odometry:
         self._slope = Slope()
         self._driven_s = 0.0
         """Since the drive was last switched; negative: since it was switched off."""
-        self._slowest = math.inf
-        """Of what was counted since the drive was switched off, m/s."""
-        self._since_slowest_m = 0.0
-        self._turned_round = False
-        """Whether it has since come to roll against the way it was driven."""
+        self._coast = Coast()
         self._history: deque[Motion] = deque()
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
@@ -152,23 +145,16 @@ class Odometry:
         assert speed is not None
         if telemetry.drive_duty != 0:
             self._driven_s = max(0.0, self._driven_s) + dt
-            self._slowest, self._since_slowest_m, self._turned_round = math.inf, 0.0, False
+            self._coast = Coast()
             straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
             if straight and self._driven_s > STEADY_S and speed != 0.0:
                 level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
                 self._slope.learn(self.now.yaw_rad, speed, level, cutting=telemetry.blade)
             return step_m, speed
         self._driven_s = min(0.0, self._driven_s) - dt
-        if self._turned_round:
-            return -step_m, -speed
-        if abs(speed) <= self._slowest:
-            self._slowest, self._since_slowest_m = abs(speed), 0.0
-        else:
-            self._since_slowest_m += step_m
-        far = abs(self._since_slowest_m) >= TURNED_M
-        if far and 0.0 < self._slowest < min(TURNS_MPS, abs(speed) / TURNED_SHARE):
-            self._turned_round = True
-            return step_m - 2 * self._since_slowest_m, -speed
+        back_m = self._coast.take(step_m, speed)
+        if self._coast.turned:
+            return step_m - 2 * back_m, -speed
         downhill = self._slope.rolls(self.now.yaw_rad)
         if downhill == 0 or self._driven_s > -STOPS_S:
             return step_m, speed

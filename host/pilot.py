@@ -340,12 +340,13 @@ class Pilot:
         if verdict is None or verdict.level is Level.CLEAR:
             return command
         slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
+        slowly = replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
         creeping = self._verdict(slow) or verdict
         if creeping.level is not Level.STOP:
-            return replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
+            return slowly
         later = self._verdict(command.speed_mps, ahead_s=0.5)
         if later is not None and not later.clearance_m <= verdict.clearance_m + 1e-3:
-            return replace(command, speed_mps=slow)
+            return slowly
         if self.phase is Phase.TURN and self._turn is not None:
             # What is left of the turn goes the other way.
             self._next_leg(now, self._turn)

@@ -1,7 +1,8 @@
 """Which way the machine rolls when its drive is off: downhill, as its own driving tells.
 
 One hall sensor counts pulses, not their direction, and a braked drive creeps on a slope. But uphill
-the machine is slower than its duty says, and downhill faster, in whatever direction it drives.
+the machine is slower than its duty says, and downhill faster, in whatever direction it drives; and
+a machine that runs out uphill all but stops before it comes back.
 """
 
 from __future__ import annotations
@@ -21,6 +22,11 @@ DRIFT_MPS: Final = 0.002
 """Growth with each: the ground is no plane, and dead reckoning turns."""
 SURE: Final = 1.0
 LEAST_MPS: Final = 0.02
+TURNS_MPS: Final = 0.08
+TURNED_SHARE: Final = 1.15
+TURNED_M: Final = 0.04
+"""A braked machine that rolls on only slows down. One that had all but stopped and is the faster
+again, by such a factor at least after so far (two pulses), has turned round."""
 
 
 class Slope:
@@ -48,3 +54,27 @@ class Slope:
         if abs(uphill) < max(LEAST_MPS, SURE * math.sqrt(h @ self._p @ h)):
             return 0
         return -1 if uphill > 0 else 1
+
+
+class Coast:
+    """A machine since its drive was switched off."""
+
+    def __init__(self) -> None:
+        self._slowest_mps = math.inf
+        self._since_slowest_m = 0.0
+        self.turned = False
+        """Whether it has come to roll against the way it was driven."""
+
+    def take(self, step_m: float, speed_mps: float) -> float:
+        """With what was counted since the last call: how much of all that was counted so far went
+        the other way, and was not known to."""
+        if self.turned:
+            return step_m
+        if abs(speed_mps) <= self._slowest_mps:
+            self._slowest_mps, self._since_slowest_m = abs(speed_mps), 0.0
+        else:
+            self._since_slowest_m += step_m
+        far = abs(self._since_slowest_m) >= TURNED_M
+        stopped = 0.0 < self._slowest_mps < min(TURNS_MPS, abs(speed_mps) / TURNED_SHARE)
+        self.turned = far and stopped
+        return self._since_slowest_m if self.turned else 0.0

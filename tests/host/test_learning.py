@@ -60,6 +60,20 @@ def test_the_short_strips_of_a_shuttle_teach_nothing_of_the_steerings_bias() -> 
     assert pilot.trim_rad == pytest.approx(known, abs=1e-5)
 
 
+def test_short_sides_round_a_corner_do_teach_the_steerings_bias() -> None:
+    """The turn to each is not the one before it."""
+    world = SimpleWorld(VEHICLE, width=5.5, height=5.5, pot_error=math.radians(-2.0))
+    plan = spiral([(0.0, 0.0), (5.5, 0.0), (5.5, 5.5), (0.0, 5.5)], 1, VEHICLE)
+    world.stand_at(plan.sides[0])
+    pilot = Pilot(VEHICLE, world, plan)
+    drive(world, pilot, 90.0, until=lambda: pilot.turns == 1)
+    early = pilot.trim_rad
+    drive(world, pilot, 300.0, until=lambda: pilot.turns == 5 or pilot.done)
+    assert pilot.turns == 5, pilot.reason
+    assert math.degrees(pilot.trim_rad) == pytest.approx(-2.0, abs=0.3)
+    assert abs(math.degrees(early) + 2.0) > 0.3, "one side does not tell all of it"
+
+
 def test_bends_are_not_copied_from_round_to_round() -> None:
     wavy = [(float(x), 0.05 * math.sin(math.tau * x / 6.0)) for x in np.arange(0.0, 24.01, 0.1)]
     world = SimpleWorld(VEHICLE, width=24.0, height=8.0, polygon=[*wavy, (24.0, 8.0), (0.0, 8.0)])

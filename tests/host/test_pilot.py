@@ -272,6 +272,18 @@ def test_the_geofence_stops_it_before_the_permitted_area_ends_whatever_vision_sa
     assert world.y + VEHICLE.blade_x_m < 10 + world.gap - 0.2
 
 
+def test_the_geofence_counts_how_far_an_uncertain_direction_moves_the_blade() -> None:
+    """Along the outer edge of a narrow gap, the axle known to a centimetre."""
+    world = SimpleWorld(VEHICLE, gap=1.0)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, "three_point", world.gap))
+    drive(world, pilot, 10.0)
+    for yaw_sigma_deg, slowed in ((1.0, False), (30.0, True)):
+        pilot.position._p[:3, :3] = np.diag([1e-4, 1e-4, math.radians(yaw_sigma_deg) ** 2])
+        log: list[Command] = []
+        drive(world, pilot, 0.04, log)
+        assert ("geofence" in log[-1].reason) == slowed, log[-1]
+
+
 @pytest.mark.parametrize("gap_m", [1.2, 1.6])
 def test_a_turn_that_the_geofence_cuts_short_goes_on_the_other_way(gap_m: float) -> None:
     world = SimpleWorld(VEHICLE, width=6.0, height=6.0, gap=gap_m)
