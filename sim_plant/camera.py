@@ -238,6 +238,8 @@ class Camera:
         body = body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2]
         free = (~body).astype(np.uint8)
         cells = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        # Its last bits depend on where the arrays lie in memory; a square is a whole number.
+        cells = np.sqrt(np.rint(cells * cells))
         # The diagonal: the point and the crop may each lie at the far corner of their cells.
         clear = np.clip((cells - 1.4143) * self._coarse, 0, cap)
         p, q = max(0, j0 - pad), min(rows, j1 + pad)
