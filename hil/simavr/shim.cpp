@@ -41,6 +41,9 @@ constexpr size_t kEepromSize = 1024;
 constexpr uint8_t kPins = 14;
 constexpr uint8_t kRxVector = 18;
 constexpr uint64_t kBootLimit = 16'000'000;  // cycles until the firmware must run its clock
+// A step runs instructions up to the next timer, but no further than this: one by one, as libsimavr
+// does unasked, its looking for timers costs nearly as much as the instructions.
+constexpr uint64_t kRunCycles = 16'000;
 
 // Data addresses of the ATmega328P (datasheet 30).
 enum Register : uint16_t {
@@ -245,10 +248,12 @@ struct daranti_target {
     to_host.clear();
     host_free = line_free = time;
     restore_inputs(time);
+    avr->run_cycle_limit = 1;
     while (reg(kTccr0b) == 0) {
       if (!step() || avr->cycle > kBootLimit) return false;
     }
     origin = time - avr->cycle;
+    if (!probing) avr->run_cycle_limit = kRunCycles;
     return true;
   }
 
@@ -439,6 +444,7 @@ int32_t target_hang(daranti_target *target) {
 // Begins, or begins anew: what was found so far is forgotten.
 void probe_start(daranti_target *target) {
   target->probing = true;
+  target->avr->run_cycle_limit = target->avr->run_cycle_count = 1;
   target->tick_worst = target->masked_worst = 0;
 }
 
