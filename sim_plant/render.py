@@ -778,6 +778,8 @@ def project(
     inv = 1.0 / scene.cell
     rows, columns = view.rays_a.shape
     F = view.focal
+    kinds = np.empty(packs.shape[1], np.uint8)
+    densities = np.empty(packs.shape[1], np.uint16)
     for k in range(k0, k1):
         bj = blocks[k, 0]
         bi = blocks[k, 1]
@@ -788,19 +790,24 @@ def project(
         wider = min(3.0, packs.shape[1] / max(1, shown))
         wave = 0.55 + 0.45 * math.sin(1.3 * x_block + 0.7 * y_block - 2.2 * t)
         n = 0
+        # Looked up apart from what hangs on it, so that many cells are on their way at once.
         for q in range(shown):
             s = packs[pack, q]
+            i = int((x_block + s.x - scene.x0) * inv)
+            j = int((y_block + s.y - scene.y0) * inv)
+            kinds[q] = f.SOIL
+            if i < n_i and j < n_j:
+                kinds[q] = scene.kind[j, i]
+                densities[q] = scene.stand[j >> 1, i >> 1, DENSITY]
+        for q in range(shown):
+            s = packs[pack, q]
+            kind = kinds[q]
+            if kind == f.SOIL or _solid(kind) or s.rank > UNIT * densities[q]:
+                continue
             x = x_block + s.x
             y = y_block + s.y
-            i = int((x - scene.x0) * inv)
-            j = int((y - scene.y0) * inv)
-            if i >= n_i or j >= n_j:
-                continue
-            kind = scene.kind[j, i]
-            ci = i >> 1
-            cj = j >> 1
-            if kind == f.SOIL or _solid(kind) or s.rank > UNIT * scene.stand[cj, ci, DENSITY]:
-                continue
+            ci = int((x - scene.x0) * inv) >> 1
+            cj = int((y - scene.y0) * inv) >> 1
             tall = _standing(kind)
             lean_x = s.lean_x
             lean_y = s.lean_y
