@@ -36,7 +36,10 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
   if (duty != 0) backward_ = duty < 0;
   if (silent_ != UINT16_MAX) ++silent_;
   if (duty == 0 || fresh != 0) {
-    rolls_ = duty != 0;
+    // A machine that rolls back as it is driven gives pulses too, but ever more slowly: what has
+    // broken away stood before, or becomes faster.
+    const bool away = silent_ > kStandsTicks || int32_t{silent_} * 5 < int32_t{interval_} * 4;
+    rolls_ = duty != 0 && (rolls_ || away);
     awaited_ = 0;
     waited_ = 0;
   } else if (magnitude(setpoint) >= kSlow) {
@@ -48,6 +51,7 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
   if (fresh != 0) {
     // The first pulse after standing tells nothing about the time since the one before.
     speed = silent_ > kStandsTicks ? 0 : least(one_ * least(fresh, kFreshMax) / silent_, INT16_MAX);
+    interval_ = silent_;
     silent_ = 0;
     remainder_ += fresh * int32_t{10000};
     const int32_t whole = remainder_ / per_metre_;

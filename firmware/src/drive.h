@@ -17,8 +17,8 @@ class Hall {
   int16_t speed() const { return speed_; }
   // mm, signed, since boot.
   int32_t distance() const { return distance_; }
-  // Driven without a pulse for 0.25 m, or for 0.9 s since the last one where the machine rolled (to
-  // break away it may take longer); in either two were due.
+  // Driven without a pulse for 0.25 m, or for 0.9 s since the last one where the machine had broken
+  // away (for that it may take longer); in either two were due.
   bool lost() const;
 
   static constexpr int16_t kNone = INT16_MIN;
@@ -33,9 +33,10 @@ class Hall {
   uint16_t last_ = 0;
   uint16_t waited_ = 0;           // ticks in awaited_
   uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
+  uint16_t interval_ = 0;         // ticks between the last two
   int16_t speed_ = kNone;
   bool backward_ = false;
-  bool rolls_ = false;  // a pulse has come since it is driven
+  bool rolls_ = false;  // since it is driven, it has broken away
 };
 
 // Soft start, feed-forward, and a speed loop where a hall sensor is configured.

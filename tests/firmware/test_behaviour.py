@@ -277,6 +277,27 @@ def hall_sensor_goes_silent_while_the_machine_creeps(make: Maker) -> Bench:
 
 
 @scenario
+def a_machine_that_rolls_back_as_it_is_driven_may_break_away_late(make: Maker) -> Bench:
+    bench = Bench(make())
+    bench.run(10)
+    bench.set_param("hall_per_metre", 20)
+    bench.hall_per_metre = 20.0
+    bench.arm()
+    for asked, rolls_mps, ms in ((0.0, 0.3, 600), (0.15, 0.12, 420), (0.15, 0.08, 700)):
+        bench.ask(speed=asked)
+        for _ in range(ms):
+            rolled_m = bench.wheel_m + rolls_mps * 1e-3
+            bench.run(1)
+            bench.wheel_m = rolled_m
+    assert bench.drive_duty > 0
+    assert bench.last.distance > 0.25
+    bench.hall_per_metre = 0.0
+    bench.run(1300)
+    assert bench.last.faults == 0
+    return faulted(bench, Fault.HALL_LOST, 400)
+
+
+@scenario
 def parameters_change_when_safe(make: Maker) -> Bench:
     bench = Bench(make())
     bench.run(10)

@@ -370,6 +370,44 @@ TEST_CASE("To break away a machine may take until it should have come 0.25 m") {
   CHECK(hall.lost());
 }
 
+TEST_CASE("A machine that rolls back as it is driven must break away too") {
+  Hall hall = hall_with(200);
+  uint16_t pulses = 1;
+  const auto pulse_after = [&](int32_t ticks, int16_t duty) {
+    for (int32_t i = 1; i < ticks; ++i) hall.step(pulses, duty, 150);
+    hall.step(++pulses, duty, 150);
+  };
+  hall.step(pulses, -100, -150);
+  pulse_after(40, 0);
+  pulse_after(50, 0);
+  pulse_after(50, 100);
+  pulse_after(40, 100);  // by a bump
+  pulse_after(200, 100);
+  for (int i = 0; i < 333; ++i) hall.step(pulses, 100, 150);
+  CHECK(!hall.lost());
+  hall.step(pulses, 100, 150);
+  CHECK(hall.lost());
+}
+
+TEST_CASE("A machine that was driven stands after a second, or becomes the faster again") {
+  struct Case {
+    int32_t before, last;
+  };
+  for (const Case &each : {Case{40, 201}, Case{50, 39}}) {
+    Hall hall = hall_with(200);
+    hall.step(1, 0, 150);
+    for (int32_t i = 1; i < each.before; ++i) hall.step(1, 0, 150);
+    hall.step(2, 0, 150);
+    for (int32_t i = 1; i < each.last; ++i) hall.step(2, 100, 150);
+    hall.step(3, 100, 150);
+    hall.step(4, 100, 150);  // and it goes on rolling
+    for (int32_t i = 0; i < 179; ++i) hall.step(4, 100, 150);
+    CHECK(!hall.lost());
+    hall.step(4, 100, 150);
+    CHECK(hall.lost());
+  }
+}
+
 TEST_CASE("A sensor of few pulses is given two of them") {
   Hall hall = hall_with(50);  // 200 mm a pulse
   for (int i = 0; i < 159; ++i) hall.step(0, 100, 500);
