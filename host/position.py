@@ -41,6 +41,8 @@ COURSE_SHARE = 1.2
 worse than its speed is."""
 BEGIN_SIGMA_M = 0.25
 END_SIGMA_M = 0.15
+"""Of a border across the side. Where it slants, a border that lies a little askew is met elsewhere
+by the square of 1/cos as much, and dust hides its last tip."""
 END_EARLY_M = 0.1
 """The last crop before the blade is too shallow a strip to look like crop: vision loses it 0.14 m
 before its end from the mast, at 0.05 m from the low camera (docs/vision.md)."""
@@ -241,9 +243,9 @@ class Position:
         along = np.zeros((1, STATES))
         along[0, :YAW] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
-        sigma = math.hypot(END_SIGMA_M, SLANT_SHARE * side.end_seen_m, doubt_m)
-        seen = side.length_m - side.end_seen_m - END_EARLY_M
         slope = min(SLOPE_MOST, side.edge_end_m / side.width_m)
+        sigma = math.hypot(END_SIGMA_M * (1 + slope**2), SLANT_SHARE * side.end_seen_m, doubt_m)
+        seen = side.length_m - side.end_seen_m - END_EARLY_M
         self._along(side, seen + ago_m, sigma, -slope)
 
     def _along(self, side: Side, blade_m: float, sigma_m: float, slope: float) -> None:
