@@ -400,6 +400,7 @@ TEST_CASE("A machine that was driven stands after a second, or becomes the faste
     hall.step(2, 0, 150);
     for (int32_t i = 1; i < each.last; ++i) hall.step(2, 100, 150);
     hall.step(3, 100, 150);
+    for (int32_t i = 1; i < each.last; ++i) hall.step(3, 100, 150);
     hall.step(4, 100, 150);  // and it goes on rolling
     for (int32_t i = 0; i < 179; ++i) hall.step(4, 100, 150);
     CHECK(!hall.lost());
