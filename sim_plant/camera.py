@@ -72,6 +72,14 @@ LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
 
 
+def cells_to(body: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(rows, columns): how far the nearest cell of `body`, of the same shape, is away, in cells.
+    The last bits of OpenCV's answer depend on where its arrays lie in memory; the square of a
+    distance between cells is a whole number."""
+    cells = cv2.distanceTransform((~body).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.sqrt(np.rint(np.square(cells, dtype=np.float32)))
+
+
 def _axes(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
     """Rows right, down, forward of a camera; pitch positive downward, roll clockwise."""
     cp, sp, cy, sy, cr, sr = (g(a) for a in (pitch, yaw, roll) for g in (math.cos, math.sin))
@@ -236,12 +244,8 @@ class Camera:
         crop = cv2.morphologyEx(crop, cv2.MORPH_OPEN, block, borderType=cv2.BORDER_REPLICATE)
         body = (crop > 0) | solid
         body = body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2]
-        free = (~body).astype(np.uint8)
-        cells = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        # Its last bits depend on where the arrays lie in memory; a square is a whole number.
-        cells = np.sqrt(np.rint(cells * cells))
         # The diagonal: the point and the crop may each lie at the far corner of their cells.
-        clear = np.clip((cells - 1.4143) * self._coarse, 0, cap)
+        clear = np.clip((cells_to(body) - 1.4143) * self._coarse, 0, cap)
         p, q = max(0, j0 - pad), min(rows, j1 + pad)
         r, s = max(0, i0 - pad), min(columns, i1 + pad)
         scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]

@@ -280,6 +280,22 @@ def test_a_slanting_end_counts_where_it_is_seen_and_the_less_the_more_it_slants(
         assert 0.01 < moved < (0.03 if seen_m else 0.2)
 
 
+def test_the_end_of_a_slanting_border_tells_less_of_the_place_along() -> None:
+    """At corners of 135° and 145°: much less than by the doubt alone where across it was met, which
+    would leave three quarters and three fifths."""
+    moved = []
+    for slope in (0.0, 1.0, 1.4):
+        width_m = VEHICLE.pass_m
+        side = Side(0.0, 0.0, 0.0, 10.0, width_m, 10.0, edge_end_m=slope * width_m)
+        position = Position(VEHICLE)
+        position.place(side, 9.7, 0.0, 0.0)
+        position.at_end(side, 0.0)
+        moved.append(position.along(side) - 9.7)
+    assert moved[0] > 0.05
+    assert moved[1] < 0.4 * moved[0]
+    assert moved[2] < 0.6 * moved[1]
+
+
 @pytest.mark.parametrize("told", ["at_begin", "at_end"])
 def test_a_slanting_border_met_late_or_early_tells_of_the_place_across_too(told: str) -> None:
     """At a corner of 135° a machine 0.3 m right of its lane meets the crop 0.3 m later, and loses

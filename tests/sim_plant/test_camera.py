@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim_plant import labels, sky
-from sim_plant.camera import LOW, MAST, Camera, CameraSpec
+from sim_plant.camera import LOW, MAST, Camera, CameraSpec, cells_to
 from sim_plant.field import Field, FieldSpec
 from sim_plant.sky import WeatherSpec
 
@@ -32,6 +32,18 @@ def test_pictures_do_not_depend_on_the_number_of_threads(mount: CameraSpec) -> N
     pictures = [Camera(half_cut(), mount, seed=1, threads=n).capture(*POSE) for n in (1, 2, 3)]
     assert pictures[0].shape == (480, 640, 3)
     assert all(np.array_equal(pictures[0], p) for p in pictures[1:])
+
+
+def test_distances_between_cells_are_those_of_whole_numbers_wherever_arrays_lie() -> None:
+    """In float64 first: no rounding but the last."""
+    rng = np.random.default_rng(1)
+    j, i = np.mgrid[0:61, 0:83]
+    for k in range(60):
+        body = np.empty(61 * 83 + k, np.bool_)[k:].reshape(61, 83)
+        body[:] = rng.random(body.shape) < 0.005
+        at = np.argwhere(body)
+        squares = (j[..., None] - at[:, 0]) ** 2 + (i[..., None] - at[:, 1]) ** 2
+        assert np.array_equal(cells_to(body), np.sqrt(squares.min(-1)).astype(np.float32))
 
 
 def test_pictures_repeat_and_differ_by_seed_time_and_pose() -> None:
