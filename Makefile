@@ -40,8 +40,8 @@ $(UNO) $(UNO_HIL): .pio/build/%/firmware.elf: $(SOURCES) | .setup/platformio
 	@$(BIN)/pio run --silent -e $*
 	@touch $@
 
-$(SHIM): $(wildcard hil/simavr/*) firmware/src/target.h | .setup/debian
-	@$(MAKE) --no-print-directory -s -C hil/simavr
+$(SHIM): $(wildcard hil/firmware/simavr/*) firmware/src/target.h | .setup/debian
+	@$(MAKE) --no-print-directory -s -C hil/firmware/simavr
 
 build: $(DESK) $(UNO) $(UNO_HIL) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
 
@@ -52,7 +52,7 @@ harvest: setup ## harvests the default field with the compiled firmware in the l
 
 lint: setup ## formatting, style, types and layers
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
-	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/simavr/*.cpp' 'tools/*.h' 'tools/*.cpp')
+	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/firmware/simavr/*.cpp' 'tools/*.h' 'tools/*.cpp')
 	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check
 
 test: lint ## every test: firmware on the desk and in simavr, host, plant and bench

@@ -17,9 +17,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from hil.targets import AVR_IMAGE, Target, avr
-from host import protocol
-from host.errors import UserError
+from hil.firmware.targets import AVR_IMAGE, Target, avr
+from host.core.errors import UserError
+from host.link import protocol
 
 CLOCK_HZ = 16_000_000
 TICK_CYCLES = CLOCK_HZ // 200

@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 from numba import njit
 
-from hil import inner, provision
-from host import protocol
-from host.errors import UserError
+from hil.firmware import coupling, provision
+from host.core.errors import UserError
+from host.link import protocol
 from sim_plant import machine
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
 from sim_plant.field import Field, FieldSpec
@@ -88,10 +88,10 @@ def with_firmware(name: str, seconds: float) -> float:
     """Simulated over CPU time of machine and firmware, armed, commanded at 10 Hz."""
     state, params, given = _records()
     with provision.target(name, {}) as target:  # type: ignore[arg-type]
-        run = inner.bind(target, state, params, given)
+        run = coupling.bind(target, state, params, given)
         run(0, 1000)
         now, seq = 1000, itertools.count()
-        target.set_pin(inner.ESTOP, False)
+        target.set_pin(coupling.ESTOP, False)
         begin = 0.0
         for k in itertools.count(-5):
             if k == 0:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from hil.targets import Target, TargetError, avr
-from host import protocol
-from host.errors import UserError
+from hil.firmware.targets import Target, TargetError, avr
+from host.core.errors import UserError
+from host.link import protocol
 
 OUTPUTS = (3, 4, 5, 6, 7, 8, 9, 10, 11)
 LONGEST = 400

@@ -1,4 +1,4 @@
-"""Writes firmware/src/protocol.h and host/protocol.py from firmware/protocol.toml.
+"""Writes firmware/src/protocol.h and host/link/protocol.py from firmware/protocol.toml.
 
 `python tools/protogen.py` writes them, `python tools/protogen.py --check` fails when one of them
 differs from what the schema says.
@@ -16,7 +16,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 SCHEMA = ROOT / "firmware" / "protocol.toml"
 HEADER = ROOT / "firmware" / "src" / "protocol.h"
-MODULE = ROOT / "host" / "protocol.py"
+MODULE = ROOT / "host" / "link" / "protocol.py"
 RUNTIME = Path(__file__).with_name("protocol.py.in")
 
 C_TYPES = {

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCE = ROOT / "host" / "pilot.py"
+SOURCE = ROOT / "host" / "pilot" / "pilot.py"
 DOCUMENT = ROOT / "docs" / "pilot.md"
 
 
@@ -84,8 +84,8 @@ def chart() -> str:
         [
             "# The pilot's states",
             "",
-            "Drawn from `host/pilot.py` by `tools/statechart.py`. Every transition carries its",
-            "reason, which the operator sees and the record keeps.",
+            "Drawn from `host/pilot/pilot.py` by `tools/statechart.py`. Every transition",
+            "carries its reason, which the operator sees and the record keeps.",
             "",
             *lines,
             "",

@@ -17,11 +17,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from hil import targets
-from hil.targets import Target
-from host.errors import UserError
 from tests.firmware.actuator import ActuatorSpec
 from tests.firmware.bench import Bench
+
+from hil.firmware import targets
+from hil.firmware.targets import Target
+from host.core.errors import UserError
 from tests.firmware.test_step import respond, settled_after
 
 STEP_DEG = 30.0

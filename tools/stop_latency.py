@@ -14,11 +14,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from hil import targets
-from hil.targets import ResetCause
-from host import protocol
-from host.errors import UserError
 from tests.firmware.bench import BATTERY, DRIVE_SENSE, ESTOP, POT, STEER_SENSE, Bench
+
+from hil.firmware import targets
+from hil.firmware.targets import ResetCause
+from host.core.errors import UserError
+from host.link import protocol
 from tests.firmware.conftest import Maker
 from tests.firmware.test_behaviour import bench_running
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vehicle import LOW, MAST, Vehicle
+from host.core.vehicle import LOW, MAST, Vehicle
 from sim_plant.camera import Camera, CameraSpec
 from sim_plant.field import Field, FieldSpec
 from sim_plant.sky import WeatherSpec

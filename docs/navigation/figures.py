@@ -7,11 +7,11 @@ import math
 import shapely
 from rich.console import Console
 
-from host.areas import areas_of
-from host.follow_design import table_of as margins_table
-from host.plan import Plan, Side
-from host.preview import plan_field, preview, table_of
-from host.vehicle import Vehicle
+from host.core.vehicle import Vehicle
+from host.field.areas import areas_of
+from host.route.plan import Plan, Side
+from host.route.preview import plan_field, preview, table_of
+from host.tune.follow_margins import table_of as margins_table
 
 VEHICLE = Vehicle()
 GAP_M = 2.0

@@ -9,13 +9,13 @@ import numpy as np
 import shapely
 from shapely.affinity import translate
 
-from host.survey import survey_track
+from host.field.survey import survey_track
 from sim_plant.gnss import GnssSpec
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "host"))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from test_survey import SHAPES, in_field, iou, tracked
-from walker import around, walk
+from tests.helpers.walker import around, walk
+from tests.host.field.test_survey import SHAPES, in_field, iou, tracked
 
 WALKS = 6
 """Of each shape."""

@@ -1,7 +1,7 @@
 // The Target ABI: what the bench may ask of a microcontroller that runs the firmware.
 //
 // Two shared libraries export it alike: the desk build of the firmware (firmware/src/desk) and a
-// shim over libsimavr that runs the Uno's ELF (hil/simavr). Time is the target's own, in
+// shim over libsimavr that runs the Uno's ELF (hil/firmware/simavr). Time is the target's own, in
 // microseconds since target_create(), and advances only inside target_run_until(). Pins are
 // Arduino Uno numbers: 0-13 digital, 14-19 = A0-A5. Not thread-safe per handle; handles are
 // independent of each other (no global state), so many targets can run in one process.

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from host.vehicle import Mount
+from host.core.vehicle import Mount
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from host.errors import UserError
-from host.jpeg import JpegDecoder
+from host.core.errors import UserError
+from host.sensors.jpeg import JpegDecoder
 
 Picture = NDArray[np.uint8]
 """(height, width, 3) blue, green, red."""
@@ -82,7 +82,7 @@ def photos_in(path: Path) -> list[Path]:
 
 def _recorded(path: Path) -> Iterator[tuple[str, Picture]]:
     """The pictures that a record of a drive has kept."""
-    from host import record  # noqa: PLC0415 (it knows the pilot, which knows the detectors)
+    from host.runs import record  # noqa: PLC0415 (it knows the pilot, which knows the detectors)
 
     decoder, spoiled, index = JpegDecoder(), 0, 0
     for topic, stamp, message in record.read(path):

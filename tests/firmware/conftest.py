@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from hil import targets
-from hil.targets import Target
+from hil.firmware import targets
+from hil.firmware.targets import Target
 
 Maker = Callable[..., Target]
 

@@ -15,11 +15,12 @@ from collections.abc import Callable
 
 import pytest
 
-from hil.targets import ResetCause
-from host import protocol
-from host.protocol import Fault, Result, State
-from tests.firmware.actuator import ActuatorSpec
-from tests.firmware.bench import (
+from hil.firmware.targets import ResetCause
+from host.link import protocol
+from host.link.protocol import Fault, Result, State
+from tests.firmware.conftest import Maker, maker_of
+from tests.helpers.actuator import ActuatorSpec
+from tests.helpers.firmware_bench import (
     BATTERY,
     BLADE,
     DRIVE_SENSE,
@@ -27,7 +28,6 @@ from tests.firmware.bench import (
     STEER_SENSE,
     Bench,
 )
-from tests.firmware.conftest import Maker, maker_of
 
 Scenario = Callable[[Maker], Bench]
 SCENARIOS: dict[str, Scenario] = {}

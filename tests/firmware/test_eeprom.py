@@ -6,11 +6,11 @@ from functools import cache
 
 import pytest
 
-from hil.provision import target
-from host import protocol
-from host.protocol import Fault, Result, State
-from tests.firmware.bench import Bench
+from hil.firmware.provision import target
+from host.link import protocol
+from host.link.protocol import Fault, Result, State
 from tests.firmware.conftest import Maker
+from tests.helpers.firmware_bench import Bench
 
 BLOCK = 2 + 2 * len(protocol.PARAMS) + 2
 """Magic, version, values, CRC."""

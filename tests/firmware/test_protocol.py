@@ -14,9 +14,9 @@ from cobs import cobs
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host import protocol
-from host import types as host_types
-from host.protocol import Fault, Parser
+from host.core import messages as host_types
+from host.link import protocol
+from host.link.protocol import Fault, Parser
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 GOLDEN = ROOT / "firmware" / "test" / "golden_frames.txt"

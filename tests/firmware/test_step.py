@@ -12,10 +12,10 @@ import math
 
 import pytest
 
-from hil.targets import desk
-from tests.firmware.actuator import ActuatorSpec
-from tests.firmware.bench import Bench
+from hil.firmware.targets import desk
 from tests.firmware.conftest import Maker
+from tests.helpers.actuator import ActuatorSpec
+from tests.helpers.firmware_bench import Bench
 
 STEP_DEG = 30.0
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
-from host import protocol
-from tests.firmware.bench import ESTOP, POT, Bench
+from host.link import protocol
 from tests.firmware.conftest import Maker
 from tests.firmware.test_behaviour import bench_running
+from tests.helpers.firmware_bench import ESTOP, POT, Bench
 
 FINE_US = 100
 

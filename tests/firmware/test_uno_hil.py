@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from hil import targets
-from host import protocol
-from host.protocol import Fault, Result, State
-from tests.firmware.actuator import Actuator, ActuatorSpec
-from tests.firmware.bench import ESTOP, OUTPUTS, POT
+from hil.firmware import targets
+from host.link import protocol
+from host.link.protocol import Fault, Result, State
+from tests.helpers.actuator import Actuator, ActuatorSpec
+from tests.helpers.firmware_bench import ESTOP, OUTPUTS, POT
 
 EXCHANGE_MS = 5
 """Sensors out, outputs back, in every tick."""

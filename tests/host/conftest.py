@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from console import Cli
-from eyes import ToldEnd
-from fake_firmware import FakeFirmware
 
-from host.cli import daranti
-from host.errors import run
-from host.plan import Side
-from host.position import Position
+from host.commands.cli import daranti
+from host.core.errors import run
+from host.estimate.position import Position
+from host.route.plan import Side
+from tests.helpers.console import Cli
+from tests.helpers.eyes import ToldEnd
+from tests.helpers.fake_firmware import FakeFirmware
 
 
 @pytest.fixture

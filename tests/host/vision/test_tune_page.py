@@ -15,15 +15,15 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from scenery import field
 
-from host.errors import UserError
-from host.tune_page import SLIDERS, TunePage, Tuner
-from host.vehicle import LOW, Vehicle
-from host.vision.mounted import MountedDetector, make_detector
-from host.vision.paper import PaperParams
-from host.vision.profiles import Circumstance, Profiles
-from host.vision.tuning import mounted_contrast
+from host.core.errors import UserError
+from host.core.vehicle import LOW, Vehicle
+from host.panel.colour_page import SLIDERS, TunePage, Tuner
+from host.vision.mounted.detector import MountedDetector, make_detector
+from host.vision.mounted.paper import PaperParams
+from host.vision.tuning.profiles import Circumstance, Profiles
+from host.vision.tuning.search import mounted_contrast
+from tests.helpers.scenery import field
 
 NOW = datetime.datetime(2026, 4, 28, 9, tzinfo=datetime.UTC)
 BLIND = PaperParams(phi1_deg=200, phi2_deg=240)

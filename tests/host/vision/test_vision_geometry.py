@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.vehicle import LOW, MAST, Mount
+from host.core.vehicle import LOW, MAST, Mount
 from host.vision.geometry import Camera
 
 MOUNTS = st.builds(

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from host.vehicle import MAST
+from host.core.vehicle import MAST
 from host.vision.geometry import Camera
-from host.vision.lines import least_length_px, rails, upright_pieces
+from host.vision.mounted.lines import least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask
 
 

@@ -8,13 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scenery import field, stems
 
-from host.vehicle import LOW, MAST, Mount, Vehicle
+from host.core.vehicle import LOW, MAST, Mount, Vehicle
 from host.vision import make_detector
-from host.vision.face import FaceFinder
 from host.vision.geometry import Camera
-from host.vision.mounted import (
+from host.vision.mounted.detector import (
     BELIEVED,
     CLEAR,
     CLEAR_VEILED,
@@ -23,7 +21,9 @@ from host.vision.mounted import (
     MountedDetector,
     RobustSource,
 )
-from host.vision.paper import l_height
+from host.vision.mounted.face import FaceFinder
+from host.vision.mounted.paper import l_height
+from tests.helpers.scenery import field, stems
 
 MODES: tuple[Mode, ...] = ("robust", "paper")
 MOUNTS = {"low": LOW, "mast": MAST}
@@ -139,7 +139,7 @@ def test_an_end_beyond_which_crop_shows_through_the_dust_is_none(
     thick: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By its steps alone, where no stem of it can be told."""
-    monkeypatch.setattr("host.vision.face._again", lambda sums, at: 0.0 * sums[at, 0])
+    monkeypatch.setattr("host.vision.mounted.face._again", lambda sums, at: 0.0 * sums[at, 0])
     camera, vehicle = Camera(MAST), Vehicle()
     source, finder = RobustSource(camera, vehicle), FaceFinder(camera, vehicle)
     dim = half_veiled(field(MAST, right_m=-2.9, seed=9), thick)

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scenery import halves
 from scipy.stats import multivariate_normal
 
-from host.see import data_folder
-from host.vision import bench
-from host.vision.fisher import ALIKE, FLATTER, RIDGE, STRANGE, WIDER, Kinds, Reach, learn
-from host.vision.paper import Chain, PaperParams
-from host.vision.photo import photo_detector
-from host.vision.score import heading_error_deg, labelled_set, lateral_error, miou
-from host.vision.split import SIDES, Side, best_line, whiten
+from host.commands.see import data_folder
+from host.vision.mounted.paper import Chain, PaperParams
+from host.vision.photo import benchmark
+from host.vision.photo.detector import photo_detector
+from host.vision.photo.fisher import ALIKE, FLATTER, RIDGE, STRANGE, WIDER, Kinds, Reach, learn
+from host.vision.photo.score import heading_error_deg, labelled_set, lateral_error, miou
+from host.vision.photo.split import SIDES, Side, best_line, whiten
 from host.vision.view import CropView
+from tests.helpers.scenery import halves
 
 Bgr = NDArray[np.uint8]
 
@@ -201,13 +201,13 @@ def test_robust_mode_on_the_labelled_photographs() -> None:
     folder = data_folder() / "wheat-edge"
     if not folder.exists():
         pytest.skip(f"no labelled photographs at {folder} (DARANTI_DATA names another place)")
-    photos = [bench.Photo(i, i.picture(), i.standing()) for i in labelled_set(folder)]
+    photos = [benchmark.Photo(i, i.picture(), i.standing()) for i in labelled_set(folder)]
     assert len(photos) == 96
 
-    def see(photo: bench.Photo) -> CropView:
+    def see(photo: benchmark.Photo) -> CropView:
         return photo_detector("robust", photo.item.side).see(photo.bgr)
 
-    figures = bench.summary([bench.judge(p, see(p)) for p in photos], 0.0)
+    figures = benchmark.summary([benchmark.judge(p, see(p)) for p in photos], 0.0)
     assert figures["lateral_pictures"] == 64
     assert figures["miou_mean"] >= 0.945
     assert figures["lateral_median"] <= 0.012

@@ -13,21 +13,21 @@ from click.testing import CliRunner, Result
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scenery import field, halves
 
-from host.calibrate import calibrate_camera
-from host.errors import UserError
-from host.record import Recorder
-from host.see import see
-from host.tune_vision import tune_vision
-from host.vehicle import LOW, Mount, Vehicle
-from host.vision.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
+from host.commands.calibrate_camera import calibrate_camera
+from host.commands.see import see
+from host.commands.tune_vision import tune_vision
+from host.core.errors import UserError
+from host.core.vehicle import LOW, Mount, Vehicle
+from host.runs.record import Recorder
+from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
 from host.vision.geometry import Camera
-from host.vision.mounted import MountedDetector, make_detector
-from host.vision.paper import PaperParams
+from host.vision.mounted.detector import MountedDetector, make_detector
+from host.vision.mounted.paper import PaperParams
 from host.vision.pictures import frames, read_photo, to_bgr
-from host.vision.profiles import Circumstance, Profiles
-from host.vision.tuning import first_params, mounted_contrast, tune
+from host.vision.tuning.profiles import Circumstance, Profiles
+from host.vision.tuning.search import first_params, mounted_contrast, tune
+from tests.helpers.scenery import field, halves
 
 NOW = datetime.datetime(2026, 4, 28, 9, tzinfo=datetime.UTC)
 RIPE = PaperParams(phi1_deg=25, phi2_deg=60)

@@ -1,0 +1,446 @@
+"""`daranti-hil harvest`: one field from the first picture to the last strip, in lockstep."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import cv2
+import numpy as np
+from rich import progress
+from rich.console import Console
+from rich.table import Table
+
+from hil.bench.live_view import HOST, LiveView
+from hil.bench.lockstep import Bench
+from hil.judge import pictures
+from hil.judge.metrics import Truth
+from hil.scenario.faults import Fault
+from hil.scenario.scenario import Scenario, assigned, load, merge
+from host.core.errors import UserError
+from host.core.messages import Fix, Frame
+from host.link.session import Session
+from host.pilot.pilot import Phase, Pilot
+from host.runs.record import Recorder
+from host.sensors.jpeg import NOTHING, Bgr, JpegDecoder
+from host.sensors.nmea import Receiver
+from host.sensors.picture_watch import WatchedDetector
+from host.vision import make_detector
+from host.vision.view import Detector
+from sim_plant.camera import Camera, Shot
+
+HOST_HZ = 20
+"""Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
+record give exactly the same times again."""
+FIX_TICKS = HOST_HZ
+VIDEO_EVERY = 4
+SWITCH_S = 0.0005
+LINGER_S = 1.0
+"""Simulated time after the pilot is done, so that the outputs are seen to be off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What a progress bar shows."""
+
+    time_s: float
+    coverage: float
+    phase: Phase
+    reason: str
+
+
+def _develop(camera: Camera, shot: Shot, decoder: JpegDecoder) -> tuple[bytes, Bgr]:
+    """The picture as the host gets it: rendered, JPEG there and back."""
+    jpeg = camera.encode(camera.develop(shot))
+    return jpeg, decoder.decode(jpeg)
+
+
+def _vision(bench: Bench) -> Detector:
+    """The detector that the scenario names; of the bench it sees nothing but the scenario."""
+    s = bench.scenario
+    detector = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+    return WatchedDetector(detector, s.mount)
+
+
+class Harvest:
+    """One lockstep run. The camera develops each shot in `darkroom` (a thread, where none is given)
+    while machine and firmware go on: the picture is due only after the camera's delay, so the
+    result does not depend on it."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        record: Path | None = None,
+        video: Path | None = None,
+        detector: Callable[[Bench], Detector] | None = None,
+        *,
+        camera_threads: int = 1,
+        darkroom: Executor | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.bench = Bench(scenario, camera_threads=camera_threads)
+        self._detector = detector or _vision
+        self.session = Session()
+        self.pilot = self._new_pilot()
+        self.truth = Truth(scenario, self.bench.field)
+        self.steering: list[tuple[float, float, float, float]] = []
+        self.frames = 0
+        self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
+        self._receiver = Receiver()
+        self._decoder = JpegDecoder()
+        self._restarts = 0
+        self._events = 0
+        self._inbox: list[tuple[float, bytes]] = []
+        self._host_at = 0.0
+        self._frame: tuple[Frame, bytes] | None = None
+        self._fix: Fix | None = None
+        self._darkroom = darkroom or ThreadPoolExecutor(1)
+        self._videos = ThreadPoolExecutor(1)
+        self._due: deque[tuple[float, float, Future[Any]]] = deque()
+        self._video: pictures.Video | None = None
+        self._video_work: deque[Future[None]] = deque()
+        lens = scenario.lens_truth
+        self._frame_ticks = max(1, round(HOST_HZ / lens.fps))
+        if video is not None:
+            fps = lens.fps / VIDEO_EVERY * 4
+            self._video = pictures.Video(video, fps, lens.width_px, lens.height_px)
+        self._record: Recorder | None = None
+        self.live: LiveView | None = None
+        if record is not None:
+            if scenario.record.live_port is not None:
+                self.live = LiveView(scenario.record.live_port)
+            tee = self.live.put if self.live is not None else None
+            about = {"scenario": scenario.model_dump_json()}
+            self._record = Recorder(record, about, tee)
+
+    def _new_pilot(self) -> Pilot:
+        s = self.scenario
+        return Pilot(s.vehicle, self._detector(self.bench), s.plan())
+
+    def run(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        enough: Callable[[], bool] | None = None,
+    ) -> None:
+        """To the pilot's end, the scenario's time limit, or until there is `enough`; called again,
+        it goes on."""
+        tick = round(self.bench.now * HOST_HZ)
+        limit = self.scenario.limits.time_s
+        done_at: float | None = None
+        while tick / HOST_HZ < limit and not (enough is not None and enough()):
+            tick += 1
+            now = tick / HOST_HZ
+            self._step(tick, now)
+            if progress is not None and tick % 20 == 0:
+                coverage = self.bench.field.coverage()
+                progress(Progress(now, coverage, self.pilot.phase, self.pilot.reason))
+            if self.pilot.done:
+                done_at = done_at or now
+                if now - done_at >= LINGER_S:
+                    break
+
+    @property
+    def fault_is_next(self) -> bool:
+        """Whether the scenario's first fault begins within the host's next step."""
+        return self.bench.faults.begins_before(self.bench.now + 1 / HOST_HZ)
+
+    def fail_with(self, faults: tuple[Fault, ...]) -> None:
+        """Makes other faults of the scenario's, which begin when those would have."""
+        self.bench.faults.replace(faults)
+        self.scenario = self.scenario.model_copy(update={"faults": faults})
+
+    def _step(self, tick: int, now: float) -> None:
+        clock = time.perf_counter
+        seconds = self.seconds
+        start = clock()
+        record = self._record
+        for stamp, data in self.bench.advance(now):
+            self._inbox.append((stamp, data))
+            if record is not None:
+                record.put("/serial/to_host", stamp, {"data": data})
+        if tick % self._frame_ticks == 0:
+            work = self._darkroom.submit(
+                _develop, self.bench.camera, self.bench.shutter(), self._decoder
+            )
+            self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
+        if tick % FIX_TICKS == 0:
+            data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
+            self._fix = next(reversed(self._receiver.feed(now, data)), self._fix)
+        mark = clock()
+        seconds["bench"] += mark - start
+        self._picture(now)
+        start = clock()
+        seconds["picture wait"] += start - mark
+
+        self._note_faults()
+        if self.bench.faults.host_runs(now):
+            self._host(now)
+        self.truth.step(now, self.bench.pose, self.bench.cut_cells, self.pilot)
+        seconds["pilot"] += clock() - start
+
+    def _picture(self, now: float) -> None:
+        """Takes what the camera sends now; the newest waits for the host."""
+        arrived: tuple[float, bytes] | None = None
+        decoded = NOTHING
+        if self._due and self._due[0][0] <= now:
+            _, stamp, work = self._due.popleft()
+            jpeg, decoded = work.result()
+            arrived = (stamp, jpeg)
+        got = self.bench.faults.camera(now, arrived)
+        if got is None:
+            return
+        if got is not arrived:
+            decoded = self._decoder.decode(got[1])
+        self._frame = (Frame(got[0], decoded), got[1])
+
+    def _host(self, now: float) -> None:
+        """One step of the host: takes what has come, lets the pilot decide, sends, records."""
+        record = self._record
+        if self._restarts != self.bench.faults.host_restarts:
+            self._restarts = self.bench.faults.host_restarts
+            self.session, self.pilot = Session(), self._new_pilot()
+            self._inbox.clear()
+        late = now - self._host_at > 1.5 / HOST_HZ
+        self._host_at = now
+        for stamp, data in self._inbox:
+            for telemetry in self.session.feed(now if late else stamp, data):
+                self.steering.append(
+                    (
+                        telemetry.stamp,
+                        telemetry.setpoint_rad,
+                        telemetry.angle_rad,
+                        telemetry.steer_duty,
+                    )
+                )
+                if record is not None:
+                    record.telemetry(telemetry)
+        self._inbox.clear()
+        frame, jpeg = self._frame or (None, b"")
+        fix, self._frame, self._fix = self._fix, None, None
+        command = self.pilot.step(now, frame, fix, self.session.telemetry)
+        self.bench.faults.phase = self.pilot.phase.value
+        data = self.session.encode(now, command)
+        self.bench.send(data)
+        start = time.perf_counter()
+        if record is not None:
+            self._write(record, now, frame, jpeg, fix, data)
+            record.command(now, command)
+        mark = time.perf_counter()
+        self.seconds["record"] += mark - start
+        if frame is not None:
+            self._film(frame)
+            self.frames += 1
+        self.seconds["video"] += time.perf_counter() - mark
+
+    def _note_faults(self) -> None:
+        events = self.bench.faults.events
+        for event in events[self._events :]:
+            if self._record is not None:
+                name = self.scenario.faults[event.index].name
+                message = {"index": event.index, "fault": name, "begins": event.begins}
+                self._record.put("/fault", event.stamp, message)
+        self._events = len(events)
+
+    def _write(
+        self,
+        record: Recorder,
+        now: float,
+        frame: Frame | None,
+        jpeg: bytes,
+        fix: Fix | None,
+        data: bytes,
+    ) -> None:
+        pilot = self.pilot
+        every = self.scenario.record.pictures_every
+        if frame is not None:
+            if every and self.frames % every == 0:
+                record.picture(frame.stamp, jpeg)
+            if pilot.view is not None:
+                record.view(frame.stamp, pilot.view)
+            lane, motion = pilot.lane, pilot.motion
+            record.put(
+                "/pilot",
+                now,
+                {
+                    "phase": pilot.phase.value,
+                    "reason": pilot.reason,
+                    "turns": pilot.turns,
+                    "offset_m": lane.offset_m,
+                    "heading_rad": lane.heading_rad,
+                    "distance_m": motion.distance_m,
+                    "x_m": motion.x_m,
+                    "y_m": motion.y_m,
+                    "yaw_rad": motion.yaw_rad,
+                },
+            )
+            state = self.bench.state
+            x, y, yaw = self.bench.pose
+            field = self.bench.field
+            record.put(
+                "/truth",
+                now,
+                {
+                    "x_m": x,
+                    "y_m": y,
+                    "yaw_rad": yaw,
+                    "speed_mps": float(state["v"]),
+                    "steer_rad": float(state["steer_angle"]),
+                    "coverage": field.coverage(),
+                    "missed_m2": field.missed_m2(),
+                    "neighbour_cut_m2": field.neighbour_cut_m2(),
+                },
+            )
+        if fix is not None:
+            record.fix(fix)
+        if data:
+            record.put("/serial/to_firmware", now, {"data": data})
+
+    def _film(self, frame: Frame) -> None:
+        if self._video is None or self.frames % VIDEO_EVERY or not frame.bgr.size:
+            return
+        pilot, video = self.pilot, self._video
+        view, phase, reason = pilot.view, pilot.phase.value, pilot.reason
+
+        def work() -> None:
+            video.add(pictures.annotate(frame.bgr, view, frame.stamp, phase, reason))
+
+        self._video_work.append(self._videos.submit(work))
+        while len(self._video_work) > 8:
+            self._video_work.popleft().result()
+
+    def close(self) -> None:
+        """Ends the target, the workers and the files; what was recorded stays readable."""
+        for work in self._video_work:
+            work.result()
+        self._darkroom.shutdown()
+        self._videos.shutdown()
+        if self._video is not None:
+            self._video.close()
+        if self._record is not None:
+            self._record.close()
+        if self.live is not None:
+            self.live.close()
+        self.bench.close()
+
+
+def harvest(
+    scenario: Scenario,
+    out: Path,
+    progress: Callable[[Progress], None] | None = None,
+    *,
+    camera_threads: int = 1,
+) -> dict[str, Any]:
+    """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4 and record.mcap
+    into `out`. Returns the summary. The number of threads changes nothing but the time it takes."""
+    film = out / "camera.mp4" if scenario.record.film else None
+    out.mkdir(parents=True, exist_ok=True)
+    begin = time.perf_counter()
+    run = Harvest(scenario, out / "record.mcap", film, camera_threads=camera_threads)
+    try:
+        run.run(progress)
+    finally:
+        run.close()
+    wall = time.perf_counter() - begin
+    simulated = run.bench.now
+    summary: dict[str, Any] = {
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "firmware": scenario.firmware,
+        "camera": scenario.camera,
+        "mode": scenario.mode,
+        "outcome": run.pilot.phase.value if run.pilot.done else "broken off",
+        "reason": run.pilot.reason
+        if run.pilot.done
+        else f"at {simulated:g} s, limits.time_s, in {run.pilot.phase.value}: {run.pilot.reason}",
+        **run.truth.summary(),
+        "turns": run.pilot.turns,
+        "simulated_s": round(simulated, 2),
+        "frames": run.frames,
+        "realtime_factor": round(simulated / wall, 2),
+        "wall_share": {name: round(value / wall, 3) for name, value in run.seconds.items()},
+    }
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    title = (
+        f"{scenario.name}, {scenario.firmware} firmware, seed {scenario.seed}: "
+        f"coverage {summary['coverage']:.3f}, {summary['outcome']}"
+    )
+    pictures.draw_map(out / "map.png", run.bench.field, run.truth.path, title)
+    if run.steering:
+        pictures.draw_steering(out / "steering.png", np.array(run.steering))
+    return summary
+
+
+@click.command("harvest")
+@click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Which build of the firmware.")
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), help="Which vision steers.")
+@click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
+@click.option("--film/--no-film", default=None, help="Write camera.mp4.")
+@click.option("--live", type=click.IntRange(1, 65535), help="Port of a live view for Foxglove.")
+@click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
+def harvest_command(
+    name: str,
+    out: Path,
+    film: bool | None,
+    live: int | None,
+    hour: float | None,
+    settings: tuple[str, ...],
+    **options: Any,
+) -> None:
+    """Harvests a field in lockstep and says how well."""
+    # The threads here share the cores already, and one that comes back from a kernel is not to wait
+    # 5 ms for another to let go of the interpreter.
+    cv2.setNumThreads(1)
+    sys.setswitchinterval(SWITCH_S)
+    overrides: dict[str, Any] = {k: v for k, v in options.items() if v is not None}
+    if hour is not None:
+        overrides["weather"] = {"hour": hour}
+    if film is not None:
+        overrides["record"] = {"film": film}
+    if live is not None:
+        overrides = merge(overrides, {"record": {"live_port": live}})
+        click.echo(f"live view: open ws://{HOST}:{live} in Foxglove", err=True)
+    for setting in settings:
+        overrides = merge(overrides, assigned(setting))
+    chosen = load(name, overrides)
+    console = Console(stderr=True)
+    columns = (
+        progress.TextColumn("coverage"),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TextColumn("{task.fields[time]:6.0f} s  {task.description}"),
+    )
+    with progress.Progress(*columns, console=console) as bar:
+        task = bar.add_task("starting", total=1.0, time=0.0)
+
+        def show(step: Progress) -> None:
+            bar.update(
+                task, completed=step.coverage, time=step.time_s, description=step.phase.value
+            )
+
+        summary = harvest(chosen, out, show, camera_threads=os.cpu_count() or 1)
+    table = Table(title=f"{summary['scenario']}: {summary['outcome']} ({summary['reason']})")
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for key, value in summary.items():
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            table.add_row(key, f"{value:g}")
+    Console().print(table)
+    click.echo(f"written to {out}: {', '.join(sorted(path.name for path in out.iterdir()))}")
+    if summary["outcome"] != "finished":
+        raise UserError(
+            f"the field was not finished: {summary['outcome']}: {summary['reason']} "
+            f"(see {out / 'map.png'}; `daranti-hil report {out}` shows it all)"
+        )

@@ -1,0 +1,171 @@
+"""The lockstep bench: firmware, machine, field and sensors under one clock.
+
+The bench alone advances time; the loop over milliseconds is hil/coupling.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+from hil.firmware import coupling, provision
+from hil.firmware.real_board import Board, Controller
+from hil.scenario.faults import Injector
+from hil.scenario.scenario import Scenario
+from host.core.closing import Closing
+from host.core.errors import UserError
+from sim_plant import machine
+from sim_plant.camera import Camera, Shot
+from sim_plant.field import Field
+from sim_plant.gnss import Gnss
+
+SLICE_US: Final = 10_000
+"""Serial bytes are stamped to this."""
+SLICES_PER_CUT: Final = 2
+
+
+class Bench(Closing):
+    """One machine on one field with its firmware; time in seconds from 0."""
+
+    def __init__(
+        self, scenario: Scenario, *, camera_threads: int = 1, board: Board | None = None
+    ) -> None:
+        """`board`: a real one, instead of the firmware that the scenario names."""
+        self.scenario = scenario
+        spec = scenario.machine_truth
+        seed = scenario.seed
+        self.field = Field(scenario.field, seed)
+        self.camera = Camera(
+            self.field, scenario.lens_truth, scenario.weather, seed, threads=camera_threads
+        )
+        self.gnss = Gnss(scenario.gnss, seed)
+        self.cut_cells = 0
+        """Crop cells cut during the last `advance`."""
+        self._spec = spec
+        self._state = machine.initial(spec, *scenario.start_pose())
+        steer_hz, drive_hz = provision.pwm_hz(scenario.firmware_parameters)
+        self._params = machine.parameters(spec, seed, steer_pwm_hz=steer_hz, drive_pwm_hz=drive_hz)
+        self._given = machine.inputs()
+        self._slices = 0
+        self._sent = bytearray()
+        self.on_slice: Callable[[bytes], None] | None = None
+        """Called after every slice with what the firmware sent, before the cable had its way: for
+        whoever watches more closely than the host steps."""
+        self.faults = Injector(scenario.faults, seed)
+        self.target: Controller
+        records = (self._state, self._params, self._given)
+        if board is not None:
+            self.target = board
+            self._inner = board.bind(*records, wires=self.faults.taps)
+        else:
+            target = provision.target(scenario.firmware, scenario.firmware_parameters)
+            self.target = target
+            self._inner = coupling.bind(target, *records, wires=self.faults.taps)
+        self.target.set_pin(coupling.ESTOP, False)
+
+    @property
+    def now(self) -> float:
+        """Seconds since the start: whole nanoseconds, as a record keeps them."""
+        return self._slices * SLICE_US / 1e6
+
+    @property
+    def state(self) -> Any:
+        """The machine's true state: a record of sim_plant.machine.STATE."""
+        return self._state[0]
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """(x, y, yaw) of the rear axle, truly."""
+        s = self._state[0]
+        return float(s["x"]), float(s["y"]), float(s["yaw"])
+
+    @property
+    def drives(self) -> tuple[float, float, bool]:
+        """What the motors get at last: (steering duty, drive duty, blade), duties -1..1."""
+        given = self._given[0]
+        return float(given["steer_duty"]), float(given["drive_duty"]), bool(given["blade_on"])
+
+    def send(self, data: bytes) -> None:
+        """Puts bytes on the serial line to the firmware."""
+        self._sent += data
+
+    def advance(self, until_s: float) -> list[tuple[float, bytes]]:
+        """Runs to `until_s`; returns what the firmware sent, with the time of arrival."""
+        received: list[tuple[float, bytes]] = []
+        target = self.target
+        self.cut_cells = 0
+        last = round(until_s * 1e6) // SLICE_US
+        while self._slices < last:
+            if self._slices % SLICES_PER_CUT == 0:
+                self._ground()
+            begin = self._slices * SLICE_US
+            self.faults.step(self.now, self.pose, float(self.state["v"]), target, self._given)
+            sent = self.faults.to_firmware(self.now, bytes(self._sent))
+            self._sent.clear()
+            if sent:
+                target.write(sent)
+            status = self._inner(begin, begin + SLICE_US)
+            if status != 0:
+                raise UserError(
+                    f"the {self.scenario.firmware} firmware crashed at {begin / 1e6:.2f} s "
+                    f"(status {status}); the record up to then is kept"
+                )
+            self._slices += 1
+            said = target.read()
+            data = self.faults.to_host(self.now, said)
+            if data:
+                received.append((self.now, data))
+            if self._slices % SLICES_PER_CUT == 0:
+                self._cut()
+            if self.on_slice is not None:
+                self.on_slice(said)
+        return received
+
+    def _ground(self) -> None:
+        roll, pitch = self.field.slopes(*self.pose)
+        self._given[0]["roll"], self._given[0]["pitch"] = roll, pitch
+        self._before = self.pose
+
+    def _cut(self) -> None:
+        cut = 0
+        if self.state["blade_spinning"]:
+            spec = self._spec
+            cut = self.field.cut(
+                self._before, self.pose, ahead_m=spec.blade_x_m, width_m=spec.blade_width_m
+            )
+            self.cut_cells += cut
+        step = max(1e-6, abs(float(self.state["v"])) * SLICE_US * 1e-6 * SLICES_PER_CUT)
+        full = self._spec.blade_width_m * step / self.field.cell**2
+        self._given[0]["cutting"] = min(1.0, cut / full)
+
+    def shutter(self) -> Shot:
+        """Freezes what the camera sees now; `camera.develop` makes the picture, in any thread."""
+        s = self.state
+        x, y, yaw = self.pose
+        roll, pitch = self.field.slopes(x, y, yaw)
+        return self.camera.shutter(
+            self.now,
+            x,
+            y,
+            yaw,
+            roll,
+            pitch,
+            float(s["v"]),
+            float(s["yaw_rate"]),
+            bool(s["blade_spinning"]),
+        )
+
+    def fix(self) -> list[str]:
+        """NMEA sentences that the phone sends now, at its epoch."""
+        s = self.state
+        x, y, yaw = self.pose
+        course = yaw + float(s["slip_rear"])
+        v = float(s["v"])
+        antenna = self.faults.antenna(self.now, x, y, v * math.cos(course), v * math.sin(course))
+        shaded = self.field.under_trees(x, y)
+        return self.faults.nmea(self.now, self.gnss.epoch(self.now, *antenna, under_trees=shaded))
+
+    def close(self) -> None:
+        """Ends the target."""
+        self.target.close()

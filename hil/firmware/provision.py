@@ -1,0 +1,71 @@
+"""A microcontroller as it comes from the workshop: its parameters stored in EEPROM."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal
+
+from hil.firmware import targets
+from hil.firmware.targets import Target
+from host.core.errors import UserError
+from host.link import protocol
+from host.link.session import Session
+
+Firmware = Literal["desk", "avr"]
+_MAKERS: Final = {"desk": targets.desk, "avr": targets.avr}
+SAVE_S: Final = 3.0
+"""Longer than the EEPROM takes for all parameters."""
+STEP_US: Final = 10_000
+TIMER_2_HZ: Final = (123.0, 246.0, 491.0, 981.0, 3922.0)
+"""All that the drive bridge's timer can (firmware/src/uno/board.cpp)."""
+
+
+def raw_values(parameters: Mapping[str, float]) -> dict[int, int]:
+    """Parameter ids and raw values. Raises ValueError for a name or value that does not exist."""
+    out = {}
+    for name, value in parameters.items():
+        spec = protocol.PARAMS.get(name)
+        if spec is None:
+            raise ValueError(f"the firmware has no parameter {name!r}; `daranti params list` has")
+        out[spec.id] = spec.to_raw(value)
+    return out
+
+
+def pwm_hz(parameters: Mapping[str, float]) -> tuple[float, float]:
+    """What the timers of the steering and the drive bridge run at, with these parameters."""
+
+    def asked(name: str) -> float:
+        spec = protocol.PARAMS[name]
+        return parameters.get(name, spec.from_raw(spec.default_raw))
+
+    slower = [hz for hz in TIMER_2_HZ if hz <= asked("drive_pwm_freq")]
+    return asked("steer_pwm_freq"), max(slower, default=TIMER_2_HZ[0])
+
+
+def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) -> Target:
+    """A fresh microcontroller that boots with these parameters, in their units. Raises UserError
+    where the firmware does not store them."""
+    make = _MAKERS[firmware]
+    if not parameters:
+        return make()
+    raw = raw_values(parameters)
+    session = Session()
+    with make() as workshop:
+        data = b"".join(session.request(protocol.ParamSet(k, v)) for k, v in raw.items())
+        workshop.write(data + session.request(protocol.ParamSave()))
+        saved = False
+        while not saved and workshop.time_us < SAVE_S * 1e6:
+            workshop.run_until(workshop.time_us + STEP_US)
+            session.feed(workshop.time_us / 1e6, workshop.read())
+            if session.refusal:
+                raise UserError(
+                    f"the {firmware} firmware did not take {dict(parameters)}: {session.refusal}"
+                )
+            saved = any(
+                isinstance(a, protocol.Ack) and a.request_id == protocol.ParamSave.ID
+                for a in session.answers
+            )
+        if not saved:
+            raise UserError(f"the {firmware} firmware did not store {dict(parameters)}")
+        image = workshop.eeprom()
+    return make(image)

@@ -1,0 +1,193 @@
+"""Microcontrollers that run the firmware: ctypes over the Target ABI (firmware/src/target.h).
+
+`desk()` runs the firmware compiled for this machine, `avr()` the Uno's binary in simavr. Both give
+a `Target`; a numba-compiled loop takes its raw function pointers and handle instead:
+
+    target = desk()
+    run_until, pwm = target.pointers.run_until, target.pointers.pwm
+    @njit
+    def loop(handle): ...  # run_until(handle, time_us); pwm(handle, 9)
+    loop(target.handle)
+"""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+from ctypes import POINTER, c_char_p, c_int32, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from host.core.closing import Closing
+from host.core.errors import UserError
+
+ROOT = Path(__file__).resolve().parents[2]
+DESK_LIBRARY = ROOT / ".pio" / "build" / "desk" / "libdaranti.so"
+AVR_LIBRARY = ROOT / "build" / "simavr" / "libdaranti_avr.so"
+AVR_IMAGE = ROOT / ".pio" / "build" / "uno" / "firmware.elf"
+UNO_HIL_IMAGE = ROOT / ".pio" / "build" / "uno_hil" / "firmware.elf"
+
+ABI = 1
+EEPROM_SIZE = 1024
+
+
+class ResetCause(enum.IntFlag):
+    """Bits as in the ATmega328P's MCUSR."""
+
+    POWER_ON = 1
+    EXTERNAL = 2
+    BROWN_OUT = 4
+    WATCHDOG = 8
+
+
+class TargetError(Exception):
+    """The simulated microcontroller crashed or could not be created."""
+
+
+_HANDLE = ctypes.c_void_p
+_SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
+    "abi": (c_uint32, []),
+    "create": (_HANDLE, [c_char_p, c_char_p]),
+    "destroy": (None, [_HANDLE]),
+    "error": (c_char_p, []),
+    "run_until": (c_int32, [_HANDLE, c_uint64]),
+    "time_us": (c_uint64, [_HANDLE]),
+    "set_analog_mv": (None, [_HANDLE, c_uint8, c_uint16]),
+    "set_pin": (None, [_HANDLE, c_uint8, c_uint8]),
+    "pin": (c_uint8, [_HANDLE, c_uint8]),
+    "pwm": (c_uint8, [_HANDLE, c_uint8]),
+    "write": (c_size_t, [_HANDLE, c_char_p, c_size_t]),
+    "read": (c_size_t, [_HANDLE, POINTER(c_uint8), c_size_t]),
+    "reset": (None, [_HANDLE, c_uint8]),
+    "eeprom": (None, [_HANDLE, POINTER(c_uint8)]),
+    "hang": (c_int32, [_HANDLE]),
+}
+
+
+class Pointers:
+    """The ABI's functions as ctypes function pointers, which numba calls natively."""
+
+    def __init__(self, library: Path) -> None:
+        try:
+            loaded = ctypes.CDLL(str(library))
+        except OSError as error:
+            raise UserError(f"{library}: cannot be loaded ({error}); run `make build`") from error
+        self._loaded = loaded
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(loaded, f"target_{name}")
+            function.restype = result
+            function.argtypes = arguments
+            setattr(self, name, function)
+        if self.abi() != ABI:
+            raise UserError(f"{library}: built for another Target ABI; run `make build`")
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(name)
+
+
+@cache
+def _pointers(library: Path, _stamp: int) -> Pointers:
+    return Pointers(library)
+
+
+class Target(Closing):
+    """One microcontroller. Time is in microseconds since its creation and advances in run_until()
+    only; pins are Arduino Uno numbers, analog channels A0 = 0. Not to be shared between threads."""
+
+    def __init__(
+        self, library: Path, image: Path | None = None, eeprom: bytes | None = None
+    ) -> None:
+        if not library.exists():
+            raise UserError(f"{library} is missing: the firmware is not built; run `make build`")
+        if image is not None and not image.exists():
+            raise UserError(f"{image} is missing: the firmware is not built; run `make build`")
+        if eeprom is not None and len(eeprom) != EEPROM_SIZE:
+            raise ValueError(f"an EEPROM has {EEPROM_SIZE} bytes, not {len(eeprom)}")
+        self.pointers = _pointers(library, library.stat().st_mtime_ns)
+        path = None if image is None else str(image).encode()
+        handle: int | None = self.pointers.create(path, eeprom)
+        if handle is None:
+            raise TargetError(self.pointers.error().decode())
+        self.handle: int = handle
+        """For compiled loops; valid until close()."""
+        self._buffer = (c_uint8 * 4096)()
+
+    def close(self) -> None:
+        """Frees the simulated microcontroller; a second call does nothing."""
+        if self.handle:
+            self.pointers.destroy(self.handle)
+            self.handle = 0
+
+    def __del__(self) -> None:
+        if getattr(self, "handle", 0):
+            self.close()
+
+    def run_until(self, time_us: int) -> None:
+        """Runs up to, and without, what happens at `time_us`. Raises TargetError on a crash."""
+        result: int = self.pointers.run_until(self.handle, time_us)
+        if result < 0:
+            raise TargetError(f"the microcontroller crashed at {self.time_us} us ({result})")
+
+    @property
+    def time_us(self) -> int:
+        """The target's clock."""
+        return int(self.pointers.time_us(self.handle))
+
+    def set_analog_mv(self, channel: int, millivolt: int) -> None:
+        """Voltage at an analog input, 0..5000 mV."""
+        self.pointers.set_analog_mv(self.handle, channel, millivolt)
+
+    def set_pin(self, pin: int, level: bool) -> None:
+        """Drives an input pin from outside."""
+        self.pointers.set_pin(self.handle, pin, int(level))
+
+    def pin(self, pin: int) -> bool:
+        """The level that the firmware drives; an input reads False."""
+        return bool(self.pointers.pin(self.handle, pin))
+
+    def pwm(self, pin: int) -> int:
+        """Duty 0..255 of 255; 0 or 255 also for a plain output."""
+        return int(self.pointers.pwm(self.handle, pin))
+
+    def write(self, data: bytes) -> int:
+        """Queues bytes towards the firmware; returns how many fitted."""
+        return int(self.pointers.write(self.handle, data, len(data)))
+
+    def read(self) -> bytes:
+        """All bytes that the firmware has finished sending."""
+        out = bytearray()
+        while count := int(self.pointers.read(self.handle, self._buffer, len(self._buffer))):
+            out += memoryview(self._buffer)[:count]
+        return bytes(out)
+
+    def reset(self, cause: ResetCause = ResetCause.EXTERNAL) -> None:
+        """Resets the firmware; the EEPROM is kept, the clock runs on."""
+        self.pointers.reset(self.handle, int(cause))
+
+    def eeprom(self) -> bytes:
+        """A copy of the EEPROM."""
+        image = (c_uint8 * EEPROM_SIZE)()
+        self.pointers.eeprom(self.handle, image)
+        return bytes(image)
+
+    def hang(self) -> None:
+        """Hangs the main loop for good. Raises TargetError where the target cannot."""
+        if self.pointers.hang(self.handle) != 0:
+            raise TargetError("this target cannot be hung")
+
+
+def desk(eeprom: bytes | None = None) -> Target:
+    """The firmware compiled for this machine."""
+    return Target(DESK_LIBRARY, None, eeprom)
+
+
+def avr(eeprom: bytes | None = None) -> Target:
+    """The Uno's binary in simavr, instruction by instruction."""
+    return Target(AVR_LIBRARY, AVR_IMAGE, eeprom)
+
+
+def uno_hil(eeprom: bytes | None = None) -> Target:
+    """The binary for a real board whose sensors come over the link, in simavr: its analog inputs
+    and pins are not wired to anything."""
+    return Target(AVR_LIBRARY, UNO_HIL_IMAGE, eeprom)

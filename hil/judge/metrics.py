@@ -1,0 +1,148 @@
+"""Figures of merit from the simulated truth; one meaning everywhere (design.md).
+
+Nothing here reaches the host."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from shapely import affinity
+
+from hil.scenario.scenario import Scenario
+from host.estimate.crop_ahead import EndOfField
+from host.pilot.pilot import Phase, Pilot
+from sim_plant.field import Field
+
+MARGIN_M = 0.2
+"""The permitted area ends this far before the neighbour's crop."""
+PROBE_AHEAD_M = 0.1
+"""The true edge is read this far before the blade, where the crop still stands."""
+FALSE_END_M = 0.5
+"""An end was none where the field's crop still stands this far beyond it,"""
+FALSE_END_SHARE = 0.1
+"""on at least this share of the next half metre: not a sliver that a swath before has left."""
+
+
+def depth_m(outline: shapely.Polygon, keep_out: shapely.Polygon) -> float:
+    """How deep the machine's outline stands in a keep-out, or a smaller keep-out in the machine; 0
+    where they do not touch."""
+    if not keep_out.intersects(outline):
+        return 0.0
+    corners = shapely.points(shapely.get_coordinates(outline.intersection(keep_out)))
+    borders = (keep_out.exterior, outline.exterior)
+    return max(float(shapely.distance(border, corners).max()) for border in borders)
+
+
+@dataclass
+class Truth:
+    """Follows one run. Poses are (x, y, yaw) of the rear axle in the field frame."""
+
+    scenario: Scenario
+    crop: Field
+    path: list[tuple[float, float, float, float, Phase]] = field(default_factory=list)
+    """(t, x, y, yaw, phase)."""
+    lateral: list[float] = field(default_factory=list)
+    ends: list[float] = field(default_factory=list)
+    false_ends: int = 0
+    outside_m: float = 0.0
+    keep_out_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._permitted = self.crop.permitted(MARGIN_M)
+        self._keep_outs = [shapely.Polygon(ring) for ring in self.crop.spec.keep_outs]
+        for shape in (self._permitted, *self._keep_outs):
+            shapely.prepare(shape)
+        v = self.scenario.vehicle
+        half = v.half_width_m
+        body = shapely.box(-v.rear_overhang_m, -half, v.blade_x_m, half)
+        blade = shapely.box(
+            v.blade_x_m - 0.1, -v.blade_width_m / 2, v.blade_x_m + 0.05, v.blade_width_m / 2
+        )
+        self._outline = body.union(blade)
+        self._travelled = 0.0
+        self._last_cut_at = 0.0
+        self._travel: list[tuple[float, float, float, float, float, float]] = []
+        self._ends_seen = 0
+
+    def step(
+        self, t: float, pose: tuple[float, float, float], cut_cells: int, pilot: Pilot
+    ) -> None:
+        """One look, at the host's rate."""
+        x, y, yaw = pose
+        if self.path:
+            _, px, py, _, _ = self.path[-1]
+            along = (x - px) * math.cos(yaw) + (y - py) * math.sin(yaw)
+            self._travelled += along
+        self.path.append((t, x, y, yaw, pilot.phase))
+        if cut_cells:
+            self._last_cut_at = self._travelled
+        self._travel.append((t, self._travelled, self._last_cut_at, x, y, yaw))
+        c, s = math.cos(yaw), math.sin(yaw)
+        outline = affinity.affine_transform(self._outline, [c, -s, s, c, x, y])
+        if not self._permitted.contains(outline):
+            beyond = outline.difference(self._permitted)
+            if not beyond.is_empty:
+                points = shapely.get_coordinates(beyond)
+                worst = float(shapely.distance(shapely.points(points), self._permitted).max())
+                self.outside_m = max(self.outside_m, worst)
+        for keep_out in self._keep_outs:
+            self.keep_out_m = max(self.keep_out_m, depth_m(outline, keep_out))
+        if pilot.phase is Phase.FOLLOW and cut_cells:
+            offset = self.edge_offset(pose)
+            if math.isfinite(offset):
+                self.lateral.append(offset - self.scenario.vehicle.overlap_m)
+        while self._ends_seen < len(pilot.ends):
+            self._end(pilot.ends[self._ends_seen])
+            self._ends_seen += 1
+
+    def edge_offset(self, pose: tuple[float, float, float]) -> float:
+        """How far the true edge lies left of the blade's right end (the overlap, when on the lane);
+        NaN where there is none."""
+        x, y, yaw = pose
+        v = self.scenario.vehicle
+        ahead, right = v.blade_x_m + PROBE_AHEAD_M, -v.blade_width_m / 2
+        bx = x + ahead * math.cos(yaw) - right * math.sin(yaw)
+        by = y + ahead * math.sin(yaw) + right * math.cos(yaw)
+        return self.crop.true_edge_offset(bx, by, yaw, 0.6)
+
+    def _end(self, end: EndOfField) -> None:
+        """Signed distance from the last crop cut to where the end was declared."""
+        index = min(
+            range(len(self._travel)), key=lambda k: abs(self._travel[k][0] - end.stamp), default=0
+        )
+        _, travelled, last_cut_then, x, y, yaw = self._travel[index]
+        last_cut = max(last_cut_then, self._last_cut_at)
+        self.ends.append(travelled - last_cut)
+        v = self.scenario.vehicle
+        beyond = v.blade_x_m + FALSE_END_M
+        bx, by = x + beyond * math.cos(yaw), y + beyond * math.sin(yaw)
+        share = self.crop.share_ahead(bx, by, yaw, 0.6 * v.blade_width_m, 0.5)
+        if share >= FALSE_END_SHARE:
+            self.false_ends += 1
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The keys of summary.json that the truth decides; None where nothing was measured."""
+        lateral = np.array(self.lateral)
+        ends = np.array(self.ends)
+
+        def figure(value: float) -> float:
+            return round(float(value), 4)
+
+        return {
+            "coverage": figure(self.crop.coverage()),
+            "missed_m2": figure(self.crop.missed_m2()),
+            "neighbour_cut_m2": figure(self.crop.neighbour_cut_m2()),
+            "outside_m": figure(self.outside_m),
+            "keep_out_m": figure(self.keep_out_m),
+            "lateral_rms_m": figure(np.sqrt(np.mean(lateral**2))) if lateral.size else None,
+            "lateral_p95_m": figure(np.percentile(np.abs(lateral), 95)) if lateral.size else None,
+            "lateral_mean_m": figure(lateral.mean()) if lateral.size else None,
+            "end_of_field_error_median_m": figure(np.median(ends)) if ends.size else None,
+            "end_of_field_error_worst_m": figure(ends[np.argmax(np.abs(ends))])
+            if ends.size
+            else None,
+            "false_ends": self.false_ends,
+        }

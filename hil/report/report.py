@@ -1,0 +1,403 @@
+"""`daranti-hil report`: report.html of a run, a campaign or a fault matrix, in one file.
+
+Nothing is loaded from anywhere: pictures, plots and the video are inside. With `--against` another
+run or campaign stands beside it, figure by figure.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import math
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import av
+import click
+import cv2
+import jinja2
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hil.judge import pictures, plots
+from host.core.errors import UserError
+from host.runs import record
+
+if TYPE_CHECKING:
+    from hil.studies.fault_matrix import Verdict
+
+VIDEO_WIDTH = 320
+VIDEO_FRAMES = 400
+"""At most so many; a longer run is shown in steps."""
+VIDEO_FPS = 12.0
+WORST = 6
+"""Maps shown of a campaign."""
+
+FIGURE = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?|–|same")
+"""A cell that stands on the right of its column."""
+
+HIGHER_IS_BETTER = frozenset({"coverage", "finished", "realtime_factor"})
+LOWER_IS_BETTER = frozenset(
+    {
+        "missed_m2",
+        "neighbour_cut_m2",
+        "outside_m",
+        "lateral_rms_m",
+        "lateral_p95_m",
+        "lateral_mean_m",
+        "end_of_field_error_median_m",
+        "end_of_field_error_worst_m",
+        "false_ends",
+        "crashed",
+        "bad",
+    }
+)
+
+
+@dataclass(slots=True)
+class Grid:
+    """A table: cells are text; a row's mark is a CSS class ('', 'good', 'limit', 'bad')."""
+
+    columns: Sequence[str]
+    rows: list[tuple[str, list[str]]] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Section:
+    """One part of a report; what is None is not there."""
+
+    title: str
+    text: str = ""
+    grid: Grid | None = None
+    pictures: list[tuple[str, str]] = field(default_factory=list)
+    """(data URI, caption)."""
+    wide: bool = False
+    """Pictures below each other, not side by side."""
+    video: str | None = None
+    """Data URI."""
+
+
+def _uri(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _drawn(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=100)
+    return _uri(buffer.getvalue(), "image/png")
+
+
+def _file(path: Path) -> str | None:
+    return _uri(path.read_bytes(), "image/png") if path.exists() else None
+
+
+def show(value: object) -> str:
+    """A figure as a table shows it."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "–" if math.isnan(value) else f"{value:g}"
+    return str(value)
+
+
+def render(title: str, sections: Sequence[Section]) -> str:
+    """The page."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests["figure"] = FIGURE.fullmatch
+    return environment.get_template("report.html.j2").render(title=title, sections=sections)
+
+
+def write(out: Path, title: str, sections: Sequence[Section]) -> Path:
+    """report.html in the folder."""
+    path = out / "report.html"
+    path.write_text(render(title, sections), encoding="utf-8")
+    return path
+
+
+# ---- comparing -----------------------------------------------------------------------------------
+
+
+def compared(ours: dict[str, Any], theirs: dict[str, Any] | None, names: tuple[str, str]) -> Grid:
+    """The figures of two summaries side by side; marked where this one is better or worse."""
+    numbers = [k for k, v in ours.items() if isinstance(v, int | float) and not isinstance(v, bool)]
+    if theirs is None:
+        return Grid(("figure", "value"), [("", [k, show(ours[k])]) for k in numbers])
+    grid = Grid(("figure", *names, "difference"))
+    for key in numbers:
+        a, b = ours[key], theirs.get(key)
+        mark, text = "", "–"
+        if isinstance(b, int | float):
+            change = a - b
+            text = f"{change:+g}" if change else "same"
+            name = key.removesuffix(" median").removesuffix(" worst")
+            signed = change if name in HIGHER_IS_BETTER else abs(b) - abs(a)
+            if signed and name in HIGHER_IS_BETTER | LOWER_IS_BETTER:
+                mark = "good" if signed > 0 else "bad"
+        grid.rows.append((mark, [key, show(a), show(b), text]))
+    return grid
+
+
+# ---- video ---------------------------------------------------------------------------------------
+
+
+def _frames_of_file(path: Path) -> Iterator[NDArray[np.uint8]]:
+    with av.open(str(path)) as container:
+        for frame in container.decode(video=0):
+            yield np.asarray(frame.to_ndarray(format="bgr24"), np.uint8)
+
+
+def _frames_of_record(path: Path) -> Iterator[NDArray[np.uint8]]:
+    for topic, _, message in record.read(path):
+        if topic == "/camera":
+            bgr = cv2.imdecode(np.frombuffer(message["data"], np.uint8), cv2.IMREAD_COLOR)
+            if bgr is not None:
+                yield np.asarray(bgr, np.uint8)
+
+
+def small_video(folder: Path) -> str | None:
+    """The run's film, small enough to be carried in a page; None without pictures."""
+    film, kept = folder / "camera.mp4", folder / "record.mcap"
+    source = _frames_of_file if film.exists() else _frames_of_record
+    path = film if film.exists() else kept
+    if not path.exists():
+        return None
+    total = sum(1 for _ in source(path))
+    if total == 0:
+        return None
+    step = max(1, math.ceil(total / VIDEO_FRAMES))
+    with tempfile.TemporaryDirectory() as scratch:
+        target = Path(scratch) / "small.mp4"
+        video: pictures.Video | None = None
+        for number, bgr in enumerate(source(path)):
+            if number % step:
+                continue
+            height = 2 * round(bgr.shape[0] * VIDEO_WIDTH / bgr.shape[1] / 2)
+            small = cv2.resize(bgr, (VIDEO_WIDTH, height), interpolation=cv2.INTER_AREA)
+            video = video or pictures.Video(target, VIDEO_FPS, VIDEO_WIDTH, height)
+            video.add(np.asarray(small, np.uint8))
+        assert video is not None
+        video.close()
+        return _uri(target.read_bytes(), "video/mp4")
+
+
+# ---- the three kinds -----------------------------------------------------------------------------
+
+
+def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]]:
+    """Title and sections of one run's folder."""
+    summary = plots.summary_beside(folder)
+    other = plots.summary_beside(against) if against is not None else None
+    if other is not None and "outcome" not in other:
+        raise UserError(f"{against} is not the folder of a run: it has no summary.json of one")
+    title = f"{summary['scenario']}, seed {summary['seed']}: {summary['outcome']}"
+    names = (folder.name, against.name if against is not None else "")
+    sections = [Section("Figures", summary["reason"], compared(summary, other, names))]
+    maps = [
+        (uri, name)
+        for name, place in ((folder.name, folder), (names[1], against))
+        if place is not None and (uri := _file(place / "map.png")) is not None
+    ]
+    if maps:
+        sections.append(Section("Map", pictures=maps))
+    kept = folder / "record.mcap"
+    if kept.exists():
+        data = plots.series(kept)
+        drawn = [(_drawn(plots.draw_time(data)), folder.name)]
+        if against is not None and (against / "record.mcap").exists():
+            theirs = plots.series(against / "record.mcap")
+            drawn.append((_drawn(plots.draw_time(theirs)), against.name))
+        sections.append(Section("Over time", pictures=drawn, wide=True))
+        grid = Grid(("since", "state", "why"))
+        for since, phase, reason in data.phases:
+            mark = "bad" if phase in ("fault", "hesitate") else ""
+            grid.rows.append((mark, [f"{since:.1f} s", phase, reason]))
+        sections.append(Section("What the pilot did", grid=grid))
+        if data.faults:
+            rows = [("", [f"{t:.2f} s", n, "begins" if b else "ends"]) for t, n, b in data.faults]
+            sections.append(Section("Faults injected", grid=Grid(("at", "fault", ""), rows)))
+    film = small_video(folder)
+    if film is not None:
+        sections.append(Section("What the camera saw", video=film))
+    if kept.exists():
+        about = record.about(kept).get("scenario")
+        if about is not None:
+            text = json.dumps(json.loads(about), indent=1)
+            sections.append(Section("Scenario", text=text))
+    return title, sections
+
+
+def _spread_of(summaries: Sequence[dict[str, Any]]) -> Figure:
+    """Coverage of every run, by scenario."""
+    names = sorted({str(s["scenario"]) for s in summaries})
+    figure = Figure(figsize=(10, 1.2 + 0.5 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    for row, name in enumerate(names):
+        for summary in summaries:
+            if summary["scenario"] == name and summary.get("coverage") is not None:
+                good = summary["outcome"] == "finished"
+                axes.plot(
+                    summary["coverage"], row, "o" if good else "x", ms=5, alpha=0.7,
+                    color="tab:green" if good else "tab:red",
+                )  # fmt: skip
+    axes.set(yticks=range(len(names)), yticklabels=names, xlabel="coverage", xlim=(None, 1.005))
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def campaign_sections(
+    folder: Path,
+    summaries: Sequence[dict[str, Any]],
+    rows: Sequence[dict[str, Any]],
+    against: Sequence[dict[str, Any]] | None = None,
+) -> list[Section]:
+    """Sections of a campaign; `rows` and `against` as campaign.overview gives them."""
+    sections = [Section("Every run's coverage", pictures=[(_drawn(_spread_of(summaries)), "")])]
+    before = {str(row["scenario"]): row for row in against or ()}
+    for row in rows:
+        other = before.get(str(row["scenario"]))
+        grid = compared(row, other, ("this", "against"))
+        sections.append(Section(f"Scenario {row['scenario']}", grid=grid))
+    columns = ("run", "outcome", "coverage", "neighbour_cut_m2", "outside_m", "why")
+    grid = Grid(columns)
+    ordered = sorted(
+        summaries, key=lambda s: (s["outcome"] == "finished", s.get("coverage") or 0.0)
+    )
+    for s in ordered:
+        mark = "" if s["outcome"] == "finished" else "bad"
+        cells = [s["run"], s["outcome"], *(show(s.get(k)) for k in columns[2:5]), s["reason"]]
+        grid.rows.append((mark, cells))
+    maps = [
+        (uri, str(s["run"]))
+        for s in ordered[:WORST]
+        if (uri := _file(folder / "runs" / str(s["run"]) / "map.png")) is not None
+    ]
+    sections.append(Section("The worst", pictures=maps))
+    sections.append(Section("All runs, the worst first", grid=grid))
+    return sections
+
+
+def campaign_report(
+    folder: Path, summaries: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]
+) -> Path:
+    """report.html of a campaign."""
+    return write(folder, f"{len(summaries)} runs", campaign_sections(folder, summaries, rows))
+
+
+def _latencies(verdicts: Sequence[Verdict]) -> Figure:
+    """How long each stop took, against its bound."""
+    stopped = [v for v in verdicts if v.stop_latency_ms is not None and v.expect == "stop"]
+    figure = Figure(figsize=(10, 1 + 0.17 * len(stopped)), layout="constrained")
+    axes = figure.subplots()
+    for row, v in enumerate(reversed(stopped)):
+        colour = "tab:green" if v.ok else "tab:orange" if v.limit else "tab:red"
+        axes.barh(row, max(v.stop_latency_ms or 0.0, 1.0), color=colour)
+        axes.plot([float(v.bound.split()[0])] * 2, [row - 0.4, row + 0.4], color="black", lw=1.5)
+    labels = [f"{v.fault} ({v.situation})" for v in reversed(stopped)]
+    axes.set(yticks=range(len(stopped)), xlabel="stop latency (ms); black: the bound", xscale="log")
+    axes.set_yticklabels(labels, fontsize=7)
+    axes.margins(y=0.01)
+    axes.grid(alpha=0.3, axis="x")
+    return figure
+
+
+def faults_sections(verdicts: Sequence[Verdict]) -> list[Section]:
+    """Sections of a fault matrix."""
+    limits = sum(v.limit for v in verdicts)
+    bad = sum(not v.ok for v in verdicts) - limits
+    grid = Grid(
+        ("fault", "while", "must", "within", "detected by", "after ms", "stop_latency_ms",
+         "moved m", "verdict")
+    )  # fmt: skip
+    for v in verdicts:
+        bound = v.bound if v.expect == "stop" else ""
+        cells = [v.fault, v.situation, v.expect, bound, v.detected_by]
+        cells += [show(v.detected_ms), show(v.stop_latency_ms), show(v.moved_m), v.verdict]
+        grid.rows.append(("" if v.ok else "limit" if v.limit else "bad", cells))
+    text = (
+        f"{len(verdicts)} faults: {bad} unsafe or late (red), {limits} known limits (yellow), "
+        "which nothing on board can notice in time. Times count from when the fault first made a "
+        "difference; moved: until the machine rested, or over the whole watch where it drove on."
+    )
+    return [
+        Section("Verdicts", text, grid),
+        Section("Stop latencies", pictures=[(_drawn(_latencies(verdicts)), "")]),
+    ]
+
+
+def faults_report(folder: Path, title: str, verdicts: Sequence[Verdict]) -> Path:
+    """report.html of a fault matrix."""
+    return write(folder, title, faults_sections(verdicts))
+
+
+def report_of(folder: Path, against: Path | None = None) -> Path:
+    """report.html of any of the three kinds of folder. UserError where it is none of them."""
+    from hil.studies import campaign, fault_matrix  # noqa: PLC0415 (they report themselves)
+
+    if (folder / "campaign.json").exists():
+        summaries = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
+        others = None
+        if against is not None:
+            if not (against / "campaign.json").exists():
+                raise UserError(f"{against} is not a campaign's folder: it has no campaign.json")
+            text = (against / "campaign.json").read_text(encoding="utf-8")
+            others = campaign.overview(json.loads(text))
+        sections = campaign_sections(folder, summaries, campaign.overview(summaries), others)
+        return write(folder, f"{len(summaries)} runs", sections)
+    summary = plots.summary_beside(folder)
+    if "faults" in summary:
+        verdicts = [fault_matrix.Verdict(**v) for v in summary["faults"]]
+        title = f"faults, {summary['firmware']} firmware"
+        sections = faults_sections(verdicts)
+        if against is not None:
+            grid = _changed(verdicts, against)
+            text = "" if grid.rows else f"Every verdict is that of {against.name}."
+            sections.insert(0, Section("Against", text, grid if grid.rows else None))
+        return write(folder, title, sections)
+    if "outcome" not in summary:
+        raise UserError(
+            f"{folder} holds no results: give the folder of a harvest, a campaign or a fault matrix"
+        )
+    title, sections = run_sections(folder, against)
+    return write(folder, title, sections)
+
+
+def _changed(verdicts: Sequence[Verdict], against: Path) -> Grid:
+    """What another fault matrix said otherwise."""
+    theirs = {
+        (v["fault"], v["situation"]): v for v in plots.summary_beside(against).get("faults", [])
+    }
+    if not theirs:
+        raise UserError(f"{against} is not a fault matrix's folder: its summary.json has no faults")
+    grid = Grid(("fault", "while", "this", against.name))
+    for v in verdicts:
+        other = theirs.get((v.fault, v.situation))
+        if other is not None and other["verdict"] != v.verdict:
+            mark = "good" if v.ok else "limit" if v.limit else "bad"
+            grid.rows.append((mark, [v.fault, v.situation, v.verdict, other["verdict"]]))
+    return grid
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.option(
+    "--against",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="Another of the same kind, to compare with.",
+)
+def report(folder: Path, against: Path | None) -> None:
+    """Writes report.html, complete in itself, of a harvest, a campaign or a fault matrix."""
+    click.echo(f"written: {report_of(folder, against)}")

@@ -1,0 +1,581 @@
+"""`daranti-hil faults`: every supported fault in a short run, and what the machine did about it.
+
+A run follows the crop's edge, or turns, when the fault strikes. Watched are what the motors truly
+get, to the millisecond (drive and blade off is what counts as a stop), and what the firmware says
+before any cable has its way.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import pickle
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import click
+import cv2
+from dask.local import SynchronousExecutor
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from hil.bench.harvest import Harvest
+from hil.bench.lockstep import SLICE_US, Bench
+from hil.firmware import targets
+from hil.firmware.provision import Firmware
+from hil.firmware.signal_wires import Signal
+from hil.firmware.targets import ROOT
+from hil.scenario.faults import PAIRS, At, Expect, Fault
+from hil.scenario.scenario import Limits, Recording, Scenario
+from hil.studies.campaign import spread
+from host.core.errors import UserError
+from host.core.messages import State
+from host.link import protocol
+from host.link.session import Session
+from host.pilot.pilot import LOOKING, Phase
+from host.vision.view import Detector
+from sim_plant.field import FieldSpec
+
+Result = TypeVar("Result")
+Situation = Literal["follow", "turn"]
+SETTLE_S = 3.0
+"""Following for this long before the fault."""
+WATCH_S = 5.0
+"""The run goes on for at least this long after the fault, and for BEYOND_S after its bound."""
+BEYOND_S = 2.0
+OFF_EDGE_M = 0.15
+"""A blade that cuts farther off the edge than this has not ridden through."""
+SILENT_S = 0.5
+"""A firmware that says nothing from then on is without power, which is how it stopped."""
+REVERSING_MPS = -0.05
+AT_REST_MPS = 0.02
+GROUP = 8
+"""Cases that share what comes before their faults, at most."""
+LIMIT_S = 60.0
+_MOVERS = (Signal.DRIVE_DUTY, Signal.BLADE)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of one fault; times in ms after it first made a difference."""
+
+    fault: str
+    situation: Situation
+    expect: str
+    bound: str
+    detected_by: str
+    """The firmware's fault bits, the pilot's reason, or nobody."""
+    detected_ms: float | None
+    stop_latency_ms: float | None
+    """Until drive and blade were off for good; None where they were not."""
+    moved_m: float
+    """Travelled meanwhile, the coasting included; over the whole watch where nothing stopped."""
+    ok: bool
+    verdict: str
+    limit: bool = False
+    """Not ok, and known: nothing on board can notice it."""
+
+
+class Watch:
+    """Follows a run at every slice."""
+
+    def __init__(self, run: Harvest) -> None:
+        self.run = run
+        self.path: list[tuple[float, float]] = []
+        """(time, distance travelled since the fault began)."""
+        self.rest_m = 0.0
+        self.reversed_blade_at = -math.inf
+        """When the blade was last on in reverse."""
+        self.faults: list[tuple[float, protocol.Fault]] = []
+        """The firmware's fault word whenever it changed."""
+        self.resets: list[float] = []
+        self.heard = -math.inf
+        """When the firmware last said anything."""
+        self._session = Session()
+        self._travel = 0.0
+        self._lateral_from = 0
+        run.bench.on_slice = self
+
+    @property
+    def begun(self) -> float | None:
+        """When the fault began."""
+        events = self.run.bench.faults.events
+        return events[0].stamp if events else None
+
+    def __call__(self, said: bytes) -> None:
+        bench = self.run.bench
+        now = bench.now
+        resets = self._session.resets
+        for telemetry in self._session.feed(now, said):
+            self.heard = now
+            word = protocol.Fault(telemetry.faults)
+            if not self.faults or self.faults[-1][1] != word:
+                self.faults.append((now, word))
+            if telemetry.state is State.FAULT and not word:
+                self.faults.append((now, word))
+        if self._session.resets != resets:
+            self.resets.append(now)
+        if self.begun is None:
+            self._lateral_from = len(self.run.truth.lateral)
+            return
+        speed = float(bench.state["v"])
+        self._travel += abs(speed) * SLICE_US / 1e6
+        self.path.append((now, self._travel))
+        _, _, blade = bench.drives
+        if abs(speed) > AT_REST_MPS:
+            self.rest_m = self._travel
+        if blade and speed < REVERSING_MPS:
+            self.reversed_blade_at = now
+
+    def enough(self) -> bool:
+        """Whether the fault has been watched for long enough."""
+        begun = self.begun
+        bound_s = self.run.scenario.faults[0].pair.bound_s
+        return begun is not None and self.run.bench.now - begun >= max(WATCH_S, bound_s + BEYOND_S)
+
+    def _harm(self, allowed_until: float) -> list[str]:
+        """What must not be, but for a machine that had not to stop before `allowed_until`."""
+        truth = self.run.truth.summary()
+        harm = []
+        if truth["neighbour_cut_m2"]:
+            harm.append(f"neighbour's crop cut: {truth['neighbour_cut_m2']} m2")
+        if truth["outside_m"]:
+            harm.append(f"outside by {truth['outside_m']} m")
+        if self.reversed_blade_at > allowed_until:
+            harm.append("blade on in reverse")
+        off = max((abs(x) for x in self.run.truth.lateral[self._lateral_from :]), default=0.0)
+        if off > OFF_EDGE_M:
+            harm.append(f"{off:.2f} m off the edge")
+        return harm
+
+    def _detection(self, begun: float) -> tuple[str, float | None]:
+        before = protocol.Fault(0)
+        found: list[tuple[float, str]] = []
+        for stamp, word in self.faults:
+            if stamp < begun:
+                before = word
+            elif word & ~before:
+                names = "|".join(bit.name or "?" for bit in protocol.Fault if bit & word & ~before)
+                found.append((stamp, f"firmware {names}"))
+        found += [(stamp, "firmware: boots SAFE") for stamp in self.resets if stamp >= begun]
+        found += [
+            (change.stamp, f"pilot: {change.reason}")
+            for change in self.run.pilot.transitions
+            if change.stamp >= begun
+            and change.phase in (Phase.HESITATE, Phase.FAULT)
+            and LOOKING not in change.reason
+        ]
+        # What says why wins over the bare restart in the same telemetry.
+        found.sort(key=lambda item: (item[0], item[1].startswith("firmware: ")))
+        return (found[0][1], found[0][0]) if found else ("nobody", None)
+
+    def verdict(self, fault: Fault, situation: Situation) -> Verdict:
+        """After the run."""
+        pair = fault.pair
+        bound = f"{pair.bound_s * 1000:.0f} ms" + (
+            f" or {pair.bound_m:g} m" if pair.bound_m else ""
+        )
+        begun = self.begun
+
+        def made(ok: bool, text: str, **more: Any) -> Verdict:
+            values: dict[str, Any] = {
+                "detected_by": "nobody",
+                "detected_ms": None,
+                "stop_latency_ms": None,
+                "moved_m": 0.0,
+            }
+            expected = pair.expect.value
+            name = fault.name
+            return Verdict(name, situation, expected, bound, ok=ok, verdict=text, **values | more)
+
+        if begun is None:
+            return made(False, f"the run never got to it: {self.run.pilot.reason}")
+        shown = self.run.bench.faults.shown_at(0)
+        end = self.path[-1][0]
+        since = shown if shown is not None else begun
+        by, at = self._detection(begun)
+        wires = self.run.bench.faults.taps
+        # The pins were read as this millisecond began: by its end they were off.
+        last_on = max(float(wires[k]["alive_us"]) for k in _MOVERS) / 1e6
+        stopped = end - last_on > 0.5
+        start_m = next((m for t, m in self.path if t >= since), 0.0)
+        until_m = self.rest_m if stopped else self.path[-1][1]
+        latency = max(0.0, last_on - since) * 1000 if stopped else None
+        moved = max(0.0, until_m - start_m)
+        facts = {
+            "detected_by": by,
+            "detected_ms": None if at is None else round((at - since) * 1000, 1),
+            "stop_latency_ms": None if latency is None else round(latency, 1),
+            "moved_m": round(moved, 3),
+        }
+        stops = pair.expect is Expect.STOP
+        harm = self._harm(since + pair.bound_s if stops else begun)
+
+        def bad(word: str, what: str) -> Verdict:
+            if pair.limit:
+                return made(False, f"LIMIT: {what}; {pair.limit}", limit=True, **facts)
+            return made(False, f"{word}: {what}", **facts)
+
+        if harm:
+            return bad("UNSAFE", "; ".join(harm))
+        if shown is None:
+            return made(True, "ok: it made no difference in this run", **facts)
+        if not stops:
+            return made(True, "ok: stopped" if stopped else "ok: rode through", **facts)
+        if at is None and self.heard > since + SILENT_S:
+            # where it stands nevertheless, that is a turn's change of direction
+            return bad("UNSAFE", "nobody notices, it goes on")
+        if latency is None:
+            return bad("UNSAFE", "it goes on")
+        if latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m:
+            return made(True, "ok: stopped", **facts)
+        return bad("LATE", f"{latency:.0f} ms, {moved:.2f} m")
+
+
+def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
+    """A small field; its first side is long enough, or short so that the turn comes soon."""
+    size = (4.0, 5.0) if situation == "follow" else (4.0, 2.0)
+    return Scenario.model_validate(
+        {
+            "name": f"fault-{situation}",
+            "firmware": firmware,
+            "mode": mode,
+            "camera": camera,
+            "field": FieldSpec(size_m=size).model_dump(),
+            "limits": Limits(time_s=LIMIT_S).model_dump(),
+            "record": Recording(pictures_every=1).model_dump(),
+        }
+    )
+
+
+def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str]) -> Scenario:
+    """The scenario with one fault of (component, failure, how), while following or turning."""
+    component, failure, how = name
+    at = At(state="follow", after_s=SETTLE_S)
+    # what a relay does wrong shows when it ought to open: at the end of the side
+    if situation == "turn" and component != "blade_relay":
+        at = At(state="turn", moving="backward", after_s=0.5)
+    values: dict[str, Any] = {"component": component, "failure": failure, "at": at}
+    if how:
+        values["how"] = how
+    if name == ("host", "stuck", ""):
+        values["for_s"] = 1.0
+    return base.model_copy(update={"faults": (Fault.model_validate(values),)})
+
+
+def all_faults() -> list[tuple[str, str, str]]:
+    """(component, failure, how) of everything in the table."""
+    return [
+        (component, failure, how)
+        for (component, failure), pair in PAIRS.items()
+        for how in pair.hows or ("",)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run of the matrix; plain data, so that it travels."""
+
+    name: tuple[str, str, str]
+    situation: Situation
+    firmware: Firmware
+    mode: str
+    camera: str
+    record: str | None
+    """Folder for the records; None: none are kept."""
+
+    @property
+    def record_file(self) -> Path | None:
+        """Where its record is kept."""
+        if self.record is None:
+            return None
+        words = "-".join(part for part in (*self.name, self.situation) if part)
+        return Path(self.record) / f"{words}.mcap"
+
+
+def watched(
+    chosen: Scenario,
+    situation: Situation,
+    record: Path | None = None,
+    detector: Callable[[Bench], Detector] | None = None,
+) -> Verdict:
+    """Runs a scenario with one fault to its verdict."""
+    fault = chosen.faults[0]
+    try:
+        run = Harvest(chosen, record, detector=detector)
+        try:
+            watch = Watch(run)
+            run.run(enough=watch.enough)
+        finally:
+            run.close()
+            run.bench.on_slice = None  # else the bench, and all of the run, would live in a circle
+    except UserError as error:
+        return broken(fault, situation, error)
+    return watch.verdict(fault, situation)
+
+
+def broken(fault: Fault, situation: Situation, error: UserError) -> Verdict:
+    """Where the bench itself failed: a result, but no good one."""
+    return Verdict(fault.name, situation, "", "", "bench", None, None, 0.0, False, str(error))
+
+
+Group = tuple[Case, ...]
+"""Cases that are the same run up to where their faults begin."""
+
+
+def scenario_of(case: Case) -> Scenario:
+    """What a case runs."""
+    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
+    return with_fault(base, case.situation, case.name)
+
+
+def grouped(cases: Sequence[Case]) -> list[Group]:
+    """The cases in groups, small enough for several workers to share them."""
+    alike: dict[str, list[Case]] = {}
+    for case in cases:
+        chosen = scenario_of(case)
+        before = chosen.model_copy(update={"faults": ()}).model_dump_json()
+        alike.setdefault(before + chosen.faults[0].at.model_dump_json(), []).append(case)
+    return [
+        tuple(same[k : k + GROUP]) for same in alike.values() for k in range(0, len(same), GROUP)
+    ]
+
+
+def branched(
+    scenarios: Sequence[Scenario],
+    situation: Situation,
+    detector: Callable[[Bench], Detector] | None = None,
+) -> list[Verdict]:
+    """The verdicts that `watched` gives, of scenarios that differ in their fault alone and begin
+    it alike: what comes before it is run once, and each fault in a copy of the process."""
+    # A copy has no threads, so none may be at work: the pictures are developed in this one.
+    run = Harvest(scenarios[0], detector=detector, darkroom=SynchronousExecutor())
+    try:
+        watch = Watch(run)
+        run.run(enough=lambda: run.fault_is_next)
+
+        def verdict(faults: tuple[Fault, ...]) -> Verdict:
+            run.fail_with(faults)
+            try:
+                run.run(enough=watch.enough)
+            except UserError as error:
+                return broken(faults[0], situation, error)
+            return watch.verdict(faults[0], situation)
+
+        return [in_a_copy(partial(verdict, chosen.faults)) for chosen in scenarios]
+    finally:
+        run.close()
+        run.bench.on_slice = None
+
+
+def in_a_copy(function: Callable[[], Result]) -> Result:
+    """What `function` returns in a copy of this process, which ends there. A copy that crashes is
+    a RuntimeError."""
+    end, begin = os.pipe()
+    copy = os.fork()
+    if copy == 0:
+        status = 1
+        try:
+            with os.fdopen(begin, "wb") as pipe:
+                pickle.dump(function(), pipe)
+            status = 0
+        except Exception:
+            traceback.print_exc()
+        finally:  # at an interrupt as well: the original says so
+            os._exit(status)
+    os.close(begin)
+    with os.fdopen(end, "rb") as pipe:
+        said = pipe.read()
+    _, status = os.waitpid(copy, 0)
+    if status != 0:
+        raise RuntimeError(f"a copy of the bench crashed (wait status {status}), see above")
+    result: Result = pickle.loads(said)
+    return result
+
+
+def run_group(group: Group) -> list[Verdict]:
+    """Runs a group's cases to their verdicts; each from its beginning where a record is kept."""
+    cv2.setNumThreads(1)
+    situation = group[0].situation
+    if group[0].record is None:
+        return branched([scenario_of(case) for case in group], situation)
+    return [watched(scenario_of(case), situation, case.record_file) for case in group]
+
+
+# ---- kept from an earlier call -------------------------------------------------------------------
+
+
+def digest(case: Case) -> str:
+    """Of everything that a verdict depends on: the scenario, the firmware and the programs."""
+    chosen = scenario_of(case).model_dump_json().encode()
+    return hashlib.sha256(chosen + _programs(case.firmware)).hexdigest()
+
+
+@cache
+def _programs(firmware: Firmware) -> bytes:
+    images = {
+        "desk": (targets.DESK_LIBRARY,),
+        "avr": (targets.AVR_LIBRARY, targets.AVR_IMAGE),
+    }[firmware]
+    sources = sorted(p for d in ("hil", "host", "sim_plant") for p in (ROOT / d).rglob("*.py"))
+    found = hashlib.sha256()
+    for path in (*sources, *(image for image in images if image.exists())):
+        found.update(path.read_bytes())
+    return found.digest()
+
+
+def kept(path: Path, cases: Sequence[Case]) -> dict[Case, Verdict]:
+    """Verdicts that an earlier call of the same command left, of the same programs."""
+    if not path.exists():
+        return {}
+    found = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            entry = json.loads(line)
+        except ValueError:  # the call was killed while it wrote
+            continue
+        found[entry["digest"]] = Verdict(**entry["verdict"])
+    digests = {case: digest(case) for case in cases}
+    return {case: found[key] for case, key in digests.items() if key in found}
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:
+    names = all_faults()
+    if not only:
+        return names
+    out = []
+    for wanted in only:
+        words = wanted.replace(".", " ").split()
+        found = [n for n in names if list(n[: len(words)]) == words]
+        if not found:
+            components = ", ".join(dict.fromkeys(n[0] for n in names))
+            known = ", ".join(n[1] for n in names if n[0] == words[0]) if words else ""
+            hint = f"{words[0]} can be: {known}" if known else f"components: {components}"
+            raise UserError(f"--only {wanted}: no such fault; {hint}")
+        out += [n for n in found if n not in out]
+    return out
+
+
+def table_of(verdicts: Sequence[Verdict], title: str) -> Table:
+    """For the terminal."""
+    table = Table(title=title)
+    for name in ("fault", "while", "must", "within", "detected by", "after ms"):
+        table.add_column(name)
+    for name in ("stop_latency_ms", "moved m"):
+        table.add_column(name, justify="right")
+    table.add_column("verdict")
+    for v in verdicts:
+        table.add_row(
+            v.fault,
+            v.situation,
+            v.expect,
+            v.bound if v.expect == Expect.STOP.value else "",
+            v.detected_by,
+            "" if v.detected_ms is None else f"{v.detected_ms:.0f}",
+            "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}",
+            f"{v.moved_m:.2f}",
+            v.verdict,
+            style="" if v.ok else "yellow" if v.limit else "bold red",
+        )
+    return table
+
+
+def markdown_of(verdicts: Sequence[Verdict], title: str) -> str:
+    """The same for a document."""
+    lines = [
+        f"## {title[:1].upper()}{title[1:]}",
+        "",
+        "| fault | while | must | detected by | stop_latency_ms | moved m | verdict |",
+        "|---|---|---|---|---:|---:|---|",
+    ]
+    for v in verdicts:
+        must = f"stop: {v.bound}" if v.expect == Expect.STOP.value else v.expect
+        latency = "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}"
+        cells = [v.fault, v.situation, must, v.detected_by, latency, f"{v.moved_m:.2f}", v.verdict]
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+@click.command()
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
+@click.option("--only", multiple=True, metavar="COMPONENT[.FAILURE[.HOW]]", help="May be repeated.")
+@click.option("--while", "situation", type=click.Choice(["follow", "turn", "both"]), default="both")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@click.option("--camera", default="mast", show_default=True, metavar="low|mast")
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
+@click.option("--records", is_flag=True, help="Keep a record of every run.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"))
+def faults(
+    firmware: Firmware,
+    only: tuple[str, ...],
+    situation: str,
+    mode: str,
+    camera: str,
+    workers: int,
+    scheduler: str | None,
+    records: bool,
+    out: Path,
+) -> None:
+    """Makes everything fail that can fail, and says who noticed, when, and what moved meanwhile.
+
+    Exits with an error when any outcome is unsafe or late; known limits are counted apart. The same
+    command goes on where it was killed, as long as the programs are the same."""
+    from hil.report import report  # noqa: PLC0415
+
+    wheres: list[Situation] = ["follow", "turn"] if situation == "both" else [situation]  # type: ignore[list-item]
+    out.mkdir(parents=True, exist_ok=True)
+    keep = str((out / "records").resolve()) if records else None
+    cases = [
+        Case(name, where, firmware, mode, camera, keep)
+        for name in _selected(only)
+        for where in wheres
+    ]
+    log = out / "verdicts.jsonl"
+    found = kept(log, cases)
+    todo = [case for case in cases if case not in found]
+    with Progress(console=Console(stderr=True)) as bar, log.open("a", encoding="utf-8") as file:
+        file.write("\n")  # a killed call may have left half a line
+        task = bar.add_task(f"{len(cases)} faults", total=len(cases), completed=len(found))
+        groups = grouped(todo)
+        for group, verdicts in spread(run_group, groups, workers=workers, scheduler=scheduler):
+            for case, verdict in zip(group, verdicts, strict=True):
+                found[case] = verdict
+                entry = {"digest": digest(case), "verdict": asdict(verdict)}
+                file.write(json.dumps(entry) + "\n")
+            file.flush()
+            bar.update(task, completed=len(found), description=verdicts[-1].fault)
+    verdicts = [found[case] for case in cases]
+    title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
+    summary = {
+        "firmware": firmware,
+        "camera": camera,
+        "mode": mode,
+        "cases": len(verdicts),
+        "bad": sum(not v.ok and not v.limit for v in verdicts),
+        "limits": sum(v.limit for v in verdicts),
+        "faults": [asdict(v) for v in verdicts],
+    }
+    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    width = None if Console().is_terminal else 200
+    Console(width=width).print(table_of(verdicts, title))
+    (out / "faults.md").write_text(markdown_of(verdicts, title), encoding="utf-8")
+    report.faults_report(out, title, verdicts)
+    latencies = [v.stop_latency_ms for v in verdicts if v.stop_latency_ms is not None]
+    worst = max(latencies, default=math.nan)
+    click.echo(
+        f"{len(verdicts)} runs, {summary['limits']} known limits, worst stop_latency_ms "
+        f"{worst:.0f}; written to {out}"
+    )
+    if summary["bad"]:
+        raise UserError(f"{summary['bad']} of {len(verdicts)} outcomes are unsafe or late")

@@ -1,0 +1,416 @@
+"""`daranti-hil vision`: the mounted detectors on scripted drives along crop edges.
+
+No firmware and no pilot: the machine's pose is a weave along an edge, the blade cuts, the camera
+sees, and every picture's view is compared with the field itself. One drive is one edge with its end
+and is a function of (seed, number) alone.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import click
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from hil.judge.metrics import FALSE_END_M, PROBE_AHEAD_M
+from hil.scenario.scenario import Scenario
+from hil.studies.campaign import spread
+from host.core.errors import UserError
+from host.estimate.crop_ahead import CONFIDENT, Ahead, EndOfField
+from host.estimate.lane import Lane
+from host.estimate.odometry import Motion
+from host.vision import CropView, make_detector
+from sim_plant.camera import Camera
+from sim_plant.field import Field, FieldSpec
+from sim_plant.sky import WeatherSpec
+
+Mode = Literal["paper", "robust"]
+Pose = tuple[float, float, float]
+
+STEP_M = 0.05
+"""Between pictures: 10 Hz at 0.5 m/s."""
+CUT_STEPS = 2
+"""Of the blade within one."""
+RINGS = 4
+DEPTH_M = 7.0
+"""Of the field behind the edge."""
+BEYOND_M = 1.6
+"""How far the blade goes on after the crop's end: what is not declared by then was missed."""
+LASTS_M = 0.2
+"""Of crop beyond the place where the edge is measured, below which there is no true edge: a ragged
+end has no right side."""
+WRONG_M = 0.1
+"""What `CropView.confidence` is about."""
+DISTANCE_SD, TURN_SD = 0.01, 0.03
+"""Of the odometry's scale, as the lane filter gets it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One edge; plain data, so that it travels to other processes."""
+
+    seed: int
+    number: int
+    mount: str
+    mode: Mode
+    length_m: float
+    folder: str
+    dust: float | None = None
+    """Instead of the random one."""
+
+    @property
+    def path(self) -> Path:
+        """Where its result is kept."""
+        air = "" if self.dust is None else f"-dust{self.dust:g}"
+        name = f"{self.mode}-{self.mount}-{self.seed}{air}-{self.number:05d}.json"
+        return Path(self.folder) / name
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one drive showed; a row per picture while crop was being cut."""
+
+    conditions: str
+    km: float
+    offset_error_m: list[float | None]
+    """Seen less true; None where the view was not confident."""
+    heading_error_rad: list[float | None]
+    """Likewise, of the picture's own direction of the edge."""
+    lane_offset_error_m: list[float]
+    """Of the filter that steers."""
+    lane_heading_error_rad: list[float]
+    end_error_m: float | None
+    """Where the end was declared, beyond the last crop cut; None where it never was."""
+    false_ends: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Edge:
+    """A prepared field: crop stands left of y = depth, from x = 0 to x = end."""
+
+    crop: Field
+    scenario: Scenario
+    depth_m: float
+    end_m: float
+    weave: tuple[tuple[float, float, float], ...]
+    """(amplitude m, wavelength m, phase) of the blade's middle about its lane."""
+
+    def pose(self, blade_x: float) -> Pose:
+        """The rear axle where the blade's line is at `blade_x`. The blade's middle weaves; the rear
+        axle, whose wheels do not slip sideways, is drawn behind it like a trailer."""
+        v = self.scenario.vehicle
+        bar = v.blade_x_m
+        blade = rear = self.depth_m + 0.5 * v.blade_width_m - v.overlap_m
+        for amplitude, wavelength, phase in self.weave:
+            k = math.tau / wavelength
+            blade += amplitude * math.sin(k * blade_x + phase)
+            # the solution of rear' = (blade - rear) / bar, for small angles
+            less = amplitude / math.hypot(1.0, k * bar)
+            rear += less * math.sin(k * blade_x + phase - math.atan(k * bar))
+        yaw = math.asin((blade - rear) / bar)
+        return blade_x - bar * math.cos(yaw), rear, yaw
+
+
+def _prepare(drive: Drive) -> _Edge:
+    """Field, weather and weave of a drive."""
+    rng = np.random.default_rng((drive.seed, drive.number))
+    spec = FieldSpec(
+        size_m=(drive.length_m, DEPTH_M),
+        drilled=bool(rng.random() < 0.3),
+        crop_height_m=float(rng.uniform(0.8, 1.0)),
+        lodged=float(rng.choice([0.0, 0.0, 0.05])),
+        windrow_m=(0.1, 0.45),
+    )
+    weather = WeatherSpec(
+        hour=float(rng.uniform(9, 16)),
+        dust=float(rng.uniform(0, 0.6)),
+        wind_mps=float(rng.uniform(0, 6)),
+        cloud=float(rng.choice([0.0, 0.0, 0.0, 0.5, 1.0])),
+        haze=float(rng.uniform(0.002, 0.02)),
+    )
+    if drive.dust is not None:
+        weather = weather.model_copy(update={"dust": drive.dust})
+    scenario = Scenario(
+        seed=int(rng.integers(1 << 30)), camera=drive.mount, field=spec, weather=weather
+    )
+    v = scenario.vehicle
+    crop = Field(spec, scenario.seed)
+    depth = int(rng.integers(RINGS)) * (v.blade_width_m - v.overlap_m)
+    end = drive.length_m - depth
+    far = drive.length_m + 50.0
+    if depth > 0:
+        crop.clear(((-50, -50), (far, -50), (far, depth), (-50, depth)))
+        crop.clear(((end, -50), (far, -50), (far, 50), (end, 50)))
+    phases = rng.uniform(0, math.tau, 2)
+    weave = (
+        (float(rng.uniform(0.01, 0.05)), float(rng.uniform(4, 9)), float(phases[0])),
+        (float(rng.uniform(0.0, 0.08)), float(rng.uniform(12, 30)), float(phases[1])),
+    )
+    return _Edge(crop, scenario, depth, end, weave)
+
+
+def _declared(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
+    """Where the end was first seen, when this picture declares it by vision alone."""
+    if view.ahead_confidence < CONFIDENT:
+        return None
+    ahead.sight(view, motion)
+    ahead.follow(view, EndOfField(motion.stamp, motion, 0))
+    end = ahead.end
+    if end is None:
+        return None
+    ahead.go_on()
+    return end.motion
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One picture of a drive, and what is true of it."""
+
+    bgr: NDArray[np.uint8]
+    pose: Pose
+    travelled_m: float
+    cutting: bool
+    offset_m: float
+    """True `CropView.edge_offset_m`; NaN where there is no edge beside the blade."""
+    heading_rad: float
+    """True `CropView.edge_heading_rad`."""
+    crop_beyond: bool
+    """The field's crop still stands `FALSE_END_M` before the blade or little further: no end."""
+
+
+def drive_along(edge: _Edge) -> Iterator[Seen]:
+    """The pictures of one edge, from before the crop to beyond its end."""
+    crop, scenario = edge.crop, edge.scenario
+    v, lens = scenario.vehicle, scenario.lens_truth
+    camera = Camera(crop, lens, scenario.weather, scenario.seed, threads=1)
+    speed = v.cutting_speed_mps
+    start = -0.4
+    before = edge.pose(start)
+    for k in range(round((edge.end_m + BEYOND_M - start) / STEP_M)):
+        cut = 0
+        for n in range(1, CUT_STEPS + 1):
+            here = edge.pose(start + (k + n / CUT_STEPS) * STEP_M)
+            cut += crop.cut(before, here, ahead_m=v.blade_x_m, width_m=v.blade_width_m)
+            rate = (here[2] - before[2]) / (STEP_M / CUT_STEPS / speed)
+            before = here
+        x, y, yaw = before
+        roll, pitch = crop.slopes(x, y, yaw)
+        t = k * STEP_M / speed
+        # the pilot looks before it lets the blade spin
+        bgr = camera.capture(t, x, y, yaw, roll, pitch, speed, rate, k > 0)
+        coded = np.frombuffer(camera.encode(bgr), np.uint8)
+        ahead, right = v.blade_x_m + PROBE_AHEAD_M, -0.5 * v.blade_width_m
+        c, s = math.cos(yaw), math.sin(yaw)
+        beside = crop.true_edge_offset(
+            x + ahead * c - right * s, y + ahead * s + right * c, yaw, 0.6
+        )
+        last = ahead + LASTS_M
+        width = 0.6 * v.blade_width_m
+        lasting = crop.crop_ahead(x + last * c, y + last * s, yaw, width, 0.1)
+        front = v.blade_x_m + FALSE_END_M
+        beyond = crop.crop_ahead(x + front * c, y + front * s, yaw, width, 0.5)
+        yield Seen(
+            np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8),
+            before,
+            k * STEP_M,
+            cut > 0,
+            beside - v.overlap_m if math.isfinite(lasting) else math.nan,
+            -yaw,
+            math.isfinite(beyond),
+        )
+
+
+def run(drive: Drive) -> Outcome:
+    """Drives once, or reads what an earlier run has found."""
+    if drive.path.exists():
+        return Outcome(**json.loads(drive.path.read_text(encoding="utf-8")))
+    cv2.setNumThreads(1)
+    edge = _prepare(drive)
+    scenario, v = edge.scenario, edge.scenario.vehicle
+    eye = make_detector(drive.mode, v, scenario.mount, overlap_m=v.overlap_m)
+    rng = np.random.default_rng((drive.seed, drive.number, 1))
+    scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()
+    lane, ahead = Lane(v.blade_x_m), Ahead()
+    lane.place(0.0, 0.0, 0.15, math.radians(8))
+    offsets: list[float | None] = []
+    headings: list[float | None] = []
+    lane_offsets: list[float] = []
+    lane_headings: list[float] = []
+    declared: float | None = None
+    false_ends, last_cut, first_cut = 0, 0.0, math.nan
+    for seen in drive_along(edge):
+        view = eye.see(seen.bgr)
+        x, y, yaw = seen.pose
+        motion = Motion(
+            seen.travelled_m / v.cutting_speed_mps,
+            v.cutting_speed_mps,
+            0.0,
+            scale * seen.travelled_m,
+            gain * yaw,
+            x,
+            y,
+        )
+        lane.predict(motion)
+        sure = view.confidence >= CONFIDENT
+        if sure:
+            lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
+        if seen.cutting:
+            last_cut = seen.travelled_m
+            first_cut = seen.travelled_m if math.isnan(first_cut) else first_cut
+            if math.isfinite(seen.offset_m):
+                offsets.append(view.edge_offset_m - seen.offset_m if sure else None)
+                turned = view.edge_heading_rad
+                known = sure and math.isfinite(turned)
+                headings.append(turned - seen.heading_rad if known else None)
+                lane_offsets.append(-lane.blade_offset_m - seen.offset_m)
+                lane_headings.append(-lane.heading_rad - seen.heading_rad)
+        end = _declared(ahead, view, motion)
+        if end is not None and declared is None:
+            if seen.crop_beyond:
+                false_ends += 1
+            else:
+                declared = end.distance_m / scale
+    outcome = Outcome(
+        _conditions(scenario, edge),
+        (last_cut - first_cut) / 1e3,
+        offsets,
+        headings,
+        lane_offsets,
+        lane_headings,
+        None if declared is None else declared - last_cut,
+        false_ends,
+    )
+    fresh = drive.path.with_suffix(".part")
+    fresh.write_text(json.dumps(asdict(outcome)) + "\n", encoding="utf-8")
+    fresh.replace(drive.path)
+    return outcome
+
+
+def _conditions(scenario: Scenario, edge: _Edge) -> str:
+    w, f = scenario.weather, scenario.field
+    kind = "drilled" if f.drilled else "broadcast"
+    return (
+        f"{w.hour:04.1f} h, dust {w.dust:.1f}, cloud {w.cloud:.1f}, wind {w.wind_mps:.0f} m/s, "
+        f"{kind}, {f.crop_height_m:.2f} m, {edge.depth_m:.1f} m inside"
+    )
+
+
+def summary(outcomes: Sequence[Outcome]) -> dict[str, float | int | None]:
+    """The figures of one mount, keys as in summary.json; None where nothing was measured."""
+
+    def rms(values: Sequence[float]) -> float | None:
+        return float(np.sqrt(np.mean(np.square(values)))) if values else None
+
+    def degrees(value: float | None) -> float | None:
+        return None if value is None else math.degrees(value)
+
+    offsets = [e for o in outcomes for e in o.offset_error_m]
+    sure = [e for e in offsets if e is not None]
+    turned = [e for o in outcomes for e in o.heading_error_rad if e is not None]
+    ends = [o.end_error_m for o in outcomes if o.end_error_m is not None]
+    figures = {
+        "km": sum(o.km for o in outcomes),
+        "pictures": len(offsets),
+        "availability": len(sure) / len(offsets) if offsets else None,
+        "offset_rmse_m": rms(sure),
+        "offset_bias_m": float(np.mean(sure)) if sure else None,
+        "confident_wrong": float(np.mean(np.abs(sure) > WRONG_M)) if sure else None,
+        "heading_rmse_deg": degrees(rms(turned)),
+        "lane_offset_rmse_m": rms([e for o in outcomes for e in o.lane_offset_error_m]),
+        "lane_heading_rmse_deg": degrees(
+            rms([e for o in outcomes for e in o.lane_heading_error_rad])
+        ),
+        "ends": len(outcomes),
+        "end_of_field_error_median_m": float(np.median(ends)) if ends else None,
+        "end_of_field_error_worst_m": float(max(ends, key=abs)) if ends else None,
+        "missed_ends": sum(o.end_error_m is None for o in outcomes),
+        "false_ends": sum(o.false_ends for o in outcomes),
+    }
+    return {k: round(v, 5) if isinstance(v, float) else v for k, v in figures.items()}
+
+
+def _figure(value: float | int | None, factor: float = 1.0, digits: int = 1) -> str:
+    return "-" if value is None else f"{factor * value:.{digits}f}"
+
+
+def show(figures: dict[str, dict[str, float | int | None]]) -> Table:
+    """One row a mount."""
+    table = Table("", "km", "sure %", "offset rmse / bias cm", "wrong %", "lane offset cm",
+                  "lane heading °", "end median / worst m", "ends", "missed", "false")  # fmt: skip
+    for name, f in figures.items():
+        table.add_row(
+            name,
+            _figure(f["km"], digits=2),
+            _figure(f["availability"], 100),
+            f"{_figure(f['offset_rmse_m'], 100)} / {_figure(f['offset_bias_m'], 100)}",
+            _figure(f["confident_wrong"], 100),
+            _figure(f["lane_offset_rmse_m"], 100),
+            _figure(f["lane_heading_rmse_deg"], digits=2),
+            f"{_figure(f['end_of_field_error_median_m'], digits=2)} / "
+            f"{_figure(f['end_of_field_error_worst_m'], digits=2)}",
+            str(f["ends"]),
+            str(f["missed_ends"]),
+            str(f["false_ends"]),
+        )
+    return table
+
+
+@click.command()
+@click.option("--km", type=click.FloatRange(0.01, 100), default=0.2, show_default=True,
+              help="Of edges, over all mounts.")  # fmt: skip
+@click.option("--mount", "mounts", multiple=True, type=click.Choice(["low", "mast"]),
+              help="Only this one; default both.")  # fmt: skip
+@click.option("--mode", type=click.Choice(["robust", "paper"]), default="robust", show_default=True)
+@click.option("--length", "length_m", type=click.FloatRange(5, 200), default=20.0,
+              show_default=True, help="Of one edge, m.")  # fmt: skip
+@click.option("--dust", type=click.FloatRange(0, 1),
+              help="Instead of a random one between 0 and 0.6.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
+@click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/vision"),
+              show_default=True)  # fmt: skip
+def vision(
+    km: float,
+    mounts: tuple[str, ...],
+    mode: Mode,
+    length_m: float,
+    dust: float | None,
+    seed: int,
+    workers: int,
+    out: Path,
+) -> None:
+    """Measures the detectors on simulated drives along edges over hours, weather and mounts.
+
+    Every drive's result is kept in --out: a run that was stopped goes on where it stopped, and more
+    --km add to it. Writes summary.json."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
+    names = mounts or ("low", "mast")
+    count = max(1, round(1e3 * km / length_m / len(names)))
+    make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust)
+    drives = [make(number=n, mount=name) for n in range(count) for name in names]
+    found: dict[str, list[Outcome]] = {name: [] for name in names}
+    console = Console()
+    with Progress(console=console) as progress:
+        task = progress.add_task(f"{len(drives)} edges of {length_m:g} m", total=len(drives))
+        for drive, outcome in spread(run, drives, workers=workers):
+            found[drive.mount].append(outcome)
+            progress.advance(task)
+    figures = {name: summary(outcomes) for name, outcomes in found.items()}
+    record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures}
+    (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    console.print(show(figures))
+    console.print(out / "summary.json")

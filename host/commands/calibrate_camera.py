@@ -1,0 +1,107 @@
+"""`daranti calibrate camera`: lens and mount from a printed checkerboard, so that pixels become
+metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import yaml
+
+from host.core.errors import UserError
+from host.tune.checkerboard import Board, calibrate_lens, calibrate_mount, corners
+from host.vision.pictures import frames, read_photo
+
+DOUBTFUL_PX = 1.0
+
+
+@click.command()
+@click.argument("pictures", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO...")
+@click.option("--columns", type=click.IntRange(3, 30), default=9, show_default=True)
+@click.option("--rows", type=click.IntRange(3, 30), default=6, show_default=True)
+@click.option(
+    "--square",
+    "square_m",
+    type=click.FloatRange(0.002, 1),
+    default=0.04,
+    show_default=True,
+    help="Side of a square, m. Columns and rows are inner corners.",
+)
+@click.option(
+    "--ground",
+    type=click.Path(path_type=Path),
+    metavar="PHOTO",
+    help="From the mount: the board flat on the ground, longer side across the machine.",
+)
+@click.option(
+    "--ahead",
+    "ahead_m",
+    type=float,
+    default=2.0,
+    show_default=True,
+    help="The board's middle on the ground, ahead of the rear axle, m.",
+)
+@click.option(
+    "--left", "left_m", type=float, default=0.0, show_default=True, help="The same, to the left, m."
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("mount.yaml"), show_default=True
+)
+def calibrate_camera(
+    pictures: tuple[str, ...],
+    columns: int,
+    rows: int,
+    square_m: float,
+    ground: Path | None,
+    ahead_m: float,
+    left_m: float,
+    out: Path,
+) -> None:
+    """Measures the lens from pictures of the board at many angles and, with --ground, where the
+    camera sits; writes the mount for the vehicle file."""
+    board = Board(columns, rows, square_m)
+    seen, size = [], None
+    for source in pictures:
+        for name, bgr in frames(source):
+            this = (bgr.shape[1], bgr.shape[0])
+            if size is None:
+                size = this
+            if this != size:
+                raise UserError(
+                    f"{name}: {this[0]}x{this[1]} pixels, the pictures before had "
+                    f"{size[0]}x{size[1]}; use one camera at one setting"
+                )
+            found = corners(bgr, board)
+            click.echo(f"{name}: {'board found' if found is not None else 'no whole board'}")
+            if found is not None:
+                seen.append(found)
+    assert size is not None  # frames() yields at least one picture or raises
+    lens = calibrate_lens(seen, size, board)
+    click.echo(f"focal length {lens.focal_px:.1f} px, error {lens.error_px:.2f} px")
+    if lens.error_px > DOUBTFUL_PX:
+        click.echo("the error is large: take sharper pictures, keep the board flat", err=True)
+    result: dict[str, object] = {
+        "width_px": size[0],
+        "height_px": size[1],
+        "focal_px": round(lens.focal_px, 3),
+        "centre_px": [round(c, 3) for c in lens.centre_px],
+        "distortion": [round(k, 6) for k in lens.distortion],
+    }
+    if ground is not None:
+        bgr = read_photo(ground)
+        if (bgr.shape[1], bgr.shape[0]) != size:
+            raise UserError(
+                f"{ground}: not the size of the other pictures, {size[0]}x{size[1]}; use the same "
+                "camera at the same setting"
+            )
+        found = corners(bgr, board)
+        if found is None:
+            raise UserError(f"{ground}: no whole board of {columns}x{rows} inner corners found")
+        mount = calibrate_mount(found, lens, board, ahead_m, left_m)
+        result = mount.model_dump(mode="json")
+        click.echo(
+            f"camera {mount.z_m:.3f} m high, pitch {mount.pitch_deg:.2f}, yaw {mount.yaw_deg:.2f}, "
+            f"roll {mount.roll_deg:.2f} degrees"
+        )
+    out.write_text(yaml.safe_dump(result, sort_keys=False), encoding="utf-8")
+    click.echo(f"{out}: copy it into the vehicle file under mounts")

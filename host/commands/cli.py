@@ -1,0 +1,124 @@
+"""The console script `daranti`. Commands are imported when they are run: the vision libraries take
+seconds to load and `daranti params` needs none of them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from typing import NoReturn
+
+import click
+
+from host.core.errors import run
+
+port_option = click.option(
+    "--port",
+    required=True,
+    envvar="DARANTI_PORT",
+    help="The firmware's serial port, or socket://HOST:PORT; DARANTI_PORT names a default.",
+)
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are named by `module:attribute` and imported on first use."""
+
+    def __init__(self, name: str, lazy: Mapping[str, tuple[str, str]], help: str) -> None:
+        """`lazy` maps a command's name to (`module:attribute`, one line of help)."""
+        super().__init__(name=name, help=help)
+        self._lazy = lazy
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted([*super().list_commands(ctx), *self._lazy])
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self._lazy:
+            return super().get_command(ctx, cmd_name)
+        module, attribute = self._lazy[cmd_name][0].split(":")
+        command = getattr(importlib.import_module(module), attribute)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        del ctx
+        rows = [(name, text) for name, (_, text) in self._lazy.items()]
+        rows += [(name, command.get_short_help_str()) for name, command in self.commands.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(rows))
+
+
+daranti = LazyGroup(
+    "daranti",
+    {
+        "drive": ("host.runs.drive:drive", "Harvest: camera, GNSS and firmware together."),
+        "see": ("host.commands.see:see", "Show what the vision finds in photographs."),
+        "monitor": (
+            "host.commands.monitor:monitor",
+            "Show the firmware's telemetry, faults in words.",
+        ),
+        "identify": (
+            "host.commands.identify:identify",
+            "Measure the steering actuator, and its potentiometer.",
+        ),
+        "params": (
+            "host.commands.params:params",
+            "List, read, change and save the firmware's parameters.",
+        ),
+        "plan": (
+            "host.route.preview:plan",
+            "Preview the harvest of a field before anything moves.",
+        ),
+        "survey": ("host.field.survey:survey", "The field's boundary from a walk around it."),
+        "convert": ("host.route.boundary:convert", "Write a field's boundary in another format."),
+        "flash": ("host.link.flash:flash", "Write the firmware onto the board."),
+    },
+    "The reaper's laptop: drive, look, tune, calibrate.",
+)
+daranti.add_command(
+    LazyGroup(
+        "tune",
+        {
+            "pid": (
+                "host.commands.tune_pid:pid",
+                "The steering loop, from the identified actuator.",
+            ),
+            "follow": (
+                "host.tune.follow_margins:follow",
+                "Margins of the loop that follows the edge.",
+            ),
+            "vision": (
+                "host.commands.tune_vision:tune_vision",
+                "Colour thresholds, from photographs.",
+            ),
+        },
+        "Adjust on the machine.",
+    )
+)
+daranti.add_command(
+    LazyGroup(
+        "calibrate",
+        {
+            "camera": (
+                "host.commands.calibrate_camera:calibrate_camera",
+                "Lens and mount from pictures.",
+            )
+        },
+        "Measure what the machine file needs.",
+    )
+)
+daranti.add_command(
+    LazyGroup(
+        "bench",
+        {
+            "vision": (
+                "host.commands.see:bench_vision",
+                "Score the detectors on labelled photographs.",
+            )
+        },
+        "Measure how good and how fast.",
+    )
+)
+
+
+def main() -> NoReturn:
+    """Entry point of the console script."""
+    run(daranti, "daranti")

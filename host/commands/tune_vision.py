@@ -1,0 +1,157 @@
+"""`daranti tune vision`: the paper's parameters, from photographs, a camera or a record."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import cv2
+from rich.console import Console
+from rich.table import Table
+
+from host.commands.see import read_sides
+from host.core.errors import UserError
+from host.core.vehicle import Vehicle
+from host.panel.colour_page import TunePage, Tuner
+from host.vision.figure import staged
+from host.vision.mounted.detector import MountedDetector, make_detector
+from host.vision.mounted.paper import PaperParams, PaperPhoto
+from host.vision.photo.split import SIDES, Side
+from host.vision.pictures import Picture, frames
+from host.vision.tuning.profiles import DATABASE, Circumstance, Profiles
+from host.vision.tuning.search import Contrast, mounted_contrast, photo_contrast, tune
+
+
+def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
+    """Parameters and contrast before and after."""
+    table = Table("parameter", "before", "after")
+    for name in PaperParams.model_fields:
+        before, after = getattr(old, name), getattr(new, name)
+        table.add_row(name, f"{before:g}", f"{after:g}" if after != before else "")
+    table.add_row("contrast reached", f"{contrast[0]:.3f}", f"{contrast[1]:.3f}")
+    return table
+
+
+@click.command()
+@click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|RECORD|URL...")
+@click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Default: now.")
+@click.option("--terrain", default="flat", show_default=True)
+@click.option("--crop", default="wheat", show_default=True)
+@click.option("--weather", default="clear", show_default=True)
+@click.option(
+    "--mount",
+    default="photo",
+    show_default=True,
+    help="A mount (low, mast) for the machine's own camera; photo: any picture.",
+)
+@click.option("--side", type=click.Choice(SIDES), help="Where the crop stands on photographs.")
+@click.option("--manifest", type=click.Path(path_type=Path), help="The side of each photograph.")
+@click.option("--pictures", type=click.IntRange(1, 100), default=8, show_default=True)
+@click.option("--db", type=click.Path(path_type=Path), default=DATABASE, show_default=True)
+@click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True)
+@click.option("--save/--no-save", default=True, show_default=True)
+@click.option(
+    "--page", is_flag=True, help="Tune by hand instead: sliders on a page, in a browser here."
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8023, show_default=True,
+              help="Of the page; 0 takes a free one.")  # fmt: skip
+def tune_vision(
+    source: tuple[str, ...],
+    hour: float | None,
+    terrain: str,
+    crop: str,
+    weather: str,
+    mount: str,
+    side: Side | None,
+    manifest: Path | None,
+    pictures: int,
+    db: Path,
+    out: Path,
+    save: bool,
+    page: bool,
+    port: int,
+) -> None:
+    """Finds the paper's parameters on the first pictures, starting from the nearest profile; shows
+    before and after, and saves the profile. With --page a person does it, on a page with
+    sliders."""
+    sides = read_sides(manifest) if manifest else {}
+    taken: list[tuple[str, Picture]] = []
+    for item in source:
+        taken += itertools.islice(frames(item), pictures - len(taken))
+    now = _now()
+    where = Circumstance(
+        now.hour + now.minute / 60 if hour is None else hour, terrain, crop, weather, mount
+    )
+    contrast: Contrast
+    make: Callable[[str, PaperParams], PaperPhoto | MountedDetector]
+    if mount == "photo":
+        contrast = photo_contrast([(bgr, side or sides.get(name, "left")) for name, bgr in taken])
+
+        def make(name: str, params: PaperParams) -> PaperPhoto | MountedDetector:
+            return PaperPhoto(side or sides.get(name, "left"), params)
+
+    else:
+        detector = _mounted(mount, taken)
+        contrast = mounted_contrast([bgr for _, bgr in taken], detector)
+
+        def make(_name: str, params: PaperParams) -> PaperPhoto | MountedDetector:
+            return detector(params)
+
+    with Profiles(db) as profiles:
+        near = profiles.nearest(where)
+    start = near.params if near else PaperParams()
+    if page:
+        _serve(Tuner(taken, make, contrast, start, db, where, _now), port)
+        return
+    params, reached = tune(contrast, start)
+    if save:
+        with Profiles(db) as profiles:
+            profiles.save(where, params, reached, now)
+    console = Console()
+    console.print(show_change(start, params, (contrast(start), reached)))
+    out.mkdir(parents=True, exist_ok=True)
+    for name, bgr in taken:
+        for when, used in (("before", start), ("after", params)):
+            view = make(name, used).see(bgr, stages=True)
+            cv2.imwrite(str(out / f"{name}.{when}.png"), staged(bgr, view))
+    saved = f"; saved in {db}" if save else ""
+    console.print(f"{len(taken)} pictures before and after in {out}{saved}")
+
+
+def _now() -> datetime.datetime:
+    return datetime.datetime.now().astimezone()
+
+
+def _serve(tuner: Tuner, port: int) -> None:
+    """Until Ctrl-C."""
+    if not tuner.pictures:
+        raise UserError("no pictures to tune on; name photographs, a folder, a video or a record")
+    with TunePage(tuner, port) as server, contextlib.suppress(KeyboardInterrupt):
+        Console().print(f"sliders at {server.url}; Ctrl-C ends")
+        server.serve_forever()
+
+
+def _mounted(
+    name: str, taken: list[tuple[str, Picture]]
+) -> Callable[[PaperParams], MountedDetector]:
+    """Makes the detector of a mount for given parameters, once the pictures turn out to be its."""
+    vehicle = Vehicle()
+    if name not in vehicle.mounts:
+        known = ", ".join(["photo", *vehicle.mounts])
+        raise UserError(f"--mount {name}: no such mount; choose one of {known}")
+    mount = vehicle.mounts[name]
+    for label, bgr in taken:
+        if (bgr.shape[1], bgr.shape[0]) != (mount.width_px, mount.height_px):
+            raise UserError(
+                f"{label}: {bgr.shape[1]}x{bgr.shape[0]} pixels, but the mount {name} takes "
+                f"{mount.width_px}x{mount.height_px}; use its own pictures or --mount photo"
+            )
+
+    def make(params: PaperParams) -> MountedDetector:
+        return make_detector("paper", vehicle, mount, params=params)
+
+    return make

@@ -1,0 +1,122 @@
+"""The machine as the host believes it to be: one typed, validated file (design.md, "The machine").
+
+The simulated plant has a truth of its own, which `hil` derives from this file and then disturbs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors, values are immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Mount(Strict):
+    """Where the camera sits in the vehicle frame (x forward from the rear axle, y left, z up) and
+    how it looks. Pitch is positive downward, yaw positive to the left, roll positive clockwise as
+    seen from behind. Pinhole intrinsics follow from width, height and hfov unless `calibrate
+    camera` measured them (focal_px, centre_px, distortion k1, k2, p1, p2, k3 as in OpenCV)."""
+
+    x_m: float
+    y_m: float = 0.0
+    z_m: Positive
+    pitch_deg: float
+    yaw_deg: float = 0.0
+    roll_deg: float = 0.0
+    width_px: Annotated[int, Field(gt=0)] = 640
+    height_px: Annotated[int, Field(gt=0)] = 480
+    hfov_deg: Annotated[float, Field(gt=10, lt=150)] = 62.0
+    focal_px: float | None = None
+    centre_px: tuple[float, float] | None = None
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def focal(self) -> float:
+        """Focal length in pixels."""
+        if self.focal_px is not None:
+            return self.focal_px
+        return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Principal point (u, v) in pixels."""
+        return self.centre_px or (self.width_px / 2, self.height_px / 2)
+
+
+LOW = Mount(x_m=0.1, z_m=0.6, pitch_deg=5.0)
+"""Below the crop's top, as the paper's end-of-field rule needs."""
+MAST = Mount(x_m=0.0, z_m=1.6, pitch_deg=28.0)
+"""Looking over the crop; sees the blade's line at its lower border."""
+
+
+class Vehicle(Strict):
+    """Tricycle: the front wheel steers, the two rear wheels drive together.
+
+    The vehicle frame's origin is on the ground below the rear axle's middle; x forward, y left."""
+
+    wheelbase_m: Positive = 1.0
+    steer_limit_deg: Annotated[float, Field(gt=0, lt=80)] = 50.0
+    half_width_m: Positive = 0.4
+    """Body and wheels, the blade apart."""
+    rear_overhang_m: Annotated[float, Field(ge=0)] = 0.25
+    """From the rear axle to the body's rear end."""
+    blade_width_m: Positive = 1.0
+    blade_ahead_m: float = 0.5
+    """The blade's line, ahead of the front axle."""
+    blade_height_m: Positive = 0.12
+    cutting_speed_mps: Positive = 0.5
+    manoeuvre_speed_mps: Positive = 0.3
+    follow_frequency_1pm: Positive = 1.14
+    """Of the steering law beside the edge, in radians a metre travelled: how briskly it returns."""
+    follow_damping: Positive = 0.92
+    """Of the same: below 0.7 it swings."""
+    full_duty_speed_mps: Positive = 1.1
+    """Speed on level stubble at a drive duty of 255 and the nominal battery voltage."""
+    dead_duty: Annotated[float, Field(ge=0, lt=0.5)] = 0.07
+    """Share of the full duty that only just overcomes bridge and friction."""
+    nominal_battery_v: Positive = 12.0
+    hall_pulses_per_m: Annotated[float, Field(ge=0)] = 50.0
+    """Of the drive wheels' hall sensor (paper, II: "the accuracy of the motors can be increased by
+    using hall sensors"); 0: none fitted, the speed is a model of the duty then."""
+    drive_lag_s: Positive = 0.25
+    """First-order lag from drive duty to speed."""
+    crop_height_m: Positive = 0.9
+    overlap_m: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
+    """How far the blade's right end runs outside the crop's edge, so that no sliver stays."""
+    steering_law: Literal["state", "proportional"] = "state"
+    """`state`: offset, heading and curvature; `proportional`: the paper's
+    (host/pilot/steering_law.py)."""
+    steer_lag_s: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    """From the angle asked for to the angle driven: the closed steering loop as a first order."""
+    camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
+    """From the shutter to the host, where a source cannot tell."""
+    mounts: dict[str, Mount] = {"low": LOW, "mast": MAST}
+
+    def duty_speed(self, duty: int, battery_v: float) -> float:
+        """Steady speed (m/s) at a signed drive duty (-255..255) on level stubble."""
+        effective = abs(duty) / 255 * battery_v / self.nominal_battery_v - self.dead_duty
+        speed = max(0.0, effective) / (1 - self.dead_duty) * self.full_duty_speed_mps
+        return math.copysign(speed, duty)
+
+    @property
+    def pass_m(self) -> float:
+        """What a full pass takes off the crop: the blade's width less the overlap."""
+        return self.blade_width_m - self.overlap_m
+
+    @property
+    def inset_m(self) -> float:
+        """How far inside the crop's edge the blade's middle runs."""
+        return self.blade_width_m / 2 - self.overlap_m
+
+    @property
+    def blade_x_m(self) -> float:
+        """The blade's line in the vehicle frame."""
+        return self.wheelbase_m + self.blade_ahead_m

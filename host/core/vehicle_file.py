@@ -1,0 +1,50 @@
+"""Reads and writes the vehicle file (YAML)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from pydantic import ValidationError
+
+from host.core.errors import UserError
+from host.core.vehicle import Mount, Vehicle
+
+
+def load_vehicle(path: Path | None) -> Vehicle:
+    """The vehicle of a file, the default one without. UserError names the file and every wrong
+    field."""
+    if path is None:
+        return Vehicle()
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"cannot read the vehicle file {path}: {error}") from error
+    except yaml.YAMLError as error:
+        raise UserError(f"vehicle file {path} is not YAML: {error}".replace("\n", " ")) from error
+    if not isinstance(data, dict | None):
+        raise UserError(f"vehicle file {path}: give fields, such as 'wheelbase_m: 1.0'")
+    try:
+        return Vehicle.model_validate(data or {})
+    except ValidationError as error:
+        problems = "; ".join(
+            f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}" for problem in error.errors()
+        )
+        raise UserError(f"vehicle file {path}: {problems}") from error
+
+
+def save_vehicle(path: Path, vehicle: Vehicle) -> None:
+    """Writes a file that `load_vehicle` reads back as the same vehicle."""
+    text = yaml.safe_dump(vehicle.model_dump(mode="json"), sort_keys=False)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write the vehicle file {path}: {error.strerror}") from error
+
+
+def mount_of(vehicle: Vehicle, name: str) -> Mount:
+    """A mount by its name. UserError names those that there are."""
+    if name not in vehicle.mounts:
+        there = ", ".join(sorted(vehicle.mounts))
+        raise UserError(f"the vehicle has no camera mount {name!r}; it has {there}")
+    return vehicle.mounts[name]

@@ -1,0 +1,81 @@
+"""Whether the machine moves the way it believes: only the receiver's Doppler course knows.
+
+A hall sensor counts pulses and not their direction, so with swapped motor wires everything on board
+agrees and is wrong. The receiver's course settles it once the machine has gone one way for a
+metre: phones smooth their speed over a second or two, which each change of direction blurs.
+
+And a position that is anchored to edges turns with them: where strip after strip is cut a little
+askew, plan, lane and dead reckoning agree and are wrong, and no geofence helps.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from typing import Final
+
+from host.core.messages import Fix
+from host.estimate.odometry import Motion
+
+RUN_M: Final = 1.0
+MOVING_MPS: Final = 0.2
+"""A phone's course means little at less."""
+SHARE: Final = 0.5
+"""Of the reckoned speed that must be seen the other way."""
+FIXES: Final = 2
+"""In a row."""
+STRAIGHT_1PM: Final = 0.1
+AVERAGED: Final = (30, 60)
+"""Fixes at least and at most."""
+ASKEW_RAD: Final = math.radians(7.0)
+SIGNIFICANT: Final = 4.0
+"""Standard errors of the mean."""
+
+
+class DirectionCheck:
+    """Fed with every motion and every fix of a run."""
+
+    def __init__(self) -> None:
+        self._sign = 0.0
+        self._since_m = 0.0
+        self._against = 0
+        self._askew: deque[float] = deque(maxlen=AVERAGED[1])
+        self.off_rad: float | None = None
+        """How far left of the believed direction the last fix's course lay; None where it says
+        nothing of it."""
+
+    def move(self, motion: Motion) -> None:
+        """Notes where the present direction was taken."""
+        if motion.speed_mps * self._sign <= 0.0 and motion.speed_mps != 0.0:
+            self._sign = math.copysign(1.0, motion.speed_mps)
+            self._since_m = motion.distance_m
+            self._against = 0
+
+    def contradicted(self, fix: Fix, motion: Motion, heading_rad: float) -> bool:
+        """Whether this fix and the ones before it show the machine going the other way. The heading
+        is the vehicle's in the field frame."""
+        self.off_rad = None
+        if fix.speed_mps is None or fix.course_rad is None or fix.quality == 0:
+            return False
+        speed = motion.speed_mps
+        if abs(speed) < MOVING_MPS or abs(motion.distance_m - self._since_m) < RUN_M:
+            self._against = 0
+            return False
+        if abs(motion.curvature_1pm) < STRAIGHT_1PM:
+            backwards = math.pi if speed < 0 else 0.0
+            self.off_rad = math.remainder(fix.course_rad + backwards - heading_rad, math.tau)
+            self._askew.append(self.off_rad)
+        along = fix.speed_mps * math.cos(fix.course_rad - heading_rad)
+        self._against = self._against + 1 if along * self._sign < -SHARE * abs(speed) else 0
+        return self._against >= FIXES
+
+    @property
+    def askew_rad(self) -> float:
+        """By how much the courses of late lie left of the believed direction, on average; 0 where
+        that may be the courses' noise."""
+        if len(self._askew) < AVERAGED[0]:
+            return 0.0
+        mean = statistics.fmean(self._askew)
+        error = statistics.stdev(self._askew) / math.sqrt(len(self._askew))
+        return mean if abs(mean) > max(ASKEW_RAD, SIGNIFICANT * error) else 0.0

@@ -1,0 +1,105 @@
+"""Where a side's crop begins and ends, by what the pictures show before the blade, and how far they
+are to be believed."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from host.estimate.odometry import Motion
+from host.vision.view import CropView
+
+CONFIDENT: Final = 0.5
+END_CLEAR_M: Final = 0.8
+"""Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
+END_PICTURES: Final = 3
+NEAR_CROP_M: Final = 0.2
+EDGE_SURE: Final = (0.7, 10)
+"""Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
+that has moved inside counts where at least this share of so many pictures are sure."""
+END_SURE: Final = (0.5, 30)
+"""And an end without a look; the last half metre of crop shows no edge anyway."""
+
+
+@dataclass(frozen=True, slots=True)
+class EndOfField:
+    """Where a side's end was declared: the motion at the first picture that showed it."""
+
+    stamp: float
+    motion: Motion
+    turn_index: int
+
+
+class Ahead:
+    """What is known of one side after the other. Motions are those at the pictures."""
+
+    def __init__(self) -> None:
+        self.entered_at: Motion | None = None
+        """Where the blade met this side's crop."""
+        self.crop_at_m = math.inf
+        """The travelled distance at which this side's crop begins, by its nearest sight."""
+        self.clear_since: EndOfField | None = None
+        """The first of the latest sure pictures without crop before the blade."""
+        self.clear_count = 0
+        """How many of them there are."""
+        self.seems_clear_since: Motion | None = None
+        """The first of the latest pictures without crop before the blade, sure or not: what a
+        detector doubts until it has stayed was there from the first."""
+        self.sure: deque[bool] = deque(maxlen=END_SURE[1])
+        """Whether the latest pictures in the crop showed its edge surely, the newest last."""
+
+    @property
+    def entered(self) -> bool:
+        """Whether the blade has met this side's crop."""
+        return self.entered_at is not None
+
+    @property
+    def end(self) -> EndOfField | None:
+        """The side's, where so many pictures show no crop."""
+        return self.clear_since if self.clear_count >= END_PICTURES else None
+
+    def turn(self) -> None:
+        """To the next side: its crop may be seen already while the machine turns."""
+        self.crop_at_m = math.inf
+
+    def begin(self) -> None:
+        """The side: no crop has been met."""
+        self.entered_at = self.seems_clear_since = None
+        self.go_on()
+
+    def go_on(self) -> None:
+        """What seemed the side's end is bare ground: what ends it counts anew."""
+        self.clear_count, self.clear_since = 0, None
+
+    def in_dust(self, share: float, pictures: int) -> bool:
+        """Whether fewer of the latest pictures than this share were sure."""
+        latest = list(self.sure)[-pictures:]
+        return sum(latest) < share * len(latest)
+
+    def note(self, view: CropView, then: Motion) -> None:
+        """Of any picture: whether it shows clear ground, sure or not."""
+        if view.crop_ahead_m < END_CLEAR_M:
+            self.seems_clear_since = None
+        elif view.crop_ahead_m >= END_CLEAR_M:
+            self.seems_clear_since = self.seems_clear_since or then
+
+    def sight(self, view: CropView, then: Motion) -> None:
+        """Of a sure picture: where the crop begins. Crop that was seen does not recede: where dust
+        hides its foot from then on, the way to it says when the blade has met it."""
+        self.crop_at_m = min(self.crop_at_m, then.distance_m + view.crop_ahead_m)
+
+    def follow(self, view: CropView, seen: EndOfField) -> bool:
+        """Of a sure picture on a side: whether the crop begins at the blade just there. What shows
+        no crop any more counts towards the side's end, of which it may be the first that was
+        `seen`."""
+        begins = not self.entered and view.crop_ahead_m < NEAR_CROP_M
+        if begins or (not self.entered and seen.motion.distance_m > self.crop_at_m + NEAR_CROP_M):
+            self.entered_at = seen.motion
+        if view.crop_ahead_m < END_CLEAR_M:
+            self.go_on()
+        elif self.entered:
+            self.clear_count += 1
+            self.clear_since = self.clear_since or seen
+        return begins

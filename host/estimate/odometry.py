@@ -1,0 +1,203 @@
+"""Dead reckoning from what the machine reports: steering angle, drive duty, hall sensor if fitted.
+
+Without a hall sensor the speed is a model, duty through a first-order lag, whose gain is learned
+from the GNSS receiver's Doppler speed while the machine drives straight (paper, II: speed by PWM).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from host.core.messages import Fix, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.rolling import Coast, Slope
+
+HISTORY_S = 1.5
+GAIN_LIMITS = (0.6, 1.4)
+HALL_SIGMA = 0.005
+"""Wheel slip, besides what the position learns of it."""
+GAIN_PRIOR = {False: (1.0, 0.05), True: (0.9, 0.08)}
+"""Mean and standard deviation of the duty model's gain before anything is learned, by whether the
+blade is on: crop drags."""
+GAIN_WALK = 0.004
+"""Growth per square root of a second: load and battery change."""
+DOPPLER_MPS = 0.06
+"""Standard deviation of a phone's speed over ground, and of its velocity across the course."""
+STRAIGHT_RAD = math.radians(8)
+TRIM_LIMIT_RAD = math.radians(4)
+YAW_GAIN_PRIOR = (1.0, 0.03)
+"""Mean and standard deviation, before any turn, of what the machine turns, over what its steering
+angle says: tyres slip sideways, most at full lock, and a pot's scale is not exact."""
+YAW_GAIN_LIMITS = (0.85, 1.15)
+TURN_SIGMA_RAD = 0.02
+"""How well the lanes before and after a turn show how far the machine has turned."""
+STEADY_S = 1.0
+"""After the drive is switched on, until the speed is the slope's and not the start's."""
+STOPS_S = 0.3
+"""After it is switched off, until a machine that still moves rolls, and does not coast."""
+TOO_FAST = 2.0
+"""Times the speed at full duty: more than any slope gives."""
+TOO_FAST_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What has been travelled since the start, at `stamp`. `distance_m` is signed (reverse counts
+    down), `yaw_rad` unwrapped, x_m and y_m in the frame of the first pose."""
+
+    stamp: float
+    speed_mps: float
+    curvature_1pm: float
+    distance_m: float
+    yaw_rad: float
+    x_m: float
+    y_m: float
+
+
+class Odometry:
+    """Integrates telemetry; keeps a short history so that a delayed picture finds its own pose."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._gain = {blade: mean for blade, (mean, _) in GAIN_PRIOR.items()}
+        self._gain_sigma = {blade: sigma for blade, (_, sigma) in GAIN_PRIOR.items()}
+        self._cutting = False
+        self._speed = 0.0
+        self._odometer: float | None = None
+        self._too_fast_s = 0.0
+        self._slope = Slope()
+        self._driven_s = 0.0
+        """Since the drive was last switched; negative: since it was switched off."""
+        self._coast = Coast()
+        self._history: deque[Motion] = deque()
+        self.trim_rad = 0.0
+        """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
+        what a side slope does."""
+        self.yaw_gain, self._yaw_gain_sigma = YAW_GAIN_PRIOR
+        """True yaw over what the steering angle and the way say, as learned in turns."""
+        self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def gain(self) -> float:
+        """Ratio of true speed to the duty model's, as learned with the blade in its present state:
+        cutting loads the wheels."""
+        return self._gain[self._cutting]
+
+    @property
+    def scale_sigma(self) -> float:
+        """Standard deviation of a travelled distance, as a share of it."""
+        return HALL_SIGMA if self._odometer is not None else self._gain_sigma[self._cutting]
+
+    @property
+    def impossible(self) -> bool:
+        """Whether the hall sensor counts faster than the machine can drive."""
+        return self._too_fast_s > TOO_FAST_S
+
+    def update(self, telemetry: Telemetry) -> Motion:
+        """Advances to the telemetry's stamp. Older or repeated telemetry changes nothing."""
+        past = self.now
+        dt = telemetry.stamp - past.stamp
+        if dt <= 0:
+            return past
+        dt = dt if math.isfinite(dt) else 0.0
+        self._cutting = telemetry.blade
+        vehicle = self._vehicle
+        curvature = math.tan(telemetry.angle_rad + self.trim_rad) / vehicle.wheelbase_m
+        curvature *= self.yaw_gain
+        if telemetry.speed_mps is not None:
+            step = (
+                telemetry.distance_m - self._odometer
+                if self._odometer is not None
+                else telemetry.speed_mps * dt
+            )
+            self._odometer = telemetry.distance_m
+            step, self._speed = self._rolled(step, telemetry, dt)
+            too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
+            self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
+        else:
+            target = vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v) * self.gain
+            blend = 1 - math.exp(-dt / vehicle.drive_lag_s)
+            before = self._speed
+            self._speed += (target - self._speed) * blend
+            step = (before + self._speed) / 2 * dt
+        yaw_step = step * (curvature + past.curvature_1pm) / 2
+        middle = past.yaw_rad + yaw_step / 2
+        self.now = Motion(
+            telemetry.stamp,
+            self._speed,
+            curvature,
+            past.distance_m + step,
+            past.yaw_rad + yaw_step,
+            past.x_m + step * math.cos(middle),
+            past.y_m + step * math.sin(middle),
+        )
+        self._history.append(self.now)
+        while self._history[0].stamp < self.now.stamp - HISTORY_S:
+            self._history.popleft()
+        return self.now
+
+    def _rolled(self, step_m: float, telemetry: Telemetry, dt: float) -> tuple[float, float]:
+        """The step and the speed with their true signs: one hall sensor counts a machine that rolls
+        back down a slope as going on."""
+        speed = telemetry.speed_mps
+        assert speed is not None
+        if telemetry.drive_duty != 0:
+            self._driven_s = max(0.0, self._driven_s) + dt
+            self._coast = Coast()
+            straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
+            if straight and self._driven_s > STEADY_S and speed != 0.0:
+                level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
+                self._slope.learn(self.now.yaw_rad, speed, level, cutting=telemetry.blade)
+            return step_m, speed
+        self._driven_s = min(0.0, self._driven_s) - dt
+        back_m = self._coast.take(step_m, speed)
+        if self._coast.turned:
+            return step_m - 2 * back_m, -speed
+        downhill = self._slope.rolls(self.now.yaw_rad)
+        if downhill == 0 or self._driven_s > -STOPS_S:
+            return step_m, speed
+        return math.copysign(step_m, downhill), math.copysign(speed, downhill)
+
+    def turn_trim(self, curvature_1pm: float) -> None:
+        """Takes a curvature that nearly straight driving showed besides what the pot said."""
+        trim = self.trim_rad + math.atan(curvature_1pm * self._vehicle.wheelbase_m)
+        self.trim_rad = min(TRIM_LIMIT_RAD, max(-TRIM_LIMIT_RAD, trim))
+
+    def turned(self, reckoned_rad: float, true_rad: float) -> None:
+        """Learns from a turn of which both are known, the reckoned one with the present gain."""
+        slope = reckoned_rad / self.yaw_gain
+        variance = (slope * self._yaw_gain_sigma) ** 2 + TURN_SIGMA_RAD**2
+        blend = slope * self._yaw_gain_sigma**2 / variance
+        low, high = YAW_GAIN_LIMITS
+        gain = self.yaw_gain + blend * (true_rad - reckoned_rad)
+        self.yaw_gain = min(high, max(low, gain))
+        self._yaw_gain_sigma *= TURN_SIGMA_RAD / math.sqrt(variance)
+
+    def learn(self, fix: Fix, telemetry: Telemetry, dt: float) -> None:
+        """Corrects the duty model's gain by a Doppler speed that lasted `dt` seconds."""
+        if fix.speed_mps is None or fix.quality == 0 or telemetry.speed_mps is not None:
+            return
+        if self._speed < 0.5 * self._vehicle.manoeuvre_speed_mps:
+            return
+        if abs(telemetry.angle_rad) > STRAIGHT_RAD:
+            return
+        gain, sigma = self.gain, self._gain_sigma[self._cutting]
+        model = self._speed / gain
+        prior = sigma**2 + GAIN_WALK**2 * dt
+        noise = (DOPPLER_MPS / model) ** 2
+        blend = prior / (prior + noise)
+        low, high = GAIN_LIMITS
+        ratio = fix.speed_mps / model
+        self._gain[self._cutting] = min(high, max(low, gain + (ratio - gain) * blend))
+        self._gain_sigma[self._cutting] = math.sqrt((1 - blend) * prior)
+
+    def at(self, stamp: float) -> Motion:
+        """The motion at an earlier time, the nearest recorded one within the history."""
+        best = self.now
+        for motion in reversed(self._history):
+            best = motion
+            if motion.stamp <= stamp:
+                break
+        return best

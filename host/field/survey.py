@@ -1,0 +1,535 @@
+"""`daranti survey`: the field's boundary from a walk around it with the phone's positions.
+
+Straight-edged fields need their corners only (paper, II): each side is a robust line through what
+was walked along it, corners are where lines meet, averaged over the laps. Irregular fields keep all
+of the edge, averaged and smoothed. What stands in the field (a tree, a well) is a smaller loop in
+the same walk, or a walk of its own; there the hull of what was walked counts, nothing is smoothed
+away.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import click
+import matplotlib as mpl
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from host.core.errors import UserError
+from host.field.boundary_file import Boundary, boundary_of, check_target, save_field
+from host.field.walk import (
+    Loops,
+    Points,
+    Track,
+    find_loops,
+    mean_ring,
+    pieces,
+    read_fixes,
+    resampled,
+    track_of,
+)
+from host.sensors.nmea import Receiver, gnss_feed
+
+mpl.use("Agg")
+
+CLOSE_M = 6.0
+"""How far a phone's position drifts during a lap."""
+MAX_CORNERS = 12
+RING_POINTS = 240
+MIN_SIDE = 0.03
+"""A side is at least this share of the way around,"""
+MIN_SIDE_M = 1.5
+"""and at least so long."""
+MIN_TURN_RAD = math.radians(12)
+"""Lines that differ less meet nowhere in particular."""
+SIDE_ENDS = 0.12
+"""Share of a side at each end, where the walker rounds the corner, that its line does not see."""
+DECORRELATION_M = 5.0
+"""A walker's and a receiver's wobble over so much way counts as one observation."""
+WOBBLE_M = 0.3
+"""Nobody walks straighter, and no phone would know."""
+STRAIGHT_M = 1.0
+"""Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
+SMOOTH_M = 5.0
+SIMPLIFY_M = 0.15
+LAP_COLOURS = (4, 0, 1, 5)
+"""Of matplotlib's cycle: those unlike the boundary's green and the keep-outs' red."""
+HUBER = 1.345
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What was understood. Lengths in metres of the track's frame."""
+
+    track: Track
+    loops: Loops
+    polygon: shapely.Polygon
+    """The field, its holes the keep-outs."""
+    corners: int | None
+    """None where the field is irregular."""
+    residual_m: float
+    """rms distance of the walk from the boundary."""
+    laps_apart_m: float
+    """rms distance of the laps from their average; 0 for one lap."""
+    warnings: list[str] = field(default_factory=list)
+
+    def boundary(self, name: str) -> Boundary:
+        """As it goes into a file."""
+        return boundary_of(self.polygon, self.track.frame, name)
+
+
+# ---- straight sides ------------------------------------------------------------------------------
+
+
+def _residuals(ring: Points) -> NDArray[np.float64]:
+    """(n, n + 1): the sum of squared distances of points a..b (b may run into the next round, at
+    b - n) from the best line through them; infinite where b <= a."""
+    n = len(ring)
+    twice = np.vstack([ring, ring[:1]]) - ring.mean(0)
+    x, y = twice.T
+    sums = [
+        np.concatenate([[0.0], np.cumsum(values)])
+        for values in (np.ones(n + 1), x, y, x * x, y * y, x * y)
+    ]
+    a, b = np.arange(n)[:, None], np.arange(n + 1)[None, :]
+    count, sx, sy, sxx, syy, sxy = (total[b + 1] - total[a] for total in sums)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cxx, cyy, cxy = sxx - sx * sx / count, syy - sy * sy / count, sxy - sx * sy / count
+        least = (cxx + cyy) / 2 - np.sqrt(((cxx - cyy) / 2) ** 2 + cxy**2)
+    return np.where(b > a, np.maximum(least, 0.0), np.inf)
+
+
+def _breaks(ring: Points, most: int) -> dict[int, tuple[list[int], float]]:
+    """For every number of sides from 3 to `most`: where a ring that begins at a corner is best
+    broken into so many, and the sum of squared distances (dynamic programming)."""
+    n = len(ring)
+    around = shapely.LinearRing(ring).length
+    shortest = max(2, math.ceil(n * max(MIN_SIDE, MIN_SIDE_M / around)))
+    cost = _residuals(ring)
+    a, b = np.arange(n)[:, None], np.arange(n + 1)[None, :]
+    cost = np.where(b - a >= shortest, cost, np.inf)
+    best = cost[0]
+    came: list[NDArray[np.intp]] = []
+    found = {}
+    for sides in range(2, most + 1):
+        total = best[:n, None] + cost
+        came.append(total.argmin(0))
+        best = total.min(0)
+        if sides >= 3 and math.isfinite(best[n]):
+            ends = [n]
+            for step in came[::-1]:
+                ends.append(int(step[ends[-1]]))
+            found[sides] = (ends[:0:-1], float(best[n]))
+    return {sides: ([0, *ends], rss) for sides, (ends, rss) in found.items()}
+
+
+def _line(points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(centre, unit direction) by total least squares with Huber's weights."""
+    weights = np.ones(len(points))
+    for _ in range(8):
+        centre = (points * weights[:, None]).sum(0) / weights.sum()
+        away = points - centre
+        direction = np.linalg.eigh((away * weights[:, None]).T @ away)[1][:, 1]
+        distance = np.abs(away @ (-direction[1], direction[0]))
+        scale = 1.4826 * float(np.median(distance)) + 1e-6
+        weights = np.minimum(1.0, HUBER * scale / np.maximum(distance, 1e-12))
+    along = points[-1] - points[0]
+    return centre, direction * math.copysign(1.0, float(direction @ along))
+
+
+def _meet(
+    a: tuple[NDArray[np.float64], NDArray[np.float64]],
+    b: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.float64] | None:
+    """Where two lines cross; None where they hardly differ in direction."""
+    (p, u), (q, v) = a, b
+    sine = float(u[0] * v[1] - u[1] * v[0])
+    if abs(sine) < math.sin(MIN_TURN_RAD):
+        return None
+    t = float((q - p)[0] * v[1] - (q - p)[1] * v[0]) / sine
+    meeting: NDArray[np.float64] = p + t * u
+    return meeting
+
+
+def _fit_corners(ring: Points, breaks: list[int]) -> Points | None:
+    """Corners from robust lines through the sides, the sides' ends moved to where the lines meet
+    until they stay. None where neighbouring sides do not meet or the corners make no polygon."""
+    n = len(ring)
+    for _ in range(5):
+        lines = []
+        for begin, end in zip(breaks, [*breaks[1:], breaks[0] + n], strict=True):
+            ends = int(SIDE_ENDS * (end - begin))
+            lines.append(_line(ring[np.arange(begin + ends, end - ends + 1) % n]))
+        meetings = [_meet(lines[k - 1], lines[k]) for k in range(len(lines))]
+        corners = [meeting for meeting in meetings if meeting is not None]
+        if len(corners) < len(meetings):
+            return None
+        found = np.array(corners)
+        moved = sorted(int(((ring - corner) ** 2).sum(1).argmin()) for corner in found)
+        if len(set(moved)) < len(moved) or min(np.diff([*moved, moved[0] + n])) < 3:
+            return None
+        if moved == breaks:
+            break
+        breaks = moved
+    return found if shapely.LinearRing(found).is_simple else None
+
+
+def straight_sides(rings: list[Points], corners: int | None) -> Points:
+    """(n, 2) corners, averaged over the rings (each one lap). Their number, where it is not given,
+    is the one that the Bayesian information criterion prefers. UserError where nothing fits."""
+    around = shapely.LinearRing(rings[0]).length
+    observations = max(8.0, around / DECORRELATION_M)
+    most = min(MAX_CORNERS, int(1 / MIN_SIDE)) if corners is None else corners
+    fits: dict[int, list[Points]] = {}
+    badness: dict[int, float] = {}
+    for xy in rings:
+        ring = resampled(xy, RING_POINTS)
+        apart = ((ring - ring.mean(0)) ** 2).sum(1)
+        ring = np.roll(ring, -int(apart.argmax()), axis=0)
+        for sides, (breaks, rss) in _breaks(ring, most).items():
+            fit = _fit_corners(ring, breaks)
+            if fit is not None:
+                fits.setdefault(sides, []).append(fit)
+                variance = rss / RING_POINTS + WOBBLE_M**2
+                # A side is a line of two unknowns.
+                price = 2 * sides * math.log(observations)
+                badness[sides] = badness.get(sides, 0.0) + observations * math.log(variance) + price
+    usable = [sides for sides, found in fits.items() if len(found) == len(rings)]
+    if corners is not None:
+        usable = [sides for sides in usable if sides == corners]
+    if not usable:
+        what = "straight sides" if corners is None else f"{corners} straight sides"
+        raise UserError(
+            f"what was walked does not consist of {what} that meet in corners; give another "
+            "--corners, or --irregular"
+        )
+    chosen = fits[min(usable, key=lambda sides: badness[sides])]
+    reference = chosen[0]
+    aligned = [reference]
+    for other in chosen[1:]:
+        turned = [np.roll(other, k, axis=0) for k in range(len(other))]
+        aligned.append(min(turned, key=lambda t: float(((t - reference) ** 2).sum())))
+    mean: Points = np.mean(aligned, axis=0)
+    return mean
+
+
+# ---- any edge ------------------------------------------------------------------------------------
+
+
+def any_edge(ring: Points) -> Points:
+    """A closed, evenly sampled ring smoothed over SMOOTH_M without pulling corners in much, then
+    thinned to what differs by SIMPLIFY_M."""
+    step = shapely.LinearRing(ring).length / len(ring)
+    window = 2 * round(SMOOTH_M / step / 2) + 1
+    if 3 < window < len(ring):
+        ring = np.asarray(savgol_filter(ring, window, 2, axis=0, mode="wrap"))
+    shape = shapely.Polygon(ring).buffer(0)
+    if isinstance(shape, shapely.MultiPolygon):
+        shape = max(shape.geoms, key=lambda part: float(part.area))
+    thin = shapely.Polygon(shape.exterior).simplify(SIMPLIFY_M)
+    corners: Points = shapely.get_coordinates(thin.exterior)[:-1]
+    return corners
+
+
+def _even(xy: Points) -> int:
+    """How many points describe a ring: two a metre."""
+    return max(60, math.ceil(2 * float(shapely.LinearRing(xy).length)))
+
+
+# ---- the whole -----------------------------------------------------------------------------------
+
+
+def survey_track(
+    track: Track,
+    *,
+    corners: int | None = None,
+    irregular: bool = False,
+    lap: int | None = None,
+    close_m: float = CLOSE_M,
+) -> Survey:
+    """The boundary from a walk. `lap` (from 1): take only this one. UserError where the walk does
+    not close a loop or the loop does not have the form that was asked for."""
+    loops = find_loops(track, close_m)
+    if loops is None:
+        raise UserError(
+            f"no closed loop in {track.length_m:.0f} m of walk: its ways never come within "
+            f"{close_m:g} m of each other around an area; walk around the field back to where you "
+            "began, or allow more with --close"
+        )
+    warnings = []
+    laps = loops.laps
+    if lap is not None:
+        if lap > len(laps):
+            raise UserError(f"--lap {lap}: the walk has {len(laps)} laps around the field")
+        laps = [laps[lap - 1]]
+    whole = [loop for loop in laps if loop.jumps_m == 0]
+    if len(whole) < len(laps):
+        jumps = ", ".join(f"{loop.jumps_m:.1f}" for loop in laps if loop.jumps_m > 0)
+        what = "laps with jumps left aside" if whole else "every lap jumps, walk it again"
+        warnings.append(f"{what}: {jumps} m")
+        laps = whole or laps
+    if loops.others:
+        warnings.append(f"other loops outside the field, left aside: {loops.others}")
+    rings = [loop.xy for loop in laps]
+    mean, apart = mean_ring(rings, _even(rings[0]))
+    outline = any_edge(mean) if irregular else straight_sides(rings, corners)
+    line = shapely.LinearRing(outline)
+    away = np.concatenate([shapely.distance(line, shapely.points(ring)) for ring in rings])
+    residual = float(np.sqrt((away**2).mean()))
+    if not irregular and residual > STRAIGHT_M:
+        warnings.append(
+            f"the walk leaves the straight sides by {away.max():.1f} m (rms {residual:.1f} m); "
+            "--irregular keeps the edge as it was walked"
+        )
+    field_ = shapely.Polygon(outline)
+    holes = []
+    for loop in loops.keep_outs:
+        hole = shapely.convex_hull(loop.polygon)
+        if field_.contains(hole):
+            holes.append(hole.exterior)
+        else:
+            warnings.append("a loop that crosses the field's edge was left aside")
+    number_of = None if irregular else len(outline)
+    return Survey(
+        track, loops, shapely.Polygon(outline, holes), number_of, residual, apart, warnings
+    )
+
+
+def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOSE_M) -> Survey:
+    """The survey with one more hole, walked by itself. UserError names the walk where it closes no
+    loop or does not lie inside the field."""
+    loops = find_loops(track, close_m)
+    if loops is None:
+        raise UserError(f"{name}: no closed loop; walk around the keep-out back to where you began")
+    walked = np.concatenate([loop.xy for loop in loops.laps]).tolist()
+    frame = survey.track.frame
+    places = [frame.to_local(*track.frame.to_wgs84(x, y)) for x, y in walked]
+    keep_out = shapely.convex_hull(shapely.MultiPoint(places))
+    field_ = shapely.Polygon(survey.polygon.exterior)
+    if not field_.contains(keep_out):
+        raise UserError(f"{name}: the keep-out does not lie inside the field")
+    holes = [shapely.Polygon(hole) for hole in survey.polygon.interiors]
+    together = shapely.union_all([*holes, keep_out])
+    return Survey(
+        survey.track,
+        survey.loops,
+        shapely.Polygon(field_.exterior, [part.exterior for part in shapely.get_parts(together)]),
+        survey.corners,
+        survey.residual_m,
+        survey.laps_apart_m,
+        survey.warnings,
+    )
+
+
+# ---- the picture ---------------------------------------------------------------------------------
+
+
+def draw_survey(path: Path, survey: Survey, title: str) -> None:
+    """Left the whole walk, right the field: raw track, rejected points, laps, boundary, corners."""
+    figure = Figure(figsize=(15, 8), layout="constrained")
+    whole, close = figure.subplots(1, 2)
+    for axes in (whole, close):
+        _draw(axes, survey)
+    lo_x, lo_y, hi_x, hi_y = survey.polygon.bounds
+    room = 0.12 * max(hi_x - lo_x, hi_y - lo_y)
+    close.set(xlim=(lo_x - room, hi_x + room), ylim=(lo_y - room, hi_y + room))
+    for number, (x, y) in enumerate(survey.polygon.exterior.coords[:-1]):
+        if survey.corners is not None:
+            close.annotate(
+                str(number), (x, y), (5, 5), textcoords="offset points", weight="bold", size=12
+            )
+    length = 10 ** math.floor(math.log10((hi_x - lo_x) / 2))
+    left, low = lo_x - room * 0.8, lo_y - room * 0.7
+    close.plot([left, left + length], [low, low], color="black", lw=4)
+    close.text(left, low + room * 0.15, f"{length:g} m")
+    whole.set_title("the walk")
+    close.set_title("the field")
+    close.legend(loc="upper right", fontsize=8)
+    figure.suptitle(title)
+    figure.savefig(path, dpi=110)
+
+
+def _draw(axes: Axes, survey: Survey) -> None:
+    for number, piece in enumerate(pieces(survey.track)):
+        label = "walked" if number == 0 else ""
+        axes.plot(*piece.T, color="0.6", lw=0.8, marker=".", ms=2, label=label)
+    if len(survey.track.rejected):
+        axes.plot(*survey.track.rejected.T, "rx", ms=6, label="rejected")
+    jumps = np.flatnonzero(survey.track.jumps_m > 0)
+    for number, k in enumerate(jumps):
+        label = "jump" if number == 0 else ""
+        axes.plot(*survey.track.xy[k - 1 : k + 1].T, "r:", lw=1, label=label)
+    for number, loop in enumerate(survey.loops.laps, start=1):
+        ring = np.vstack([loop.xy, loop.xy[:1]])
+        axes.plot(*ring.T, lw=1.0, color=f"C{LAP_COLOURS[number % 4]}", label=f"lap {number}")
+    outer = np.array(survey.polygon.exterior.coords)
+    axes.plot(*outer.T, color="tab:green", lw=2.5, label="boundary")
+    axes.fill(*outer.T, color="tab:green", alpha=0.12)
+    if survey.corners is not None:
+        axes.plot(*outer.T, "o", color="tab:green", ms=7)
+    for number, hole in enumerate(survey.polygon.interiors):
+        label = "keep-out" if number == 0 else ""
+        axes.fill(*np.array(hole.coords).T, color="tab:red", alpha=0.6, label=label)
+    axes.set_aspect("equal")
+    axes.set(xlabel="east (m)", ylabel="north (m)")
+    axes.grid(alpha=0.3)
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+def _read(path: Path) -> tuple[Track, Receiver]:
+    receiver = Receiver()
+    try:
+        with path.open("rb") as lines:
+            fixes = read_fixes(lines, receiver)
+    except OSError as error:
+        raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
+    track = track_of(fixes)
+    if track is None:
+        heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
+        bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())
+        raise UserError(
+            f"{path}: not one position in it (understood: {heard or 'nothing'}; bad: "
+            f"{bad or 'none'}); record NMEA with GGA or RMC sentences under open sky"
+        )
+    return track, receiver
+
+
+def _record(url: str, path: Path) -> None:
+    """Writes what a receiver sends until Ctrl-C, every byte as it comes: a walk is not repeated
+    because a laptop's battery went flat."""
+    begun = time.monotonic()
+
+    def clock() -> float:
+        return time.monotonic() - begun
+
+    try:
+        file = path.open("xb", buffering=0)
+    except FileExistsError as error:
+        raise UserError(
+            f"{path} is there already; name it as the source, or move it away to walk again"
+        ) from error
+    except OSError as error:
+        raise UserError(f"cannot write the recording {path}: {error.strerror}") from error
+    with file:
+        feed, _ = gnss_feed(url, clock, click.echo, tap=file.write)
+        click.echo(f"recording {url} to {path}; walk around the field, then press Ctrl-C")
+        feed.start()
+        fixes = lost = 0
+        try:
+            while not feed.stopping:
+                fix = feed.take() if feed.wait(1.0) else None
+                if fix is not None:
+                    fixes += fix.quality > 0
+                    lost += fix.quality == 0
+                    if (fixes + lost) % 10 == 1:
+                        click.echo(f"{clock():6.0f} s  {fixes} positions, {lost} without a fix")
+        except KeyboardInterrupt:
+            click.echo("recorded")
+        finally:
+            feed.close()
+
+
+def _report(survey: Survey, receiver: Receiver) -> list[str]:
+    track = survey.track
+    understood = ", ".join(f"{n} {kind}" for kind, n in sorted(receiver.sentences.items()) if n)
+    bad = ", ".join(f"{n} {reason}" for reason, n in sorted(receiver.bad.items()))
+    dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(track.dropped.items()))
+    jumps = track.jumps_m[track.jumps_m > 0]
+    lengths = ", ".join(f"{jump:.1f}" for jump in jumps)
+    laps = survey.loops.laps
+    form = "irregular" if survey.corners is None else f"{survey.corners} corners"
+    lines = [
+        f"sentences: {understood}; bad: {bad or 'none'}",
+        f"positions: {len(track.xy)} used, left out: {dropped or 'none'}",
+        f"jumps and unseen ways: {len(jumps)}" + (f" ({lengths} m)" if len(jumps) else ""),
+        f"walk: {track.length_m:.0f} m; laps: {len(laps)}, closed to "
+        + ", ".join(f"{loop.gap_m:.1f}" for loop in laps)
+        + " m"
+        + (f", {survey.laps_apart_m:.2f} m rms apart" if len(laps) > 1 else ""),
+        f"boundary: {form}, {survey.polygon.exterior.length:.1f} m around, "
+        f"{survey.polygon.area:.0f} m2, {len(survey.polygon.interiors)} keep-outs; the walk lies "
+        f"{survey.residual_m:.2f} m rms from it",
+    ]
+    return lines + [f"warning: {text}" for text in survey.warnings]
+
+
+def _corners(_: click.Context, __: click.Parameter, value: str) -> int | None:
+    if value == "auto":
+        return None
+    if not value.isdigit() or not 3 <= int(value) <= 2 * MAX_CORNERS:
+        raise click.BadParameter(f"give auto or a number from 3 to {2 * MAX_CORNERS}")
+    return int(value)
+
+
+@click.command()
+@click.argument("source")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="FIELD.geojson; .kml, .shp, .xml (ISOXML), .csv also.",
+)
+@click.option("--name", default="", help="The field's name; default the file's.")
+@click.option("--corners", default="auto", callback=_corners, show_default=True, metavar="N|auto")
+@click.option("--irregular", is_flag=True, help="Keep all of the edge instead of corners.")
+@click.option("--lap", type=click.IntRange(1), help="Take one lap only instead of the average.")
+@click.option(
+    "--keep-out",
+    "keep_outs",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A recorded walk around a tree, a well, a pole; may be repeated.",
+)
+@click.option(
+    "--close",
+    type=click.FloatRange(0.5, 50),
+    default=CLOSE_M,
+    show_default=True,
+    help="Metres between the ends of a loop.",
+)
+def survey(
+    source: str,
+    out: Path,
+    name: str,
+    corners: int | None,
+    irregular: bool,
+    lap: int | None,
+    keep_outs: tuple[Path, ...],
+    close: float,
+) -> None:
+    """The field's boundary from a walk around it.
+
+    SOURCE is a recorded NMEA file, or tcp://HOST:PORT or a serial port: then it records beside OUT
+    until Ctrl-C first. Writes OUT and a picture of what was understood."""
+    if irregular and corners is not None:
+        raise UserError("--corners and --irregular exclude each other; give one of them")
+    check_target(out)
+    path = Path(source)
+    if not path.is_file():
+        path = out.with_suffix(".nmea")
+        _record(source, path)
+    track, receiver = _read(path)
+    try:
+        found = survey_track(track, corners=corners, irregular=irregular, lap=lap, close_m=close)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
+    for keep_out in keep_outs:
+        found = with_keep_out(found, _read(keep_out)[0], str(keep_out), close)
+    name = name or out.stem
+    save_field(out, found.boundary(name))
+    lines = _report(found, receiver)
+    picture = out.with_suffix(".png")
+    about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
+    draw_survey(picture, found, f"{name}: {about}")
+    for text in (*lines, f"written: {out}, {picture}"):
+        click.echo(text)

@@ -1,0 +1,91 @@
+"""`daranti flash`: writes the firmware onto an Uno with avrdude, and asks it who it is."""
+
+from __future__ import annotations
+
+import shutil
+import stat
+import subprocess
+import time
+from pathlib import Path
+
+import click
+
+from host.commands.cli import port_option
+from host.commands.monitor import greeting
+from host.core.errors import UserError
+from host.link.session import Link
+
+CHECKOUT = Path(__file__).parents[2]
+BAUD = 115200
+"""Of the Uno's boot loader (optiboot)."""
+TIMEOUT_S = 120.0
+
+
+def find_avrdude() -> list[str]:
+    """avrdude's command line: Debian's, or the one PlatformIO fetched with its configuration."""
+    found = shutil.which("avrdude")
+    if found is not None:
+        return [found]
+    for core in (CHECKOUT / ".platformio", Path.home() / ".platformio"):
+        package = core / "packages" / "tool-avrdude"
+        for program in (package / "bin" / "avrdude", package / "avrdude"):
+            if program.is_file():
+                return [str(program), "-C", str(package / "avrdude.conf")]
+    raise UserError("avrdude is not installed: `sudo apt install avrdude`")
+
+
+def find_image(build: str) -> Path:
+    """The newest image of a PlatformIO environment. UserError where it was not built."""
+    folder = CHECKOUT / ".pio" / "build" / build
+    for name in ("firmware.hex", "firmware.elf"):
+        if (folder / name).is_file():
+            return folder / name
+    raise UserError(f"the firmware is not built ({folder} is empty): `pio run -e {build}`")
+
+
+def check_port(port: str) -> None:
+    """Raises UserError unless the port can be a board."""
+    if "://" in port:
+        raise UserError(f"{port} is a network port: flashing needs the board's own serial port")
+    path = Path(port)
+    if not path.exists():
+        raise UserError(f"serial port {port} does not exist; plug the board in")
+    if path.resolve().is_relative_to("/dev/pts"):
+        raise UserError(f"{port} is a virtual port: there is no board behind it to flash")
+    if not stat.S_ISCHR(path.stat().st_mode):
+        raise UserError(f"{port} is not a serial port")
+
+
+def write_image(port: str, image: Path) -> None:
+    """Runs avrdude, which verifies what it wrote. UserError with its own last words."""
+    kind = "i" if image.suffix == ".hex" else "e"
+    command = [*find_avrdude(), "-p", "atmega328p", "-c", "arduino", "-P", port, "-b", str(BAUD)]
+    command += ["-D", "-U", f"flash:w:{image}:{kind}"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise UserError(f"avrdude failed on {port}: {error}") from error
+    if done.returncode != 0:
+        words = [text for text in done.stderr.splitlines() if text.strip()]
+        last = "; ".join(words[-3:]) or f"exit code {done.returncode}"
+        raise UserError(f"avrdude could not write {port}: {last}. Is it an Uno, and not in use?")
+
+
+@click.command()
+@port_option
+@click.option("--build", type=click.Choice(["uno", "uno_hil"]), default="uno", show_default=True)
+@click.option("--image", type=click.Path(path_type=Path), help="A .hex or .elf file instead.")
+def flash(port: str, build: str, image: Path | None) -> None:
+    """Writes the firmware onto the board, verifies it and asks it who it is.
+
+    The parameters in the board's EEPROM stay."""
+    check_port(port)
+    if image is not None and not image.is_file():
+        raise UserError(f"image {image} does not exist")
+    chosen = image or find_image(build)
+    click.echo(f"writing {chosen} to {port}")
+    write_image(port, chosen)
+    with Link(port, time.monotonic) as link:
+        click.echo(greeting(link.meet()))

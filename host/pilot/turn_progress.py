@@ -1,0 +1,72 @@
+"""A turn under way: which of its legs, since when, and where in its frame, by dead reckoning."""
+
+from __future__ import annotations
+
+import math
+
+from host.estimate.odometry import Motion
+from host.route.turn_legs import Follow, Goal, Leg, Turn
+
+
+class Turning:
+    """`origin` is the turn's frame in dead reckoning's (x, y, direction)."""
+
+    def __init__(self, now: float, turn: Turn, origin: tuple[float, float, float]) -> None:
+        self.turn = turn
+        self._origin = origin
+        self._index = 0
+        self.since = now
+        """When the leg, or what follows the last, was begun or taken up again."""
+        self.running = False
+        """Whether the steering has reached the leg's angle and the machine may move."""
+
+    @property
+    def leg(self) -> Leg | None:
+        """The present one; None after the last."""
+        return self.turn.legs[self._index] if self._index < len(self.turn.legs) else None
+
+    @property
+    def backing(self) -> bool:
+        """Whether the present leg leads back along the new side."""
+        return self.leg is not None and self.leg.follow is Follow.NEW_LANE
+
+    def next(self, now: float) -> None:
+        """On to the leg after this one."""
+        self._index += 1
+        self.wait(now)
+
+    def wait(self, now: float) -> None:
+        """Stands until the steering is ready (again)."""
+        self.running = False
+        self.since = now
+
+    def to_go(self, motion: Motion, lag_s: float) -> float:
+        """What is left of the present leg, m or rad of its goal, once the drive, switched off now,
+        has coasted out; not above 0 where the goal is reached."""
+        leg = self.leg
+        assert leg is not None
+        x, y, heading = self._place(motion)
+        coast = motion.speed_mps * lag_s
+        if leg.goal is Goal.HEADING:
+            left = leg.value - heading - coast * motion.curvature_1pm
+        else:
+            place = x if leg.goal is Goal.X else self.turn.along(x, y)
+            left = leg.value - place - coast
+        return left if leg.rises else -left
+
+    def against_lane(self, motion: Motion) -> tuple[float, float]:
+        """How far left of the new lane the rear axle is, m, and how far turned left of it, rad."""
+        x, y, heading = self._place(motion)
+        return self.turn.offset(x, y), heading - self.turn.lane_rad
+
+    def crop_expected_m(self, motion: Motion, blade_x_m: float) -> float:
+        """From the blade to where the new side's crop should begin."""
+        x, y, _ = self._place(motion)
+        return self.turn.crop_begins_m - self.turn.along(x, y) - blade_x_m
+
+    def _place(self, motion: Motion) -> tuple[float, float, float]:
+        """The rear axle's (x, y, heading) in the turn's frame; x runs along the old lane."""
+        x0, y0, direction = self._origin
+        c, s = math.cos(direction), math.sin(direction)
+        dx, dy = motion.x_m - x0, motion.y_m - y0
+        return c * dx + s * dy, c * dy - s * dx, motion.yaw_rad - direction

@@ -1,0 +1,420 @@
+"""`daranti plan`: the harvest of a field before anything moves: length, time, turns, what stays
+standing, the room that the turns need, and a picture of it.
+
+Kinematics without error: the blade is on along the sides and off in the turns, as the pilot has it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import matplotlib as mpl
+import numpy as np
+import shapely
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as MplPath
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from host.core.errors import UserError
+from host.core.vehicle import Vehicle
+from host.core.vehicle_file import load_vehicle
+from host.field.areas import Areas, Geofence, areas_of, outline_of, placed
+from host.field.boundary_file import load_field
+from host.route.plan import Plan, Side, spiral
+from host.route.turn_choice import ROOM_M, next_turn, room_along
+from host.route.turn_legs import Follow, Goal, Turn
+
+mpl.use("Agg")
+
+STEER_DPS = 40.0
+"""Slew of a usual steering actuator; each leg of a turn waits for it at standstill."""
+LOOK_S = 0.6
+"""Standing still after a turn until the crop is seen."""
+STEP_M = 0.1
+SPECK_M2 = 0.01
+"""Smaller pieces are rounding."""
+
+Pose = tuple[float, float, float]
+"""x, y in metres of the field frame, heading in radians; the rear axle's middle."""
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What a plan comes to."""
+
+    plan: Plan
+    areas: Areas
+    sides: list[NDArray[np.float64]]
+    """(n, 2) ways of the rear axle along each side, m."""
+    turns: list[NDArray[np.float64]]
+    """(n, 3) poses through each turn."""
+    shuttles: int
+    """How many of the turns back up to take the same edge again."""
+    cutting_m: float
+    turning_m: float
+    time_s: float
+    cut: shapely.Geometry
+    leftover: shapely.Geometry
+    """Crop to be cut that no side reaches."""
+    room_m: float
+    """How far beyond the field's edge the turns swing some part of the machine."""
+    warnings: list[str]
+
+    @property
+    def coverage(self) -> float:
+        """Share of all that the field bears that is cut; the inset's price is in it."""
+        return float(self.cut.intersection(self.areas.field).area / self.areas.field.area)
+
+
+# ---- kinematics ----------------------------------------------------------------------------------
+
+
+def lane_pose(side: Side, along_m: float, vehicle: Vehicle) -> Pose:
+    """Of the rear axle when the blade's line is along_m past the side's beginning."""
+    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+    back = along_m - vehicle.blade_x_m
+    inside = vehicle.inset_m - side.shift_m
+    return side.x_m + c * back - s * inside, side.y_m + s * back + c * inside, side.heading_rad
+
+
+def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float, float]:
+    """(poses (n, 3) in the turn's frame, way in m, time in s) of a turn driven without error. What
+    a leg that follows the new lane still has to shift sideways is spread over its length."""
+    x = y = heading = 0.0
+    poses = [(x, y, heading)]
+    way = seconds = 0.0
+    steered = 0.0
+    for leg in turn.legs:
+        seconds += abs(math.degrees(leg.steer_rad - steered)) / STEER_DPS
+        steered = leg.steer_rad
+        if leg.goal is Goal.HEADING:
+            radius = vehicle.wheelbase_m / math.tan(leg.steer_rad)
+            sweep = leg.value - heading
+            length = abs(sweep * radius)
+            for part in _parts(length):
+                h = heading + sweep * part
+                poses.append(
+                    (
+                        x + radius * (math.sin(h) - math.sin(heading)),
+                        y - radius * (math.cos(h) - math.cos(heading)),
+                        h,
+                    )
+                )
+        else:
+            here = x if leg.goal is Goal.X else turn.along(x, y)
+            c, s = math.cos(heading), math.sin(heading)
+            aside = -turn.offset(x, y) if leg.follow is Follow.NEW_LANE else 0.0
+            length = abs(leg.value - here)
+            for part in _parts(length):
+                ahead, left = (leg.value - here) * part, aside * part
+                poses.append((x + c * ahead - s * left, y + s * ahead + c * left, heading))
+        x, y, heading = poses[-1]
+        way += length
+        seconds += length / vehicle.manoeuvre_speed_mps
+    seconds += math.degrees(abs(steered)) / STEER_DPS
+    return np.array(poses), way, seconds
+
+
+def _parts(length_m: float) -> list[float]:
+    count = max(1, math.ceil(length_m / STEP_M))
+    return [k / count for k in range(1, count + 1)]
+
+
+def _placed_poses(poses: NDArray[np.float64], at: Pose) -> NDArray[np.float64]:
+    return np.column_stack([placed(poses[:, :2], *at), poses[:, 2] + at[2]])
+
+
+def _swath(side: Side, begin_m: float, vehicle: Vehicle) -> shapely.Polygon:
+    """What the blade cuts on a side from begin_m on."""
+    right, left = -vehicle.overlap_m - side.shift_m, vehicle.pass_m - side.shift_m
+    corners = np.array(
+        [(begin_m, right), (side.length_m, right), (side.length_m, left), (begin_m, left)]
+    )
+    return shapely.Polygon(placed(corners, side.x_m, side.y_m, side.heading_rad))
+
+
+def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
+    """Drives the plan on paper."""
+    outline = outline_of(vehicle)
+    fence = Geofence(areas) if areas.permitted is not None else None
+    sides: list[NDArray[np.float64]] = []
+    turns: list[NDArray[np.float64]] = []
+    swaths: list[shapely.Polygon] = []
+    cutting = turning = seconds = late = 0.0
+    shuttles = 0
+    for number, side in enumerate(plan.sides):
+        begin = min(late, side.length_m)
+        swaths.append(_swath(side, begin, vehicle))
+        ends = [lane_pose(side, along, vehicle) for along in (begin, side.length_m)]
+        sides.append(np.array(ends)[:, :2])
+        cutting += side.length_m - begin
+        seconds += (side.length_m - begin) / vehicle.cutting_speed_mps
+        if number + 1 == len(plan.sides):
+            break
+
+        def room_m(turn: Turn, at: Pose = ends[1]) -> float:
+            return ROOM_M if fence is None else room_along(turn, at, vehicle, fence)
+
+        turn = next_turn(plan, number, vehicle, room_m)
+        shuttles += plan.corner_rad(number) == 0.0
+        poses, way, spent = drive_turn(turn, vehicle)
+        turning += way
+        seconds += spent + LOOK_S
+        # Beyond 0 the blade comes down late: the corner behind stays. Below 0 it runs in.
+        blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
+        late = max(0.0, blade - turn.crop_begins_m)
+        seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
+        turns.append(_placed_poses(poses, ends[1]))
+    cut = shapely.union_all(swaths)
+    pieces = shapely.get_parts(areas.crop.difference(cut))
+    outlines = [np.array([placed(outline, *pose) for pose in turn.tolist()]) for turn in turns]
+    edge = shapely.Polygon(areas.field.exterior)
+    return Preview(
+        plan,
+        areas,
+        sides,
+        turns,
+        shuttles,
+        cutting,
+        turning,
+        seconds,
+        cut,
+        shapely.union_all([piece for piece in pieces if piece.area > SPECK_M2]),
+        max((_beyond(edge, swept) for swept in outlines), default=0.0),
+        _warnings(plan, areas, vehicle, swaths, outlines),
+    )
+
+
+def _beyond(area: shapely.Polygon, outlines: NDArray[np.float64]) -> float:
+    """How far (..., 2) corners lie outside an area at most, m."""
+    shapely.prepare(area)
+    return float(shapely.distance(area, shapely.points(outlines.reshape(-1, 2))).max())
+
+
+def _warnings(
+    plan: Plan,
+    areas: Areas,
+    vehicle: Vehicle,
+    swaths: list[shapely.Polygon],
+    outlines: list[NDArray[np.float64]],
+) -> list[str]:
+    """What the machine would touch or leave; `outlines` (n, 8, 2) through each turn."""
+    warnings: list[str] = []
+    permitted = areas.permitted
+    if permitted is not None:
+        outside = {
+            number: beyond
+            for number, swept in enumerate(outlines, start=1)
+            if (beyond := _beyond(permitted, swept)) > 0
+        }
+        if outside:
+            warnings.append(
+                f"{len(outside)} turns leave the permitted area, first at the end of side "
+                f"{min(outside)}, by up to {max(outside.values()):.2f} m: the gap is too narrow"
+            )
+        if plan.sides:
+            start = placed(outline_of(vehicle), *lane_pose(plan.sides[0], 0.0, vehicle))
+            beyond = _beyond(permitted, start)
+            if beyond > 0:
+                warnings.append(
+                    f"at the start the machine stands {beyond:.2f} m outside the permitted area; "
+                    "move it up, or choose another corner"
+                )
+    for number, keep_out in enumerate(areas.keep_outs, start=1):
+        shapely.prepare(keep_out)
+        hit = [k for k, swath in enumerate(swaths, start=1) if keep_out.intersects(swath)]
+        if hit:
+            warnings.append(f"side {hit[0]} would cut into keep-out {number}")
+        touched = [
+            k
+            for k, swept in enumerate(outlines, start=1)
+            if keep_out.intersects(shapely.convex_hull(shapely.multipoints(swept))).any()
+        ]
+        if touched:
+            warnings.append(
+                f"{len(touched)} turns would touch keep-out {number}, first at the end of side "
+                f"{touched[0]}: the geofence would stop the machine there"
+            )
+    return warnings
+
+
+def plan_field(
+    areas: Areas,
+    corner: tuple[float, float],
+    vehicle: Vehicle,
+    turn: str,
+    gap_m: float | None = None,
+) -> Plan:
+    """The plan of the crop to be cut that begins at the crop's corner nearest to `corner`, or at
+    the next that it can be begun at."""
+    inset = shapely.Polygon(areas.crop.exterior)
+    ring = shapely.geometry.polygon.orient(inset)
+    corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
+    start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner))
+    holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
+    return spiral(corners, start, vehicle, turn, gap_m, holes)
+
+
+# ---- what the operator sees ----------------------------------------------------------------------
+
+
+def draw_preview(path: Path, shown: Preview, title: str) -> None:
+    """The spiral over the three areas; red is what stays standing."""
+    figure = Figure(figsize=(10, 10), layout="constrained")
+    axes = figure.subplots()
+    areas = shown.areas
+    if areas.permitted is not None:
+        xy = areas.permitted.exterior.xy
+        axes.plot(*xy, "--", color="0.4", lw=1.2, label="permitted area")
+    outer = np.array(areas.field.exterior.coords)
+    axes.fill(*outer.T, color="#f2e3a0", label="field")
+    axes.plot(*outer.T, color="#a08020", lw=1.5)
+    for number, (x, y) in enumerate(outer[:-1]):
+        axes.annotate(str(number), (x, y), (6, 6), textcoords="offset points", weight="bold")
+    if areas.price > 0:
+        crop = np.array(areas.crop.exterior.coords)
+        axes.plot(*crop.T, color="tab:green", lw=1.2, label="crop to be cut")
+    for number, keep_out in enumerate(areas.keep_outs):
+        label = "keep-outs, with their margin" if number == 0 else ""
+        axes.fill(*np.array(keep_out.exterior.coords).T, color="0.25", label=label)
+    colours = mpl.colormaps["viridis"](np.linspace(0, 0.9, max(1, len(shown.sides))))
+    for way, colour in zip(shown.sides, colours, strict=True):
+        axes.plot(*way.T, color=colour, lw=1.3)
+    for number, turn in enumerate(shown.turns):
+        label = "turns, rear axle" if number == 0 else ""
+        axes.plot(*turn[:, :2].T, color="tab:purple", lw=0.5, alpha=0.7, label=label)
+    if not shown.leftover.is_empty:
+        rings = [
+            MplPath(np.array(ring.coords), closed=True)
+            for piece in shapely.get_parts(shown.leftover)
+            for ring in _rings(piece)
+        ]
+        path_of_all = MplPath.make_compound_path(*rings)
+        axes.add_patch(PathPatch(path_of_all, color="tab:red", lw=0, label="stays standing"))
+    if shown.sides:
+        (x, y), (u, v) = shown.sides[0]
+        axes.annotate(
+            "", (u, v), (x, y), arrowprops={"arrowstyle": "->", "color": "black", "lw": 1.5}
+        )
+        axes.plot(x, y, "ko", ms=7, label="start")
+    axes.set_aspect("equal")
+    axes.set(xlabel="east (m)", ylabel="north (m)", title=title)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
+def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
+    """Turned as a filled path needs them: holes against the outer ring."""
+    turned = shapely.geometry.polygon.orient(polygon)
+    return [turned.exterior, *turned.interiors]
+
+
+def _minutes(seconds: float) -> str:
+    return f"{int(seconds) // 3600:d}:{int(seconds) % 3600 // 60:02d} h"
+
+
+def table_of(previews: list[Preview]) -> Table:
+    """The turns side by side."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("turn", no_wrap=True)
+    names = ("sides", "shuttles", "cutting", "turning", "time", "stays", "coverage", "room")
+    for name in names:
+        table.add_column(name, justify="right", no_wrap=True)
+    for shown in previews:
+        table.add_row(
+            shown.plan.turn,
+            str(len(shown.plan.sides)),
+            str(shown.shuttles),
+            f"{shown.cutting_m:.0f} m",
+            f"{shown.turning_m:.0f} m",
+            _minutes(shown.time_s),
+            f"{shown.leftover.area:.1f} m2",
+            f"{100 * shown.coverage:.2f} %",
+            f"{shown.room_m:.2f} m",
+        )
+    return table
+
+
+@click.command()
+@click.argument("field", type=click.Path(path_type=Path))
+@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
+@click.option("--start", type=click.IntRange(0), default=0, show_default=True, help="The corner.")
+@click.option("--inset", default=0.0, show_default=True, help="Metres to stay inside the field.")
+@click.option("--gap", type=float, metavar="METRES", help="To the neighbour's crop.")
+@click.option(
+    "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
+)
+@click.option("--out", type=click.Path(path_type=Path), help="The picture; default FIELD.plan.png.")
+def plan(
+    field: Path,
+    vehicle: Path | None,
+    start: int,
+    inset: float,
+    gap: float | None,
+    turn: str,
+    out: Path | None,
+) -> None:
+    """Length, time, turns and what stays standing, before anything moves.
+
+    FIELD is a boundary: .geojson, .kml, .shp, .xml (ISOXML) or .csv. Both kinds of turn are
+    compared; the picture shows the one of --turn."""
+    machine = load_vehicle(vehicle)
+    boundary = load_field(field)
+    if start >= len(boundary.crop):
+        raise UserError(
+            f"--start {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "
+            "of the survey numbers them"
+        )
+    frame = boundary.frame
+    areas = areas_of(boundary.polygon(frame), gap, inset_m=inset)
+    corner = frame.to_local(*boundary.crop[start])
+    try:
+        previews = {
+            name: preview(plan_field(areas, corner, machine, name, gap), areas, machine)
+            for name in ("three_point", "arc")
+        }
+    except UserError as error:
+        raise UserError(f"{field}: {error}") from error
+    shown = previews[turn]
+    console = Console(highlight=False, soft_wrap=True)
+    name = boundary.name or field.stem
+    console.print(
+        f"{name}: {areas.field.area:.0f} m2, {len(boundary.crop)} corners, "
+        f"{len(boundary.keep_outs)} keep-outs, start at corner {start}"
+    )
+    if areas.price > 0:
+        console.print(
+            f"left standing by choice (inset {inset:g} m, keep-outs' margin): "
+            f"{areas.field.area - areas.crop.area:.1f} m2, {100 * areas.price:.2f} % of the crop"
+        )
+    console.print(table_of(list(previews.values())))
+    first = shown.plan.sides[0]
+    begins = min(
+        range(len(boundary.crop)),
+        key=lambda k: math.dist(frame.to_local(*boundary.crop[k]), (first.x_m, first.y_m)),
+    )
+    if begins != start:
+        console.print(f"begins at corner {begins}: from corner {start} more would stay standing")
+    if gap is None:
+        console.print(
+            "no --gap: whether the turns have room is not checked, and a drive without it has no "
+            "geofence; measure the ground up to the neighbour's crop"
+        )
+    for text in shown.warnings:
+        console.print(f"warning: {text}")
+    picture = out or field.with_suffix(".plan.png")
+    title = (
+        f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "
+        f"{_minutes(shown.time_s)}, coverage {100 * shown.coverage:.2f} %"
+    )
+    try:
+        draw_preview(picture, shown, title)
+    except OSError as error:
+        raise UserError(f"cannot write the picture {picture}: {error.strerror}") from error
+    console.print(f"written: {picture}")

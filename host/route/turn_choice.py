@@ -1,0 +1,66 @@
+"""Which manoeuvre leads from a side of a plan to the next: one choice for the pilot that drives it
+and the preview that shows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from host.core.vehicle import Vehicle
+from host.field.areas import Geofence, outline_of, placed
+from host.route import turn_legs
+from host.route.plan import Plan, Side
+from host.route.turn_legs import NewLane, Turn
+
+SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
+"""Shares of a turn that the forward arc of a three-point turn may take, best first."""
+ROOM_M = 0.6
+"""Clearance to the geofence's border that any turn may be driven with."""
+
+
+def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn], float]) -> Turn:
+    """The turn from the end of side `index` to the next. `room_m` is the least clearance along a
+    turn; of the three-point turns it is the first that has ROOM_M, else the one that has the
+    most."""
+    corner = plan.corner_rad(index)
+    if index + 1 < len(plan.sides):
+        this, following = plan.sides[index], plan.sides[index + 1]
+        lane = _lane_of(this, following, corner, vehicle)
+        if corner == 0.0:
+            room = turn_legs.shuttle_room_m(vehicle, following.back_m, plan.gap_m)
+            return turn_legs.shuttle(vehicle, lane.x_m - vehicle.blade_x_m, lane.y_m, room)
+    else:
+        lane = turn_legs.lane_beside(vehicle, corner)
+    if plan.turn == "arc":
+        return turn_legs.arc(vehicle, corner, lane)
+    rooms: list[tuple[float, Turn]] = []
+    for swing in SWINGS:
+        turn = turn_legs.three_point(vehicle, corner, lane, swing=swing)
+        rooms.append((room_m(turn), turn))
+        if rooms[-1][0] >= ROOM_M:
+            return turn
+    return max(rooms, key=lambda pair: pair[0])[1]
+
+
+def _lane_of(this: Side, following: Side, corner_rad: float, vehicle: Vehicle) -> NewLane:
+    """The lane beside a plan's following side, in the frame of the turn from this one's end."""
+    c, s = math.cos(this.heading_rad), math.sin(this.heading_rad)
+    dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
+    inside = vehicle.inset_m - following.shift_m
+    x = c * dx + s * dy - this.length_m + vehicle.blade_x_m - inside * math.sin(corner_rad)
+    y = c * dy - s * dx - (vehicle.inset_m - this.shift_m) + inside * math.cos(corner_rad)
+    return NewLane(x, y, 0.0)
+
+
+def room_along(
+    turn: Turn, at: tuple[float, float, float], vehicle: Vehicle, fence: Geofence
+) -> float:
+    """The least clearance to the geofence along a turn that begins with the rear axle at `at`
+    (x, y, heading in the field frame)."""
+    x, y, yaw = at
+    c, s = math.cos(yaw), math.sin(yaw)
+    outline = outline_of(vehicle)
+    return min(
+        fence.clearance(placed(outline, x + c * px - s * py, y + s * px + c * py, yaw + turned))
+        for px, py, turned in turn_legs.path(vehicle, turn)
+    )

@@ -1,0 +1,328 @@
+"""Records: one MCAP file a run, JSON messages whose schemas Foxglove understands.
+
+Crash-safe by construction: what the run depends on stands at the beginning, outside any chunk; then
+come chunks of a second or two, each written whole, so a run that was killed leaves everything up to
+its last chunk. Any MCAP reader that reads in the file's order does; `read` stops there quietly.
+
+Numbers are kept in full, so that a replay computes with what the run computed with.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, IndexType, Writer
+
+from host.core.closing import Closing
+from host.core.errors import UserError
+from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.pilot.pilot import Pilot
+from host.vision.view import CropView
+
+PICTURES = "/camera"
+"""The topic of the pictures."""
+CHUNK_BYTES = 64 * 1024
+INFINITE = 1e9
+"""Stands for infinity, which JSON does not have."""
+
+_NUMBER: dict[str, Any] = {"type": ["number", "null"]}
+_TEXT: dict[str, Any] = {"type": "string"}
+_BYTES: dict[str, Any] = {"type": "string", "contentEncoding": "base64"}
+_TIME: dict[str, Any] = {
+    "type": "object",
+    "title": "time",
+    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+}
+
+
+def _schema(**fields: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": fields}
+
+
+def _numbers(*names: str) -> dict[str, dict[str, Any]]:
+    return dict.fromkeys(names, _NUMBER)
+
+
+SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
+    "/camera": (
+        "foxglove.CompressedImage",
+        _schema(timestamp=_TIME, frame_id=_TEXT, data=_BYTES, format=_TEXT),
+    ),
+    "/fix": (
+        "foxglove.LocationFix",
+        _schema(
+            timestamp=_TIME,
+            frame_id=_TEXT,
+            **_numbers("latitude", "longitude", "altitude", "quality", "hdop", "satellites"),
+            **_numbers("speed_mps", "course_rad"),
+        ),
+    ),
+    "/telemetry": (
+        "daranti.Telemetry",
+        _schema(
+            state=_TEXT,
+            **_numbers("faults", "setpoint_rad", "angle_rad", "steer_duty", "drive_duty"),
+            blade={"type": "boolean"},
+            **_numbers("speed_mps", "distance_m", "battery_v", "last_seq", "frames_bad"),
+        ),
+    ),
+    "/command": (
+        "daranti.Command",
+        _schema(
+            request=_TEXT,
+            **_numbers("steer_rad", "speed_mps"),
+            blade={"type": "boolean"},
+            reason=_TEXT,
+        ),
+    ),
+    "/operator": ("daranti.Operator", _schema(paused={"type": "boolean"})),
+    "/view": (
+        "daranti.CropView",
+        _schema(
+            **_numbers("confidence", "edge_offset_m", "edge_heading_rad", "crop_ahead_m"),
+            **_numbers("edge_ahead_m", "tip_share"),
+            **_numbers("ahead_confidence", "end_of_field", "e_outer_px", "o_map_px"),
+            **_numbers("l_height_px", "l_reference_px"),
+            reason=_TEXT,
+            usable={"type": "boolean"},
+        ),
+    ),
+    "/pilot": (
+        "daranti.Pilot",
+        _schema(
+            phase=_TEXT,
+            reason=_TEXT,
+            **_numbers("turns", "offset_m", "heading_rad", "distance_m", "x_m", "y_m", "yaw_rad"),
+        ),
+    ),
+    "/truth": (
+        "daranti.Truth",
+        _schema(
+            **_numbers("x_m", "y_m", "yaw_rad", "speed_mps", "steer_rad", "coverage"),
+            **_numbers("missed_m2", "neighbour_cut_m2", "edge_offset_m"),
+        ),
+    ),
+    "/serial/to_firmware": ("daranti.Bytes", _schema(data=_BYTES)),
+    "/serial/to_host": ("daranti.Bytes", _schema(data=_BYTES)),
+    "/fault": ("daranti.Fault", _schema(index=_NUMBER, fault=_TEXT, begins={"type": "boolean"})),
+    "/summary": ("daranti.Summary", _schema(text=_TEXT)),
+}
+
+
+def _clean(value: Any) -> Any:
+    """JSON has neither NaN, which becomes null, nor infinity."""
+    if isinstance(value, float):
+        if math.isfinite(value):
+            return value
+        return None if math.isnan(value) else math.copysign(INFINITE, value)
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
+    return value
+
+
+def _time(stamp: float) -> dict[str, int]:
+    nanoseconds = round(stamp * 1e9)
+    return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}
+
+
+ABOUT = "daranti"
+"""Name of the metadata that say what the run depends on."""
+
+
+class Recorder(Closing):
+    """Writes one record. Deterministic: the same messages give the same bytes."""
+
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str] | None = None,
+        tee: Callable[[str, int, bytes], None] | None = None,
+    ) -> None:
+        """`metadata` says what the run depends on; `tee(topic, nanoseconds, JSON)` gets every
+        message as well. Raises UserError where the file cannot be written."""
+        self._tee = tee
+        fresh = path.with_name(f".{path.name}.new")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = fresh.open("wb")
+        except OSError as error:
+            raise UserError(f"cannot write the record {path}: {error.strerror}") from error
+        self._writer = Writer(
+            self._file,
+            chunk_size=CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            index_types=IndexType.ALL,
+        )
+        self._writer.start(profile="", library="daranti")
+        self._channels: dict[str, int] = {}
+        self._sequence = 0
+        self._writer.add_metadata(ABOUT, dict(metadata or {}))
+        self._file.flush()
+        fresh.replace(path)  # whoever sees the record sees its beginning
+
+    def put(self, topic: str, stamp: float, message: Mapping[str, Any]) -> None:
+        """Appends a message of a topic in SCHEMAS at `stamp` seconds."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            name, schema = SCHEMAS[topic]
+            schema_id = self._writer.register_schema(
+                name, "jsonschema", json.dumps(schema, sort_keys=True).encode()
+            )
+            channel = self._writer.register_channel(topic, "json", schema_id)
+            self._channels[topic] = channel
+        data = json.dumps({key: _clean(value) for key, value in message.items()}).encode()
+        nanoseconds = max(0, round(stamp * 1e9))
+        self._writer.add_message(channel, nanoseconds, data, nanoseconds, self._sequence)
+        self._file.flush()  # a chunk that is complete is on the disk
+        self._sequence += 1
+        if self._tee is not None:
+            self._tee(topic, nanoseconds, data)
+
+    def picture(self, stamp: float, jpeg: bytes) -> None:
+        """A camera picture as it came from the phone; `stamp` is the shutter's."""
+        message = {"timestamp": _time(stamp), "frame_id": "camera", "format": "jpeg", "data": jpeg}
+        self.put(PICTURES, stamp, message)
+
+    def telemetry(self, telemetry: Telemetry) -> None:
+        """One telemetry message."""
+        fields = {n: getattr(telemetry, n) for n in telemetry.__dataclass_fields__ if n != "stamp"}
+        self.put("/telemetry", telemetry.stamp, fields | {"state": telemetry.state.name})
+
+    def command(self, stamp: float, command: Command) -> None:
+        """One command, as the pilot gave it."""
+        message = {
+            "request": command.request.value,
+            "steer_rad": command.steer_rad,
+            "speed_mps": command.speed_mps,
+            "blade": command.blade,
+            "reason": command.reason,
+        }
+        self.put("/command", stamp, message)
+
+    def fix(self, fix: Fix) -> None:
+        """One GNSS epoch."""
+        message = {
+            "timestamp": _time(fix.stamp),
+            "frame_id": "wgs84",
+            "latitude": fix.lat_deg,
+            "longitude": fix.lon_deg,
+            "altitude": 0.0,
+            "quality": fix.quality,
+            "hdop": fix.hdop,
+            "satellites": fix.satellites,
+            "speed_mps": fix.speed_mps,
+            "course_rad": fix.course_rad,
+        }
+        self.put("/fix", fix.stamp, message)
+
+    def pilot(self, stamp: float, pilot: Pilot) -> None:
+        """What the pilot is doing, and where it believes to be."""
+        lane, motion = pilot.lane, pilot.motion
+        message = {
+            "phase": pilot.phase.value,
+            "reason": pilot.reason,
+            "turns": pilot.turns,
+            "offset_m": lane.offset_m,
+            "heading_rad": lane.heading_rad,
+            "distance_m": motion.distance_m,
+            "x_m": motion.x_m,
+            "y_m": motion.y_m,
+            "yaw_rad": motion.yaw_rad,
+        }
+        self.put("/pilot", stamp, message)
+
+    def view(self, stamp: float, view: CropView) -> None:
+        """What vision made of the picture taken at `stamp`."""
+        names = SCHEMAS["/view"][1]["properties"]
+        self.put("/view", stamp, {name: getattr(view, name) for name in names})
+
+    def close(self) -> None:
+        """Writes the index; without it the record is readable, only slower to seek in."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.close()
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    """The file's records up to its end or the first that is not whole. UserError where the file is
+    missing or is no record."""
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UserError(f"cannot read the record {path}: {error.strerror}") from error
+    count = 0
+    with file:
+        try:
+            for record in StreamReader(file).records:
+                count += 1
+                yield record
+        except (McapError, ValueError, KeyError, EOFError, struct.error) as error:
+            if not count:
+                raise UserError(f"{path} is not a record (MCAP): {error}") from error
+
+
+def about(path: Path) -> dict[str, str]:
+    """What the run depends on, as its Recorder was told. UserError as in `read`."""
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            return dict(record.metadata)
+    return {}
+
+
+def read(path: Path) -> Iterator[tuple[str, float, dict[str, Any]]]:
+    """(topic, stamp in s, message) in the order written; ends at the last whole chunk of a record
+    whose run was killed. UserError where the file is missing or is no record."""
+    channels: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message):
+            message = json.loads(record.data)
+            if isinstance(message.get("data"), str):
+                message["data"] = base64.b64decode(message["data"])
+            yield channels[record.channel_id], record.log_time / 1e9, message
+
+
+def telemetry_of(stamp: float, message: Mapping[str, Any]) -> Telemetry:
+    """A /telemetry message as it went in."""
+    return Telemetry(stamp=stamp, **{**message, "state": State[message["state"]]})
+
+
+def fix_of(stamp: float, message: Mapping[str, Any]) -> Fix:
+    """A /fix message as it went in."""
+    return Fix(
+        stamp,
+        message["latitude"],
+        message["longitude"],
+        message["quality"],
+        message["hdop"],
+        message["satellites"],
+        message["speed_mps"],
+        message["course_rad"],
+    )
+
+
+def view_of(message: Mapping[str, Any]) -> CropView:
+    """The numbers of a /view message as they went in; pictures are not kept."""
+    values: dict[str, Any] = {}
+    for name, value in message.items():
+        if value is None:
+            values[name] = math.nan
+        elif isinstance(value, float) and abs(value) == INFINITE:
+            values[name] = math.copysign(math.inf, value)
+        else:
+            values[name] = value
+    return CropView(**values)
+
+
+def command_of(message: Mapping[str, Any]) -> Command:
+    """A /command message as it went in."""
+    return Command(**{**message, "request": Request(message["request"])})

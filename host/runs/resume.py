@@ -1,0 +1,210 @@
+"""Saved progress: how far a plan has been cut, so that a run that ended (a crash, an empty battery,
+Ctrl-C) goes on later with the right side.
+
+The file is small and whole at any time: written beside itself, brought to the disk, then renamed.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from host.core.errors import UserError
+from host.pilot.pilot import Phase, Pilot
+from host.route.plan import Plan
+
+EVERY_M = 0.5
+"""What is lost at most: so much of a side may be driven again over stubble."""
+BEFORE_M = 0.2
+"""A resumed side begins so far before what was cut: dead reckoning errs."""
+LEFT_M = 0.6
+"""A shorter rest of a side is none: the next side is the one to go on with."""
+
+
+class Progress(BaseModel):
+    """How far a plan has been cut. `side` counts from 0 in the whole plan, `cut_m` from where the
+    blade met that side's crop."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    plan: str
+    """`digest` of the whole plan."""
+    corner: Annotated[int, Field(ge=0)]
+    """Of the boundary, where the plan begins."""
+    side: Annotated[int, Field(ge=0)]
+    cut_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    pose: tuple[float, float, float] | None = None
+    """x, y (m) and heading (rad) in the field frame, where known."""
+    phase: Phase
+    reason: str = ""
+    written: str = ""
+    """UTC, ISO 8601."""
+
+
+def digest(plan: Plan) -> str:
+    """Names a plan by its sides: the same sides in the same order, the same name."""
+    sides = json.dumps([asdict(side) for side in plan.sides], sort_keys=True)
+    return hashlib.sha256(sides.encode()).hexdigest()[:16]
+
+
+# ---- the file ------------------------------------------------------------------------------------
+
+
+def save(path: Path, progress: Progress) -> None:
+    """Whole or not at all, also when the power fails in between. UserError where the folder cannot
+    be written to."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(progress.model_dump_json(indent=1) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+            Path(name).replace(path)
+        except OSError:
+            with suppress(OSError):
+                Path(name).unlink()
+            raise
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)  # the new name, too, is on the disk
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise UserError(f"cannot save the progress in {path}: {error.strerror}") from error
+
+
+def load(path: Path) -> Progress:
+    """UserError where the file is missing or is no saved progress."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"cannot read the saved progress {path}: {error}") from error
+    try:
+        return Progress.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise UserError(
+            f"{path} is no saved progress: {where}: {first['msg']}; name the .progress.json that "
+            "the run left beside its record"
+        ) from error
+
+
+# ---- going on ------------------------------------------------------------------------------------
+
+
+def resume_at(progress: Progress, plan: Plan, path: Path) -> tuple[int, float]:
+    """(side, cut_m) of the whole plan to go on with. UserError where `path`'s progress belongs to
+    another plan or nothing is left."""
+    if progress.plan != digest(plan) or progress.side >= len(plan.sides):
+        raise UserError(
+            f"{path} belongs to another plan: the boundary, the corner or the machine's file "
+            "differ from that run's"
+        )
+    if progress.phase is Phase.FINISHED:
+        raise UserError(f"{path}: that run finished the field; there is nothing to resume")
+    side, cut_m = progress.side, max(0.0, progress.cut_m - BEFORE_M)
+    if plan.sides[side].length_m - progress.cut_m > LEFT_M or progress.cut_m == 0.0:
+        return side, cut_m
+    if side + 1 == len(plan.sides):
+        raise UserError(f"{path}: the last side was cut to its end; there is nothing to resume")
+    return side + 1, 0.0
+
+
+def remaining(plan: Plan, side: int, cut_m: float) -> Plan:
+    """What is left of a plan from cut_m along a side on; areas and geofence stay the field's."""
+    this = plan.sides[side]
+    c, s = math.cos(this.heading_rad), math.sin(this.heading_rad)
+    rest = replace(
+        this,
+        x_m=this.x_m + c * cut_m,
+        y_m=this.y_m + s * cut_m,
+        length_m=this.length_m - cut_m,
+        fence_m=this.fence_m - cut_m,
+        back_m=this.back_m + cut_m,
+    )
+    return replace(plan, sides=(rest, *plan.sides[side + 1 :]), done=plan.done + side)
+
+
+class Keeper:
+    """Keeps a progress file up to date while a pilot drives what `remaining` gave it. A thread of
+    its own writes: a disk may take longer than the firmware waits for a command."""
+
+    def __init__(
+        self,
+        path: Path,
+        plan: Plan,
+        corner: int,
+        say: Callable[[str], None],
+        begun: tuple[int, float] = (0, 0.0),
+    ) -> None:
+        """`plan` is the whole one, `begun` what `resume_at` gave. What cannot be written is said
+        once and stops nothing."""
+        self.path = path
+        self._plan = digest(plan)
+        self._corner = corner
+        self._say = say
+        self._begun = begun
+        self._kept: Progress | None = None
+        self._writer = ThreadPoolExecutor(1, thread_name_prefix="progress")
+        self._writing: Future[None] | None = None
+        self._failed = False
+
+    def note(self, pilot: Pilot) -> None:
+        """Called after every step; returns at once."""
+        if self._writing is not None and not self._writing.done():
+            return
+        now = self._now(pilot)
+        kept = self._kept
+        if (
+            kept is None
+            or (now.side, now.phase) != (kept.side, kept.phase)
+            or abs(now.cut_m - kept.cut_m) >= EVERY_M
+        ):
+            self._write(now)
+
+    def close(self, pilot: Pilot) -> None:
+        """Writes the last state and waits for the disk."""
+        if self._kept is not None:
+            self._write(self._now(pilot))
+        self._writer.shutdown()
+
+    def _now(self, pilot: Pilot) -> Progress:
+        side, cut_m = self._begun
+        if pilot.turns > 0:
+            cut_m = 0.0
+        return Progress(
+            plan=self._plan,
+            corner=self._corner,
+            side=side + pilot.turns,
+            cut_m=round(max(0.0, cut_m + pilot.cut_m), 3),
+            pose=pilot.position.pose if pilot.position.known else None,
+            phase=pilot.phase,
+            reason=pilot.reason,
+            written=datetime.datetime.now(tz=datetime.UTC).isoformat(timespec="seconds"),
+        )
+
+    def _write(self, progress: Progress) -> None:
+        self._kept = progress
+        self._writing = self._writer.submit(self._save, progress)
+
+    def _save(self, progress: Progress) -> None:
+        try:
+            save(self.path, progress)
+        except UserError as error:
+            if not self._failed:
+                self._failed = True
+                self._say(f"{error}: should the run end, it cannot be resumed")

@@ -1,0 +1,297 @@
+"""NMEA 0183 from a phone into fixes, and the local frame that the pilot works in.
+
+`Receiver` is the parser without I/O; `gnss_feed` runs it on a TCP port, a serial port or a file.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+import socket
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pynmea2
+import serial
+from pyproj import Proj
+
+from host.core.errors import UserError
+from host.core.messages import Fix
+from host.sensors.newest import Feed, SourceLostError
+
+KNOT_MPS = 1852 / 3600
+COMPANION_S = 0.3
+"""How long GGA waits for the RMC of its epoch, or RMC for GGA: a phone sends them in one burst."""
+MAX_SENTENCE = 82
+"""Characters from `$` to the line's end (NMEA 0183). Phones exceed it; thrice it is garbage."""
+
+
+@dataclass
+class _Epoch:
+    """The sentences that share one time of day."""
+
+    time: datetime.time | None
+    stamp: float
+    gga: pynmea2.GGA | None = None
+    rmc: pynmea2.RMC | None = None
+
+    @property
+    def kinds(self) -> frozenset[str]:
+        return frozenset(k for k, s in (("GGA", self.gga), ("RMC", self.rmc)) if s is not None)
+
+
+def _number(text: object) -> float:
+    """A field's number; empty is NaN. Raises ValueError on anything that is not a finite number."""
+    if text is None or text == "":
+        return math.nan
+    value = float(str(text))
+    if not math.isfinite(value):
+        raise ValueError("not finite")
+    return value
+
+
+def _fix(epoch: _Epoch) -> Fix:
+    """Merges an epoch. Raises ValueError where a field is not what NMEA allows."""
+    gga, rmc = epoch.gga, epoch.rmc
+    quality, hdop, satellites = 0, math.nan, 0
+    position = None
+    if gga is not None:
+        quality = int(_number(gga.gps_qual) if gga.gps_qual not in (None, "") else 0)
+        hdop = _number(gga.horizontal_dil)
+        satellites = int(gga.num_sats or 0)
+        position = gga
+    elif rmc is not None and rmc.status == "A":
+        quality = 1
+        position = rmc
+    speed = course = None
+    if rmc is not None and rmc.status == "A":
+        if not math.isnan(knots := _number(rmc.spd_over_grnd)):
+            speed = knots * KNOT_MPS
+        if not math.isnan(degrees := _number(rmc.true_course)):
+            course = math.remainder(math.pi / 2 - math.radians(degrees), math.tau)
+    if position is None or quality == 0:
+        return Fix(epoch.stamp, math.nan, math.nan, 0, hdop, satellites)
+    if "" in (position.lat, position.lon, position.lat_dir, position.lon_dir):
+        raise ValueError("a fix without a position")
+    lat, lon = float(position.latitude), float(position.longitude)
+    if not (abs(lat) <= 90 and abs(lon) <= 180):
+        raise ValueError("position out of range")
+    return Fix(epoch.stamp, lat, lon, quality, hdop, satellites, speed, course)
+
+
+class Receiver:
+    """Bytes in, fixes out: GGA and RMC of one epoch make one Fix, quality 0 and NaN without a fix.
+
+    Never raises on what it is fed. `sentences` counts what was understood by type, `bad` what was
+    dropped by reason; a sentence without a checksum is dropped, for it proves nothing.
+    """
+
+    def __init__(self, tap: Callable[[bytes], object] | None = None) -> None:
+        """`tap` is given every byte that comes, as it comes."""
+        self._tap = tap
+        self.sentences: Counter[str] = Counter()
+        self.bad: Counter[str] = Counter()
+        self._rest = b""
+        self._epoch: _Epoch | None = None
+        self._emitted: datetime.time | None = None
+
+    def feed(self, now: float, data: bytes) -> list[Fix]:
+        """`now` is the bytes' arrival time; a fix carries that of its epoch's first sentence. Call
+        it with b"" when nothing came: an epoch does not wait for its second sentence for ever."""
+        if self._tap is not None and data:
+            self._tap(data)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > 3 * MAX_SENTENCE:
+            self._rest = b""
+            self.bad["endless line"] += 1
+        fixes: list[Fix] = []
+        for line in lines:
+            fixes += self._line(now, line.strip())
+        if self._epoch is not None and now - self._epoch.stamp > COMPANION_S:
+            fixes += self.flush()
+        return fixes
+
+    def flush(self) -> list[Fix]:
+        """The epoch that still waits for its second sentence, as it is."""
+        epoch, self._epoch = self._epoch, None
+        if epoch is None:
+            return []
+        self._emitted = epoch.time
+        try:
+            return [_fix(epoch)]
+        except (ValueError, TypeError, AttributeError):
+            for kind in epoch.kinds:
+                self._drop(kind)
+            return []
+
+    def _line(self, now: float, line: bytes) -> list[Fix]:
+        if not line:
+            return []
+        start = line.rfind(b"$")
+        if start > 0:
+            self.bad["cut off"] += 1
+        try:
+            text = line[max(start, 0) :].decode("ascii")
+            sentence = pynmea2.parse(text, check=True)
+        except UnicodeDecodeError:
+            self.bad["not ASCII"] += 1
+        except pynmea2.ChecksumError:
+            self.bad["checksum"] += 1
+        except pynmea2.SentenceTypeError:
+            self.sentences["other"] += 1
+        except (ValueError, TypeError, IndexError, AttributeError):
+            self.bad["malformed"] += 1
+        else:
+            return self._sentence(now, sentence)
+        return []
+
+    def _sentence(self, now: float, sentence: pynmea2.NMEASentence) -> list[Fix]:
+        kind = str(getattr(sentence, "sentence_type", "other"))
+        self.sentences[kind] += 1
+        if not isinstance(sentence, (pynmea2.GGA, pynmea2.RMC)):
+            return []
+        time = sentence.timestamp
+        if time is not None and not isinstance(time, datetime.time):
+            self._drop(kind)
+            return []
+        fixes: list[Fix] = []
+        epoch = self._epoch
+        if epoch is None or epoch.time != time or kind in epoch.kinds:
+            fixes = self.flush()
+            if time is not None and time == self._emitted:
+                return fixes
+            epoch = self._epoch = _Epoch(time, now)
+        if isinstance(sentence, pynmea2.GGA):
+            epoch.gga = sentence
+        else:
+            epoch.rmc = sentence
+        if epoch.kinds == {"GGA", "RMC"}:
+            fixes += self.flush()
+        return fixes
+
+    def _drop(self, kind: str) -> None:
+        self.sentences[kind] -= 1
+        self.bad[f"{kind} field"] += 1
+
+
+class LocalFrame:
+    """The field frame: x east, y north in metres about an origin on the WGS 84 ellipsoid.
+
+    Azimuthal equidistant, so distances from the origin are true and, over a field of kilometres,
+    all others to below a millimetre.
+    """
+
+    def __init__(self, lat_deg: float, lon_deg: float) -> None:
+        self.origin = (lat_deg, lon_deg)
+        self._proj = Proj(proj="aeqd", lat_0=lat_deg, lon_0=lon_deg, ellps="WGS84")
+
+    def to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """(x, y) in metres."""
+        x, y = self._proj(lon_deg, lat_deg)
+        return float(x), float(y)
+
+    def to_wgs84(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """(latitude, longitude) in degrees."""
+        lon, lat = self._proj(x_m, y_m, inverse=True)
+        return float(lat), float(lon)
+
+
+READ_S = 0.1
+CONNECT_S = 5.0
+BYTES_AT_ONCE = 4096
+
+
+def _serial_reader(path: str, baud: int) -> Iterator[bytes]:
+    """What came within READ_S, perhaps nothing, for ever."""
+    with serial.Serial(path, baudrate=baud, timeout=READ_S) as port:
+        while True:
+            yield port.read(max(1, min(BYTES_AT_ONCE, port.in_waiting)))
+
+
+def _tcp_reader(host: str, tcp_port: int) -> Iterator[bytes]:
+    """The same from a TCP server. (pyserial's socket:// discards what has come when it opens.)"""
+    with socket.create_connection((host, tcp_port), CONNECT_S) as connection:
+        connection.settimeout(READ_S)
+        while True:
+            try:
+                data = connection.recv(BYTES_AT_ONCE)
+            except TimeoutError:
+                yield b""
+                continue
+            if not data:
+                raise OSError("the phone has closed the connection")
+            yield data
+
+
+def _from_port(
+    reader: Callable[[], Iterator[bytes]], receiver: Receiver, feed: Feed[Fix]
+) -> Iterator[Fix]:
+    heard = feed.clock()
+    try:
+        for data in reader():
+            now = feed.clock()
+            if data:
+                heard = now
+            elif now - heard > feed.silence_s:
+                raise SourceLostError(f"silent for {feed.silence_s:.0f} s")
+            yield from receiver.feed(now, data)
+            if feed.stopping:
+                return
+    except (OSError, ValueError) as error:
+        raise SourceLostError(str(error)) from error
+
+
+def _from_file(path: Path, receiver: Receiver, feed: Feed[Fix]) -> Iterator[Fix]:
+    """Plays a recorded stream at one epoch a second, once."""
+    with path.open("rb") as lines:
+        for line in lines:
+            for fix in receiver.feed(feed.clock(), line):
+                yield fix
+                feed.pause(1.0)
+    yield from receiver.flush()
+    raise SourceLostError("end of the file", final=True)
+
+
+def gnss_feed(
+    url: str,
+    clock: Callable[[], float],
+    report: Callable[[str], None],
+    baud: int = 9600,
+    tap: Callable[[bytes], object] | None = None,
+) -> tuple[Feed[Fix], Receiver]:
+    """`url`: tcp://HOST:PORT (what phone apps offer), a serial port (/dev/ttyUSB0), or a file.
+
+    The feed runs when it is started; the receiver carries the counts and hands every byte to `tap`,
+    in the feed's thread. Raises UserError on a URL that cannot mean any of these.
+    """
+    receiver = Receiver(tap)
+    parts = urlsplit(url)
+    path = Path(url)
+    source: Callable[[Feed[Fix]], Iterator[Fix]]
+    if parts.scheme in ("tcp", "socket"):
+        try:
+            host, port = parts.hostname, parts.port
+        except ValueError:
+            host = port = None
+        if not host or not port:
+            raise UserError(
+                f"GNSS address {url}: needs a host and a port, as tcp://192.168.1.7:2947"
+            )
+        source = partial(_from_port, partial(_tcp_reader, host, port), receiver)
+    elif path.is_file():
+        source = partial(_from_file, path, receiver)
+    elif path.is_char_device():
+        source = partial(_from_port, partial(_serial_reader, url, baud), receiver)
+    elif parts.scheme:
+        raise UserError(
+            f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT"
+        )
+    else:
+        raise UserError(
+            f"GNSS source {url} does not exist; give tcp://HOST:PORT, a serial port or an NMEA file"
+        )
+    return Feed("GNSS", source, clock, report), receiver

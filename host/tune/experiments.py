@@ -1,0 +1,788 @@
+"""What the steering actuator is: bounded raw-PWM experiments, and the model that explains them.
+
+The experiments speak to the machine through a `Wire` (a serial port, or the bench in lockstep) and
+use the firmware's identification mode alone, which bounds duty, angle and time on its own account.
+The fit is pure arithmetic on what they recorded.
+
+Model, with the duty u in counts, the motor's speed v and the wheel's angle behind the backlash:
+    moves off when |u| > min_duty;  lag_s * dv/dt = gain * (u - friction_duty * sign(v)) - v
+The motor coasts at zero duty, so runs are fitted from rest to their release only.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from host.core.errors import UserError
+from host.core.messages import State, Telemetry
+from host.link import protocol
+from host.link.session import Session
+
+Floats = NDArray[np.float64]
+
+TICK_S: Final = 0.005
+REFRESH_S: Final = 0.05
+"""Between repeated commands; the firmware's link watchdog takes 250 ms."""
+BYTE_S: Final = 10 / protocol.BAUD
+CLEAR_S: Final = 0.5
+OFFSETS: Final = 12
+REST_S: Final = 0.2
+STILL_DEG: Final = 0.15
+"""Between means of five samples: a wheel that coasts moves more."""
+STILL_SAMPLES: Final = 14
+"""Telemetry samples in the mean of a resting angle."""
+MOVED_DEG: Final = 0.14
+"""Between two such means: more than the pot's noise, less than the slowest motion."""
+PULSE_S: Final = 0.5
+START_DEG: Final = 24.0
+"""Runs begin here on one side ..."""
+TURN_DEG: Final = 14.0
+"""... and are released here on the other, ..."""
+COAST_DEG: Final = 20.0
+"""Until it has been seen."""
+REACH_DEG: Final = 28.0
+"""... or earlier, where the motor would coast beyond this."""
+RUN_S: Final = 1.0
+RELAY_S: Final = 3.0
+RELAY_TURNS: Final = 9
+
+
+class Wire(Protocol):
+    """The machine, as the experiments see it."""
+
+    @property
+    def session(self) -> Session:
+        """The conversation: answers and refusals."""
+        ...
+
+    @property
+    def now(self) -> float:
+        """Seconds on the host's clock."""
+        ...
+
+    def request(self, message: protocol.Message) -> None:
+        """Sends a message to the firmware."""
+        ...
+
+    def poll(self) -> list[Telemetry]:
+        """Waits a few milliseconds at most; returns the telemetry that came."""
+        ...
+
+
+# ---- what an experiment leaves -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One excitation from rest to its release. Times are the firmware's, from the first edge on."""
+
+    kind: str
+    edges_s: tuple[float, ...]
+    """When each duty began; the last entry is the release."""
+    duties: tuple[int, ...]
+    slack: bool
+    """Whether the backlash was open: the last motion went the other way."""
+    time_s: tuple[float, ...]
+    """Of the samples."""
+    angle_deg: tuple[float, ...]
+    start_deg: float
+    """Mean at rest before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """All that the experiments recorded."""
+
+    runs: tuple[Run, ...]
+    min_left: float
+    min_right: float
+    noise_deg: float
+    """Standard deviation of the resting angle."""
+    battery_v: float
+    relay_gain: float
+    """Duty per degree: describing-function estimate of the ultimate gain; 0 where it failed."""
+    relay_period_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value and its standard deviation."""
+
+    value: float
+    sd: float
+
+    def __format__(self, spec: str) -> str:
+        return f"{self.value:{spec}} ± {self.sd:{spec}}"
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorModel:
+    """The steering actuator. Duties in counts of 255."""
+
+    gain_degps: Estimate
+    """deg/s per count."""
+    lag_s: Estimate
+    """Time constant of the speed."""
+    dead_time_s: Estimate
+    """From the firmware's tick to the motor; the sampling of the angle counts against it."""
+    friction_duty: Estimate
+    """What friction costs in motion."""
+    backlash_deg: Estimate
+    min_left: float
+    """Duty that just moves the wheel, either way."""
+    min_right: float
+    noise_deg: float
+    battery_v: float
+    relay_gain: float
+    relay_period_s: float
+    fit_rms_deg: float
+    duration_s: float
+
+    @property
+    def slew_degps(self) -> float:
+        """At full duty: the actuator's rate limit."""
+        return self.gain_degps.value * (255.0 - self.friction_duty.value)
+
+    def save(self, path: Path) -> None:
+        """Writes JSON."""
+        path.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path) -> ActuatorModel:
+        """Reads what `save` wrote. Raises UserError where it is not that."""
+        try:
+            raw: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            pairs = {k: Estimate(**v) if isinstance(v, dict) else float(v) for k, v in raw.items()}
+            return cls(**pairs)  # type: ignore[arg-type]
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}; run `daranti identify` first") from error
+        except (ValueError, TypeError, AttributeError) as error:
+            raise UserError(f"{path} is no actuator model: {error}") from error
+
+
+# ---- experiments ---------------------------------------------------------------------------------
+
+
+@dataclass
+class _Segment:
+    """One Ident message as the firmware took it."""
+
+    sent_s: float
+    duty: int
+    duration_s: float
+    taken_s: float = math.nan
+    """On the firmware's clock, by the acknowledgement's arrival."""
+    after_s: float = -math.inf
+    """Times of the telemetry before and at which the firmware had taken it."""
+    until_s: float = math.inf
+
+
+@dataclass
+class Experimenter:
+    """Runs the experiments on an armed machine; `say` hears what is going on.
+
+    Raises UserError when the firmware refuses, faults or falls silent, or when the motor turns the
+    wrong way. Whoever calls sends STOP whatever happens: use `armed`.
+    """
+
+    wire: Wire
+    say: Callable[[str], None] = lambda _: None
+    duty_max: int = 200
+    trace: list[Telemetry] = field(default_factory=list)
+    _segments: dict[int, _Segment] = field(default_factory=dict)
+    _offsets_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS))
+    """Host's clock less the firmware's, of the latest telemetry: the two drift apart."""
+    _way: int = 0
+    _coasts_deg: list[float] = field(default_factory=list)
+    """How far the released motor ran on, run by run."""
+
+    # -- talking
+
+    def wait(self, seconds: float, until: Callable[[Telemetry], bool] | None = None) -> bool:
+        """Lets time pass, to the first telemetry that `until` likes. The link stays fed."""
+        end = self.wire.now + seconds
+        while self.wire.now < end - 1e-9:
+            for telemetry in self.wire.poll():
+                self._take(telemetry)
+                if until is not None and until(telemetry):
+                    return True
+            self._acknowledged()
+        return False
+
+    def _take(self, telemetry: Telemetry) -> None:
+        firmware_s = telemetry.firmware_s
+        self.trace.append(telemetry)
+        segment = self._segments.get(telemetry.last_seq)
+        if segment is not None and segment.until_s == math.inf:
+            segment.until_s = firmware_s
+            if len(self.trace) > 1:
+                segment.after_s = self.trace[-2].firmware_s
+        self._offsets_s.append(telemetry.stamp - _wire_s(protocol.Telemetry) - firmware_s)
+        if telemetry.state is not State.ARMED:
+            raise UserError(f"the firmware ended the identification: {_why(telemetry)}")
+
+    def _acknowledged(self) -> None:
+        answers = self.wire.session.answers
+        while answers:
+            answer = answers.popleft()
+            if not isinstance(answer, protocol.Ack) or answer.request_id != protocol.Ident.ID:
+                continue
+            if answer.result is not protocol.Result.OK:
+                refusal = self.wire.session.refusal
+                self.wait(0.1)  # its telemetry says why
+                raise UserError(f"the firmware refused: {refusal}")
+            segment = self._segments.get(answer.request_seq)
+            if segment is not None and math.isnan(segment.taken_s):
+                sent_s = self.wire.now - _wire_s(protocol.Ack)
+                segment.taken_s = sent_s - min(self._offsets_s, default=math.nan)
+
+    def _ident(self, duty: int, duration_s: float) -> _Segment:
+        session = self.wire.session
+        segment = _Segment(self.wire.now, duty, duration_s)
+        self._segments[session.next_seq] = segment  # replaces the one of 256 messages ago
+        self.wire.request(protocol.Ident(duty, duration_s))
+        return segment
+
+    def drive(
+        self, duty: int, seconds: float, until: Callable[[Telemetry], bool] | None = None
+    ) -> list[_Segment]:
+        """Raw duty for a time, or until a telemetry says enough. Does not release."""
+        segments = []
+        left = seconds
+        while left > 1e-9:
+            span = min(left, REFRESH_S)
+            # The motor is released by itself soon after, should the next message be lost.
+            segments.append(self._ident(duty, span + 2 * REFRESH_S if duty else 0.0))
+            if self.wait(span, until):
+                break
+            left -= span
+        return segments
+
+    def release(self) -> _Segment:
+        """Motor off, until the wheel has come to rest."""
+        segment = self.drive(0, REST_S)[0]
+        for _ in range(40):
+            angles = [t.angle_rad for t in self.trace[-10:]]
+            moved = float(np.mean(angles[5:]) - np.mean(angles[:5]))
+            if len(angles) == 10 and abs(math.degrees(moved)) < STILL_DEG:
+                break
+            self.drive(0, 0.04)
+        return segment
+
+    def angle(self, samples: int = STILL_SAMPLES) -> float:
+        """Mean of the resting angle, degrees."""
+        begin = len(self.trace)
+        while len(self.trace) < begin + samples:
+            self.drive(0, TICK_S * 4)
+        return math.degrees(float(np.mean([t.angle_rad for t in self.trace[begin:]])))
+
+    def _fresh_budget(self) -> None:
+        """The firmware bounds the time in identification mode until the next Drive; one to the
+        angle where the wheel stands moves nothing."""
+        here = self.trace[-1].angle_rad
+        self.wire.request(protocol.Drive(here, 0.0, 0))
+        self.drive(0, 2 * TICK_S)
+
+    # -- the pieces
+
+    def find_direction(self, enough_deg: float = 1.5) -> int:
+        """The duty that surely moves the wheel. Raises UserError where it moves the wrong way."""
+        way = -1 if self.angle() > 0 else 1
+        for duty in range(40, self.duty_max + 1, 20):
+            before = self.angle()
+            self.drive(way * duty, 0.25, _far_from(before, 2 * enough_deg))
+            self.release()
+            moved = self.angle() - before
+            if abs(moved) > enough_deg:
+                self._way = way
+                if moved * way < 0:
+                    raise UserError(
+                        "motor and potentiometer disagree: a duty to the left moved the wheel's "
+                        "reading to the right. If the wheel truly turned left, exchange the "
+                        "potentiometer's outer wires, else the motor's wires"
+                    )
+                return duty
+        raise UserError(
+            f"the steering does not move at a duty of {self.duty_max}: check the motor, its "
+            "supply and the bridge, or raise ident_duty_max"
+        )
+
+    def go_to(self, angle_deg: float, duty: int) -> None:
+        """Roughly there, by pulses, brisk from afar; the wheel comes to rest."""
+        brisk = (duty + self.duty_max) // 2
+        for _ in range(12):
+            self._fresh_budget()
+            off = angle_deg - self.angle(4)
+            if abs(off) < 3.0:
+                return
+            way = 1 if off > 0 else -1
+            if abs(off) > 12.0:
+                self.drive(way * brisk, 1.5, _past(way, angle_deg - way * 9.0))
+            else:
+                self.drive(way * duty, 1.5, _past(way, angle_deg - way * 2.5))
+            self.release()
+            self._way = way
+
+    def find_min_duty(self, way: int, moving_duty: int) -> float:
+        """The duty that just moves the wheel from rest, `way` +1 left or -1 right: by bisection,
+        the backlash closed, between pulses that do and that do not."""
+        self.go_to(-way * START_DEG * 0.6, moving_duty)
+        self._fresh_budget()
+        before = self.angle(4)
+        self.drive(way * moving_duty, 1.5, _past(way, before + way))
+        self.release()
+        low, high = moving_duty // 4, moving_duty
+        before = self.angle()
+        while high - low > 2:
+            duty = (low + high) // 2
+            self._fresh_budget()
+            self.drive(way * duty, PULSE_S, _past(way, before + way))
+            self.release()
+            after = self.angle()
+            if way * (after - before) > MOVED_DEG:
+                high = duty
+            else:
+                low = duty
+            before = after
+        self._way = way
+        return (low + high) / 2
+
+    def find_stop(self, way: int, duty: int, scale: float) -> float:
+        """Creeps `way` until the wheel no longer moves; the angle there, as the firmware reads it.
+        `scale`: true degrees in one that it reads. Short pulses, so that no stall is suspected."""
+        before = self.angle(4)
+        stuck = 0
+        for _ in range(400):
+            self._fresh_budget()
+            self.drive(way * duty, 0.3)
+            self.drive(0, 0.1)
+            here = self.angle(4)
+            # The backlash takes a pulse or two that move nothing either.
+            stuck = stuck + 1 if abs(here - before) * scale < 0.25 else 0
+            if stuck == 4:
+                self.release()
+                return self.angle()
+            before = here
+        raise UserError("no stop found: the steering goes on and on; check the potentiometer")
+
+    def run(self, kind: str, play: Iterator[tuple[int, float]], way: int) -> Run:
+        """One excitation, the duties and seconds of `play`, recorded from rest to release."""
+        self._fresh_budget()
+        start = self.angle()
+        slack = way != self._way
+        begin = len(self.trace)
+        segments: list[_Segment] = []
+        last = way
+        bound = max(3.0, min(TURN_DEG, REACH_DEG - max(self._coasts_deg, default=COAST_DEG)))
+        for duty, seconds in play:
+            last = 1 if duty > 0 else -1
+            segments += self.drive(duty, seconds, _past(last, last * bound))
+        released = math.degrees(self.trace[-1].angle_rad)
+        stop = self.release()
+        self._coasts_deg.append(abs(math.degrees(self.trace[-1].angle_rad) - released))
+        self._way = last
+        times, duties = self._edges([*segments, stop])
+        clock = np.array([t.firmware_s for t in self.trace[begin:]])
+        angle = np.degrees([t.angle_rad for t in self.trace[begin:]])
+        keep = (clock >= times[0] - TICK_S) & (clock <= times[-1] + TICK_S)
+        return Run(
+            kind=kind,
+            edges_s=tuple((times - times[0]).tolist()),
+            duties=tuple(duties),
+            slack=slack,
+            time_s=tuple((clock[keep] - times[0]).tolist()),
+            angle_deg=tuple(angle[keep].tolist()),
+            start_deg=start,
+        )
+
+    def _edges(self, segments: Sequence[_Segment]) -> tuple[Floats, list[int]]:
+        """When each change of the duty happened on the firmware's clock, and the duties.
+
+        Acknowledgements leave in the tick that took the message, as telemetry does; the quickest
+        of the latest telemetry gives the clocks' offset, the telemetry that first names the
+        message bounds the error, and the tick's grid does the rest.
+        """
+        times: list[float] = []
+        duties: list[int] = []
+        phase = self.trace[-1].firmware_s % TICK_S
+        for segment in segments:
+            if duties and segment.duty == duties[-1]:
+                continue
+            if math.isnan(segment.taken_s):
+                raise UserError("an acknowledgement got lost during a run: check the cable")
+            taken = min(segment.until_s, max(segment.after_s + TICK_S, segment.taken_s))
+            times.append(round((taken - phase) / TICK_S) * TICK_S + phase)
+            duties.append(segment.duty)
+        return np.array(times), duties[:-1]
+
+    # -- the whole
+
+    def identify(self) -> Findings:
+        """All experiments, some 45 s on the machine's clock."""
+        begin = self.wire.now
+        self.drive(0, 0.1)
+        self.say("direction")
+        moving = self.find_direction()
+        quiet = len(self.trace)
+        self.angle(25)
+        noise = float(np.std(np.degrees([t.angle_rad for t in self.trace[quiet:]])))
+        mins = {}
+        for way, name in ((1, "left"), (-1, "right")):
+            self.say(f"minimum duty to the {name}")
+            mins[way] = self.find_min_duty(way, moving)
+        runs = []
+        low = max(mins.values())
+        strong = max(self.duty_max, round(low))
+        middle = round(low + 0.45 * (strong - low))
+        self.go_to(-START_DEG, moving)
+        for level in (strong, middle, strong):
+            for way in (1, -1):
+                self.say(f"step of duty {way * level:+d}")
+                runs.append(self.run("step", iter([(way * level, RUN_S)]), way))
+        dwell = min(0.4, max(0.12, 5.0 / speed_of(runs[0])))
+        for number in range(3):
+            self.go_to(0.0, moving)
+            self.say("pseudo-random binary sequence")
+            runs.append(self.run("prbs", self._prbs(strong, dwell, number), 1))
+        self.go_to(0.0, moving)
+        self.say("relay")
+        relay = self.run("relay", self._relay(strong), 1)
+        runs.append(relay)
+        gain, period = relay_figures(relay)
+        return Findings(
+            runs=tuple(runs),
+            min_left=mins[1],
+            min_right=mins[-1],
+            noise_deg=noise,
+            battery_v=float(np.mean([t.battery_v for t in self.trace])),
+            relay_gain=gain,
+            relay_period_s=period,
+            duration_s=self.wire.now - begin,
+        )
+
+    def _prbs(self, level: int, dwell_s: float, number: int) -> Iterator[tuple[int, float]]:
+        """Full duty either way, changing at random multiples of the dwell, kept round the middle.
+        The dwell is long enough for the wheel to move, or the firmware would see a stall."""
+        random = np.random.default_rng(number)
+        way = 1
+        end = self.wire.now + max(1.2, 5 * dwell_s)
+        while self.wire.now < end:
+            yield way * level, dwell_s * int(random.integers(1, 4))
+            here = math.degrees(self.trace[-1].angle_rad)
+            way = -way if abs(here) < TURN_DEG * 0.6 else (-1 if here > 0 else 1)
+
+    def _relay(self, level: int) -> Iterator[tuple[int, float]]:
+        """Duty against the angle's sign, with hysteresis above the noise."""
+        way = 1
+        end = self.wire.now + RELAY_S
+        turns = 0
+        while self.wire.now < end and turns < RELAY_TURNS:
+            yield way * level, 4 * TICK_S
+            here = math.degrees(self.trace[-1].angle_rad)
+            if way * here > 0.6:
+                way = -way
+                turns += 1
+
+
+def _past(way: int, angle_deg: float) -> Callable[[Telemetry], bool]:
+    """Whether the wheel is beyond an angle, `way` +1 to the left of it, -1 to the right."""
+    return lambda telemetry: way * (math.degrees(telemetry.angle_rad) - angle_deg) > 0
+
+
+def _far_from(angle_deg: float, far_deg: float) -> Callable[[Telemetry], bool]:
+    return lambda telemetry: abs(math.degrees(telemetry.angle_rad) - angle_deg) > far_deg
+
+
+@contextmanager
+def armed(wire: Wire, name: str, params: dict[str, float]) -> Iterator[Experimenter]:
+    """Arms the machine for experiments and stops it whatever happens. Latched faults whose cause is
+    gone are cleared: the operator asked for a new start. `params`: the firmware's parameters that
+    bound the experiments. Raises UserError where it does not arm."""
+    telemetry = _first_telemetry(wire, name)
+    if telemetry.state is State.FAULT:
+        wire.request(protocol.Clear())
+        deadline = wire.now + CLEAR_S
+        while telemetry.state is State.FAULT and wire.now < deadline:
+            telemetry = (wire.poll() or [telemetry])[-1]
+        wire.session.refusal = ""
+    if telemetry.state is not State.SAFE:
+        raise UserError(f"{name}: the machine is {telemetry.state.name}: {_why(telemetry)}")
+    try:
+        wire.request(protocol.Arm(protocol_version=protocol.VERSION))
+        deadline = wire.now + 1.0
+        while wire.session.telemetry is None or wire.session.telemetry.state is not State.ARMED:
+            wire.poll()
+            if wire.session.refusal:
+                raise UserError(f"{name}: {wire.session.refusal}")
+            if wire.now > deadline:
+                raise UserError(f"{name}: the machine does not arm")
+        wire.session.answers.clear()
+        yield Experimenter(wire, duty_max=round(params["ident_duty_max"]))
+    finally:
+        wire.request(protocol.Stop())
+
+
+def _first_telemetry(wire: Wire, name: str) -> Telemetry:
+    deadline = wire.now + 1.0
+    while wire.now < deadline:
+        if came := wire.poll():
+            return came[-1]
+    raise UserError(f"{name}: no telemetry within 1 s")
+
+
+def _why(telemetry: Telemetry) -> str:
+    texts = protocol.fault_texts(protocol.Fault(telemetry.faults))
+    return "; ".join(texts) if texts else f"it went to {telemetry.state.name}"
+
+
+def speed_of(run: Run) -> float:
+    """deg/s over the second half of a step, at least 1."""
+    half = len(run.time_s) // 2
+    slope = np.polyfit(run.time_s[half:], run.angle_deg[half:], 1)[0]
+    return max(1.0, abs(float(slope)))
+
+
+def _wire_s(kind: type[protocol.Message]) -> float:
+    """How long a message takes on the line: payload, id, seq, CRC and COBS's two bytes."""
+    return (kind.LAYOUT.size + 6) * BYTE_S
+
+
+def relay_figures(run: Run) -> tuple[float, float]:
+    """Ultimate gain (duty/deg) and period (s) by the relay's describing function (Åström and
+    Hägglund 1984) from the oscillation's second half; zeros where there is none."""
+    edges = np.array(run.edges_s[1:-1])
+    if len(edges) < 6:
+        return 0.0, 0.0
+    late = edges[len(edges) // 2 :]
+    period = 2 * float(np.mean(np.diff(late)))
+    time, angle = np.array(run.time_s), np.array(run.angle_deg)
+    tail = angle[time >= late[0]]
+    if len(tail) == 0:
+        return 0.0, 0.0
+    swing = float(np.percentile(tail, 97) - np.percentile(tail, 3)) / 2
+    if swing <= 0:
+        return 0.0, 0.0
+    return 4 * abs(run.duties[0]) / (math.pi * swing), period
+
+
+# ---- fit -----------------------------------------------------------------------------------------
+
+_STEP_S: Final = 0.001
+_STARTS: Final = ((0.05, 0.5), (0.05, 2.0), (0.1, 0.5), (0.1, 2.0))
+
+
+@njit(cache=True, nogil=True)
+def _simulate(
+    edges: Floats,
+    duties: Floats,
+    times: Floats,
+    gain: float,
+    lag: float,
+    dead: float,
+    friction: float,
+    breakaway: float,
+    gap: float,
+    slack: float,
+) -> Floats:
+    """The wheel's angle, from 0 at rest, at `times`. slack: how far the motor runs before it
+    carries the wheel the way of the first duty."""
+    out = np.zeros(len(times))
+    way = 1.0 if duties[0] > 0 else -1.0
+    shaft = 0.0
+    # The wheel stays between the shaft's two flanks, `low` and `high` from it.
+    low = -slack if way > 0 else -(gap - slack)
+    high = gap - slack if way > 0 else slack
+    wheel = 0.0
+    speed = 0.0
+    decay = math.exp(-_STEP_S / lag)
+    now = 0.0
+    row = 0
+    last_wheel = 0.0
+    edge = -1
+    while row < len(times) and now < 20.0:
+        # The step's mean duty: the model is smooth in the dead time.
+        duty = 0.0
+        begun = now
+        while edge + 1 < len(duties) and edges[edge + 1] + dead < now + _STEP_S:
+            changed = max(now, edges[edge + 1] + dead)
+            duty += (changed - begun) * (duties[edge] if edge >= 0 else 0.0)
+            begun = changed
+            edge += 1
+        duty += (now + _STEP_S - begun) * (duties[edge] if edge >= 0 else 0.0)
+        duty /= _STEP_S
+        while row < len(times) and times[row] <= now:
+            share = 1.0 - (now - times[row]) / _STEP_S
+            out[row] = last_wheel + max(0.0, share) * (wheel - last_wheel)
+            row += 1
+        if speed == 0.0:
+            drag = 0.0 if abs(duty) <= breakaway else math.copysign(friction, duty)
+            final = 0.0 if abs(duty) <= breakaway else gain * (duty - drag)
+        else:
+            final = gain * (duty - math.copysign(friction, speed))
+        new = final + (speed - final) * decay
+        if speed * new < 0.0:
+            new = 0.0
+        shaft += 0.5 * (speed + new) * _STEP_S
+        speed = new
+        last_wheel = wheel
+        wheel = min(max(wheel, shaft + low), shaft + high)
+        now += _STEP_S
+    return out
+
+
+def predict(run: Run, model: ActuatorModel) -> Floats:
+    """The angle that the model gives at the run's samples, degrees, less the run's start."""
+    values = (
+        model.gain_degps.value,
+        model.lag_s.value,
+        model.dead_time_s.value,
+        model.friction_duty.value,
+        model.backlash_deg.value,
+    )
+    return _predict(run, np.array(values), model.min_left, model.min_right)
+
+
+def _predict(run: Run, values: Floats, min_left: float, min_right: float) -> Floats:
+    gain, lag, dead, friction, gap = values.tolist()
+    breakaway = min_left if run.duties[0] > 0 else min_right
+    angles: Floats = _simulate(
+        np.array(run.edges_s[:-1]),
+        np.array(run.duties, float),
+        np.array(run.time_s),
+        gain,
+        lag,
+        dead,
+        friction,
+        breakaway,
+        gap,
+        gap if run.slack else 0.0,
+    )
+    return angles
+
+
+def fit(findings: Findings) -> ActuatorModel:
+    """Least squares over all runs at once. Raises UserError where the runs tell too little."""
+    runs = [run for run in findings.runs if len(run.time_s) >= 5]
+    if len(runs) < 4:
+        raise UserError(f"only {len(runs)} usable runs: too few to fit a model")
+    low = min(findings.min_left, findings.min_right)
+    lower = np.array([1e-3, 0.005, -0.01, 0.0, 0.0])
+    upper = np.array([5.0, 1.0, 0.1, max(2.0, low), 6.0])
+    scale = np.array([0.1, 0.05, 0.01, 20.0, 1.0])
+
+    def residuals(values: Floats) -> Floats:
+        parts = []
+        for run in runs:
+            error = _predict(run, values, findings.min_left, findings.min_right)
+            parts.append(error + run.start_deg - np.array(run.angle_deg))
+        return np.concatenate(parts)
+
+    def solve(lag: float, gap: float) -> Any:
+        start = np.array([_first_gain(runs, low), lag, 0.002, 0.8 * low, gap])
+        return least_squares(
+            residuals, np.clip(start, lower + 1e-4, upper - 1e-4), bounds=(lower, upper),
+            x_scale=scale, diff_step=1e-3, loss="soft_l1", f_scale=0.5,
+        )  # fmt: skip
+
+    # Lag and backlash delay alike: from one start only, one may be taken for the other.
+    best = min((solve(*start) for start in _STARTS), key=lambda solution: float(solution.cost))
+    errors = residuals(best.x)
+    variance = float(errors @ errors) / max(1, len(errors) - len(lower))
+    try:
+        sd = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)) * variance)
+    except np.linalg.LinAlgError as error:
+        raise UserError("the runs do not determine the model: the steering hardly moved") from error
+    gain, lag, dead, friction, gap = (
+        Estimate(float(value), float(error)) for value, error in zip(best.x, sd, strict=True)
+    )
+    return ActuatorModel(
+        gain_degps=gain,
+        lag_s=lag,
+        dead_time_s=dead,
+        friction_duty=friction,
+        backlash_deg=gap,
+        min_left=findings.min_left,
+        min_right=findings.min_right,
+        noise_deg=findings.noise_deg,
+        battery_v=findings.battery_v,
+        relay_gain=findings.relay_gain,
+        relay_period_s=findings.relay_period_s,
+        fit_rms_deg=math.sqrt(variance),
+        duration_s=findings.duration_s,
+    )
+
+
+def _first_gain(runs: Sequence[Run], friction: float) -> float:
+    """deg/s per count from the fastest stretch of each step."""
+    gains = []
+    for run in runs:
+        if run.kind == "step" and len(run.time_s) >= 8:
+            gains.append(speed_of(run) / max(10.0, abs(run.duties[0]) - 0.8 * friction))
+    return float(np.median(gains)) if gains else 0.2
+
+
+# ---- potentiometer -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PotCalibration:
+    """The potentiometer at both mechanical stops and half way between."""
+
+    left_counts: float
+    right_counts: float
+    stop_deg: float
+
+    @property
+    def centre_counts(self) -> float:
+        """Straight ahead, where the stops are symmetric."""
+        return (self.left_counts + self.right_counts) / 2
+
+    def params(self) -> dict[str, float]:
+        """As the firmware's parameters."""
+        return {
+            "pot_left": self.left_counts,
+            "pot_centre": self.centre_counts,
+            "pot_right": self.right_counts,
+            "angle_left": self.stop_deg,
+            "angle_right": -self.stop_deg,
+        }
+
+
+def counts_of(angle_deg: float, params: dict[str, float]) -> float:
+    """The potentiometer's counts where the firmware, with this calibration, reads an angle."""
+    side = "left" if angle_deg >= 0 else "right"
+    slope = (params[f"pot_{side}"] - params["pot_centre"]) / params[f"angle_{side}"]
+    return params["pot_centre"] + slope * angle_deg
+
+
+def calibrate_pot(
+    experimenter: Experimenter, params: dict[str, float], stop_deg: float
+) -> PotCalibration:
+    """Creeps into both stops, `stop_deg` from straight ahead, and reads the potentiometer there.
+
+    `params` holds the calibration that the firmware has now. It should give angles well below the
+    identification's limit at the stops, or that limit ends the search first.
+    """
+    scale = max(1.0, stop_deg / abs(params["angle_left"]))
+    moving = experimenter.find_direction(1.5 / scale)
+    duty = min(experimenter.duty_max, round(1.2 * moving) + 10)
+    ends = {way: counts_of(experimenter.find_stop(way, duty, scale), params) for way in (1, -1)}
+    if abs(ends[1] - ends[-1]) < 100:
+        raise UserError(
+            f"the potentiometer moved only {abs(ends[1] - ends[-1]):.0f} counts between the stops: "
+            "check its coupling to the steering rod"
+        )
+    return PotCalibration(ends[1], ends[-1], stop_deg)

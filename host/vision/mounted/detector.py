@@ -1,0 +1,255 @@
+"""The detectors that drive: pictures of a known mount in, CropView in metres out."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from typing import Literal, Protocol
+
+import numpy as np
+
+from host.core.vehicle import Mount, Vehicle
+from host.vision.geometry import Camera
+from host.vision.mounted.face import HIDDEN_DENSE, LOWEST_M, TRACK_M, Evidence, Face, FaceFinder
+from host.vision.mounted.paper import (
+    L_TOLERANCE,
+    Chain,
+    PaperParams,
+    l_height,
+    staged_pictures,
+)
+from host.vision.mounted.stems import FAINTER, Stems
+from host.vision.pictures import Picture
+from host.vision.view import NAN, CropView
+
+Mode = Literal["paper", "robust"]
+
+Pictures = dict[str, Picture]
+
+ALIGNED_M = 0.15
+"""The first picture's E_outer becomes O_map when it is at most this far from where the mount's
+geometry puts the blade's right end; otherwise the operator has not aligned it."""
+AT_BLADE_M = 0.3
+"""Crop nearer than this is being cut."""
+NEAR_M = 1.0
+"""Crop that was seen so near does not recede before a machine that follows it."""
+APPROACH_M = 0.03
+"""It comes nearer by at least this from picture to picture: 0.3 m/s."""
+SURE = 0.5
+"""Confidence from which a picture may set the references."""
+TRACK = 11
+"""Clear right ends that are remembered: a second."""
+TRACKED = 3
+"""Of them from which on their median is where the next is expected."""
+LEAP_M = 0.3
+"""The right end moves no further left while it is out of sight, and begins no further from O_map
+where crop is already being cut: what seems to is an end of dust."""
+BELIEVED = 30
+"""Pictures that an end further away must stay to be believed after all."""
+DOUBT = 0.5
+"""Factor on the confidence in what has not stayed for long enough."""
+CLEAR, CLEAR_VEILED = 2, 5
+"""Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
+dust lies over the ground that should be seen."""
+
+
+class Source(Protocol):
+    """A mode's own stages."""
+
+    def look(self, bgr: Picture, stages: bool, cutting: bool) -> tuple[Evidence, Pictures]: ...
+
+
+class PaperSource:
+    """Colour, threshold and upright lines, as in the paper."""
+
+    def __init__(self, params: PaperParams, camera: Camera, vehicle: Vehicle) -> None:
+        self._chain = Chain(params, camera.size, camera, vehicle.blade_height_m)
+
+    def look(self, bgr: Picture, stages: bool, cutting: bool) -> tuple[Evidence, Pictures]:
+        s = self._chain.run(bgr, FAINTER if cutting else 1.0)
+        evidence = Evidence(s.upright, s.steps, s.grey)
+        return evidence, staged_pictures(bgr, s) if stages else {}
+
+
+class RobustSource:
+    """Stems by brightness alone."""
+
+    def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
+        self._stems = Stems(camera, vehicle)
+
+    def look(self, bgr: Picture, stages: bool, cutting: bool) -> tuple[Evidence, Pictures]:
+        seen = self._stems.run(bgr, cutting)
+        pictures = {"grey": seen.grey, "steps": seen.steps, "stems": seen.upright}
+        return seen, {k: np.dstack([p] * 3) for k, p in pictures.items()} if stages else {}
+
+
+class MountedDetector:
+    """A mode's evidence, measured by the mount's geometry (`Detector` in view.py)."""
+
+    def __init__(
+        self, source: Source, camera: Camera, vehicle: Vehicle, overlap_m: float = 0.05
+    ) -> None:
+        """`overlap_m`: how far the blade's right end should reach beyond the crop's edge."""
+        self._source = source
+        self._camera = camera
+        self._vehicle = vehicle
+        self._finder = FaceFinder(camera, vehicle)
+        self._expected_m = -(0.5 * vehicle.blade_width_m - overlap_m)
+        self._l_reference = NAN
+        # such a camera looks through the blade's dust; one above the tops looks over most of it
+        self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
+        self._cutting = False
+        self._near = False
+        """Whether what the blade cuts, or has just cut, is before it."""
+        self._no_dust = True
+        """Whether the next picture is the first after a restart: the blade is out of the crop."""
+        self._stands_m = math.inf
+        self._track: deque[float] = deque(maxlen=TRACK)
+        self._tops: deque[float] = deque(maxlen=TRACK)
+        self._elsewhere = 0
+        self._clear = 0
+
+    def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
+        seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
+        expected = self._expected()
+        stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
+        tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
+        face = self._finder.find(seen, stands, expected, tops)
+        late = self._near and not self._cutting and self._below_tops
+        if late and face.ahead_m > NEAR_M:
+            face = self._finder.last(self._source.look(bgr, False, True)[0], face)
+        if self._cutting and face.ahead_m < AT_BLADE_M and math.isfinite(face.tops_px):
+            self._tops.append(face.tops_px)
+        if face.ahead_confidence >= SURE:
+            self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
+            self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
+            self._near = self._near or self._cutting
+        confidence = face.right_confidence * self._steadiness(face, expected)
+        self._no_dust = False
+        ahead_confidence = face.ahead_confidence * self._lasting(face)
+        height = l_height(seen.upright)
+        if math.isnan(self._l_reference) and confidence >= SURE:
+            self._l_reference = height
+        offset = face.right_m - self._expected_m
+        return CropView(
+            confidence if math.isfinite(offset) else 0.0,
+            edge_offset_m=offset,
+            edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
+            crop_ahead_m=face.ahead_m,
+            ahead_confidence=ahead_confidence,
+            tip_share=HIDDEN_DENSE if self._below_tops else NAN,
+            end_of_field=self._end_of_field(height),
+            e_outer_px=self._column(face.right_m, face),
+            o_map_px=self._column(self._expected_m, face),
+            l_height_px=height,
+            l_reference_px=self._l_reference,
+            standing=face.standing,
+            edge_px=self._edge(face),
+            reason=self._reason(face, confidence),
+            stages=pictures,
+        )
+
+    def glance(self, bgr: Picture) -> CropView:
+        del bgr
+        return CropView(0.0, reason="not looked at: it turns")
+
+    def restart(self, *, turned: bool = True) -> None:
+        """The blade is out of the crop; the paper's references stay."""
+        self._cutting = False
+        self._near = self._near and not turned
+        self._no_dust = True
+        self._stands_m = math.inf
+        self._track.clear()
+        self._tops.clear()
+        self._elsewhere = 0
+        self._clear = 0
+
+    def _expected(self) -> float:
+        """Where the right end should be by what was seen before; NaN: nothing was. Of two places
+        never one between them."""
+        return statistics.median_low(self._track) if len(self._track) >= TRACKED else NAN
+
+    def _steadiness(self, face: Face, expected: float) -> float:
+        """Remembers a clear right end; factor on the confidence in it."""
+        if self._cutting and face.ahead_m >= NEAR_M:
+            return DOUBT  # not the face that is being cut
+        known = math.isfinite(expected)
+        if not known and self._cutting and not self._no_dust:
+            expected = self._expected_m
+        away = abs(face.right_m - expected)
+        if face.right_confidence >= SURE:
+            # what dust hides makes the end seem too far left, never too far right
+            leapt = face.right_m - expected > LEAP_M
+            self._elsewhere = self._elsewhere + 1 if leapt else 0
+            if self._elsewhere > BELIEVED:
+                self._track.extend([face.right_m] * TRACK)
+                return 1.0
+            if not leapt:
+                self._track.append(face.right_m)
+        return DOUBT if away > (TRACK_M if known else LEAP_M) else 1.0
+
+    def _lasting(self, face: Face) -> float:
+        """Counts the pictures without crop near ahead; factor on the confidence in them."""
+        if not self._cutting or face.ahead_m < NEAR_M:
+            self._clear = 0
+            return 1.0
+        self._clear += 1
+        return DOUBT if self._clear <= (CLEAR_VEILED if face.veiled else CLEAR) else 1.0
+
+    def _end_of_field(self, height: float) -> float:
+        """The paper's rule: l_height below l_reference by more than the tolerance; 0.5 at it."""
+        if math.isnan(height) or math.isnan(self._l_reference):
+            return 0.0
+        tolerance = L_TOLERANCE * self._camera.size[1]
+        # seen from above the tops, what is further away appears higher, not lower
+        sense = 1.0 if self._below_tops else -1.0
+        beyond = sense * (height - self._l_reference) / tolerance
+        return float(min(1.0, max(0.0, 0.5 * beyond)))
+
+    def _column(self, lateral_m: float, face: Face) -> float:
+        if math.isnan(lateral_m):
+            return NAN
+        x = face.at_x_m if math.isfinite(face.at_x_m) else self._vehicle.blade_x_m
+        return float(self._camera.project([x, lateral_m, LOWEST_M])[0])
+
+    def _edge(self, face: Face) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None:
+        """The upright border of the face, from the ground to the tops."""
+        if math.isnan(face.right_m):
+            return None
+        z = np.linspace(0.0, self._vehicle.crop_height_m, 10)
+        points = np.column_stack([np.full(10, face.at_x_m), np.full(10, face.right_m), z])
+        return self._camera.project(points).astype(np.float32)
+
+    @staticmethod
+    def _reason(face: Face, confidence: float) -> str:
+        if confidence >= SURE:
+            return ""
+        if face.right_confidence >= SURE:
+            return "the crop's right end seems to have jumped"
+        if face.ahead_confidence < SURE:
+            return "the picture shows too little to say anything"
+        if not math.isfinite(face.at_x_m):
+            return "no standing crop near ahead"
+        return "the crop ahead has no clear right end"
+
+
+def make_detector(
+    mode: Mode,
+    vehicle: Vehicle,
+    mount: Mount,
+    *,
+    overlap_m: float = 0.05,
+    side: Literal["left"] = "left",
+    params: PaperParams | None = None,
+) -> MountedDetector:
+    """The detector of `mode` for a mount; `side` is where the crop stands, seen from the cut."""
+    if side != "left":
+        raise ValueError(f"side {side!r}: the machine keeps the standing crop to its left")
+    camera = Camera(mount)
+    source: Source
+    if mode == "paper":
+        source = PaperSource(params or PaperParams(), camera, vehicle)
+    else:
+        source = RobustSource(camera, vehicle)
+    return MountedDetector(source, camera, vehicle, overlap_m)

@@ -1,0 +1,78 @@
+"""Upright stems by brightness alone: no colour, hence nothing to tune between morning and evening.
+
+A stem is a step of brightness across the picture that goes on along the image of a true vertical
+for longer than stubble is high at that place. Brightness is taken by its logarithm, so that stems
+in shadow count as those in the sun do.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numba
+import numpy as np
+
+from host.core.vehicle import Vehicle
+from host.vision.geometry import Camera
+from host.vision.mounted.face import LOGARITHM, Evidence
+from host.vision.mounted.lines import least_length_px, rails, upright_pieces
+from host.vision.pictures import Mask, Picture, u8
+
+TILTS_DEG = (-3.5, 3.5)
+"""Of wind-blown and leaning stems, about the mount's own verticals."""
+CUT_QUANTILE = 0.72
+"""A step counts where it is greater than this share of those on the ground that the machine is
+about to roll over, which is known to be cut: focus, noise and dust set the scale by themselves."""
+FAINTER = 0.7
+STEP_RANGE = (8.0, 11.0)
+"""In 255ths of the logarithmic range."""
+GAP_PX = 2
+
+
+class Stems:
+    """The stage for pictures of one mount."""
+
+    def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
+        width, height = camera.size
+        self._tracks = [rails(width, height, camera, tilt) for tilt in TILTS_DEG]
+        self._least_px = least_length_px(camera, vehicle.blade_height_m)
+        self._cut = _cut_ground(camera, vehicle)
+
+    def run(self, bgr: Picture, cutting: bool = False) -> Evidence:
+        """The evidence of one picture (height, width, 3). `cutting`: through the blade's dust,
+        fainter steps count; stubble that then passes for stems is behind the blade."""
+        grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), LOGARITHM))
+        least = self._least_step(grey) * (FAINTER if cutting else 1.0)
+        steps = np.empty_like(grey)
+        _upright_steps(grey, int(least), steps)
+        upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
+        return Evidence(upright, steps, grey)
+
+    def _least_step(self, grey: Mask) -> float:
+        ground = grey[self._cut]
+        counts = np.bincount(cv2.absdiff(ground[:, 2:], ground[:, :-2]).ravel(), minlength=256)
+        level = float(np.searchsorted(np.cumsum(counts), CUT_QUANTILE * counts.sum()))
+        return min(max(level, STEP_RANGE[0]), STEP_RANGE[1])
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _upright_steps(grey: Mask, least: int, steps: Mask) -> None:
+    """255 where the step across the picture exceeds `least` and the step along it."""
+    height, width = grey.shape
+    for v in range(height):
+        above, below = grey[abs(v - 1)], grey[v + 1 if v + 1 < height else v - 1]
+        row, out = grey[v], steps[v]
+        out[0], out[width - 1] = 0, 0
+        for u in range(1, width - 1):
+            across = abs(np.int16(row[u + 1]) - np.int16(row[u - 1]))
+            along = abs(np.int16(below[u]) - np.int16(above[u]))
+            out[u] = np.uint8(255) if (across > along) & (across > least) else np.uint8(0)
+
+
+def _cut_ground(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
+    """Rows and columns between the picture's lower border and the blade's line."""
+    half = 0.4 * vehicle.blade_width_m
+    ends = camera.project([[vehicle.blade_x_m, half, 0], [vehicle.blade_x_m, -half, 0]])
+    width, height = camera.size
+    top = int(np.clip(ends[:, 1].max() + 4, 0, height - 8))
+    left, right = (int(np.clip(u, 0, width)) for u in ends[:, 0])
+    return slice(top, height), slice(left, max(right, left + 8))

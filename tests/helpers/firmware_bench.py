@@ -1,0 +1,147 @@
+"""One firmware on one target, with a small actuator on its pins and a host on its line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from hil.firmware.targets import Target
+from host.link import protocol
+from tests.helpers.actuator import Actuator, ActuatorSpec
+
+STEP_US = 1000
+ESTOP, HALL, BLADE, LED = 2, 12, 6, 13
+POT, BATTERY, STEER_SENSE, DRIVE_SENSE = 0, 1, 2, 3
+OUTPUTS = (3, 4, 5, 6, 7, 8, 9, 10, 11)
+"""Bridges and blade."""
+
+
+@dataclass
+class Bench:
+    """Advances target and actuator together, one millisecond at a time."""
+
+    target: Target
+    spec: ActuatorSpec = field(default_factory=ActuatorSpec)
+    start_deg: float = 0.0
+    seed: int = 0
+    bts7960: bool = False
+    telemetry: list[protocol.Telemetry] = field(default_factory=list)
+    answers: list[protocol.Message] = field(default_factory=list)
+    """All that is not telemetry."""
+    trace: list[tuple[int, ...]] = field(default_factory=list)
+    """Each millisecond: steering duty, drive duty, blade, LED."""
+    drive_period_ms: int = 0
+    """A DRIVE every so often; 0 sends none."""
+    command: protocol.Drive = field(default_factory=lambda: protocol.Drive(0.0, 0.0, 0))
+    pot_mv: int | None = None
+    """Instead of what the actuator's potentiometer reads."""
+
+    cut_frames: int = 0
+    """How many frames a reset may have cut in two."""
+
+    def __post_init__(self) -> None:
+        self.actuator = Actuator(self.spec, self.start_deg, self.seed)
+        self.parser = protocol.Parser()
+        self.now_us = 0
+        self.seq = 0
+        self.wheel_m = 0.0
+        self.hall_per_metre = 0.0
+        self.target.set_pin(ESTOP, False)
+        self.target.set_pin(HALL, False)
+        self.target.set_analog_mv(BATTERY, 3000)
+        self._pot()
+
+    def _pot(self) -> None:
+        mv = self.actuator.pot_mv()
+        self.target.set_analog_mv(POT, mv if self.pot_mv is None else self.pot_mv)
+
+    def send(self, message: protocol.Message) -> int:
+        """Queues a frame; returns its sequence number."""
+        self.seq = (self.seq + 1) & 0xFF
+        self.target.write(protocol.encode(message, self.seq))
+        return self.seq
+
+    def signed(self, enable: int, lpwm: int, in1: int, in2: int) -> int:
+        """The duty at a bridge's pins, whichever the driver's style."""
+        forward, backward = self.target.pwm(enable), self.target.pwm(lpwm)
+        if self.bts7960:
+            assert forward == 0 or backward == 0
+            return forward - backward
+        if self.target.pin(in1) == self.target.pin(in2):
+            return 0
+        return forward if self.target.pin(in1) else -forward
+
+    @property
+    def steer_duty(self) -> int:
+        """-255..255, positive left."""
+        return self.signed(9, 10, 7, 8)
+
+    @property
+    def drive_duty(self) -> int:
+        """-255..255, positive forward."""
+        return self.signed(3, 11, 4, 5)
+
+    def off(self) -> bool:
+        """Nothing moves or cuts."""
+        return not any(self.target.pwm(pin) for pin in OUTPUTS)
+
+    def run(self, ms: int) -> None:
+        """Advances by so many milliseconds."""
+        for _ in range(ms):
+            if self.drive_period_ms and self.now_us // STEP_US % self.drive_period_ms == 0:
+                self.send(self.command)
+            self.now_us += STEP_US
+            self.target.run_until(self.now_us)
+            steer, drive = self.steer_duty, self.drive_duty
+            self.trace.append((steer, drive, self.target.pin(BLADE), self.target.pin(LED)))
+            self.actuator.step(steer, STEP_US * 1e-6)
+            self._pot()
+            if self.hall_per_metre:
+                self.wheel_m += abs(drive) / 255 * STEP_US * 1e-6
+                phase = self.wheel_m * self.hall_per_metre
+                self.target.set_pin(HALL, phase - math.floor(phase) < 0.5)
+            self.receive()
+
+    def receive(self) -> None:
+        """Takes what the firmware has sent."""
+        for _, message in self.parser.feed(self.target.read()):
+            if isinstance(message, protocol.Telemetry):
+                self.telemetry.append(message)
+            else:
+                self.answers.append(message)
+        assert self.parser.frames_bad <= self.cut_frames
+
+    def result(self) -> protocol.Result:
+        """Of the newest Ack."""
+        acks = [each for each in self.answers if isinstance(each, protocol.Ack)]
+        return acks[-1].result
+
+    def ask(self, steer_deg: float = 0.0, speed: float = 0.0, blade: int = 0) -> None:
+        """From now on a DRIVE with this, every 20 ms."""
+        self.command = protocol.Drive(math.radians(steer_deg), speed, blade)
+        self.drive_period_ms = 20
+
+    def arm(self) -> None:
+        """From boot to ARMED."""
+        self.run(10)
+        self.send(protocol.Arm(protocol.VERSION))
+        self.run(20)
+        assert self.result() == protocol.Result.OK
+
+    def set_param(self, name: str, value: float) -> None:
+        """Sets a parameter in RAM and checks the answer."""
+        spec = protocol.PARAMS[name]
+        self.send(protocol.ParamSet(spec.id, spec.to_raw(value)))
+        self.run(10)
+        assert self.result() == protocol.Result.OK
+
+    def save_params(self) -> None:
+        """Saves them; a byte takes a tick to write and another to read back."""
+        self.send(protocol.ParamSave())
+        self.run(1000)
+        assert self.result() == protocol.Result.OK
+
+    @property
+    def last(self) -> protocol.Telemetry:
+        """The newest telemetry."""
+        return self.telemetry[-1]

@@ -1,0 +1,246 @@
+"""A plane world for pilot tests: ideal tricycle, grid of crop, and a detector that reads the grid.
+
+It is deliberately not the plant: no picture, no firmware, no noise but what a test asks for, so
+that a fault in the pilot cannot hide behind them and a harvest takes a second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+
+from host.core.messages import Command, Fix, Frame, Request, State, Telemetry
+from host.core.vehicle import Vehicle
+from host.pilot.pilot import Pilot
+from host.route.plan import Side
+from host.vision.view import CropView
+
+CELL = 0.025
+STEP = 0.02
+
+
+@dataclass
+class SimpleWorld:
+    vehicle: Vehicle
+    width: float = 10.0
+    height: float = 10.0
+    gap: float = 2.0
+    speed_error: float = 1.0
+    """True speed over what the duty model says."""
+    polygon: list[tuple[float, float]] | None = None
+    """The field instead of a rectangle, which must enclose it."""
+    keep_out: tuple[float, float, float, float] | None = None
+    hall: bool = True
+    pot_error: float = 0.0
+    """True steering angle minus the reported one, radians."""
+    yaw_gain: float = 1.0
+    """Of what the steering angle says, how much the vehicle turns."""
+    distance: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    speed: float = 0.0
+    angle: float = 0.0
+    now: float = 0.0
+    state: State = State.SAFE
+    command: Command = field(default_factory=lambda: Command(Request.STOP))
+    blind: bool = False
+    unusable: bool = False
+    """The camera shows nothing of now."""
+
+    def __post_init__(self) -> None:
+        self.margin = 6.0
+        columns = round((self.width + 2 * self.margin) / CELL)
+        rows = round((self.height + 2 * self.margin) / CELL)
+        y, x = np.mgrid[0:rows, 0:columns] * CELL - self.margin + CELL / 2
+        inside = (x > 0) & (x < self.width) & (y > 0) & (y < self.height)
+        g = self.gap
+        near = (x > -g) & (x < self.width + g) & (y > -g) & (y < self.height + g)
+        if self.polygon is not None:
+            shape = shapely.Polygon(self.polygon)
+            inside = shapely.contains_xy(shape, x, y)
+            near = shapely.contains_xy(shape.buffer(g, join_style="mitre"), x, y)
+        if self.keep_out is not None:
+            lo_x, lo_y, hi_x, hi_y = self.keep_out
+            inside &= ~((x > lo_x) & (x < hi_x) & (y > lo_y) & (y < hi_y))
+        self.crop = inside.copy()
+        self.neighbour = ~near
+        self.field_cells = int(inside.sum())
+        self.neighbour_cells = int(self.neighbour.sum())
+        v = self.vehicle
+        self.x = self.width - v.blade_width_m / 2 + v.overlap_m
+        self.y = -v.blade_x_m - 0.3
+        self.yaw = math.pi / 2
+
+    def stand_at(self, side: Side) -> None:
+        """Puts the vehicle where the operator would for a side: the blade before the crop, its
+        right end on the outer edge."""
+        v = self.vehicle
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        inside = v.blade_width_m / 2 - v.overlap_m
+        back = v.blade_x_m + 0.05
+        self.x = side.x_m - back * c - inside * s
+        self.y = side.y_m - back * s + inside * c
+        self.yaw = side.heading_rad
+
+    # ---- vision ----
+    def _standing(self, forward: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """Whether anything stands there, (len(forward), len(left)); metres before and left of the
+        rear axle."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        forward = forward[:, None]
+        i = ((self.x + forward * c - left * s + self.margin) / CELL).astype(np.intp)
+        j = ((self.y + forward * s + left * c + self.margin) / CELL).astype(np.intp)
+        rows, columns = self.crop.shape
+        ok = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
+        i, j = i * ok, j * ok
+        return ok & (self.crop[j, i] | self.neighbour[j, i])
+
+    def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
+        del bgr, stages
+        if self.unusable:
+            return CropView(0.0, usable=False, reason="the camera repeats its picture")
+        if self.blind:
+            return CropView(0.0, reason="dust")
+        v = self.vehicle
+        f = np.arange(v.blade_x_m, v.blade_x_m + 5.0, 0.05)
+        half = v.blade_width_m / 2
+        lateral = np.arange(-half + 0.01, half, 0.05)
+        ahead = self._standing(f, lateral).mean(1) > 0.2
+        crop_ahead = float(f[np.argmax(ahead)] - v.blade_x_m) if ahead.any() else math.inf
+        lateral = np.arange(-half - 0.7, half, 0.01)
+        start = v.blade_x_m + crop_ahead + 0.1
+        if not math.isfinite(start) or crop_ahead > 2.5:
+            return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
+        f = np.arange(start, start + 1.5, 0.1)
+        standing = self._standing(f, lateral)
+        rows = standing.any(1) & ~standing[:, 0]
+        edge = lateral[np.argmax(standing, axis=1)]
+        smooth = np.abs(np.diff(edge, prepend=edge[0])) < 0.08
+        broken = np.flatnonzero(~(rows & smooth))
+        n = int(broken[0]) if broken.size else len(f)
+        if n < 5:
+            return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
+        along = f[:n] - f[:n].mean()
+        slope = float(along @ edge[:n] / (along @ along))
+        at = float(edge[:n].mean() - slope * (f[:n].mean() - start))
+        wanted = -(half - v.overlap_m)
+        return CropView(
+            0.9,
+            edge_offset_m=at - wanted,
+            edge_ahead_m=start - v.blade_x_m,
+            edge_heading_rad=math.atan(slope),
+            crop_ahead_m=crop_ahead,
+            ahead_confidence=1.0,
+        )
+
+    def glance(self, bgr: np.ndarray) -> CropView:
+        return replace(self.see(bgr), confidence=0.0, ahead_confidence=0.0)
+
+    def restart(self, *, turned: bool = True) -> None:
+        pass
+
+    # ---- motion ----
+    def advance(self) -> None:
+        v, c = self.vehicle, self.command
+        driving = c.request is Request.DRIVE and self.state in (State.ARMED, State.RUNNING)
+        wanted = c.speed_mps if driving else 0.0
+        limit = math.radians(v.steer_limit_deg)
+        if driving:
+            error = max(-limit, min(limit, c.steer_rad)) - self.angle
+            self.angle += (
+                max(-1, min(1, error / (math.radians(45) * STEP))) * math.radians(45) * STEP
+            )
+        self.speed += (wanted * self.speed_error - self.speed) * STEP / v.drive_lag_s
+        before = self.pose()
+        curvature = self.yaw_gain * math.tan(self.angle + self.pot_error) / v.wheelbase_m
+        self.yaw += self.speed * curvature * STEP
+        self.distance += self.speed * STEP
+        self.x += self.speed * math.cos(self.yaw) * STEP
+        self.y += self.speed * math.sin(self.yaw) * STEP
+        if driving and c.blade and self.speed >= 0:
+            self._cut(before)
+        self.now += STEP
+
+    def pose(self) -> tuple[float, float, float]:
+        return self.x, self.y, self.yaw
+
+    def _cut(self, before: tuple[float, float, float]) -> None:
+        v = self.vehicle
+        lateral = np.arange(-v.blade_width_m / 2 + CELL / 4, v.blade_width_m / 2, CELL / 2)
+        for x, y, yaw in (before, self.pose()):
+            c, s = math.cos(yaw), math.sin(yaw)
+            i = ((x + v.blade_x_m * c - lateral * s + self.margin) / CELL).astype(int)
+            j = ((y + v.blade_x_m * s + lateral * c + self.margin) / CELL).astype(int)
+            self.crop[j, i] = False
+            self.neighbour[j, i] = False
+
+    def telemetry(self) -> Telemetry:
+        request = self.command.request
+        if request is Request.ARM and self.state is State.SAFE:
+            self.state = State.ARMED
+        elif request is Request.STOP:
+            self.state = State.SAFE
+        vehicle = self.vehicle
+        share = abs(self.speed) / self.speed_error / vehicle.full_duty_speed_mps
+        duty = 255 * (share * (1 - vehicle.dead_duty) + vehicle.dead_duty) * (share > 1e-3)
+        return Telemetry(
+            stamp=self.now,
+            state=self.state,
+            faults=0,
+            setpoint_rad=self.command.steer_rad,
+            angle_rad=self.angle,
+            steer_duty=0,
+            drive_duty=round(math.copysign(duty, self.speed)),
+            blade=self.command.blade,
+            speed_mps=self.speed if self.hall else None,
+            distance_m=self.distance if self.hall else 0.0,
+            battery_v=12.0,
+            last_seq=0,
+            frames_bad=0,
+        )
+
+    @property
+    def coverage(self) -> float:
+        return 1 - self.crop.sum() / self.field_cells
+
+    @property
+    def neighbour_cut(self) -> int:
+        return self.neighbour_cells - int(self.neighbour.sum())
+
+
+BLANK = np.zeros((2, 2, 3), np.uint8)
+
+
+def drive(
+    world: SimpleWorld,
+    pilot: Pilot,
+    seconds: float,
+    log: list[Command] | None = None,
+    *,
+    until: Callable[[], bool] | None = None,
+    fixes: bool = True,
+) -> None:
+    """Runs for a time, or `until` that holds: telemetry each 20 ms, commands each 40 ms (to `log`),
+    pictures at 10 Hz, and with `fixes` one with the true Doppler speed each second."""
+    end, tick = world.now + seconds, 0
+    while world.now < end - 1e-9 and not (until is not None and until()):
+        world.advance()
+        tick += 1
+        if tick % 2 == 0:
+            frame = Frame(world.now, BLANK) if tick % 10 in (0, 6) else None
+            fix = None
+            if fixes and tick % 50 == 0:
+                fix = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed))
+            world.command = pilot.step(world.now, frame, fix, world.telemetry())
+            if log is not None:
+                log.append(world.command)
+
+
+def harvest(world: SimpleWorld, pilot: Pilot, limit_s: float = 1500.0) -> None:
+    """Until the pilot is done."""
+    drive(world, pilot, limit_s - world.now, until=lambda: pilot.done)

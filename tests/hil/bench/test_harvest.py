@@ -1,0 +1,64 @@
+"""Facts about harvests in lockstep: what they depend on, and what they do not."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from hil.bench.harvest import Harvest, harvest, harvest_command
+from hil.firmware import targets
+from hil.scenario.scenario import Scenario
+from tests.helpers.oracle import Oracle, quick
+
+pytestmark = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="the desk firmware is not built: make build"
+)
+
+
+def digest(path: Path, scenario: Scenario, **more: Any) -> str:
+    run = Harvest(scenario, path, **more)
+    run.run()
+    run.close()
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_same_seed_gives_the_same_record_byte_for_byte(tmp_path: Path) -> None:
+    """With the real camera and the real vision, whatever the number of the camera's threads."""
+    scenario = quick(lens=None, limits={"time_s": 4.0}, record={"pictures_every": 1})
+    one = digest(tmp_path / "one.mcap", scenario, camera_threads=1)
+    two = digest(tmp_path / "two.mcap", scenario, camera_threads=2)
+    again = digest(tmp_path / "again.mcap", scenario, camera_threads=1)
+    other = digest(tmp_path / "other.mcap", scenario.model_copy(update={"seed": 2}))
+    assert one == two == again
+    assert other != one
+
+
+def test_a_side_is_cut_and_the_machine_turns(tmp_path: Path) -> None:
+    run = Harvest(quick(limits={"time_s": 25.0}), tmp_path / "r.mcap", detector=Oracle)
+    run.run()
+    run.close()
+    assert run.pilot.turns == 1
+    assert run.truth.summary()["neighbour_cut_m2"] == 0
+    assert 0.15 < run.bench.field.coverage() < 0.4
+
+
+def test_a_run_leaves_what_it_promises(tmp_path: Path) -> None:
+    summary = harvest(quick(limits={"time_s": 2.0}), tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"summary.json", "map.png", "steering.png", "camera.mp4", "record.mcap"}
+    assert summary["simulated_s"] == 2.0
+    assert {"coverage", "missed_m2", "neighbour_cut_m2", "outside_m", "false_ends"} <= set(summary)
+
+
+def test_every_option_of_the_command_is_a_field_of_the_scenario() -> None:
+    fields = set(Scenario.model_fields)
+    inside = {"hour": "weather", "film": "record", "live": "record"}
+    for option in harvest_command.params:
+        assert isinstance(option, click.Option)
+        name = option.name or ""
+        if name not in ("name", "out", "settings"):
+            assert inside.get(name, name) in fields, name

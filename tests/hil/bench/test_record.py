@@ -1,0 +1,182 @@
+"""Facts about records: they give back what went in, and survive the death of their run."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import multiprocessing
+import os
+import random
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+
+from hil.bench.replay import replay
+from hil.firmware import targets
+from host.core.errors import UserError
+from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.runs import record
+from host.runs.record import Recorder
+from host.vision.view import CropView
+from tests.helpers.oracle import run_for_ever
+
+needs_firmware = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="the desk firmware is not built: make build"
+)
+NUMBER = st.floats(allow_nan=False, allow_infinity=False, width=64)
+SEEN = st.one_of(NUMBER, st.just(math.nan), st.just(math.inf), st.just(-math.inf))
+STAMP = st.integers(0, 10**13).map(lambda ns: ns / 1e9)
+
+
+# ---- what goes in comes out ----------------------------------------------------------------------
+
+
+@given(STAMP, SEEN, SEEN, SEEN, st.text(max_size=20))
+def test_a_view_comes_back_as_it_was(
+    stamp: float, offset: float, heading: float, ahead: float, reason: str
+) -> None:
+    view = CropView(
+        0.75,
+        edge_offset_m=offset,
+        edge_heading_rad=heading,
+        crop_ahead_m=ahead,
+        ahead_confidence=1.0,
+        reason=reason,
+    )
+    with Scratch() as path:
+        with Recorder(path) as recorder:
+            recorder.view(stamp, view)
+        ((topic, at, message),) = record.read(path)
+    back = record.view_of(message)
+    assert (topic, at) == ("/view", stamp)
+    for name in record.SCHEMAS["/view"][1]["properties"]:
+        before, after = getattr(view, name), getattr(back, name)
+        assert before == after or (math.isnan(before) and math.isnan(after)), name
+
+
+@given(STAMP, NUMBER, NUMBER, st.one_of(st.none(), NUMBER), st.integers(0, 2**32 - 1))
+def test_telemetry_command_and_fix_come_back_as_they_were(
+    stamp: float, a: float, b: float, c: float | None, faults: int
+) -> None:
+    telemetry = Telemetry(stamp, State.RUNNING, faults, a, b, -255, 255, True, c, a, b, 255, 65535)
+    command = Command(Request.DRIVE, a, b, True, "why")
+    fix = Fix(stamp, a, b, 1, 0.9, 8, c, c)
+    with Scratch() as path:
+        with Recorder(path) as recorder:
+            recorder.telemetry(telemetry)
+            recorder.command(stamp, command)
+            recorder.fix(fix)
+        (_, at, first), (_, _, second), (_, _, third) = record.read(path)
+    assert record.telemetry_of(at, first) == telemetry
+    assert record.command_of(second) == command
+    assert record.fix_of(at, third) == fix
+
+
+class Scratch:
+    """A record's path that hypothesis may use again and again."""
+
+    def __enter__(self) -> Path:
+        self._path = Path(f"/tmp/daranti-test-{os.getpid()}.mcap")
+        return self._path
+
+    def __exit__(self, *_: object) -> None:
+        self._path.unlink(missing_ok=True)
+
+
+def test_a_record_says_what_its_run_depends_on_before_anything_happened(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    recorder = Recorder(path, {"scenario": "{}"})
+    assert record.about(path) == {"scenario": "{}"}
+    assert list(record.read(path)) == []
+    recorder.close()
+    assert record.about(path) == {"scenario": "{}"}
+
+
+@pytest.mark.parametrize("content", [b"", b"no record at all", b"\x89MCAP0\r\n"[:5]])
+def test_what_is_no_record_is_one_message(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "odd.mcap"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=r"odd\.mcap is not a record"):
+        list(record.read(path))
+
+
+def test_a_missing_record_is_one_message(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot read the record"):
+        list(record.read(tmp_path / "none.mcap"))
+
+
+def test_a_record_that_cannot_be_written_is_one_message(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="cannot write the record"):
+        Recorder(tmp_path / "file" / "run.mcap")
+
+
+def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with Recorder(path) as recorder:
+        for k in range(3000):
+            recorder.put("/serial/to_host", k / 100, {"data": random.Random(k).randbytes(60)})
+    whole = path.read_bytes()
+    before = list(record.read(path))
+    assert len(before) == 3000
+    counts = []
+    for size in range(len(whole), 200, -len(whole) // 40):
+        path.write_bytes(whole[:size])
+        got = list(record.read(path))
+        assert got == before[: len(got)]
+        counts.append(len(got))
+    assert counts == sorted(counts, reverse=True)
+    assert counts[len(counts) // 2] > 1000
+
+
+# ---- a run that is killed ------------------------------------------------------------------------
+
+
+CLEAN = multiprocessing.get_context("forkserver")
+"""Processes that inherit no threads and need not import everything again."""
+CLEAN.set_forkserver_preload(["oracle"])
+LIMIT_S = 300.0
+
+
+def killed_run(path: Path, size: int) -> None:
+    """A run in a process of its own, killed once its record has grown to `size` bytes."""
+    child = CLEAN.Process(target=run_for_ever, args=(str(path),))
+    child.start()
+    try:
+        deadline = time.monotonic() + LIMIT_S
+        while not (path.exists() and path.stat().st_size >= size):
+            assert child.is_alive()
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+    finally:
+        child.kill()
+        child.join()
+
+
+@needs_firmware
+@pytest.mark.parametrize("count", [6, pytest.param(50, marks=pytest.mark.long)], ids=["6", "50"])
+def test_a_run_killed_at_any_moment_leaves_a_record_that_replays(
+    tmp_path: Path, count: int
+) -> None:
+    draw = random.Random(count)
+    commands = []
+    for k in range(count):
+        path = tmp_path / f"run{k}.mcap"
+        killed_run(path, draw.randrange(400_000))
+        with path.open("rb") as file:
+            assert next(iter(NonSeekingReader(file).iter_metadata())).name == record.ABOUT
+        seen = 0
+        with path.open("rb") as file, contextlib.suppress(McapError):  # raised at the cut tail
+            for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+                seen += 1
+        assert seen == sum(1 for _ in record.read(path))
+        outcome = replay(path)
+        assert not outcome.pilot, outcome.pilot[0]
+        assert not outcome.firmware, outcome.firmware[0]
+        commands.append(outcome.commands)
+    assert max(commands) > 100

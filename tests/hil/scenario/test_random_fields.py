@@ -1,0 +1,139 @@
+"""Facts about random fields: what a seed draws is sound, and all kinds are drawn."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import affinity
+
+from hil.judge.metrics import Truth, depth_m
+from hil.scenario.random_fields import (
+    AREA_M2,
+    CONVEX_DEG,
+    KEEP_OUT_FREE_M,
+    MIN_NECK_M,
+    MIN_SIDE_M,
+    REFLEX_DEG,
+    corner_angles_deg,
+    good,
+    neck_m,
+    random_field,
+)
+from hil.scenario.scenario import Scenario
+from host.core.vehicle import Vehicle
+from host.pilot.pilot import Pilot
+from host.vision.view import Detector
+from sim_plant.field import Field
+
+IDLE = Pilot(Vehicle(), cast(Detector, None))
+"""Only asked for its phase."""
+MANY = [random_field(seed) for seed in range(200)]
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**31 - 1))
+def test_a_field_lies_within_the_stated_limits_and_is_the_same_again(seed: int) -> None:
+    scenario = random_field(seed)
+    assert scenario == random_field(seed)
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+    boundary = scenario.field.boundary
+    ring = np.array(boundary.exterior.coords[:-1])
+    assert boundary.is_valid
+    assert AREA_M2[0] <= boundary.area <= AREA_M2[1]
+    assert np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).min() >= MIN_SIDE_M
+    assert neck_m(ring) >= MIN_NECK_M
+    for angle in corner_angles_deg(ring):
+        assert CONVEX_DEG[0] <= angle <= CONVEX_DEG[1] or REFLEX_DEG[0] <= angle <= REFLEX_DEG[1]
+    for keep_out in map(shapely.Polygon, scenario.field.keep_outs):
+        assert boundary.exterior.distance(keep_out) >= KEEP_OUT_FREE_M - 0.02
+    assert 9 <= scenario.weather.hour <= 16
+    assert 0.5 <= scenario.gnss.cep_m <= 2.5
+    assert scenario.field.gap_m == 2.0
+
+
+def test_every_kind_of_field_is_drawn() -> None:
+    kinds = {scenario.name.removesuffix(" with a keep-out") for scenario in MANY}
+    assert kinds == {"random rectangle", "random trapezoid", "random L", "random irregular"}
+    assert {scenario.camera for scenario in MANY} == {"low", "mast"}
+    assert {len(scenario.corners()) for scenario in MANY} == set(range(4, 10))
+    convex = {bool((corner_angles_deg(np.array(s.corners())) < 180).all()) for s in MANY}
+    assert convex == {True, False}
+    with_keep_out = [scenario for scenario in MANY if scenario.field.keep_outs]
+    assert 0.1 < len(with_keep_out) / len(MANY) < 0.3
+    assert {bool(scenario.field.trees) for scenario in with_keep_out} == {True, False}
+
+
+def test_the_machine_begins_on_the_lane_of_the_plan_s_first_side() -> None:
+    for scenario in MANY[:12]:
+        side, vehicle = scenario.plan().sides[0], scenario.vehicle
+        exact = scenario.model_copy(
+            update={"start": scenario.start.model_copy(update={"lateral_error_m": 0.0})}
+        )
+        x, y, _ = exact.start_pose()
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        along = (x - side.x_m) * c + (y - side.y_m) * s
+        across = -(x - side.x_m) * s + (y - side.y_m) * c
+        assert -vehicle.blade_x_m - scenario.start.before_m - 1e-9 <= along < -1.0
+        assert across == pytest.approx(vehicle.inset_m - side.shift_m)
+
+
+def test_the_machine_begins_inside_the_permitted_area() -> None:
+    for scenario in MANY[:40]:
+        truth = Truth(scenario, Field(scenario.field))
+        truth.step(0.0, scenario.start_pose(), 0, IDLE)
+        assert truth.outside_m == 0, scenario.seed
+        assert truth.keep_out_m == 0
+
+
+def test_the_host_is_told_of_the_keep_outs_and_the_world_has_them() -> None:
+    scenario = next(s for s in MANY if s.field.keep_outs)
+    assert len(scenario.plan().keep_outs) == 1
+    x, y = shapely.Polygon(scenario.field.keep_outs[0]).centroid.coords[0]
+    assert not Field(scenario.field).permitted().contains(shapely.Point(x, y))
+
+
+# ---- what is a good field ------------------------------------------------------------------------
+
+SQUARE = np.array([(0.0, 0.0), (12.0, 0.0), (12.0, 12.0), (0.0, 12.0)])
+
+
+@pytest.mark.parametrize(
+    ("ring", "what"),
+    [
+        (SQUARE[::-1], "clockwise"),
+        (SQUARE * 0.5, "too small"),
+        (SQUARE * 2, "too large"),
+        (np.array([(0, 0), (12, 12), (12, 0), (0, 12.0)]), "crossing"),
+        (np.array([(0, 0), (50, 0), (50, 3), (0, 3.0)]), "a strip narrower than a turn"),
+        (np.array([(0, 0), (30, 0), (0, 12.0)]), "a sharp corner"),
+        (np.array([(0, 0), (6, -0.5), (12, 0), (12, 12), (0, 12.0)]), "a corner that is none"),
+        (np.array([(0, 0), (10, 0), (12, 1), (12, 12), (0, 12.0)]), "a short side"),
+    ],
+)
+def test_a_field_that_no_such_machine_can_harvest_is_not_drawn(ring: np.ndarray, what: str) -> None:
+    assert good(SQUARE)
+    assert not good(ring), what
+
+
+# ---- how deep in a keep-out ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("x", "depth"), [(2.0, 0.0), (1.0, 0.0), (0.9, 0.1), (0.6, 0.4), (-3.0, 0.0)]
+)
+def test_the_depth_in_a_keep_out_is_that_of_the_part_furthest_in(x: float, depth: float) -> None:
+    machine = shapely.box(0, -0.5, 2, 0.5)
+    well = shapely.box(0, -1, 1, 1)
+    assert depth_m(affinity.translate(machine, x), well) == pytest.approx(depth)
+
+
+def test_a_pole_between_the_wheels_is_touched_too() -> None:
+    assert depth_m(shapely.box(0, -0.5, 2, 0.5), shapely.box(1, -0.1, 1.2, 0.1)) == pytest.approx(
+        0.4
+    )

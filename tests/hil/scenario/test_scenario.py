@@ -1,0 +1,120 @@
+"""Facts about scenarios: what is wrong with one is said with its file, line and field."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from hil.bench.lockstep import Bench
+from hil.firmware import targets
+from hil.firmware.provision import pwm_hz
+from hil.scenario.scenario import assigned, changed, load, merge, named
+from host.core.errors import UserError
+from sim_plant.machine import DRIVE_PWM_HZ, STEER_PWM_HZ
+from tests.helpers.oracle import quick
+
+needs_firmware = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
+)
+
+
+@pytest.mark.parametrize("name", named())
+def test_every_named_scenario_is_sound(name: str) -> None:
+    scenario = load(name)
+    assert scenario.name == name
+    assert scenario.plan().sides
+    assert len(scenario.start_pose()) == 3
+    fitted = scenario.machine_truth.drive.hall_pulses_per_m
+    assert scenario.firmware_parameters["hall_per_metre"] == fitted
+
+
+@pytest.mark.parametrize(
+    ("parameters", "runs_at"),
+    [
+        ({}, (STEER_PWM_HZ, DRIVE_PWM_HZ)),
+        ({"steer_pwm_freq": 4000, "drive_pwm_freq": 3000}, (4000, 981)),
+        ({"drive_pwm_freq": 123}, (STEER_PWM_HZ, 123)),
+        ({"drive_pwm_freq": 25000}, (STEER_PWM_HZ, 3922)),
+    ],
+)
+def test_the_bridges_run_at_what_the_firmware_is_told(
+    parameters: dict[str, float], runs_at: tuple[float, float]
+) -> None:
+    assert pwm_hz(parameters) == runs_at
+
+
+@needs_firmware
+def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
+    def lost(hz: float) -> float:
+        with Bench(quick(parameters={"steer_pwm_freq": hz})) as bench:
+            return float(bench._params[0]["st_dead"])
+
+    assert lost(25_000) == pytest.approx(5 * lost(5_000))
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "field"),
+    [
+        ("seed: 1\nsped: 2\n", 2, "sped: no such field"),
+        ("seed: -1\n", 1, "seed"),
+        ("field:\n  size_m: [4, -4]\n", 2, "field.size_m"),
+        ("weather:\n  hour: 11\n  wind: 3\n", 3, "weather.wind: no such field"),
+        ("camera: nose\n", 1, "camera"),
+        ("parameters:\n  steer_kq: 3\n", 1, "no parameter 'steer_kq'"),
+        ("parameters: {steer_kp: 1e6}\n", 1, "steer_kp must be"),
+        (
+            "faults:\n  - {component: pot, failure: off, at: {time_s: 1}}\n"
+            "  - {component: estop, failure: slow, at: {time_s: 1}}\n",
+            3,
+            "estop can be: off, intermittent",
+        ),
+        ("faults:\n  - component: pot\n    failure: off\n    at: {time_s: 1, state: turn}\n", 4,
+         "exactly one of"),
+    ],
+)  # fmt: skip
+def test_an_error_names_file_line_and_field(
+    tmp_path: Path, text: str, line: int, field: str
+) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError) as error:
+        load(str(path))
+    message = str(error.value)
+    assert "odd.yaml" in message
+    if "camera" not in text:
+        assert f"line {line}:" in message
+    assert field in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("text", ["a: [", "- 1\n", "\t"])
+def test_what_is_no_mapping_is_one_message(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=r"odd\.yaml"):
+        load(str(path))
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(UserError, match="default"):
+        load("nowhere")
+
+
+def test_settings_reach_nested_fields() -> None:
+    scenario = load("default", merge(assigned("weather.hour=9.5"), assigned("seed=7")))
+    assert (scenario.weather.hour, scenario.seed) == (9.5, 7)
+    with pytest.raises(UserError, match="say FIELD=VALUE"):
+        assigned("weather.hour")
+    with pytest.raises(UserError, match=r"weather\.hour"):
+        changed(scenario, assigned("weather.hour=late"))
+
+
+def test_a_machine_that_fits_nowhere_stands_where_it_was_asked_to() -> None:
+    narrow = load("default", {"field": {"gap_m": 0.5}, "start": {"before_m": 0.3}})
+    wide = load("default", {"field": {"gap_m": 5.0}, "start": {"before_m": 0.3}})
+    usual = load("default", {"start": {"before_m": 0.3}})
+    assert narrow.start_pose() == wide.start_pose()
+    x, y, _ = usual.start_pose()
+    assert math.dist((x, y), wide.start_pose()[:2]) == pytest.approx(0.25, abs=0.011)

@@ -1,0 +1,276 @@
+"""Facts about campaigns: nothing is lost, nothing is run twice, a failure is a result."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.firmware import targets
+from hil.scenario.scenario import Scenario, changed, load
+from hil.studies.campaign import (
+    jobs_of,
+    overview,
+    ranking,
+    run_campaign,
+    run_job,
+    seeds_of,
+    stopped_safely,
+    variants,
+)
+from host.core.errors import UserError
+
+needs_firmware = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="the desk firmware is not built: make build"
+)
+LIMIT_S = 500.0
+"""Hangs end here; a busy machine needs a good part of it."""
+TINY = """
+field: {size_m: [4.0, 3.0], neighbour_depth_m: 2.0}
+vehicle:
+  mounts:
+    mast: {x_m: 0.0, z_m: 1.6, pitch_deg: 28.0, width_px: 64, height_px: 48}
+limits: {time_s: 0.2}
+"""
+
+
+def tiny(folder: Path) -> Path:
+    path = folder / "tiny.yaml"
+    path.write_text(TINY)
+    return path
+
+
+# ---- what is run ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"),
+    [("3", [3]), ("1-4", [1, 2, 3, 4]), ("1,4, 9", [1, 4, 9]), ("1-2,7", [1, 2, 7])],
+)
+def test_seeds_are_ranges_and_lists(text: str, seeds: list[int]) -> None:
+    assert seeds_of(text) == seeds
+
+
+@pytest.mark.parametrize("text", ["", "a", "1-", "4-1"])
+def test_what_names_no_seed_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r".*"):
+        seeds_of(text)
+
+
+def test_settings_sweep_every_combination() -> None:
+    found = list(variants(["weather.hour=9,12", "camera=low,mast", "field.size_m=[4, 5]"]))
+    assert [name for name, _ in found] == [
+        f"hour={hour} camera={camera}" for hour in (9, 12) for camera in ("low", "mast")
+    ]
+    assert found[0][1] == {
+        "weather": {"hour": 9},
+        "camera": "low",
+        "field": {"size_m": [4, 5]},
+    }
+
+
+def test_the_same_run_named_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="named twice"):
+        jobs_of([Scenario(), Scenario()], tmp_path, False)
+
+
+def test_an_overview_counts_what_finished_and_finds_the_worst() -> None:
+    runs = [
+        {"scenario": "a", "outcome": "finished", "coverage": 0.99, "false_ends": 0},
+        {"scenario": "a", "outcome": "finished", "coverage": 0.97, "false_ends": 2},
+        {"scenario": "a", "outcome": "fault", "coverage": 0.2, "false_ends": None},
+        {"scenario": "b", "outcome": "crashed"},
+    ]
+    a, b, every = overview(runs)
+    assert (a["runs"], a["finished"], a["coverage worst"]) == (3, 2, 0.97)
+    assert (a["coverage median"], a["false_ends worst"]) == (0.98, 2)
+    assert (b["finished"], b["crashed"]) == (0, 1)
+    assert (every["scenario"], every["runs"], every["finished"]) == ("all", 4, 2)
+    assert overview(runs[:3]) == [a]
+
+
+def test_safely_stopped_is_who_decided_so_and_did_no_harm() -> None:
+    calm = {"outcome": "fault", "neighbour_cut_m2": 0, "outside_m": 0.0, "keep_out_m": 0.0}
+    assert stopped_safely(calm)
+    assert not stopped_safely(calm | {"outcome": "broken off"})
+    assert not stopped_safely(calm | {"outcome": "finished"})
+    for harm in ("neighbour_cut_m2", "outside_m", "keep_out_m"):
+        assert not stopped_safely(calm | {harm: 0.01})
+    assert not stopped_safely({"outcome": "crashed"})
+    (row,) = overview([calm | {"scenario": "a"}, {"scenario": "a", "outcome": "crashed"}])
+    assert (row["runs"], row["stopped safely"], row["crashed"]) == (2, 1, 1)
+
+
+def test_the_law_with_the_least_error_and_the_most_cut_comes_first() -> None:
+    def run(name: str, lateral: float | None, coverage: float, **more: float) -> dict[str, Any]:
+        return {"scenario": name, "lateral_rms_m": lateral, "coverage": coverage, **more}
+
+    runs = [
+        run("slow", 0.02, 0.5),
+        run("quick", 0.03, 0.8),
+        run("quick", 0.05, 0.8),
+        run("wild", 0.01, 0.9, neighbour_cut_m2=0.1),
+        run("blind", None, 0.0),
+    ]
+    names = [name for name, _, _ in ranking(runs)]
+    assert names == ["quick", "slow", "blind", "wild"]
+    assert ranking(runs)[0][1:] == (pytest.approx(0.6), pytest.approx(0.7))
+
+
+# ---- one run -------------------------------------------------------------------------------------
+
+
+@needs_firmware
+def test_a_run_is_not_run_again(tmp_path: Path) -> None:
+    (job,) = jobs_of([load(str(tiny(tmp_path)))], tmp_path, False)
+    first = run_job(job)
+    stamp = (job.place / "summary.json").stat().st_mtime_ns
+    assert run_job(job) == first
+    assert (job.place / "summary.json").stat().st_mtime_ns == stamp
+    assert first["run"] == job.key
+    assert (job.place / "record.mcap").exists()  # it was broken off, so its record is kept
+    assert load(str(job.place / "scenario.yaml")) == Scenario.model_validate_json(job.scenario)
+
+
+def test_a_run_that_crashes_is_a_result_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fall(*_: object) -> None:
+        raise RuntimeError("over a stone")
+
+    monkeypatch.setattr("hil.bench.harvest.harvest", fall)
+    (job,) = jobs_of([load(str(tiny(tmp_path)))], tmp_path, False)
+    summary = run_job(job)
+    assert summary["outcome"] == "crashed"
+    assert summary["reason"] == "RuntimeError: over a stone"
+    assert (job.place / "traceback.txt").exists()
+
+
+@needs_firmware
+def test_the_results_come_in_the_order_of_the_jobs(tmp_path: Path) -> None:
+    base = load(str(tiny(tmp_path)))
+    jobs = jobs_of([changed(base, {"seed": s}) for s in (5, 3, 4)], tmp_path, False)
+    summaries = run_campaign(jobs, tmp_path, workers=1)
+    assert [s["seed"] for s in summaries] == [5, 3, 4]
+    assert json.loads((tmp_path / "campaign.json").read_text()) == summaries
+
+
+# ---- killed and resumed --------------------------------------------------------------------------
+
+
+def finished(out: Path) -> dict[str, int]:
+    """Finished runs, with the time when each was written."""
+    return {
+        path.parent.name: path.stat().st_mtime_ns for path in out.glob("runs/[!.]*/summary.json")
+    }
+
+
+@contextmanager
+def process(*command: str, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A process in a group of its own, killed with all its children at the end."""
+    with log.open("wb") as file:
+        child = subprocess.Popen(command, stdout=file, stderr=file, start_new_session=True)
+    try:
+        yield child
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+
+
+def wait_for(condition: object, child: subprocess.Popen[bytes] | None = None) -> None:
+    """Until a callable is true; fails after LIMIT_S, or when the child has ended before."""
+    assert callable(condition)
+    deadline = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        assert child is None or child.poll() is None
+        time.sleep(0.02)
+
+
+def campaign(tmp_path: Path, count: int, *more: str) -> list[str]:
+    return [
+        sys.executable, "-c", "from hil.commands.cli import main; main()", "campaign",
+        "--scenario", str(tiny(tmp_path)), "--seeds", f"1-{count}", "--out", str(tmp_path), *more,
+    ]  # fmt: skip
+
+
+@needs_firmware
+@pytest.mark.parametrize(
+    "count", [12, pytest.param(200, marks=pytest.mark.long)], ids=["12", "200"]
+)
+def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: int) -> None:
+    command = campaign(tmp_path, count)
+    with process(*command, log=tmp_path / "first.log") as child:
+        wait_for(lambda: len(finished(tmp_path)) >= count // 2, child)
+    before = finished(tmp_path)
+    assert count // 2 <= len(before) < count
+    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    after = finished(tmp_path)
+    assert len(after) == count
+    assert {name: after[name] for name in before} == before
+    summaries = json.loads((tmp_path / "campaign.json").read_text())
+    assert [s["seed"] for s in summaries] == list(range(1, count + 1))
+    assert {s["run"] for s in summaries} == set(after)
+    assert not list((tmp_path / "runs").glob(".*"))
+
+
+@needs_firmware
+@pytest.mark.parametrize(
+    "count", [12, pytest.param(200, marks=pytest.mark.long)], ids=["12", "200"]
+)
+def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path, count: int) -> None:
+    """A scheduler and two workers; halfway one of them and the campaign itself are killed, and the
+    campaign is started again."""
+    dask = [sys.executable, "-m", "dask"]
+    with process(
+        *dask, "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1",
+        log=tmp_path / "scheduler.log",
+    ):  # fmt: skip
+
+        def address() -> str:
+            text = (tmp_path / "scheduler.log").read_text()
+            found = re.search(r"Scheduler at:\s+(tcp://\S+)", text)
+            return found[1] if found else ""
+
+        wait_for(address)
+        worker = [
+            *dask, "worker", address(), "--nthreads", "1", "--no-dashboard", "--no-nanny",
+            "--local-directory", str(tmp_path / "scratch"),
+        ]  # fmt: skip
+        command = campaign(tmp_path, count, "--scheduler", address())
+        with process(*worker, log=tmp_path / "second.log") as second:
+            with (
+                process(*worker, log=tmp_path / "first.log"),
+                process(*command, log=tmp_path / "campaign.log") as client,
+            ):
+                wait_for(lambda: len(finished(tmp_path)) >= count // 2, client)
+            before = finished(tmp_path)
+            assert count // 2 <= len(before) < count
+            with process(*command, log=tmp_path / "again.log") as client:
+                wait_for(lambda: client.poll() is not None, second)
+                assert client.returncode == 0, (tmp_path / "again.log").read_text()
+    after = finished(tmp_path)
+    assert len(after) == count
+    assert {name: after[name] for name in before} == before
+    summaries = json.loads((tmp_path / "campaign.json").read_text())
+    assert [s["seed"] for s in summaries] == list(range(1, count + 1))
+
+
+def test_a_scheduler_that_is_not_there_is_one_message(tmp_path: Path) -> None:
+    command = campaign(tmp_path, 2, "--scheduler", "tcp://127.0.0.1:9")
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in done.stderr
+    assert "Traceback" not in done.stderr

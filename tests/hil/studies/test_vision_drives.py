@@ -1,0 +1,115 @@
+"""The drives along edges: their truth, their end rule, their figures, and that they go on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from hil.studies import vision_drives
+from hil.studies.vision_drives import (
+    Drive,
+    Outcome,
+    _declared,
+    _prepare,
+    drive_along,
+    run,
+    summary,
+    vision,
+)
+from host.estimate.crop_ahead import Ahead
+from host.estimate.odometry import Motion
+from host.vision import CropView
+
+NEAR, CLEAR = (CropView(0.9, crop_ahead_m=x, ahead_confidence=0.9) for x in (0.0, 3.0))
+UNSURE = CropView(0.9, crop_ahead_m=3.0, ahead_confidence=0.2)
+OUTCOME = Outcome("", 0.01, [0.02, None, -0.04], [None] * 3, [0.0] * 3, [0.0] * 3, 0.1, 0)
+
+
+def declared(views: list[CropView]) -> list[float]:
+    ahead, way = Ahead(), [Motion(0.2 * k, 0.5, 0, 0.1 * k, 0, 0, 0) for k in range(len(views))]
+    ends = [_declared(ahead, view, motion) for view, motion in zip(views, way, strict=True)]
+    return [end.distance_m for end in ends if end is not None]
+
+
+def test_an_end_is_declared_by_three_clear_pictures_where_the_first_was_taken() -> None:
+    assert declared([NEAR, CLEAR, CLEAR]) == []
+    assert declared([NEAR, NEAR, CLEAR, CLEAR, CLEAR]) == [pytest.approx(0.2)]
+    assert declared([NEAR, CLEAR, CLEAR, NEAR, CLEAR, CLEAR]) == []
+
+
+def test_pictures_that_show_nothing_neither_count_nor_interrupt() -> None:
+    assert declared([NEAR, CLEAR, UNSURE, CLEAR, CLEAR]) == [pytest.approx(0.1)]
+
+
+def test_no_end_before_the_crop_was_reached() -> None:
+    assert declared([CLEAR] * 5) == []
+
+
+def test_figures_count_confident_pictures_only() -> None:
+    figures = summary([OUTCOME])
+    assert figures["availability"] == pytest.approx(2 / 3, abs=1e-4)
+    assert figures["offset_rmse_m"] == pytest.approx(math.sqrt((0.02**2 + 0.04**2) / 2), abs=1e-5)
+    assert figures["offset_bias_m"] == pytest.approx(-0.01)
+    assert figures["heading_rmse_deg"] is None
+
+
+def test_an_end_that_was_not_declared_was_missed() -> None:
+    figures = summary([OUTCOME, replace(OUTCOME, end_error_m=None), replace(OUTCOME, false_ends=2)])
+    assert (figures["ends"], figures["missed_ends"], figures["false_ends"]) == (3, 1, 2)
+    assert figures["end_of_field_error_worst_m"] == pytest.approx(0.1)
+
+
+def test_a_drive_cuts_along_the_edge_to_its_end(tmp_path: Path) -> None:
+    edge = _prepare(Drive(5, 0, "mast", "robust", 5.0, str(tmp_path)))
+    seen = list(drive_along(edge))
+    cutting = [s for s in seen if s.cutting]
+    assert len(cutting) > 10
+    assert all(abs(s.offset_m) < 0.3 for s in cutting[:-6] if math.isfinite(s.offset_m))
+    assert math.isnan(cutting[-1].offset_m)
+    assert not seen[-1].cutting
+    assert not seen[-1].crop_beyond
+    assert cutting[0].crop_beyond
+
+
+def test_a_drive_that_was_done_is_read_not_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Drive(5, 1, "low", "robust", 5.0, str(tmp_path))
+    first = run(drive)
+
+    def again(drive: Drive) -> None:
+        raise AssertionError(drive)
+
+    monkeypatch.setattr(vision_drives, "_prepare", again)
+    assert run(drive) == first
+
+
+def test_dust_that_is_asked_for_changes_nothing_else(tmp_path: Path) -> None:
+    drawn = Drive(5, 1, "low", "robust", 5.0, str(tmp_path))
+    clean = replace(drawn, dust=0.0)
+    assert clean.path != drawn.path
+    a, b = _prepare(drawn), _prepare(clean)
+    assert b.scenario.weather == a.scenario.weather.model_copy(update={"dust": 0.0})
+    assert (b.scenario.seed, b.depth_m, b.weave) == (a.scenario.seed, a.depth_m, a.weave)
+
+
+def test_a_run_of_no_length_is_refused(tmp_path: Path) -> None:
+    result = CliRunner().invoke(vision, ["--out", str(tmp_path), "--km", "0"])
+    assert result.exit_code == 2
+    assert "--km" in result.output
+
+
+def test_the_rear_axle_rolls_where_it_looks(tmp_path: Path) -> None:
+    """A drive that slips sideways would be none that dead reckoning can follow."""
+    edge = _prepare(Drive(5, 0, "mast", "robust", 5.0, str(tmp_path)))
+    poses = [edge.pose(0.02 * k) for k in range(200)]
+    for (x0, y0, yaw0), (x1, y1, yaw1) in pairwise(poses):
+        middle = 0.5 * (yaw0 + yaw1)
+        aside = (y1 - y0) * math.cos(middle) - (x1 - x0) * math.sin(middle)
+        assert abs(aside) < 1e-4
+    assert max(abs(yaw) for _, _, yaw in poses) > math.radians(0.5)

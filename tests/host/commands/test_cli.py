@@ -1,0 +1,106 @@
+"""Facts about how the console script fails: one message, a non-zero exit, never a traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import click
+import pytest
+
+from host.commands.cli import daranti
+from host.core.errors import EXIT_INTERRUPTED, EXIT_SOFTWARE, EXIT_USER, UserError, run
+
+
+def failing(error: BaseException) -> click.Command:
+    @click.command()
+    def command() -> None:
+        raise error
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (UserError("the port is missing"), EXIT_USER, "daranti: the port is missing\n"),
+        (KeyboardInterrupt(), EXIT_INTERRUPTED, "daranti: interrupted\n"),
+        (ValueError("x"), EXIT_SOFTWARE, "daranti: internal error: ValueError: x"),
+        (click.UsageError("no such thing"), EXIT_USER, "Error: no such thing\n"),
+    ],
+)
+def test_every_failure_has_one_message_and_its_code(
+    error: BaseException,
+    code: int,
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("DARANTI_DEBUG", raising=False)
+    with pytest.raises(SystemExit) as exit_:
+        run(failing(error), "daranti", [])
+    assert exit_.value.code == code
+    text = capsys.readouterr().err
+    assert message in text
+    assert "Traceback" not in text
+
+
+def test_debug_shows_the_traceback(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DARANTI_DEBUG", "1")
+    with pytest.raises(SystemExit):
+        run(failing(UserError("x")), "daranti", [])
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_a_program_unwinds_it_even_where_it_was_ignored(
+    number: signal.Signals,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A script's `&` leaves Ctrl-C ignored."""
+    before = signal.signal(number, signal.SIG_IGN)
+    unwound = []
+
+    @click.command()
+    def command() -> None:
+        try:
+            os.kill(os.getpid(), number)
+            time.sleep(1.0)
+        finally:
+            unwound.append(True)
+
+    try:
+        with pytest.raises(SystemExit) as exit_:
+            run(command, "daranti", [])
+    finally:
+        signal.signal(number, before)
+    assert exit_.value.code == EXIT_INTERRUPTED
+    assert unwound
+    capsys.readouterr()
+
+
+def test_success_is_zero() -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(click.Command("nothing", callback=lambda: None), "daranti", [])
+    assert exit_.value.code == 0
+
+
+def test_help_lists_every_command_without_importing_any(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(daranti, "daranti", ["--help"])
+    assert exit_.value.code == 0
+    out = capsys.readouterr().out
+    for name in ("drive", "see", "monitor", "params", "flash", "tune", "calibrate", "bench"):
+        assert f"  {name} " in out
+
+
+def test_an_unknown_command_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(daranti, "daranti", ["fly"])
+    assert exit_.value.code == EXIT_USER
+    assert "No such command 'fly'" in capsys.readouterr().err

@@ -1,0 +1,215 @@
+"""Facts about the commands that talk to the board: params, monitor, flash."""
+
+from __future__ import annotations
+
+import json
+import stat
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from host.core.errors import EXIT_USER, UserError
+from host.link import flash, protocol
+from tests.helpers.console import Cli
+from tests.helpers.fake_firmware import RESTING, FakeFirmware
+
+ANY = next(iter(protocol.PARAMS.values()))
+SCALED = next(spec for spec in protocol.PARAMS.values() if spec.scale != 1)
+
+
+# ---- params --------------------------------------------------------------------------------------
+
+
+def test_list_shows_every_parameter(cli: Cli, board: FakeFirmware) -> None:
+    code, out, _ = cli("params", "list", "--port", board.port)
+    assert code == 0
+    lines = out.splitlines()[1:]
+    assert [line.split()[0] for line in lines] == list(protocol.PARAMS), "one line each"
+
+
+def test_get_gives_the_value_in_its_unit(cli: Cli, board: FakeFirmware) -> None:
+    board.params[SCALED.id] = SCALED.max_raw
+    _, out, _ = cli("params", "get", SCALED.name, "--port", board.port)
+    value = SCALED.from_raw(SCALED.max_raw)
+    assert out == f"{SCALED.name} = {value:g} {SCALED.unit}".rstrip() + "\n"
+
+
+@pytest.mark.parametrize("spec", protocol.PARAMS.values(), ids=protocol.PARAMS)
+def test_set_takes_the_limits_and_refuses_what_lies_beyond(
+    cli: Cli, board: FakeFirmware, spec: protocol.ParamSpec
+) -> None:
+    for raw in (spec.min_raw, spec.max_raw):
+        code, _, err = cli(
+            "params", "set", "--port", board.port, spec.name, f"{spec.from_raw(raw)}"
+        )
+        assert (code, board.params[spec.id]) == (0, raw), err
+    for raw in (spec.min_raw - 1, spec.max_raw + 1):
+        code, _, err = cli(
+            "params", "set", "--port", board.port, spec.name, f"{spec.from_raw(raw)}"
+        )
+        assert code == EXIT_USER
+        assert f"{spec.name} must be" in err
+        assert board.params[spec.id] == spec.max_raw
+
+
+def test_set_shows_what_the_firmware_keeps_and_not_what_was_asked(
+    cli: Cli, board: FakeFirmware
+) -> None:
+    kept = SCALED.from_raw(SCALED.min_raw + 1)
+    asked = kept + 0.4 * SCALED.scale
+    _, out, _ = cli("params", "set", SCALED.name, f"{asked}", "--port", board.port)
+    assert out.splitlines()[0] == f"{SCALED.name} = {kept:g} {SCALED.unit}".rstrip()
+
+
+def test_set_says_that_it_is_not_saved_and_save_saves(cli: Cli, board: FakeFirmware) -> None:
+    value = f"{ANY.from_raw(ANY.max_raw)}"
+    _, out, _ = cli("params", "set", ANY.name, value, "--port", board.port)
+    assert "not saved" in out
+    assert not any(isinstance(m, protocol.ParamSave) for m in board.received)
+    _, out, _ = cli("params", "set", ANY.name, value, "--save", "--port", board.port)
+    assert "saved" in out
+    assert any(isinstance(m, protocol.ParamSave) for m in board.received)
+
+
+def test_defaults_are_restored(cli: Cli, board: FakeFirmware) -> None:
+    board.params[ANY.id] = ANY.max_raw
+    code, out, _ = cli("params", "defaults", "--port", board.port)
+    assert (code, board.params[ANY.id]) == (0, ANY.default_raw)
+    assert "not saved" in out
+
+
+def test_a_refusal_is_one_message(cli: Cli, board: FakeFirmware) -> None:
+    board.refuse[protocol.ParamSave] = protocol.Result.STORE_FAILED
+    code, _, err = cli("params", "save", "--port", board.port)
+    assert code == EXIT_USER
+    assert err.strip().endswith("ParamSave refused: the EEPROM did not keep it")
+
+
+def test_an_unknown_parameter_names_its_likes(cli: Cli, board: FakeFirmware) -> None:
+    code, _, err = cli("params", "get", "steer_kpp", "--port", board.port)
+    assert code == EXIT_USER
+    assert "did you mean steer_kp" in err
+
+
+@pytest.mark.parametrize("command", [("params", "list"), ("params", "save"), ("monitor",)])
+def test_a_missing_port_is_one_message(cli: Cli, command: tuple[str, ...]) -> None:
+    code, _, err = cli(*command, "--port", "/dev/no-such-port")
+    assert code == EXIT_USER
+    assert err.startswith("daranti: serial port /dev/no-such-port does not exist")
+    assert err.count("\n") == 1
+
+
+# ---- monitor -------------------------------------------------------------------------------------
+
+
+def test_monitor_says_faults_in_words(cli: Cli, board: FakeFirmware) -> None:
+    faults = protocol.Fault.ESTOP_OPEN | protocol.Fault.BATTERY_LOW
+    board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=faults)
+    code, out, _ = cli("monitor", "--port", board.port, "--duration", "1")
+    assert code == 0
+    assert "firmware 1.0 (desk), protocol 1, started by power-on" in out
+    assert "FAULT" in out
+    for text in protocol.fault_texts(faults):
+        assert f"fault: {text}\n" in out
+    assert out.count("fault:") == 2, "said when they change, not with every line"
+
+
+def test_monitor_gives_every_message_as_json(cli: Cli, board: FakeFirmware) -> None:
+    _, out, _ = cli("monitor", "--port", board.port, "--duration", "1", "--json")
+    messages = [json.loads(text) for text in out.splitlines()]
+    assert len(messages) > 10
+    assert messages[0]["state"] == "SAFE"
+    assert messages[0]["battery_v"] == 12.0
+
+
+# ---- flash ---------------------------------------------------------------------------------------
+
+
+def test_a_virtual_port_is_refused(cli: Cli, board: FakeFirmware) -> None:
+    code, _, err = cli("flash", "--port", board.port)
+    assert code == EXIT_USER
+    assert "is a virtual port: there is no board behind it" in err
+
+
+@pytest.mark.parametrize(
+    ("port", "message"),
+    [
+        ("socket://127.0.0.1:5000", "is a network port"),
+        ("/dev/no-such-port", "does not exist; plug the board in"),
+        ("/etc/hostname", "is not a serial port"),
+    ],
+)
+def test_what_is_no_board_is_refused(port: str, message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        flash.check_port(port)
+
+
+def test_a_missing_image_says_how_to_build_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(flash, "CHECKOUT", tmp_path)
+    with pytest.raises(UserError, match="pio run -e uno"):
+        flash.find_image("uno")
+
+
+def test_a_missing_avrdude_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(flash, "CHECKOUT", tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(UserError, match="apt install avrdude"):
+        flash.find_avrdude()
+    package = tmp_path / ".platformio" / "packages" / "tool-avrdude"
+    package.mkdir(parents=True)
+    (package / "avrdude").touch()
+    assert flash.find_avrdude() == [
+        str(package / "avrdude"),
+        "-C",
+        str(package / "avrdude.conf"),
+    ]
+
+
+def fake_avrdude(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    program = folder / "avrdude"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
+
+
+@pytest.mark.parametrize(("suffix", "kind"), [(".hex", "i"), (".elf", "e")])
+def test_avrdude_is_asked_to_write_and_verify_the_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, kind: str
+) -> None:
+    fake_avrdude(tmp_path, monkeypatch, f'echo "$@" > {tmp_path}/asked')
+    image = tmp_path / f"firmware{suffix}"
+    flash.write_image("/dev/ttyACM0", image)
+    asked = (tmp_path / "asked").read_text()
+    assert f"-p atmega328p -c arduino -P /dev/ttyACM0 -b 115200 -D -U flash:w:{image}:{kind}" in (
+        asked
+    )
+
+
+def test_avrdudes_failure_is_told_in_its_own_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_avrdude(tmp_path, monkeypatch, "echo 'stk500_getsync: not in sync' >&2; exit 1")
+    with pytest.raises(UserError, match="could not write /dev/ttyACM0: stk500_getsync"):
+        flash.write_image("/dev/ttyACM0", tmp_path / "firmware.hex")
+
+
+def test_the_real_avrdude_knows_the_part_and_the_options(tmp_path: Path) -> None:
+    try:
+        command = flash.find_avrdude()
+    except UserError as error:
+        pytest.skip(str(error))
+    image = tmp_path / "firmware.hex"
+    image.write_text(":00000001FF\n")
+    # -n: without writing; the missing port is what it has to complain about.
+    asked = [*command, "-n", "-p", "atmega328p", "-c", "arduino", "-P", "/dev/no-such-port"]
+    asked += ["-b", "115200", "-D", "-U", f"flash:w:{image}:i"]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode != 0
+    assert "/dev/no-such-port" in done.stderr

@@ -1,0 +1,96 @@
+"""What pictures tell of a side's beginning and end, picture by picture."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, NEAR_CROP_M, Ahead, EndOfField
+from host.estimate.odometry import Motion
+from host.vision.view import CropView
+
+
+def at(distance_m: float) -> Motion:
+    return Motion(distance_m, 0.5, 0.0, distance_m, 0.0, distance_m, 0.0)
+
+
+def crop(ahead_m: float) -> CropView:
+    return CropView(0.9, crop_ahead_m=ahead_m, ahead_confidence=0.9)
+
+
+def shown(ahead: Ahead, distance_m: float, crop_ahead_m: float) -> bool:
+    view = crop(crop_ahead_m)
+    ahead.note(view, at(distance_m))
+    ahead.sight(view, at(distance_m))
+    return ahead.follow(view, EndOfField(distance_m, at(distance_m), 3))
+
+
+def test_the_side_begins_at_the_first_picture_with_crop_at_the_blade_and_once() -> None:
+    ahead = Ahead()
+    assert not shown(ahead, 0.0, NEAR_CROP_M)
+    assert not ahead.entered
+    assert shown(ahead, 0.1, NEAR_CROP_M - 0.01)
+    assert ahead.entered_at == at(0.1)
+    assert not shown(ahead, 0.2, 0.0)
+    assert ahead.entered_at == at(0.1)
+
+
+def test_crop_that_dust_hides_is_met_where_it_was_seen_and_that_is_no_sight_of_its_beginning() -> (
+    None
+):
+    ahead = Ahead()
+    shown(ahead, 0.0, 0.5)
+    for travelled in (0.3, 0.5, 0.69):
+        assert not shown(ahead, travelled, 1.5)
+        assert not ahead.entered
+    assert not shown(ahead, 0.5 + NEAR_CROP_M + 0.01, 1.5)
+    assert ahead.entered
+
+
+@given(st.lists(st.sampled_from([0.0, END_CLEAR_M - 0.01, END_CLEAR_M, math.inf]), max_size=20))
+def test_a_side_ends_where_the_latest_pictures_in_a_row_show_no_crop(seen: list[float]) -> None:
+    """And its end is where the first of them was taken."""
+    ahead = Ahead()
+    shown(ahead, 0.0, 0.0)
+    for k, distance in enumerate(seen, 1):
+        shown(ahead, float(k), distance)
+    clear = 0
+    while clear < len(seen) and seen[-1 - clear] >= END_CLEAR_M:
+        clear += 1
+    assert ahead.clear_count == clear
+    first = EndOfField(len(seen) - clear + 1, at(len(seen) - clear + 1.0), 3) if clear else None
+    assert ahead.clear_since == first
+    assert ahead.end == (first if clear >= END_PICTURES else None)
+    assert ahead.seems_clear_since == (first.motion if first else None)
+
+
+def test_clear_ground_before_the_crop_is_no_end() -> None:
+    ahead = Ahead()
+    for k in range(2 * END_PICTURES):
+        shown(ahead, 0.1 * k, math.inf)
+    assert ahead.end is None
+
+
+def test_the_next_side_knows_nothing_of_the_last_but_the_dust() -> None:
+    ahead = Ahead()
+    ahead.sure.extend([False] * 10)
+    for k in range(4):
+        shown(ahead, float(k), 0.0 if k == 0 else math.inf)
+    ahead.turn()
+    assert ahead.crop_at_m == math.inf
+    ahead.sight(crop(1.0), at(5.0))
+    ahead.begin()
+    assert (ahead.entered, ahead.end, ahead.seems_clear_since) == (False, None, None)
+    assert ahead.crop_at_m == 6.0, "seen while it turned"
+    assert ahead.in_dust(0.5, 30)
+
+
+def test_it_is_dusty_where_fewer_than_the_share_of_the_latest_pictures_are_sure() -> None:
+    ahead = Ahead()
+    assert not ahead.in_dust(0.5, 10), "nothing is known"
+    ahead.sure.extend([False] * 10 + [True] * 5)
+    assert not ahead.in_dust(0.5, 10)
+    assert ahead.in_dust(0.51, 10)
+    assert ahead.in_dust(0.5, 11)

@@ -1,0 +1,363 @@
+"""Facts about the lane filter and the position: what moves them, and how much."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.estimate.lane import Lane
+from host.estimate.odometry import Motion
+from host.estimate.position import Position
+from host.route.plan import Side
+
+VEHICLE = Vehicle()
+STEP_M = 0.05
+
+
+def motion(run_m: float, yaw_rad: float = 0.0) -> Motion:
+    return Motion(0.0, 0.5, 0.0, run_m, yaw_rad, run_m, 0.0)
+
+
+def edge_at(offset_m: float, heading_rad: float) -> float:
+    """What vision measures of the edge from there."""
+    return -(offset_m + VEHICLE.blade_x_m * math.sin(heading_rad)) / math.cos(heading_rad)
+
+
+def bend(lane: Lane, curvature_1pm: float, steps: int, begin_m: float = 0.0) -> float:
+    """Drives on a bend that the pot does not show; the bias that the lane learns of it."""
+    for k in range(steps):
+        run = STEP_M * k
+        lane.predict(motion(begin_m + run))
+        offset, heading = curvature_1pm * run**2 / 2, curvature_1pm * run
+        lane.correct(edge_at(offset, heading), -heading, 1.0, (0.0, 0.0))
+    return lane.take_bias()
+
+
+def settled() -> Lane:
+    lane = Lane(VEHICLE.blade_x_m)
+    for _ in range(20):
+        lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
+    return lane
+
+
+def test_what_is_known_of_the_bias_outlives_a_turn() -> None:
+    fresh, known = Lane(VEHICLE.blade_x_m), Lane(VEHICLE.blade_x_m)
+    bend(known, 0.0, 200)
+    known.place(0.0, 0.0, 0.1, math.radians(5))
+    assert abs(bend(known, 0.01, 40, 10.0)) < 0.5 * abs(bend(fresh, 0.01, 40))
+
+
+def test_a_contradiction_teaches_nothing_about_the_bias() -> None:
+    lane = settled()
+    for k in range(400):
+        lane.predict(motion(0.01 * k))
+        if lane.correct(0.6, 0.0, 1.0, (0.0, 0.0)):
+            break
+    assert not lane.contradicted
+    assert abs(lane.take_bias()) < 0.003
+
+
+def test_the_less_sure_the_picture_the_less_it_moves_the_estimate() -> None:
+    moved = []
+    for confidence in (1.0, 0.75, 0.5):
+        lane = settled()
+        lane.correct(-0.05, 0.0, confidence, (0.0, 0.0))
+        moved.append(lane.blade_offset_m)
+    assert moved[0] > 1.5 * moved[1] > 0.0
+    assert moved[1] > 1.2 * moved[2] > 0.0
+
+
+def test_an_edge_seen_ahead_is_none_at_the_blade() -> None:
+    """Askew by 10 degrees, the crop's corner 1.2 m ahead of the blade."""
+    ahead_m, heading = 1.2, math.radians(10)
+    lane = Lane(VEHICLE.blade_x_m)
+    lane.place(0.05, heading, 0.1, math.radians(1))
+    seen = -(0.05 + (VEHICLE.blade_x_m + ahead_m) * math.sin(heading)) / math.cos(heading)
+    for _ in range(20):
+        assert lane.correct(seen, math.nan, 1.0, (0.0, 0.0), ahead_m=ahead_m)
+    assert lane.offset_m == pytest.approx(0.05, abs=1e-6)
+    assert lane.heading_rad == pytest.approx(heading, abs=1e-6)
+
+
+def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
+    """On a circle around the lane's origin, each picture half a metre late."""
+    curvature, late = 0.1, 10
+    poses = [
+        ((1 - math.cos(yaw)) / curvature, yaw) for yaw in np.arange(0, 120) * STEP_M * curvature
+    ]
+    lane = Lane(VEHICLE.blade_x_m)
+    for k, (_, yaw) in enumerate(poses[:80]):
+        lane.predict(motion(STEP_M * k, yaw))
+        if k < late:
+            continue
+        offset, heading = poses[k - late]
+        since = (STEP_M * late, yaw - heading)
+        assert lane.correct(edge_at(offset, heading), -heading, 1.0, since)
+    offset, heading = poses[79]
+    assert lane.heading_rad == pytest.approx(heading, abs=0.01)
+    assert lane.offset_m == pytest.approx(offset, abs=0.02)
+
+
+def ring(index: int, length_m: float = 10.0) -> Side:
+    """Each lies a pass inside the one before."""
+    return Side(0.0, index * VEHICLE.pass_m, 0.0, length_m, VEHICLE.pass_m, length_m)
+
+
+def test_the_further_inside_the_less_a_sides_line_proves() -> None:
+    """What the swaths before it were off adds up."""
+    moved = []
+    for inside in (0, 12, 40):
+        position = Position(VEHICLE)
+        position.place(ring(0), 0.0, 0.0, 0.0)
+        for k in range(1, inside + 1):
+            position.begin(ring(k))
+        position._x[1] = inside * VEHICLE.pass_m + VEHICLE.inset_m
+        before = position.pose[1]
+        position.follow(0.1, 0.0)
+        moved.append(position.pose[1] - before)
+    assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
+
+
+@pytest.mark.parametrize("askew_deg", [0.0, 2.0])
+def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> None:
+    """0.1 m right of the plan's lane at its beginning, and askew; another edge's lane is not."""
+    position, run_m = Position(VEHICLE), 0.0
+    position.place(ring(0), 0.0, 0.0, 0.0)
+    position._p[:3, :3] *= 1e-6  # the machine's own place is known
+    position._p[5, 5] = math.radians(3.0) ** 2
+    for _ in range(20):
+        run_m += 0.5
+        position.predict(motion(run_m), cutting=False)
+        position._p[:3, :3] *= 1e-6
+        along = position.along(ring(0))
+        position.follow(0.1 - math.radians(askew_deg) * along, 0.0)
+    inner = replace(ring(1), x_m=2.0)
+    position.begin(inner)
+    position._x[0] = 2.0
+    position._x[1] = VEHICLE.pass_m + VEHICLE.inset_m
+    offset, heading, _, _ = position.against_lane()
+    assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.02)
+    assert math.degrees(heading) == pytest.approx(-askew_deg, abs=0.3)
+    across = replace(ring(1), heading_rad=math.pi / 2)
+    position.begin(across)
+    position._x[:3] = -VEHICLE.inset_m + across.x_m, 1.0, math.pi / 2
+    assert position.against_lane()[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[float]:
+    """By how much the position's yaw is off, rad, after each round along a side of 5 m whose strips
+    are each cut so much more askew, while lane and dead reckoning say that all is straight. Before
+    the first the courses of an outer edge have come."""
+    rng = np.random.default_rng(4)
+    position, run_m, off = Position(VEHICLE), 0.0, []
+    position.place(ring(0, 5.0), 0.0, 0.0, 0.0)
+    for _ in range(100):
+        position.course(rng.normal(0.0, noise_rad), 0.5)
+    for k in range(rounds):
+        true = math.radians(askew_deg * k)
+        for _ in range(10):
+            run_m += 0.5
+            position.predict(motion(run_m), cutting=False)
+            position.follow(0.0, 0.03)
+            position.course(true + rng.normal(0.0, noise_rad) - position.pose[2], 0.5)
+        off.append(math.remainder(position.pose[2] - true, math.tau))
+        back_m = run_m - 5.0
+        run_m = back_m + VEHICLE.pass_m
+        for way_m, yaw in ((back_m, 0.0), (back_m, 1.571), (run_m, 1.571), (run_m, 0.0)):
+            position.predict(motion(way_m, yaw), cutting=False)
+        position.begin(ring(k + 1, 5.0))
+    return off
+
+
+def test_strips_that_turn_do_not_turn_the_position_with_them() -> None:
+    """1.5 deg a round, which neither lane nor dead reckoning shows: over half of the 16.5 deg is
+    found, and no more is lost than in the rounds before."""
+    off = [abs(math.degrees(o)) for o in turned_by_courses(1.5, 12, 0.12)]
+    assert off[-1] < 0.5 * 16.5
+    assert off[-1] - off[-4] < 0.6 * 3 * 1.5
+    straight = turned_by_courses(0.0, 12, 0.12)
+    assert max(abs(math.degrees(o)) for o in straight) < 1.5
+
+
+def test_a_walked_boundary_that_is_off_does_not_turn_the_machine_in_it() -> None:
+    """All courses differ by the same from a plan that is as much turned."""
+    position, run_m = Position(VEHICLE), 0.0
+    position.place(ring(0, 20.0), 0.0, 0.0, 0.0)
+    for _ in range(40):
+        run_m += 0.5
+        position.predict(motion(run_m), cutting=False)
+        position.follow(0.0, 0.03)
+        position.course(math.radians(4.0) - position.pose[2], 0.5)
+    assert math.degrees(position.pose[2]) == pytest.approx(0.0, abs=0.4)
+    settled_at = position.pose[2]
+    position._p[2, 2] += math.radians(3.0) ** 2  # a turn
+    position.course(math.radians(4.0) - position.pose[2], 0.5)
+    assert abs(math.degrees(position.pose[2] - settled_at)) < 0.15, "nothing new"
+
+
+def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    moved = []
+    for drift_m in (0.0, 0.3, 1.0):
+        position = Position(VEHICLE)
+        position.place(side, 9.5, 0.0, 0.0)
+        before = position.pose
+        position.at_end(side, 0.0, drift_m)
+        moved.append(position.pose[0] - before[0])
+        assert position.pose[1] == pytest.approx(before[1]), "it says nothing about the lane"
+    assert 0.0 < moved[0] < 0.8 * moved[1]
+    assert moved[1] < 0.9 * moved[2] < 0.5
+
+
+def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() -> None:
+    slip, length_m = 0.03, 20.0
+    side = Side(0.0, 0.0, 0.0, length_m, VEHICLE.pass_m, length_m)
+    missed = []
+    position = Position(VEHICLE)
+    position.place(side, 0.0, 0.0, 0.0)
+    run_m = 0.0
+    for _ in range(4):
+        for _ in range(round(length_m / STEP_M)):
+            run_m += STEP_M / (1 - slip)
+            position.predict(motion(run_m), cutting=True)
+            position.follow(0.0, 0.0)
+        missed.append(position.along(side) - length_m)
+        position.at_end(side, 0.1)
+        run_m -= length_m
+        position.predict(motion(run_m), cutting=False)
+    assert missed[0] > 0.3
+    assert abs(missed[-1]) < 0.3 * missed[0]
+    backed = position.along(side)
+    position.predict(motion(run_m - 1.0), cutting=False)
+    assert position.along(side) == pytest.approx(backed - 1.0), "without the blade none is lost"
+
+
+def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    sigmas = []
+    for lane_sigma_m in (0.0, 0.3):
+        position = Position(VEHICLE)
+        position.place(side, 0.0, 0.0, 0.0)
+        for k in range(6):
+            position.predict(motion(0.5 * k), cutting=True)
+            position.follow(0.0, lane_sigma_m)
+        sigmas.append(position.against_lane()[2])
+    assert sigmas[0] < 0.04
+    assert sigmas[1] > 2.0 * sigmas[0]
+
+
+def test_an_end_seen_far_from_where_it_is_expected_counts_less() -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+    moved = []
+    for late_m in (0.2, 1.0):
+        position = Position(VEHICLE)
+        position.place(side, 9.9 + late_m, 0.0, 0.0)
+        position.at_end(side, 0.0)
+        moved.append(9.9 + late_m - position.along(side))
+    assert moved[0] > 0.05
+    assert moved[1] < 1.5 * moved[0], "five times as far, not five times the correction"
+
+
+@pytest.mark.parametrize("seen_m", [0.0, 0.8])
+def test_a_slanting_end_counts_where_it_is_seen_and_the_less_the_more_it_slants(
+    seen_m: float,
+) -> None:
+    side = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0, begin_seen_m=seen_m, end_seen_m=seen_m)
+    early_m = 0.1  # vision loses the last crop before its end
+    ends_m = side.length_m - seen_m - early_m
+    for told, blade_m in (("at_begin", seen_m), ("at_end", ends_m)):
+        position = Position(VEHICLE)
+        position.place(side, blade_m - seen_m, 0.0, 0.0)
+        assert position.along(side) == pytest.approx(blade_m)
+        getattr(position, told)(side, 0.0)
+        assert position.along(side) == pytest.approx(blade_m), "it is where it was thought to be"
+        getattr(position, told)(side, 0.4)
+        moved = position.along(side) - blade_m
+        assert 0.01 < moved < (0.03 if seen_m else 0.2)
+
+
+def test_the_end_of_a_slanting_border_tells_less_of_the_place_along() -> None:
+    """At corners of 135° and 145°: much less than by the doubt alone where across it was met, which
+    would leave three quarters and three fifths."""
+    moved = []
+    for slope in (0.0, 1.0, 1.4):
+        width_m = VEHICLE.pass_m
+        side = Side(0.0, 0.0, 0.0, 10.0, width_m, 10.0, edge_end_m=slope * width_m)
+        position = Position(VEHICLE)
+        position.place(side, 9.7, 0.0, 0.0)
+        position.at_end(side, 0.0)
+        moved.append(position.along(side) - 9.7)
+    assert moved[0] > 0.05
+    assert moved[1] < 0.4 * moved[0]
+    assert moved[2] < 0.6 * moved[1]
+
+
+@pytest.mark.parametrize("told", ["at_begin", "at_end"])
+def test_a_slanting_border_met_late_or_early_tells_of_the_place_across_too(told: str) -> None:
+    """At a corner of 135° a machine 0.3 m right of its lane meets the crop 0.3 m later, and loses
+    it as much earlier."""
+    width_m, right_m, early_m = VEHICLE.pass_m, 0.3, 0.1
+    side = Side(0.0, 0.0, 0.0, 10.0, width_m, 10.0, edge_begin_m=width_m, edge_end_m=width_m)
+    met_m = right_m if told == "at_begin" else side.length_m - early_m - right_m
+    for wrong_m in (0.0, 0.2):
+        position = Position(VEHICLE)
+        position.place(side, met_m, -right_m + wrong_m, 0.0)
+        getattr(position, told)(side, 0.0)
+        moved = position.across(side) - (-right_m + wrong_m)
+        assert moved == pytest.approx(0.0, abs=1e-6) if wrong_m == 0.0 else moved < -0.01
+        if wrong_m == 0.0:
+            assert position.along(side) == pytest.approx(met_m, abs=1e-6)
+
+
+def test_an_edge_seen_farther_ahead_counts_less() -> None:
+    """Its direction is not seen, and the crop's first corner is not its edge."""
+    moved = []
+    for ahead_m in (0.0, 0.5, 1.0):
+        lane = settled()
+        lane.place(0.0, 0.0, 0.12, math.radians(0.1))
+        lane.correct(-0.1, math.nan, 0.9, (0.0, 0.0), ahead_m=ahead_m)
+        moved.append(lane.offset_m)
+    assert 0.07 < moved[0] < 0.1
+    assert moved[1] < 0.85 * moved[0]
+    assert moved[2] < 0.7 * moved[1]
+
+
+def pictures_until_believed(lane: Lane, offset_m: float, most: int = 200) -> int:
+    for k in range(most):
+        if lane.correct(edge_at(offset_m, 0.0), 0.0, 0.9, (0.0, 0.0)):
+            return k
+    return most
+
+
+def test_a_lane_that_a_turn_left_askew_yields_soon_and_a_sure_one_outlasts_a_patch() -> None:
+    """At 10 pictures a second and 0.5 m/s: half a metre are 10 pictures, 1.5 m 30."""
+    askew = settled()
+    askew.place(0.0, 0.0, 0.12, math.radians(2.5))
+    assert pictures_until_believed(askew, 0.45) <= 10
+    assert 30 < pictures_until_believed(settled(), 0.3) < 200
+
+
+def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None:
+    position = Position(VEHICLE)
+    position.place(Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0), 2.0, 0.1, 0.3)
+    for k in range(40):
+        position.predict(motion(STEP_M * k, 0.02 * k), cutting=True)
+    x, y, yaw = position.pose
+    reach = np.array([[0.0, 0.0], [1.5, 0.5], [-0.3, -0.4]])
+    c, s = math.cos(yaw), math.sin(yaw)
+    points = reach @ np.array([[c, s], [-s, c]]) + (x, y)
+    rng = np.random.default_rng(1)
+    poses = rng.multivariate_normal([x, y, yaw], position._p[:3, :3], 40_000)
+    stated = position.covariance_of(points)
+    for point, found in zip(reach, stated, strict=True):
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        drawn = [
+            poses[:, 0] + cos * point[0] - sin * point[1],
+            poses[:, 1] + sin * point[0] + cos * point[1],
+        ]
+        assert found == pytest.approx(np.cov(drawn), rel=0.05, abs=1e-4)
+    assert stated[0] == pytest.approx(position._p[:2, :2])

@@ -1,0 +1,234 @@
+"""Facts about dead reckoning: what it learns from, what it does not, and how far."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from host.core.messages import Fix, State, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.odometry import Odometry
+from host.estimate.rolling import Slope
+
+VEHICLE = Vehicle()
+DUTY = 128
+
+
+def telemetry(
+    t: float, *, angle: float = 0.0, duty: int = DUTY, blade: bool = False,
+    speed: float | None = None, distance: float = 0.0,
+) -> Telemetry:  # fmt: skip
+    return Telemetry(t, State.RUNNING, 0, angle, angle, 0, duty, blade, speed, distance, 12.0, 0, 0)
+
+
+def driven(
+    ratio: float,
+    seconds: int,
+    odometry: Odometry | None = None,
+    *,
+    angle: float = 0.0,
+    duty: int = DUTY,
+    blade: bool = False,
+    speed: float | None = None,
+) -> Odometry:
+    """After a drive whose Doppler speed was `ratio` times the duty model's."""
+    made = odometry or Odometry(VEHICLE)
+    begin = made.now.stamp if math.isfinite(made.now.stamp) else 0.0
+    for k in range(1, 50 * seconds + 1):
+        now = begin + 0.02 * k
+        told = telemetry(now, angle=angle, duty=duty, blade=blade, speed=speed)
+        made.update(told)
+        if k % 50 == 0:
+            doppler = ratio * VEHICLE.duty_speed(duty, 12.0)
+            made.learn(Fix(now, 31.5, 74.3, 1, 1.0, 8, doppler), told, 1.0)
+    return made
+
+
+def test_the_gain_is_learned_on_straights_only() -> None:
+    assert driven(0.8, 60, angle=math.radians(20)).gain == 1.0
+    assert driven(0.8, 60).gain == pytest.approx(0.8, abs=0.02)
+
+
+def test_at_a_crawl_nothing_is_learned() -> None:
+    assert driven(0.8, 60, duty=30).gain == 1.0
+
+
+def test_where_the_wheels_are_counted_there_is_nothing_to_learn() -> None:
+    assert driven(0.8, 60, speed=0.5).gain == 1.0
+
+
+def test_a_gain_beyond_belief_is_not_learned() -> None:
+    assert driven(3.0, 300).gain == 1.4
+    assert driven(0.1, 300).gain == 0.6
+
+
+def test_cutting_and_driving_are_learned_apart() -> None:
+    made = driven(0.7, 60, blade=True)
+    assert made.gain == pytest.approx(0.7, abs=0.02)
+    made = driven(1.1, 60, made)
+    assert made.gain == pytest.approx(1.1, abs=0.02)
+    made.update(telemetry(made.now.stamp + 0.02, blade=True))
+    assert made.gain == pytest.approx(0.7, abs=0.02)
+
+
+def test_what_was_learned_long_ago_can_be_learned_anew() -> None:
+    """A battery runs down in an hour."""
+    made = driven(1.0, 1800)
+    assert driven(0.9, 120, made).gain == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_trim_beyond_belief_is_not_taken() -> None:
+    made = Odometry(VEHICLE)
+    for curvature, trim_deg in ((1.0, 4.0), (-2.0, -4.0)):
+        made.turn_trim(curvature)
+        assert math.degrees(made.trim_rad) == pytest.approx(trim_deg)
+
+
+def test_a_late_picture_finds_the_motion_of_its_own_time() -> None:
+    made = Odometry(VEHICLE)
+    for k in range(101):
+        made.update(telemetry(0.02 * k, speed=0.5, distance=0.01 * k))
+    for late in (0.0, 0.1, 0.5, 1.0):
+        assert made.at(2.0 - late).distance_m == pytest.approx(1.0 - 0.5 * late, abs=0.011)
+    assert made.at(-5.0).stamp == pytest.approx(0.5, abs=0.021), "as far back as it remembers"
+
+
+def test_what_the_machine_turns_is_learned_from_turns_whose_result_is_known() -> None:
+    made = Odometry(VEHICLE)
+    for _ in range(5):
+        before = made.now.yaw_rad
+        driven(1.0, 5, made, angle=math.radians(40))
+        reckoned = made.now.yaw_rad - before
+        made.turned(reckoned, 0.96 * reckoned / made.yaw_gain)
+    assert made.yaw_gain == pytest.approx(0.96, abs=0.005)
+
+
+def test_one_turn_that_went_wrong_does_not_undo_many() -> None:
+    made = Odometry(VEHICLE)
+    for _ in range(20):
+        made.turned(math.pi / 2 * made.yaw_gain, math.pi / 2)
+    made.turned(math.pi / 2, math.pi / 2 - 0.2)
+    assert made.yaw_gain == pytest.approx(1.0, abs=0.01)
+
+
+PULSE_M = 0.02
+
+
+class Slide:
+    """A machine with one hall sensor on a slope: what it truly does, and what it reports."""
+
+    def __init__(self, uphill: float) -> None:
+        self.uphill = uphill
+        """By how much slower than its duty says the machine drives forward, m/s; braked it creeps
+        downhill with a third of it."""
+        self.odometry = Odometry(VEHICLE)
+        self.now = self.speed = self.place = self.way = self.counted = 0.0
+        self.pulses, self.pulsed_s, self.pulse_s = 0, 0.0, 1.0
+        self.sign = 1.0
+
+    def drive(self, seconds: float, duty: int, angle: float = 0.0) -> None:
+        level = math.copysign(VEHICLE.duty_speed(abs(duty), 12.0), duty) if duty else 0.0
+        for _ in range(round(50 * seconds)):
+            self.now += 0.02
+            steady = level - self.uphill if duty else -self.uphill / 3
+            self.speed += (steady - self.speed) * 0.02 / 0.1
+            step = self.speed * 0.02
+            self.place += step
+            self.way += abs(step)
+            self.sign = math.copysign(1.0, duty) if duty else self.sign
+            if int(self.way / PULSE_M) > self.pulses:
+                self.pulses += 1
+                self.counted += self.sign * PULSE_M
+                self.pulse_s, self.pulsed_s = self.now - self.pulsed_s, self.now
+            speed = PULSE_M / max(self.pulse_s, self.now - self.pulsed_s)
+            told = telemetry(
+                self.now, angle=angle, duty=duty, speed=self.sign * speed, distance=self.counted
+            )
+            self.odometry.update(told)
+
+    @property
+    def lost_m(self) -> float:
+        return self.place - self.odometry.now.distance_m
+
+
+@pytest.mark.parametrize("uphill", [0.35, -0.35])
+@pytest.mark.parametrize("duty", [90, -90])
+def test_a_machine_that_rolls_while_it_stands_is_not_counted_as_going_on(
+    uphill: float, duty: int
+) -> None:
+    """Once it has driven a little it knows where downhill is. Between two pulses it turns round."""
+    slide = Slide(uphill)
+    slide.drive(4.0, 110)
+    slide.drive(4.0, -110)
+    slide.drive(2.0, duty)
+    before = slide.lost_m
+    slide.drive(5.0, 0)
+    assert abs(slide.lost_m - before) < 0.1
+    assert slide.odometry.now.speed_mps == pytest.approx(slide.speed, abs=0.03)
+
+
+def test_uphill_too_a_machine_runs_out_before_it_rolls_back() -> None:
+    slide = Slide(0.35)
+    slide.drive(4.0, 110)
+    slide.drive(4.0, -110)
+    slide.drive(2.0, 200)
+    slide.drive(0.1, 0)
+    assert slide.speed > 0.0
+    assert slide.odometry.now.speed_mps > 0.0
+
+
+@pytest.mark.parametrize("uphill", [0.2, 0.35])
+@pytest.mark.parametrize("duty", [90, -90])
+def test_a_machine_that_turns_round_shows_it_by_its_speed_alone(
+    monkeypatch: pytest.MonkeyPatch, uphill: float, duty: int
+) -> None:
+    """Nothing is known of the slope: it rolls back where driving was uphill, on where it was
+    downhill."""
+    monkeypatch.setattr(Slope, "rolls", lambda *_: 0)
+    slide = Slide(uphill)
+    slide.drive(2.0, duty)
+    before = slide.lost_m
+    slide.drive(5.0, 0)
+    assert abs(slide.lost_m - before) < 3 * PULSE_M
+    assert slide.odometry.now.speed_mps == pytest.approx(slide.speed, abs=0.02)
+
+
+def test_a_machine_that_runs_away_has_not_turned_round() -> None:
+    """Its outputs are off and the brake is: downhill it only becomes the faster."""
+    slide = Slide(-0.9)
+    slide.drive(2.0, 30)
+    slide.drive(0.4, 0)
+    slide.uphill = -2.4
+    before = slide.lost_m
+    slide.drive(2.0, 0)
+    assert slide.speed > 0.7
+    assert abs(slide.lost_m - before) < 0.05
+
+
+def test_on_the_level_a_machine_that_runs_out_counts_as_it_goes() -> None:
+    slide = Slide(0.0)
+    slide.drive(2.0, 90)
+    slide.drive(2.0, 0)
+    assert abs(slide.lost_m) < 0.03
+
+
+def test_the_slope_is_known_in_every_direction() -> None:
+    slope = Slope()
+    for yaw, loss in ((0.0, 0.15), (math.pi / 2, 0.05), (math.pi, -0.05), (-math.pi / 2, 0.05)):
+        for _ in range(100):
+            slope.learn(yaw, 0.3, 0.3 + loss, cutting=False)
+    assert [slope.rolls(k * math.pi / 2) for k in range(4)] == [-1, 0, 1, 0]
+
+
+def test_crop_before_the_blade_is_no_slope() -> None:
+    """It takes as much in every direction."""
+    slope = Slope()
+    for k in range(8):
+        for _ in range(100):
+            slope.learn(k * math.pi / 2, 0.3, 0.5, cutting=True)
+    assert [slope.rolls(k * math.pi / 2) for k in range(4)] == [0, 0, 0, 0]
+    for _ in range(100):
+        slope.learn(0.0, 0.3, 0.6, cutting=True)
+        slope.learn(math.pi, 0.3, 0.4, cutting=True)
+    assert [slope.rolls(k * math.pi) for k in range(2)] == [-1, 1]

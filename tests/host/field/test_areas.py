@@ -1,0 +1,217 @@
+"""Facts about the three areas and the geofence."""
+
+from __future__ import annotations
+
+import math
+import timeit
+
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from host.core.errors import UserError
+from host.core.vehicle import Vehicle
+from host.field.areas import GAP_MARGIN_M, Geofence, Level, areas_of, outline_of, placed
+
+GAP_M = 2.0
+WELL = shapely.box(12, 12, 13, 13)
+FIELD = shapely.Polygon(shapely.box(0, 0, 20, 20).exterior.coords, [WELL.exterior.coords])
+AREAS = areas_of(FIELD, GAP_M)
+FENCE = Geofence(AREAS)
+OUTLINE = outline_of(Vehicle())
+CERTAIN = np.zeros((2, 2))
+
+
+def test_wheels_may_go_up_to_the_neighbours_crop_less_a_margin() -> None:
+    reach = GAP_M - GAP_MARGIN_M
+    assert AREAS.permitted.equals(shapely.box(-reach, -reach, 20 + reach, 20 + reach))
+
+
+def test_the_price_is_the_share_that_stays_standing() -> None:
+    plain = shapely.box(0, 0, 20, 10)
+    assert areas_of(plain, GAP_M).price == 0.0
+    inset = areas_of(plain, GAP_M, inset_m=0.5)
+    assert inset.price == pytest.approx(1 - 19 * 9 / 200)
+    assert AREAS.price == pytest.approx((1.6**2 - 1) / (400 - 1)), "the margin of the well"
+
+
+def test_an_inset_changes_what_is_cut_and_not_where_wheels_may_go() -> None:
+    assert areas_of(FIELD, GAP_M, inset_m=1.0).permitted.equals(AREAS.permitted)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"inset_m": 10.0}, "nothing is left to cut"),
+        ({"inset_m": -1.0}, "inset is -1 m"),
+        ({"inset_m": math.nan}, "inset is nan m"),
+        ({"gap_m": 0.1}, "no room for the machine's wheels"),
+    ],
+)
+def test_areas_that_cannot_be_are_one_message(change: dict[str, float], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        areas_of(FIELD, **{"gap_m": GAP_M, **change})
+
+
+def test_an_inset_that_parts_the_crop_is_refused() -> None:
+    waisted = shapely.union_all(
+        [shapely.box(0, 0, 10, 10), shapely.box(10, 4.5, 20, 5.5), shapely.box(20, 0, 30, 10)]
+    )
+    with pytest.raises(UserError, match="part the crop into 2 pieces"):
+        areas_of(waisted, GAP_M, inset_m=0.6)
+
+
+def test_the_outline_holds_the_blade_and_the_body() -> None:
+    vehicle = Vehicle()
+    assert OUTLINE.max(0) == pytest.approx([vehicle.blade_x_m + 0.05, vehicle.blade_width_m / 2])
+    assert OUTLINE.min(0) == pytest.approx([-vehicle.rear_overhang_m, -vehicle.blade_width_m / 2])
+    assert shapely.LinearRing(OUTLINE).is_ccw
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7))
+def test_placing_turns_then_shifts(x: float, y: float, heading: float) -> None:
+    tip = placed(np.array([[2.0, 0.0], [0.0, 1.0]]), x, y, heading)
+    assert tip[0] == pytest.approx([x + 2 * math.cos(heading), y + 2 * math.sin(heading)])
+    assert tip[1] == pytest.approx([x - math.sin(heading), y + math.cos(heading)])
+
+
+# ---- the geofence --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "level"),
+    [
+        (10.0, 0.5, Level.CLEAR),
+        (20.0, 0.0, Level.CLEAR),
+        (20.2, 0.0, Level.SLOW),
+        (19.5, 0.5, Level.SLOW),
+        (20.1, 0.5, Level.STOP),
+        (19.5, 5.0, Level.STOP),
+        (20.3, 0.0, Level.STOP),
+        (25.0, 0.0, Level.STOP),
+    ],
+)
+def test_the_border_slows_and_then_stops(x: float, speed: float, level: Level) -> None:
+    """The blade's front is 1.55 m ahead of the rear axle, the border at 21.8 m."""
+    verdict = FENCE.check(placed(OUTLINE, x, 3.0, 0.0), CERTAIN, (speed, 0.0))
+    assert verdict.level is level
+    if level is not Level.CLEAR:
+        assert verdict.clearance_m == pytest.approx(21.8 - 1.55 - x)
+        assert "the permitted area's border" in verdict.reason
+
+
+def test_travel_counts_in_every_direction() -> None:
+    outline = placed(OUTLINE, 3.0, 20.1, math.pi / 2)
+    assert FENCE.check(outline, CERTAIN, (0.0, 0.5)).level is Level.STOP
+    assert FENCE.check(outline, CERTAIN, (0.5, 0.0)).level is Level.SLOW
+
+
+@pytest.mark.parametrize("way_deg", [0.0, 22.5, 67.5])
+def test_two_standard_deviations_count_in_every_direction(way_deg: float) -> None:
+    way = math.radians(way_deg)
+    field = shapely.affinity.rotate(shapely.box(-10, -10, 10, 10), way_deg, (0, 0))
+    fence = Geofence(areas_of(field, GAP_M))
+    speck = np.array([(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3)])
+    reach = 10 + GAP_M - GAP_MARGIN_M - 0.39
+    spread = 0.2**2 * np.eye(2)
+    at = (reach * math.cos(way), reach * math.sin(way))
+    assert fence.check(speck + np.array(at), spread).level is Level.STOP
+
+
+def test_a_keep_out_stops_and_is_named() -> None:
+    verdict = FENCE.check(placed(OUTLINE, 11.0, 12.5, 0.0), CERTAIN)
+    assert verdict.level is Level.STOP
+    assert verdict.clearance_m < 0
+    assert "beyond keep-out 1" in verdict.reason
+    before = FENCE.check(placed(OUTLINE, 10.0, 12.5, 0.0), CERTAIN)
+    assert before.level is Level.SLOW
+    assert before.clearance_m == pytest.approx(12 - 0.3 - 11.55)
+
+
+def test_without_a_position_it_stops() -> None:
+    for bad in (math.nan, math.inf):
+        verdict = FENCE.check(placed(OUTLINE, 5, 5, 0), np.diag([bad, 1.0]))
+        assert verdict.level is Level.STOP
+        assert verdict.reason == "the position is unknown"
+
+
+def covariance(along: float, across: float, way: float) -> NDArray[np.float64]:
+    axes = np.array([[math.cos(way), -math.sin(way)], [math.sin(way), math.cos(way)]])
+    found: NDArray[np.float64] = axes @ np.diag([along**2, across**2]) @ axes.T
+    return found
+
+
+def test_a_corner_counts_with_its_own_uncertainty() -> None:
+    """The blade's, before the machine, and not the tail's."""
+    outline = placed(OUTLINE, 10.0, 19.9, math.pi / 2)
+    clearance = FENCE.clearance(outline)
+    assert 0.2 < clearance < 0.5
+    before = outline[:, 1] > 21.0
+
+    def level(unsure: NDArray[np.bool_]) -> Level:
+        variance = np.where(unsure, (clearance / 1.9) ** 2, 0.0)
+        return FENCE.check(outline, variance[:, None, None] * np.eye(2)).level
+
+    assert level(before) is Level.STOP
+    assert level(~before) is FENCE.check(outline, CERTAIN).level < Level.STOP
+
+
+places = st.tuples(st.floats(-4, 24), st.floats(-4, 24), st.floats(-4, 4))
+spreads = st.tuples(st.floats(0, 1.5), st.floats(0, 1.5), st.floats(-4, 4))
+velocities = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
+
+
+@given(places, spreads, velocities, st.floats(0, math.tau), st.floats(0, 1))
+def test_not_stopped_means_inside_wherever_the_machine_may_really_be(
+    place: tuple[float, float, float],
+    spread: tuple[float, float, float],
+    velocity: tuple[float, float],
+    way: float,
+    share: float,
+) -> None:
+    """Within two standard deviations in any direction, now and until it would stand."""
+    along, across, axis = spread
+    outline = placed(OUTLINE, *place)
+    if FENCE.check(outline, covariance(*spread), velocity).level is Level.STOP:
+        return
+    u, v = 2 * along * math.cos(way), 2 * across * math.sin(way)
+    error = (
+        u * math.cos(axis) - v * math.sin(axis),
+        u * math.sin(axis) + v * math.cos(axis),
+    )
+    travel = np.array(velocity) * 0.6 * share
+    truth = shapely.Polygon(outline + np.array(error) * (1 - 1e-6) + travel)
+    assert AREAS.permitted.contains(truth)
+    assert not AREAS.keep_outs[0].intersects(truth)
+
+
+@given(places, spreads, velocities, st.floats(1, 3))
+def test_knowing_less_never_permits_more(
+    place: tuple[float, float, float],
+    spread: tuple[float, float, float],
+    velocity: tuple[float, float],
+    factor: float,
+) -> None:
+    outline, known = placed(OUTLINE, *place), covariance(*spread)
+    less = FENCE.check(outline, known * factor**2 + 1e-9 * np.eye(2), velocity).level
+    assert less >= FENCE.check(outline, known, velocity).level
+
+
+@given(places, velocities)
+def test_speed_never_permits_more(
+    place: tuple[float, float, float], velocity: tuple[float, float]
+) -> None:
+    outline = placed(OUTLINE, *place)
+    standing = FENCE.check(outline, CERTAIN).level
+    assert FENCE.check(outline, CERTAIN, velocity).level >= standing
+
+
+def test_it_can_be_asked_at_every_step() -> None:
+    """Far below the pilot's 50 ms on any machine, whatever else runs."""
+    outline, known = placed(OUTLINE, 17.0, 0.45, 0.0), covariance(0.3, 0.1, 0.0)
+    took = min(timeit.repeat(lambda: FENCE.check(outline, known, (0.5, 0.0)), number=100)) / 100
+    assert took < 1e-3

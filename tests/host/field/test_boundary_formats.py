@@ -1,0 +1,300 @@
+"""Facts about the files that a field is read from and written to."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyproj import CRS, Transformer
+
+from host.core.errors import UserError
+from host.field.boundary_file import Boundary, LatLon, boundary_of, load_field, save_field
+from host.sensors.nmea import LocalFrame
+from tests.helpers.console import Cli
+
+SUFFIXES = (".geojson", ".kml", ".shp", ".xml")
+MILLIMETRE = 1e-3
+"""GDAL rounds a run of nines in text: not to the last of the digits that it writes."""
+FRAME = LocalFrame(31.5, 74.3)
+POND = shapely.Polygon(
+    [(0, 0), (40, 0), (40, 30), (0, 30)], [[(10, 10), (14, 10), (14, 15), (10, 15)]]
+)
+
+
+@st.composite
+def fields(draw: st.DrawFn) -> Boundary:
+    """Star-shaped fields of 3 to 12 corners anywhere on earth, with up to two round keep-outs."""
+    frame = LocalFrame(draw(st.floats(-70, 70)), draw(st.floats(-179, 179)))
+    count = draw(st.integers(3, 12))
+    radii = draw(st.lists(st.floats(20, 200), min_size=count, max_size=count))
+    ring = [
+        (r * math.cos(k * math.tau / count), r * math.sin(k * math.tau / count))
+        for k, r in enumerate(radii)
+    ]
+    holes = [
+        [(x + math.cos(a), math.sin(a)) for a in np.linspace(0, math.tau, 5, endpoint=False)]
+        for x in draw(st.sampled_from([(), (0.0,), (-2.0, 2.0)]))
+    ]
+    name = draw(st.text(st.characters(codec="utf-8", categories=["L", "N"]), max_size=20))
+    polygon = shapely.Polygon(ring, holes)
+    if not polygon.is_valid:  # a triangle of long and short rays may not hold them
+        polygon = shapely.Polygon(ring)
+    return boundary_of(polygon, frame, name)
+
+
+def assert_same(a: Boundary, b: Boundary) -> None:
+    """The same rings, whichever corner comes first and in whichever order the keep-outs do."""
+    frame = a.frame
+
+    def rings(boundary: Boundary) -> list[list[LatLon]]:
+        found = []
+        for ring in (boundary.crop, *boundary.keep_outs):
+            local = [frame.to_local(*corner) for corner in ring]
+            first = min(range(len(local)), key=lambda k: (round(local[k][0], 2), local[k][1]))
+            found.append(local[first:] + local[:first])
+        return [found[0], *sorted(found[1:])]
+
+    for one, other in zip(rings(a), rings(b), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=MILLIMETRE)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@settings(max_examples=25, deadline=None)
+@given(field=fields())
+def test_what_is_written_is_read_back(suffix: str, field: Boundary) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"field{suffix}"
+        save_field(path, field)
+        back = load_field(path)
+    assert_same(field, back)
+    if field.name:
+        assert back.name == field.name
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+def test_corners_keep_their_numbers(tmp_path: Path, suffix: str) -> None:
+    """The survey's picture numbers them, `--start` and `--corner` name them."""
+    field = boundary_of(shapely.Polygon(POND.exterior), FRAME)
+    save_field(path := tmp_path / f"field{suffix}", field)
+    for before, after in zip(field.crop, load_field(path).crop, strict=True):
+        assert after == pytest.approx(before, abs=1e-8)
+
+
+@settings(max_examples=25, deadline=None)
+@given(field=fields())
+def test_csv_keeps_the_crops_edge(field: Boundary) -> None:
+    bare = Boundary(field.crop)
+    with tempfile.TemporaryDirectory() as folder:
+        save_field(path := Path(folder) / "field.csv", bare)
+        assert_same(bare, load_field(path))
+
+
+def test_csv_refuses_keep_outs_rather_than_losing_them(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="CSV has no keep-outs"):
+        save_field(tmp_path / "field.csv", boundary_of(POND, FRAME))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_latitude_and_longitude_keep_their_places(tmp_path: Path, suffix: str) -> None:
+    """Lahore: a swap would put the field beyond the Arctic circle."""
+    path = tmp_path / f"field{suffix}"
+    save_field(path, boundary_of(POND, FRAME))
+    for lat, lon in load_field(path).crop:
+        assert lat == pytest.approx(31.5, abs=0.01)
+        assert lon == pytest.approx(74.3, abs=0.01)
+
+
+def test_geojson_has_longitude_first_and_the_outer_ring_counter_clockwise(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    save_field(path, boundary_of(POND, FRAME))
+    outer, hole = json.loads(path.read_text())["features"][0]["geometry"]["coordinates"]
+    assert outer[0] == pytest.approx([74.3, 31.5], abs=1e-9)
+    assert shapely.LinearRing(outer).is_ccw
+    assert not shapely.LinearRing(hole).is_ccw
+
+
+@pytest.mark.parametrize(
+    "crs",
+    ["EPSG:32643", "EPSG:24378", "EPSG:3857"],
+    ids=["UTM 43 N", "Kalianpur India zone I", "web Mercator"],
+)
+def test_a_projected_shapefile_is_read_through_its_prj(tmp_path: Path, crs: str) -> None:
+    field = boundary_of(POND, FRAME)
+    transformer = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    projected = shapely.Polygon(
+        [transformer.transform(lon, lat) for lat, lon in field.crop],
+        [[transformer.transform(lon, lat) for lat, lon in ring] for ring in field.keep_outs],
+    )
+    path = tmp_path / "field.shp"
+    write(path, [projected], crs)
+    assert CRS(path.with_suffix(".prj").read_text()).is_projected
+    assert_same(field, load_field(path))
+
+
+def write(path: Path, shapes: list[shapely.Geometry], crs: str | None = "EPSG:4326") -> None:
+    pyogrio.raw.write(
+        path,
+        geometry=shapely.to_wkb(np.array(shapes, dtype=object)),
+        field_data=[],
+        fields=[],
+        geometry_type=shapes[0].geom_type,
+        driver={".kml": "KML"}.get(path.suffix),
+        crs=crs,
+    )
+
+
+@pytest.mark.filterwarnings("ignore:'crs' was not provided")
+def test_a_shapefile_without_prj_is_refused_not_guessed(tmp_path: Path) -> None:
+    path = tmp_path / "field.shp"
+    write(path, [shapely.box(74.3, 31.5, 74.301, 31.501)], None)
+    with pytest.raises(UserError, match=r"put the \.prj file"):
+        load_field(path)
+
+
+def test_a_polygon_inside_the_field_is_a_keep_out(tmp_path: Path) -> None:
+    """As one draws a tree in a map program."""
+    path = tmp_path / "field.kml"
+    write(
+        path,
+        [shapely.box(74.3, 31.5, 74.301, 31.501), shapely.Point(74.3005, 31.5005).buffer(1e-5)],
+    )
+    assert len(load_field(path).keep_outs) == 1
+
+
+def test_two_fields_side_by_side_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "fields.geojson"
+    write(
+        path, [shapely.box(74.3, 31.5, 74.301, 31.501), shapely.box(74.302, 31.5, 74.303, 31.501)]
+    )
+    with pytest.raises(UserError, match="2 fields side by side"):
+        load_field(path)
+
+
+@pytest.mark.parametrize(
+    ("ring", "message"),
+    [
+        ([(0, 0), (10, 10), (10, 0), (0, 10)], "sides cross"),
+        ([(0, 0), (10, 0), (20, 0.05)], "encloses 0.2 m2"),
+    ],
+)
+def test_no_polygon_is_no_field(ring: list[LatLon], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        boundary_of(shapely.Polygon(ring), FRAME)
+
+
+def test_keep_outs_that_cross_are_refused() -> None:
+    holes = [list(shapely.box(x, 5, x + 5, 10).exterior.coords) for x in (5, 8)]
+    with pytest.raises(UserError, match="keep-outs cross"):
+        boundary_of(shapely.Polygon(POND.exterior, holes), FRAME)
+
+
+# ---- ISOXML --------------------------------------------------------------------------------------
+
+SQUARE = "".join(
+    f'<PNT A="2" C="{lat}" D="{lon}"/>'
+    for lat, lon in [(31.5, 74.3), (31.5, 74.301), (31.501, 74.301), (31.501, 74.3)]
+)
+TREE = "".join(
+    f'<PNT A="5" C="{lat}" D="{lon}"/>'
+    for lat, lon in [(31.5004, 74.3004), (31.5004, 74.3005), (31.5005, 74.3005)]
+)
+
+
+def task(body: str) -> str:
+    return f'<?xml version="1.0"?><ISO11783_TaskData VersionMajor="3">{body}</ISO11783_TaskData>'
+
+
+def partfield(name: str, inner: str = f'<LSG A="1">{SQUARE}</LSG>') -> str:
+    return f'<PFD A="PFD1" C="{name}" D="0"><PLN A="1">{inner}</PLN></PFD>'
+
+
+def test_isoxml_from_another_program_is_read(tmp_path: Path) -> None:
+    """A task set's folder, an obstacle of its own, elements of no concern."""
+    folder = tmp_path / "TASKDATA"
+    folder.mkdir()
+    obstacle = f'<PLN A="6"><LSG A="1">{TREE}</LSG></PLN>'
+    road = f'<PLN A="5"><LSG A="1">{SQUARE}</LSG></PLN>'
+    body = '<CTR A="CTR1" B="Farmer"/>' + partfield("North").replace(
+        "</PFD>", obstacle + road + "</PFD>"
+    )
+    (folder / "TASKDATA.XML").write_text(task(body))
+    field = load_field(tmp_path)
+    assert field.name == "North"
+    assert field.crop[0] == (31.5, 74.3)
+    assert len(field.crop) == 4
+    assert len(field.keep_outs) == 1
+
+
+def test_isoxml_partfields_in_a_file_of_their_own_are_found(tmp_path: Path) -> None:
+    (tmp_path / "TASKDATA.XML").write_text(task('<XFR A="PFD00001" B="1"/>'))
+    path = tmp_path / "TASKDATA.XML"
+    with pytest.raises(UserError, match=r"refers to PFD00001\.XML"):
+        load_field(path)
+    (tmp_path / "PFD00001.XML").write_text(f"<XFC>{partfield('South')}</XFC>")
+    assert load_field(path).name == "South"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<kml/>", "its root is <kml>"),
+        ("<ISO11783", "not XML that can be read"),
+        (
+            '<!DOCTYPE x [<!ENTITY a "b">]><ISO11783_TaskData>&a;</ISO11783_TaskData>',
+            "not XML that can be read",
+        ),
+        (task(""), "no partfield"),
+        (task(partfield("North") + partfield("South")), "the partfields North, South"),
+        (task(partfield("N", f'<LSG A="1">{SQUARE}</LSG>' * 2)), "2 outer rings"),
+        (task(partfield("N", '<LSG A="1"><PNT A="2" J="x.bin"/></LSG>')), "binary file"),
+        (task(partfield("N", '<LSG A="1"><PNT A="2" C="31"/></LSG>')), "no numbers in C"),
+    ],
+)
+def test_bad_isoxml_is_one_message(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "TASKDATA.XML"
+    path.write_text(text)
+    with pytest.raises(UserError, match=message) as error:
+        load_field(path)
+    assert str(path) in str(error.value)
+
+
+# ---- anything at all -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+@settings(max_examples=25, deadline=None)
+@given(data=st.one_of(st.binary(max_size=200), st.just(task(partfield("N")).encode()[:-40])))
+def test_garbage_is_one_message(suffix: str, data: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"field{suffix}"
+        path.write_bytes(data)
+        try:
+            load_field(path)
+        except UserError as error:
+            assert "\n" not in str(error)
+
+
+def test_the_command_converts_and_says_what_it_wrote(tmp_path: Path, cli: Cli) -> None:
+    save_field(source := tmp_path / "field.kml", boundary_of(POND, FRAME, "Pond"))
+    target = tmp_path / "TASKDATA.XML"
+    code, out, err = cli("convert", str(source), str(target))
+    assert (code, err) == (0, "")
+    assert "Pond, 4 corners, 1 keep-outs, 1180 m2" in out
+    assert_same(load_field(source), load_field(target))
+
+
+@pytest.mark.parametrize("name", ["field.dwg", "nowhere/field.kml"])
+def test_a_target_that_cannot_be_is_one_message(tmp_path: Path, cli: Cli, name: str) -> None:
+    save_field(source := tmp_path / "field.kml", boundary_of(POND, FRAME))
+    code, _, err = cli("convert", str(source), str(tmp_path / name))
+    assert code == 2
+    assert "cannot write" in err
+    assert len(err.splitlines()) == 1

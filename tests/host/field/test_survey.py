@@ -1,0 +1,427 @@
+"""Facts about walks, the loops in them and the boundary that comes out."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from host.core.errors import UserError
+from host.core.messages import Fix
+from host.field.boundary_file import load_field
+from host.field.survey import Survey, straight_sides, survey_track, with_keep_out
+from host.field.walk import (
+    SPIKE_FIXES,
+    Track,
+    find_loops,
+    mean_ring,
+    read_fixes,
+    resampled,
+    track_of,
+)
+from host.sensors.nmea import LocalFrame, Receiver
+from sim_plant.gnss import GnssSpec
+from tests.helpers.console import Cli
+from tests.helpers.walker import PERFECT, Place, around, walk
+
+DATA = Path(os.environ.get("DARANTI_DATA", Path(__file__).parents[4] / "shared" / "data"))
+LIMIT_S = 60.0
+ORIGIN = LocalFrame(PERFECT.lat_deg, PERFECT.lon_deg)
+SQUARE: list[Place] = [(0, 0), (20, 0), (20, 20), (0, 20)]
+ELL: list[Place] = [(0, 0), (30, 0), (30, 12), (14, 12), (14, 25), (0, 25)]
+TREE: list[Place] = [(9, 9), (12, 9), (12, 12), (9, 12)]
+THERE: list[Place] = [(-40, -30), (-25, -5), (-1, 0)]
+SHAPES: dict[str, list[Place]] = {
+    "triangle": [(0, 0), (40, 0), (10, 25)],
+    "square": SQUARE,
+    "trapezoid": [(0, 0), (30, 0), (24, 18), (4, 15)],
+    "L": ELL,
+    "pentagon": [(0, 0), (25, -5), (40, 10), (22, 28), (-4, 18)],
+}
+
+
+def tracked(lines: list[str]) -> Track:
+    track = track_of(read_fixes((line.encode() + b"\r\n" for line in lines), Receiver()))
+    assert track is not None
+    return track
+
+
+def in_field(survey: Survey) -> shapely.Polygon:
+    """The surveyed field in the frame of the walker's places."""
+    boundary = survey.boundary("")
+    return boundary.polygon(ORIGIN)
+
+
+def iou(a: shapely.Polygon, b: shapely.Polygon) -> float:
+    return float(a.intersection(b).area / a.union(b).area)
+
+
+# ---- from fixes to a track -----------------------------------------------------------------------
+
+
+def fixes_at(places: list[Place], speed_mps: float | None = 1.0) -> list[Fix]:
+    return [
+        Fix(float(second), *ORIGIN.to_wgs84(x, y), 1, 1.0, 8, speed_mps)
+        for second, (x, y) in enumerate(places)
+    ]
+
+
+LINE: list[Place] = [(float(k), 0.0) for k in range(40)]
+
+
+def test_what_has_no_or_a_poor_position_is_left_out_and_counted() -> None:
+    fixes = fixes_at(LINE)
+    fixes[3] = Fix(3.0, math.nan, math.nan, 0, math.nan, 0)
+    fixes[7] = Fix(7.0, *ORIGIN.to_wgs84(7, 0), 1, 9.9, 4)
+    track = track_of(fixes)
+    assert track is not None
+    assert track.dropped == {"without a fix": 1, "HDOP above 5": 1}
+    assert len(track.xy) == len(LINE) - 2
+    assert not track.jumps_m.any(), "a missing fix is no jump"
+
+
+@given(st.integers(1, SPIKE_FIXES), st.floats(15, 500), st.integers(1, 25))
+def test_a_spike_is_rejected_and_the_walk_goes_on(length: int, height: float, at: int) -> None:
+    places = [(x, height if at <= k < at + length else y) for k, (x, y) in enumerate(LINE)]
+    track = track_of(fixes_at(places))
+    assert track is not None
+    assert track.dropped == {"spike": length}
+    assert len(track.rejected) == length
+    assert not track.jumps_m.any()
+
+
+def test_a_jump_that_stays_is_marked_where_it_is() -> None:
+    track = track_of(fixes_at([(x, 40.0 if k >= 20 else 0.0) for k, (x, _) in enumerate(LINE)]))
+    assert track is not None
+    assert np.flatnonzero(track.jumps_m).tolist() == [20]
+    assert track.jumps_m[20] == pytest.approx(math.hypot(40, 1), rel=1e-3)
+    assert track.length_m == pytest.approx(38, rel=1e-3)
+
+
+def test_what_was_walked_unseen_counts_as_a_jump() -> None:
+    fixes = fixes_at(LINE)
+    track = track_of(fixes[:10] + fixes[35:])
+    assert track is not None
+    assert track.jumps_m[10] == pytest.approx(26, rel=1e-3)
+
+
+def test_the_stamps_are_the_sentences_own_times_over_midnight_too() -> None:
+    places = [(float(k), 0.0) for k in range(6)]
+    spec = PERFECT.model_copy(
+        update={"start": PERFECT.start.replace(hour=23, minute=59, second=57)}
+    )
+    lines = walk(places, spec)
+    fixes = read_fixes((line.encode() + b"\r\n" for line in lines), Receiver())
+    steps = {round(b.stamp - a.stamp, 6) for a, b in pairwise(fixes)}
+    assert steps == {1.0}
+
+
+def test_no_position_at_all_is_no_track() -> None:
+    assert track_of([Fix(0.0, math.nan, math.nan, 0, math.nan, 0)]) is None
+
+
+# ---- loops ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("laps", [1, 2, 3, 5])
+@pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1], ELL], ids=["ccw", "cw", "L"])
+def test_every_lap_is_found_and_the_way_there_is_not_in_it(laps: int, corners: list[Place]) -> None:
+    loops = find_loops(tracked(walk([*THERE, *around(corners, laps), *THERE[::-1]])), 6.0)
+    assert loops is not None
+    area = shapely.Polygon(corners).area
+    assert len(loops.laps) == laps
+    for loop in loops.laps:
+        assert loop.polygon.area == pytest.approx(area, rel=0.05)
+        assert shapely.LinearRing(loop.xy).is_ccw
+    assert loops.keep_outs == []
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        [(0, 0), (100, 0)],
+        [(0, 0), (100, 0), (0, 0)],
+        [(0, 0), (100, 0), (100, 50), (100, 0), (0, 0)],
+        [(0, 0), (20, 0), (20, 20), (0, 20)],
+        [(0, 0), (0, 0)],
+    ],
+    ids=["a line", "there and back", "a corner and back", "a side missing", "standing"],
+)
+def test_a_walk_without_a_loop_has_none(way: list[Place]) -> None:
+    track = tracked(walk(way))
+    assert find_loops(track, 6.0) is None
+    with pytest.raises(UserError, match="no closed loop"):
+        survey_track(track)
+
+
+def test_a_small_loop_inside_is_a_keep_out_and_one_outside_is_not() -> None:
+    far = [(x + 60, y) for x, y in TREE]
+    way = [*around(SQUARE), (0, 10), *around(TREE), (0, 10), (0, 0), (60, 0), *around(far)]
+    loops = find_loops(tracked(walk(way)), 2.0)
+    assert loops is not None
+    assert (len(loops.laps), len(loops.keep_outs), loops.others) == (1, 1, 1)
+    found = survey_track(tracked(walk(way)), close_m=2.0)
+    (hole,) = in_field(found).interiors
+    assert iou(shapely.Polygon(hole), shapely.Polygon(TREE)) > 0.8
+    assert any("outside the field" in text for text in found.warnings)
+
+
+def test_a_lap_with_a_jump_is_left_aside_where_another_has_none() -> None:
+    shifted = [(x, y + 5) for x, y in SQUARE]
+    fixes = [
+        *_walked([*around(SQUARE), *around(SQUARE)[:3]]),
+        *_walked([*around(shifted)[2:], *around(shifted)[:1]]),
+    ]
+    renumbered = [
+        Fix(float(k), f.lat_deg, f.lon_deg, 1, 1.0, 8, f.speed_mps) for k, f in enumerate(fixes)
+    ]
+    track = track_of(renumbered)
+    assert track is not None
+    assert track.jumps_m.max() == pytest.approx(5, abs=0.5)
+    found = survey_track(track)
+    assert iou(in_field(found), shapely.Polygon(SQUARE)) > 0.97
+
+
+def _walked(way: list[Place]) -> list[Fix]:
+    return read_fixes((line.encode() + b"\r\n" for line in walk(way)), Receiver())
+
+
+# ---- the boundary --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_corners_are_counted_and_found(name: str) -> None:
+    corners = SHAPES[name]
+    found = survey_track(tracked(walk([*THERE, *around(corners, 2), *THERE[::-1]])))
+    assert found.corners == len(corners)
+    truth = shapely.MultiPoint(corners)
+    for x, y in in_field(found).exterior.coords:
+        assert truth.distance(shapely.Point(x, y)) < 0.3
+    assert found.residual_m < 0.1
+    assert found.warnings == []
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.floats(0, math.tau),
+    st.floats(12, 200),
+    st.floats(0.3, 1.0),
+    st.integers(0, 3),
+    st.booleans(),
+)
+def test_a_rectangle_is_found_however_it_lies_and_is_walked(
+    turn: float, length: float, aspect: float, start: int, clockwise: bool
+) -> None:
+    width = max(8.0, aspect * length)
+    c, s = math.cos(turn), math.sin(turn)
+    corners: list[Place] = [
+        (c * x - s * y, s * x + c * y)
+        for x, y in ((0, 0), (length, 0), (length, width), (0, width))
+    ]
+    if clockwise:
+        corners.reverse()
+    found = survey_track(tracked(walk(around(corners, 1, start))))
+    assert found.corners == 4
+    assert iou(in_field(found), shapely.Polygon(corners)) > 0.97
+
+
+def test_laps_average_a_phones_drift_away() -> None:
+    """Over twelve walks with 1 m CEP the mean of four laps has the shape better than one lap."""
+    truth = shapely.Polygon(SQUARE)
+    spec = GnssSpec(cep_m=1.0, jumps_per_hour=0.0, outages_per_hour=0.0)
+
+    def error(laps: int, seed: int) -> float:
+        found = survey_track(tracked(walk(around(SQUARE, laps), spec, seed)), corners=4)
+        return abs(found.polygon.area / truth.area - 1)
+
+    one, four = (float(np.mean([error(laps, seed) for seed in range(12)])) for laps in (1, 4))
+    assert four < 0.7 * one
+
+
+def test_a_phones_drift_makes_no_corners() -> None:
+    spec = GnssSpec(cep_m=0.5, jumps_per_hour=0.0, outages_per_hour=0.0)
+    counted = [survey_track(tracked(walk(around(SQUARE), spec, seed))).corners for seed in range(8)]
+    assert counted == [4] * 8
+
+
+def test_one_lap_can_be_taken_alone() -> None:
+    larger = [(1.2 * x, 1.2 * y) for x, y in SQUARE]
+    track = tracked(walk([*around(SQUARE), *around(larger)]))
+    areas = [survey_track(track, lap=lap).polygon.area for lap in (1, 2)]
+    assert areas == pytest.approx([400, 576], rel=0.03)
+    with pytest.raises(UserError, match="--lap 3: the walk has 2 laps"):
+        survey_track(track, lap=3)
+
+
+def test_an_irregular_field_keeps_its_edge() -> None:
+    angles = np.linspace(0, math.tau, 200, endpoint=False)
+    radii = 25 + 3 * np.cos(3 * angles)
+    blob: list[Place] = [
+        (float(r * math.cos(a)), float(r * math.sin(a))) for r, a in zip(radii, angles, strict=True)
+    ]
+    lines = walk(around(blob), seed=1)
+    found = survey_track(tracked(lines), irregular=True)
+    assert found.corners is None
+    assert iou(in_field(found), shapely.Polygon(blob)) > 0.98
+    assert len(found.polygon.exterior.coords) < 80
+    straight = survey_track(tracked(lines), corners=4)
+    assert any("--irregular keeps the edge" in text for text in straight.warnings)
+
+
+def test_corners_that_are_not_there_are_refused() -> None:
+    with pytest.raises(UserError, match="5 straight sides"):
+        straight_sides([resampled(np.array(SQUARE, dtype=float), 200)], 5)
+
+
+def test_a_keep_out_may_be_a_walk_of_its_own() -> None:
+    field = survey_track(tracked(walk(around(SQUARE))))
+    found = with_keep_out(field, tracked(walk(around(TREE, 2))), "tree.nmea")
+    (hole,) = in_field(found).interiors
+    assert iou(shapely.Polygon(hole), shapely.Polygon(TREE)) > 0.8
+    assert shapely.Polygon(hole).buffer(0.01).contains(shapely.Polygon(TREE)), "nothing is cut off"
+    far = tracked(walk(around([(x + 50, y) for x, y in TREE])))
+    with pytest.raises(UserError, match=r"tree\.nmea: the keep-out does not lie inside"):
+        with_keep_out(field, far, "tree.nmea")
+
+
+@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_the_mean_of_rings_lies_between_them(dx: float, dy: float) -> None:
+    angles = np.linspace(0, math.tau, 300, endpoint=False)
+    circle = 10 * np.column_stack([np.cos(angles), np.sin(angles)])
+    mean, apart = mean_ring([circle, circle + np.array([dx, dy])], 100)
+    centre = shapely.Polygon(mean).centroid
+    assert (centre.x, centre.y) == pytest.approx((dx / 2, dy / 2), abs=0.05)
+    assert apart == pytest.approx(math.hypot(dx, dy) / 2 / math.sqrt(2), abs=0.05)
+
+
+# ---- the command ---------------------------------------------------------------------------------
+
+
+def recorded(folder: Path, lines: list[str], name: str = "walk.nmea") -> Path:
+    path = folder / name
+    path.write_text("".join(line + "\r\n" for line in lines))
+    return path
+
+
+def test_the_command_writes_field_and_picture_and_counts_what_was_bad(
+    tmp_path: Path, cli: Cli
+) -> None:
+    lines = walk(around(SQUARE, 2), PERFECT.model_copy(update={"first_fix_s": 10.0}))
+    lines[300] = lines[300].replace("*", "0*")
+    lines.insert(400, "noise")
+    source, out = recorded(tmp_path, lines), tmp_path / "field.geojson"
+    tree = recorded(tmp_path, walk(around(TREE)), "tree.nmea")
+    code, text, err = cli("survey", str(source), "--out", str(out), "--keep-out", str(tree))
+    assert (code, err) == (0, "")
+    assert "bad: 1 checksum, 1 malformed" in text
+    assert "left out: 10 without a fix" in text
+    assert "4 corners" in text
+    assert "1 keep-outs" in text
+    field = load_field(out)
+    assert field.name == "field"
+    assert len(field.keep_outs) == 1
+    assert out.with_suffix(".png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "message"),
+    [
+        (b"", [], "not one position in it (understood: nothing; bad: none)"),
+        (b"\xff\x00\n" * 3, [], "not one position in it (understood: nothing; bad: 3 not ASCII)"),
+        (b"$GPGGA,,,,,,0,,,,,,,,*66\n", [], "understood: 1 GGA"),
+        (b"", ["--irregular", "--corners", "4"], "exclude each other"),
+        (b"", ["--corners", "two"], "give auto or a number from 3"),
+        (b"", ["--lap", "0"], "0 is not in the range"),
+    ],
+)
+def test_a_walk_that_cannot_be_used_is_one_message(
+    tmp_path: Path, cli: Cli, content: bytes, options: list[str], message: str
+) -> None:
+    source = tmp_path / "walk.nmea"
+    source.write_bytes(content)
+    out = tmp_path / "field.geojson"
+    code, _, err = cli("survey", str(source), "--out", str(out), *options)
+    assert code == 2
+    assert message in err
+    assert not out.exists()
+
+
+def test_a_source_that_is_not_there_is_said(tmp_path: Path, cli: Cli) -> None:
+    code, _, err = cli("survey", str(tmp_path / "no"), "--out", str(tmp_path / "field.kml"))
+    assert code == 2
+    assert "does not exist" in err
+
+
+def test_a_walk_is_recorded_from_the_phone_until_ctrl_c(tmp_path: Path) -> None:
+    stream = "".join(line + "\r\n" for line in walk(around(SQUARE))).encode()
+    out = tmp_path / "field.geojson"
+    recording = out.with_suffix(".nmea")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        command = [sys.executable, "-c", "from host.commands.cli import main; main()", "survey"]
+        url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        process = subprocess.Popen(
+            [*command, url, "--out", str(out)], stdout=subprocess.PIPE, text=True
+        )
+        try:
+            listener.settimeout(LIMIT_S)
+            phone, _ = listener.accept()
+            with phone:
+                # What comes while a port is being opened is thrown away: speak until heard.
+                deadline = time.monotonic() + LIMIT_S
+                while not (recording.is_file() and recording.stat().st_size):
+                    assert time.monotonic() < deadline
+                    phone.sendall(b"\r\n")
+                    time.sleep(0.01)
+                phone.sendall(stream)
+                while recording.stat().st_size < len(stream):
+                    assert time.monotonic() < deadline
+                    time.sleep(0.01)
+                process.send_signal(signal.SIGINT)
+                text, _ = process.communicate(timeout=LIMIT_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0
+    assert "4 corners" in text
+    assert recording.read_bytes().endswith(stream)
+    assert load_field(out).crop
+
+
+def test_a_recorded_walk_is_not_written_over(tmp_path: Path, cli: Cli) -> None:
+    recorded(tmp_path, ["precious"], "field.nmea")
+    code, _, err = cli("survey", "tcp://127.0.0.1:9", "--out", str(tmp_path / "field.kml"))
+    assert code == 2
+    assert "is there already" in err
+
+
+def test_a_target_that_cannot_be_is_said_before_the_walk(tmp_path: Path, cli: Cli) -> None:
+    code, _, err = cli("survey", "tcp://127.0.0.1:9", "--out", str(tmp_path / "field.dwg"))
+    assert code == 2
+    assert "its suffix names no format" in err
+
+
+def test_a_real_phones_walk_becomes_a_closed_boundary(tmp_path: Path, cli: Cli) -> None:
+    path = DATA / "gps" / "phone-walk.nmea"
+    if not path.is_file():
+        pytest.skip(f"{path} is not there (DARANTI_DATA names the data folder)")
+    out = tmp_path / "walk.kml"
+    code, text, _ = cli("survey", str(path), "--out", str(out), "--irregular")
+    assert code == 0
+    assert "2712 GGA, 2712 GSA, 16245 GSV, 2712 RMC, 2712 VTG; bad: none" in text
+    assert "2628 used, left out: 84 without a fix" in text
+    assert "40.1" in text, "its one jump"
+    field = load_field(out)
+    polygon = field.polygon(field.frame)
+    assert polygon.is_valid
+    assert polygon.area == pytest.approx(43_400, rel=0.01)

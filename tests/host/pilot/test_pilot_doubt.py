@@ -1,0 +1,981 @@
+"""The pilot where the plan, the picture or the position does not tell the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from host.core.messages import Command, Fix, Frame, Request, State
+from host.core.vehicle import Vehicle
+from host.estimate.lane import Lane
+from host.estimate.position import Position
+from host.field.areas import Geofence, areas_of
+from host.pilot import steering_law
+from host.pilot.pilot import (
+    CREEP_MPS,
+    END_PAST_M,
+    RESUME_AFTER_S,
+    Phase,
+    Pilot,
+)
+from host.route.plan import SEEN_SHARE, Plan, Side, spiral
+from host.route.turn_choice import next_turn, room_along
+from host.route.turn_legs import Turn
+from host.vision.view import CropView
+from tests.helpers.eyes import Eyes, ToldEnd, beside
+from tests.helpers.simple_world import BLANK, CELL, SimpleWorld, drive, harvest
+
+VEHICLE = Vehicle()
+SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+PLAN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
+FIRST, SECOND = PLAN.sides[:2]
+
+
+def endless(_view: CropView) -> CropView:
+    """Crop for ever, straight ahead."""
+    return CropView(
+        0.9, edge_offset_m=0.0, edge_heading_rad=0.0, crop_ahead_m=0.0, ahead_confidence=1.0
+    )
+
+
+def only_the_first_strip(plan: Plan) -> tuple[SimpleWorld, Pilot]:
+    """Nothing else of the field stands any more."""
+    world = SimpleWorld(VEHICLE)
+    columns = np.arange(world.crop.shape[1]) * 0.025 - world.margin
+    world.crop[:, columns < 10 - VEHICLE.pass_m] = False
+    return world, Pilot(VEHICLE, world, plan)
+
+
+# ---- crop that is not where the plan has it ------------------------------------------------------
+
+
+def strip(length_m: float, width_m: float) -> Side:
+    return replace(SECOND, length_m=length_m, width_m=width_m)
+
+
+def test_a_last_remnant_that_is_gone_ends_the_field() -> None:
+    world, pilot = only_the_first_strip(replace(PLAN, sides=(FIRST, strip(3.5, 0.03))))
+    harvest(world, pilot, 120.0)
+    assert pilot.phase is Phase.FINISHED
+    assert "no crop left" in pilot.reason
+
+
+def test_a_last_remnant_that_shows_nothing_ends_the_field() -> None:
+    world, pilot = only_the_first_strip(replace(PLAN, sides=(FIRST, strip(3.5, 0.03))))
+    drive(world, pilot, 100.0, until=lambda: pilot.turns == 1)
+    world.unusable = True
+    harvest(world, pilot, 200.0)
+    assert pilot.phase is Phase.FINISHED
+    assert "remnant" in pilot.reason
+
+
+def test_a_long_side_that_is_gone_needs_a_person() -> None:
+    world, pilot = only_the_first_strip(replace(PLAN, sides=(FIRST, SECOND)))
+    harvest(world, pilot, 120.0)
+    assert pilot.phase is Phase.FAULT
+    assert "not to be found" in pilot.reason
+    assert world.x > 10 - VEHICLE.blade_x_m - 2.0, "it does not look for it along the whole side"
+
+
+def test_a_long_side_that_begins_late_is_gone_for_as_far_as_its_edge_is_seen() -> None:
+    """Its first metres have gone with the strips beside it, more than it is looked for blindly."""
+    world = SimpleWorld(VEHICLE)
+    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
+    world.crop[:, (columns > 5.6) & (columns < 10 - VEHICLE.pass_m)] = False
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 200.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert pilot.turns == 2, pilot.reason
+    assert any("looking for it" in t.reason for t in pilot.transitions)
+
+
+def test_a_side_whose_first_crop_lies_flat_is_found_behind_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def lodged(view: CropView) -> CropView:
+        """Nothing upright for three metres: what is seen, from near, is behind them."""
+        blade = 10.0 - (world.x - VEHICLE.blade_x_m)
+        if pilot.turns != 1 or blade > 3.0:
+            return view
+        behind = 3.0 - blade
+        far = behind if behind < 1.0 else math.inf
+        return CropView(0.0, crop_ahead_m=far, ahead_confidence=1.0, reason="no edge")
+
+    eyes.spoil = lodged
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert pilot.turns == 2, pilot.reason
+
+
+def test_a_short_side_that_is_gone_is_driven_along_to_the_next() -> None:
+    short = strip(2.9, VEHICLE.pass_m)
+    north = replace(SECOND, x_m=SECOND.x_m - short.length_m, y_m=SECOND.y_m - 3.0)
+    world, pilot = only_the_first_strip(replace(PLAN, sides=(FIRST, short, north, north)))
+    harvest(world, pilot, 200.0)
+    assert pilot.turns >= 2
+
+
+# ---- what vision shows ---------------------------------------------------------------------------
+
+
+def test_beyond_the_plans_end_clear_ground_is_no_dust() -> None:
+    """While a side is cut the detector keeps what it knows, for dust looks like clear ground; it
+    starts over at every picture beyond the end."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, endless)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 0.3)
+    eyes.restarts.clear()
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > FIRST.length_m)
+    assert eyes.restarts == []
+    drive(world, pilot, 2.0, until=lambda: pilot.cut_m > FIRST.length_m + END_PAST_M + 0.05)
+    eyes.restarts.clear()
+    eyes.looks.clear()
+    eyes.turned.clear()
+    drive(world, pilot, 0.5)
+    assert pilot.phase is Phase.FOLLOW
+    assert eyes.restarts == eyes.looks != []
+    assert eyes.turned == [], "it is the same crop's end"
+
+
+def test_a_side_whose_crop_seems_to_begin_early_is_not_too_long_for_that() -> None:
+    """As where the tops of farther crop pass for crop at the blade (the low camera)."""
+    world = SimpleWorld(VEHICLE)
+    tight = replace(SECOND, fence_m=SECOND.length_m - 0.5)
+    plan = replace(PLAN, sides=(FIRST, tight, *PLAN.sides[2:]))
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, plan)
+
+    def early(view: CropView) -> CropView:
+        begins = pilot.turns == 1 and pilot.phase is Phase.FOLLOW and pilot.cut_m < 0.8
+        return replace(view, crop_ahead_m=0.0) if begins else view
+
+    eyes.spoil = early
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert pilot.turns == 2, pilot.reason
+
+
+def test_crop_whose_foot_dust_hides_is_met_where_it_was_seen_before() -> None:
+    """A side whose crop seems never to be met would be driven on to the geofence."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def dusty(view: CropView) -> CropView:
+        hidden = pilot.turns == 1 and pilot.phase is Phase.FOLLOW
+        return replace(view, crop_ahead_m=max(view.crop_ahead_m, 0.6)) if hidden else view
+
+    eyes.spoil = dusty
+    drive(world, pilot, 120.0, until=lambda: pilot.cut_m > 0.0 and pilot.turns == 1)
+    begun = 10.0 - VEHICLE.pass_m - (world.x - VEHICLE.blade_x_m)
+    assert 0.0 < begun < 0.5
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2 or pilot.done)
+    assert "no crop before the blade" in pilot.reason
+    assert world.x - VEHICLE.blade_x_m == pytest.approx(0.0, abs=0.5)
+
+
+def test_an_end_that_is_doubted_at_first_was_where_it_was_first_seen() -> None:
+    """A detector waits for some pictures until it believes that clear ground is not dust: the
+    machine rolls on meanwhile, a fifth of a metre at 0.5 m/s."""
+
+    def believed(doubted: int) -> float:
+        """How far along the side the position is at the turn, less where the machine is."""
+        world = SimpleWorld(VEHICLE)
+        clear = [0]
+
+        def doubting(view: CropView) -> CropView:
+            clear[0] = clear[0] + 1 if view.crop_ahead_m > 0.5 else 0
+            return replace(view, ahead_confidence=0.4) if 0 < clear[0] <= doubted else view
+
+        pilot = Pilot(VEHICLE, Eyes(world, doubting), PLAN)
+        drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+        return pilot.position.along(FIRST) - world.y - VEHICLE.blade_x_m
+
+    assert believed(5) == pytest.approx(believed(0), abs=0.02)
+
+
+def test_eyes_that_see_a_slanting_end_to_its_tip_place_it_there() -> None:
+    """The low camera sees stems over the tops of none: a twentieth of the blade's width will do."""
+
+    def believed(tip_share: float) -> float:
+        """How far along the position has the blade at the turn."""
+        world = SimpleWorld(VEHICLE)
+        eyes = Eyes(world, lambda view: replace(view, tip_share=tip_share))
+        slanting = replace(FIRST, end_seen_m=0.44)
+        pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+        drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+        return pilot.position.along(FIRST)
+
+    assert believed(math.nan) == believed(SEEN_SHARE)
+    assert believed(0.0) > believed(SEEN_SHARE) + 0.02
+
+
+def test_while_it_hesitates_nothing_is_dust() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 8.0)
+    eyes.spoil = lambda _view: CropView(0.0, reason="nothing")
+    drive(world, pilot, 5.0, until=lambda: pilot.phase is Phase.HESITATE)
+    eyes.restarts.clear()
+    eyes.looks.clear()
+    eyes.turned.clear()
+    drive(world, pilot, 2.0)
+    assert pilot.phase is Phase.HESITATE
+    assert eyes.restarts == eyes.looks != []
+    assert eyes.turned == [], "the crop before it is the one that it cuts"
+
+
+def test_in_a_turn_nothing_is_measured_until_it_backs_along_the_next_side() -> None:
+    """What is not believed costs nothing."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    assert eyes.glances == []
+    eyes.looks.clear()
+    drive(world, pilot, 60.0, until=lambda: pilot.backing)
+    assert eyes.glances == eyes.looks != []
+    eyes.looks.clear()
+    eyes.glances.clear()
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert eyes.looks != []
+    assert eyes.glances == []
+
+
+def test_whatever_is_seen_in_a_turn_is_other_crop() -> None:
+    """Also where it stands and hesitates in one."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    eyes.looks.clear()
+    eyes.turned.clear()
+    drive(world, pilot, 3.0)
+    assert pilot.phase is Phase.TURN
+    eyes.spoil = lambda _view: CropView(0.0, usable=False, reason="covered")
+    drive(world, pilot, 2.0)
+    assert pilot.phase is Phase.HESITATE
+    assert eyes.turned == eyes.looks != []
+
+
+def test_the_same_view_again_from_the_same_place_proves_nothing_more() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 8.0)
+    pilot.paused = True
+    drive(world, pilot, 3.0)
+    before = pilot.lane.offset_sigma_m
+    drive(world, pilot, 30.0)
+    assert pilot.lane.offset_sigma_m == pytest.approx(before, rel=1e-6)
+
+
+def test_an_edge_that_is_elsewhere_stops_it_and_is_believed_while_it_stands() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 8.0)
+    before = world.y
+    eyes.spoil = beside(1.5)
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.HESITATE)
+    assert pilot.phase is Phase.HESITATE
+    assert world.y - before < 4.0
+    drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert pilot.phase is Phase.FOLLOW
+
+
+def test_where_the_border_slants_at_the_start_the_operators_alignment_counts() -> None:
+    world = SimpleWorld(VEHICLE)
+    seen = corner_of(world, 2.0)
+    slanting = replace(FIRST, edge_begin_m=2.0)
+    pilot = Pilot(VEHICLE, Eyes(world, seen), replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert abs(pilot.lane.offset_m) < 0.01
+    assert abs(pilot.lane.heading_rad) < math.radians(0.2)
+    assert pilot.position.pose[2] == pytest.approx(world.yaw, abs=math.radians(0.2))
+
+
+def test_what_made_it_hesitate_has_to_be_gone_for_a_while() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 8.0)
+    eyes.spoil = beside(1.5)
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.HESITATE)
+    began = world.now
+    eyes.spoil = beside(0.0)
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert RESUME_AFTER_S <= world.now - began < 3.0
+
+
+# ---- what the plan says of a side ----------------------------------------------------------------
+
+
+def test_a_lane_that_is_shifted_is_followed_as_far_to_the_right() -> None:
+    shift_m = 0.2
+    world = SimpleWorld(VEHICLE)
+    usual = world.x
+    shifted = replace(FIRST, shift_m=shift_m)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(shifted, *PLAN.sides[1:])))
+    drive(world, pilot, 14.0)
+    assert pilot.phase is Phase.FOLLOW
+    assert world.x - usual == pytest.approx(shift_m, abs=0.03)
+    assert pilot.position.pose[0] == pytest.approx(world.x, abs=0.05)
+
+
+def test_a_side_that_ends_before_a_keep_out_ends_there_though_its_crop_goes_on() -> None:
+    world = SimpleWorld(VEHICLE)
+    blind = replace(FIRST, length_m=5.0, blind_end=True)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(blind, *PLAN.sides[1:])))
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+    coast = world.speed * VEHICLE.drive_lag_s
+    assert world.y + VEHICLE.blade_x_m + coast == pytest.approx(5.0, abs=0.05)
+    assert "keep-out" in pilot.transitions[-1].reason
+
+
+@pytest.mark.parametrize("where", ["begin", "end"])
+def test_what_is_seen_where_the_crops_border_slants_is_not_its_edge(where: str) -> None:
+    world = SimpleWorld(VEHICLE)
+    usual = world.x
+    begin = where == "begin"
+    slanting = replace(FIRST, edge_begin_m=2.0 * begin, edge_end_m=2.0 * (not begin))
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+
+    def spoil(view: CropView) -> CropView:
+        along = world.y + VEHICLE.blade_x_m
+        slants = 0.0 < along < 1.9 if begin else along > 8.1
+        return replace(view, edge_offset_m=view.edge_offset_m + 0.15 * slants)
+
+    eyes.spoil = spoil
+    drive(world, pilot, 60.0, until=lambda: world.y + VEHICLE.blade_x_m > (1.9 if begin else 9.9))
+    assert pilot.phase is Phase.FOLLOW
+    assert world.x == pytest.approx(usual, abs=0.03)
+
+
+def corner_of(world: SimpleWorld, corner_y: float) -> Callable[[CropView], CropView]:
+    """The crop's right end as a camera on the rear axle shows it while the border slants: in line
+    with the corner at corner_y, wherever the nearest crop stands."""
+
+    def see(_view: CropView) -> CropView:
+        away, aside = corner_y - world.y, 10.0 - world.x
+        c, s = math.cos(world.yaw), math.sin(world.yaw)
+        forward, left = away * s + aside * c, away * c - aside * s
+        at = left / forward * (VEHICLE.blade_x_m + 0.3)
+        return CropView(
+            0.9,
+            edge_offset_m=at + VEHICLE.inset_m,
+            edge_ahead_m=0.3,
+            crop_ahead_m=0.0,
+            ahead_confidence=1.0,
+        )
+
+    return see
+
+
+@pytest.mark.parametrize("beside_m", [-0.2, 0.2])
+def test_a_doubtful_lane_is_found_by_the_corner_behind_a_slanting_border(beside_m: float) -> None:
+    """Short sides with slanting ends follow one another: dead reckoning alone goes farther astray
+    on each."""
+    world = SimpleWorld(VEHICLE)
+    world.x += beside_m
+    eyes = Eyes(world, corner_of(world, 3.0))
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    pilot.lane.place(0.0, 0.0, 0.25, math.radians(2.0))
+    drive(world, pilot, 20.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.5)
+    assert pilot.phase is Phase.FOLLOW
+    left_m = 10.0 - VEHICLE.inset_m - world.x
+    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.5 * abs(beside_m))
+    assert abs(left_m) < 0.6 * abs(beside_m)
+
+
+@pytest.mark.parametrize("aside_m", [-0.7, 0.7])
+def test_a_corner_far_beside_the_lane_is_another_strips(aside_m: float) -> None:
+    """Not even many pictures of it turn the machine."""
+    world = SimpleWorld(VEHICLE)
+    beside_lane = world.x
+    corner = corner_of(world, 3.0)
+
+    def another(view: CropView) -> CropView:
+        seen = corner(view)
+        return replace(seen, edge_offset_m=seen.edge_offset_m + aside_m)
+
+    eyes = Eyes(world, another)
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 10.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    pilot.lane.place(0.0, 0.0, 0.2, math.radians(2.0))
+    drive(world, pilot, 20.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.5)
+    assert world.x == pytest.approx(beside_lane, abs=0.05)
+
+
+def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
+    def turned(doubt: float) -> float:
+        """Uncertainty of the lane where no edge is seen; `doubt` times that of the place before."""
+        world = SimpleWorld(VEHICLE)
+        eyes = Eyes(world, lambda view: view)
+        pilot = Pilot(VEHICLE, eyes, PLAN)
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+        eyes.spoil = lambda view: replace(view, confidence=0.0)
+        pilot.position._p[:2, :2] *= doubt**2
+        drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
+        return pilot.lane.offset_sigma_m
+
+    assert turned(5.0) > 1.5 * turned(1.0)
+
+
+def test_the_lane_takes_no_heading_for_surer_than_the_position_has_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Neither while an edge is followed nor where a turn leads back along the next."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    told: list[float] = []
+    against_lane = Position.against_lane
+
+    def unsure(position: Position) -> tuple[float, float, float, float]:
+        offset, heading, offset_sigma, _ = against_lane(position)
+        return offset, heading, offset_sigma, math.radians(10.0)
+
+    def correct_heading(_lane: Lane, _heading_rad: float, sigma_rad: float, *, learn: bool) -> None:
+        del learn
+        told.append(sigma_rad)
+
+    def place(_lane: Lane, _offset: float, _heading: float, _sd: float, sd_rad: float) -> None:
+        told.append(sd_rad)
+
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 3.0)
+    monkeypatch.setattr(Position, "against_lane", unsure)
+    monkeypatch.setattr(Lane, "correct_heading", correct_heading)
+    monkeypatch.setattr(Lane, "place", place)
+    drive(world, pilot, 60.0, until=lambda: bool(told))
+    assert set(told) == {math.radians(10.0)}
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+    told.clear()
+    drive(world, pilot, 60.0, until=lambda: bool(told))
+    assert pilot.backing
+    assert set(told) == {math.radians(10.0)}
+
+
+def test_a_slanting_tip_that_is_not_seen_does_not_keep_a_side_from_ending() -> None:
+    world = SimpleWorld(VEHICLE, height=8.0)
+    tipped = replace(FIRST, end_seen_m=1.0)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(tipped, *PLAN.sides[1:])))
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or world.y > 9.0)
+    assert pilot.turns == 1
+    assert world.y + VEHICLE.blade_x_m < 9.0
+
+
+# ---- the geofence --------------------------------------------------------------------------------
+
+
+def test_near_the_border_it_creeps_before_it_stops() -> None:
+    world = SimpleWorld(VEHICLE)
+    sides = tuple(replace(side, length_m=99.0, fence_m=99.0) for side in PLAN.sides)
+    pilot = Pilot(VEHICLE, Eyes(world, endless), replace(PLAN, sides=sides))
+    log: list[Command] = []
+    drive(world, pilot, 10.0)
+    drive(world, pilot, 60.0, log, until=lambda: pilot.done)
+    assert "geofence" in pilot.reason
+    moving = [c for c in log if c.request is Request.DRIVE and c.speed_mps > 0]
+    slow = [c for c in moving if c.speed_mps <= CREEP_MPS]
+    assert slow == moving[-len(slow) :], "it does not hurry up again"
+    assert len(slow) > 25, "a second or more"
+    assert all("geofence" in c.reason for c in slow)
+
+
+def test_a_machine_that_stands_too_near_the_border_may_leave_it_slowly() -> None:
+    world = SimpleWorld(VEHICLE, gap=1.3)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=1.3))
+    log: list[Command] = []
+    drive(world, pilot, 15.0, log)
+    assert pilot.phase is Phase.FOLLOW
+    first = next(c for c in log if c.speed_mps > 0)
+    assert first.speed_mps == CREEP_MPS
+    assert world.y > 0.0
+
+
+def test_a_border_behind_ends_the_way_back_instead_of_the_run() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 2)
+    assert pilot.turns == 2, pilot.reason
+
+
+# ---- turns ---------------------------------------------------------------------------------------
+
+
+def driven_to_look(
+    spoil: Callable[[SimpleWorld, Pilot, CropView], CropView] | None = None,
+    turn: str = "three_point",
+    pot_error_deg: float = 0.0,
+    log: list[tuple[Command, float]] | None = None,
+) -> tuple[float, float]:
+    """(metres, radians) left of the second side's lane, after the first turn in a wide gap. `log`
+    gets each command of the turn and the pilot's steering law in reverse at that moment."""
+    world = SimpleWorld(VEHICLE, gap=3.0, pot_error=math.radians(pot_error_deg))
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, turn=turn, gap_m=None))
+    if spoil is not None:
+        eyes.spoil = lambda view: spoil(world, pilot, view)
+
+    def looking() -> bool:
+        if log is not None and pilot.phase is Phase.TURN:
+            law = steering_law.reverse(pilot.lane.offset_m, pilot.lane.heading_rad, VEHICLE)
+            log.append((world.command, law - pilot.trim_rad))
+        return pilot.phase is Phase.SEARCH
+
+    drive(world, pilot, 100.0, until=looking)
+    assert pilot.phase is Phase.SEARCH
+    drive(world, pilot, 3.0, until=lambda: abs(world.speed) < 0.02)
+    lane_y = SECOND.y_m - VEHICLE.inset_m
+    return lane_y - world.y, math.remainder(world.yaw - SECOND.heading_rad, math.tau)
+
+
+def test_what_is_seen_of_the_crops_flank_while_it_backs_out_is_not_its_edge() -> None:
+    begins = SECOND.x_m
+
+    def flank(world: SimpleWorld, pilot: Pilot, view: CropView) -> CropView:
+        beside = world.x + VEHICLE.blade_x_m * math.cos(world.yaw) < begins
+        return endless(view) if pilot.phase is Phase.TURN and beside else view
+
+    def aside(world: SimpleWorld, pilot: Pilot, view: CropView) -> CropView:
+        shown = flank(world, pilot, view)
+        return view if shown is view else replace(shown, edge_offset_m=0.15)
+
+    assert driven_to_look(aside) == pytest.approx(driven_to_look(), abs=0.005)
+
+
+def test_an_end_that_is_seen_too_soon_hardly_moves_the_turn() -> None:
+    """The position knows the plan's end as well; 0.5 m are what dust or a thin corner may do."""
+
+    def soon(world: SimpleWorld, pilot: Pilot, view: CropView) -> CropView:
+        gone = pilot.phase is Phase.FOLLOW and world.y + VEHICLE.blade_x_m > FIRST.length_m - 0.5
+        return replace(view, crop_ahead_m=5.0) if gone else view
+
+    (soon_m, _), (usual_m, _) = driven_to_look(soon), driven_to_look()
+    assert abs(soon_m - usual_m) < 0.22
+
+
+def test_the_room_of_a_turn_is_counted_from_the_end_of_the_sides_lane(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shift_m = 0.2
+    world = SimpleWorld(VEHICLE)
+    shifted = replace(FIRST, shift_m=shift_m)
+    told: list[tuple[Turn, float]] = []
+
+    def chosen(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn], float]) -> Turn:
+        turn = next_turn(plan, index, vehicle, room_m)
+        told.append((turn, room_m(turn)))
+        return turn
+
+    monkeypatch.setattr("host.pilot.pilot.next_turn", chosen)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(shifted, *PLAN.sides[1:])))
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    ((turn, room_m),) = told
+    fence = Geofence(areas_of(shapely.Polygon(SQUARE), 2.0))
+    at = (10.0 - VEHICLE.inset_m + shift_m, 10.0 - VEHICLE.blade_x_m, math.pi / 2)
+    assert room_m == pytest.approx(room_along(turn, at, VEHICLE, fence), abs=1e-6)
+
+
+def test_a_leg_is_ended_so_that_it_coasts_to_its_angle() -> None:
+    _, heading = driven_to_look(turn="arc")
+    assert abs(math.degrees(heading)) < 2.5
+
+
+def test_what_the_pot_hides_is_taken_off_on_the_way_back_too() -> None:
+    log: list[tuple[Command, float]] = []
+    driven_to_look(pot_error_deg=2.0, log=log)
+    backwards = [(c.steer_rad, law) for c, law in log if c.speed_mps < 0]
+    steer, law = backwards[-1]
+    assert steer == pytest.approx(law, abs=1e-3)
+
+
+@pytest.mark.parametrize(("shift_m", "next_shift_m"), [(0.0, 0.0), (0.2, 0.0), (0.0, 0.2)])
+def test_a_shuttle_ends_on_the_next_strips_lane_however_either_is_shifted(
+    shift_m: float, next_shift_m: float
+) -> None:
+    world = SimpleWorld(VEHICLE, gap=5.0)
+    world.x += shift_m
+    width_m = VEHICLE.pass_m - shift_m
+    this = replace(FIRST, shift_m=shift_m, width_m=width_m)
+    again = replace(FIRST, x_m=FIRST.x_m - width_m, shift_m=next_shift_m, back_m=2.0)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(this, again), gap_m=None))
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    eyes.spoil = lambda view: replace(view, confidence=0.0)
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.SEARCH)
+    assert pilot.phase is Phase.SEARCH, pilot.reason
+    lane_x = again.x_m - VEHICLE.inset_m + next_shift_m
+    assert world.x == pytest.approx(lane_x, abs=0.08)
+    assert pilot.lane.offset_m == pytest.approx(lane_x - world.x, abs=0.05)
+
+
+def test_how_unsure_the_distance_is_goes_into_what_an_end_proves(told_ends: list[ToldEnd]) -> None:
+    for hall in (True, False):
+        world = SimpleWorld(VEHICLE, hall=hall)
+        pilot = Pilot(VEHICLE, world, PLAN)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.turns == 1)
+    wheels, duty = (end.drift_m for end in told_ends)
+    assert 0.05 < wheels < 0.15
+    assert duty > 2 * wheels
+
+
+class Jammed(SimpleWorld):
+    """Its front wheel does not turn any more once it is `jammed`."""
+
+    jammed = False
+
+    def advance(self) -> None:
+        angle = self.angle
+        super().advance()
+        if self.jammed:
+            self.angle = angle
+
+
+def test_steering_that_does_not_reach_its_angle_stops_it() -> None:
+    world = Jammed(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
+    world.jammed = True
+    began = world.now
+    harvest(world, pilot, 100.0)
+    assert pilot.phase is Phase.FAULT
+    assert "steering" in pilot.reason
+    assert world.now - began < 12.0
+
+
+# ---- sensors -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error_deg", [2.0, -2.0])
+def test_with_a_pot_that_is_off_it_still_follows_the_edge_itself(error_deg: float) -> None:
+    world = SimpleWorld(VEHICLE, height=40.0, pot_error=math.radians(error_deg))
+    usual = world.x
+    field = [(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)]
+    pilot = Pilot(VEHICLE, world, spiral(field, 1, VEHICLE, gap_m=2.0))
+    drive(world, pilot, 200.0, until=lambda: world.y > 28.0)
+    assert world.x == pytest.approx(usual, abs=0.02)
+
+
+def test_where_only_the_duty_tells_the_distance_a_side_may_end_as_much_sooner() -> None:
+    """It is faster than it thinks: by its own reckoning the end comes too soon."""
+    world = SimpleWorld(VEHICLE, hall=False, speed_error=1.1)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or pilot.done, fixes=False)
+    assert pilot.turns == 1, pilot.reason
+    assert world.y + VEHICLE.blade_x_m < 10.5
+
+
+def test_a_wheel_sensor_that_counts_the_impossible_stops_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 8.0)
+    for _ in range(20):
+        world.advance()
+        told = replace(world.telemetry(), speed_mps=3 * VEHICLE.full_duty_speed_mps)
+        world.command = pilot.step(world.now, None, None, told)
+    assert pilot.phase is Phase.FAULT
+    assert "sensor" in pilot.reason
+
+
+def test_where_the_blade_meets_crop_and_where_it_leaves_it_the_position_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = SimpleWorld(VEHICLE, width=6.0, height=6.0)
+    plan = spiral([(0, 0), (6, 0), (6, 6), (0, 6)], 1, VEHICLE, gap_m=2.0)
+    told: list[tuple[str, float]] = []
+
+    def along(side: Side) -> float:
+        """Of the blade, truly."""
+        x = world.x + VEHICLE.blade_x_m * math.cos(world.yaw) - side.x_m
+        y = world.y + VEHICLE.blade_x_m * math.sin(world.yaw) - side.y_m
+        return x * math.cos(side.heading_rad) + y * math.sin(side.heading_rad)
+
+    at_begin, at_end = Position.at_begin, Position.at_end
+
+    def begin(position: Position, side: Side, ago_m: float, *more: float) -> None:
+        told.append(("begin", ago_m - along(side)))
+        at_begin(position, side, ago_m, *more)
+
+    def end(position: Position, side: Side, ago_m: float, *more: float) -> None:
+        told.append(("end", side.length_m + ago_m - along(side)))
+        at_end(position, side, ago_m, *more)
+
+    monkeypatch.setattr(Position, "at_begin", begin)
+    monkeypatch.setattr(Position, "at_end", end)
+    pilot = Pilot(VEHICLE, world, plan)
+    drive(world, pilot, 200.0, until=lambda: pilot.turns == 3)
+    assert [what for what, _ in told] == ["begin", "end"] * 3
+    assert max(abs(error) for _, error in told) < 0.15
+
+
+# ---- the beginning -------------------------------------------------------------------------------
+
+
+def test_an_edge_that_stays_hidden_is_where_the_operator_put_the_blade() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: replace(view, confidence=0.0))
+    for plan, phase in ((PLAN, Phase.FOLLOW), (Plan(), Phase.ALIGN)):
+        pilot = Pilot(VEHICLE, eyes, plan)
+        world.command = Command(Request.STOP)
+        drive(world, pilot, 2.5)
+        assert pilot.phase is Phase.ALIGN
+        drive(world, pilot, 1.5)
+        assert pilot.phase is phase, "without a plan it takes no place for granted"
+
+
+def test_a_slanting_border_that_goes_on_a_little_is_still_no_edge() -> None:
+    """Dead reckoning may be ahead of the corner."""
+    world = SimpleWorld(VEHICLE)
+
+    def slants(view: CropView) -> CropView:
+        return beside(0.3 if world.y + VEHICLE.blade_x_m < 2.2 else 0.0)(view)
+
+    slanting = replace(FIRST, edge_begin_m=2.0)
+    pilot = Pilot(VEHICLE, Eyes(world, slants), replace(PLAN, sides=(slanting, SECOND)))
+    before = world.x
+    drive(world, pilot, 60.0, until=lambda: world.y + VEHICLE.blade_x_m > 3.0)
+    assert world.x == pytest.approx(before, abs=0.02)
+
+
+def test_a_fault_of_the_firmware_that_does_not_clear_ends_it() -> None:
+    world = SimpleWorld(VEHICLE)
+    world.state, world.command = State.FAULT, Command(Request.CLEAR)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    log: list[Command] = []
+    drive(world, pilot, 3.0, log)
+    assert pilot.phase is Phase.FAULT
+    assert "does not clear" in pilot.reason
+    assert [c.request for c in log].count(Request.CLEAR) == 1
+
+
+def test_a_machine_whose_camera_went_while_it_armed_does_not_set_out() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    world.command = pilot.step(0.0, Frame(0.0, BLANK), None, world.telemetry())
+    log: list[Command] = []
+    while world.now < 8.0:
+        world.advance()
+        told = world.telemetry() if world.now > 4.0 else None
+        world.command = pilot.step(world.now, None, None, told)
+        log.append(world.command)
+    assert pilot.phase is not Phase.CONNECT
+    assert all(c.speed_mps == 0.0 for c in log)
+
+
+# ---- gaps ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("phase", [Phase.FOLLOW, Phase.TURN])
+def test_after_a_gap_the_camera_has_to_show_the_world_for_a_while(phase: Phase) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is phase and abs(world.speed) > 0.25)
+    until = world.now + 5.0
+    while world.now < until:
+        world.advance()
+        world.command = pilot.step(world.now, None, None, world.telemetry())
+    assert pilot.phase is Phase.HESITATE
+    began = world.now
+    drive(world, pilot, 5.0, until=lambda: pilot.phase is phase)
+    assert RESUME_AFTER_S <= world.now - began < 2 * RESUME_AFTER_S
+
+
+def test_a_turn_by_a_speed_that_is_only_modelled_leaves_it_less_sure_of_its_place() -> None:
+    sigmas = []
+    for hall in (True, False):
+        world = SimpleWorld(VEHICLE, hall=hall)
+        eyes = Eyes(world, lambda view: view)
+        pilot = Pilot(VEHICLE, eyes, PLAN)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.TURN)
+        eyes.spoil = lambda view: replace(view, confidence=0.0)
+        drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.SEARCH)
+        sigmas.append(pilot.lane.offset_sigma_m)
+    assert sigmas[1] > 1.3 * sigmas[0]
+
+
+def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
+    eyes.spoil = lambda _view: CropView(0.0, reason="nothing")
+    harvest(world, pilot, world.now + 30.0)
+    assert pilot.phase is Phase.FAULT
+    assert "made out" in pilot.reason
+
+
+def test_a_finished_machine_may_be_pushed_anywhere() -> None:
+    world, pilot = only_the_first_strip(replace(PLAN, sides=(FIRST,)))
+    harvest(world, pilot, 60.0)
+    assert pilot.phase is Phase.FINISHED
+    for _ in range(500):
+        world.advance()
+        run = replace(world.telemetry(), speed_mps=0.5, distance_m=0.5 * world.now)
+        back = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, 0.5, -math.pi / 2)
+        command = pilot.step(world.now, None, back, run)
+    assert pilot.phase is Phase.FINISHED
+    assert command.request is Request.STOP
+
+
+def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Half a metre into the gap; a metre over what has been cut."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 120.0, until=lambda: pilot.backing)
+    turn = pilot._turn
+    assert turn is not None
+
+    def done(beyond_m: float, offset_m: float = 0.0, askew_deg: float = 0.0) -> bool:
+        heading = math.radians(askew_deg)
+        pilot.lane.place(offset_m - VEHICLE.blade_x_m * math.sin(heading), heading, 0.1, 0.1)
+        monkeypatch.setattr(turn, "to_go", lambda *_: -beyond_m)
+        return pilot._leg_done(turn)
+
+    def behind(back_m: float) -> None:
+        sides = (FIRST, replace(SECOND, back_m=back_m))
+        monkeypatch.setattr(pilot, "_plan", replace(PLAN, sides=sides))
+
+    behind(0.0)
+    assert not done(-0.1)
+    assert done(0.1)
+    assert not done(0.1, offset_m=0.1)
+    assert not done(0.1, askew_deg=8.0)
+    assert done(0.6, offset_m=0.1)
+    behind(2.0)
+    assert not done(0.9, offset_m=0.1)
+    assert done(1.1, offset_m=0.1)
+
+
+def test_courses_turn_back_a_position_that_has_turned_with_its_lane() -> None:
+    world = SimpleWorld(VEHICLE, height=40.0)
+    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE)
+    pilot = Pilot(VEHICLE, world, long)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
+    state, covariance = pilot.position._x, pilot.position._p
+    for k in (2, 5):  # yaw and lane
+        state[k] += math.radians(5.0)
+        covariance[k, k] = math.radians(5.0) ** 2
+    for tick in range(1, 2000):
+        world.advance()
+        frame = Frame(world.now, BLANK) if tick % 5 == 0 else None
+        seen = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed), world.yaw)
+        fix = seen if tick % 50 == 0 else None
+        world.command = pilot.step(world.now, frame, fix, world.telemetry())
+    assert pilot.phase is Phase.FOLLOW
+    assert abs(math.degrees(pilot.position.pose[2] - world.yaw)) < 2.0
+
+
+def test_a_turn_leads_to_where_the_last_strip_was_cut() -> None:
+    """The first side was cut 0.15 m too far inside: there the second round's begins."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+
+    def spoilt(view: CropView) -> CropView:
+        return replace(view, edge_offset_m=view.edge_offset_m + 0.15 * (pilot.turns == 0))
+
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
+    scale = np.diag([0.01] * 3 + [1.0] * 4)  # where the machine is, is known
+    pilot.position._p = scale @ pilot.position._p @ scale
+    eyes.spoil = spoilt
+    drive(world, pilot, 400.0, until=lambda: pilot.turns == 4 and pilot.backing)
+    assert pilot.turns == 4, pilot.reason
+    side = PLAN.sides[4]
+    assert side.heading_rad == pytest.approx(FIRST.heading_rad)
+    beside_the_plans = pilot.position.across(side)
+    assert beside_the_plans - 0.15 < pilot.lane.offset_m < beside_the_plans - 0.05
+
+
+@pytest.mark.parametrize("gap_m", [4.0, None])
+def test_at_a_sides_beginning_it_backs_off_only_where_a_fence_guards_it(
+    gap_m: float | None,
+) -> None:
+    world = SimpleWorld(VEHICLE, gap=4.0)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=gap_m))
+    drive(world, pilot, 60.0, until=lambda: 0.1 < pilot.cut_m < 0.4)
+    world.blind = True
+    log: list[Command] = []
+    drive(world, pilot, 20.0, log)
+    assert pilot.phase is Phase.HESITATE
+    assert any(c.speed_mps < 0 for c in log) is (gap_m is not None)
+
+
+def test_where_the_border_is_too_near_behind_it_backs_off_only_so_far() -> None:
+    """And hesitates on, instead of giving up."""
+    world = SimpleWorld(VEHICLE, gap=2.2)
+    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=2.2))
+    drive(world, pilot, 60.0, until=lambda: 0.1 < pilot.cut_m < 0.4)
+    world.blind = True
+    log: list[Command] = []
+    drive(world, pilot, 4.0)
+    stood = world.y
+    drive(world, pilot, 16.0, log)
+    assert any(c.speed_mps < 0 for c in log)
+    assert pilot.phase is Phase.HESITATE, pilot.reason
+    assert stood - world.y < 0.5
+
+
+def test_an_end_that_long_seemed_one_was_at_most_a_little_before(told_ends: list[ToldEnd]) -> None:
+    """Unsure pictures of clear ground from a metre and a half before the end on are dust's."""
+    world = SimpleWorld(VEHICLE)
+
+    def hazy(view: CropView) -> CropView:
+        if world.y + VEHICLE.blade_x_m < 8.2:
+            return view
+        sure = 0.3 if view.confidence > 0.0 else 0.9
+        return replace(view, crop_ahead_m=math.inf, ahead_confidence=sure)
+
+    pilot = Pilot(VEHICLE, Eyes(world, hazy), PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
+    [end] = told_ends
+    assert end.ago_m < 0.7
+
+
+def test_over_a_slanting_border_no_edge_is_missed() -> None:
+    """None is to be seen there: it says nothing of dust, and a look is due no sooner than for an
+    edge that has been hidden for a while."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    slanting = replace(FIRST, edge_begin_m=3.0)
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=(slanting, *PLAN.sides[1:])))
+    drive(world, pilot, 20.0, until=lambda: pilot.cut_m > 0.2)
+    pilot.lane.place(0.0, 0.0, 0.2, math.radians(2.0))
+    eyes.spoil = lambda view: replace(view, confidence=0.0)
+    sure = list(pilot._ahead.sure)
+    drive(world, pilot, 30.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.4)
+    assert list(pilot._ahead.sure) == sure
+    drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.HESITATE)
+    assert "dust" in pilot.reason
+    assert world.y + VEHICLE.blade_x_m > 3.5
+
+
+def test_a_short_side_does_not_end_before_it_begins() -> None:
+    """Crop seemed near, and then farther off: it is still to come."""
+    world = SimpleWorld(VEHICLE)
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    world.crop[rows > 0.3] = False
+
+    def flickering(view: CropView) -> CropView:
+        blade = world.y + VEHICLE.blade_x_m
+        if not -0.27 < blade < -0.05:
+            return view
+        return replace(view, crop_ahead_m=0.0 if blade < -0.22 else 0.9)
+
+    short = replace(FIRST, length_m=0.3)
+    plan = replace(PLAN, sides=(short, *PLAN.sides[1:]))
+    pilot = Pilot(VEHICLE, Eyes(world, flickering), plan)
+    drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or pilot.done)
+    assert pilot.turns == 1, pilot.reason
+    assert world.y + VEHICLE.blade_x_m > 0.3

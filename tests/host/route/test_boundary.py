@@ -1,0 +1,173 @@
+"""Facts about boundary and vehicle files."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from host.core.errors import UserError
+from host.core.messages import Fix
+from host.core.vehicle import Mount, Vehicle
+from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
+from host.field.boundary_file import Boundary, load_field
+from host.route.boundary import FENCE_FIXES, FENCE_M, Fence, nearest_corner, plan_of
+from host.sensors.nmea import LocalFrame
+
+FRAME = LocalFrame(31.5, 74.3)
+SQUARE = [FRAME.to_wgs84(*corner) for corner in ((0, 0), (20, 0), (20, 10), (0, 10))]
+
+
+def geojson(corners: list[tuple[float, float]]) -> dict[str, object]:
+    ring = [[lon, lat] for lat, lon in [*corners, corners[0]]]
+    return {"type": "Polygon", "coordinates": [ring]}
+
+
+def written(folder: Path, text: str, name: str = "field.txt") -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1]])
+@pytest.mark.parametrize("form", ["polygon", "feature", "collection", "csv", "csv with heading"])
+def test_every_form_gives_the_same_corners_counter_clockwise(
+    tmp_path: Path, form: str, corners: list[tuple[float, float]]
+) -> None:
+    polygon = geojson(corners)
+    feature = {"type": "Feature", "properties": {}, "geometry": polygon}
+    lines = "\n".join(f"{lat!r},{lon!r}" for lat, lon in corners)
+    text = {
+        "polygon": json.dumps(polygon),
+        "feature": json.dumps(feature),
+        "collection": json.dumps({"type": "FeatureCollection", "features": [feature]}),
+        "csv": lines,
+        "csv with heading": f"latitude,longitude\n{lines}\n",
+    }[form]
+    found = list(load_field(written(tmp_path, text)).crop)
+    start = found.index(SQUARE[0])
+    assert found[start:] + found[:start] == SQUARE
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "three or more different corners"),
+        ("1,2\n3,4\n", "three or more different corners"),
+        ("31,74\n31,74\n31,75\n31,74\n", "three or more different corners"),
+        ("31,74\nhere\n", "line 2 is not latitude,longitude"),
+        ("{", "its format is not understood"),
+        ('{"type": "Point", "coordinates": [1, 2]}', "its type is Point, not Polygon"),
+        ('{"type": "FeatureCollection", "features": []}', "holds no polygon"),
+        ("74,131\n74,132\n75,281\n", "not a latitude and longitude"),
+        ("31,74\n31,75\n32,75\n", "km around; are its numbers swapped"),
+    ],
+)
+def test_a_bad_boundary_is_one_message_that_names_the_file(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(UserError, match=message) as error:
+        load_field(path)
+    assert str(path) in str(error.value)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    for load in (load_field, load_vehicle):
+        with pytest.raises(UserError, match="cannot read"):
+            load(tmp_path / "none")
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_the_nearest_corner_is_where_the_machine_stands(corner: int) -> None:
+    x, y = FRAME.to_local(*SQUARE[corner])
+    assert nearest_corner(SQUARE, *FRAME.to_wgs84(x + 2, y - 2)) == corner
+
+
+@pytest.mark.parametrize(("corner", "first_m"), [(0, 20), (1, 10), (2, 20), (3, 10)])
+def test_the_plan_begins_with_the_side_that_leaves_the_corner(corner: int, first_m: float) -> None:
+    _, plan = plan_of(Boundary(tuple(SQUARE)), corner, Vehicle(), "three_point")
+    assert plan.sides[0].length_m == pytest.approx(first_m, abs=1e-3)
+    assert plan.corner_rad(0) == pytest.approx(math.pi / 2, abs=1e-4)
+
+
+def test_gap_and_keep_outs_reach_the_plan() -> None:
+    well = [FRAME.to_wgs84(*corner) for corner in ((9, 5), (10, 5), (10, 6), (9, 6))]
+    field = Boundary(tuple(SQUARE), (tuple(well),))
+    for gap_m in (1.5, None):
+        _, plan = plan_of(field, 0, Vehicle(), "arc", gap_m)
+        assert (plan.gap_m, plan.turn, len(plan.keep_outs)) == (gap_m, "arc", 1)
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_a_field_with_a_keep_out_is_begun_at_the_corner_that_is_asked_for(corner: int) -> None:
+    well = [FRAME.to_wgs84(*place) for place in ((9, 5), (10, 5), (10, 6), (9, 6))]
+    frame, plan = plan_of(Boundary(tuple(SQUARE), (tuple(well),)), corner, Vehicle(), "arc", 2.0)
+    first = plan.sides[0]
+    assert (first.x_m, first.y_m) == pytest.approx(frame.to_local(*SQUARE[corner]), abs=0.01)
+
+
+def test_a_corner_that_a_field_cannot_be_begun_at_names_the_one_that_can() -> None:
+    shape = ((0, 0), (12, 0), (12, 6), (6, 6), (6, 12), (0, 12))
+    field = Boundary(tuple(FRAME.to_wgs84(*corner) for corner in shape))
+    with pytest.raises(UserError, match=r"corner 3: put the machine at corner \d") as error:
+        plan_of(field, 3, Vehicle(), "three_point")
+    begin = int(str(error.value).rsplit(" ", 1)[1])
+    assert plan_of(field, begin, Vehicle(), "three_point")[1].sides
+
+
+def fix_at(x: float, y: float, quality: int = 1) -> Fix:
+    return Fix(0.0, *FRAME.to_wgs84(x, y), quality, 1.0, 8)
+
+
+def test_the_fence_needs_several_fixes_in_a_row_far_outside() -> None:
+    fence = Fence(SQUARE)
+    outside, near, inside = fix_at(40, 5), fix_at(20 + FENCE_M - 0.1, 5), fix_at(10, 5)
+    for _ in range(FENCE_FIXES - 1):
+        assert fence.breach(outside) is None
+    assert fence.breach(near) is None
+    for _ in range(FENCE_FIXES - 1):
+        assert fence.breach(outside) is None
+    assert fence.breach(fix_at(0, 0, quality=0)) is None, "no fix neither counts nor clears"
+    assert fence.breach(outside) == pytest.approx(20, abs=0.01)
+    assert fence.breach(inside) is None
+
+
+# ---- the vehicle file ----------------------------------------------------------------------------
+
+
+def test_a_vehicle_file_reads_back_as_written(tmp_path: Path) -> None:
+    vehicle = Vehicle(wheelbase_m=1.3, mounts={"roof": Mount(x_m=0.2, z_m=2.0, pitch_deg=30)})
+    path = tmp_path / "vehicle.yaml"
+    save_vehicle(path, vehicle)
+    assert load_vehicle(path) == vehicle
+    assert mount_of(load_vehicle(path), "roof").z_m == 2.0
+
+
+def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> None:
+    assert load_vehicle(None) == load_vehicle(written(tmp_path, "")) == Vehicle()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("wheelbase_m: -1", "wheelbase_m: Input should be greater than 0"),
+        ("wheel_base: 1", "wheel_base: Extra inputs are not permitted"),
+        ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: up}}", "mounts.low.pitch_deg"),
+        ("- 1", "give fields"),
+        ("a: [", "is not YAML"),
+    ],
+)
+def test_a_bad_vehicle_file_names_file_and_field(tmp_path: Path, text: str, message: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(UserError, match=message) as error:
+        load_vehicle(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_unknown_mount_names_those_there_are() -> None:
+    with pytest.raises(UserError, match="no camera mount 'roof'; it has low, mast"):
+        mount_of(Vehicle(), "roof")

@@ -1,0 +1,71 @@
+"""Facts about decoding: what is lost of a file is not filled in, and no file does harm."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from host.sensors.jpeg import JpegDecoder
+
+
+def scene() -> NDArray[np.uint8]:
+    """Enough detail that every byte of its file matters."""
+    grain = np.random.default_rng(1).normal(120.0, 40.0, (120, 160, 3))
+    return cv2.GaussianBlur(np.clip(grain, 0, 255).astype(np.uint8), (0, 0), 1.0).astype(np.uint8)
+
+
+BGR = scene()
+JPEG = cv2.imencode(".jpg", BGR)[1].tobytes()
+
+
+def proved() -> JpegDecoder:
+    """A decoder whose camera has sent a clean file."""
+    decoder = JpegDecoder()
+    assert decoder.decode(JPEG).size
+    return decoder
+
+
+def test_the_pixels_are_those_of_every_other_decoder() -> None:
+    expected = cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR)
+    assert np.array_equal(JpegDecoder().decode(JPEG), expected)
+
+
+def test_a_file_whose_rest_is_lost_has_no_pixels() -> None:
+    half = JPEG[: len(JPEG) // 2] + b"\xff\xd9"
+    assert proved().decode(half).size == 0
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_of_files_with_a_hundredth_of_wrong_bytes_one_in_five_passes_at_most(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    decoder, passed = proved(), 0
+    for _ in range(20):
+        data = np.frombuffer(JPEG, np.uint8).copy()
+        at = rng.integers(len(data), size=len(data) // 100)
+        data[at] = rng.integers(256, size=len(at))
+        passed += decoder.decode(data.tobytes()).size > 0
+    assert passed <= 4
+
+
+def test_a_camera_whose_files_are_never_clean_is_lived_with() -> None:
+    """Logitech's cameras among others send bytes too many before the end marker."""
+    padded = JPEG[:-2] + b"\0\0\0" + JPEG[-2:]
+    decoder = JpegDecoder()
+    assert decoder.decode(padded).shape == BGR.shape
+    assert decoder.decode(padded).shape == BGR.shape
+    assert decoder.decode(JPEG).shape == BGR.shape
+    assert decoder.decode(padded).size == 0, "it can send clean ones"
+
+
+@given(st.binary(max_size=200), st.booleans())
+def test_no_bytes_do_harm(data: bytes, headed: bool) -> None:
+    assert JpegDecoder().decode(JPEG[:300] * headed + data).ndim == 3
+
+
+def test_a_header_of_terabytes_allocates_nothing() -> None:
+    at = JPEG.index(b"\xff\xc0") + 5
+    assert JpegDecoder().decode(JPEG[:at] + b"\xff\xff\xff\xff" + JPEG[at + 4 :]).size == 0
