@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
+from hil.bench.injector import Injector
 from hil.firmware import coupling, provision
 from hil.firmware.real_board import Board, Controller
-from hil.scenario.faults import Injector
 from hil.scenario.scenario import Scenario
 from host.core.closing import Closing
 from host.core.errors import UserError

@@ -11,29 +11,35 @@ cli = LazyGroup(
     "daranti-hil",
     {
         "campaign": (
-            "hil.studies.campaign:campaign",
+            "hil.commands.campaign:campaign",
             "Run scenarios x seeds, and print the table.",
         ),
-        "faults": ("hil.studies.fault_matrix:faults", "Make everything fail that can fail."),
-        "harvest": ("hil.bench.harvest:harvest_command", "Harvest a field in lockstep."),
-        "plot": ("hil.judge.plots:plot", "Draw a record."),
-        "replay": ("hil.bench.replay:command", "Feed a record through today's pilot and firmware."),
-        "report": ("hil.report.report:report", "Write report.html of results."),
+        "faults": ("hil.commands.faults:faults", "Make everything fail that can fail."),
+        "harvest": ("hil.commands.harvest:harvest_command", "Harvest a field in lockstep."),
+        "plot": ("hil.commands.plot:plot", "Draw a record."),
+        "replay": (
+            "hil.commands.replay:command",
+            "Feed a record through today's pilot and firmware.",
+        ),
+        "report": ("hil.commands.report:report", "Write report.html of results."),
         "identify": (
-            "hil.studies.identification:command",
+            "hil.commands.identify:command",
             "Identify and tune simulated actuators.",
         ),
-        "rig": ("hil.bench.rig:rig", "Serve the machine in wall-clock time for `daranti drive`."),
+        "rig": (
+            "hil.commands.rig:rig",
+            "Serve the machine in wall-clock time for `daranti drive`.",
+        ),
         "sweep": (
-            "hil.studies.sweep:sweep",
+            "hil.commands.sweep:sweep",
             "Tune firmware parameters on a population of actuators.",
         ),
         "vision": (
-            "hil.studies.vision_drives:vision",
+            "hil.commands.vision:vision",
             "Measure the detectors on drives along edges.",
         ),
         "world": (
-            "hil.studies.contact_sheets:world",
+            "hil.commands.world:world",
             "Contact sheets and videos of the simulated world.",
         ),
     },

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import click
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
-from host.link import protocol
 from host.runs import record
 
 mpl.use("Agg")
@@ -172,25 +170,6 @@ def draw_path(data: Series) -> Figure:
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
     return figure
-
-
-@click.command()
-@click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder; default beside the record.")
-def plot(path: Path, out: Path | None) -> None:
-    """Draws a record: over time, and where the machine went."""
-    data = series(path)
-    folder = out or path.parent
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in (("time", draw_time(data)), ("path", draw_path(data))):
-        target = folder / f"{path.stem}-{name}.png"
-        figure.savefig(target, dpi=110)
-        click.echo(f"written: {target}")
-    for stamp, phase, reason in data.phases:
-        click.echo(f"{stamp:8.1f} s  {phase}: {reason}")
-    word = protocol.Fault(int(np.bitwise_or.reduce(data.telemetry[:, 6].astype(np.int64))))
-    for text in protocol.fault_texts(word):
-        click.echo(f"fault reported: {text}")
 
 
 def summary_beside(path: Path) -> dict[str, Any]:

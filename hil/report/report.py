@@ -15,10 +15,9 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import av
-import click
 import cv2
 import jinja2
 import numpy as np
@@ -26,11 +25,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil.judge import pictures, plots
+from hil.judge.fault_verdict import Verdict
+from hil.judge.overview import overview
 from host.core.errors import UserError
 from host.runs import record
-
-if TYPE_CHECKING:
-    from hil.studies.fault_matrix import Verdict
 
 VIDEO_WIDTH = 320
 VIDEO_FRAMES = 400
@@ -264,7 +262,7 @@ def campaign_sections(
     rows: Sequence[dict[str, Any]],
     against: Sequence[dict[str, Any]] | None = None,
 ) -> list[Section]:
-    """Sections of a campaign; `rows` and `against` as campaign.overview gives them."""
+    """Sections of a campaign; `rows` and `against` as overview gives them."""
     sections = [Section("Every run's coverage", pictures=[(_drawn(_spread_of(summaries)), "")])]
     before = {str(row["scenario"]): row for row in against or ()}
     for row in rows:
@@ -345,7 +343,6 @@ def faults_report(folder: Path, title: str, verdicts: Sequence[Verdict]) -> Path
 
 def report_of(folder: Path, against: Path | None = None) -> Path:
     """report.html of any of the three kinds of folder. UserError where it is none of them."""
-    from hil.studies import campaign, fault_matrix  # noqa: PLC0415 (they report themselves)
 
     if (folder / "campaign.json").exists():
         summaries = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
@@ -354,12 +351,12 @@ def report_of(folder: Path, against: Path | None = None) -> Path:
             if not (against / "campaign.json").exists():
                 raise UserError(f"{against} is not a campaign's folder: it has no campaign.json")
             text = (against / "campaign.json").read_text(encoding="utf-8")
-            others = campaign.overview(json.loads(text))
-        sections = campaign_sections(folder, summaries, campaign.overview(summaries), others)
+            others = overview(json.loads(text))
+        sections = campaign_sections(folder, summaries, overview(summaries), others)
         return write(folder, f"{len(summaries)} runs", sections)
     summary = plots.summary_beside(folder)
     if "faults" in summary:
-        verdicts = [fault_matrix.Verdict(**v) for v in summary["faults"]]
+        verdicts = [Verdict(**v) for v in summary["faults"]]
         title = f"faults, {summary['firmware']} firmware"
         sections = faults_sections(verdicts)
         if against is not None:
@@ -389,15 +386,3 @@ def _changed(verdicts: Sequence[Verdict], against: Path) -> Grid:
             mark = "good" if v.ok else "limit" if v.limit else "bad"
             grid.rows.append((mark, [v.fault, v.situation, v.verdict, other["verdict"]]))
     return grid
-
-
-@click.command()
-@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@click.option(
-    "--against",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="Another of the same kind, to compare with.",
-)
-def report(folder: Path, against: Path | None) -> None:
-    """Writes report.html, complete in itself, of a harvest, a campaign or a fault matrix."""
-    click.echo(f"written: {report_of(folder, against)}")

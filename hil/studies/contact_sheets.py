@@ -13,14 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from host.core.errors import UserError
 from sim_plant import labels
-from sim_plant.camera import LOW, MAST, Camera, CameraSpec
+from sim_plant.camera import Camera, CameraSpec
 from sim_plant.field import Field, FieldSpec, House, Tree
 from sim_plant.sky import WeatherSpec
 
@@ -212,44 +210,3 @@ def _write_video(path: Path, frames: Iterator[Picture], fps: float) -> None:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(bgr, format="bgr24")))
         if stream is not None:
             container.mux(stream.encode())
-
-
-@click.command()
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("out/world"),
-    show_default=True,
-    help="Folder for the pictures.",
-)
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
-@click.option(
-    "--sheet", "names", multiple=True, type=click.Choice(sorted(SHEETS)), help="Only these."
-)
-@click.option("--drive", "seconds", type=click.FloatRange(0, 600), default=15.0, show_default=True,
-              help="Length of drive-*.mp4 in s; 0 writes none.")  # fmt: skip
-@click.option(
-    "--compare", is_flag=True, help="Compare with the photographs of DARANTI_DATA instead."
-)
-def world(out: Path, seed: int, names: tuple[str, ...], seconds: float, compare: bool) -> None:
-    """Shows the simulated world: contact sheets and a drive, or figures against photographs."""
-    if compare:
-        from hil.studies import realism  # noqa: PLC0415
-
-        realism.report(seed)
-        return
-    mounts = {"low": LOW, "mast": MAST}
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
-    for name in names or sorted(SHEETS):
-        path = out / f"{name}.jpg"
-        if not cv2.imwrite(str(path), sheet(name, seed, mounts), [cv2.IMWRITE_JPEG_QUALITY, 82]):
-            raise UserError(f"cannot write {path}; choose another --out")
-        click.echo(path)
-    if seconds > 0 and not names:
-        for mount_name, mount in mounts.items():
-            path = out / f"drive-{mount_name}.mp4"
-            _write_video(path, drive(seed, mount, seconds, 10.0), 10.0)
-            click.echo(path)

@@ -14,17 +14,13 @@ import os
 import pickle
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
-import click
 import cv2
 from dask.local import SynchronousExecutor
-from rich.console import Console
-from rich.progress import Progress
-from rich.table import Table
 
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import SLICE_US, Bench
@@ -32,9 +28,9 @@ from hil.firmware import targets
 from hil.firmware.provision import Firmware
 from hil.firmware.signal_wires import Signal
 from hil.firmware.targets import ROOT
+from hil.judge.fault_verdict import Situation, Verdict
 from hil.scenario.faults import PAIRS, At, Expect, Fault
 from hil.scenario.scenario import Limits, Recording, Scenario
-from hil.studies.campaign import spread
 from host.core.errors import UserError
 from host.core.messages import State
 from host.link import protocol
@@ -44,7 +40,6 @@ from host.vision.view import Detector
 from sim_plant.field import FieldSpec
 
 Result = TypeVar("Result")
-Situation = Literal["follow", "turn"]
 SETTLE_S = 3.0
 """Following for this long before the fault."""
 WATCH_S = 5.0
@@ -60,27 +55,6 @@ GROUP = 8
 """Cases that share what comes before their faults, at most."""
 LIMIT_S = 60.0
 _MOVERS = (Signal.DRIVE_DUTY, Signal.BLADE)
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What became of one fault; times in ms after it first made a difference."""
-
-    fault: str
-    situation: Situation
-    expect: str
-    bound: str
-    detected_by: str
-    """The firmware's fault bits, the pilot's reason, or nobody."""
-    detected_ms: float | None
-    stop_latency_ms: float | None
-    """Until drive and blade were off for good; None where they were not."""
-    moved_m: float
-    """Travelled meanwhile, the coasting included; over the whole watch where nothing stopped."""
-    ok: bool
-    verdict: str
-    limit: bool = False
-    """Not ok, and known: nothing on board can notice it."""
 
 
 class Watch:
@@ -447,135 +421,3 @@ def kept(path: Path, cases: Sequence[Case]) -> dict[Case, Verdict]:
 
 
 # ---- the command ---------------------------------------------------------------------------------
-
-
-def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:
-    names = all_faults()
-    if not only:
-        return names
-    out = []
-    for wanted in only:
-        words = wanted.replace(".", " ").split()
-        found = [n for n in names if list(n[: len(words)]) == words]
-        if not found:
-            components = ", ".join(dict.fromkeys(n[0] for n in names))
-            known = ", ".join(n[1] for n in names if n[0] == words[0]) if words else ""
-            hint = f"{words[0]} can be: {known}" if known else f"components: {components}"
-            raise UserError(f"--only {wanted}: no such fault; {hint}")
-        out += [n for n in found if n not in out]
-    return out
-
-
-def table_of(verdicts: Sequence[Verdict], title: str) -> Table:
-    """For the terminal."""
-    table = Table(title=title)
-    for name in ("fault", "while", "must", "within", "detected by", "after ms"):
-        table.add_column(name)
-    for name in ("stop_latency_ms", "moved m"):
-        table.add_column(name, justify="right")
-    table.add_column("verdict")
-    for v in verdicts:
-        table.add_row(
-            v.fault,
-            v.situation,
-            v.expect,
-            v.bound if v.expect == Expect.STOP.value else "",
-            v.detected_by,
-            "" if v.detected_ms is None else f"{v.detected_ms:.0f}",
-            "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}",
-            f"{v.moved_m:.2f}",
-            v.verdict,
-            style="" if v.ok else "yellow" if v.limit else "bold red",
-        )
-    return table
-
-
-def markdown_of(verdicts: Sequence[Verdict], title: str) -> str:
-    """The same for a document."""
-    lines = [
-        f"## {title[:1].upper()}{title[1:]}",
-        "",
-        "| fault | while | must | detected by | stop_latency_ms | moved m | verdict |",
-        "|---|---|---|---|---:|---:|---|",
-    ]
-    for v in verdicts:
-        must = f"stop: {v.bound}" if v.expect == Expect.STOP.value else v.expect
-        latency = "" if v.stop_latency_ms is None else f"{v.stop_latency_ms:.0f}"
-        cells = [v.fault, v.situation, must, v.detected_by, latency, f"{v.moved_m:.2f}", v.verdict]
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-@click.command()
-@click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--only", multiple=True, metavar="COMPONENT[.FAILURE[.HOW]]", help="May be repeated.")
-@click.option("--while", "situation", type=click.Choice(["follow", "turn", "both"]), default="both")
-@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
-@click.option("--camera", default="mast", show_default=True, metavar="low|mast")
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
-@click.option("--records", is_flag=True, help="Keep a record of every run.")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"))
-def faults(
-    firmware: Firmware,
-    only: tuple[str, ...],
-    situation: str,
-    mode: str,
-    camera: str,
-    workers: int,
-    scheduler: str | None,
-    records: bool,
-    out: Path,
-) -> None:
-    """Makes everything fail that can fail, and says who noticed, when, and what moved meanwhile.
-
-    Exits with an error when any outcome is unsafe or late; known limits are counted apart. The same
-    command goes on where it was killed, as long as the programs are the same."""
-    from hil.report import report  # noqa: PLC0415
-
-    wheres: list[Situation] = ["follow", "turn"] if situation == "both" else [situation]  # type: ignore[list-item]
-    out.mkdir(parents=True, exist_ok=True)
-    keep = str((out / "records").resolve()) if records else None
-    cases = [
-        Case(name, where, firmware, mode, camera, keep)
-        for name in _selected(only)
-        for where in wheres
-    ]
-    log = out / "verdicts.jsonl"
-    found = kept(log, cases)
-    todo = [case for case in cases if case not in found]
-    with Progress(console=Console(stderr=True)) as bar, log.open("a", encoding="utf-8") as file:
-        file.write("\n")  # a killed call may have left half a line
-        task = bar.add_task(f"{len(cases)} faults", total=len(cases), completed=len(found))
-        groups = grouped(todo)
-        for group, verdicts in spread(run_group, groups, workers=workers, scheduler=scheduler):
-            for case, verdict in zip(group, verdicts, strict=True):
-                found[case] = verdict
-                entry = {"digest": digest(case), "verdict": asdict(verdict)}
-                file.write(json.dumps(entry) + "\n")
-            file.flush()
-            bar.update(task, completed=len(found), description=verdicts[-1].fault)
-    verdicts = [found[case] for case in cases]
-    title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
-    summary = {
-        "firmware": firmware,
-        "camera": camera,
-        "mode": mode,
-        "cases": len(verdicts),
-        "bad": sum(not v.ok and not v.limit for v in verdicts),
-        "limits": sum(v.limit for v in verdicts),
-        "faults": [asdict(v) for v in verdicts],
-    }
-    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    width = None if Console().is_terminal else 200
-    Console(width=width).print(table_of(verdicts, title))
-    (out / "faults.md").write_text(markdown_of(verdicts, title), encoding="utf-8")
-    report.faults_report(out, title, verdicts)
-    latencies = [v.stop_latency_ms for v in verdicts if v.stop_latency_ms is not None]
-    worst = max(latencies, default=math.nan)
-    click.echo(
-        f"{len(verdicts)} runs, {summary['limits']} known limits, worst stop_latency_ms "
-        f"{worst:.0f}; written to {out}"
-    )
-    if summary["bad"]:
-        raise UserError(f"{summary['bad']} of {len(verdicts)} outcomes are unsafe or late")

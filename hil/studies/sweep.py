@@ -9,21 +9,19 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import json
 import math
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-import click
 import numpy as np
 import optuna
 import pandas as pd
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from scipy.stats import spearmanr
 
 from hil.firmware import targets
 from hil.studies.actuators import (
@@ -35,6 +33,7 @@ from hil.studies.actuators import (
     population,
     step_response,
 )
+from hil.studies.spread import client
 from host.core.errors import UserError
 from host.link import protocol
 from host.tune.step_response import Step, cost, meets
@@ -192,31 +191,13 @@ def serial(jobs: Sequence[Job]) -> list[list[dict[str, Any]]]:
 @contextmanager
 def dask(workers: int, scheduler: str | None = None) -> Iterator[Map]:
     """On Dask: `workers` local processes of one thread each, or the scheduler at an address."""
-    import distributed  # noqa: PLC0415
-
-    untyped: Any = distributed
-    cluster = None
-    if scheduler is None:
-        cluster = untyped.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
-        )
-    try:
-        client = untyped.Client(cluster if cluster is not None else scheduler, timeout=10)
-    except OSError as error:
-        raise UserError(f"no Dask scheduler answers at {scheduler}: {error}") from error
-    try:
+    with client(workers, scheduler) as pool:
 
         def spread(jobs: Sequence[Job]) -> list[list[dict[str, Any]]]:
-            results: list[list[dict[str, Any]]] = client.gather(
-                client.map(run_job, jobs, pure=False)
-            )
+            results: list[list[dict[str, Any]]] = pool.gather(pool.map(run_job, jobs, pure=False))
             return results
 
         yield spread
-    finally:
-        client.close()
-        if cluster is not None:
-            cluster.close()
 
 
 @dataclass(frozen=True)
@@ -346,8 +327,6 @@ def spot_check(
     """Repeats some responses on the Uno's binary: ten candidates from best to worst on as many
     plants as it takes. Spearman's rank correlation of their costs, and the share of responses with
     the same verdict."""
-    from scipy.stats import spearmanr  # noqa: PLC0415
-
     names = [*sweep.space.parameters, *sweep.space.fixed]
     ranked = candidates_of(table, names)
     chosen = ranked.iloc[np.linspace(0, len(ranked) - 1, min(10, len(ranked))).astype(int)]
@@ -398,78 +377,3 @@ def summary_of(sweep: Sweep, table: pd.DataFrame) -> dict[str, Any]:
         },
         "worst_case": worst_case(table, number),
     }
-
-
-@click.command()
-@click.option("--space", "space_file", type=click.Path(path_type=Path), help="YAML; see docs.")
-@click.option("--method", type=click.Choice(["grid", "random", "optuna"]), default="optuna")
-@click.option("--trials", type=click.IntRange(1), default=200, show_default=True)
-@click.option("--plants", "plant_count", type=click.IntRange(1), default=25, show_default=True)
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True)
-@click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--workers", type=click.IntRange(0), default=2, show_default=True,
-              help="Local processes; 0 works in this one.")  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://10.0.0.5:8786.")
-@click.option("--spot-check", "check", type=click.IntRange(0), default=0, show_default=True,
-              help="Repeat so many responses on the Uno's binary in simavr.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/sweep"))
-def sweep(
-    space_file: Path | None,
-    workers: int,
-    scheduler: str | None,
-    check: int,
-    out: Path,
-    **options: Any,
-) -> None:
-    """Tries firmware parameters on a population of steering actuators.
-
-    Writes responses.parquet, candidates.parquet, summary.json, pictures and report.html."""
-    from rich.progress import Progress  # noqa: PLC0415
-
-    from hil.report import sweep_page  # noqa: PLC0415
-
-    chosen = Sweep(DEFAULT_SPACE if space_file is None else load_space(space_file), **options)
-    out.mkdir(parents=True, exist_ok=True)
-    began = time.monotonic()
-    with _spread(workers, scheduler) as spread:
-        ready_s = time.monotonic() - began
-        with Progress() as bar:
-            task = bar.add_task("step responses", total=chosen.responses())
-            table = chosen.run(spread, lambda count: bar.update(task, completed=count))
-        wall_s = time.monotonic() - began - ready_s
-        summary: dict[str, Any] = summary_of(chosen, table)
-        summary["wall_s"] = round(wall_s, 2)
-        if check:
-            summary["spot_check"] = spot_check(chosen, table, check, spread)
-    names = [*chosen.space.parameters, *chosen.space.fixed]
-    ranked = candidates_of(table, names)
-    table.to_parquet(out / "responses.parquet", index=False)
-    ranked.to_parquet(out / "candidates.parquet")
-    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    sweep_page.write(out, chosen.space, table, ranked, summary)
-    click.echo(f"{len(table)} step responses in {wall_s:.1f} s on {_where(workers, scheduler)}")
-    click.echo(f"chosen: {_words(summary['chosen'])}")
-    click.echo(
-        f"meets the figures in {summary['chosen_meets']:.1%} of its responses; "
-        f"table sha256 {summary['table_sha256'][:16]}"
-    )
-    for key, value in summary.get("spot_check", {}).items():
-        click.echo(f"spot check on the Uno's binary: {key} {value}")
-    click.echo(f"written to {out}: report.html, summary.json, responses.parquet")
-
-
-@contextmanager
-def _spread(workers: int, scheduler: str | None) -> Iterator[Map]:
-    if workers == 0 and scheduler is None:
-        yield serial
-    else:
-        with dask(workers, scheduler) as spread:
-            yield spread
-
-
-def _where(workers: int, scheduler: str | None) -> str:
-    return scheduler or (f"{workers} worker processes" if workers else "this process")
-
-
-def _words(gains: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:g}" for name, value in gains.items())

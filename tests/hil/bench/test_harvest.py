@@ -9,7 +9,8 @@ from typing import Any
 import click
 import pytest
 
-from hil.bench.harvest import Harvest, harvest, harvest_command
+from hil.bench.harvest import Harvest, harvest
+from hil.commands.harvest import harvest_command
 from hil.firmware import targets
 from hil.scenario.scenario import Scenario
 from tests.helpers.oracle import Oracle, quick

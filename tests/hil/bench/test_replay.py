@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from hil.bench.harvest import Harvest
-from hil.bench.replay import command, replay
+from hil.bench.replay import replay
+from hil.commands.replay import command
 from hil.firmware import targets
 from hil.scenario.faults import At, Fault
 from hil.scenario.scenario import Scenario

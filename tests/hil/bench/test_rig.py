@@ -22,18 +22,8 @@ import serial
 
 from hil.bench.harvest import harvest
 from hil.bench.lockstep import SLICE_US, Bench
-from hil.bench.rig import (
-    BEHIND_S,
-    IN_THE_MAKING,
-    NETWORK,
-    Deadlines,
-    Port,
-    PseudoTerminal,
-    Rfc2217Port,
-    Rig,
-    TcpPort,
-    handouts,
-)
+from hil.bench.ports import IN_THE_MAKING, NETWORK, Port, PseudoTerminal, Rfc2217Port, TcpPort
+from hil.bench.rig import BEHIND_S, Deadlines, Rig, handouts
 from hil.firmware import targets
 from hil.scenario import scenario
 from host.core.errors import UserError

@@ -17,7 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.bench.lockstep import SLICE_US, Bench
-from hil.bench.rig import PseudoTerminal, rig
+from hil.bench.ports import PseudoTerminal
+from hil.commands.rig import rig
 from hil.firmware import targets
 from hil.firmware.real_board import Board, Frames
 from hil.firmware.targets import ROOT, Target

@@ -12,8 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 from hil.bench.harvest import Harvest, harvest
+from hil.commands.plot import plot
+from hil.commands.report import report
 from hil.firmware import targets
-from hil.judge.plots import plot
+from hil.judge.fault_verdict import Verdict
 from hil.report.report import (
     Grid,
     Section,
@@ -21,11 +23,9 @@ from hil.report.report import (
     compared,
     faults_report,
     render,
-    report,
     report_of,
 )
 from hil.scenario.faults import At, Fault
-from hil.studies.fault_matrix import Verdict
 from host.core.errors import UserError
 from tests.helpers.oracle import Oracle, quick
 

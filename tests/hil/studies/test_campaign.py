@@ -18,17 +18,9 @@ from typing import Any
 import pytest
 
 from hil.firmware import targets
+from hil.judge.overview import overview, ranking, stopped_safely
 from hil.scenario.scenario import Scenario, changed, load
-from hil.studies.campaign import (
-    jobs_of,
-    overview,
-    ranking,
-    run_campaign,
-    run_job,
-    seeds_of,
-    stopped_safely,
-    variants,
-)
+from hil.studies.campaign import jobs_of, run_campaign, run_job, seeds_of, variants
 from host.core.errors import UserError
 
 needs_firmware = pytest.mark.skipif(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from hil.commands import world
 from hil.studies import contact_sheets, realism
 from host.core.errors import UserError
 from sim_plant import labels
@@ -22,9 +23,7 @@ def test_a_sheet_is_written_with_a_row_per_mount(
     monkeypatch.setattr(
         contact_sheets, "SHEETS", {"cut": (True, (contact_sheets.View("here", "start"),))}
     )
-    result = CliRunner().invoke(
-        contact_sheets.world, ["--out", str(tmp_path / "new"), "--sheet", "cut"]
-    )
+    result = CliRunner().invoke(world.world, ["--out", str(tmp_path / "new"), "--sheet", "cut"])
     assert result.exit_code == 0, result.output
     picture = cv2.imread(str(tmp_path / "new" / "cut.jpg"))
     # Two mounts, each a view over its labels, and the legend.
@@ -34,7 +33,7 @@ def test_a_sheet_is_written_with_a_row_per_mount(
 def test_an_output_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(UserError, match="taken"):
-        contact_sheets.world.main(
+        world.world.main(
             ["--out", str(tmp_path / "taken" / "x"), "--sheet", "cut"], standalone_mode=False
         )
 
@@ -42,7 +41,7 @@ def test_an_output_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 def test_missing_photographs_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DARANTI_DATA", str(tmp_path))
     with pytest.raises(UserError, match="DARANTI_DATA"):
-        contact_sheets.world.main(["--compare"], standalone_mode=False)
+        world.world.main(["--compare"], standalone_mode=False)
 
 
 @pytest.mark.parametrize("name", ["first edge", "second ring", "end"])

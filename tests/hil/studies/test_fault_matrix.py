@@ -16,35 +16,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from hil.bench.injector import Injector, Line, spoiled
 from hil.bench.lockstep import Bench
-from hil.bench.rig import rig
+from hil.commands.faults import faults
+from hil.commands.rig import rig
 from hil.firmware import signal_wires, targets
 from hil.firmware.provision import target
 from hil.firmware.signal_wires import Mode, Signal, tap
-from hil.scenario.faults import (
-    PAIRS,
-    At,
-    Component,
-    Expect,
-    Failure,
-    Fault,
-    Injector,
-    Line,
-    Pair,
-    Place,
-    spoiled,
-)
+from hil.judge.fault_verdict import Situation, Verdict
+from hil.scenario.faults import PAIRS, At, Component, Expect, Failure, Fault, Pair, Place
 from hil.scenario.scenario import Scenario
 from hil.studies.fault_matrix import (
     Case,
     Group,
-    Situation,
-    Verdict,
     all_faults,
     base_scenario,
     branched,
     digest,
-    faults,
     in_a_copy,
     kept,
     watched,
@@ -463,7 +451,7 @@ def test_the_matrix_goes_on_where_it_was_killed(
         ran.extend(group)
         return [verdict(case) for case in group]
 
-    monkeypatch.setattr("hil.studies.fault_matrix.run_group", run)
+    monkeypatch.setattr("hil.commands.faults.run_group", run)
     words = ["--only", "estop", "--workers", "1", "--out", str(tmp_path)]
     assert CliRunner().invoke(faults, words).exit_code == 0
     assert len(ran) == 4

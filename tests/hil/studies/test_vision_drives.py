@@ -10,17 +10,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from hil.commands.vision import vision
 from hil.studies import vision_drives
-from hil.studies.vision_drives import (
-    Drive,
-    Outcome,
-    _declared,
-    _prepare,
-    drive_along,
-    run,
-    summary,
-    vision,
-)
+from hil.studies.vision_drives import Drive, Outcome, _declared, _prepare, drive_along, run, summary
 from host.estimate.crop_ahead import Ahead
 from host.estimate.odometry import Motion
 from host.vision import CropView

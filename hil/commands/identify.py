@@ -1,0 +1,67 @@
+"""`daranti-hil identify`: identification and tuning of simulated actuators."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from hil.studies.actuators import (
+    DAY_RANGES,
+    NOMINAL_RANGES,
+    Firmware,
+    population,
+)
+from hil.studies.identification import campaign, identify_plant, summary_of
+from host.commands import identify
+
+
+@click.command("identify")
+@click.option("--plants", "count", type=click.IntRange(1), default=1, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True)
+@click.option("--days", is_flag=True, help="Battery, load, wear and temperature vary as well.")
+@click.option("--tune", is_flag=True, help="Tune on each model and compare gains on its plant.")
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/identify"))
+def command(
+    count: int, seed: int, days: bool, tune: bool, firmware: Firmware, workers: int, out: Path
+) -> None:
+    """Identifies simulated steering actuators, and says how far off the truth that was.
+
+    Writes plants.parquet, summary.json and, of the first plant, model.json and fit.png."""
+
+    ranges = {**NOMINAL_RANGES, **DAY_RANGES} if days else NOMINAL_RANGES
+    plants = population(count, seed, ranges=ranges)
+    out.mkdir(parents=True, exist_ok=True)
+    findings, model, _ = identify_plant(plants[0], firmware)
+    model.save(out / "model.json")
+    identify.draw(findings, model, out / "fit.png")
+    console = Console()
+    console.print(identify.table(model))
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("actuators", total=count)
+        table = campaign(
+            plants,
+            tune=tune,
+            workers=workers,
+            firmware=firmware,
+            progress=lambda: bar.advance(task),
+        )
+    summary = summary_of(table)
+    table.to_parquet(out / "plants.parquet", index=False)
+    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    shown = Table(title=f"{count} actuators, seed {seed}")
+    shown.add_column("figure")
+    shown.add_column("value", justify="right")
+    for key, value in summary.items():
+        shown.add_row(key, f"{value:g}")
+    console.print(shown)
+    for number, text in enumerate(table["error"]):
+        if text:
+            console.print(f"actuator {number}: {text}")
+    click.echo(f"written to {out}: plants.parquet, summary.json, model.json, fit.png")

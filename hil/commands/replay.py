@@ -1,0 +1,56 @@
+"""`daranti-hil replay`: a record through the pilot and the firmware of today."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from hil.bench.replay import replay
+from host.core.errors import UserError
+
+
+def _settings(given: tuple[str, ...], option: str) -> dict[str, float]:
+    values = {}
+    for setting in given:
+        name, _, value = setting.partition("=")
+        try:
+            values[name] = float(value)
+        except ValueError as error:
+            raise UserError(f"{option} {setting}: say NAME=NUMBER") from error
+    return values
+
+
+@click.command(name="replay")
+@click.argument("path", metavar="RECORD", type=click.Path(path_type=Path))
+@click.option("--param", multiple=True, metavar="NAME=VALUE", help="A parameter of the firmware.")
+@click.option("--vehicle", multiple=True, metavar="NAME=VALUE", help="A field of the vehicle file.")
+@click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Another than the record's.")
+@click.option("--all", "show_all", is_flag=True, help="Every difference, not only the first.")
+def command(
+    path: Path,
+    param: tuple[str, ...],
+    vehicle: tuple[str, ...],
+    firmware: Literal["desk", "avr"] | None,
+    show_all: bool,
+) -> None:
+    """Feeds a record's inputs through today's pilot and firmware and shows the first difference.
+
+    Exits with an error when there is one."""
+    outcome = replay(
+        path,
+        vehicle=_settings(vehicle, "--vehicle"),
+        parameters=_settings(param, "--param"),
+        firmware=firmware,
+    )
+    for note in outcome.notes:
+        click.echo(f"note: {note}")
+    counts = f"{outcome.commands} commands, {outcome.views} views, {outcome.messages} messages"
+    for who, differences in (("pilot", outcome.pilot), ("firmware", outcome.firmware)):
+        for difference in differences if show_all else differences[:1]:
+            click.echo(f"{who}: {difference}")
+    total = len(outcome.pilot) + len(outcome.firmware)
+    if total:
+        raise UserError(f"{path}: {total} differences in {counts}")
+    click.echo(f"{path}: all the same: {counts}")

@@ -1,0 +1,122 @@
+"""`daranti-hil rig`: the machine in wall-clock time, for `daranti drive`."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hil.bench.lockstep import Bench
+from hil.bench.ports import NETWORK, Port, PseudoTerminal, Rfc2217Port, TcpPort
+from hil.bench.rig import Rig, _develop, handouts, rehearse
+from hil.firmware.real_board import PREFIX, Board
+from hil.judge import pictures
+from hil.scenario import scenario
+from host.core.errors import UserError
+from sim_plant.phone import Phone, PhoneSpec
+
+
+@click.command()
+@click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
+@click.option("--firmware", metavar="desk|avr|serial:PORT", help="A build, or a real board.")
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
+@click.option("--duration", type=click.FloatRange(0, min_open=True), help="Seconds; else Ctrl-C.")
+@click.option(
+    "--realtime-factor",
+    "factor",
+    type=click.FloatRange(0, min_open=True),
+    default=1.0,
+    show_default=True,
+)
+@click.option("--link", type=click.Path(path_type=Path), help="Symbolic link to the port.")
+@click.option("--tcp", type=click.IntRange(0, 65535), help="Serve the serial port over TCP, too.")
+@click.option("--rfc2217", type=click.IntRange(0, 65535), help="The same as RFC 2217.")
+@click.option("--http-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--nmea-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/rig"), show_default=True)
+def rig(
+    name: str,
+    firmware: str | None,
+    duration: float | None,
+    factor: float,
+    link: Path | None,
+    tcp: int | None,
+    rfc2217: int | None,
+    http_port: int,
+    nmea_port: int,
+    out: Path,
+    **options: Any,
+) -> None:
+    """The whole machine behind a serial port and a phone, in wall-clock time.
+
+    Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
+    and how well the clock was kept."""
+    real = firmware.removeprefix(PREFIX) if firmware and firmware.startswith(PREFIX) else None
+    overrides = options | ({"firmware": firmware} if real is None else {})
+    chosen = scenario.load(name, {k: v for k, v in overrides.items() if v is not None})
+    if any(fault.at.state is not None for fault in chosen.faults):
+        raise UserError(
+            f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
+        )
+    rehearse(chosen)
+    board = Board(real, chosen.firmware_parameters) if real is not None else None
+    with Bench(chosen, board=board) as bench:
+        with ExitStack() as plugged:
+            ports: dict[str, Port] = {"port": PseudoTerminal(link)}
+            plugged.callback(ports["port"].close)
+            for kind, number in ((TcpPort, tcp), (Rfc2217Port, rfc2217)):
+                if number is not None:
+                    served = ports[kind.SCHEME] = kind(number)
+                    plugged.callback(served.close)
+            phone = plugged.enter_context(_phone(http_port, nmea_port))
+            machine = Rig(bench, list(ports.values()), phone, factor=factor)
+            plugged.callback(machine.close)
+            phone.show(_develop(bench.camera, bench.shutter()))
+            addresses = {kind: port.name for kind, port in ports.items()}
+            addresses |= {"camera": phone.camera_url, "gnss": phone.gnss_url}
+            _announce(addresses | handouts(chosen, out), out)
+            with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+                machine.run(duration)
+        _report(machine, out)
+
+
+def _phone(http_port: int, nmea_port: int) -> Phone:
+    try:
+        return Phone(PhoneSpec(http_port=http_port, nmea_port=nmea_port, delay_s=0.0))
+    except OSError as error:
+        raise UserError(
+            f"cannot serve the phone on ports {http_port} and {nmea_port}: {error.strerror}"
+        ) from error
+
+
+def _announce(about: dict[str, str], out: Path) -> None:
+    """Says, and writes to rig.json, how to reach the machine; the command comes last."""
+    (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
+    for key, value in about.items():
+        click.echo(f"{key:9} {value}")
+    line = " ".join(f"--{key} {value}" for key, value in about.items() if key not in NETWORK)
+    click.echo(f"drive it: daranti drive {line}")
+
+
+def _report(machine: Rig, out: Path) -> None:
+    """What was truly harvested, and how well the clock was kept."""
+    crop = machine.bench.field
+    summary: dict[str, Any] = {
+        "simulated_s": round(machine.bench.now, 3),
+        "coverage": round(float(crop.coverage()), 4),
+        "missed_m2": round(float(crop.missed_m2()), 4),
+        "neighbour_cut_m2": round(float(crop.neighbour_cut_m2()), 4),
+        "pose": [round(value, 3) for value in machine.bench.pose],
+        **machine.deadlines.summary(),
+    }
+    for key, value in summary.items():
+        click.echo(f"{key:18} {value}")
+    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    if len(machine.track) > 1:
+        title = f"rig: coverage {summary['coverage']:.3f}"
+        pictures.draw_map(out / "map.png", crop, machine.track, title)
