@@ -1,4 +1,4 @@
-"""Draws the pilot's statechart (Mermaid) from its code: docs/pilot.md.
+"""Draws the pilot's statechart (Mermaid) from its code: docs/understand/pilot.md.
 
 A handler's transitions are the `self._go(now, Phase.X, reason)` calls in it and in the methods that
 it calls. `--check` exits with 1 where the document is not what the code says.
@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "host" / "pilot" / "pilot.py"
-DOCUMENT = ROOT / "docs" / "pilot.md"
+DOCUMENT = ROOT / "docs" / "understand" / "pilot.md"
 
 
 def _called(method: ast.FunctionDef) -> set[str]:

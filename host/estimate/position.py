@@ -45,7 +45,7 @@ END_SIGMA_M = 0.15
 by the square of 1/cos as much, and dust hides its last tip."""
 END_EARLY_M = 0.1
 """The last crop before the blade is too shallow a strip to look like crop: vision loses it 0.14 m
-before its end from the mast, at 0.05 m from the low camera (docs/vision.md)."""
+before its end from the mast, at 0.05 m from the low camera (docs/understand/vision.md)."""
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 SLOPE_MOST = 2.2

@@ -1,7 +1,7 @@
 """Steering laws: from the vehicle's place against the lane to a steering angle.
 
 Offset and heading are those of host.estimate.lane.Lane (left positive); angles are radians, left
-positive, within the limit. Gains and margins: docs/navigation.md.
+positive, within the limit. Gains and margins: docs/understand/navigation.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The AVR keeps its budget and withstands random bytes: the commands of docs/firmware.md, short."""
+"""The AVR keeps its budget and withstands random bytes: the commands of docs/understand/firmware.md, short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prints the table of docs/survey/README.md: `python docs/survey/figures.py` (half a minute)."""
+"""Prints the table of docs/use/survey/README.md: `python docs/use/survey/figures.py` (half a minute)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from shapely.affinity import translate
 from host.field.survey import survey_track
 from sim_plant.gnss import GnssSpec
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from tests.helpers.walker import around, walk
 from tests.host.field.test_survey import SHAPES, in_field, iou, tracked

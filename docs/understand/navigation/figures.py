@@ -1,4 +1,4 @@
-"""Prints the tables of docs/navigation.md: `python docs/navigation/figures.py` (some seconds)."""
+"""Prints the tables of docs/understand/navigation.md: `python docs/understand/navigation/figures.py` (some seconds)."""
 
 from __future__ import annotations
 
