@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.bench.eyes import Eyes, PictureEyes
 from hil.bench.live_view import LiveView
 from hil.bench.lockstep import Bench
 from hil.judge import pictures
@@ -23,12 +24,9 @@ from host.core.messages import Fix, Frame
 from host.link.session import Session
 from host.pilot.pilot import Phase, Pilot
 from host.runs.record import Recorder
-from host.sensors.jpeg import NOTHING, Bgr, JpegDecoder
+from host.sensors.jpeg import NOTHING
 from host.sensors.nmea import Receiver
-from host.sensors.picture_watch import WatchedDetector
-from host.vision import make_detector
 from host.vision.view import Detector
-from sim_plant.camera import Camera, Shot
 
 HOST_HZ = 20
 """Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
@@ -50,19 +48,6 @@ class Progress:
     reason: str
 
 
-def _develop(camera: Camera, shot: Shot, decoder: JpegDecoder) -> tuple[bytes, Bgr]:
-    """The picture as the host gets it: rendered, JPEG there and back."""
-    jpeg = camera.encode(camera.develop(shot))
-    return jpeg, decoder.decode(jpeg)
-
-
-def _vision(bench: Bench) -> Detector:
-    """The detector that the scenario names; of the bench it sees nothing but the scenario."""
-    s = bench.scenario
-    detector = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
-    return WatchedDetector(detector, s.mount)
-
-
 class Harvest:
     """One lockstep run. The camera develops each shot in `darkroom` (a thread, where none is given)
     while machine and firmware go on: the picture is due only after the camera's delay, so the
@@ -77,10 +62,14 @@ class Harvest:
         *,
         camera_threads: int = 1,
         darkroom: Executor | None = None,
+        eyes: Callable[[Bench], Eyes] | None = None,
     ) -> None:
+        """`eyes`: what takes the pictures and makes the detector, as the scenario says where none
+        are given; `detector`: another one for the same pictures."""
         self.scenario = scenario
         self.bench = Bench(scenario, camera_threads=camera_threads)
-        self._detector = detector or _vision
+        self.eyes: Eyes = (eyes or PictureEyes)(self.bench)
+        self._detector = detector or (lambda _: self.eyes.detector())
         self.session = Session()
         self.pilot = self._new_pilot()
         self.truth = Truth(scenario, self.bench.field)
@@ -88,7 +77,6 @@ class Harvest:
         self.frames = 0
         self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
         self._receiver = Receiver()
-        self._decoder = JpegDecoder()
         self._restarts = 0
         self._events = 0
         self._inbox: list[tuple[float, bytes]] = []
@@ -160,9 +148,7 @@ class Harvest:
             if record is not None:
                 record.put("/serial/to_host", stamp, {"data": data})
         if tick % self._frame_ticks == 0:
-            work = self._darkroom.submit(
-                _develop, self.bench.camera, self.bench.shutter(), self._decoder
-            )
+            work = self._darkroom.submit(self.eyes.develop, self.eyes.shutter())
             self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
@@ -191,7 +177,7 @@ class Harvest:
         if got is None:
             return
         if got is not arrived:
-            decoded = self._decoder.decode(got[1])
+            decoded = self.eyes.decode(got[1])
         self._frame = (Frame(got[0], decoded), got[1])
 
     def _host(self, now: float) -> None:

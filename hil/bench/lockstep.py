@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, Final
 
 from hil.bench.injector import Injector
@@ -36,9 +37,7 @@ class Bench(Closing):
         spec = scenario.machine_truth
         seed = scenario.seed
         self.field = Field(scenario.field, seed)
-        self.camera = Camera(
-            self.field, scenario.lens_truth, scenario.weather, seed, threads=camera_threads
-        )
+        self._camera_threads = camera_threads
         self.gnss = Gnss(scenario.gnss, seed)
         self.cut_cells = 0
         """Crop cells cut during the last `advance`."""
@@ -63,6 +62,18 @@ class Bench(Closing):
             self.target = target
             self._inner = coupling.bind(target, *records, wires=self.faults.taps)
         self.target.set_pin(coupling.ESTOP, False)
+
+    @cached_property
+    def camera(self) -> Camera:
+        """Made when it is first asked for: a run that takes no pictures needs none."""
+        s = self.scenario
+        threads = self._camera_threads
+        return Camera(self.field, s.lens_truth, s.weather, s.seed, threads=threads)
+
+    @property
+    def machine_spec(self) -> machine.MachineSpec:
+        """The true machine."""
+        return self._spec
 
     @property
     def now(self) -> float:

@@ -1,0 +1,129 @@
+"""The machine's eyes on the bench: what takes a picture, what becomes of it on its way, and which
+detector reads it."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from hil.bench.lockstep import Bench
+from hil.bench.sight import Sight, look
+from host.sensors.jpeg import Bgr, JpegDecoder
+from host.sensors.picture_watch import WatchedDetector
+from host.vision import make_detector
+from host.vision.view import CropView, Detector
+
+
+class Eyes(Protocol):
+    """One camera of one run."""
+
+    def shutter(self) -> Any:
+        """Freezes what the camera sees now; called on the bench's own thread."""
+        ...
+
+    def develop(self, shot: Any) -> tuple[bytes, Bgr]:
+        """A shot's file and its pixels as the host decodes them; shot after shot, in any thread."""
+        ...
+
+    def decode(self, data: bytes) -> Bgr:
+        """A file that came otherwise than it was sent."""
+        ...
+
+    def detector(self) -> Detector:
+        """A new one, as the host makes it when it starts."""
+        ...
+
+
+class PictureEyes:
+    """The simulated camera, and the detector that the scenario names: of the bench it sees nothing
+    but pictures."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._camera = bench.camera
+        self._decoder = JpegDecoder()
+
+    def shutter(self) -> Any:
+        """A `sim_plant.camera.Shot`."""
+        return self._bench.shutter()
+
+    def develop(self, shot: Any) -> tuple[bytes, Bgr]:
+        """Rendered, JPEG there and back."""
+        jpeg = self._camera.encode(self._camera.develop(shot))
+        return jpeg, self._decoder.decode(jpeg)
+
+    def decode(self, data: bytes) -> Bgr:
+        """As the host decodes a JPEG file."""
+        return self._decoder.decode(data)
+
+    def detector(self) -> Detector:
+        """The host's own."""
+        s = self._bench.scenario
+        detector = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+        return WatchedDetector(detector, s.mount)
+
+
+def sight_of(bench: Bench) -> Sight:
+    """What a perfect eye sees now."""
+    state = bench.state
+    spec = bench.machine_spec
+    return look(
+        bench.field,
+        bench.pose,
+        spec.blade_x_m,
+        spec.blade_width_m,
+        float(state["v"]),
+        bool(state["blade_spinning"]),
+    )
+
+
+class WitnessedEyes(PictureEyes):
+    """Pictures and their detector, with what was true of every picture that it read."""
+
+    def __init__(self, bench: Bench) -> None:
+        super().__init__(bench)
+        self.seen: list[tuple[float, Sight, CropView, bool]] = []
+        """(the shutter's time, the truth, the answer, whether the detector had been restarted)."""
+        self._truths: dict[int, tuple[float, Sight, Bgr]] = {}
+
+    def shutter(self) -> Any:
+        """The shot and its truth."""
+        return super().shutter(), self._bench.now, sight_of(self._bench)
+
+    def develop(self, shot: Any) -> tuple[bytes, Bgr]:
+        """As without a witness."""
+        taken, stamp, sight = shot
+        jpeg, bgr = super().develop(taken)
+        self._truths[id(bgr)] = (stamp, sight, bgr)  # kept, so that no other array takes its id
+        while len(self._truths) > 16:
+            self._truths.pop(next(iter(self._truths)))
+        return jpeg, bgr
+
+    def detector(self) -> Detector:
+        """The host's own, listened to."""
+        return _Listened(super().detector(), self)
+
+    def note(self, bgr: Bgr, view: CropView, fresh: bool) -> None:
+        """What the detector answered to a picture."""
+        known = self._truths.get(id(bgr))
+        if known is not None:
+            self.seen.append((known[0], known[1], view, fresh))
+
+
+class _Listened:
+    def __init__(self, detector: Detector, witness: WitnessedEyes) -> None:
+        self._detector = detector
+        self._witness = witness
+        self._fresh = True
+
+    def see(self, bgr: Bgr, *, stages: bool = False) -> CropView:
+        view = self._detector.see(bgr, stages=stages)
+        self._witness.note(bgr, view, self._fresh)
+        self._fresh = False
+        return view
+
+    def glance(self, bgr: Bgr) -> CropView:
+        return self._detector.glance(bgr)
+
+    def restart(self, *, turned: bool = True) -> None:
+        self._fresh = True
+        self._detector.restart(turned=turned)
