@@ -8,9 +8,8 @@ from typing import Any, Protocol
 from hil.bench.lockstep import Bench
 from hil.bench.sight import Sight, look
 from host.sensors.jpeg import Bgr, JpegDecoder
-from host.sensors.picture_watch import WatchedDetector
-from host.vision import make_detector
 from host.vision.view import CropView, Detector
+from host.vision.watched import watched_detector
 
 
 class Eyes(Protocol):
@@ -58,8 +57,7 @@ class PictureEyes:
     def detector(self) -> Detector:
         """The host's own."""
         s = self._bench.scenario
-        detector = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
-        return WatchedDetector(detector, s.mount)
+        return watched_detector(s.mode, s.vehicle, s.mount)
 
 
 def sight_of(bench: Bench) -> Sight:

@@ -23,6 +23,7 @@ from hil.scenario.scenario import Scenario
 from host.core.messages import Fix, Frame
 from host.link.session import Session
 from host.pilot.pilot import Phase, Pilot
+from host.pilot.snapshot import snapshot
 from host.runs.record import Recorder
 from host.sensors.jpeg import NOTHING
 from host.sensors.nmea import Receiver
@@ -244,22 +245,7 @@ class Harvest:
                 record.picture(frame.stamp, jpeg)
             if pilot.view is not None:
                 record.view(frame.stamp, pilot.view)
-            lane, motion = pilot.lane, pilot.motion
-            record.put(
-                "/pilot",
-                now,
-                {
-                    "phase": pilot.phase.value,
-                    "reason": pilot.reason,
-                    "turns": pilot.turns,
-                    "offset_m": lane.offset_m,
-                    "heading_rad": lane.heading_rad,
-                    "distance_m": motion.distance_m,
-                    "x_m": motion.x_m,
-                    "y_m": motion.y_m,
-                    "yaw_rad": motion.yaw_rad,
-                },
-            )
+            record.pilot(now, snapshot(pilot))
             state = self.bench.state
             x, y, yaw = self.bench.pose
             field = self.bench.field

@@ -5,6 +5,7 @@ The bench alone advances time; the loop over milliseconds is hil/coupling.py.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from functools import cached_property
@@ -14,7 +15,6 @@ from hil.bench.injector import Injector
 from hil.firmware import coupling, provision
 from hil.firmware.real_board import Board, Controller
 from hil.scenario.scenario import Scenario
-from host.core.closing import Closing
 from host.core.errors import UserError
 from sim_plant import machine
 from sim_plant.camera import Camera, Shot
@@ -26,7 +26,7 @@ SLICE_US: Final = 10_000
 SLICES_PER_CUT: Final = 2
 
 
-class Bench(Closing):
+class Bench(contextlib.AbstractContextManager["Bench"]):
     """One machine on one field with its firmware; time in seconds from 0."""
 
     def __init__(
@@ -176,6 +176,9 @@ class Bench(Closing):
         antenna = self.faults.antenna(self.now, x, y, v * math.cos(course), v * math.sin(course))
         shaded = self.field.under_trees(x, y)
         return self.faults.nmea(self.now, self.gnss.epoch(self.now, *antenna, under_trees=shaded))
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Ends the target."""

@@ -30,11 +30,10 @@ from host.pilot.pilot import Pilot
 from host.route.plan import Plan, Side
 from host.runs import record
 from host.sensors.jpeg import JpegDecoder
-from host.sensors.picture_watch import WatchedDetector
-from host.vision import make_detector
 from host.vision.mounted.detector import Mode
 from host.vision.mounted.paper import PaperParams
 from host.vision.view import CropView, Detector
+from host.vision.watched import watched_detector
 
 TOLERANCE: Final = 1e-6
 """Of any number; a wall-clock record keeps its times to the nanosecond only."""
@@ -182,13 +181,7 @@ class _PilotReplay:
             mount = about.vehicle.mounts[about.mount]
             if about.scenario is not None:
                 mount = about.scenario.mount
-            overlap_m = about.vehicle.overlap_m
-            detector = WatchedDetector(
-                make_detector(
-                    about.mode, about.vehicle, mount, overlap_m=overlap_m, params=about.paper
-                ),
-                mount,
-            )
+            detector = watched_detector(about.mode, about.vehicle, mount, about.paper)
         self._pilot = Pilot(about.vehicle, detector, about.plan)
 
     def take(self, topic: str, stamp: float, message: Mapping[str, Any]) -> None:

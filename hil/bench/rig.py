@@ -22,9 +22,9 @@ import numpy as np
 from hil.bench.lockstep import SLICE_US, Bench
 from hil.bench.ports import IN_THE_MAKING, Port
 from hil.scenario.scenario import Scenario
+from host.core.frames import LocalFrame
 from host.core.vehicle_file import save_vehicle
 from host.pilot.pilot import Phase
-from host.sensors.nmea import LocalFrame
 from sim_plant.camera import Camera, Shot
 from sim_plant.field import FieldSpec
 from sim_plant.phone import Phone

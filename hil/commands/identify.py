@@ -17,7 +17,8 @@ from hil.studies.actuators import (
     population,
 )
 from hil.studies.identification import campaign, identify_plant, summary_of
-from host.commands import identify
+from host.commands.identify import table as table_of
+from host.tune.pictures import draw_fit
 
 
 @click.command("identify")
@@ -40,9 +41,9 @@ def command(
     out.mkdir(parents=True, exist_ok=True)
     findings, model, _ = identify_plant(plants[0], firmware)
     model.save(out / "model.json")
-    identify.draw(findings, model, out / "fit.png")
+    draw_fit(findings, model, out / "fit.png")
     console = Console()
-    console.print(identify.table(model))
+    console.print(table_of(model))
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("actuators", total=count)
         table = campaign(

@@ -12,6 +12,7 @@ a `Target`; a numba-compiled loop takes its raw function pointers and handle ins
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import enum
 from ctypes import POINTER, c_char_p, c_int32, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64
@@ -19,7 +20,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from host.core.closing import Closing
 from host.core.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -91,7 +91,7 @@ def _pointers(library: Path, _stamp: int) -> Pointers:
     return Pointers(library)
 
 
-class Target(Closing):
+class Target(contextlib.AbstractContextManager["Target"]):
     """One microcontroller. Time is in microseconds since its creation and advances in run_until()
     only; pins are Arduino Uno numbers, analog channels A0 = 0. Not to be shared between threads."""
 
@@ -112,6 +112,9 @@ class Target(Closing):
         self.handle: int = handle
         """For compiled loops; valid until close()."""
         self._buffer = (c_uint8 * 4096)()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Frees the simulated microcontroller; a second call does nothing."""

@@ -8,6 +8,7 @@ wheel did. Everything is a function of its arguments: same inputs, same bits, in
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.firmware import coupling, targets
-from host.core.closing import Closing
 from host.core.errors import UserError
 from host.link import protocol
 from host.link.session import Session
@@ -166,7 +166,7 @@ def _replace(plant: Plant, changes: Mapping[str, Any]) -> Plant:
 # ---- stand ---------------------------------------------------------------------------------------
 
 
-class Stand(Closing):
+class Stand(contextlib.AbstractContextManager["Stand"]):
     """Firmware and machine in lockstep, and a log of what the steering truly did."""
 
     def __init__(
@@ -215,6 +215,9 @@ class Stand(Closing):
     def log(self) -> NDArray[Any]:
         """coupling.LOG rows of every LOG_S from the start to now."""
         return self._log[: self._now_us // coupling.LOG_US]
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Ends the target."""

@@ -23,7 +23,8 @@ from hil.scenario.scenario import Scenario
 from host.estimate.crop_ahead import CONFIDENT, Ahead, EndOfField
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
-from host.vision import CropView, make_detector
+from host.vision.mounted.detector import make_detector
+from host.vision.view import CropView
 from sim_plant.camera import Camera
 from sim_plant.field import Field, FieldSpec
 from sim_plant.sky import WeatherSpec
@@ -231,7 +232,7 @@ def run(drive: Drive) -> Outcome:
     cv2.setNumThreads(1)
     edge = _prepare(drive)
     scenario, v = edge.scenario, edge.scenario.vehicle
-    eye = make_detector(drive.mode, v, scenario.mount, overlap_m=v.overlap_m)
+    eye = make_detector(drive.mode, v, scenario.mount)
     rng = np.random.default_rng((drive.seed, drive.number, 1))
     scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()
     lane, ahead = Lane(v.blade_x_m), Ahead()

@@ -3,14 +3,15 @@ metres."""
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import click
 import yaml
 
-from host.core.errors import UserError
-from host.tune.checkerboard import Board, calibrate_lens, calibrate_mount, corners
-from host.vision.pictures import frames, read_photo
+from host.runs.pictures import frames
+from host.tune.camera import lens_fields, lens_of, mount_from
+from host.tune.checkerboard import Board
 
 DOUBTFUL_PX = 1.0
 
@@ -60,44 +61,14 @@ def calibrate_camera(
     """Measures the lens from pictures of the board at many angles and, with --ground, where the
     camera sits; writes the mount for the vehicle file."""
     board = Board(columns, rows, square_m)
-    seen, size = [], None
-    for source in pictures:
-        for name, bgr in frames(source):
-            this = (bgr.shape[1], bgr.shape[0])
-            if size is None:
-                size = this
-            if this != size:
-                raise UserError(
-                    f"{name}: {this[0]}x{this[1]} pixels, the pictures before had "
-                    f"{size[0]}x{size[1]}; use one camera at one setting"
-                )
-            found = corners(bgr, board)
-            click.echo(f"{name}: {'board found' if found is not None else 'no whole board'}")
-            if found is not None:
-                seen.append(found)
-    assert size is not None  # frames() yields at least one picture or raises
-    lens = calibrate_lens(seen, size, board)
+    every = itertools.chain.from_iterable(frames(source) for source in pictures)
+    lens, size = lens_of(every, board, click.echo)
     click.echo(f"focal length {lens.focal_px:.1f} px, error {lens.error_px:.2f} px")
     if lens.error_px > DOUBTFUL_PX:
         click.echo("the error is large: take sharper pictures, keep the board flat", err=True)
-    result: dict[str, object] = {
-        "width_px": size[0],
-        "height_px": size[1],
-        "focal_px": round(lens.focal_px, 3),
-        "centre_px": [round(c, 3) for c in lens.centre_px],
-        "distortion": [round(k, 6) for k in lens.distortion],
-    }
+    result = lens_fields(lens, size)
     if ground is not None:
-        bgr = read_photo(ground)
-        if (bgr.shape[1], bgr.shape[0]) != size:
-            raise UserError(
-                f"{ground}: not the size of the other pictures, {size[0]}x{size[1]}; use the same "
-                "camera at the same setting"
-            )
-        found = corners(bgr, board)
-        if found is None:
-            raise UserError(f"{ground}: no whole board of {columns}x{rows} inner corners found")
-        mount = calibrate_mount(found, lens, board, ahead_m, left_m)
+        mount = mount_from(ground, lens, size, board, ahead_m, left_m)
         result = mount.model_dump(mode="json")
         click.echo(
             f"camera {mount.z_m:.3f} m high, pitch {mount.pitch_deg:.2f}, yaw {mount.yaw_deg:.2f}, "

@@ -49,7 +49,7 @@ class LazyGroup(click.Group):
 daranti = LazyGroup(
     "daranti",
     {
-        "drive": ("host.runs.drive:drive", "Harvest: camera, GNSS and firmware together."),
+        "drive": ("host.commands.drive:drive", "Harvest: camera, GNSS and firmware together."),
         "see": ("host.commands.see:see", "Show what the vision finds in photographs."),
         "monitor": (
             "host.commands.monitor:monitor",
@@ -64,12 +64,12 @@ daranti = LazyGroup(
             "List, read, change and save the firmware's parameters.",
         ),
         "plan": (
-            "host.route.preview:plan",
+            "host.commands.plan:plan",
             "Preview the harvest of a field before anything moves.",
         ),
-        "survey": ("host.field.survey:survey", "The field's boundary from a walk around it."),
-        "convert": ("host.route.boundary:convert", "Write a field's boundary in another format."),
-        "flash": ("host.link.flash:flash", "Write the firmware onto the board."),
+        "survey": ("host.commands.survey:survey", "The field's boundary from a walk around it."),
+        "convert": ("host.commands.convert:convert", "Write a field's boundary in another format."),
+        "flash": ("host.commands.flash:flash", "Write the firmware onto the board."),
     },
     "The reaper's laptop: drive, look, tune, calibrate.",
 )
@@ -82,7 +82,7 @@ daranti.add_command(
                 "The steering loop, from the identified actuator.",
             ),
             "follow": (
-                "host.tune.follow_margins:follow",
+                "host.commands.tune_follow:follow",
                 "Margins of the loop that follows the edge.",
             ),
             "vision": (
@@ -110,7 +110,7 @@ daranti.add_command(
         "bench",
         {
             "vision": (
-                "host.commands.see:bench_vision",
+                "host.commands.bench_vision:bench_vision",
                 "Score the detectors on labelled photographs.",
             )
         },

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
-import time
 from collections.abc import Sequence
 
 import click
@@ -12,45 +10,13 @@ from rich.console import Console
 from rich.table import Table
 
 from host.commands.cli import port_option
-from host.core.errors import UserError
 from host.link import protocol
+from host.link.params import read, save, spec_of, write
 from host.link.protocol import ParamSpec
-from host.link.session import Link
+from host.link.session import connect
 
 PIPE_WIDTH = 240
 """Columns of a table that goes into a file or a pipe: one line a parameter."""
-
-
-def spec_of(name: str) -> ParamSpec:
-    """A parameter by name; UserError names its likes."""
-    if name not in protocol.PARAMS:
-        near = difflib.get_close_matches(name, protocol.PARAMS)
-        hint = f"did you mean {' or '.join(near)}?" if near else "`daranti params list` shows all"
-        raise UserError(f"no parameter is named {name!r}; {hint}")
-    return protocol.PARAMS[name]
-
-
-def read(link: Link, spec: ParamSpec) -> float:
-    """The value in the parameter's unit."""
-    answer = link.ask(protocol.ParamGet(spec.id))
-    assert isinstance(answer, protocol.ParamValue)
-    return spec.from_raw(answer.value)
-
-
-def write(link: Link, spec: ParamSpec, value: float) -> float:
-    """Sets a parameter in the firmware's RAM and returns what it reads back. UserError where the
-    value is out of range or the firmware refuses."""
-    try:
-        raw = spec.to_raw(value)
-    except ValueError as error:
-        raise UserError(str(error)) from error
-    link.ask(protocol.ParamSet(spec.id, raw))
-    return read(link, spec)
-
-
-def save(link: Link) -> None:
-    """Stores all parameters in EEPROM; the firmware reads them back before it says so."""
-    link.ask(protocol.ParamSave(), timeout_s=3.0)
 
 
 def table(rows: Sequence[tuple[ParamSpec, float]]) -> Table:
@@ -73,16 +39,6 @@ def table(rows: Sequence[tuple[ParamSpec, float]]) -> Table:
     return out
 
 
-def _connected(port: str) -> Link:
-    link = Link(port, time.monotonic)
-    try:
-        link.meet()
-    except BaseException:
-        link.close()
-        raise
-    return link
-
-
 def _show(spec: ParamSpec, value: float) -> None:
     click.echo(f"{spec.name} = {value:g} {spec.unit}".rstrip())
 
@@ -99,7 +55,7 @@ def params() -> None:
 @port_option
 def list_(port: str) -> None:
     """All parameters with units, ranges and meanings."""
-    with _connected(port) as link:
+    with connect(port) as link:
         rows = [(spec, read(link, spec)) for spec in protocol.PARAMS.values()]
     console = Console() if sys.stdout.isatty() else Console(width=PIPE_WIDTH)
     console.print(table(rows))
@@ -111,7 +67,7 @@ def list_(port: str) -> None:
 def get(name: str, port: str) -> None:
     """One parameter."""
     spec = spec_of(name)
-    with _connected(port) as link:
+    with connect(port) as link:
         _show(spec, read(link, spec))
 
 
@@ -123,7 +79,7 @@ def get(name: str, port: str) -> None:
 def set_(name: str, value: float, keep: bool, port: str) -> None:
     """Changes one parameter, in its unit."""
     spec = spec_of(name)
-    with _connected(port) as link:
+    with connect(port) as link:
         _show(spec, write(link, spec, value))
         if keep:
             save(link)
@@ -134,7 +90,7 @@ def set_(name: str, value: float, keep: bool, port: str) -> None:
 @port_option
 def save_(port: str) -> None:
     """Stores all parameters in the board's EEPROM."""
-    with _connected(port) as link:
+    with connect(port) as link:
         save(link)
     click.echo("saved")
 
@@ -144,7 +100,7 @@ def save_(port: str) -> None:
 @port_option
 def defaults(keep: bool, port: str) -> None:
     """Sets all parameters to their defaults."""
-    with _connected(port) as link:
+    with connect(port) as link:
         link.ask(protocol.ParamDefaults())
         if keep:
             save(link)

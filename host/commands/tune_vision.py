@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import datetime
 import itertools
-from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -13,17 +12,17 @@ import cv2
 from rich.console import Console
 from rich.table import Table
 
-from host.commands.see import read_sides
 from host.core.errors import UserError
-from host.core.vehicle import Vehicle
 from host.panel.colour_page import TunePage, Tuner
+from host.runs.pictures import frames
 from host.vision.figure import staged
-from host.vision.mounted.detector import MountedDetector, make_detector
-from host.vision.mounted.paper import PaperParams, PaperPhoto
+from host.vision.mounted.paper import PaperParams
 from host.vision.photo.split import SIDES, Side
-from host.vision.pictures import Picture, frames
+from host.vision.pictures import Picture
+from host.vision.results import read_sides
 from host.vision.tuning.profiles import DATABASE, Circumstance, Profiles
-from host.vision.tuning.search import Contrast, mounted_contrast, photo_contrast, tune
+from host.vision.tuning.search import tune
+from host.vision.tuning.subject import subject_of
 
 
 def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
@@ -86,37 +85,23 @@ def tune_vision(
     where = Circumstance(
         now.hour + now.minute / 60 if hour is None else hour, terrain, crop, weather, mount
     )
-    contrast: Contrast
-    make: Callable[[str, PaperParams], PaperPhoto | MountedDetector]
-    if mount == "photo":
-        contrast = photo_contrast([(bgr, side or sides.get(name, "left")) for name, bgr in taken])
-
-        def make(name: str, params: PaperParams) -> PaperPhoto | MountedDetector:
-            return PaperPhoto(side or sides.get(name, "left"), params)
-
-    else:
-        detector = _mounted(mount, taken)
-        contrast = mounted_contrast([bgr for _, bgr in taken], detector)
-
-        def make(_name: str, params: PaperParams) -> PaperPhoto | MountedDetector:
-            return detector(params)
-
+    subject = subject_of(mount, taken, lambda name: side or sides.get(name, "left"))
     with Profiles(db) as profiles:
         near = profiles.nearest(where)
     start = near.params if near else PaperParams()
     if page:
-        _serve(Tuner(taken, make, contrast, start, db, where, _now), port)
+        _serve(Tuner(taken, subject.eye, subject.contrast, start, db, where, _now), port)
         return
-    params, reached = tune(contrast, start)
+    params, reached = tune(subject.contrast, start)
     if save:
         with Profiles(db) as profiles:
             profiles.save(where, params, reached, now)
     console = Console()
-    console.print(show_change(start, params, (contrast(start), reached)))
+    console.print(show_change(start, params, (subject.contrast(start), reached)))
     out.mkdir(parents=True, exist_ok=True)
     for name, bgr in taken:
         for when, used in (("before", start), ("after", params)):
-            view = make(name, used).see(bgr, stages=True)
+            view = subject.eye(name, used).see(bgr, stages=True)
             cv2.imwrite(str(out / f"{name}.{when}.png"), staged(bgr, view))
     saved = f"; saved in {db}" if save else ""
     console.print(f"{len(taken)} pictures before and after in {out}{saved}")
@@ -133,25 +118,3 @@ def _serve(tuner: Tuner, port: int) -> None:
     with TunePage(tuner, port) as server, contextlib.suppress(KeyboardInterrupt):
         Console().print(f"sliders at {server.url}; Ctrl-C ends")
         server.serve_forever()
-
-
-def _mounted(
-    name: str, taken: list[tuple[str, Picture]]
-) -> Callable[[PaperParams], MountedDetector]:
-    """Makes the detector of a mount for given parameters, once the pictures turn out to be its."""
-    vehicle = Vehicle()
-    if name not in vehicle.mounts:
-        known = ", ".join(["photo", *vehicle.mounts])
-        raise UserError(f"--mount {name}: no such mount; choose one of {known}")
-    mount = vehicle.mounts[name]
-    for label, bgr in taken:
-        if (bgr.shape[1], bgr.shape[0]) != (mount.width_px, mount.height_px):
-            raise UserError(
-                f"{label}: {bgr.shape[1]}x{bgr.shape[0]} pixels, but the mount {name} takes "
-                f"{mount.width_px}x{mount.height_px}; use its own pictures or --mount photo"
-            )
-
-    def make(params: PaperParams) -> MountedDetector:
-        return make_detector("paper", vehicle, mount, params=params)
-
-    return make

@@ -8,15 +8,11 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from host.core.strict import Strict
 
 Positive = Annotated[float, Field(gt=0)]
-
-
-class Strict(BaseModel):
-    """Unknown keys are errors, values are immutable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Mount(Strict):
@@ -98,7 +94,7 @@ class Vehicle(Strict):
     """From the angle asked for to the angle driven: the closed steering loop as a first order."""
     camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
     """From the shutter to the host, where a source cannot tell."""
-    mounts: dict[str, Mount] = {"low": LOW, "mast": MAST}
+    mounts: dict[str, Mount] = Field(default_factory=lambda: {"low": LOW, "mast": MAST})
 
     def duty_speed(self, duty: int, battery_v: float) -> float:
         """Steady speed (m/s) at a signed drive duty (-255..255) on level stubble."""

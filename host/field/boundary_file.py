@@ -30,9 +30,8 @@ from pyproj import Transformer
 from pyproj.exceptions import ProjError
 
 from host.core.errors import UserError
-from host.sensors.nmea import LocalFrame
+from host.core.frames import LatLon, LocalFrame
 
-LatLon = tuple[float, float]
 MAX_AROUND_M = 20_000.0
 MIN_AREA_M2 = 1.0
 GEOJSON_DIGITS = 11

@@ -1,4 +1,4 @@
-"""`daranti survey`: the field's boundary from a walk around it with the phone's positions.
+"""The field's boundary from a walk around it with the phone's positions.
 
 Straight-edged fields need their corners only (paper, II): each side is a robust line through what
 was walked along it, corners are where lines meet, averaged over the laps. Irregular fields keep all
@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import click
 import matplotlib as mpl
 import numpy as np
 import shapely
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from host.core.errors import UserError
-from host.field.boundary_file import Boundary, boundary_of, check_target, save_field
+from host.field.boundary_file import Boundary, boundary_of
 from host.field.walk import (
     Loops,
     Points,
@@ -329,6 +329,89 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
     )
 
 
+# ---- from a receiver ----------------------------------------------------------------------------
+
+
+def read_walk(path: Path) -> tuple[Track, Receiver]:
+    """The walk in a recorded NMEA file, and what its receiver understood. UserError where there is
+    no position in it."""
+    receiver = Receiver()
+    try:
+        with path.open("rb") as lines:
+            fixes = read_fixes(lines, receiver)
+    except OSError as error:
+        raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
+    track = track_of(fixes)
+    if track is None:
+        heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
+        bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())
+        raise UserError(
+            f"{path}: not one position in it (understood: {heard or 'nothing'}; bad: "
+            f"{bad or 'none'}); record NMEA with GGA or RMC sentences under open sky"
+        )
+    return track, receiver
+
+
+def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
+    """Writes what a receiver sends until Ctrl-C, every byte as it comes: a walk is not repeated
+    because a laptop's battery went flat."""
+    begun = time.monotonic()
+
+    def clock() -> float:
+        return time.monotonic() - begun
+
+    try:
+        file = path.open("xb", buffering=0)
+    except FileExistsError as error:
+        raise UserError(
+            f"{path} is there already; name it as the source, or move it away to walk again"
+        ) from error
+    except OSError as error:
+        raise UserError(f"cannot write the recording {path}: {error.strerror}") from error
+    with file:
+        feed, _ = gnss_feed(url, clock, say, tap=file.write)
+        say(f"recording {url} to {path}; walk around the field, then press Ctrl-C")
+        feed.start()
+        fixes = lost = 0
+        try:
+            while not feed.stopping:
+                fix = feed.take() if feed.wait(1.0) else None
+                if fix is not None:
+                    fixes += fix.quality > 0
+                    lost += fix.quality == 0
+                    if (fixes + lost) % 10 == 1:
+                        say(f"{clock():6.0f} s  {fixes} positions, {lost} without a fix")
+        except KeyboardInterrupt:
+            say("recorded")
+        finally:
+            feed.close()
+
+
+def report(survey: Survey, receiver: Receiver) -> list[str]:
+    """What was understood, line by line; warnings last."""
+    track = survey.track
+    understood = ", ".join(f"{n} {kind}" for kind, n in sorted(receiver.sentences.items()) if n)
+    bad = ", ".join(f"{n} {reason}" for reason, n in sorted(receiver.bad.items()))
+    dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(track.dropped.items()))
+    jumps = track.jumps_m[track.jumps_m > 0]
+    lengths = ", ".join(f"{jump:.1f}" for jump in jumps)
+    laps = survey.loops.laps
+    form = "irregular" if survey.corners is None else f"{survey.corners} corners"
+    lines = [
+        f"sentences: {understood}; bad: {bad or 'none'}",
+        f"positions: {len(track.xy)} used, left out: {dropped or 'none'}",
+        f"jumps and unseen ways: {len(jumps)}" + (f" ({lengths} m)" if len(jumps) else ""),
+        f"walk: {track.length_m:.0f} m; laps: {len(laps)}, closed to "
+        + ", ".join(f"{loop.gap_m:.1f}" for loop in laps)
+        + " m"
+        + (f", {survey.laps_apart_m:.2f} m rms apart" if len(laps) > 1 else ""),
+        f"boundary: {form}, {survey.polygon.exterior.length:.1f} m around, "
+        f"{survey.polygon.area:.0f} m2, {len(survey.polygon.interiors)} keep-outs; the walk lies "
+        f"{survey.residual_m:.2f} m rms from it",
+    ]
+    return lines + [f"warning: {text}" for text in survey.warnings]
+
+
 # ---- the picture ---------------------------------------------------------------------------------
 
 
@@ -381,155 +464,3 @@ def _draw(axes: Axes, survey: Survey) -> None:
     axes.set_aspect("equal")
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.grid(alpha=0.3)
-
-
-# ---- the command ---------------------------------------------------------------------------------
-
-
-def _read(path: Path) -> tuple[Track, Receiver]:
-    receiver = Receiver()
-    try:
-        with path.open("rb") as lines:
-            fixes = read_fixes(lines, receiver)
-    except OSError as error:
-        raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
-    track = track_of(fixes)
-    if track is None:
-        heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
-        bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())
-        raise UserError(
-            f"{path}: not one position in it (understood: {heard or 'nothing'}; bad: "
-            f"{bad or 'none'}); record NMEA with GGA or RMC sentences under open sky"
-        )
-    return track, receiver
-
-
-def _record(url: str, path: Path) -> None:
-    """Writes what a receiver sends until Ctrl-C, every byte as it comes: a walk is not repeated
-    because a laptop's battery went flat."""
-    begun = time.monotonic()
-
-    def clock() -> float:
-        return time.monotonic() - begun
-
-    try:
-        file = path.open("xb", buffering=0)
-    except FileExistsError as error:
-        raise UserError(
-            f"{path} is there already; name it as the source, or move it away to walk again"
-        ) from error
-    except OSError as error:
-        raise UserError(f"cannot write the recording {path}: {error.strerror}") from error
-    with file:
-        feed, _ = gnss_feed(url, clock, click.echo, tap=file.write)
-        click.echo(f"recording {url} to {path}; walk around the field, then press Ctrl-C")
-        feed.start()
-        fixes = lost = 0
-        try:
-            while not feed.stopping:
-                fix = feed.take() if feed.wait(1.0) else None
-                if fix is not None:
-                    fixes += fix.quality > 0
-                    lost += fix.quality == 0
-                    if (fixes + lost) % 10 == 1:
-                        click.echo(f"{clock():6.0f} s  {fixes} positions, {lost} without a fix")
-        except KeyboardInterrupt:
-            click.echo("recorded")
-        finally:
-            feed.close()
-
-
-def _report(survey: Survey, receiver: Receiver) -> list[str]:
-    track = survey.track
-    understood = ", ".join(f"{n} {kind}" for kind, n in sorted(receiver.sentences.items()) if n)
-    bad = ", ".join(f"{n} {reason}" for reason, n in sorted(receiver.bad.items()))
-    dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(track.dropped.items()))
-    jumps = track.jumps_m[track.jumps_m > 0]
-    lengths = ", ".join(f"{jump:.1f}" for jump in jumps)
-    laps = survey.loops.laps
-    form = "irregular" if survey.corners is None else f"{survey.corners} corners"
-    lines = [
-        f"sentences: {understood}; bad: {bad or 'none'}",
-        f"positions: {len(track.xy)} used, left out: {dropped or 'none'}",
-        f"jumps and unseen ways: {len(jumps)}" + (f" ({lengths} m)" if len(jumps) else ""),
-        f"walk: {track.length_m:.0f} m; laps: {len(laps)}, closed to "
-        + ", ".join(f"{loop.gap_m:.1f}" for loop in laps)
-        + " m"
-        + (f", {survey.laps_apart_m:.2f} m rms apart" if len(laps) > 1 else ""),
-        f"boundary: {form}, {survey.polygon.exterior.length:.1f} m around, "
-        f"{survey.polygon.area:.0f} m2, {len(survey.polygon.interiors)} keep-outs; the walk lies "
-        f"{survey.residual_m:.2f} m rms from it",
-    ]
-    return lines + [f"warning: {text}" for text in survey.warnings]
-
-
-def _corners(_: click.Context, __: click.Parameter, value: str) -> int | None:
-    if value == "auto":
-        return None
-    if not value.isdigit() or not 3 <= int(value) <= 2 * MAX_CORNERS:
-        raise click.BadParameter(f"give auto or a number from 3 to {2 * MAX_CORNERS}")
-    return int(value)
-
-
-@click.command()
-@click.argument("source")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="FIELD.geojson; .kml, .shp, .xml (ISOXML), .csv also.",
-)
-@click.option("--name", default="", help="The field's name; default the file's.")
-@click.option("--corners", default="auto", callback=_corners, show_default=True, metavar="N|auto")
-@click.option("--irregular", is_flag=True, help="Keep all of the edge instead of corners.")
-@click.option("--lap", type=click.IntRange(1), help="Take one lap only instead of the average.")
-@click.option(
-    "--keep-out",
-    "keep_outs",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="A recorded walk around a tree, a well, a pole; may be repeated.",
-)
-@click.option(
-    "--close",
-    type=click.FloatRange(0.5, 50),
-    default=CLOSE_M,
-    show_default=True,
-    help="Metres between the ends of a loop.",
-)
-def survey(
-    source: str,
-    out: Path,
-    name: str,
-    corners: int | None,
-    irregular: bool,
-    lap: int | None,
-    keep_outs: tuple[Path, ...],
-    close: float,
-) -> None:
-    """The field's boundary from a walk around it.
-
-    SOURCE is a recorded NMEA file, or tcp://HOST:PORT or a serial port: then it records beside OUT
-    until Ctrl-C first. Writes OUT and a picture of what was understood."""
-    if irregular and corners is not None:
-        raise UserError("--corners and --irregular exclude each other; give one of them")
-    check_target(out)
-    path = Path(source)
-    if not path.is_file():
-        path = out.with_suffix(".nmea")
-        _record(source, path)
-    track, receiver = _read(path)
-    try:
-        found = survey_track(track, corners=corners, irregular=irregular, lap=lap, close_m=close)
-    except UserError as error:
-        raise UserError(f"{path}: {error}") from error
-    for keep_out in keep_outs:
-        found = with_keep_out(found, _read(keep_out)[0], str(keep_out), close)
-    name = name or out.stem
-    save_field(out, found.boundary(name))
-    lines = _report(found, receiver)
-    picture = out.with_suffix(".png")
-    about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
-    draw_survey(picture, found, f"{name}: {about}")
-    for text in (*lines, f"written: {out}, {picture}"):
-        click.echo(text)

@@ -17,8 +17,9 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from host.core.frames import LocalFrame
 from host.core.messages import Fix
-from host.sensors.nmea import LocalFrame, Receiver
+from host.sensors.nmea import Receiver
 
 Points = NDArray[np.float64]
 """(n, 2), metres, field frame."""

@@ -1,19 +1,13 @@
-"""`daranti flash`: writes the firmware onto an Uno with avrdude, and asks it who it is."""
+"""Writes the firmware onto an Uno with avrdude."""
 
 from __future__ import annotations
 
 import shutil
 import stat
 import subprocess
-import time
 from pathlib import Path
 
-import click
-
-from host.commands.cli import port_option
-from host.commands.monitor import greeting
 from host.core.errors import UserError
-from host.link.session import Link
 
 CHECKOUT = Path(__file__).parents[2]
 BAUD = 115200
@@ -71,21 +65,3 @@ def write_image(port: str, image: Path) -> None:
         words = [text for text in done.stderr.splitlines() if text.strip()]
         last = "; ".join(words[-3:]) or f"exit code {done.returncode}"
         raise UserError(f"avrdude could not write {port}: {last}. Is it an Uno, and not in use?")
-
-
-@click.command()
-@port_option
-@click.option("--build", type=click.Choice(["uno", "uno_hil"]), default="uno", show_default=True)
-@click.option("--image", type=click.Path(path_type=Path), help="A .hex or .elf file instead.")
-def flash(port: str, build: str, image: Path | None) -> None:
-    """Writes the firmware onto the board, verifies it and asks it who it is.
-
-    The parameters in the board's EEPROM stay."""
-    check_port(port)
-    if image is not None and not image.is_file():
-        raise UserError(f"image {image} does not exist")
-    chosen = image or find_image(build)
-    click.echo(f"writing {chosen} to {port}")
-    write_image(port, chosen)
-    with Link(port, time.monotonic) as link:
-        click.echo(greeting(link.meet()))

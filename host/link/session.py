@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import math
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Literal
@@ -15,7 +16,6 @@ from typing import Literal
 import serial
 from serial.tools import list_ports
 
-from host.core.closing import Closing
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State, Telemetry
 from host.link import protocol
@@ -166,7 +166,7 @@ def _refusal(ack: protocol.Ack) -> str:
     return f"{name} refused: {RESULT_TEXTS[ack.result]}"
 
 
-class Link(Closing):
+class Link(contextlib.AbstractContextManager["Link"]):
     """A Session on a serial port. Single-threaded: `poll` and `send` are called in turn.
 
     `tap(direction, stamp, bytes)`, when set, sees everything that passes: for the record.
@@ -248,6 +248,9 @@ class Link(Closing):
             f"{timeout_s:g} s; check the cable"
         )
 
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """Asks for STOP, if the port still takes it, and closes (the system sends what is queued
         first). What a vanished port cannot stop, the firmware's own 250 ms watchdog does."""
@@ -286,6 +289,17 @@ class Link(Closing):
         if self.session.telemetry is None:
             return "something talks there, but not Daranti's firmware; is this the right port?"
         return "the firmware sends telemetry but does not answer Hello; reset the board"
+
+
+def connect(port: str, clock: Callable[[], float] = time.monotonic) -> Link:
+    """An open link after the handshake."""
+    link = Link(port, clock)
+    try:
+        link.meet()
+    except BaseException:
+        link.close()
+        raise
+    return link
 
 
 def _answers(answer: Answer, message: protocol.Message, seq: int) -> bool:

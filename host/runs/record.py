@@ -10,10 +10,12 @@ Numbers are kept in full, so that a replay computes with what the run computed w
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import math
 import struct
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +24,9 @@ from mcap.records import Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from host.core.closing import Closing
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Request, State, Telemetry
-from host.pilot.pilot import Pilot
+from host.pilot.snapshot import Snapshot
 from host.vision.view import CropView
 
 PICTURES = "/camera"
@@ -138,7 +139,7 @@ ABOUT = "daranti"
 """Name of the metadata that say what the run depends on."""
 
 
-class Recorder(Closing):
+class Recorder(contextlib.AbstractContextManager["Recorder"]):
     """Writes one record. Deterministic: the same messages give the same bytes."""
 
     def __init__(
@@ -224,26 +225,17 @@ class Recorder(Closing):
         }
         self.put("/fix", fix.stamp, message)
 
-    def pilot(self, stamp: float, pilot: Pilot) -> None:
+    def pilot(self, stamp: float, snapshot: Snapshot) -> None:
         """What the pilot is doing, and where it believes to be."""
-        lane, motion = pilot.lane, pilot.motion
-        message = {
-            "phase": pilot.phase.value,
-            "reason": pilot.reason,
-            "turns": pilot.turns,
-            "offset_m": lane.offset_m,
-            "heading_rad": lane.heading_rad,
-            "distance_m": motion.distance_m,
-            "x_m": motion.x_m,
-            "y_m": motion.y_m,
-            "yaw_rad": motion.yaw_rad,
-        }
-        self.put("/pilot", stamp, message)
+        self.put("/pilot", stamp, asdict(snapshot))
 
     def view(self, stamp: float, view: CropView) -> None:
         """What vision made of the picture taken at `stamp`."""
         names = SCHEMAS["/view"][1]["properties"]
         self.put("/view", stamp, {name: getattr(view, name) for name in names})
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Writes the index; without it the record is readable, only slower to seek in."""

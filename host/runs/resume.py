@@ -19,9 +19,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from host.core.errors import UserError
+from host.core.strict import Strict
 from host.pilot.pilot import Phase, Pilot
 from host.route.plan import Plan
 
@@ -33,18 +34,16 @@ LEFT_M = 0.6
 """A shorter rest of a side is none: the next side is the one to go on with."""
 
 
-class Progress(BaseModel):
+class Progress(Strict):
     """How far a plan has been cut. `side` counts from 0 in the whole plan, `cut_m` from where the
     blade met that side's crop."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     plan: str
     """`digest` of the whole plan."""
     corner: Annotated[int, Field(ge=0)]
     """Of the boundary, where the plan begins."""
     side: Annotated[int, Field(ge=0)]
-    cut_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    cut_m: Annotated[float, Field(ge=0)] = 0.0
     pose: tuple[float, float, float] | None = None
     """x, y (m) and heading (rad) in the field frame, where known."""
     phase: Phase

@@ -1,4 +1,4 @@
-"""NMEA 0183 from a phone into fixes, and the local frame that the pilot works in.
+"""NMEA 0183 from a phone into fixes.
 
 `Receiver` is the parser without I/O; `gnss_feed` runs it on a TCP port, a serial port or a file.
 """
@@ -17,7 +17,6 @@ from urllib.parse import urlsplit
 
 import pynmea2
 import serial
-from pyproj import Proj
 
 from host.core.errors import UserError
 from host.core.messages import Fix
@@ -176,28 +175,6 @@ class Receiver:
     def _drop(self, kind: str) -> None:
         self.sentences[kind] -= 1
         self.bad[f"{kind} field"] += 1
-
-
-class LocalFrame:
-    """The field frame: x east, y north in metres about an origin on the WGS 84 ellipsoid.
-
-    Azimuthal equidistant, so distances from the origin are true and, over a field of kilometres,
-    all others to below a millimetre.
-    """
-
-    def __init__(self, lat_deg: float, lon_deg: float) -> None:
-        self.origin = (lat_deg, lon_deg)
-        self._proj = Proj(proj="aeqd", lat_0=lat_deg, lon_0=lon_deg, ellps="WGS84")
-
-    def to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """(x, y) in metres."""
-        x, y = self._proj(lon_deg, lat_deg)
-        return float(x), float(y)
-
-    def to_wgs84(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """(latitude, longitude) in degrees."""
-        lon, lat = self._proj(x_m, y_m, inverse=True)
-        return float(lat), float(lon)
 
 
 READ_S = 0.1

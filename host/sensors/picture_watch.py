@@ -13,9 +13,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from host.core.vehicle import Mount
-from host.vision.view import CropView, Detector
-
 GRID: Final = 8
 """Every so many pixels, a JPEG's block, one is compared."""
 THUMBNAIL: Final = (32, 24)
@@ -34,9 +31,6 @@ FLAT_SHARE: Final = 0.15
 decoder fills in where a file's rest is lost, 0.38 and more of a halved one. Photographs have up to
 0.01 at this size, crop close before the lens 0.04."""
 WHITE: Final = 250
-PROVED: Final = 3
-"""Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
-looks sound, and would keep a blind machine driving."""
 
 
 class PictureWatch:
@@ -76,37 +70,3 @@ class PictureWatch:
         jump = 0.0 if earlier is None else float(np.abs(thumbnail - earlier).mean())
         self.jumped = jump > JUMP
         return ""
-
-
-class WatchedDetector:
-    """A detector that is shown only what its camera's watch believes."""
-
-    def __init__(self, detector: Detector, mount: Mount) -> None:
-        self._detector = detector
-        self._watch = PictureWatch(mount.width_px, mount.height_px)
-        self._spoilt = ""
-        self._sound = PROVED
-
-    def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
-        """The detector's view, or one without any confidence that says why."""
-        return self._problem(bgr) or self._detector.see(bgr, stages=stages)
-
-    def glance(self, bgr: NDArray[np.uint8]) -> CropView:
-        """Likewise, of a picture in which nothing is to be measured."""
-        return self._problem(bgr) or self._detector.glance(bgr)
-
-    def _problem(self, bgr: NDArray[np.uint8]) -> CropView | None:
-        problem = self._watch.problem(bgr)
-        self._sound = 0 if problem else self._sound + 1
-        self._spoilt = problem or self._spoilt
-        if self._sound < PROVED:
-            return CropView(0.0, usable=False, reason=self._spoilt)
-        if self._watch.jumped:
-            # Stalks right before the lens do that: nothing to be measured, but no dead camera.
-            reason = "the camera's picture is quite another than the one before"
-            return CropView(0.0, reason=reason)
-        return None
-
-    def restart(self, *, turned: bool = True) -> None:
-        """As the detector's; the camera is still the same."""
-        self._detector.restart(turned=turned)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -507,7 +507,7 @@ def _far_from(angle_deg: float, far_deg: float) -> Callable[[Telemetry], bool]:
 
 
 @contextmanager
-def armed(wire: Wire, name: str, params: dict[str, float]) -> Iterator[Experimenter]:
+def armed(wire: Wire, name: str, params: Mapping[str, float]) -> Iterator[Experimenter]:
     """Arms the machine for experiments and stops it whatever happens. Latched faults whose cause is
     gone are cleared: the operator asked for a new start. `params`: the firmware's parameters that
     bound the experiments. Raises UserError where it does not arm."""

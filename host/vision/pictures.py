@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
-from host.sensors.jpeg import JpegDecoder
 
 Picture = NDArray[np.uint8]
 """(height, width, 3) blue, green, red."""
@@ -19,7 +18,6 @@ Mask = NDArray[np.uint8]
 """(height, width), 0 or 255."""
 
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
-RECORD_SUFFIX = ".mcap"
 LARGEST_SIDE_PX = 20_000
 SMALLEST_SIDE_PX = 16
 
@@ -80,29 +78,9 @@ def photos_in(path: Path) -> list[Path]:
     return found
 
 
-def _recorded(path: Path) -> Iterator[tuple[str, Picture]]:
-    """The pictures that a record of a drive has kept."""
-    from host.runs import record  # noqa: PLC0415 (it knows the pilot, which knows the detectors)
-
-    decoder, spoiled, index = JpegDecoder(), 0, 0
-    for topic, stamp, message in record.read(path):
-        if topic != record.PICTURES:
-            continue
-        index += 1
-        bgr = decoder.decode(message["data"])
-        if bgr.size:
-            yield f"{path.stem}-{stamp:08.2f}", bgr
-        else:
-            spoiled += 1
-    if spoiled:
-        raise UserError(f"{path}: {spoiled} of {index} pictures are damaged files, left out")
-    if index == 0:
-        raise UserError(f"{path}: the record keeps no pictures; record a drive with pictures")
-
-
 def frames(source: str) -> Iterator[tuple[str, Picture]]:
-    """(name, picture) of every photograph of a file or folder, or every frame of a record (MCAP), a
-    video file or an HTTP stream. UserError where the source cannot be opened; pictures that cannot
+    """(name, picture) of every photograph of a file or folder, or every frame of a video
+    file or an HTTP stream. UserError where the source cannot be opened; pictures that cannot
     be decoded are left out, and named by one after the others."""
     path = Path(source)
     if "://" not in source:
@@ -119,9 +97,6 @@ def frames(source: str) -> Iterator[tuple[str, Picture]]:
                 yield photo.stem, picture
             if bad:
                 raise UserError("\n".join(bad))
-            return
-        if path.suffix.lower() == RECORD_SUFFIX:
-            yield from _recorded(path)
             return
     capture = cv2.VideoCapture(source)
     try:

@@ -87,15 +87,12 @@ class RobustSource:
 class MountedDetector:
     """A mode's evidence, measured by the mount's geometry (`Detector` in view.py)."""
 
-    def __init__(
-        self, source: Source, camera: Camera, vehicle: Vehicle, overlap_m: float = 0.05
-    ) -> None:
-        """`overlap_m`: how far the blade's right end should reach beyond the crop's edge."""
+    def __init__(self, source: Source, camera: Camera, vehicle: Vehicle) -> None:
         self._source = source
         self._camera = camera
         self._vehicle = vehicle
         self._finder = FaceFinder(camera, vehicle)
-        self._expected_m = -(0.5 * vehicle.blade_width_m - overlap_m)
+        self._expected_m = -vehicle.inset_m
         self._l_reference = NAN
         # such a camera looks through the blade's dust; one above the tops looks over most of it
         self._below_tops = float(camera.position[2]) < vehicle.crop_height_m
@@ -239,7 +236,6 @@ def make_detector(
     vehicle: Vehicle,
     mount: Mount,
     *,
-    overlap_m: float = 0.05,
     side: Literal["left"] = "left",
     params: PaperParams | None = None,
 ) -> MountedDetector:
@@ -252,4 +248,4 @@ def make_detector(
         source = PaperSource(params or PaperParams(), camera, vehicle)
     else:
         source = RobustSource(camera, vehicle)
-    return MountedDetector(source, camera, vehicle, overlap_m)
+    return MountedDetector(source, camera, vehicle)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from host.core.vehicle import Strict
+from host.core.strict import Strict
 from host.vision.geometry import Camera
 from host.vision.mounted.face import LOGARITHM
 from host.vision.mounted.lines import LEAST_PX, least_length_px, rails, upright_pieces

@@ -3,6 +3,7 @@ promises to remember. One SQLite file."""
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import sqlite3
 from contextlib import closing
@@ -11,7 +12,6 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from host.core.closing import Closing
 from host.core.errors import UserError
 from host.vision.mounted.paper import PaperParams
 
@@ -64,7 +64,7 @@ class Profile:
     saved: str
 
 
-class Profiles(Closing):
+class Profiles(contextlib.AbstractContextManager["Profiles"]):
     """The database; a context manager."""
 
     def __init__(self, path: Path) -> None:
@@ -78,6 +78,9 @@ class Profiles(Closing):
             raise UserError(
                 f"{path}: not a database of profiles ({error}); name another file with --db"
             ) from error
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Ends the connection; what was saved stays."""

@@ -27,13 +27,13 @@ from hil.bench.rig import BEHIND_S, Deadlines, Rig, handouts
 from hil.firmware import targets
 from hil.scenario import scenario
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
 from host.link import protocol
 from host.link.session import Link
 from host.pilot.pilot import Phase
-from host.route.boundary import plan_of
-from host.sensors.nmea import LocalFrame
+from host.route.field_plan import plan_of
 from sim_plant.camera import Camera, Shot
 from sim_plant.phone import Phone, PhoneSpec
 

@@ -41,8 +41,8 @@ from hil.studies.fault_matrix import (
 from host.core.errors import UserError
 from host.core.vehicle import MAST
 from host.link.session import Session
-from host.sensors.picture_watch import WatchedDetector
 from host.vision.view import Detector
+from host.vision.watched import WatchedDetector
 from sim_plant import machine
 from tests.helpers.oracle import Oracle, quick
 

@@ -17,11 +17,10 @@ from hil.studies.actuators import (
     step_response,
 )
 from hil.studies.identification import StandWire, compare, defaults, identify_plant, verdict
-from host.commands import tune_pid
 from host.core.errors import UserError
 from host.core.messages import State
 from host.link import protocol
-from host.tune import closed_loop, experiments
+from host.tune import closed_loop, experiments, on_machine
 from host.tune.experiments import ActuatorModel, Findings, calibrate_pot
 from host.tune.step_response import Step
 
@@ -154,7 +153,7 @@ def test_a_step_is_verified_over_the_link() -> None:
         stand.advance(0.02)
         set_params(stand, wire.session, calibration(PLANT.machine().steering))
         step = Step(size_deg=30.0, start_deg=-15.0, duration_s=3.0)
-        response, trace = tune_pid.verify(wire, "stand", step)
+        response, trace = on_machine.verify(wire, "stand", step)
         truly, _ = step_response(PLANT, {}, Step(duration_s=3.0))
         assert response.settle_s == pytest.approx(truly.settle_s, abs=0.1)
         assert trace[0, -1] == pytest.approx(15.0, abs=0.6)

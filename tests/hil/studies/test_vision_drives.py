@@ -15,7 +15,7 @@ from hil.studies import vision_drives
 from hil.studies.vision_drives import Drive, Outcome, _declared, _prepare, drive_along, run, summary
 from host.estimate.crop_ahead import Ahead
 from host.estimate.odometry import Motion
-from host.vision import CropView
+from host.vision.view import CropView
 
 NEAR, CLEAR = (CropView(0.9, crop_ahead_m=x, ahead_confidence=0.9) for x in (0.0, 3.0))
 UNSURE = CropView(0.9, crop_ahead_m=3.0, ahead_confidence=0.2)

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from pyproj import CRS, Transformer
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.field.boundary_file import Boundary, LatLon, boundary_of, load_field, save_field
-from host.sensors.nmea import LocalFrame
 from tests.helpers.console import Cli
 
 SUFFIXES = (".geojson", ".kml", ".shp", ".xml")

@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.field.boundary_file import load_field
 from host.field.survey import Survey, straight_sides, survey_track, with_keep_out
@@ -31,7 +32,7 @@ from host.field.walk import (
     resampled,
     track_of,
 )
-from host.sensors.nmea import LocalFrame, Receiver
+from host.sensors.nmea import Receiver
 from sim_plant.gnss import GnssSpec
 from tests.helpers.console import Cli
 from tests.helpers.walker import PERFECT, Place, around, walk

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
 from host.field.boundary_file import Boundary, load_field
-from host.route.boundary import FENCE_FIXES, FENCE_M, Fence, nearest_corner, plan_of
-from host.sensors.nmea import LocalFrame
+from host.field.fence import FENCE_FIXES, FENCE_M, Fence, nearest_corner
+from host.route.field_plan import plan_of
 
 FRAME = LocalFrame(31.5, 74.3)
 SQUARE = [FRAME.to_wgs84(*corner) for corner in ((0, 0), (20, 0), (20, 10), (0, 10))]

@@ -12,13 +12,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from host.core.frames import LocalFrame
 from host.core.vehicle import Vehicle
 from host.field.areas import Geofence, areas_of
 from host.field.boundary_file import boundary_of, save_field
+from host.route.field_plan import plan_field
 from host.route.plan import Plan, Side
-from host.route.preview import Preview, drive_turn, lane_pose, plan_field, preview
+from host.route.preview import Preview, drive_turn, lane_pose, preview
 from host.route.turn_legs import arc, lane_beside, three_point, turning_radius
-from host.sensors.nmea import LocalFrame
 from tests.helpers.console import Cli
 
 VEHICLE = Vehicle()

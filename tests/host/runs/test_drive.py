@@ -25,35 +25,34 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from host.core.errors import EXIT_USER, UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Frame, Request, Telemetry
 from host.core.vehicle import MAST, Vehicle
 from host.estimate.lane import Lane
 from host.estimate.odometry import Odometry
 from host.estimate.position import Position
+from host.field.fence import Fence
 from host.link import protocol
 from host.link.session import Link
 from host.pilot.pilot import PAUSED, Phase, Pilot
-from host.route.boundary import Fence
 from host.route.plan import Plan, spiral
 from host.runs.drive import (
     PERIOD_S,
     TELEMETRY_TIMEOUT_S,
     Drive,
-    Keyboard,
-    Screen,
     fitted,
     halt,
-    status,
 )
 from host.runs.record import Recorder, read
 from host.runs.resume import Keeper, Progress, digest, load, save
+from host.runs.screen import Keyboard, Screen, status
 from host.sensors.camera_stream import Picture
 from host.sensors.jpeg import JpegDecoder
 from host.sensors.newest import Feed
-from host.sensors.nmea import LocalFrame, Receiver
-from host.sensors.picture_watch import WatchedDetector
-from host.vision import make_detector
+from host.sensors.nmea import Receiver
+from host.vision.mounted.detector import make_detector
 from host.vision.view import CropView
+from host.vision.watched import WatchedDetector
 from tests.helpers.console import Cli
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 
@@ -509,7 +508,7 @@ def test_a_first_picture_of_another_shape_is_refused_with_both_sizes(
     def camera(_url: str, clock: Callable[[], float], report: Callable[[str], None]) -> Any:
         return Feed("camera", source, clock, report)
 
-    monkeypatch.setattr("host.runs.drive.camera_feed", camera)
+    monkeypatch.setattr("host.runs.session.camera_feed", camera)
     code, _, err = cli("drive", "--port", board.port, "--camera", "http://127.0.0.1:1/video")
     assert code == EXIT_USER
     assert "640x360 pixels, the mount expects 640x480" in err
@@ -602,7 +601,7 @@ def test_options_that_do_not_fit_are_one_message(
 def test_no_picture_is_one_message_and_the_machine_is_stopped(
     cli: Cli, board: FakeFirmware, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("host.runs.drive.FIRST_PICTURE_S", 0.3)
+    monkeypatch.setattr("host.runs.sources.FIRST_PICTURE_S", 0.3)
     code, _, err = cli("drive", "--port", board.port, "--camera", "http://127.0.0.1:1/video")
     assert code == EXIT_USER
     assert "no picture from the camera http://127.0.0.1:1/video within 0.3 s" in err

@@ -18,8 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Fix
-from host.sensors.nmea import COMPANION_S, LocalFrame, Receiver, gnss_feed
+from host.sensors.nmea import COMPANION_S, Receiver, gnss_feed
 
 DATA = Path(os.environ.get("DARANTI_DATA", Path(__file__).parents[4] / "shared" / "data"))
 LIMIT_S = 10.0

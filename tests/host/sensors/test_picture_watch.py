@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from host.core.vehicle import MAST
-from host.sensors.picture_watch import PictureWatch, WatchedDetector
+from host.sensors.picture_watch import PictureWatch
 from host.vision.view import CropView
+from host.vision.watched import WatchedDetector
 
 WIDTH, HEIGHT = 640, 480
 Picture = NDArray[np.uint8]

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from host.core.vehicle import LOW, MAST, Mount, Vehicle
-from host.vision import make_detector
 from host.vision.geometry import Camera
 from host.vision.mounted.detector import (
     BELIEVED,
@@ -20,6 +19,7 @@ from host.vision.mounted.detector import (
     Mode,
     MountedDetector,
     RobustSource,
+    make_detector,
 )
 from host.vision.mounted.face import FaceFinder
 from host.vision.mounted.paper import l_height

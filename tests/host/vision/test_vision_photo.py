@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
-from host.commands.see import data_folder
 from host.vision.mounted.paper import Chain, PaperParams
 from host.vision.photo import benchmark
+from host.vision.photo.comparison import data_folder
 from host.vision.photo.detector import photo_detector
 from host.vision.photo.fisher import ALIKE, FLATTER, RIDGE, STRANGE, WIDER, Kinds, Reach, learn
 from host.vision.photo.score import heading_error_deg, labelled_set, lateral_error, miou

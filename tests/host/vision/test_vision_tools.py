@@ -19,12 +19,13 @@ from host.commands.see import see
 from host.commands.tune_vision import tune_vision
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Mount, Vehicle
+from host.runs.pictures import frames
 from host.runs.record import Recorder
 from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
 from host.vision.geometry import Camera
 from host.vision.mounted.detector import MountedDetector, make_detector
 from host.vision.mounted.paper import PaperParams
-from host.vision.pictures import frames, read_photo, to_bgr
+from host.vision.pictures import read_photo, to_bgr
 from host.vision.tuning.profiles import Circumstance, Profiles
 from host.vision.tuning.search import first_params, mounted_contrast, tune
 from tests.helpers.scenery import field, halves

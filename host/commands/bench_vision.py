@@ -1,0 +1,70 @@
+"""`daranti bench vision`: the detectors' scores on labelled photographs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+import cv2
+from rich.console import Console
+from rich.table import Table
+
+from host.vision.photo import benchmark
+from host.vision.photo.comparison import compare, data_folder, overlay
+from host.vision.photo.score import labelled_set
+
+
+@click.command()
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    help="Labelled photographs: manifest.csv, images/, masks/. Default: DARANTI_DATA or "
+    "../shared/data, its wheat-edge.",
+)
+@click.option("--out", type=click.Path(path_type=Path), default=Path("bench"), show_default=True)
+@click.option("--worst", type=click.IntRange(0, 50), default=8, show_default=True, metavar="N")
+def bench_vision(data: Path | None, out: Path, worst: int) -> None:
+    """Scores both modes and two baselines on labelled photographs; writes summary.json, the folds
+    and overlays of the worst pictures."""
+    folder = data or data_folder() / "wheat-edge"
+    if not (folder / "manifest.csv").exists() and (folder / "wheat-edge").is_dir():
+        folder = folder / "wheat-edge"
+    photos = [
+        benchmark.Photo(item, item.picture(), item.standing()) for item in labelled_set(folder)
+    ]
+    out.mkdir(parents=True, exist_ok=True)
+    found = compare(photos)
+    table = Table(
+        "mode",
+        "mIoU",
+        "lateral %",
+        "within 5 %",
+        "heading 5°",
+        "sure and wrong",
+        "sure",
+        "ms",
+        title=f"{len(photos)} photographs, {len(found.folds)} scenes",
+    )
+    for name, f in found.figures.items():
+        table.add_row(
+            name,
+            f"{f['miou_mean']:.3f}",
+            f"{100 * f['lateral_median']:.2f}",
+            *(f"{100 * f[k]:.1f} %" for k in ("within_5pct", "heading_within_5deg")),
+            *(f"{100 * f[k]:.1f} %" for k in ("confident_wrong", "confident")),
+            f"{f['ms_median']:.1f}",
+        )
+    console = Console()
+    console.print(table)
+    times = Table("stage, 640x480, one thread", "ms")
+    for name, ms in found.stages_ms.items():
+        times.add_row(name, f"{ms:.2f}")
+    console.print(times)
+    record = {**found.figures, "stages_ms": found.stages_ms, "folds": found.folds}
+    (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    by_error = sorted(zip(photos, found.robust, strict=True), key=lambda pair: pair[1].miou)
+    for rank, (photo, result) in enumerate(by_error[:worst], start=1):
+        name = f"worst-{rank:02d}-{photo.item.name}-{result.miou:.2f}.png"
+        cv2.imwrite(str(out / name), overlay(photo, result))
+    console.print(f"{out}/summary.json, {min(worst, len(photos))} overlays of the worst")

@@ -1,0 +1,23 @@
+"""`daranti convert`: a field's boundary in another format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from host.field.boundary_file import load_field, save_field
+
+
+@click.command()
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", type=click.Path(path_type=Path))
+def convert(source: Path, target: Path) -> None:
+    """Write the field in SOURCE to TARGET; the suffix names the format: .geojson, .kml, .shp, .xml
+    (ISOXML), .csv."""
+    boundary = load_field(source)
+    save_field(target, boundary)
+    click.echo(
+        f"{target}: {boundary.name or 'field'}, {len(boundary.crop)} corners, "
+        f"{len(boundary.keep_outs)} keep-outs, {boundary.polygon(boundary.frame).area:.0f} m2"
+    )

@@ -1,0 +1,118 @@
+"""`daranti plan`: what the harvest of a field comes to, before anything moves."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from host.core.errors import UserError
+from host.core.vehicle_file import load_vehicle
+from host.field.areas import areas_of
+from host.field.boundary_file import load_field
+from host.route.field_plan import plan_field
+from host.route.preview import Preview, draw_preview, hours, preview
+
+
+def table_of(previews: list[Preview]) -> Table:
+    """The turns side by side."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("turn", no_wrap=True)
+    names = ("sides", "shuttles", "cutting", "turning", "time", "stays", "coverage", "room")
+    for name in names:
+        table.add_column(name, justify="right", no_wrap=True)
+    for shown in previews:
+        table.add_row(
+            shown.plan.turn,
+            str(len(shown.plan.sides)),
+            str(shown.shuttles),
+            f"{shown.cutting_m:.0f} m",
+            f"{shown.turning_m:.0f} m",
+            hours(shown.time_s),
+            f"{shown.leftover.area:.1f} m2",
+            f"{100 * shown.coverage:.2f} %",
+            f"{shown.room_m:.2f} m",
+        )
+    return table
+
+
+@click.command()
+@click.argument("field", type=click.Path(path_type=Path))
+@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
+@click.option("--start", type=click.IntRange(0), default=0, show_default=True, help="The corner.")
+@click.option("--inset", default=0.0, show_default=True, help="Metres to stay inside the field.")
+@click.option("--gap", type=float, metavar="METRES", help="To the neighbour's crop.")
+@click.option(
+    "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
+)
+@click.option("--out", type=click.Path(path_type=Path), help="The picture; default FIELD.plan.png.")
+def plan(
+    field: Path,
+    vehicle: Path | None,
+    start: int,
+    inset: float,
+    gap: float | None,
+    turn: str,
+    out: Path | None,
+) -> None:
+    """Length, time, turns and what stays standing, before anything moves.
+
+    FIELD is a boundary: .geojson, .kml, .shp, .xml (ISOXML) or .csv. Both kinds of turn are
+    compared; the picture shows the one of --turn."""
+    machine = load_vehicle(vehicle)
+    boundary = load_field(field)
+    if start >= len(boundary.crop):
+        raise UserError(
+            f"--start {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "
+            "of the survey numbers them"
+        )
+    frame = boundary.frame
+    areas = areas_of(boundary.polygon(frame), gap, inset_m=inset)
+    corner = frame.to_local(*boundary.crop[start])
+    try:
+        previews = {
+            name: preview(plan_field(areas, corner, machine, name, gap), areas, machine)
+            for name in ("three_point", "arc")
+        }
+    except UserError as error:
+        raise UserError(f"{field}: {error}") from error
+    shown = previews[turn]
+    console = Console(highlight=False, soft_wrap=True)
+    name = boundary.name or field.stem
+    console.print(
+        f"{name}: {areas.field.area:.0f} m2, {len(boundary.crop)} corners, "
+        f"{len(boundary.keep_outs)} keep-outs, start at corner {start}"
+    )
+    if areas.price > 0:
+        console.print(
+            f"left standing by choice (inset {inset:g} m, keep-outs' margin): "
+            f"{areas.field.area - areas.crop.area:.1f} m2, {100 * areas.price:.2f} % of the crop"
+        )
+    console.print(table_of(list(previews.values())))
+    first = shown.plan.sides[0]
+    begins = min(
+        range(len(boundary.crop)),
+        key=lambda k: math.dist(frame.to_local(*boundary.crop[k]), (first.x_m, first.y_m)),
+    )
+    if begins != start:
+        console.print(f"begins at corner {begins}: from corner {start} more would stay standing")
+    if gap is None:
+        console.print(
+            "no --gap: whether the turns have room is not checked, and a drive without it has no "
+            "geofence; measure the ground up to the neighbour's crop"
+        )
+    for text in shown.warnings:
+        console.print(f"warning: {text}")
+    picture = out or field.with_suffix(".plan.png")
+    title = (
+        f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "
+        f"{hours(shown.time_s)}, coverage {100 * shown.coverage:.2f} %"
+    )
+    try:
+        draw_preview(picture, shown, title)
+    except OSError as error:
+        raise UserError(f"cannot write the picture {picture}: {error.strerror}") from error
+    console.print(f"written: {picture}")

@@ -1,0 +1,43 @@
+"""What the firmware says, in words."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+from host.core.messages import Telemetry
+from host.link import protocol
+
+BUILDS = {0: "uno", 1: "desk", 2: "uno_hil"}
+RESET_CAUSES = ("power-on", "external", "brown-out", "watchdog")
+
+
+def greeting(version: protocol.Version) -> str:
+    """Who answered, and why it last started."""
+    causes = [name for bit, name in enumerate(RESET_CAUSES) if version.reset_cause >> bit & 1]
+    return (
+        f"firmware {version.firmware_major}.{version.firmware_minor} "
+        f"({BUILDS.get(version.build, f'build {version.build}')}), protocol "
+        f"{version.protocol_version}, started by {' and '.join(causes) or 'an unknown cause'}"
+    )
+
+
+def line(telemetry: Telemetry) -> str:
+    """One telemetry message in one line."""
+    speed = "" if telemetry.speed_mps is None else f"  {telemetry.speed_mps:+.2f} m/s"
+    return (
+        f"{telemetry.stamp:8.2f} s  {telemetry.state.name:7}"
+        f"  steer {math.degrees(telemetry.angle_rad):+6.1f}°"
+        f" of {math.degrees(telemetry.setpoint_rad):+6.1f}° duty {telemetry.steer_duty:+4d}"
+        f"  drive {telemetry.drive_duty:+4d}{speed}  blade {'on ' if telemetry.blade else 'off'}"
+        f"  {telemetry.battery_v:5.2f} V  bad frames {telemetry.frames_bad}"
+    )
+
+
+def as_json(telemetry: Telemetry) -> str:
+    """One telemetry message as a JSON object, SI units, faults also in words."""
+    fields = dataclasses.asdict(telemetry)
+    fields["state"] = telemetry.state.name
+    fields["fault_texts"] = protocol.fault_texts(protocol.Fault(telemetry.faults))
+    return json.dumps(fields)

@@ -1,0 +1,134 @@
+"""What a run is to do: the plan of the field, or what is left of it, and where it begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from host.core.errors import UserError
+from host.core.frames import LatLon, LocalFrame
+from host.core.messages import Fix
+from host.core.vehicle import Vehicle
+from host.field.areas import areas_of
+from host.field.boundary_file import Boundary
+from host.field.fence import Fence, nearest_corner
+from host.route.field_plan import plan_of
+from host.route.plan import Plan
+from host.runs.resume import Progress, remaining, resume_at
+from host.sensors.newest import Feed
+
+FIRST_FIX_S = 10.0
+FIRST_FIXES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """What is to be driven."""
+
+    plan: Plan
+    """What is left of the whole."""
+    whole: Plan
+    corner: int | None = None
+    """Of the boundary, where the whole begins."""
+    begun: tuple[int, float] = (0, 0.0)
+    """Side and way along it (m) of the whole that the rest begins with."""
+    frame: LocalFrame | None = None
+    fence: Fence | None = None
+
+
+def errand_of(
+    field: Boundary | None,
+    start: int | None,
+    vehicle: Vehicle,
+    turn: str,
+    gap_m: float | None,
+    saved: Progress | None,
+    source: Path | None,
+) -> Errand:
+    """The plan from corner `start` on, or what the progress `saved` (read from `source`) leaves of
+    it. Without a field: no plan."""
+    if field is None or start is None:
+        bare = Plan(turn=turn)
+        return Errand(bare, bare)
+    frame, whole = plan_of(field, start, vehicle, turn, gap_m)
+    begun = (0, 0.0)
+    if saved is not None and source is not None:
+        begun = resume_at(saved, whole, source)
+    return Errand(remaining(whole, *begun), whole, start, begun, frame, Fence(field.crop))
+
+
+def chosen_corner(
+    field: Boundary | None,
+    path: Path | None,
+    corner: int | None,
+    gap: float | None,
+    saved: Progress | None,
+) -> int | None:
+    """The corner that the plan begins at, None where the position has to tell. UserError where the
+    options do not fit the boundary or each other."""
+    for given, name, what in (
+        (corner, "--corner", "names a corner"),
+        (gap, "--gap", "is measured from the edge"),
+        (saved, "--resume", "goes on with the plan"),
+    ):
+        if given is not None and field is None:
+            raise UserError(f"{name} {what} of --boundary, which is not given")
+    if field is None:
+        return None
+    if corner is not None and corner >= len(field.crop):
+        raise UserError(f"--corner {corner}: {path} has the corners 0 to {len(field.crop) - 1}")
+    areas_of(field.polygon(field.frame), gap)
+    if saved is None:
+        return corner
+    if corner is not None and corner != saved.corner:
+        raise UserError(f"--corner {corner}: the run to be resumed began at corner {saved.corner}")
+    if saved.corner >= len(field.crop):
+        raise UserError(f"--resume: {path} is not the boundary of that run; give the same one")
+    return saved.corner
+
+
+def warnings(field: Boundary | None, gap: float | None) -> list[str]:
+    """What does not watch over the run."""
+    if field is None:
+        return [
+            "no --boundary: no plan and no geofence. Only the picture ends a side and keeps the "
+            "machine out of the neighbour's crop, and the run cannot be resumed"
+        ]
+    if gap is None:
+        return [
+            "no --gap: there is no geofence. Only the picture and the sides' lengths keep the "
+            "machine out of the neighbour's crop; measure the ground between and give --gap METRES"
+        ]
+    return []
+
+
+def where_to_go_on(plan: Plan, begun: tuple[int, float], frame: LocalFrame) -> str:
+    """Where the operator has to put the machine."""
+    index, cut_m = begun
+    side = plan.sides[index]
+    x = side.x_m + cut_m * math.cos(side.heading_rad)
+    y = side.y_m + cut_m * math.sin(side.heading_rad)
+    lat, lon = frame.to_wgs84(x, y)
+    compass = (90.0 - math.degrees(side.heading_rad)) % 360
+    place = f"{cut_m:.1f} m along it, where its crop still stands" if cut_m else "at its beginning"
+    return (
+        f"going on with {plan.name(index)}: the machine has to stand {place} "
+        f"(near {lat:.6f} {lon:.6f}), heading {compass:.0f} degrees by the compass"
+    )
+
+
+def corner_at(corners: Sequence[LatLon], fixes: Feed[Fix] | None) -> int:
+    """The corner nearest to where the machine says it is."""
+    for _ in range(FIRST_FIXES):
+        if fixes is None or not fixes.wait(FIRST_FIX_S):
+            break
+        fix = fixes.take()
+        if fix is not None and fix.quality > 0:
+            return nearest_corner(corners, fix.lat_deg, fix.lon_deg)
+    why = "no --gnss" if fixes is None else fixes.problem or "the receiver has no fix yet"
+    raise UserError(
+        f"which corner does the machine stand at? There is no position ({why}): give --corner, "
+        f"0 to {len(corners) - 1}"
+    )

@@ -1,0 +1,60 @@
+"""The camera and the receiver of a run, opened and warm."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+from host.core.errors import UserError
+from host.core.messages import Frame
+from host.core.vehicle import Mount, Vehicle
+from host.runs.drive import fits, fitted
+from host.sensors.camera_stream import Picture
+from host.sensors.jpeg import JpegDecoder
+from host.sensors.newest import Feed
+from host.vision.mounted.detector import Mode, MountedDetector, make_detector
+from host.vision.mounted.paper import PaperParams
+from host.vision.tuning.profiles import Circumstance
+from host.vision.tuning.search import first_params
+
+FIRST_PICTURE_S = 10.0
+
+
+def warm_up(
+    pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: Mode
+) -> Frame | None:
+    """Lets a detector of its own see one picture, and returns that: what is compiled at first use
+    takes seconds, and the firmware waits for a command no longer than 250 ms once it is armed.
+    UserError where there is none, or its proportions are not the mount's."""
+    if not pictures.wait(FIRST_PICTURE_S):
+        raise UserError(
+            f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
+            "start the phone's camera app and check the address"
+        )
+    picture = pictures.take()
+    if picture is None:
+        return None
+    frame = fitted(picture, JpegDecoder(), mount, 0.0)
+    if frame.bgr.size == 0:
+        return None
+    if not fits(frame, mount):
+        height, width = frame.bgr.shape[:2]
+        raise UserError(
+            f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
+            f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
+        )
+    make_detector(mode, vehicle, mount).see(frame.bgr)
+    return frame
+
+
+def paper_params(
+    database: Path, name: str, first: Frame, vehicle: Vehicle, mount: Mount
+) -> tuple[PaperParams, str]:
+    """The paper's colour thresholds for this hour and mount, and where they are from."""
+    now = datetime.datetime.now().astimezone()
+    where = Circumstance(now.hour + now.minute / 60, mount=name)
+
+    def make(params: PaperParams) -> MountedDetector:
+        return make_detector("paper", vehicle, mount, params=params)
+
+    return first_params(database, where, first.bgr, make)

@@ -1,0 +1,59 @@
+"""A detector behind its camera's watch: how every run, bench and replay puts one together."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.core.vehicle import Mount, Vehicle
+from host.sensors.picture_watch import PictureWatch
+from host.vision.mounted.detector import Mode, make_detector
+from host.vision.mounted.paper import PaperParams
+from host.vision.view import CropView, Detector
+
+PROVED: Final = 3
+"""Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
+looks sound, and would keep a blind machine driving."""
+
+
+class WatchedDetector:
+    """A detector that is shown only what its camera's watch believes."""
+
+    def __init__(self, detector: Detector, mount: Mount) -> None:
+        self._detector = detector
+        self._watch = PictureWatch(mount.width_px, mount.height_px)
+        self._spoilt = ""
+        self._sound = PROVED
+
+    def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
+        """The detector's view, or one without any confidence that says why."""
+        return self._problem(bgr) or self._detector.see(bgr, stages=stages)
+
+    def glance(self, bgr: NDArray[np.uint8]) -> CropView:
+        """Likewise, of a picture in which nothing is to be measured."""
+        return self._problem(bgr) or self._detector.glance(bgr)
+
+    def _problem(self, bgr: NDArray[np.uint8]) -> CropView | None:
+        problem = self._watch.problem(bgr)
+        self._sound = 0 if problem else self._sound + 1
+        self._spoilt = problem or self._spoilt
+        if self._sound < PROVED:
+            return CropView(0.0, usable=False, reason=self._spoilt)
+        if self._watch.jumped:
+            # Stalks right before the lens do that: nothing to be measured, but no dead camera.
+            reason = "the camera's picture is quite another than the one before"
+            return CropView(0.0, reason=reason)
+        return None
+
+    def restart(self, *, turned: bool = True) -> None:
+        """As the detector's; the camera is still the same."""
+        self._detector.restart(turned=turned)
+
+
+def watched_detector(
+    mode: Mode, vehicle: Vehicle, mount: Mount, params: PaperParams | None = None
+) -> WatchedDetector:
+    """The detector of a mode on a mount of the machine; `params`: of the paper's mode."""
+    return WatchedDetector(make_detector(mode, vehicle, mount, params=params), mount)
