@@ -3,17 +3,23 @@ detector reads it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Protocol
 
 from hil.bench.lockstep import Bench
 from hil.bench.sight import Sight, look
-from host.sensors.jpeg import Bgr, JpegDecoder
+from host.sensors.jpeg import NOTHING, Bgr, JpegDecoder
+from host.vision import make_detector
 from host.vision.view import CropView, Detector
 from host.vision.watched import watched_detector
 
 
 class Eyes(Protocol):
     """One camera of one run."""
+
+    instant: bool
+    """Whether to develop costs next to nothing, and no thread is worth its while."""
 
     def shutter(self) -> Any:
         """Freezes what the camera sees now; called on the bench's own thread."""
@@ -35,6 +41,8 @@ class Eyes(Protocol):
 class PictureEyes:
     """The simulated camera, and the detector that the scenario names: of the bench it sees nothing
     but pictures."""
+
+    instant = False
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -75,22 +83,31 @@ def sight_of(bench: Bench) -> Sight:
 
 
 class WitnessedEyes(PictureEyes):
-    """Pictures and their detector, with what was true of every picture that it read."""
+    """Pictures and their detector, with what was true of every picture that it read.
+
+    `looks` says whether the pilot reads pictures now. Through a turn it only glances at them, and
+    none is rendered: then the last one stands in, and nobody watches for a camera that hangs."""
 
     def __init__(self, bench: Bench) -> None:
         super().__init__(bench)
+        self.looks: Callable[[], bool] = lambda: True
+        self._last: tuple[bytes, Bgr] = (b"", NOTHING)
         self.seen: list[tuple[float, Sight, CropView, bool]] = []
         """(the shutter's time, the truth, the answer, whether the detector had been restarted)."""
         self._truths: dict[int, tuple[float, Sight, Bgr]] = {}
 
     def shutter(self) -> Any:
-        """The shot and its truth."""
+        """The shot and its truth; None for a picture that nobody reads."""
+        if not self.looks():
+            return None
         return super().shutter(), self._bench.now, sight_of(self._bench)
 
     def develop(self, shot: Any) -> tuple[bytes, Bgr]:
         """As without a witness."""
+        if shot is None:
+            return self._last
         taken, stamp, sight = shot
-        jpeg, bgr = super().develop(taken)
+        jpeg, bgr = self._last = super().develop(taken)
         self._truths[id(bgr)] = (stamp, sight, bgr)  # kept, so that no other array takes its id
         while len(self._truths) > 16:
             self._truths.pop(next(iter(self._truths)))
@@ -98,13 +115,16 @@ class WitnessedEyes(PictureEyes):
 
     def detector(self) -> Detector:
         """The host's own, listened to."""
-        return _Listened(super().detector(), self)
+        s = self._bench.scenario
+        unwatched = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+        return _Listened(unwatched, self)
 
     def note(self, bgr: Bgr, view: CropView, fresh: bool) -> None:
         """What the detector answered to a picture."""
         known = self._truths.get(id(bgr))
         if known is not None:
-            self.seen.append((known[0], known[1], view, fresh))
+            numbers = replace(view, standing=None, edge_px=None, stages={})
+            self.seen.append((known[0], known[1], numbers, fresh))
 
 
 class _Listened:

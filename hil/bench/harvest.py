@@ -9,13 +9,14 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from hil.bench.eyes import Eyes, PictureEyes
 from hil.bench.live_view import LiveView
 from hil.bench.lockstep import Bench
+from hil.bench.model_eyes import ModelEyes
 from hil.judge import pictures
 from hil.judge.metrics import Truth
 from hil.scenario.faults import Fault
@@ -25,7 +26,7 @@ from host.link.session import Session
 from host.pilot.pilot import Phase, Pilot
 from host.pilot.snapshot import snapshot
 from host.runs.record import Recorder
-from host.sensors.jpeg import NOTHING
+from host.sensors.jpeg import NOTHING, Bgr
 from host.sensors.nmea import Receiver
 from host.vision.view import Detector
 
@@ -49,6 +50,27 @@ class Progress:
     reason: str
 
 
+class Picture(Protocol):
+    """A picture that is being developed."""
+
+    def result(self) -> tuple[bytes, Bgr]:
+        """It, once it is there."""
+        ...
+
+
+class _Developed:
+    def __init__(self, picture: tuple[bytes, Bgr]) -> None:
+        self._picture = picture
+
+    def result(self) -> tuple[bytes, Bgr]:
+        return self._picture
+
+
+def eyes_of(bench: Bench) -> Eyes:
+    """The eyes that the scenario names."""
+    return ModelEyes(bench) if bench.scenario.eyes == "model" else PictureEyes(bench)
+
+
 class Harvest:
     """One lockstep run. The camera develops each shot in `darkroom` (a thread, where none is given)
     while machine and firmware go on: the picture is due only after the camera's delay, so the
@@ -69,7 +91,7 @@ class Harvest:
         are given; `detector`: another one for the same pictures."""
         self.scenario = scenario
         self.bench = Bench(scenario, camera_threads=camera_threads)
-        self.eyes: Eyes = (eyes or PictureEyes)(self.bench)
+        self.eyes: Eyes = (eyes or eyes_of)(self.bench)
         self._detector = detector or (lambda _: self.eyes.detector())
         self.session = Session()
         self.pilot = self._new_pilot()
@@ -86,7 +108,7 @@ class Harvest:
         self._fix: Fix | None = None
         self._darkroom = darkroom or ThreadPoolExecutor(1)
         self._videos = ThreadPoolExecutor(1)
-        self._due: deque[tuple[float, float, Future[Any]]] = deque()
+        self._due: deque[tuple[float, float, Picture]] = deque()
         self._video: pictures.Video | None = None
         self._video_work: deque[Future[None]] = deque()
         lens = scenario.lens_truth
@@ -149,7 +171,12 @@ class Harvest:
             if record is not None:
                 record.put("/serial/to_host", stamp, {"data": data})
         if tick % self._frame_ticks == 0:
-            work = self._darkroom.submit(self.eyes.develop, self.eyes.shutter())
+            shot = self.eyes.shutter()
+            work: Picture = (
+                _Developed(self.eyes.develop(shot))
+                if self.eyes.instant
+                else self._darkroom.submit(self.eyes.develop, shot)
+            )
             self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()

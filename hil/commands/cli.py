@@ -14,6 +14,7 @@ cli = LazyGroup(
             "hil.commands.campaign:campaign",
             "Run scenarios x seeds, and print the table.",
         ),
+        "eyes": ("hil.commands.eyes:eyes", "Fit and judge the model eyes."),
         "faults": ("hil.commands.faults:faults", "Make everything fail that can fail."),
         "harvest": ("hil.commands.harvest:harvest_command", "Harvest a field in lockstep."),
         "plot": ("hil.commands.plot:plot", "Draw a record."),

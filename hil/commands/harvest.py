@@ -25,6 +25,7 @@ from host.core.errors import UserError
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
 @click.option("--mode", type=click.Choice(["paper", "robust"]), help="Which vision steers.")
+@click.option("--eyes", type=click.Choice(["picture", "model"]), help="Pictures, or their model.")
 @click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
 @click.option("--film/--no-film", default=None, help="Write camera.mp4.")

@@ -88,6 +88,9 @@ class Scenario(BaseModel):
     """One of the vehicle's mounts."""
     mode: Literal["paper", "robust"] = "robust"
     """Which detector steers."""
+    eyes: Literal["picture", "model"] = "picture"
+    """Whether it sees simulated pictures, or what it would say of them is drawn
+    (hil/bench/model_eyes.py)."""
     parameters: dict[str, float] = {}
     """The firmware's, by name and in their units, where they are not the defaults."""
     vehicle: Vehicle = Vehicle()

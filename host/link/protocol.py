@@ -7,6 +7,7 @@ A frame on the wire: COBS(id, seq, payload, CRC-16/CCITT-FALSE little-endian) 0x
 
 from __future__ import annotations
 
+import binascii
 import enum
 import math
 import struct
@@ -931,12 +932,7 @@ def fault_texts(faults: Fault) -> list[str]:
 
 def crc16(data: bytes) -> int:
     """CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected."""
-    crc = 0xFFFF
-    for byte in data:
-        x = (crc >> 8) ^ byte
-        x ^= x >> 4
-        crc = ((crc << 8) ^ (x << 12) ^ (x << 5) ^ x) & 0xFFFF
-    return crc
+    return binascii.crc_hqx(data, 0xFFFF)
 
 
 def cobs_encode(data: bytes) -> bytes:

@@ -1,0 +1,472 @@
+"""Eyes without pictures: the detector's answer drawn from the world's geometry.
+
+The answer is the perfect eye's (`hil.bench.sight`) with an error that the real detector once made
+in a like situation, and the errors that followed it there: a bootstrap of blocks (Künsch 1989) of
+measured answers, matched to the situation. So bias, correlation along the way, dust's pull, gaps,
+false and late ends are what was measured, together, and no distribution is assumed. The library of
+answers comes from harvests with pictures: `daranti-hil eyes fit`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow.parquet as pq
+from numba import njit
+from numpy.typing import NDArray
+
+from hil.bench.eyes import sight_of
+from hil.bench.lockstep import Bench
+from hil.bench.sight import Sight
+from hil.scenario.scenario import Scenario
+from host.core.errors import UserError
+from host.sensors.jpeg import NOTHING, Bgr
+from host.vision.view import NAN, CropView
+
+LIBRARY: Final = Path(__file__).with_name("eye_errors.parquet")
+
+CUTTING_M: Final = 0.3
+ZONES_M: Final = (CUTTING_M, 1.0, 2.5)
+"""Distances ahead at which the situation becomes another."""
+LAST_M: Final = 0.8
+"""Of the crop that is being cut: no full window of its edge is left."""
+SLANT: Final = 0.25
+"""Of the right end, left per metre ahead: no edge along the way any more."""
+MOVING_MPS: Final = 0.05
+NEXT_S: Final = 0.16
+"""Between pictures that follow each other in the library."""
+BLOCK: Final = 60
+"""Pictures, on average, after which a block is left for another though it fits still: 3 m."""
+KEPT_M: Final = (0.3, 0.4)
+"""A block's distance ahead and depth may differ from the world's by so much."""
+NEAREST: Final = 8
+"""One of so many likest situations is taken."""
+TRIED: Final = 1500
+SINCE: Final = 12
+"""Pictures since the situation began, at most, that are told apart."""
+DONOR: Final = 1.0
+"""How much a run prefers some drives of the library over others: what its field does to every
+picture, it does for good."""
+
+COLUMNS: Final = (
+    "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "blade",
+    "fresh", "confidence", "edge_offset_m", "edge_ahead_m", "crop_ahead_m", "ahead_confidence",
+    "tip_share", "usable", "reason",
+)  # fmt: skip
+"""Of the library; truths first, then the answer."""
+
+# Of a situation, and what a difference of one counts for: dust in the air, depth, distance ahead,
+# pictures since it began, the answer before (its kind, its error), density, slope, place of the
+# right end, crop height, cloud, hour, drilled.
+SCALES: Final = np.array(
+    [0.1, 0.3, 0.15, 4.0, 0.3, 0.03, 0.25, 0.2, 0.1, 0.15, 1.0, 5.0, 2.0], np.float32
+)
+FEATURES: Final = len(SCALES)
+
+Cell = tuple[int, int, int, int]
+"""Of a situation: zone, whether the blade spins, whether the machine moves, whether the detector
+was restarted."""
+
+
+def kind_of(view: CropView) -> int:
+    """Of an answer: whether the edge and what is ahead are sure, and whether the way is clear."""
+    ahead = view.crop_ahead_m
+    clear = not ahead < 0.8  # NaN: nothing known
+    return _kind(view.confidence >= 0.5, clear, view.ahead_confidence >= 0.5)
+
+
+def _kind(sure: bool, clear: bool, ahead_sure: bool) -> int:
+    if clear:
+        return 3 if ahead_sure else 4
+    return 0 if sure else 1 if ahead_sure else 2
+
+
+def zone_of(ahead_m: float, depth_m: float) -> int:
+    """0 in the crop, 1 in its last, 2 and 3 before it, 4 without."""
+    if ahead_m < CUTTING_M:
+        return 0 if depth_m >= LAST_M else 1
+    return 2 if ahead_m < ZONES_M[1] else 3 if ahead_m < ZONES_M[2] else 4
+
+
+def edge_of(right_m: float, slope: float) -> int:
+    """0 an edge along the way, 1 a slanting or ragged end, 2 none."""
+    if math.isnan(right_m):
+        return 2
+    return 0 if abs(slope) < SLANT else 1
+
+
+@dataclass(frozen=True, slots=True)
+class Air:
+    """What of a scenario counts for every picture."""
+
+    dust: float
+    crop_height_m: float
+    cloud: float
+    hour: float
+    drilled: bool
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Air:
+        """Of the world of a scenario."""
+        w, f = scenario.weather, scenario.field
+        return cls(w.dust, f.crop_height_m, w.cloud, w.hour, f.drilled)
+
+
+@njit(cache=True, nogil=True)
+def _likest(
+    features: NDArray[np.float32],
+    drives: NDArray[np.int32],
+    rows: NDArray[np.int32],
+    here: NDArray[np.float32],
+    scales: NDArray[np.float32],
+    liking: NDArray[np.float32],
+    offset: int,
+    stride: int,
+    pick: int,
+) -> int:
+    """The `pick`-th likest of the rows, of at most TRIED that are `stride` apart."""
+    best = np.full(NEAREST, np.float32(1e30))
+    which = np.full(NEAREST, -1, np.int32)
+    n = rows.shape[0]
+    count = min(n, TRIED)
+    for q in range(count):
+        row = rows[(offset + q * stride) % n]
+        d = liking[drives[row]]
+        if d >= 1e9:
+            continue
+        for k in range(features.shape[1]):
+            d += abs(features[row, k] - here[k]) / scales[k]
+        if d < best[NEAREST - 1]:
+            k = NEAREST - 1
+            while k > 0 and best[k - 1] > d:
+                best[k] = best[k - 1]
+                which[k] = which[k - 1]
+                k -= 1
+            best[k] = d
+            which[k] = row
+    found = 0
+    while found < NEAREST and which[found] >= 0:
+        found += 1
+    if found == 0:
+        return -1
+    return int(which[pick % found])
+
+
+class Library:
+    """Answers of the real detector with what was true: one row a picture, drive after drive."""
+
+    def __init__(self, columns: dict[str, NDArray[Any]], about: dict[str, Any]) -> None:
+        self.about = about
+        self.columns = columns
+        self.drives: list[dict[str, Any]] = about["drives"]
+        self.reasons: list[str] = about["reasons"]
+        self.size = len(columns["drive"])
+        self.drive = columns["drive"].astype(np.int32)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        c, n = self.columns, self.size
+        self.zone = np.empty(n, np.int8)
+        self.edge = np.empty(n, np.int8)
+        self.kind = np.empty(n, np.int8)
+        self.follows = np.zeros(n, np.bool_)
+        self.error = np.full(n, np.nan, np.float32)
+        self.features = np.zeros((n, FEATURES), np.float32)
+        cells: dict[tuple[int, ...], list[int]] = {}
+        before_kind, before_error, since = 0, 0.0, 0
+        last: Cell = (-1, 0, 0, 0)
+        mounts = sorted({d["mount"] for d in self.drives})
+        self.mount = {name: k for k, name in enumerate(mounts)}
+        for k in range(n):
+            drive = self.drives[self.drive[k]]
+            ahead, depth = float(c["ahead_m"][k]), float(c["depth_m"][k])
+            right, slope = float(c["right_m"][k]), float(c["slope"][k])
+            self.zone[k], self.edge[k] = zone_of(ahead, depth), edge_of(right, slope)
+            self.kind[k] = _kind(
+                c["confidence"][k] >= 0.5,
+                not c["crop_ahead_m"][k] < 0.8,
+                c["ahead_confidence"][k] >= 0.5,
+            )
+            expected = -(drive["blade_width_m"] / 2 - drive["overlap_m"])
+            error = float(c["edge_offset_m"][k]) - (right - expected)
+            self.error[k] = error
+            follows = (
+                k > 0
+                and self.drive[k] == self.drive[k - 1]
+                and 0 < c["stamp_s"][k] - c["stamp_s"][k - 1] < NEXT_S
+            )
+            self.follows[k] = follows
+            blade, moving = bool(c["blade"][k]), abs(float(c["speed_mps"][k])) > MOVING_MPS
+            fresh = bool(c["fresh"][k])
+            cell = (int(self.zone[k]), int(blade), int(moving), int(fresh))
+            since = since + 1 if follows and cell == last else 0
+            if not follows:
+                before_kind, before_error = 0, 0.0
+            last = cell
+            self.features[k] = features_of(
+                Air(**drive["air"]), ahead, depth, right - expected, slope,
+                float(c["density"][k]), blade, since, before_kind, before_error,
+            )  # fmt: skip
+            before_kind = int(self.kind[k])
+            before_error = error if math.isfinite(error) else before_error
+            mount = self.mount[drive["mount"]]
+            for key in _keys(mount, *cell, int(self.edge[k])):
+                cells.setdefault(key, []).append(k)
+        self.cells = {key: np.array(rows, np.int32) for key, rows in cells.items()}
+
+
+def _keys(
+    mount: int, zone: int, blade: int, moving: int, fresh: int, edge: int
+) -> tuple[tuple[int, ...], ...]:
+    """A situation's cell and those that stand in where the library has too little of it."""
+    return (
+        (mount, zone, blade, moving, fresh, edge),
+        (mount, zone, blade, moving, edge),
+        (mount, zone, blade, edge),
+        (mount, zone, edge),
+        (mount, zone),
+        (mount,),
+    )
+
+
+LEAST: Final = 12
+"""Rows of a cell from which on it stands for itself."""
+
+
+def features_of(
+    air: Air, ahead_m: float, depth_m: float, offset_m: float, slope: float, density: float,
+    blade: bool, since: int, kind: int, error_m: float,
+) -> NDArray[np.float32]:  # fmt: skip
+    """(FEATURES,) of a situation, in the order of SCALES."""
+    return np.array(
+        [
+            air.dust if blade else 0.0,
+            min(depth_m, 1.5),
+            min(ahead_m, 3.0),
+            min(since, SINCE),
+            float(kind),
+            max(-0.3, min(0.3, error_m)),
+            density,
+            max(-1.0, min(1.0, slope)) if math.isfinite(slope) else 0.0,
+            max(-0.5, min(0.5, offset_m)) if math.isfinite(offset_m) else 0.0,
+            air.crop_height_m,
+            air.cloud,
+            air.hour,
+            float(air.drilled),
+        ],
+        np.float32,
+    )
+
+
+@cache
+def library(path: Path = LIBRARY) -> Library:
+    """The library in a file. UserError where there is none."""
+    try:
+        table = pq.read_table(path)
+    except (OSError, ValueError) as error:
+        raise UserError(
+            f"no library of the detector's errors in {path} ({error}): make one with "
+            "`daranti-hil eyes fit`"
+        ) from error
+    about = json.loads((table.schema.metadata or {})[b"daranti"])
+    return Library({name: table.column(name).to_numpy() for name in COLUMNS}, about)
+
+
+# ---- the eyes ------------------------------------------------------------------------------------
+
+
+class ModelEyes:
+    """In place of the camera: a picture is the number of its shot, and what was true then."""
+
+    instant = True
+
+    def __init__(
+        self, bench: Bench, errors: Library | None = None, without: Collection[str] = ()
+    ) -> None:
+        """`without`: drives of the library that are not used, by their names."""
+        scenario = bench.scenario
+        if any(
+            f.component in ("camera", "phone") and f.failure == "wrong" for f in scenario.faults
+        ):
+            raise UserError(
+                "model eyes know nothing of pictures that show something else: use --eyes picture"
+            )
+        self._bench = bench
+        self._library = errors or library()
+        if scenario.camera not in self._library.mount:
+            known = ", ".join(sorted(self._library.mount))
+            raise UserError(
+                f"the library of the detector's errors knows no mount {scenario.camera!r}, only "
+                f"{known}: use --eyes picture"
+            )
+        if scenario.mode != self._library.about["mode"]:
+            raise UserError(
+                f"the library of errors is the {self._library.about['mode']} detector's, not the "
+                f"{scenario.mode} one's: use --eyes picture"
+            )
+        self._without = frozenset(without)
+        self._shots: dict[int, Sight] = {}
+        self._count = 0
+
+    def shutter(self) -> int:
+        """The number of the shot."""
+        self._count += 1
+        self._shots[self._count] = sight_of(self._bench)
+        self._shots.pop(self._count - 100, None)
+        return self._count
+
+    def develop(self, shot: int) -> tuple[bytes, Bgr]:
+        """Six bytes for a file, two pixels for a picture."""
+        data = shot.to_bytes(6, "little")
+        return data, self.decode(data)
+
+    def decode(self, data: bytes) -> Bgr:
+        """The two pixels, or none of a file that was spoiled."""
+        return np.frombuffer(data, np.uint8).reshape(1, 2, 3) if len(data) == 6 else NOTHING
+
+    def sight(self, bgr: Bgr) -> tuple[int, Sight | None]:
+        """What was true of a picture, and its number."""
+        number = int.from_bytes(bgr.tobytes(), "little")
+        return number, self._shots.get(number)
+
+    def detector(self) -> ModelDetector:
+        """A new one; the same answers to the same pictures."""
+        return ModelDetector(self, self._bench.scenario, self._library, self._without)
+
+
+class ModelDetector:
+    """A `host.vision.view.Detector` that draws its answers."""
+
+    def __init__(
+        self, eyes: ModelEyes, scenario: Scenario, errors: Library, without: Collection[str] = ()
+    ) -> None:
+        self._eyes = eyes
+        self._library = errors
+        self._air = Air.of(scenario)
+        self._mount = errors.mount[scenario.camera]
+        v = scenario.vehicle
+        self._expected_m = -(v.blade_width_m / 2 - v.overlap_m)
+        self._rng = np.random.default_rng([scenario.seed, 0xE7E5])
+        liking = DONOR * self._rng.exponential(size=len(errors.drives))
+        liking[[d["name"] in without for d in errors.drives]] = 1e9
+        self._liking = liking.astype(np.float32)
+        self._row = -1
+        self._kind, self._error = 0, 0.0
+        self._since = 0
+        self._cell: Cell = (-1, 0, 0, 0)
+        self._fresh = True
+        self._number = -1
+
+    def see(self, bgr: Bgr, *, stages: bool = False) -> CropView:
+        """The perfect eye's answer with a measured error."""
+        del stages
+        number, sight = self._eyes.sight(bgr)
+        fresh, self._fresh = self._fresh, False
+        if sight is None:
+            reason = "the camera's picture is broken: its file is damaged"
+            return CropView(0.0, usable=False, reason=reason)
+        if number == self._number:
+            return CropView(0.0, usable=False, reason="the camera repeats its picture")
+        self._number = number
+        return self._answer(sight, fresh)
+
+    def glance(self, bgr: Bgr) -> CropView:
+        """Nothing is measured."""
+        number, sight = self._eyes.sight(bgr)
+        usable = sight is not None and number != self._number
+        self._number = number
+        self._row = -1
+        reason = "not looked at: it turns" if usable else "the camera repeats its picture"
+        return CropView(0.0, usable=usable, reason=reason)
+
+    def restart(self, *, turned: bool = True) -> None:
+        """As the detector's, whose next answer is without memory."""
+        del turned
+        self._fresh = True
+
+    def _answer(self, sight: Sight, fresh: bool) -> CropView:
+        errors = self._library
+        zone = zone_of(sight.ahead_m, sight.depth_m)
+        edge = edge_of(sight.right_m, sight.slope)
+        moving = abs(sight.speed_mps) > MOVING_MPS
+        cell = (zone, int(sight.blade), int(moving), int(fresh))
+        known = self._row >= 0
+        self._since = self._since + 1 if known and cell == self._cell else 0
+        if not known:
+            self._kind, self._error = 0, 0.0
+        self._cell = cell
+        row = self._row + 1
+        goes_on = known and row < errors.size and self._fits(row, sight, cell, edge)
+        if not goes_on or self._rng.random() < 1.0 / BLOCK:
+            row = self._draw(sight, cell, edge)
+        self._row = row
+        return self._view(row, sight, edge)
+
+    def _fits(self, row: int, sight: Sight, cell: Cell, edge: int) -> bool:
+        errors, c = self._library, self._library.columns
+        zone, blade, moving, fresh = cell
+        return bool(
+            errors.follows[row]
+            and errors.zone[row] == zone
+            and errors.edge[row] == edge
+            and bool(c["blade"][row]) == bool(blade)
+            and bool(c["fresh"][row]) == bool(fresh)
+            and (abs(c["speed_mps"][row]) > MOVING_MPS) == bool(moving)
+            and (zone not in (2, 3) or abs(c["ahead_m"][row] - sight.ahead_m) < KEPT_M[0])
+            and (zone != 1 or abs(c["depth_m"][row] - sight.depth_m) < KEPT_M[1])
+        )
+
+    def _draw(self, sight: Sight, cell: Cell, edge: int) -> int:
+        errors = self._library
+        here = features_of(
+            self._air, sight.ahead_m, sight.depth_m, sight.right_m - self._expected_m, sight.slope,
+            sight.density, sight.blade, self._since, self._kind, self._error,
+        )  # fmt: skip
+        offset, pick = (int(k) for k in self._rng.integers(1 << 30, size=2))
+        for key in _keys(self._mount, *cell, edge):
+            rows = errors.cells.get(key)
+            if rows is None or len(rows) < LEAST:
+                continue
+            stride = max(1, len(rows) // TRIED)
+            found = _likest(
+                errors.features, errors.drive, rows, here, SCALES, self._liking, offset, stride,
+                pick,
+            )  # fmt: skip
+            if found >= 0:
+                return int(found)
+        raise UserError("the library of the detector's errors is empty for this mount")
+
+    def _view(self, row: int, sight: Sight, edge: int) -> CropView:
+        errors, c = self._library, self._library.columns
+        self._kind = int(errors.kind[row])
+        error = float(errors.error[row])
+        offset = float(c["edge_offset_m"][row])
+        if math.isfinite(error):
+            self._error = error
+            if edge != 2:
+                offset = sight.right_m - self._expected_m + error
+        seen, was = float(c["crop_ahead_m"][row]), float(c["ahead_m"][row])
+        ahead = seen
+        if sight.ahead_m >= CUTTING_M and math.isfinite(seen) and math.isfinite(was):
+            ahead = max(0.0, sight.ahead_m + seen - was) if math.isfinite(sight.ahead_m) else seen
+        beyond = float(c["edge_ahead_m"][row])
+        if math.isfinite(seen) and math.isfinite(ahead):
+            beyond = max(0.0, beyond + ahead - seen)
+        return CropView(
+            float(c["confidence"][row]) if math.isfinite(offset) else 0.0,
+            edge_offset_m=offset,
+            edge_ahead_m=beyond,
+            edge_heading_rad=NAN,
+            crop_ahead_m=ahead,
+            ahead_confidence=float(c["ahead_confidence"][row]),
+            tip_share=float(c["tip_share"][row]),
+            reason=errors.reasons[int(c["reason"][row])],
+            usable=bool(c["usable"][row]),
+        )

@@ -1,0 +1,127 @@
+"""`daranti-hil eyes`: the model eyes are fitted and judged."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from hil.bench.model_eyes import LIBRARY
+from hil.commands.progress import Watch
+from hil.studies.campaign import seeds_of
+from hil.studies.eye_fit import Task, drive, fit, judge
+from hil.studies.spread import spread
+from host.core.errors import UserError
+
+SEEDS = "9001-9030"
+
+
+def _seeds(text: str) -> list[int]:
+    try:
+        return seeds_of(text)
+    except ValueError as error:
+        raise UserError(f"--seeds {text}: say 1-30, or 1,4,9 ({error})") from error
+
+
+def _drive(
+    seeds: Sequence[int], folder: Path, eyes: Literal["picture", "model"], workers: int,
+    scheduler: str | None, library: Path | None = None,
+) -> list[dict[str, Any]]:  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    where = str(folder.resolve())
+    used = str(library.resolve()) if library is not None else None
+    tasks = [Task(seed, where, eyes, used) for seed in seeds]
+    found: dict[int, dict[str, Any]] = {}
+    with Watch(f"{len(tasks)} fields by {eyes}", len(tasks)) as watch:
+        for task, about in spread(drive, tasks, workers=workers, scheduler=scheduler):
+            found[task.seed] = about
+            watch.step()
+    return [found[seed] for seed in seeds]
+
+
+@click.group()
+def eyes() -> None:
+    """Fits the model eyes to picture drives and judges them by such."""
+
+
+_options = [
+    click.option("--seeds", default=SEEDS, show_default=True, metavar="1-30|1,4,9"),
+    click.option(
+        "--folder",
+        type=click.Path(path_type=Path, file_okay=False),
+        default=Path("out/eyes"),
+        show_default=True,
+        help="Where drives are kept.",
+    ),
+    click.option("--workers", type=click.IntRange(1), default=2, show_default=True),
+    click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT."),
+]
+
+
+def _common(command: Any) -> Any:
+    for option in reversed(_options):
+        command = option(command)
+    return command
+
+
+@eyes.command("fit")
+@_common
+@click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
+              help="The file to write; default the bench's own.")  # fmt: skip
+def fit_command(
+    seeds: str, folder: Path, workers: int, scheduler: str | None, library: Path
+) -> None:
+    """Drives small fields with pictures, or takes drives that are there, and keeps what the
+    detector answered to each as the model eyes' library."""
+    _drive(_seeds(seeds), folder, "picture", workers, scheduler)
+    made = fit(folder, library, datetime.datetime.now(datetime.UTC).date())
+    Console().print(fitted(made.about["figures"]))
+    click.echo(f"{made.size} pictures of {len(made.drives)} drives: {library}")
+
+
+@eyes.command("judge")
+@_common
+@click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
+              help="Of errors; default the bench's own.")  # fmt: skip
+def judge_command(
+    seeds: str, folder: Path, workers: int, scheduler: str | None, library: Path
+) -> None:
+    """Drives the same fields both ways and compares what came of it. By the model each field is
+    driven without what it taught the model itself."""
+    numbers = _seeds(seeds)
+    pictures = _drive(numbers, folder, "picture", workers, scheduler)
+    models = _drive(numbers, folder, "model", workers, scheduler, library)
+    rows = judge(pictures, models)
+    table = Table(title=f"{len(numbers)} fields by pictures and by the model")
+    for title in ("figure", "values", "median", "p90", "KS p", "Cliff's delta", "agrees"):
+        table.add_column(title, justify="left" if title == "figure" else "right")
+    for row in rows:
+        table.add_row(
+            row["figure"],
+            *(" / ".join(f"{v:g}" for v in row[k]) for k in ("values",)),
+            *(" / ".join(f"{v:.3f}" for v in row[k]) for k in ("median", "p90")),
+            f"{row['ks_p']:.3f}",
+            f"{row['cliffs_delta']:+.2f}",
+            "yes" if row["agrees"] else "NO",
+        )
+    Console().print(table)
+    for name, runs in (("pictures", pictures), ("model", models)):
+        done = sum(run["outcome"] == "finished" for run in runs)
+        click.echo(f"by {name}: {done} of {len(runs)} fields finished")
+
+
+def fitted(figures: dict[str, dict[str, Any]]) -> Table:
+    """The figures of a library, a column for each mount and air."""
+    table = Table(title="the detector's answers in the crop")
+    table.add_column("figure")
+    for name in figures:
+        table.add_column(name, justify="right")
+    for key in dict.fromkeys(key for column in figures.values() for key in column):
+        cells = (column.get(key) for column in figures.values())
+        table.add_row(key, *("-" if v is None else f"{v:g}" for v in cells))
+    return table
