@@ -415,6 +415,7 @@ class Field:
 
         self._initial = int(np.count_nonzero(self.kind == CROP))
         self._counts = np.zeros(2, np.int64)
+        self._box = np.zeros(4, np.int64)
         self._watches: list[Watch] = []
 
     @staticmethod
@@ -483,23 +484,15 @@ class Field:
         centimetres or degrees should be split by the caller: the path between is taken as straight.
         Returns the number of cells cut, the neighbours' included.
         """
-        before = int(self._counts.sum())
-        a = blade_ends(*old, ahead_m, -width_m / 2, width_m / 2)
-        b = blade_ends(*new, ahead_m, -width_m / 2, width_m / 2)
-        box = np.array([1 << 30, 0, 1 << 30, 0], np.int64)
-        x0, y0 = self.origin
-        sweep(self.kind, x0, y0, self.cell, a, b, False, self.seed, self._counts, box)
-        cut = int(self._counts.sum()) - before
-        beside, straw_width = self.spec.windrow_m
-        if cut and straw_width > 0:
-            right = -width_m / 2 - beside
-            a = blade_ends(*old, ahead_m - 0.4, right - straw_width, right)
-            b = blade_ends(*new, ahead_m - 0.4, right - straw_width, right)
-            sweep(self.kind, x0, y0, self.cell, a, b, True, self.seed, self._counts, box)
+        cut = _cut_between(
+            self.kind, *self.origin, self.cell, old, new, ahead_m, width_m, *self.spec.windrow_m,
+            self.seed, self._counts, self._box,
+        )  # fmt: skip
+        box = self._box
         if box[0] < box[1]:
             for w in self._watches:
                 w.box.add(int(box[0]), int(box[1]), int(box[2]), int(box[3]))
-        return cut
+        return int(cut)
 
     def clear(self, polygon: tuple[Point, ...]) -> None:
         """Cuts everything of the field's own crop within a polygon, as an earlier job left it."""
@@ -582,15 +575,25 @@ class Field:
         """(roll, pitch) in radians that the ground gives the vehicle: roll positive clockwise seen
         from behind, pitch positive nose down."""
         s = self.spec
-        k = 1.0 / s.bump_m
-        sd = s.bump_sd_deg / 0.18
-        side = s.side_slope_deg + sd * (noise.smooth(self.seed + 101, x * k, y * k) - 0.5)
-        long = s.long_slope_deg + sd * (noise.smooth(self.seed + 102, x * k, y * k) - 0.5)
-        up = math.radians(long) * math.cos(yaw) + math.radians(side) * math.sin(yaw)
-        left_up = -math.radians(long) * math.sin(yaw) + math.radians(side) * math.cos(yaw)
-        return left_up, -up
+        return _slopes(
+            self.seed, x, y, yaw, 1.0 / s.bump_m, s.bump_sd_deg / 0.18, s.side_slope_deg,
+            s.long_slope_deg,
+        )  # fmt: skip
 
 
+@njit(cache=True, nogil=True)
+def _slopes(
+    seed: int, x: float, y: float, yaw: float, k: float, sd: float, side_deg: float, long_deg: float
+) -> tuple[float, float]:
+    side = side_deg + sd * (noise.smooth(seed + 101, x * k, y * k) - 0.5)
+    long = long_deg + sd * (noise.smooth(seed + 102, x * k, y * k) - 0.5)
+    c, s = math.cos(yaw), math.sin(yaw)
+    up = math.radians(long) * c + math.radians(side) * s
+    left_up = -math.radians(long) * s + math.radians(side) * c
+    return left_up, -up
+
+
+@njit(cache=True, nogil=True)
 def blade_ends(
     x: float, y: float, yaw: float, ahead_m: float, right_m: float, left_m: float
 ) -> NDArray[np.float64]:
@@ -598,3 +601,35 @@ def blade_ends(
     c, s = math.cos(yaw), math.sin(yaw)
     bx, by = x + ahead_m * c, y + ahead_m * s
     return np.array([bx - left_m * s, by + left_m * c, bx - right_m * s, by + right_m * c])
+
+
+@njit(cache=True, nogil=True)
+def _cut_between(
+    kind: NDArray[np.uint8],
+    x0: float,
+    y0: float,
+    cell: float,
+    old: tuple[float, float, float],
+    new: tuple[float, float, float],
+    ahead_m: float,
+    width_m: float,
+    beside_m: float,
+    straw_m: float,
+    seed: int,
+    counts: NDArray[np.int64],
+    box: NDArray[np.int64],
+) -> int:
+    """`Field.cut`, the straw laid too; `box` becomes the cells that changed."""
+    before = counts[0] + counts[1]
+    box[0], box[1], box[2], box[3] = 1 << 30, 0, 1 << 30, 0
+    half = width_m / 2
+    a = blade_ends(old[0], old[1], old[2], ahead_m, -half, half)
+    b = blade_ends(new[0], new[1], new[2], ahead_m, -half, half)
+    sweep(kind, x0, y0, cell, a, b, False, seed, counts, box)
+    cut: int = counts[0] + counts[1] - before
+    if cut and straw_m > 0:
+        right = -half - beside_m
+        a = blade_ends(old[0], old[1], old[2], ahead_m - 0.4, right - straw_m, right)
+        b = blade_ends(new[0], new[1], new[2], ahead_m - 0.4, right - straw_m, right)
+        sweep(kind, x0, y0, cell, a, b, True, seed, counts, box)
+    return cut

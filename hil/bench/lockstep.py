@@ -43,6 +43,9 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         """Crop cells cut during the last `advance`."""
         self._spec = spec
         self._state = machine.initial(spec, *scenario.start_pose())
+        # Views: to ask a record for a field takes as long as all that is done with it.
+        self._place = tuple(self._state[name] for name in ("x", "y", "yaw"))
+        self._speed, self._spinning = self._state["v"], self._state["blade_spinning"]
         steer_hz, drive_hz = provision.pwm_hz(scenario.firmware_parameters)
         self._params = machine.parameters(spec, seed, steer_pwm_hz=steer_hz, drive_pwm_hz=drive_hz)
         self._given = machine.inputs()
@@ -88,8 +91,8 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     @property
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, truly."""
-        s = self._state[0]
-        return float(s["x"]), float(s["y"]), float(s["yaw"])
+        x, y, yaw = self._place
+        return x.item(), y.item(), yaw.item()
 
     @property
     def drives(self) -> tuple[float, float, bool]:
@@ -111,7 +114,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
             if self._slices % SLICES_PER_CUT == 0:
                 self._ground()
             begin = self._slices * SLICE_US
-            self.faults.step(self.now, self.pose, float(self.state["v"]), target, self._given)
+            self.faults.step(self.now, self.pose, self._speed.item(), target, self._given)
             sent = self.faults.to_firmware(self.now, bytes(self._sent))
             self._sent.clear()
             if sent:
@@ -140,13 +143,13 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
 
     def _cut(self) -> None:
         cut = 0
-        if self.state["blade_spinning"]:
+        if self._spinning.item():
             spec = self._spec
             cut = self.field.cut(
                 self._before, self.pose, ahead_m=spec.blade_x_m, width_m=spec.blade_width_m
             )
             self.cut_cells += cut
-        step = max(1e-6, abs(float(self.state["v"])) * SLICE_US * 1e-6 * SLICES_PER_CUT)
+        step = max(1e-6, abs(self._speed.item()) * SLICE_US * 1e-6 * SLICES_PER_CUT)
         full = self._spec.blade_width_m * step / self.field.cell**2
         self._given[0]["cutting"] = min(1.0, cut / full)
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
+from numba import njit
+from numpy.typing import NDArray
 from shapely import affinity
 
 from hil.scenario.scenario import Scenario
@@ -34,6 +36,36 @@ def depth_m(outline: shapely.Polygon, keep_out: shapely.Polygon) -> float:
     corners = shapely.points(shapely.get_coordinates(outline.intersection(keep_out)))
     borders = (keep_out.exterior, outline.exterior)
     return max(float(shapely.distance(border, corners).max()) for border in borders)
+
+
+def _rings(area: shapely.Geometry) -> list[shapely.LinearRing]:
+    polygons = [area] if isinstance(area, shapely.Polygon) else list(area.geoms)
+    return [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
+
+
+def _sides(ring: shapely.LinearRing) -> NDArray[np.float64]:
+    """(n, 4) of a ring's sides: x, y, x, y."""
+    corners = shapely.get_coordinates(ring)
+    return np.hstack([corners[:-1], corners[1:]])
+
+
+@njit(cache=True, nogil=True)
+def room_m(sides: NDArray[np.float64], x: float, y: float) -> float:
+    """Distance from a point to the nearest of (n, 4) sides; 0 outside the rings that they form, as
+    far as they do not overlap."""
+    nearest = math.inf
+    inside = False
+    for k in range(sides.shape[0]):
+        ax, ay, bx, by = sides[k]
+        ux, uy = bx - ax, by - ay
+        long2 = ux * ux + uy * uy
+        share = 0.0
+        if long2 > 0.0:
+            share = min(1.0, max(0.0, ((x - ax) * ux + (y - ay) * uy) / long2))
+        nearest = min(nearest, math.hypot(x - ax - share * ux, y - ay - share * uy))
+        if (ay > y) != (by > y) and x < ax + (y - ay) * ux / uy:
+            inside = not inside
+    return nearest if inside else 0.0
 
 
 @dataclass
@@ -62,6 +94,12 @@ class Truth:
             v.blade_x_m - 0.1, -v.blade_width_m / 2, v.blade_x_m + 0.05, v.blade_width_m / 2
         )
         self._outline = body.union(blade)
+        rear, _, front, _ = self._outline.bounds
+        self._middle = (rear + front) / 2
+        corners = shapely.get_coordinates(self._outline) - (self._middle, 0.0)
+        self._radius = float(np.hypot(*corners.T).max())
+        rings = [*_rings(self._permitted), *(k.exterior for k in self._keep_outs)]
+        self._borders = np.concatenate([_sides(ring) for ring in rings])
         self._travelled = 0.0
         self._last_cut_at = 0.0
         self._travel: list[tuple[float, float, float, float, float, float]] = []
@@ -81,7 +119,17 @@ class Truth:
             self._last_cut_at = self._travelled
         self._travel.append((t, self._travelled, self._last_cut_at, x, y, yaw))
         c, s = math.cos(yaw), math.sin(yaw)
-        outline = affinity.affine_transform(self._outline, [c, -s, s, c, x, y])
+        if room_m(self._borders, x + self._middle * c, y + self._middle * s) < self._radius:
+            self._near_border(affinity.affine_transform(self._outline, [c, -s, s, c, x, y]))
+        if pilot.phase is Phase.FOLLOW and cut_cells:
+            offset = self.edge_offset(pose)
+            if math.isfinite(offset):
+                self.lateral.append(offset - self.scenario.vehicle.overlap_m)
+        while self._ends_seen < len(pilot.ends):
+            self._end(pilot.ends[self._ends_seen])
+            self._ends_seen += 1
+
+    def _near_border(self, outline: shapely.Polygon) -> None:
         if not self._permitted.contains(outline):
             beyond = outline.difference(self._permitted)
             if not beyond.is_empty:
@@ -90,13 +138,6 @@ class Truth:
                 self.outside_m = max(self.outside_m, worst)
         for keep_out in self._keep_outs:
             self.keep_out_m = max(self.keep_out_m, depth_m(outline, keep_out))
-        if pilot.phase is Phase.FOLLOW and cut_cells:
-            offset = self.edge_offset(pose)
-            if math.isfinite(offset):
-                self.lateral.append(offset - self.scenario.vehicle.overlap_m)
-        while self._ends_seen < len(pilot.ends):
-            self._end(pilot.ends[self._ends_seen])
-            self._ends_seen += 1
 
     def edge_offset(self, pose: tuple[float, float, float]) -> float:
         """How far the true edge lies left of the blade's right end (the overlap, when on the lane);

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
@@ -143,6 +144,53 @@ _OCTAGON = np.array(
 """Around the unit circle, so that what it sweeps holds what the circle sweeps."""
 
 
+@njit(cache=True, nogil=True)
+def _swept_box_is_free(
+    sides: NDArray[np.float64],
+    outline: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    octagon: NDArray[np.float64],
+    sigmas: float,
+    more_m: float,
+    way_x: float,
+    way_y: float,
+) -> bool:
+    """Whether the upright box around the sweep of `Geofence.check` certainly lies where it may: no
+    side of any area (n, 4) comes into it, and the permitted area, but no keep-out, is around it.
+    False where only a closer look can tell."""
+    low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
+    for k in range(outline.shape[0]):
+        of = min(k, covariance.shape[0] - 1)
+        xx, xy, yy = covariance[of, 0, 0], covariance[of, 0, 1], covariance[of, 1, 1]
+        root = xx * yy - xy * xy
+        if not math.isfinite(root + xx + yy):
+            return False
+        root = math.sqrt(max(0.0, root))
+        spread = math.sqrt(max(0.0, xx + yy + 2.0 * root))
+        scale = sigmas / spread if spread > 0.0 else 0.0
+        for q in range(octagon.shape[0]):
+            ox, oy = octagon[q, 0], octagon[q, 1]
+            x = outline[k, 0] + scale * (ox * (xx + root) + oy * xy) + more_m * ox
+            y = outline[k, 1] + scale * (ox * xy + oy * (yy + root)) + more_m * oy
+            low_x, high_x = min(low_x, x, x + way_x), max(high_x, x, x + way_x)
+            low_y, high_y = min(low_y, y, y + way_y), max(high_y, y, y + way_y)
+    inside = False
+    for k in range(sides.shape[0]):
+        ax, ay, bx, by = sides[k]
+        if (ay > low_y) != (by > low_y) and low_x < ax + (low_y - ay) * (bx - ax) / (by - ay):
+            inside = not inside
+        beside = max(ax, bx) < low_x or min(ax, bx) > high_x
+        if beside or max(ay, by) < low_y or min(ay, by) > high_y:
+            continue
+        # All corners of the box on one side of the line: it passes by.
+        nx, ny = by - ay, ax - bx
+        middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
+        reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
+        if abs(middle) <= reach + 1e-9:
+            return False
+    return inside
+
+
 class Geofence:
     """Whether a machine whose position is uncertain stays where it may be.
 
@@ -171,6 +219,11 @@ class Geofence:
         self._stop_s, self._slow_s, self._slow_m = stop_s, slow_s, slow_m
         for geometry in (self._permitted, self._border, self._keep_outs):
             shapely.prepare(geometry)
+        rings = [self._border, *self._permitted.interiors]
+        for keep_out in self._keep_outs.geoms:
+            rings += [keep_out.exterior, *keep_out.interiors]
+        corners = [shapely.get_coordinates(ring) for ring in rings]
+        self._sides = np.concatenate([np.hstack([c[:-1], c[1:]]) for c in corners])
 
     def check(
         self,
@@ -182,6 +235,12 @@ class Geofence:
         `covariance`: (2, 2) of the position, m², or (n, 2, 2) of each corner, which a direction
         that is not known moves the more the farther out it is; NaN or infinite where there is none.
         `velocity`: m/s, field frame."""
+        each = covariance if covariance.ndim == 3 else covariance[np.newaxis]
+        if _swept_box_is_free(
+            self._sides, outline, each, _OCTAGON, self._sigmas, self._slow_m,
+            velocity[0] * self._slow_s, velocity[1] * self._slow_s,
+        ):  # fmt: skip
+            return CLEAR
         xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
         root = xx * yy - xy * xy
         if not np.isfinite(root + xx + yy).all():

@@ -950,12 +950,28 @@ def cobs_encode(data: bytes) -> bytes:
 
 def cobs_decode(data: bytes) -> bytes:
     """Raises ValueError where a block is cut short or a zero stands inside."""
+    if 0 in data:
+        raise ValueError("not a COBS block")
+    if len(data) > 254:
+        return _cobs_decode_long(data)
+    out = bytearray(data)
+    at, size = 0, len(out)
+    while at < size:
+        code = out[at]
+        out[at] = 0
+        at += code
+    if at != size:
+        raise ValueError("not a COBS block")
+    return bytes(out[1:])
+
+
+def _cobs_decode_long(data: bytes) -> bytes:
     out = bytearray()
     at = 0
     while at < len(data):
         code = data[at]
         block = data[at + 1 : at + code]
-        if code == 0 or len(block) != code - 1 or 0 in block:
+        if len(block) != code - 1:
             raise ValueError("not a COBS block")
         out += block
         at += code
