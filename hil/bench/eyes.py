@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from hil.bench.lockstep import Bench
 from hil.bench.sight import Sight, look
 from host.sensors.jpeg import NOTHING, Bgr, JpegDecoder
-from host.vision import make_detector
+from host.vision.mounted.detector import make_detector
 from host.vision.view import CropView, Detector
 from host.vision.watched import watched_detector
 
@@ -116,7 +116,7 @@ class WitnessedEyes(PictureEyes):
     def detector(self) -> Detector:
         """The host's own, listened to."""
         s = self._bench.scenario
-        unwatched = make_detector(s.mode, s.vehicle, s.mount, overlap_m=s.vehicle.overlap_m)
+        unwatched = make_detector(s.mode, s.vehicle, s.mount)
         return _Listened(unwatched, self)
 
     def note(self, bgr: Bgr, view: CropView, fresh: bool) -> None:
