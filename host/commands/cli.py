@@ -50,6 +50,7 @@ daranti = LazyGroup(
     "daranti",
     {
         "drive": ("host.commands.drive:drive", "Harvest: camera, GNSS and firmware together."),
+        "panel": ("host.commands.panel:panel", "Serve the operator's page to phone and laptop."),
         "see": ("host.commands.see:see", "Show what the vision finds in photographs."),
         "monitor": (
             "host.commands.monitor:monitor",

@@ -48,6 +48,8 @@ class Feed(Generic[T]):
         self.problem: str | None = "not connected yet"
         """Why nothing comes at present, None while it does."""
         self.count = 0
+        self.latest: T | None = None
+        """The newest item, whether it was taken or not."""
         self._source = source
         self._report = report
         self._retry_s = retry_s
@@ -109,7 +111,7 @@ class Feed(Generic[T]):
 
     def _put(self, item: T) -> None:
         with self._changed:
-            self._item = item
+            self._item = self.latest = item
             self.count += 1
             self._changed.notify_all()
         if self.problem is not None:

@@ -1,0 +1,117 @@
+"""`daranti panel`: serves the operator's page."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from pathlib import Path
+
+import click
+import uvicorn
+
+from host.commands.cli import port_option
+from host.core.errors import UserError
+from host.core.vehicle_file import load_vehicle, mount_of
+from host.panel import strict_http
+from host.panel.fields import FieldDesk
+from host.panel.guard import Pairing
+from host.panel.machine import Settings
+from host.panel.server import Panel, application
+
+
+@click.command()
+@port_option
+@click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
+@click.option("--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file.")
+@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
+@click.option("--mount", default="mast", show_default=True, help="Which of its camera mounts.")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("out/panel"),
+    show_default=True,
+    help="Where fields and records go.",
+)
+@click.option("--boundary", type=click.Path(path_type=Path), help="The field, if there is a file.")
+@click.option(
+    "--gap", type=click.FloatRange(0, 50), metavar="METRES", help="To the neighbour's crop."
+)
+@click.option("--lan", is_flag=True, help="For phones on the same network: they pair by a code.")
+@click.option(
+    "--no-presence",
+    "presence",
+    flag_value=False,
+    default=True,
+    help="Go on driving when the page that drives is closed or asleep.",
+)
+@click.option(
+    "--web-port", type=click.IntRange(0, 65535), default=8023, show_default=True, help="0: any."
+)
+def panel(
+    port: str,
+    camera: str | None,
+    gnss: str | None,
+    vehicle: Path | None,
+    mount: str,
+    mode: str,
+    folder: Path,
+    boundary: Path | None,
+    gap: float | None,
+    lan: bool,
+    presence: bool,
+    web_port: int,
+) -> None:
+    """Serves the operator's page: check, field, harvest, stop.
+
+    Open the printed address in a browser. Ctrl-C stops the machine and ends."""
+    machine = load_vehicle(vehicle)
+    mount_of(machine, mount)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot make the folder {folder}: {error.strerror}") from error
+    settings = Settings.model_validate(
+        {
+            "port": port,
+            "camera": camera,
+            "gnss": gnss,
+            "vehicle": vehicle.resolve() if vehicle is not None else None,
+            "mount": mount,
+            "mode": mode,
+            "folder": folder.resolve(),
+            "presence": presence,
+        }
+    )
+    pairing = Pairing(time.monotonic, needed=lan)
+    fields = FieldDesk(folder, machine, boundary, gap)
+    serve(Panel(settings, pairing, fields), "0.0.0.0" if lan else "127.0.0.1", web_port)
+
+
+def serve(shared: Panel, host: str, port: int) -> None:
+    """Until Ctrl-C."""
+    try:
+        listener = socket.create_server((host, port))
+    except OSError as error:
+        raise UserError(f"port {port}: {error.strerror}; name another with --web-port") from error
+    number = listener.getsockname()[1]
+    for address in addresses(host):
+        click.echo(f"panel: http://{address}:{number}/")
+    if shared.pairing.needed:
+        click.echo(f"pair a phone with the code {shared.pairing.code}")
+    config = uvicorn.Config(application(shared), **strict_http.settings())
+    with contextlib.suppress(KeyboardInterrupt):
+        uvicorn.Server(config).run(sockets=[listener])
+
+
+def addresses(host: str) -> list[str]:
+    """Where a browser finds the panel."""
+    if host != "0.0.0.0":
+        return [host]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing: only asks which way it would go
+            return [probe.getsockname()[0]]
+        except OSError:
+            return ["127.0.0.1"]

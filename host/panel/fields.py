@@ -1,0 +1,262 @@
+"""The field on the page: walked, mended, planned. Files lie in the panel's folder as GeoJSON; the
+gap and the corner to begin at lie beside them in `panel.json`.
+
+Nothing here is quick: the panel calls it in a thread.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import shapely
+
+from host.core.errors import UserError
+from host.core.messages import Fix
+from host.core.vehicle import Vehicle
+from host.field.areas import areas_of
+from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
+from host.field.survey import survey_track
+from host.field.walk import find_loops, track_of
+from host.panel import snapshot
+from host.panel.snapshot import Json, number
+from host.route.field_plan import plan_of
+from host.route.plan import Plan
+from host.route.preview import preview
+
+SHOWN: Final = 600
+"""Points of a walk on the page."""
+MOST_CORNERS: Final = 200
+GAP_M: Final = 50.0
+CLOSE_M: Final = 6.0
+
+
+@dataclass
+class Walk:
+    """A walk around the field with the phone in the hand."""
+
+    fixes: list[Fix] = field(default_factory=list)
+    on: bool = True
+    said: str = ""
+
+    def about(self) -> Json:
+        """What the page shows meanwhile."""
+        track = track_of(self.fixes)
+        out: Json = {"on": self.on, "said": self.said, "fixes": len(self.fixes)}
+        if track is None:
+            return out | {"length_m": 0.0, "back_m": 0.0, "laps": 0, "track": []}
+        xy = track.xy
+        loops = find_loops(track, CLOSE_M) if len(xy) > 8 else None
+        every = max(1, len(xy) // SHOWN)
+        return out | {
+            "length_m": number(track.length_m, 1),
+            "back_m": number(math.dist(xy[0], xy[-1]), 1),
+            "laps": 0 if loops is None else len(loops.laps),
+            "track": [[number(x, 2), number(y, 2)] for x, y in xy[::every].tolist()],
+        }
+
+
+class FieldDesk:
+    """The field that is chosen, and what was understood of it."""
+
+    def __init__(self, folder: Path, vehicle: Vehicle, given: Path | None, gap_m: float | None):
+        """`given`: a boundary file from elsewhere, copied into the folder."""
+        self._folder = folder
+        self._vehicle = vehicle
+        self.name: str | None = None
+        self.boundary: Boundary | None = None
+        self.gap_m: float | None = None
+        self.corner = 0
+        self.plan: Plan | None = None
+        self.walk: Walk | None = None
+        self.problem = ""
+        self._summary: Json | None = None
+        self._remember()
+        if given is not None:
+            boundary = load_field(given)
+            self.name = f"{given.stem}.geojson"
+            save_field(folder / self.name, boundary)
+        if gap_m is not None:
+            self.gap_m = gap_m
+        if self.name is not None:
+            self.open(self.name)
+
+    # ---- what was chosen last --------------------------------------------------------------------
+
+    def _remember(self) -> None:
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            kept = json.loads((self._folder / "panel.json").read_text(encoding="utf-8"))
+            gap, corner = kept["gap_m"], kept["corner"]
+            if (gap is None or 0 <= gap <= GAP_M) and corner >= 0:
+                self.gap_m, self.corner = gap, int(corner)
+            if kept["name"] in self.files():
+                self.name = kept["name"]
+
+    def _keep(self) -> None:
+        kept = {"name": self.name, "gap_m": self.gap_m, "corner": self.corner}
+        with contextlib.suppress(OSError):
+            (self._folder / "panel.json").write_text(json.dumps(kept), encoding="utf-8")
+
+    def files(self) -> list[str]:
+        """Names of the fields in the folder."""
+        return sorted(path.name for path in self._folder.glob("*.geojson"))
+
+    @property
+    def path(self) -> Path | None:
+        """The chosen field's file."""
+        return None if self.name is None else self._folder / self.name
+
+    # ---- what a page asks ------------------------------------------------------------------------
+
+    def do(self, wish: Json) -> None:
+        """One wish; what went wrong stands in `problem`."""
+        try:
+            self._do(wish)
+        except UserError as error:
+            self.problem = str(error)
+        except (ValueError, TypeError, KeyError, IndexError):
+            self.problem = "that is no such change"
+
+    def _do(self, wish: Json) -> None:
+        match wish.get("do"):
+            case "open":
+                self.open(str(wish["name"]))
+            case "gap":
+                gap = float(wish["gap_m"])
+                if not 0 <= gap <= GAP_M:
+                    raise UserError(f"a gap is 0 to {GAP_M:g} m wide")
+                self.gap_m = gap
+                self._plan()
+            case "corner":
+                self.corner = int(wish["corner"])
+                self._plan()
+            case "move_corner":
+                self._move(int(wish["index"]), float(wish["x"]), float(wish["y"]))
+            case "keep_out":
+                self._keep_out([(float(x), float(y)) for x, y in wish["ring"][:MOST_CORNERS]])
+            case "keep_out_drop":
+                self._change(shapely.Polygon(self._polygon().exterior))
+            case "walk_begin":
+                self.walk = Walk()
+            case "walk_end":
+                self._walked()
+            case "walk_drop":
+                self.walk = None
+            case _:
+                pass
+
+    def open(self, name: str) -> None:
+        """Another field. UserError where there is none of that name."""
+        if name not in self.files():
+            raise UserError(f"there is no field {name}")
+        self.name = name
+        self.boundary = load_field(self._folder / name)
+        self._plan()
+
+    def _polygon(self) -> shapely.Polygon:
+        if self.boundary is None:
+            raise UserError("there is no field yet")
+        return self.boundary.polygon(self.boundary.frame)
+
+    def _change(self, polygon: shapely.Polygon) -> None:
+        if self.boundary is None or self.name is None:
+            raise UserError("there is no field yet")
+        if not polygon.is_valid:
+            raise UserError("the field's sides would cross")
+        self.boundary = boundary_of(polygon, self.boundary.frame, self.boundary.name)
+        save_field(self._folder / self.name, self.boundary)
+        self._plan()
+
+    def _move(self, index: int, x: float, y: float) -> None:
+        polygon = self._polygon()
+        corners = list(polygon.exterior.coords)[:-1]
+        if not 0 <= index < len(corners) or not (math.isfinite(x) and math.isfinite(y)):
+            raise UserError("there is no such corner")
+        if math.dist(corners[index][:2], (x, y)) > 200:
+            raise UserError("a corner moves by 200 m at most")
+        corners[index] = (x, y)
+        self._change(shapely.Polygon(corners, polygon.interiors))
+
+    def _keep_out(self, ring: list[tuple[float, float]]) -> None:
+        polygon = self._polygon()
+        outer = shapely.Polygon(polygon.exterior)
+        hole = shapely.Polygon(ring)
+        if not hole.is_valid or hole.area < 0.05 or not outer.contains(hole):
+            raise UserError("a keep-out lies inside the field and its sides do not cross")
+        holes = shapely.union_all([*map(shapely.Polygon, polygon.interiors), hole])
+        self._change(
+            shapely.Polygon(outer.exterior, [p.exterior for p in shapely.get_parts(holes)])
+        )
+
+    def _walked(self) -> None:
+        walk = self.walk
+        if walk is None:
+            return
+        track = track_of(walk.fixes)
+        if track is None:
+            raise UserError("not one position came: wait for the receiver, then walk again")
+        found = survey_track(track, close_m=CLOSE_M)
+        now = datetime.datetime.now(tz=datetime.UTC)
+        self.name = f"field-{now:%Y%m%d-%H%M%S}.geojson"
+        self.boundary = found.boundary(self.name.removesuffix(".geojson"))
+        save_field(self._folder / self.name, self.boundary)
+        walk.on = False
+        walk.said = "; ".join(found.warnings)
+        self.corner = 0
+        self._plan()
+
+    def _plan(self) -> None:
+        self.problem, self.plan, self._summary = "", None, None
+        boundary = self.boundary
+        if boundary is None:
+            return
+        self.corner = self.corner if self.corner < len(boundary.crop) else 0
+        self._keep()
+        frame, plan = plan_of(boundary, self.corner, self._vehicle, "three_point", self.gap_m)
+        shown = preview(plan, areas_of(boundary.polygon(frame), self.gap_m), self._vehicle)
+        self.plan = plan
+        self._summary = {
+            "sides": len(plan.sides),
+            "turns": len(shown.turns),
+            "seconds": number(shown.time_s, 0),
+            "length_m": number(shown.cutting_m, 0),
+            "leftover_m2": number(shown.leftover.area, 1),
+            "warnings": shown.warnings,
+        }
+        self.problem = "; ".join(shown.warnings)
+
+    def about(self, here: Fix | None) -> Json:
+        """The message to the pages."""
+        boundary = self.boundary
+        out: dict[str, Any] = {
+            "kind": "field",
+            "name": self.name,
+            "files": self.files(),
+            "gap_m": self.gap_m,
+            "corner": self.corner,
+            "problem": self.problem,
+            "walk": None if self.walk is None else self.walk.about(),
+            "summary": self._summary,
+            "plan": None if self.plan is None else snapshot.of_plan(self.plan),
+            "here": None,
+        }
+        if boundary is None:
+            return out
+        frame = boundary.frame
+        polygon = boundary.polygon(frame)
+        if here is not None and here.quality > 0:
+            x, y = frame.to_local(here.lat_deg, here.lon_deg)
+            if polygon.distance(shapely.Point(x, y)) < 200:
+                out["here"] = [number(x, 2), number(y, 2)]
+        return out | {
+            "boundary": [[number(x), number(y)] for x, y in polygon.exterior.coords[:-1]],
+            "keep_outs": [
+                [[number(x), number(y)] for x, y in h.coords[:-1]] for h in polygon.interiors
+            ],
+            "area_m2": number(polygon.area, 1),
+        }

@@ -1,0 +1,225 @@
+"""A harvest from the panel: the same loop as `daranti drive`, its operator a page."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import json
+import math
+from collections import deque
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from host.core.errors import UserError
+from host.core.strict import Strict
+from host.field.boundary_file import load_field
+from host.link import protocol
+from host.panel import snapshot
+from host.panel.machine import PANEL_LOST_S, PRESENCE_S, Machine, StoppedError
+from host.panel.snapshot import Json, number
+from host.pilot.pilot import Phase, Pilot
+from host.route.plan import Plan
+from host.runs.drive import Drive, fits, fitted
+from host.runs.record import Recorder
+from host.runs.errand import errand_of
+from host.runs.resume import Keeper, load
+from host.sensors.jpeg import JpegDecoder
+from host.vision.mounted.detector import make_detector
+from host.vision.watched import watched_detector
+
+SLOW_STEP_S: Final = 0.05
+TRAIL_M: Final = 0.2
+FIRST_PICTURE_S: Final = 10.0
+
+
+class Order(Strict):
+    """Which field, from where. The paths were made by the panel."""
+
+    boundary: Path
+    gap_m: float | None = None
+    corner: int = 0
+    turn: Literal["three_point", "arc"] = "three_point"
+    resume: Path | None = None
+
+
+@dataclass
+class Operator:
+    """Pause and its reason: pressed on the page, or the page is gone."""
+
+    machine: Machine
+    paused: bool = False
+    why: str = ""
+    slow_steps: int = 0
+    steps: int = 0
+    longest_ms: float = 0.0
+    trail: deque[list[float]] = field(default_factory=lambda: deque(maxlen=20_000))
+    """New places of the blade's middle where it cut, since the last snapshot."""
+    cut_from: tuple[float, float] = (math.nan, math.nan)
+
+    def wants_pause(self) -> bool:
+        """Asked before every step of the loop."""
+        machine = self.machine
+        if machine.settings.presence and machine.driver_away_s > PRESENCE_S and not self.paused:
+            self.paused, self.why = True, "away"
+        if machine.panel_away_s > PANEL_LOST_S:
+            raise UserError("no panel for two minutes: the run has ended, its progress is saved")
+        while machine.wishes:
+            match machine.wishes.popleft().get("do"):
+                case "pause":
+                    self.paused, self.why = True, "asked"
+                case "go_on" if not machine.settings.presence or (
+                    machine.driver_away_s <= PRESENCE_S
+                ):
+                    self.paused, self.why = False, ""
+                case _:
+                    pass
+        return self.paused
+
+    def after_step(self, run: Drive) -> None:
+        """Called after every step of the loop: the pages, and how long the step took."""
+        self.steps += 1
+        self.slow_steps += run.step_s > SLOW_STEP_S
+        self.longest_ms = max(self.longest_ms, run.step_s * 1e3)
+        run.step_s = 0.0
+        pilot = run.pilot
+        if pilot.position.known and run.command.blade:
+            x, y, yaw = pilot.position.pose
+            if not math.hypot(x - self.cut_from[0], y - self.cut_from[1]) < TRAIL_M:
+                self.cut_from = (x, y)
+                self.trail.append([round(x, 2), round(y, 2), round(yaw, 3)])
+        self.machine.serve()
+
+
+def harvest(machine: Machine, order: Order) -> None:
+    """Runs to the field's end. Raises StoppedError or UserError where something ends it before."""
+    camera, gnss, link = machine.camera, machine.gnss, machine.link
+    vehicle, mount, clock = machine.vehicle, machine.mount, machine.clock
+    if camera is None or gnss is None or link is None:
+        raise UserError("a harvest needs a board, a camera and a receiver")
+    machine.more = lambda: {"preparing": True}
+    boundary = load_field(order.boundary)
+    saved = load(order.resume) if order.resume is not None else None
+    errand = errand_of(
+        boundary, order.corner, vehicle, order.turn, order.gap_m, saved, order.resume
+    )
+    plan, frame = errand.plan, errand.frame
+    folder = machine.settings.folder
+    now = datetime.datetime.now(tz=datetime.UTC)
+    path = folder / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
+    warm_up(machine)
+    detector = watched_detector(machine.settings.mode, vehicle, mount, None)
+    pilot = Pilot(vehicle, detector, plan)
+    operator = Operator(machine)
+    progress = order.resume or path.with_suffix(".progress.json")
+    with ExitStack() as stack:
+        keeper = Keeper(
+            progress, errand.whole, order.corner, machine.events.append, errand.begun
+        )
+        stack.callback(keeper.close, pilot)
+        about = {"begun": now.isoformat(), "mount": machine.settings.mount}
+        about |= {"mode": machine.settings.mode, "turn": order.turn}
+        about |= {"vehicle": vehicle.model_dump_json(), "plan": json.dumps(asdict(plan))}
+        recorder = stack.enter_context(Recorder(path, about))
+        link.tap = lambda direction, at, data: recorder.put(
+            f"/serial/{direction}", at, {"data": data}
+        )
+        stack.callback(setattr, link, "tap", None)
+        run = Drive(
+            pilot,
+            link,
+            camera,
+            gnss,
+            mount,
+            vehicle,
+            clock,
+            recorder,
+            errand.fence,
+            operator.wants_pause,
+            keeper,
+        )
+        machine.post({"kind": "plan", **snapshot.of_plan(plan), "origin": None if frame is None else list(frame.origin)})
+        machine.mode = "drive"
+        machine.more = lambda: _about(run, operator, plan)
+        outcome = "stopped"
+        try:
+            run.run(operator.after_step)
+            outcome = "finished" if pilot.phase is Phase.FINISHED else "fault"
+        except StoppedError:
+            raise
+        except UserError as error:
+            outcome = "fault"
+            raise UserError(str(error)) from error
+        finally:
+            ended = _summary(run, operator, outcome, path, progress)
+            machine.post({"kind": "ended", **ended})
+            with contextlib.suppress(OSError):
+                path.with_suffix(".run.json").write_text(json.dumps(ended), encoding="utf-8")
+
+
+def warm_up(machine: Machine) -> None:
+    """Lets a detector see one picture: what is compiled at its first use takes seconds, and the
+    board waits for a command no longer than 250 ms once it is armed."""
+    camera, mount = machine.camera, machine.mount
+    assert camera is not None
+    camera.take()
+    deadline = machine.clock() + FIRST_PICTURE_S
+    while (picture := camera.take()) is None:
+        machine.pump(0.05)
+        if machine.clock() > deadline:
+            raise UserError(f"no picture from the camera: {camera.problem}")
+    frame = fitted(picture, JpegDecoder(), mount, 0.0)
+    if not fits(frame, mount):
+        height, width = frame.bgr.shape[:2]
+        raise UserError(
+            f"the camera sends {width}x{height} pixels, the mount expects "
+            f"{mount.width_px}x{mount.height_px}"
+        )
+    make_detector(machine.settings.mode, machine.vehicle, mount).see(frame.bgr)
+
+
+def _about(run: Drive, operator: Operator, plan: Plan) -> Json:
+    trail = list(operator.trail)
+    operator.trail.clear()
+    if trail:
+        operator.machine.post({"kind": "trail", "places": trail})
+    return {
+        "paused": operator.paused,
+        "paused_why": operator.why,
+        "pilot": snapshot.of_pilot(run.pilot, plan, operator.machine.vehicle.cutting_speed_mps),
+        "command": {"blade": run.command.blade, "speed_mps": number(run.command.speed_mps, 2)},
+        "pictures": {
+            "count": run.pictures,
+            "bad": run.pictures_bad,
+            "repeated": run.pictures_repeated,
+        },
+        "steps": {
+            "count": operator.steps,
+            "slow": operator.slow_steps,
+            "late": run.late,
+            "longest_ms": number(operator.longest_ms, 1),
+        },
+    }
+
+
+def _summary(
+    run: Drive, operator: Operator, outcome: str, path: Path, progress: Path
+) -> dict[str, Any]:
+    pilot, last = run.pilot, run.telemetry
+    faults = protocol.Fault(last.faults if last is not None else 0)
+    return {
+        "outcome": outcome,
+        "reason": pilot.reason,
+        "phase": pilot.phase.value,
+        "faults": [bit.name for bit in protocol.Fault if bit in faults],
+        "record": str(path),
+        "resume": str(progress) if outcome != "finished" and progress.exists() else None,
+        "turns": pilot.turns,
+        "steps": operator.steps,
+        "slow_steps": operator.slow_steps,
+        "late_steps": run.late,
+        "longest_ms": number(operator.longest_ms, 1),
+        "pictures": run.pictures,
+        "seconds": number(operator.steps * 0.05, 0),
+    }

@@ -1,0 +1,477 @@
+"""`daranti panel`: the operator's page, served to a phone and a laptop.
+
+The server knows nothing of driving: it passes the pages' wishes to the machine's process and that
+process's snapshots to the pages. A page that does not keep up misses snapshots, never delays one.
+
+    GET  /                the page              GET /static/NAME   its parts
+    POST /pair            {"code": ...}         POST /stop         the way round a broken socket
+    WS   /live            snapshots and pictures out, wishes in
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import time
+from collections.abc import AsyncIterator
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from host.core.messages import Fix
+from host.panel.board import MachineLine
+from host.panel.fields import FieldDesk
+from host.panel.guard import Pairing, Seat, own_host, own_origin
+from host.panel.machine import Settings
+from host.panel.snapshot import Json
+
+TYPES: Final = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+}
+HEADERS: Final = (
+    (
+        b"content-security-policy",
+        b"default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
+    ),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cache-control", b"no-store"),
+    (b"connection", b"close"),
+)
+COOKIE: Final = "daranti"
+PAGES: Final = 12
+BODY_BYTES: Final = 10_000
+BODY_S: Final = 5.0
+WISHES_A_SECOND: Final = 40
+HOLD_S: Final = 2.0
+HOLD_SLACK_S: Final = 0.3
+"""The page counts its own two seconds; the network may bring their ends a little closer."""
+CHECK_HOLDS_S: Final = 12 * 3600.0
+FIELD_WISHES: Final = frozenset(
+    {"open", "gap", "corner", "move_corner", "keep_out", "keep_out_drop"}
+    | {"walk_begin", "walk_end", "walk_drop"}
+)
+RUNS: Final = 20
+
+
+class Guard:
+    """Refuses foreign hosts and origins before anything else looks at a request."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = {
+            key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]
+        }
+        address, port = scope["server"]
+        host = headers.get("host", "")
+        socket = scope["type"] == "websocket"
+        needed = socket or scope["method"] not in ("GET", "HEAD")
+        fine = own_host(host, address, port) and own_origin(
+            headers.get("origin"), host, needed=needed
+        )
+        if fine:
+            await self.app(scope, receive, send if socket else _with_headers(send))
+        elif socket:
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await Response("not this host or origin", 421)(scope, receive, _with_headers(send))
+
+
+def _with_headers(send: Send) -> Send:
+    async def sender(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [*message["headers"], *HEADERS]
+        await send(message)
+
+    return sender
+
+
+class Page:
+    """One open page. Of snapshots and pictures it gets the newest that its socket takes."""
+
+    def __init__(self, socket: WebSocket, name: str) -> None:
+        self.socket = socket
+        self.name = name
+        self.wants_picture = False
+        self.tab = ""
+        self.held_since: float | None = None
+        self._letters: list[Json] = []
+        self._newest: Json | None = None
+        self._picture: bytes | None = None
+        self._wake = asyncio.Event()
+        self._allowance = float(WISHES_A_SECOND)
+        self._counted = time.monotonic()
+
+    def tell(self, message: Json) -> None:
+        """Something that is not repeated."""
+        self._letters.append(message)
+        del self._letters[:-50]
+        self._wake.set()
+
+    def show(self, message: Json) -> None:
+        """A snapshot; a newer one takes its place."""
+        self._newest = message
+        self._wake.set()
+
+    def show_picture(self, jpeg: bytes) -> None:
+        """Likewise."""
+        if self.wants_picture:
+            self._picture = jpeg
+            self._wake.set()
+
+    def too_many(self) -> bool:
+        """Whether the page asks faster than any finger."""
+        now = time.monotonic()
+        self._allowance = min(
+            float(WISHES_A_SECOND), self._allowance + (now - self._counted) * WISHES_A_SECOND
+        )
+        self._counted = now
+        self._allowance -= 1
+        return self._allowance < 0
+
+    async def write(self) -> None:
+        """Until the socket closes."""
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._letters:
+                await self.socket.send_text(json.dumps(self._letters.pop(0)))
+            newest, self._newest = self._newest, None
+            if newest is not None:
+                await self.socket.send_text(json.dumps(newest))
+            picture, self._picture = self._picture, None
+            if picture is not None:
+                await self.socket.send_bytes(picture)
+
+
+class Panel:
+    """What all pages share."""
+
+    def __init__(self, settings: Settings, pairing: Pairing, fields: FieldDesk) -> None:
+        self.settings = settings
+        self.fields = fields
+        self.pairing = pairing
+        self.seat = Seat(time.monotonic)
+        self.pages: dict[str, Page] = {}
+        self.line = MachineLine(settings, self._heard, self._pictured)
+        self.now: Json = {}
+        self.plan: Json | None = None
+        self.trail: list[Any] = []
+        self.ended: Json | None = None
+        self.check: Json | None = None
+        self.field: Json | None = None
+        self._count = 0
+        self._fix_stamp = -1.0
+        self._work = asyncio.Lock()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def begin(self) -> None:
+        """Once the loop runs: what is known of the field."""
+        self._later(None)
+
+    # ---- from the machine ------------------------------------------------------------------------
+
+    def _heard(self, message: Json) -> None:
+        kind = message.get("kind")
+        if kind == "now":
+            self.now = message
+            self._hear_fix(message)
+            for page in self.pages.values():
+                page.show(self._for(page))
+            return
+        match kind:
+            case "plan":
+                self.plan, self.trail = message, []
+            case "trail":
+                self.trail += message["places"]
+            case "ended":
+                self.ended = message
+            case "check":
+                self.check = message | {"at": time.monotonic()}
+        for page in self.pages.values():
+            page.tell(message)
+
+    def _hear_fix(self, message: Json) -> None:
+        """A new position: the walk's next step, and where the phone is on the map."""
+        found = message["gnss"]["fix"]
+        if found is None or found["stamp"] == self._fix_stamp or found["quality"] == 0:
+            return
+        self._fix_stamp = found["stamp"]
+        fix = Fix(
+            found["stamp"],
+            found["lat"],
+            found["lon"],
+            found["quality"],
+            found["hdop"] or math.nan,
+            found["satellites"],
+            found["speed_mps"],
+        )
+        walk = self.fields.walk
+        if walk is not None and walk.on:
+            walk.fixes.append(fix)
+        if message["mode"] == "idle" and any(page.tab == "field" for page in self.pages.values()):
+            self._later(None, fix)
+
+    def _later(self, wish: Json | None, fix: Fix | None = None) -> None:
+        """Field work in a thread, one piece after the other, and its outcome to all pages."""
+
+        async def work() -> None:
+            async with self._work:
+                if wish is not None:
+                    await asyncio.to_thread(self.fields.do, wish)
+                self.field = await asyncio.to_thread(self.fields.about, fix)
+            for page in self.pages.values():
+                page.tell(self.field)
+
+        if fix is not None and self._work.locked():
+            return
+        task = asyncio.create_task(work())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _for(self, page: Page) -> Json:
+        return self.now | {
+            "driver": self.seat.holder == page.name,
+            "driven": self.seat.holder is not None,
+            "pages": len(self.pages),
+            "green": self.green,
+        }
+
+    def _pictured(self, jpeg: bytes) -> None:
+        for page in self.pages.values():
+            page.show_picture(jpeg)
+
+    @property
+    def green(self) -> bool:
+        """Whether the last check lets the machine start."""
+        check = self.check
+        return (
+            check is not None
+            and bool(check.get("green"))
+            and time.monotonic() - check["at"] < CHECK_HOLDS_S
+        )
+
+    # ---- from a page -----------------------------------------------------------------------------
+
+    async def live(self, socket: WebSocket) -> None:
+        """One page's WebSocket, from its opening to its end."""
+        if not self.pairing.known(socket.cookies.get(COOKIE)):
+            await socket.close(4401)
+            return
+        if len(self.pages) >= PAGES:
+            await socket.close(4429)
+            return
+        await socket.accept()
+        self._count += 1
+        page = Page(socket, f"page-{self._count}")
+        self.pages[page.name] = page
+        for message in (self.plan, self._trail(), self.check, self.ended, self.field):
+            if message is not None:
+                page.tell(message)
+        if self.now:
+            page.show(self._for(page))
+        writer = asyncio.create_task(page.write())
+        try:
+            while True:
+                self._wish(page, await socket.receive_text())
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass
+        finally:
+            writer.cancel()
+            del self.pages[page.name]
+            self.seat.leave(page.name)
+            with contextlib.suppress(RuntimeError):
+                await socket.close()
+
+    def _trail(self) -> Json:
+        return {"kind": "trail", "places": self.trail, "all": True}
+
+    def _wish(self, page: Page, text: str) -> None:
+        """One message of a page; what makes no sense is ignored."""
+        try:
+            wish = json.loads(text)
+        except ValueError:
+            return
+        if not isinstance(wish, dict):
+            return
+        what = wish.get("do")
+        if what == "stop":
+            self.stop(page, wish)
+            return
+        if page.too_many():
+            return
+        if what == "look":
+            page.wants_picture = bool(wish.get("picture"))
+            page.tab = str(wish.get("page"))[:20]
+            if page.tab == "field":
+                self._later(None)
+        elif what == "take":
+            if not self.seat.take(page.name):
+                page.tell({"kind": "refused", "what": "take"})
+        elif what == "runs":
+            page.tell({"kind": "runs", "runs": runs(self.settings.folder)})
+        elif what == "hello":
+            pass
+        elif what == "leave":
+            self.seat.leave(page.name)
+        elif self.seat.holder != page.name:
+            page.tell({"kind": "refused", "what": "watching"})
+        else:
+            self._drivers(page, wish)
+
+    def _drivers(self, page: Page, wish: Json) -> None:
+        """Wishes of the page that drives."""
+        match wish.get("do"):
+            case "here":
+                self.seat.hear(page.name)
+                self.line.ask({"do": "here"})
+            case "hold":
+                page.held_since = time.monotonic()
+            case "let_go":
+                page.held_since = None
+            case "start":
+                self._start(page, wish)
+            case "pause" | "go_on" | "clear" | "jog" | "jog_end" | "answer" | "pid":
+                self.line.ask(wish)
+            case "check":
+                self.line.ask({"do": "check", "order": self.order()})
+            case what if what in FIELD_WISHES:
+                self._later(wish)
+            case _:
+                pass
+
+    def _start(self, page: Page, wish: Json) -> None:
+        held, page.held_since = page.held_since, None
+        if held is None or time.monotonic() - held < HOLD_S - HOLD_SLACK_S:
+            page.tell({"kind": "refused", "what": "hold"})
+        elif not self.green:
+            page.tell({"kind": "refused", "what": "check"})
+        else:
+            resume = (self.ended or {}).get("resume") if wish.get("resume") else None
+            self.line.ask({"do": "start", "order": self.order() | {"resume": resume}})
+
+    def order(self) -> Json:
+        """Which field, from where."""
+        path = self.fields.path
+        return {
+            "boundary": None if path is None else str(path),
+            "gap_m": self.fields.gap_m,
+            "corner": self.fields.corner,
+        }
+
+    def stop(self, page: Page | None, wish: Json) -> None:
+        """To the machine, first of all; the page learns at once if there is nobody to tell."""
+        if not self.line.ask({"do": "stop", "id": wish.get("id")}) and page is not None:
+            page.tell({"kind": "refused", "what": "stop"})
+
+
+def runs(folder: Path) -> list[Json]:
+    """The last runs, newest first, as they ended."""
+    found = []
+    for path in sorted(folder.glob("drive-*.run.json"), reverse=True)[:RUNS]:
+        with contextlib.suppress(OSError, ValueError):
+            run = json.loads(path.read_text(encoding="utf-8"))
+            day, time_of_day = path.name.split("-")[1], path.name.split("-")[2][:6]
+            when = f"{day[:4]}-{day[4:6]}-{day[6:]} {time_of_day[:2]}:{time_of_day[2:4]} UTC"
+            found.append(run | {"when": when})
+    return found
+
+
+async def _body(request: Request) -> Json | None:
+    """A small JSON object, soon; None for anything else."""
+    if request.headers.get("content-type", "").split(";")[0] != "application/json":
+        return None
+    data = b""
+    try:
+        async with asyncio.timeout(BODY_S):
+            async for part in request.stream():
+                data += part
+                if len(data) > BODY_BYTES:
+                    return None
+        found = json.loads(data)
+    except (TimeoutError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def application(panel: Panel) -> ASGIApp:
+    """The ASGI application."""
+    folder = resources.files("host.panel")
+    files = {"": folder / "static" / "index.html"}
+    for room in ("static", "texts"):
+        files |= {f"{room}/{one.name}": one for one in (folder / room).iterdir() if one.is_file()}
+    contents = {name: file.read_bytes() for name, file in files.items()}
+
+    async def static(request: Request) -> Response:
+        name = request.path_params.get("name", "")
+        content = contents.get(name)
+        if content is None:
+            return Response("not served here", 404)
+        suffix = ".html" if name == "" else name[name.rindex(".") :]
+        return Response(content, headers={"content-type": TYPES.get(suffix, "text/plain")})
+
+    async def pair(request: Request) -> Response:
+        body = await _body(request)
+        if panel.pairing.wait_s > 0:
+            return JSONResponse({"wait_s": round(panel.pairing.wait_s)}, 429)
+        ticket = panel.pairing.pair(str((body or {}).get("code", "")))
+        if ticket is None:
+            return JSONResponse({"wrong": True, "wait_s": round(panel.pairing.wait_s)}, 403)
+        answer = JSONResponse({"paired": True})
+        answer.set_cookie(COOKIE, ticket, max_age=30 * 86400, httponly=True, samesite="strict")
+        return answer
+
+    async def paired(request: Request) -> Response:
+        return JSONResponse({"paired": panel.pairing.known(request.cookies.get(COOKIE))})
+
+    async def stop(request: Request) -> Response:
+        if not panel.pairing.known(request.cookies.get(COOKIE)):
+            return JSONResponse({"paired": False}, 401)
+        reached = panel.line.ask({"do": "stop", "id": None})
+        return JSONResponse({"reached": reached}, 200 if reached else 503)
+
+    async def live(socket: WebSocket) -> None:
+        await panel.live(socket)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        task = asyncio.create_task(panel.line.run())
+        panel.begin()
+        try:
+            yield
+        finally:
+            task.cancel()
+            await asyncio.to_thread(panel.line.end)
+
+    app = Starlette(
+        routes=[
+            Route("/", static),
+            Route("/paired", paired),
+            Route("/pair", pair, methods=["POST"]),
+            Route("/stop", stop, methods=["POST"]),
+            WebSocketRoute("/live", live),
+            Route("/{name:path}", static),
+        ],
+        lifespan=lifespan,
+    )
+    return Guard(app)

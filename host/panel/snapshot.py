@@ -1,0 +1,119 @@
+"""What a page is told, five times a second: plain values, names of texts, no sentences of its own.
+
+Lengths in metres, angles in degrees, times in seconds of the machine process's clock.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from host.core.messages import Fix, State, Telemetry
+from host.link import protocol
+from host.pilot.pilot import Pilot
+from host.route.plan import Plan
+from host.vision.view import CropView
+
+Json = dict[str, Any]
+
+EDGE_POINTS: Final = 24
+TURN_S: Final = 14.0
+"""What a turn takes about, for the time that is left."""
+
+
+def number(value: float | None, digits: int = 3) -> float | None:
+    """Rounded; None for what is not known (JSON has no NaN)."""
+    if value is None or not math.isfinite(value):
+        return None
+    return round(float(value), digits)
+
+
+def of_telemetry(telemetry: Telemetry, now: float) -> Json:
+    """The board."""
+    faults = protocol.Fault(telemetry.faults)
+    return {
+        "state": telemetry.state.name,
+        "faults": [bit.name for bit in protocol.Fault if bit in faults],
+        "battery_v": number(telemetry.battery_v, 2),
+        "angle_deg": number(math.degrees(telemetry.angle_rad), 1),
+        "setpoint_deg": number(math.degrees(telemetry.setpoint_rad), 1),
+        "steer_duty": telemetry.steer_duty,
+        "drive_duty": telemetry.drive_duty,
+        "blade": telemetry.blade,
+        "speed_mps": number(telemetry.speed_mps, 2),
+        "distance_m": number(telemetry.distance_m, 2),
+        "age_s": number(now - telemetry.stamp, 2),
+        "off": telemetry.state in (State.SAFE, State.FAULT)
+        and telemetry.drive_duty == 0
+        and telemetry.steer_duty == 0
+        and not telemetry.blade,
+    }
+
+
+def of_fix(fix: Fix, now: float) -> Json:
+    """The receiver's newest."""
+    return {
+        "lat": number(fix.lat_deg, 7),
+        "lon": number(fix.lon_deg, 7),
+        "quality": fix.quality,
+        "satellites": fix.satellites,
+        "hdop": number(fix.hdop, 1),
+        "speed_mps": number(fix.speed_mps, 2),
+        "stamp": number(fix.stamp, 2),
+        "age_s": number(now - fix.stamp, 1),
+    }
+
+
+def of_view(view: CropView) -> Json:
+    """What is drawn over the picture, in pixels of the mount's size."""
+    edge = view.edge_px
+    points = [] if edge is None else edge[:: max(1, len(edge) // EDGE_POINTS)].round(1).tolist()
+    return {
+        "offset_m": number(view.edge_offset_m, 2),
+        "confidence": number(view.confidence, 2),
+        "reason": view.reason,
+        "e_outer_px": number(view.e_outer_px, 1),
+        "o_map_px": number(view.o_map_px, 1),
+        "edge_px": points,
+    }
+
+
+def of_pilot(pilot: Pilot, plan: Plan, speed_mps: float) -> Json:
+    """The harvest: what the pilot does and why, where it is, what is left."""
+    side = min(pilot.turns, max(0, len(plan.sides) - 1))
+    lengths = [one.length_m for one in plan.sides]
+    left = max(0.0, sum(lengths[side:]) - pilot.cut_m) if lengths else None
+    whole = sum(lengths)
+    turns = max(0, len(lengths) - 1 - pilot.turns)
+    place = pilot.position.pose if pilot.position.known else None
+    return {
+        "phase": pilot.phase.value,
+        "reason": pilot.reason,
+        "side": plan.done + side + 1 if lengths else pilot.turns + 1,
+        "sides": plan.done + len(lengths),
+        "done": number(1 - left / whole, 3) if left is not None and whole > 0 else None,
+        "left_m": number(left, 1),
+        "left_s": number(left / speed_mps + TURN_S * turns, 0) if left is not None else None,
+        "place": None if place is None else [number(value, 3) for value in place],
+        "view": None if pilot.view is None else of_view(pilot.view),
+    }
+
+
+def of_plan(plan: Plan) -> Json:
+    """The map's still part, in the field frame."""
+    return {
+        "boundary": [list(corner) for corner in plan.boundary],
+        "keep_outs": [[list(corner) for corner in hole] for hole in plan.keep_outs],
+        "gap_m": plan.gap_m,
+        "leftover_m2": number(plan.leftover_m2, 1),
+        "sides": [
+            [
+                number(s.x_m, 2),
+                number(s.y_m, 2),
+                number(s.x_m + s.length_m * math.cos(s.heading_rad), 2),
+                number(s.y_m + s.length_m * math.sin(s.heading_rad), 2),
+                number(s.width_m, 2),
+            ]
+            for s in plan.sides
+        ],
+    }

@@ -1,0 +1,395 @@
+// The page: one socket, one state, five tabs. STOP is bound before anything else can fail.
+import { load, t, said, has, language, LANGUAGES } from "./texts.js";
+import * as sound from "./sound.js";
+import { drawMap, mapSaid } from "./map.js";
+import { drawPicture } from "./picture.js";
+import * as check from "./check.js";
+import * as field from "./field.js";
+import * as tune from "./tune.js";
+import * as runs from "./runs.js";
+
+const $ = (id) => document.getElementById(id);
+const TABS = ["check", "field", "harvest", "tune", "runs"];
+const SILENT_MS = 1500;
+const HERE_MS = 500;
+
+export const world = { now: null, plan: null, trail: [], ended: null, check: null, field: null, paired: true };
+let socket = null;
+let heardAt = 0;
+let tab = "check";
+let stop = null;         // the STOP that waits: {id, at, tries}
+let before = {};         // of the last snapshot, for sounds
+let secondsSaid = null;
+let retry = 300;
+
+// ---- STOP ---------------------------------------------------------------------------------------
+
+function pressStop() {
+  sound.wake();
+  sound.stopped();
+  stop = { id: `${Date.now()}-${Math.random().toString(36).slice(2, 8)}`, at: performance.now(), done: false };
+  sayStop("wait", t("stop.sent"));
+  sendStop();
+}
+
+function sendStop() {
+  if (!stop || stop.done) return;
+  const open = socket && socket.readyState === WebSocket.OPEN;
+  if (open) socket.send(JSON.stringify({ do: "stop", id: stop.id }));
+  else fetch("stop", { method: "POST", headers: { "Content-Type": "application/json" }, body: "{}", keepalive: true }).catch(() => {});
+  const late = performance.now() - stop.at > 1000;
+  if (late || !open) sayStop("bad", t(open && fresh() ? "stop.unconfirmed" : "stop.no_laptop"));
+  setTimeout(sendStop, open ? 400 : 700);
+}
+
+function hearStop(now) {
+  if (!stop || stop.done || !now.stop || now.stop.id !== stop.id) return;
+  if (now.stop.confirmed) {
+    stop.done = true;
+    const ms = Math.round(performance.now() - stop.at);
+    document.body.dataset.stopMs = String(ms);
+    sayStop("good", t("stop.confirmed", { ms }));
+  } else if (now.stop.problem) sayStop("bad", t("stop.no_board"));
+}
+
+function sayStop(kind, text) {
+  const line = $("stop-said");
+  line.dataset.kind = kind;
+  if (line.textContent !== text) line.textContent = text;
+}
+
+$("stop").addEventListener("pointerdown", (event) => { event.preventDefault(); pressStop(); });
+$("stop").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); pressStop(); } });
+
+// ---- the socket ---------------------------------------------------------------------------------
+
+export function ask(wish) {
+  if (socket && socket.readyState === WebSocket.OPEN) { socket.send(JSON.stringify(wish)); return true; }
+  return false;
+}
+
+const fresh = () => performance.now() - heardAt < SILENT_MS;
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/live`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => { retry = 300; heardAt = performance.now(); world.paired = true; look(); ask({ do: "hello" }); show(); };
+  socket.onmessage = (event) => {
+    heardAt = performance.now();
+    if (event.data instanceof ArrayBuffer) hearPicture(event.data);
+    else hear(JSON.parse(event.data));
+  };
+  socket.onclose = (event) => {
+    socket = null;
+    if (event.code === 4401 || event.code === 1006 && world.now === null) checkPairing(event.code);
+    setTimeout(connect, retry);
+    retry = Math.min(3000, retry * 1.5);
+    show();
+  };
+}
+
+async function checkPairing(code) {
+  try {
+    const answer = await fetch("paired");
+    world.paired = (await answer.json()).paired;
+  } catch { world.paired = code !== 4401; }
+  show();
+}
+
+function hear(message) {
+  switch (message.kind) {
+    case "now": world.now = message; hearStop(message); hearSounds(message); break;
+    case "plan": world.plan = message; world.trail = []; break;
+    case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
+    case "ended": world.ended = message; break;
+    case "check": world.check = message; check.hear(message); break;
+    case "field": world.field = message; field.hear(message); break;
+    case "colour": tune.hear(message); break;
+    case "pid": tune.hearPid(message); break;
+    case "runs": runs.hear(message); break;
+    case "failed": notice(`${has(`failed.${message.what}`) ? t(`failed.${message.what}`) : message.what}: ${said(message.why)}`); break;
+    case "refused": notice(t(`refused.${message.what}`)); break;
+    default: return;
+  }
+  show();
+}
+
+let bitmap = null;
+async function hearPicture(data) {
+  try { bitmap = await createImageBitmap(new Blob([data], { type: "image/jpeg" })); } catch { return; }
+  if (tab === "harvest") drawPicture($("picture"), bitmap, world.now);
+}
+
+function hearSounds(now) {
+  const bad = now.board ? now.board.faults.length > 0 : false;
+  const here = { bad, phase: now.pilot?.phase, paused: now.paused, mode: now.mode };
+  if (bad && !before.bad) sound.fault();
+  if (here.phase === "fault" && before.phase !== "fault") sound.fault();
+  if (here.phase === "finished" && before.phase !== "finished") sound.finished();
+  if (now.paused && !before.paused) sound.waiting();
+  if (before.mode === "drive" && now.mode === "idle" && before.phase !== "finished") sound.stopped();
+  before = here;
+  const left = now.mode === "countdown" && now.countdown_s != null ? Math.ceil(now.countdown_s) : null;
+  if (left !== null && left !== secondsSaid && left > 0) sound.second(left === 1);
+  secondsSaid = left;
+}
+
+let noticeTimer = 0;
+export function notice(text) {
+  $("notice").textContent = text;
+  $("notice").hidden = false;
+  clearTimeout(noticeTimer);
+  noticeTimer = setTimeout(() => { $("notice").hidden = true; }, 12000);
+}
+
+// ---- awake --------------------------------------------------------------------------------------
+
+let lock = null;
+async function stayAwake() {
+  const wanted = world.now?.driver && world.now.mode !== "idle" && !document.hidden;
+  if (wanted && !lock && navigator.wakeLock) {
+    try { lock = await navigator.wakeLock.request("screen"); lock.addEventListener("release", () => { lock = null; }); } catch { /* over plain http */ }
+  } else if (!wanted && lock) { lock.release(); lock = null; }
+}
+setInterval(() => {
+  if (world.now?.driver && !document.hidden) ask({ do: "here" });
+  stayAwake();
+}, HERE_MS);
+setInterval(show, 1000);
+
+// ---- what is shown ------------------------------------------------------------------------------
+
+function look() { ask({ do: "look", picture: tab === "harvest" || tab === "tune", page: tab }); }
+
+export function open(name) {
+  tab = name;
+  for (const one of TABS) $(`page-${one}`).hidden = one !== name || !world.paired;
+  for (const button of document.querySelectorAll("#tabs button")) {
+    if (button.dataset.tab === name) button.setAttribute("aria-current", "page"); else button.removeAttribute("aria-current");
+  }
+  try { sessionStorage.setItem("tab", name); } catch { /* private browsing */ }
+  look();
+  if (name === "runs") ask({ do: "runs" });
+  if (name === "tune") tune.begin();
+  show();
+}
+
+// What the machine is doing: [kind of colour, word, reason].
+function state(now) {
+  if (!world.paired) return ["wait", t("state.unpaired"), ""];
+  if (!socket || !now || !fresh()) return ["bad", t("state.no_laptop"), t("state.no_laptop.why")];
+  const board = now.board;
+  const faults = board ? board.faults : [];
+  if (now.link.problem) return ["bad", t("state.no_board"), now.link.problem === "silent" ? t("link.silent") : said(now.link.problem)];
+  if (now.mode === "countdown") return ["wait", t("state.countdown"), now.preparing ? t("harvest.preparing") : ""];
+  if (faults.length) return ["bad", t("state.fault"), faults.map((name) => t(`fault.${name}`)).join("; ")];
+  if (now.mode === "drive") {
+    if (now.paused) return ["wait", t("state.paused"), t(`paused.${now.paused_why || "asked"}`)];
+    const pilot = now.pilot;
+    const kind = { follow: "go", turn: "go", align: "go", finished: "go", fault: "bad" }[pilot.phase] ?? "wait";
+    return [kind, t(`phase.${pilot.phase}`), said(pilot.reason)];
+  }
+  if (now.mode === "check") return ["wait", t("state.check"), ""];
+  if (now.mode === "jog") return ["wait", t("state.jog"), ""];
+  if (now.mode === "pid") return ["wait", t("state.pid"), ""];
+  if (world.ended?.outcome === "finished") return ["go", t("state.finished"), said(world.ended.reason)];
+  return ["idle", t("state.idle"), ""];
+}
+
+function signal(id, bad, text) {
+  const one = $(`signal-${id}`);
+  one.dataset.bad = bad === null ? "off" : bad ? "1" : "0";
+  if (one.textContent !== text) one.textContent = text;
+}
+
+function show() {
+  const now = world.now;
+  const [kind, word, why] = state(now);
+  $("state").dataset.kind = kind;
+  if ($("state-word").textContent !== word) $("state-word").textContent = word;
+  if ($("state-why").textContent !== why) $("state-why").textContent = why;
+  $("page-pair").hidden = world.paired;
+  $("tabs").hidden = !world.paired;
+  if (!world.paired) { for (const one of TABS) $(`page-${one}`).hidden = true; return; }
+  if ($(`page-${tab}`).hidden) $(`page-${tab}`).hidden = false;
+  const linked = Boolean(socket) && fresh();
+  signal("laptop", !linked, t(linked ? "signal.laptop" : "signal.no_laptop"));
+  if (!now) return;
+  const board = now.board;
+  signal("board", Boolean(now.link.problem), t(now.link.problem ? "signal.no_board" : "signal.board", { state: t(`board.${board?.state ?? "SAFE"}`) }));
+  signal("battery", board ? board.battery_v < 11 : null, board ? t("signal.battery", { volts: board.battery_v }) : t("signal.no_battery"));
+  const camera = now.camera;
+  signal("camera", camera.there ? Boolean(camera.problem) || camera.age_s > 1.5 : null, t(camera.problem || camera.age_s > 1.5 || !camera.there ? "signal.no_camera" : "signal.camera"));
+  const fix = now.gnss.fix;
+  const located = fix && fix.quality > 0 && fix.age_s < 3;
+  signal("gnss", now.gnss.there ? !located : null, located ? t("signal.gnss", { satellites: fix.satellites }) : t("signal.no_gnss"));
+  $("pause").disabled = now.mode !== "drive" || !now.driver;
+  $("pause").textContent = t(now.paused ? "pause.go_on" : "pause.pause");
+  document.body.dataset.mode = now.mode;
+  document.body.dataset.phase = now.pilot?.phase ?? "";
+  document.body.dataset.paused = now.paused ? "1" : "0";
+  const counting = now.mode === "countdown" && !now.preparing;
+  $("countdown").hidden = !counting;
+  if (counting) $("countdown-number").textContent = String(Math.max(0, Math.ceil(now.countdown_s ?? 0)));
+  if (tab === "harvest") showHarvest(now);
+  if (tab === "check") check.show(world);
+  if (tab === "field") field.show(world);
+  if (tab === "tune") tune.show(world);
+  if (tab === "runs") runs.show(world);
+}
+
+const MINUTE = 60;
+function duration(seconds) {
+  if (seconds == null) return t("unknown");
+  return t("minutes", { minutes: Math.max(1, Math.round(seconds / MINUTE)) });
+}
+
+function showHarvest(now) {
+  const pilot = now.pilot;
+  const facts = [];
+  if (pilot) {
+    facts.push(["facts.done", pilot.done == null ? t("unknown") : `${Math.round(pilot.done * 100)} %`]);
+    facts.push(["facts.left", duration(pilot.left_s)]);
+    facts.push(["facts.side", `${pilot.side} / ${pilot.sides || "?"}`]);
+    facts.push(["facts.edge", pilot.view?.offset_m == null ? t("unknown") : `${(pilot.view.offset_m * 100).toFixed(0)} cm`]);
+  }
+  if (now.board) {
+    facts.push(["facts.blade", t(now.board.blade ? "on" : "off")]);
+    facts.push(["facts.speed", now.board.speed_mps == null ? t("unknown") : `${now.board.speed_mps.toFixed(2)} m/s`]);
+    facts.push(["facts.battery", `${now.board.battery_v} V`]);
+  }
+  const list = $("facts");
+  const html = facts.map(([key, value]) => [t(key), value]);
+  if (list.dataset.shown !== JSON.stringify(html)) {
+    list.dataset.shown = JSON.stringify(html);
+    list.replaceChildren(...html.flatMap(([name, value]) => {
+      const dt = document.createElement("dt"); dt.textContent = name;
+      const dd = document.createElement("dd"); dd.textContent = value;
+      return [dt, dd];
+    }));
+  }
+  const faults = (now.board?.faults ?? []).map((name) => [t(`fault.${name}`), t(`remedy.${name}`)]);
+  if (!faults.length && now.mode === "idle" && world.ended?.outcome === "fault") faults.push([t("harvest.ended_by"), said(world.ended.reason)]);
+  if ($("faults").dataset.shown !== JSON.stringify(faults)) {
+    $("faults").dataset.shown = JSON.stringify(faults);
+    $("faults").replaceChildren(...faults.map(([what, todo]) => {
+      const box = document.createElement("div"); box.className = "fault";
+      const bold = document.createElement("b"); bold.textContent = what;
+      box.append(bold, todo);
+      return box;
+    }));
+  }
+  const idle = now.mode === "idle";
+  $("take").hidden = now.driver;
+  $("take").disabled = now.driven;
+  $("take").textContent = t(now.driven ? "harvest.watching" : "harvest.take");
+  const resumable = idle && world.ended?.resume && world.ended.outcome !== "finished";
+  $("start").hidden = !idle;
+  $("resume").hidden = !resumable;
+  const ready = now.driver && now.green && Boolean(world.field?.plan) && !(now.board?.faults.length);
+  $("start").disabled = $("resume").disabled = !ready;
+  $("start-why").textContent = !idle || ready ? "" : t(!now.driver ? "why.not_driver" : now.board?.faults.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check");
+  $("clear").hidden = !(idle && now.board?.faults.length);
+  $("clear").disabled = !now.driver;
+  $("jog").hidden = !(idle || now.mode === "jog");
+  for (const key of document.querySelectorAll("#jog-keys button")) key.disabled = !now.driver;
+  drawMap($("map"), world);
+  $("map").setAttribute("aria-label", mapSaid(world));
+  drawPicture($("picture"), bitmap, now);
+  const camera = now.camera;
+  $("picture-said").textContent = camera.problem ? t("picture.none", { why: camera.problem }) : pilot?.view ? t("picture.said", { confidence: pilot.view.confidence }) : "";
+  $("picture").setAttribute("aria-label", t("picture.label"));
+}
+
+// ---- pressing -----------------------------------------------------------------------------------
+
+$("pause").addEventListener("click", () => ask({ do: world.now?.paused ? "go_on" : "pause" }));
+$("take").addEventListener("click", () => { sound.wake(); ask({ do: "take" }); });
+$("clear").addEventListener("click", () => ask({ do: "clear" }));
+
+function hold(id, order) {
+  const button = $(id);
+  let timer = 0;
+  const begin = (event) => {
+    event.preventDefault();
+    if (button.disabled || timer) return;
+    sound.wake();
+    ask({ do: "hold" });
+    button.classList.add("down");
+    timer = setTimeout(() => { timer = 0; button.classList.remove("down"); ask({ do: "start", resume: order }); }, 2050);
+  };
+  const end = () => {
+    if (!timer) return;
+    clearTimeout(timer);
+    timer = 0;
+    button.classList.remove("down");
+    ask({ do: "let_go" });
+    notice(t("harvest.hold_longer"));
+  };
+  button.addEventListener("pointerdown", begin);
+  for (const kind of ["pointerup", "pointerleave", "pointercancel"]) button.addEventListener(kind, end);
+  button.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) begin(event); });
+  button.addEventListener("keyup", end);
+  button.addEventListener("contextmenu", (event) => event.preventDefault());
+}
+hold("start", false);
+hold("resume", true);
+
+for (const key of document.querySelectorAll("#jog-keys button")) {
+  const [speed, steer] = key.dataset.jog.split(",").map(Number);
+  let timer = 0;
+  const begin = (event) => { event.preventDefault(); if (timer || key.disabled) return; ask({ do: "jog", speed, steer_deg: steer }); timer = setInterval(() => ask({ do: "jog", speed, steer_deg: steer }), 150); };
+  const end = () => { if (!timer) return; clearInterval(timer); timer = 0; ask({ do: "jog", speed: 0, steer_deg: steer }); };
+  key.addEventListener("pointerdown", begin);
+  for (const kind of ["pointerup", "pointerleave", "pointercancel"]) key.addEventListener(kind, end);
+  key.addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") begin(event); });
+  key.addEventListener("keyup", end);
+}
+
+$("pair-form").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const answer = await fetch("pair", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ code: $("pair-code").value }) });
+  const found = await answer.json();
+  if (found.paired) { world.paired = true; $("pair-said").textContent = ""; socket?.close(); open(tab); }
+  else $("pair-said").textContent = found.wait_s ? t("pair.wait", { seconds: found.wait_s }) : t("pair.wrong");
+});
+
+document.addEventListener("pointerdown", sound.wake, { once: true });
+document.addEventListener("visibilitychange", () => { if (!document.hidden) show(); });
+
+// ---- begin --------------------------------------------------------------------------------------
+
+export async function speak(code) {
+  await load(code);
+  document.title = t("title");
+  $("stop").setAttribute("aria-label", t("stop.label"));
+  $("tabs").setAttribute("aria-label", t("tabs"));
+  $("tabs").replaceChildren(...TABS.map((name) => {
+    const button = document.createElement("button");
+    button.textContent = t(`tab.${name}`);
+    button.dataset.tab = name;
+    button.addEventListener("click", () => open(name));
+    return button;
+  }));
+  $("legend").replaceChildren(...[["cut", "#e6c86e"], ["left", "#2e7d32"], ["fence", "#fff"], ["keep_out", "#c62828"], ["machine", "#0a2f7a"], ["next", "#000"]].map(([name, colour]) => {
+    const one = document.createElement("li");
+    const box = document.createElement("i");
+    box.dataset.colour = name;
+    box.style.background = colour;
+    one.append(box, t(`legend.${name}`));
+    return one;
+  }));
+  runs.languages(LANGUAGES, language, speak);
+  for (const one of ["facts", "faults"]) delete $(one).dataset.shown;
+  if (world.check) check.hear(world.check);
+  if (world.field) field.hear(world.field);
+  open(tab);
+}
+
+check.bind(ask);
+field.bind(ask);
+tune.bind(ask);
+let kept = "en";
+try { kept = localStorage.getItem("language") ?? (navigator.language.startsWith("ur") ? "ur" : "en"); tab = sessionStorage.getItem("tab") ?? tab; } catch { /* private browsing */ }
+connect();
+speak(LANGUAGES.includes(kept) ? kept : "en");

@@ -1,0 +1,33 @@
+// The texts of one language; a page is told keys, and says them here.
+let texts = {};
+export let language = "en";
+export const LANGUAGES = ["en", "ur"];
+
+export async function load(code) {
+  const answer = await fetch(`texts/${code}.json`);
+  texts = await answer.json();
+  language = code;
+  document.documentElement.lang = code;
+  document.documentElement.dir = code === "ur" ? "rtl" : "ltr";
+  try { localStorage.setItem("language", code); } catch { /* private browsing */ }
+  for (const one of document.querySelectorAll("[data-t]")) one.textContent = t(one.dataset.t);
+  for (const one of document.querySelectorAll("[data-label]")) one.setAttribute("aria-label", t(one.dataset.label));
+}
+
+export const has = (key) => key in texts;
+
+export function t(key, values = {}) {
+  let text = texts[key] ?? key;
+  for (const [name, value] of Object.entries(values)) text = text.replaceAll(`{${name}}`, isolate(value));
+  return text;
+}
+
+// Figures keep their own direction inside a right-to-left sentence.
+const isolate = (value) => (language === "ur" ? `\u2068${show(value)}\u2069` : show(value));
+const show = (value) => (typeof value === "number" ? String(Math.round(value * 1000) / 1000) : String(value ?? "?"));
+
+// What the pilot says is English; where the language knows the sentence, it is said in it.
+export function said(sentence) {
+  const key = `said.${sentence}`;
+  return has(key) ? t(key) : sentence;
+}
