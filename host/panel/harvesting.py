@@ -22,8 +22,8 @@ from host.panel.snapshot import Json, number
 from host.pilot.pilot import Phase, Pilot
 from host.route.plan import Plan
 from host.runs.drive import Drive, fits, fitted
-from host.runs.record import Recorder
 from host.runs.errand import errand_of
+from host.runs.record import Recorder
 from host.runs.resume import Keeper, load
 from host.sensors.jpeg import JpegDecoder
 from host.vision.mounted.detector import make_detector
@@ -114,9 +114,7 @@ def harvest(machine: Machine, order: Order) -> None:
     operator = Operator(machine)
     progress = order.resume or path.with_suffix(".progress.json")
     with ExitStack() as stack:
-        keeper = Keeper(
-            progress, errand.whole, order.corner, machine.events.append, errand.begun
-        )
+        keeper = Keeper(progress, errand.whole, order.corner, machine.events.append, errand.begun)
         stack.callback(keeper.close, pilot)
         about = {"begun": now.isoformat(), "mount": machine.settings.mount}
         about |= {"mode": machine.settings.mode, "turn": order.turn}
@@ -139,7 +137,13 @@ def harvest(machine: Machine, order: Order) -> None:
             operator.wants_pause,
             keeper,
         )
-        machine.post({"kind": "plan", **snapshot.of_plan(plan), "origin": None if frame is None else list(frame.origin)})
+        machine.post(
+            {
+                "kind": "plan",
+                **snapshot.of_plan(plan),
+                "origin": None if frame is None else list(frame.origin),
+            }
+        )
         machine.mode = "drive"
         machine.more = lambda: _about(run, operator, plan)
         outcome = "stopped"
