@@ -122,7 +122,15 @@ class Harvest:
             if scenario.record.live_port is not None:
                 self.live = LiveView(scenario.record.live_port)
             tee = self.live.put if self.live is not None else None
-            about = {"scenario": scenario.model_dump_json()}
+            seen = {**scenario.vehicle.mounts, scenario.camera: scenario.mount}
+            vehicle = scenario.vehicle.model_copy(update={"mounts": seen})
+            about = {
+                "scenario": scenario.model_dump_json(),
+                # as a drive's record has them, so that `daranti see` reads either
+                "vehicle": vehicle.model_dump_json(),
+                "mount": scenario.camera,
+                "mode": scenario.mode,
+            }
             self._record = Recorder(record, about, tee)
 
     def _new_pilot(self) -> Pilot:

@@ -22,7 +22,9 @@ from host.vision.photo.score import labelled_set
     help="Labelled photographs: manifest.csv, images/, masks/. Default: DARANTI_DATA or "
     "../shared/data, its wheat-edge.",
 )
-@click.option("--out", type=click.Path(path_type=Path), default=Path("bench"), show_default=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("out/bench-vision"), show_default=True
+)
 @click.option("--worst", type=click.IntRange(0, 50), default=8, show_default=True, metavar="N")
 def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     """Scores both modes and two baselines on labelled photographs; writes summary.json, the folds

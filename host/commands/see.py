@@ -7,19 +7,44 @@ from pathlib import Path
 
 import click
 import cv2
+from pydantic import ValidationError
 
 from host.core.errors import UserError
-from host.runs.pictures import frames
+from host.core.vehicle import Vehicle
+from host.runs import record
+from host.runs.pictures import frames, is_record
 from host.vision.figure import staged
+from host.vision.mounted.detector import Mode, MountedDetector, make_detector
+from host.vision.mounted.paper import PaperParams
 from host.vision.photo.detector import photo_detector
 from host.vision.photo.split import SIDES, Side
 from host.vision.results import read_sides, write_result
 
 
+def _driver(path: Path) -> MountedDetector:
+    """The detector that a drive went by, from what its record says. UserError where it does not."""
+    about = record.about(path)
+    try:
+        vehicle = Vehicle.model_validate_json(about["vehicle"])
+        mount = vehicle.mounts[about["mount"]]
+        mode: Mode = "paper" if about["mode"] == "paper" else "robust"
+        paper = PaperParams.model_validate_json(about["paper"]) if "paper" in about else None
+    except (KeyError, ValidationError) as error:
+        raise UserError(
+            f"{path}: the record does not say which vehicle and mount took its pictures; "
+            "record the drive again with this version"
+        ) from error
+    return make_detector(mode, vehicle, mount, params=paper)
+
+
 @click.command()
 @click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|RECORD|URL...")
 @click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
-@click.option("--side", type=click.Choice(SIDES), help="Where the crop stands; default left.")
+@click.option(
+    "--side",
+    type=click.Choice(SIDES),
+    help="Where the crop stands in photographs; a record of a drive knows it.",
+)
 @click.option(
     "--manifest",
     type=click.Path(path_type=Path),
@@ -41,6 +66,10 @@ def see(
 ) -> None:
     """Runs the vision on photographs and writes mask, edge and the staged picture of each.
 
+    Photographs need --side or --manifest: colour and texture say where the edge is, not which of
+    the two halves stands. The pictures of a record of a drive are shown to the detector that
+    drives, with the record's own vehicle, mount and mode.
+
     A picture that cannot be used is named on stderr and the others are still done; the exit code is
     then 2."""
     sides = read_sides(manifest) if manifest else {}
@@ -48,6 +77,7 @@ def see(
     failed = 0
     for item in source:
         pictures = frames(item)
+        drove = _driver(Path(item)) if is_record(item) else None
         while True:
             try:
                 name, bgr = next(pictures)
@@ -57,15 +87,21 @@ def see(
                 click.echo(f"daranti see: {error}", err=True)
                 failed += 1
                 break
-            where = side or sides.get(name, "left")
-            detector = photo_detector(mode, where)
+            where = side or sides.get(name)
+            if drove is None and where is None:
+                raise UserError(
+                    f"{name}: on which side does the crop stand? Say --side left, right, top or "
+                    "bottom, or name a --manifest that does"
+                )
+            detector = drove or photo_detector(mode, where or "left")
             wanted = stages is not False
             start = time.perf_counter()
-            view = detector.see(bgr, stages=False)
+            view = detector.see(bgr, stages=drove is not None and wanted)
             ms = 1e3 * (time.perf_counter() - start)
             write_result(out, name, bgr, view, ms)
             if wanted:
-                full = detector.see(bgr, stages=True)
+                # one that follows an edge from picture to picture must see each once
+                full = view if drove else detector.see(bgr, stages=True)
                 cv2.imwrite(str(out / f"{name}.stages.png"), staged(bgr, full))
             text = f": {view.reason}" if view.reason else ""
             click.echo(f"{name}: confidence {view.confidence:.2f}, {ms:.1f} ms{text}")

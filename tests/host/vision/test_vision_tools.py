@@ -221,6 +221,13 @@ def test_see_writes_mask_edge_and_stages(photo: Path, tmp_path: Path, mode: str)
     assert (out / "wheat.stages.png").exists()
 
 
+def test_see_does_not_guess_on_which_side_the_crop_stands(photo: Path, tmp_path: Path) -> None:
+    result = run(see, photo, "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert "--side" in str(result.exception)
+    assert not list((tmp_path / "out").glob("*.json"))
+
+
 def test_see_takes_the_side_from_a_manifest(photo: Path, tmp_path: Path) -> None:
     cv2.imwrite(str(photo), halves("right")[0])
     manifest = tmp_path / "manifest.csv"
@@ -237,7 +244,7 @@ def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_
     torn = tmp_path / "torn.jpg"
     torn.write_bytes(photo.read_bytes()[:200])
     out = tmp_path / "out"
-    result = run(see, torn, photo, "--out", out)
+    result = run(see, torn, photo, "--side", "left", "--out", out)
     assert isinstance(result.exception, UserError)
     assert "torn.jpg" in result.output
     assert (out / "wheat.json").exists()
@@ -296,8 +303,10 @@ def test_tune_vision_saves_what_it_found_and_shows_before_and_after(
     assert {p.name for p in out.iterdir()} == {"wheat.before.png", "wheat.after.png"}
 
 
-def recorded(path: Path, pictures: list[NDArray[np.uint8]]) -> None:
-    with Recorder(path, {}) as recorder:
+def recorded(
+    path: Path, pictures: list[NDArray[np.uint8]], about: dict[str, str] | None = None
+) -> None:
+    with Recorder(path, about) as recorder:
         for number, bgr in enumerate(pictures):
             recorder.picture(0.1 * number, cv2.imencode(".jpg", bgr)[1].tobytes())
 
@@ -310,6 +319,27 @@ def test_tune_vision_takes_the_pictures_of_a_record(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     names = {p.name for p in out.iterdir()}
     assert names == {"drive-00000.00.before.png", "drive-00000.00.after.png"}
+
+
+def test_see_shows_a_record_to_the_detector_that_drove(tmp_path: Path) -> None:
+    """The right ends that the mounted detector finds are not what a photograph's would be."""
+    about = {"vehicle": Vehicle().model_dump_json(), "mount": "low", "mode": "robust"}
+    recorded(tmp_path / "drive.mcap", [field(LOW), field(LOW)], about)
+    result = run(see, tmp_path / "drive.mcap", "--out", tmp_path / "out", "--no-stages")
+    assert result.exit_code == 0, result.output
+    seen = json.loads((tmp_path / "out" / "drive-00000.10.json").read_text())
+    driver = make_detector("robust", Vehicle(), LOW)
+    coded = [cv2.imencode(".jpg", field(LOW))[1]] * 2
+    views = [driver.see(np.asarray(cv2.imdecode(c, cv2.IMREAD_COLOR), np.uint8)) for c in coded]
+    assert views[-1].confidence >= 0.5
+    assert seen["confidence"] == pytest.approx(views[-1].confidence, abs=1e-3)
+
+
+def test_see_refuses_a_record_of_an_unknown_vehicle(tmp_path: Path) -> None:
+    recorded(tmp_path / "drive.mcap", [field(LOW)])
+    result = run(see, tmp_path / "drive.mcap", "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert "vehicle" in str(result.exception)
 
 
 def test_a_record_without_pictures_says_so(tmp_path: Path) -> None:
