@@ -56,6 +56,8 @@ class CameraSpec(Strict):
     machine_in_view: bool = False
     """Draws the reaper's header where it is in view."""
     jpeg_quality: Annotated[int, Limits(ge=1, le=100)] = 80
+    delay_s: NotNegative = 0.1
+    """From the shutter to the host: exposure, file, network."""
 
     @property
     def focal_px(self) -> float:
@@ -70,6 +72,7 @@ _GUSTS: Final = 0.35
 
 LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
+MOUNTS: Final = {"low": LOW, "mast": MAST}
 
 
 def cells_to(body: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -37,6 +37,14 @@ class GnssSpec(Strict):
     canopy_loss: Share = 0.0
     """Share of epochs without a fix under trees."""
     speed_noise_mps: NotNegative = 0.05
+    antenna_x_m: float = 0.0
+    """The antenna ahead of the rear axle,"""
+    antenna_y_m: float = 0.0
+    """and left of its middle."""
+    smoothing_s: NotNegative = 0.0
+    """Time constant of the receiver's own filter on speed and course."""
+    lag_s: NotNegative = 0.0
+    """The position said is that of so long ago."""
     first_fix_s: NotNegative = 0.0
     """Until then the receiver speaks without a fix."""
     lat_deg: Annotated[float, Limits(ge=-85, le=85)] = 31.5
@@ -71,6 +79,7 @@ class Gnss:
         self._sigma = self.spec.cep_m / _CEP_PER_SIGMA
         self._error = self._rng.normal(0.0, self._sigma, 2)
         self._last: float | None = None
+        self._smooth: tuple[float, float] | None = None
         self._out_until = -math.inf
         # WGS 84 radii of curvature at the origin; the field is small enough for a tangent plane.
         lat = math.radians(self.spec.lat_deg)
@@ -109,6 +118,8 @@ class Gnss:
         """The sentences of the epoch at time `t` (s) for the true antenna position (m) and velocity
         (m/s) in the field frame, without line ends."""
         s = self.spec
+        vx, vy = self._filtered(t, vx, vy)
+        x, y = x - vx * s.lag_s, y - vy * s.lag_s
         self._advance(t)
         white = self._rng.normal(0.0, 1.0, 2) * s.white_m
         v_noise = self._rng.normal(0.0, 1.0, 2) * s.speed_noise_mps
@@ -146,6 +157,16 @@ class Gnss:
                 f"GPGGA,{clock},{place},1,{used:02d},{hdop:.1f},{s.altitude_m:.1f},M,-36.0,M,,"
             ),
         ]
+
+    def _filtered(self, t: float, vx: float, vy: float) -> tuple[float, float]:
+        """The velocity as the receiver's filter has it; before `_advance`."""
+        if self._smooth is None or self._last is None or self.spec.smoothing_s == 0.0:
+            self._smooth = (vx, vy)
+        else:
+            new = 1 - math.exp(-max(0.0, t - self._last) / self.spec.smoothing_s)
+            old_x, old_y = self._smooth
+            self._smooth = (old_x + new * (vx - old_x), old_y + new * (vy - old_y))
+        return self._smooth
 
     def _in_view(self, strength: np.ndarray[tuple[int], np.dtype[np.int64]]) -> list[str]:
         total = math.ceil(len(self._satellites) / 4)

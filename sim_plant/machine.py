@@ -120,7 +120,7 @@ class DriveSpec(Strict):
     """Drag of the blade in crop over its full width."""
     slip_n: Positive = 3000.0
     """Driving force over this gives the share of wheel speed lost to slip."""
-    hall_pulses_per_m: NotNegative = 0.0
+    hall_pulses_per_m: NotNegative = 50.0
     """0: no sensor fitted."""
 
 

@@ -71,6 +71,11 @@ def eyes_of(bench: Bench) -> Eyes:
     return ModelEyes(bench) if bench.scenario.eyes == "model" else PictureEyes(bench)
 
 
+def _whole_ns(seconds: float) -> float:
+    """As a record keeps a time."""
+    return round(seconds * 1e9) / 1e9
+
+
 class Harvest:
     """One lockstep run. The camera develops each shot in `darkroom` (a thread, where none is given)
     while machine and firmware go on: the picture is due only after the camera's delay, so the
@@ -93,9 +98,11 @@ class Harvest:
         self.bench = Bench(scenario, camera_threads=camera_threads)
         self.eyes: Eyes = (eyes or eyes_of)(self.bench)
         self._detector = detector or (lambda _: self.eyes.detector())
+        self._told = scenario.told
+        self._plan = scenario.plan()
         self.session = Session()
         self.pilot = self._new_pilot()
-        self.truth = Truth(scenario, self.bench.field)
+        self.truth = Truth(self.bench.world, self.bench.field)
         self.steering: list[tuple[float, float, float, float]] = []
         self.frames = 0
         self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
@@ -111,7 +118,10 @@ class Harvest:
         self._due: deque[tuple[float, float, Picture]] = deque()
         self._video: pictures.Video | None = None
         self._video_work: deque[Future[None]] = deque()
-        lens = scenario.lens_truth
+        lens = self.bench.world.lens
+        self._delay_s = lens.delay_s
+        self._late_s = lens.delay_s - self._told.vehicle.camera_delay_s
+        """How much later than a picture's shutter the host believes that to have been."""
         self._frame_ticks = max(1, round(HOST_HZ / lens.fps))
         if video is not None:
             fps = lens.fps / VIDEO_EVERY * 4
@@ -134,8 +144,7 @@ class Harvest:
             self._record = Recorder(record, about, tee)
 
     def _new_pilot(self) -> Pilot:
-        s = self.scenario
-        return Pilot(s.vehicle, self._detector(self.bench), s.plan())
+        return Pilot(self._told.vehicle, self._detector(self.bench), self._plan)
 
     def run(
         self,
@@ -185,7 +194,7 @@ class Harvest:
                 if self.eyes.instant
                 else self._darkroom.submit(self.eyes.develop, shot)
             )
-            self._due.append((now + self.scenario.vehicle.camera_delay_s - 1e-9, now, work))
+            self._due.append((now + self._delay_s - 1e-9, now, work))
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
             self._fix = next(reversed(self._receiver.feed(now, data)), self._fix)
@@ -208,7 +217,7 @@ class Harvest:
         if self._due and self._due[0][0] <= now:
             _, stamp, work = self._due.popleft()
             jpeg, decoded = work.result()
-            arrived = (stamp, jpeg)
+            arrived = (_whole_ns(max(0.0, stamp + self._late_s)), jpeg)
         got = self.bench.faults.camera(now, arrived)
         if got is None:
             return

@@ -34,11 +34,13 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     ) -> None:
         """`board`: a real one, instead of the firmware that the scenario names."""
         self.scenario = scenario
-        spec = scenario.machine_truth
-        seed = scenario.seed
-        self.field = Field(scenario.field, seed)
+        self.world = world = scenario.world
+        self._told = scenario.told
+        spec = world.machine
+        seed = world.seed
+        self.field = Field(world.field, seed)
         self._camera_threads = camera_threads
-        self.gnss = Gnss(scenario.gnss, seed)
+        self.gnss = Gnss(world.gnss, seed)
         self.cut_cells = 0
         """Crop cells cut during the last `advance`."""
         self._spec = spec
@@ -46,7 +48,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         # Views: to ask a record for a field takes as long as all that is done with it.
         self._place = tuple(self._state[name] for name in ("x", "y", "yaw"))
         self._speed, self._spinning = self._state["v"], self._state["blade_spinning"]
-        steer_hz, drive_hz = provision.pwm_hz(scenario.firmware_parameters)
+        steer_hz, drive_hz = provision.pwm_hz(self._told.parameters)
         self._params = machine.parameters(spec, seed, steer_pwm_hz=steer_hz, drive_pwm_hz=drive_hz)
         self._given = machine.inputs()
         self._slices = 0
@@ -61,7 +63,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
             self.target = board
             self._inner = board.bind(*records, wires=self.faults.taps)
         else:
-            target = provision.target(scenario.firmware, scenario.firmware_parameters)
+            target = provision.target(scenario.firmware, self._told.parameters)
             self.target = target
             self._inner = coupling.bind(target, *records, wires=self.faults.taps)
         self.target.set_pin(coupling.ESTOP, False)
@@ -69,9 +71,16 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     @cached_property
     def camera(self) -> Camera:
         """Made when it is first asked for: a run that takes no pictures needs none."""
-        s = self.scenario
-        threads = self._camera_threads
-        return Camera(self.field, s.lens_truth, s.weather, s.seed, threads=threads)
+        world, spec = self.world, self._spec
+        return Camera(
+            self.field,
+            world.lens,
+            world.weather,
+            world.seed,
+            threads=self._camera_threads,
+            blade_x_m=spec.blade_x_m,
+            blade_width_m=spec.blade_width_m,
+        )
 
     @property
     def machine_spec(self) -> machine.MachineSpec:
@@ -176,7 +185,13 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         x, y, yaw = self.pose
         course = yaw + float(s["slip_rear"])
         v = float(s["v"])
-        antenna = self.faults.antenna(self.now, x, y, v * math.cos(course), v * math.sin(course))
+        gnss, c, s_ = self.world.gnss, math.cos(yaw), math.sin(yaw)
+        ahead, left = gnss.antenna_x_m, gnss.antenna_y_m
+        ax, ay = x + ahead * c - left * s_, y + ahead * s_ + left * c
+        rate = float(s["yaw_rate"])
+        vx = v * math.cos(course) - rate * (ay - y)
+        vy = v * math.sin(course) + rate * (ax - x)
+        antenna = self.faults.antenna(self.now, ax, ay, vx, vy)
         shaded = self.field.under_trees(x, y)
         return self.faults.nmea(self.now, self.gnss.epoch(self.now, *antenna, under_trees=shaded))
 

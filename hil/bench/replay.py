@@ -303,7 +303,7 @@ def replay(
             "no scenario: the firmware's own inputs are unknown, it is not replayed"
         )
         return outcome
-    overrides: dict[str, Any] = {"parameters": dict(parameters or {})}
+    overrides: dict[str, Any] = {"belief": {"parameters": dict(parameters or {})}}
     if firmware is not None:
         overrides["firmware"] = firmware
     _replay_firmware(path, scenarios.changed(about.scenario, overrides), outcome)

@@ -102,9 +102,9 @@ class Rig:
         self._pool = ThreadPoolExecutor(1)
         self._pictures: deque[tuple[float, float, Future[bytes]]] = deque()
         """(when it is due, its shutter in simulated time, the picture in the making)."""
-        fps = bench.scenario.lens_truth.fps
+        fps = bench.world.lens.fps
         self._picture_slices = max(1, round(1 / fps / SLICE_S))
-        self._delay = bench.scenario.vehicle.camera_delay_s / factor
+        self._delay = bench.world.lens.delay_s / factor
 
     def run(self, duration_s: float | None = None) -> None:
         """Until `duration_s` of simulated time have passed, or for ever."""
@@ -162,15 +162,15 @@ class Rig:
 
 
 def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
-    """Writes what the operator of this machine would have: vehicle.yaml with the calibrated camera
-    and boundary.geojson. Returns the options for `daranti drive`."""
+    """Writes what the operator of this machine would have: vehicle.yaml and boundary.geojson, as
+    the scenario's belief says. Returns the options for `daranti drive`."""
     out.mkdir(parents=True, exist_ok=True)
-    mounts = chosen.vehicle.mounts | {chosen.camera: chosen.mount}
-    save_vehicle(out / "vehicle.yaml", chosen.vehicle.model_copy(update={"mounts": mounts}))
+    told = chosen.told
+    save_vehicle(out / "vehicle.yaml", told.vehicle)
     frame = LocalFrame(chosen.gnss.lat_deg, chosen.gnss.lon_deg)
     rings = [
         [frame.to_wgs84(x, y)[::-1] for x, y in (*ring, ring[0])]
-        for ring in (chosen.corners(), *chosen.field.keep_outs)
+        for ring in (told.boundary, *told.keep_outs)
     ]
     polygon = {"type": "Polygon", "coordinates": rings}
     (out / "boundary.geojson").write_text(json.dumps(polygon), encoding="utf-8")
@@ -179,8 +179,8 @@ def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
         "mount": chosen.camera,
         "mode": chosen.mode,
         "boundary": str(out / "boundary.geojson"),
-        "corner": str(chosen.start.corner),
-        "gap": str(chosen.field.gap_m),
+        "corner": str(told.corner),
+        "gap": str(told.gap_m),
     }
 
 

@@ -64,7 +64,7 @@ def rig(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
         )
     rehearse(chosen)
-    board = Board(real, chosen.firmware_parameters) if real is not None else None
+    board = Board(real, chosen.told.parameters) if real is not None else None
     with Bench(chosen, board=board) as bench:
         with ExitStack() as plugged:
             ports: dict[str, Port] = {"port": PseudoTerminal(link)}

@@ -11,15 +11,14 @@ import numpy as np
 import shapely
 from numba import njit
 from numpy.typing import NDArray
-from shapely import affinity
 
-from hil.scenario.scenario import Scenario
+from hil.scenario.world import MARGIN_M, World, outline_of, placed
 from host.estimate.crop_ahead import EndOfField
 from host.pilot.pilot import Phase, Pilot
 from sim_plant.field import Field
 
-MARGIN_M = 0.2
-"""The permitted area ends this far before the neighbour's crop."""
+OVERLAP_M = 0.08
+"""How far outside the crop's edge the blade's right end is to run (design.md: no sliver stays)."""
 PROBE_AHEAD_M = 0.1
 """The true edge is read this far before the blade, where the crop still stands."""
 FALSE_END_M = 0.5
@@ -72,7 +71,7 @@ def room_m(sides: NDArray[np.float64], x: float, y: float) -> float:
 class Truth:
     """Follows one run. Poses are (x, y, yaw) of the rear axle in the field frame."""
 
-    scenario: Scenario
+    world: World
     crop: Field
     path: list[tuple[float, float, float, float, Phase]] = field(default_factory=list)
     """(t, x, y, yaw, phase)."""
@@ -87,13 +86,7 @@ class Truth:
         self._keep_outs = [shapely.Polygon(ring) for ring in self.crop.spec.keep_outs]
         for shape in (self._permitted, *self._keep_outs):
             shapely.prepare(shape)
-        v = self.scenario.vehicle
-        half = v.half_width_m
-        body = shapely.box(-v.rear_overhang_m, -half, v.blade_x_m, half)
-        blade = shapely.box(
-            v.blade_x_m - 0.1, -v.blade_width_m / 2, v.blade_x_m + 0.05, v.blade_width_m / 2
-        )
-        self._outline = body.union(blade)
+        self._outline = outline_of(self.world.machine)
         rear, _, front, _ = self._outline.bounds
         self._middle = (rear + front) / 2
         corners = shapely.get_coordinates(self._outline) - (self._middle, 0.0)
@@ -120,11 +113,11 @@ class Truth:
         self._travel.append((t, self._travelled, self._last_cut_at, x, y, yaw))
         c, s = math.cos(yaw), math.sin(yaw)
         if room_m(self._borders, x + self._middle * c, y + self._middle * s) < self._radius:
-            self._near_border(affinity.affine_transform(self._outline, [c, -s, s, c, x, y]))
+            self._near_border(placed(self._outline, x, y, yaw))
         if pilot.phase is Phase.FOLLOW and cut_cells:
             offset = self.edge_offset(pose)
             if math.isfinite(offset):
-                self.lateral.append(offset - self.scenario.vehicle.overlap_m)
+                self.lateral.append(offset - OVERLAP_M)
         while self._ends_seen < len(pilot.ends):
             self._end(pilot.ends[self._ends_seen])
             self._ends_seen += 1
@@ -143,7 +136,7 @@ class Truth:
         """How far the true edge lies left of the blade's right end (the overlap, when on the lane);
         NaN where there is none."""
         x, y, yaw = pose
-        v = self.scenario.vehicle
+        v = self.world.machine
         ahead, right = v.blade_x_m + PROBE_AHEAD_M, -v.blade_width_m / 2
         bx = x + ahead * math.cos(yaw) - right * math.sin(yaw)
         by = y + ahead * math.sin(yaw) + right * math.cos(yaw)
@@ -157,7 +150,7 @@ class Truth:
         _, travelled, last_cut_then, x, y, yaw = self._travel[index]
         last_cut = max(last_cut_then, self._last_cut_at)
         self.ends.append(travelled - last_cut)
-        v = self.scenario.vehicle
+        v = self.world.machine
         beyond = v.blade_x_m + FALSE_END_M
         bx, by = x + beyond * math.cos(yaw), y + beyond * math.sin(yaw)
         share = self.crop.share_ahead(bx, by, yaw, 0.6 * v.blade_width_m, 0.5)

@@ -153,7 +153,7 @@ def draw_path(data: Series) -> Figure:
     axes = figure.subplots()
     track = data.truth if len(data.truth) else data.pilot
     if data.scenario is not None and len(data.truth):
-        ring = [*data.scenario.corners(), data.scenario.corners()[0]]
+        ring = [*data.scenario.world.corners, data.scenario.world.corners[0]]
         axes.plot(*np.array(ring).T, color="0.3", lw=1.5, label="crop's boundary")
     names = [phase for _, phase, _ in data.phases]
     since = [stamp for stamp, _, _ in data.phases]

@@ -15,7 +15,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
-from hil.scenario.scenario import Scenario, Start
+from hil.scenario.scenario import Scenario
+from hil.scenario.world import Start
 from sim_plant.field import FieldSpec, Point, Tree
 from sim_plant.gnss import GnssSpec
 from sim_plant.sky import WeatherSpec
@@ -187,6 +188,12 @@ def random_field(seed: int) -> Scenario:
         wind_mps=within(0.0, 6.0),
         wind_from_deg=within(0, 360),
     )
+    kit = np.random.default_rng([seed, 0xC0DE])
+    """Machine and phone have numbers of their own: the fields stay what they were."""
+
+    def kitted(low: float, high: float) -> float:
+        return round(float(kit.uniform(low, high)), 3)
+
     what = f"random {shape}" + (" with a keep-out" if walked is not None else "")
     return Scenario(
         name=what,
@@ -194,7 +201,14 @@ def random_field(seed: int) -> Scenario:
         camera="mast" if rng.random() < 0.5 else "low",
         field=field,
         weather=weather,
-        gnss=GnssSpec(cep_m=within(0.5, 2.5)),
+        lens={"delay_s": kitted(0.05, 0.25)},
+        gnss=GnssSpec(
+            cep_m=within(0.5, 2.5),
+            antenna_x_m=kitted(-0.2, 0.5),
+            antenna_y_m=kitted(-0.3, 0.3),
+            smoothing_s=kitted(0.0, 1.5),
+            lag_s=kitted(0.0, 0.8),
+        ),
         start=Start(
             corner=int(rng.integers(len(ring))),
             before_m=within(0.0, 0.5),

@@ -1,42 +1,32 @@
 """Scenarios: one typed, validated file says everything a run depends on.
 
-Named ones lie in hil/scenario/files/*.yaml. An error names the file, the line, the field and what
-was expected. The host's vehicle file is part of it; the plant's truth follows from that file
-where the scenario does not say otherwise.
+A scenario has two halves. The world is what is: `field`, `machine`, `lens`, `weather`, `gnss`,
+`start`. The belief is what the host is told of it. Only this package sees both: plant and judge get
+`world`, the host gets `told`. Named scenarios lie in hil/scenario/files/*.yaml. An error names the
+file, the line, the field and what was expected.
 """
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import shapely
 import yaml
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from hil.firmware.provision import Firmware, raw_values
+from hil.firmware.provision import Firmware
+from hil.scenario.belief import Belief, Told, corner_like, spelled_out, told
 from hil.scenario.faults import Fault
+from hil.scenario.world import Start, World
 from host.core.errors import UserError
 from host.core.vehicle import Mount, Vehicle
-from host.field.areas import GAP_MARGIN_M, outline_of, placed
-from host.route.plan import Plan, spiral
-from sim_plant.camera import CameraSpec
+from host.route.plan import Plan
+from sim_plant.camera import MOUNTS, CameraSpec
 from sim_plant.field import FieldSpec
 from sim_plant.gnss import GnssSpec
-from sim_plant.machine import DriveSpec, MachineSpec
+from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
 
-NEARER_M = 1.0
-NEARER_STEP_M = 0.01
-"""How an operator moves the machine up where there is no room behind it."""
 FOLDER = Path(__file__).parent / "files"
 
 
@@ -62,20 +52,6 @@ class Recording(BaseModel):
     """Serve a live view for Foxglove there; 0 takes any free port."""
 
 
-class Start(BaseModel):
-    """Where the operator puts the machine: at a corner, the blade's right end on the outer edge."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    corner: Annotated[int, Field(ge=0)] = 1
-    """Index into the boundary (counter-clockwise from the lower left); the first side runs on
-    from it."""
-    before_m: Annotated[float, Field(ge=0)] = 0.0
-    """The blade's line before the crop, at most."""
-    lateral_error_m: float = 0.0
-    heading_error_deg: float = 0.0
-
-
 class Scenario(BaseModel):
     """Everything that a run depends on, the seed included."""
 
@@ -85,115 +61,80 @@ class Scenario(BaseModel):
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 1
     firmware: Firmware = "desk"
     camera: str = "mast"
-    """One of the vehicle's mounts."""
+    """Which of the machine's mounts carries the camera."""
     mode: Literal["paper", "robust"] = "robust"
     """Which detector steers."""
     eyes: Literal["picture", "model"] = "picture"
     """Whether it sees simulated pictures, or what it would say of them is drawn
     (hil/bench/model_eyes.py)."""
-    parameters: dict[str, float] = {}
-    """The firmware's, by name and in their units, where they are not the defaults."""
-    vehicle: Vehicle = Vehicle()
-    machine: MachineSpec | None = None
-    """The plant's truth; None: as the vehicle file says."""
-    lens: CameraSpec | None = None
-    """The camera's truth; None: the mount, with the plant's default lens and sensor."""
+    machine: MachineSpec = MachineSpec()
+    lens: dict[str, Any] = {}
+    """Of CameraSpec, what is not as the mount's drawing has it."""
     field: FieldSpec = FieldSpec()
     weather: WeatherSpec = WeatherSpec()
     gnss: GnssSpec = GnssSpec()
-    turn: Literal["three_point", "arc"] = "three_point"
     start: Start = Start()
+    belief: Belief = Belief()
+    turn: Literal["three_point", "arc"] = "three_point"
     faults: tuple[Fault, ...] = ()
     limits: Limits = Limits()
     record: Recording = Recording()
 
     @model_validator(mode="after")
     def _camera_is_mounted(self) -> Scenario:
-        if self.camera not in self.vehicle.mounts:
-            known = ", ".join(sorted(self.vehicle.mounts))
-            raise ValueError(f"no camera mount is named {self.camera!r}; the vehicle has {known}")
+        if self.camera not in MOUNTS:
+            known = ", ".join(sorted(MOUNTS))
+            raise ValueError(f"no camera mount is named {self.camera!r}; the machine has {known}")
+        unknown = sorted(set(self.lens) - set(CameraSpec.model_fields))
+        if unknown:
+            raise ValueError(f"lens.{unknown[0]}: no such field")
+        try:
+            assert self.world.lens
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ValueError(f"lens.{first['loc'][0]}: {first['msg']}") from error
         return self
 
-    @field_validator("parameters")
-    @classmethod
-    def _known(cls, parameters: dict[str, float]) -> dict[str, float]:
-        raw_values(parameters)
-        return parameters
+    @property
+    def world(self) -> World:
+        """What is: all that plant and judge may know."""
+        drawing = MOUNTS[self.camera].model_dump()
+        lens = CameraSpec.model_validate(drawing | self.lens)
+        return World(self.seed, self.field, self.machine, lens, self.weather, self.gnss, self.start)
+
+    @property
+    def told(self) -> Told:
+        """What the host is given: all that it may know. UserError where it cannot be."""
+        return told(self.belief, self.world, self.camera)
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle file that the host reads."""
+        return self.told.vehicle
 
     @property
     def mount(self) -> Mount:
-        """The camera mount as the host knows it, its lens calibrated."""
-        mount = self.vehicle.mounts[self.camera]
-        lens = self.lens_truth
-        return mount.model_copy(update={"distortion": (lens.k1, lens.k2, 0.0, 0.0, 0.0)})
-
-    @property
-    def lens_truth(self) -> CameraSpec:
-        """The simulated camera."""
-        if self.lens is not None:
-            return self.lens
-        names = ("x_m", "y_m", "z_m", "pitch_deg", "yaw_deg", "roll_deg", "width_px", "height_px")
-        mount = self.vehicle.mounts[self.camera]
-        values = {name: getattr(mount, name) for name in (*names, "hfov_deg")}
-        return CameraSpec(**values)
-
-    @property
-    def machine_truth(self) -> MachineSpec:
-        """The simulated machine."""
-        if self.machine is not None:
-            return self.machine
-        v = self.vehicle
-        return MachineSpec(
-            wheelbase_m=v.wheelbase_m,
-            blade_width_m=v.blade_width_m,
-            blade_ahead_m=v.blade_ahead_m,
-            blade_height_m=v.blade_height_m,
-            half_width_m=v.half_width_m,
-            rear_overhang_m=v.rear_overhang_m,
-            drive=DriveSpec(hall_pulses_per_m=v.hall_pulses_per_m),
-        )
-
-    @property
-    def firmware_parameters(self) -> dict[str, float]:
-        """What the workshop stores in the microcontroller: what the vehicle file says, then
-        `parameters`."""
-        return {"hall_per_metre": self.vehicle.hall_pulses_per_m} | self.parameters
-
-    def corners(self) -> list[tuple[float, float]]:
-        """The boundary as surveyed, counter-clockwise; a rectangle's from its lower left."""
-        if self.field.polygon is None:
-            width, height = self.field.size_m
-            return [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
-        return [(x, y) for x, y in list(self.field.boundary.exterior.coords)[:-1]]
+        """The camera mount as the host knows it."""
+        return self.told.mount
 
     def plan(self) -> Plan:
-        """What the host is told of the field: the spiral of its boundary."""
-        v = self.vehicle
-        holes = [list(ring) for ring in self.field.keep_outs]
-        return spiral(self.corners(), self.start.corner, v, self.turn, self.field.gap_m, holes)
+        """What the host makes of the field that it is told of."""
+        return self.told.plan(self.turn)
 
     def start_pose(self) -> tuple[float, float, float]:
-        """(x, y, yaw) of the rear axle: on the lane beside the plan's first side, the blade before
-        it, but nearer than `start.before_m` where the machine would stand outside the permitted
-        area."""
-        side = self.plan().sides[0]
-        yaw = side.heading_rad
-        v, start = self.vehicle, self.start
-        inside = v.inset_m - side.shift_m + start.lateral_error_m
-        room = max(0.0, self.field.gap_m - GAP_MARGIN_M)
-        permitted = self.field.boundary.buffer(room, join_style="mitre")
-        outline = outline_of(v)
-        heading = yaw + math.radians(start.heading_error_deg)
-
-        def pose(nearer_m: float) -> tuple[float, float, float]:
-            back = v.blade_x_m + start.before_m - nearer_m
-            x = side.x_m - back * math.cos(yaw) - inside * math.sin(yaw)
-            y = side.y_m - back * math.sin(yaw) + inside * math.cos(yaw)
-            return x, y, heading
-
-        tries = (pose(k * NEARER_STEP_M) for k in range(1 + round(NEARER_M / NEARER_STEP_M)))
-        fits = (at for at in tries if permitted.contains(shapely.Polygon(placed(outline, *at))))
-        return next(fits, pose(0.0))
+        """(x, y, yaw) of the rear axle where the operator has put the machine down: truly, at a
+        true corner. Which one, and how far a lane beside a narrow strip is to lie from the usual
+        one, the operator takes from the plan; who was told another corner (`belief.corner`) stands
+        at `start.corner` all the same."""
+        world, known = self.world, self.told
+        first = known.plan(self.turn).sides[0]
+        corner = world.start.corner
+        if self.belief.corner is None:
+            x, y, heading = first.x_m, first.y_m, first.heading_rad
+            begins = known.side_of(x, y, heading)
+            if begins != known.corner:
+                corner = corner_like(known.boundary, begins, world.corners)
+        return world.stood_at(corner, first.shift_m)
 
 
 def named() -> list[str]:
@@ -222,8 +163,11 @@ def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     out = dict(base)
     for key, value in over.items():
         old = out.get(key)
-        both = isinstance(old, dict) and isinstance(value, dict)
-        out[key] = merge(old, value) if both else value  # type: ignore[arg-type]
+        if key == "belief":
+            old = spelled_out(old)
+        new = spelled_out(value) if key == "belief" else value
+        both = isinstance(old, dict) and isinstance(new, dict)
+        out[key] = merge(old, new) if both else new  # type: ignore[arg-type]
     return out
 
 
@@ -244,7 +188,8 @@ def assigned(setting: str) -> dict[str, Any]:
 def changed(base: Scenario, overrides: dict[str, Any]) -> Scenario:
     """A scenario with other values in some fields (nested like the file). UserError naming them."""
     try:
-        return Scenario.model_validate(merge(base.model_dump(mode="json"), overrides))
+        data = base.model_dump(mode="json")
+        return Scenario.model_validate(merge(data, overrides))
     except ValidationError as error:
         raise UserError(_explain(Path(base.name), {}, error)) from error
 

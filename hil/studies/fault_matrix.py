@@ -223,6 +223,7 @@ def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: s
             "mode": mode,
             "camera": camera,
             "field": FieldSpec(size_m=size).model_dump(),
+            "belief": "exact",
             "limits": Limits(time_s=LIMIT_S).model_dump(),
             "record": Recording(pictures_every=1).model_dump(),
         }

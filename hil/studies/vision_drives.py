@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.judge.metrics import FALSE_END_M, PROBE_AHEAD_M
+from hil.scenario.belief import Belief
 from hil.scenario.scenario import Scenario
+from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import CONFIDENT, Ahead, EndOfField
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
@@ -95,6 +97,7 @@ class _Edge:
 
     crop: Field
     scenario: Scenario
+    vehicle: Vehicle
     depth_m: float
     end_m: float
     weave: tuple[tuple[float, float, float], ...]
@@ -103,7 +106,7 @@ class _Edge:
     def pose(self, blade_x: float) -> Pose:
         """The rear axle where the blade's line is at `blade_x`. The blade's middle weaves; the rear
         axle, whose wheels do not slip sideways, is drawn behind it like a trailer."""
-        v = self.scenario.vehicle
+        v = self.vehicle
         bar = v.blade_x_m
         blade = rear = self.depth_m + 0.5 * v.blade_width_m - v.overlap_m
         for amplitude, wavelength, phase in self.weave:
@@ -136,7 +139,11 @@ def _prepare(drive: Drive) -> _Edge:
     if drive.dust is not None:
         weather = weather.model_copy(update={"dust": drive.dust})
     scenario = Scenario(
-        seed=int(rng.integers(1 << 30)), camera=drive.mount, field=spec, weather=weather
+        seed=int(rng.integers(1 << 30)),
+        camera=drive.mount,
+        field=spec,
+        weather=weather,
+        belief=Belief.model_validate("exact"),
     )
     v = scenario.vehicle
     crop = Field(spec, scenario.seed)
@@ -151,7 +158,7 @@ def _prepare(drive: Drive) -> _Edge:
         (float(rng.uniform(0.01, 0.05)), float(rng.uniform(4, 9)), float(phases[0])),
         (float(rng.uniform(0.0, 0.08)), float(rng.uniform(12, 30)), float(phases[1])),
     )
-    return _Edge(crop, scenario, depth, end, weave)
+    return _Edge(crop, scenario, v, depth, end, weave)
 
 
 def _declared(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
@@ -186,7 +193,7 @@ class Seen:
 def drive_along(edge: _Edge) -> Iterator[Seen]:
     """The pictures of one edge, from before the crop to beyond its end."""
     crop, scenario = edge.crop, edge.scenario
-    v, lens = scenario.vehicle, scenario.lens_truth
+    v, lens = edge.vehicle, scenario.world.lens
     camera = Camera(crop, lens, scenario.weather, scenario.seed, threads=1)
     speed = v.cutting_speed_mps
     start = -0.4
@@ -231,7 +238,7 @@ def run(drive: Drive) -> Outcome:
         return Outcome(**json.loads(drive.path.read_text(encoding="utf-8")))
     cv2.setNumThreads(1)
     edge = _prepare(drive)
-    scenario, v = edge.scenario, edge.scenario.vehicle
+    scenario, v = edge.scenario, edge.vehicle
     eye = make_detector(drive.mode, v, scenario.mount)
     rng = np.random.default_rng((drive.seed, drive.number, 1))
     scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import Bench
+from hil.judge.metrics import OVERLAP_M
 from hil.scenario.scenario import Scenario
 from host.vision.view import CropView
-from sim_plant.camera import MAST
 
 PROBES_M = (0.1, 0.6)
 """The edge is read this far before the blade."""
@@ -30,7 +30,7 @@ class Oracle:
     def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
         del bgr, stages
         bench = self._bench
-        v = bench.scenario.vehicle
+        v = bench.world.machine
         x, y, yaw = bench.pose
         c, s = math.cos(yaw), math.sin(yaw)
         right = -v.blade_width_m / 2
@@ -46,7 +46,7 @@ class Oracle:
             return CropView(0.0, crop_ahead_m=ahead_m, ahead_confidence=1.0, reason="no edge")
         return CropView(
             0.95,
-            edge_offset_m=found[0] - v.overlap_m,
+            edge_offset_m=found[0] - OVERLAP_M,
             edge_heading_rad=math.atan2(found[1] - found[0], PROBES_M[1] - PROBES_M[0]),
             crop_ahead_m=ahead_m,
             ahead_confidence=1.0,
@@ -64,7 +64,8 @@ def quick(**changes: Any) -> Scenario:
     values: dict[str, Any] = {
         "name": "quick",
         "field": {"size_m": (4.0, 3.0), "neighbour_depth_m": 2.0},
-        "lens": MAST.model_copy(update={"width_px": 64, "height_px": 48}).model_dump(),
+        "lens": {"width_px": 64, "height_px": 48},
+        "belief": "exact",
         "limits": {"time_s": 10.0},
     }
     return Scenario.model_validate(values | changes)

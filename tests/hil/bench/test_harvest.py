@@ -29,7 +29,7 @@ def digest(path: Path, scenario: Scenario, **more: Any) -> str:
 
 def test_the_same_seed_gives_the_same_record_byte_for_byte(tmp_path: Path) -> None:
     """With the real camera and the real vision, whatever the number of the camera's threads."""
-    scenario = quick(lens=None, limits={"time_s": 4.0}, record={"pictures_every": 1})
+    scenario = quick(lens={}, limits={"time_s": 4.0}, record={"pictures_every": 1})
     one = digest(tmp_path / "one.mcap", scenario, camera_threads=1)
     two = digest(tmp_path / "two.mcap", scenario, camera_threads=2)
     again = digest(tmp_path / "again.mcap", scenario, camera_threads=1)

@@ -19,7 +19,7 @@ from tests.helpers.oracle import quick
 pytestmark = pytest.mark.skipif(
     not targets.DESK_LIBRARY.exists(), reason="the desk firmware is not built: make build"
 )
-NO_HALL = {"hall_pulses_per_m": 0.0}
+NO_HALL = {"drive": {"hall_pulses_per_m": 0.0}}
 """The speed is not controlled: what loads the wheels slows them."""
 
 
@@ -62,7 +62,7 @@ def test_what_stands_in_the_blades_way_is_cut_while_it_turns_and_only_then() -> 
 def test_cutting_loads_the_wheels() -> None:
     speeds = []
     for stands in (True, False):
-        with made(vehicle=NO_HALL) as bench:
+        with made(machine=NO_HALL) as bench:
             if not stands:
                 bench.field.clear(((-1.0, -1.0), (5.0, -1.0), (5.0, 4.0), (-1.0, 4.0)))
             speeds.append(sum(driven(bench, 4.0)[-20:]) / 20)
@@ -74,7 +74,7 @@ def test_uphill_it_is_slower() -> None:
     speeds = []
     for slope in (4.0, -4.0):
         field = {"size_m": (4.0, 3.0), "side_slope_deg": slope, "bump_sd_deg": 0.0}
-        with made(vehicle=NO_HALL, field=field) as bench:
+        with made(machine=NO_HALL, field=field) as bench:
             assert bench.pose[2] == pytest.approx(math.pi / 2)
             speeds.append(sum(driven(bench, 3.0, blade=False)[-20:]) / 20)
     assert speeds[0] < 0.95 * speeds[1]

@@ -115,7 +115,7 @@ def test_a_faulty_run_replays_as_well(
 
 def test_where_every_picture_was_kept_vision_is_replayed(tmp_path: Path) -> None:
     path = tmp_path / "record.mcap"
-    scenario = quick(lens=None, limits={"time_s": 3.0}, record={"pictures_every": 1})
+    scenario = quick(lens={}, limits={"time_s": 3.0}, record={"pictures_every": 1})
     run = Harvest(scenario, path)
     run.run()
     run.close()

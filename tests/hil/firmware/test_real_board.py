@@ -127,7 +127,7 @@ def driven(bench: Bench, seconds: float, until_s: float) -> list[Telemetry]:
 def test_the_board_drives_the_machine_as_the_simulated_uno_does(image: Path) -> None:
     chosen = Scenario.model_validate(quick().model_dump() | {"firmware": "avr"})
     with simulated(image) as behind:
-        board = Board(behind.port.name, chosen.firmware_parameters, wait_s=WAIT_S)
+        board = Board(behind.port.name, chosen.told.parameters, wait_s=WAIT_S)
         with Bench(chosen, board=board) as bench:
             said = driven(bench, 4.0, 3.0)
             there, speed = bench.pose, float(bench.state["v"])
@@ -147,7 +147,7 @@ def test_the_e_stop_reaches_the_board(image: Path) -> None:
     fault = Fault(component="estop", failure="off", at=At(time_s=2.0))
     chosen = quick(faults=(fault,))
     with simulated(image) as behind:
-        board = Board(behind.port.name, chosen.firmware_parameters, wait_s=WAIT_S)
+        board = Board(behind.port.name, chosen.told.parameters, wait_s=WAIT_S)
         with Bench(chosen, board=board) as bench:
             said = driven(bench, 2.5, 9.0)
     first = next(t for t in said if t.faults and t.stamp > 2.0)
@@ -168,7 +168,7 @@ def test_a_board_that_would_drive_real_motors_is_refused() -> None:
 def test_a_board_that_falls_silent_is_one_message(image: Path) -> None:
     chosen = quick()
     with simulated(image) as behind:
-        board = Board(behind.port.name, chosen.firmware_parameters, wait_s=WAIT_S)
+        board = Board(behind.port.name, chosen.told.parameters, wait_s=WAIT_S)
         with Bench(chosen, board=board) as bench:
             bench.advance(0.2)
             board._wait_s = 0.0
@@ -183,7 +183,7 @@ def test_the_bench_does_not_pretend_to_reset_a_board(image: Path) -> None:
     fault = Fault(component="firmware", failure="off", at=At(time_s=0.5))
     chosen = quick(faults=(fault,))
     with simulated(image) as behind:
-        board = Board(behind.port.name, chosen.firmware_parameters, wait_s=WAIT_S)
+        board = Board(behind.port.name, chosen.told.parameters, wait_s=WAIT_S)
         with Bench(chosen, board=board) as bench, pytest.raises(UserError, match="real board"):
             bench.advance(1.0)
 

@@ -33,7 +33,7 @@ class Ride:
         size = {"size_m": (LENGTH_M, WIDTH_M), "gap_m": GAP_M, "neighbour_depth_m": 2.0}
         self.scenario = quick(field=size | more)
         self.crop = Field(self.scenario.field, 1)
-        self.truth = Truth(self.scenario, self.crop)
+        self.truth = Truth(self.scenario.world, self.crop)
         self.vehicle = self.scenario.vehicle
         self.pilot = Stub()
         self.y = self.vehicle.inset_m + aside_m

@@ -25,7 +25,7 @@ from hil.scenario.random_fields import (
     neck_m,
     random_field,
 )
-from hil.scenario.scenario import Scenario
+from hil.scenario.scenario import Scenario, changed
 from host.core.vehicle import Vehicle
 from host.pilot.pilot import Pilot
 from host.vision.view import Detector
@@ -61,8 +61,8 @@ def test_every_kind_of_field_is_drawn() -> None:
     kinds = {scenario.name.removesuffix(" with a keep-out") for scenario in MANY}
     assert kinds == {"random rectangle", "random trapezoid", "random L", "random irregular"}
     assert {scenario.camera for scenario in MANY} == {"low", "mast"}
-    assert {len(scenario.corners()) for scenario in MANY} == set(range(4, 10))
-    convex = {bool((corner_angles_deg(np.array(s.corners())) < 180).all()) for s in MANY}
+    assert {len(scenario.world.corners) for scenario in MANY} == set(range(4, 10))
+    convex = {bool((corner_angles_deg(np.array(s.world.corners)) < 180).all()) for s in MANY}
     assert convex == {True, False}
     with_keep_out = [scenario for scenario in MANY if scenario.field.keep_outs]
     assert 0.1 < len(with_keep_out) / len(MANY) < 0.3
@@ -71,10 +71,8 @@ def test_every_kind_of_field_is_drawn() -> None:
 
 def test_the_machine_begins_on_the_lane_of_the_plan_s_first_side() -> None:
     for scenario in MANY[:12]:
-        side, vehicle = scenario.plan().sides[0], scenario.vehicle
-        exact = scenario.model_copy(
-            update={"start": scenario.start.model_copy(update={"lateral_error_m": 0.0})}
-        )
+        exact = changed(scenario, {"belief": "exact", "start": {"lateral_error_m": 0.0}})
+        side, vehicle = exact.plan().sides[0], exact.vehicle
         x, y, _ = exact.start_pose()
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         along = (x - side.x_m) * c + (y - side.y_m) * s
@@ -85,7 +83,7 @@ def test_the_machine_begins_on_the_lane_of_the_plan_s_first_side() -> None:
 
 def test_the_machine_begins_inside_the_permitted_area() -> None:
     for scenario in MANY[:40]:
-        truth = Truth(scenario, Field(scenario.field))
+        truth = Truth(scenario.world, Field(scenario.field))
         truth.step(0.0, scenario.start_pose(), 0, IDLE)
         assert truth.outside_m == 0, scenario.seed
         assert truth.keep_out_m == 0

@@ -26,8 +26,8 @@ def test_every_named_scenario_is_sound(name: str) -> None:
     assert scenario.name == name
     assert scenario.plan().sides
     assert len(scenario.start_pose()) == 3
-    fitted = scenario.machine_truth.drive.hall_pulses_per_m
-    assert scenario.firmware_parameters["hall_per_metre"] == fitted
+    fitted = scenario.world.machine.drive.hall_pulses_per_m
+    assert scenario.told.parameters.get("hall_per_metre", 0.0) == pytest.approx(fitted, rel=0.011)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,9 @@ def test_the_bridges_run_at_what_the_firmware_is_told(
 @needs_firmware
 def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
     def lost(hz: float) -> float:
-        with Bench(quick(parameters={"steer_pwm_freq": hz})) as bench:
+        with Bench(
+            quick(belief={"errors": "exact", "parameters": {"steer_pwm_freq": hz}})
+        ) as bench:
             return float(bench._params[0]["st_dead"])
 
     assert lost(25_000) == pytest.approx(5 * lost(5_000))
@@ -62,8 +64,11 @@ def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
         ("field:\n  size_m: [4, -4]\n", 2, "field.size_m"),
         ("weather:\n  hour: 11\n  wind: 3\n", 3, "weather.wind: no such field"),
         ("camera: nose\n", 1, "camera"),
-        ("parameters:\n  steer_kq: 3\n", 1, "no parameter 'steer_kq'"),
-        ("parameters: {steer_kp: 1e6}\n", 1, "steer_kp must be"),
+        ("belief:\n  parameters:\n    steer_kq: 3\n", 2, "no parameter 'steer_kq'"),
+        ("belief: {parameters: {steer_kp: 1e6}}\n", 1, "steer_kp must be"),
+        ("belief: {vehicle: {wheelbase: 1}}\n", 1, "wheelbase: no such field"),
+        ("belief: {boundry: [[0, 0]]}\n", 1, "boundry"),
+        ("belief: near enough\n", 1, "belief"),
         (
             "faults:\n  - {component: pot, failure: off, at: {time_s: 1}}\n"
             "  - {component: estop, failure: slow, at: {time_s: 1}}\n",

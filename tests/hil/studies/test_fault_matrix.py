@@ -482,8 +482,8 @@ def test_verdicts_of_other_programs_are_not_taken_over(
 
 def test_hall_faults_have_a_hall_sensor_to_strike() -> None:
     base = base_scenario("follow", "desk", "robust", "mast")
-    assert base.firmware_parameters["hall_per_metre"] > 0
-    assert base.machine_truth.drive.hall_pulses_per_m > 0
+    assert base.told.parameters["hall_per_metre"] > 0
+    assert base.world.machine.drive.hall_pulses_per_m > 0
 
 
 @needs_firmware

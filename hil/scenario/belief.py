@@ -1,0 +1,447 @@
+"""The belief's half of a scenario: all that the host is given, and how it differs from the world.
+
+What is not given outright is what an owner would have found with a tape, a level, a phone and the
+calibration commands: the world's value with an error drawn by the scenario's seed, each error from
+numbers of its own. The sizes are docs/world.md's.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from hil.firmware.provision import raw_values
+from hil.scenario.world import World
+from host.core.errors import UserError
+from host.core.vehicle import Mount, Vehicle
+from host.core.vehicle_file import load_vehicle
+from host.field.boundary_file import load_field
+from host.field.survey import survey_track
+from host.field.walk import read_fixes, track_of
+from host.link import protocol
+from host.route.plan import Plan, spiral
+from host.sensors.nmea import LocalFrame, Receiver
+from sim_plant.field import Point
+from sim_plant.gnss import Gnss, GnssSpec
+
+NotNegative = Annotated[float, Field(ge=0)]
+Ring = tuple[Point, ...]
+WALK_MPS: Final = 1.3
+CORNER_PAUSE_S: Final = 2
+WALKS: Final = 5
+"""How often an owner walks a field whose walk does not close, before giving up."""
+LEARNED_LENS: Final = ("k1", "k2")
+VEHICLE_FILE, FIELD_FILE, PARAMETER_FILE = "vehicle.yaml", "field.geojson", "parameters.yaml"
+"""What commissioning leaves in its folder."""
+
+
+class Errors(BaseModel):
+    """How wrong the owner's values are: bounds of uniform draws, each to either side."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    tape_m: NotNegative = 0.01
+    """Of every length of the machine."""
+    mount_m: NotNegative = 0.03
+    mount_deg: NotNegative = 1.5
+    """Pitch, yaw and roll of the camera, by a level and by eye."""
+    lens: Literal["exact", "calibrated", "uncalibrated", "either"] = "either"
+    calibrated_deg: NotNegative = 0.3
+    """Of the horizontal field of view, with a lens that `calibrate camera` has measured;"""
+    uncalibrated_deg: NotNegative = 3.0
+    """and by the phone's data sheet, which knows no distortion."""
+    hall: NotNegative = 0.01
+    """Share of the pulses a metre."""
+    pot_deg: NotNegative = 1.0
+    """Of the steering pot's middle."""
+    delay_s: NotNegative = 0.05
+    """Of the picture's delay."""
+    gap_m: NotNegative = 0.2
+    crop_m: NotNegative = 0.1
+    walk_cep_m: tuple[NotNegative, NotNegative] | None = (0.5, 2.5)
+    """Of the phone with which the boundary is walked, and"""
+    walk_laps: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = (1, 3)
+    """in how many laps. None: the boundary is exact."""
+    keep_out_m: NotNegative = 0.1
+    """Of a keep-out's place, taped from the field's edges."""
+
+
+EXACT: Final[dict[str, Any]] = {
+    **{name: 0.0 for name, f in Errors.model_fields.items() if isinstance(f.default, float)},
+    "lens": "exact",
+    "walk_cep_m": None,
+}
+"""Errors of a host that knows the truth."""
+
+
+class Walk(BaseModel):
+    """The boundary as `daranti survey` makes it from a simulated walk."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    laps: Annotated[int, Field(ge=1)] = 1
+    cep_m: NotNegative = 2.5
+    seed: int | None = None
+    """Of the phone's errors; None: by the scenario's."""
+
+
+class Belief(BaseModel):
+    """What a scenario says of the host's knowledge; what is None is drawn with `errors`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    errors: Errors = Errors()
+    folder: str | None = None
+    """Of `daranti-hil commission`: vehicle, field and parameters come from there."""
+    boundary: Ring | Walk | str | None = None
+    """Corners in metres of the world's frame, a walk, or a file that `daranti` reads."""
+    keep_outs: tuple[Ring, ...] | None = None
+    gap_m: NotNegative | None = None
+    corner: Annotated[int, Field(ge=0)] | None = None
+    """Of the boundary as believed; None: where the machine stands."""
+    vehicle: dict[str, Any] | str = {}
+    """Fields of the vehicle file that are given outright, or the file."""
+    parameters: dict[str, float] = {}
+    """The firmware's, by name and in their units, where the calibration has left others."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, data: Any) -> Any:
+        return spelled_out(data)
+
+    @field_validator("parameters")
+    @classmethod
+    def _known(cls, parameters: dict[str, float]) -> dict[str, float]:
+        raw_values(parameters)
+        return parameters
+
+    @field_validator("vehicle")
+    @classmethod
+    def _sound(cls, vehicle: dict[str, Any] | str) -> dict[str, Any] | str:
+        if isinstance(vehicle, dict):
+            try:
+                _vehicle(Vehicle(), vehicle)
+            except ValidationError as error:
+                first = error.errors()[0]
+                where = ".".join(map(str, first["loc"]))
+                what = "no such field" if first["type"] == "extra_forbidden" else first["msg"]
+                raise ValueError(f"{where}: {what}") from error
+        return vehicle
+
+
+def spelled_out(data: Any) -> Any:
+    """A belief as a mapping: `exact`, for all of it or for its errors, is short for no errors."""
+    if data == "exact":
+        data = {"errors": "exact"}
+    if isinstance(data, dict) and data.get("errors") == "exact":
+        data = {**data, "errors": EXACT}
+    return data
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """All that the host is given."""
+
+    vehicle: Vehicle
+    camera: str
+    boundary: Ring
+    """Counter-clockwise, metres of the world's frame."""
+    keep_outs: tuple[Ring, ...]
+    gap_m: float
+    corner: int
+    parameters: dict[str, float]
+    """In the microcontroller's memory, where they are not the firmware's defaults."""
+
+    @property
+    def mount(self) -> Mount:
+        """Of the camera that is fitted."""
+        return self.vehicle.mounts[self.camera]
+
+    def side_of(self, x_m: float, y_m: float, heading_rad: float) -> int:
+        """Which corner the boundary's side leaves that has this direction and passes here."""
+        middles, headings = _midpoints(self.boundary)
+        c, s = np.cos(headings), np.sin(headings)
+        beside = np.abs(c * (y_m - middles[:, 1]) - s * (x_m - middles[:, 0]))
+        askew = np.abs(np.remainder(headings - heading_rad + math.pi, math.tau) - math.pi)
+        return int(np.argmin(beside + TURNED_M_RAD * askew))
+
+    def plan(self, turn: str) -> Plan:
+        """As `daranti plan` lays it out."""
+        holes = [list(ring) for ring in self.keep_outs]
+        return spiral(list(self.boundary), self.corner, self.vehicle, turn, self.gap_m, holes)
+
+
+def told(belief: Belief, world: World, camera: str) -> Told:
+    """What the owner of this world's machine and field would give the host. UserError where a file
+    cannot be read, or the walk gives no field."""
+    folder = Path(belief.folder) if belief.folder is not None else None
+    draw = Draw(world.seed)
+    if isinstance(belief.vehicle, str):
+        vehicle = load_vehicle(Path(belief.vehicle))
+    elif folder is not None:
+        vehicle = _vehicle(load_vehicle(folder / VEHICLE_FILE), belief.vehicle)
+    else:
+        vehicle = _vehicle(measured_vehicle(world, camera, belief.errors, draw), belief.vehicle)
+    if camera not in vehicle.mounts:
+        known = ", ".join(sorted(vehicle.mounts))
+        raise UserError(f"no camera mount is named {camera!r}; the vehicle has {known}")
+    given = belief.boundary
+    if given is None and folder is not None:
+        given = str(folder / FIELD_FILE)
+    outs = None
+    if given is None:
+        walk = drawn_walk(belief.errors, draw)
+        ring = world.corners if walk is None else walked(world, walk)
+    elif isinstance(given, Walk):
+        ring = walked(world, given)
+    elif isinstance(given, str):
+        ring, outs = _read(Path(given), world.gnss)
+    else:
+        ring = given
+    gap = belief.gap_m
+    if gap is None and folder is not None:
+        gap = _gap_of(folder)
+    if gap is None:
+        gap = max(0.0, world.field.gap_m + draw("gap", belief.errors.gap_m))
+    if belief.keep_outs is not None:
+        outs = belief.keep_outs
+    if outs is None:
+        outs = taped_keep_outs(world, ring, belief.errors, draw)
+    parameters = calibrated_parameters(world, vehicle, belief.errors, draw)
+    if folder is not None:
+        parameters = _parameters_of(folder)
+    corner = belief.corner
+    if corner is None:
+        corner = corner_like(world.corners, world.start.corner, ring)
+    if corner >= len(ring):
+        raise UserError(f"belief.corner: the boundary has {len(ring)} corners, numbered from 0")
+    return Told(vehicle, camera, ring, outs, gap, corner, parameters | belief.parameters)
+
+
+class Draw:
+    """Errors by name: another one more changes none of the rest."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def rng(self, name: str) -> np.random.Generator:
+        """Of one name."""
+        return np.random.default_rng([self._seed, 0xBE11, zlib.crc32(name.encode())])
+
+    def __call__(self, name: str, bound: float) -> float:
+        """Uniform within +-bound."""
+        return float(self.rng(name).uniform(-1.0, 1.0)) * bound
+
+
+# ---- the vehicle file ----------------------------------------------------------------------------
+
+
+def _vehicle(base: Vehicle, over: Mapping[str, Any]) -> Vehicle:
+    data = base.model_dump(mode="json")
+    mounts = {**data["mounts"]}
+    for name, mount in (over.get("mounts") or {}).items():
+        mounts[name] = {**mounts.get(name, {}), **mount}
+    return Vehicle.model_validate({**data, **over, "mounts": mounts})
+
+
+def measured_vehicle(world: World, camera: str, errors: Errors, draw: Draw) -> Vehicle:
+    """The vehicle file of an owner who has measured the world's machine so well."""
+    m, lens = world.machine, world.lens
+    lengths = (
+        *("wheelbase_m", "half_width_m", "rear_overhang_m"),
+        *("blade_width_m", "blade_ahead_m", "blade_height_m"),
+    )
+    values = {name: getattr(m, name) + draw(name, errors.tape_m) for name in lengths}
+    hall = m.drive.hall_pulses_per_m * (1 + draw("hall", errors.hall))
+    base = Vehicle(
+        **values,
+        hall_pulses_per_m=hall,
+        crop_height_m=max(0.1, world.field.crop_height_m + draw("crop", errors.crop_m)),
+        camera_delay_s=max(0.0, lens.delay_s + draw("delay", errors.delay_s)),
+    )
+    return base.model_copy(
+        update={"mounts": base.mounts | {camera: measured_mount(world, errors, draw)}}
+    )
+
+
+def measured_mount(world: World, errors: Errors, draw: Draw) -> Mount:
+    """Where the camera is believed to sit, with the lens as far as it is known."""
+    lens = world.lens
+    places = {k: getattr(lens, k) + draw(k, errors.mount_m) for k in ("x_m", "y_m", "z_m")}
+    angles = {
+        k: getattr(lens, k) + draw(k, errors.mount_deg)
+        for k in ("pitch_deg", "yaw_deg", "roll_deg")
+    }
+    known = errors.lens
+    if known == "either":
+        known = "calibrated" if draw.rng("lens").random() < 0.5 else "uncalibrated"
+    off = {"exact": 0.0, "calibrated": errors.calibrated_deg}.get(known, errors.uncalibrated_deg)
+    bent = (0.0, 0.0) if known == "uncalibrated" else tuple(getattr(lens, k) for k in LEARNED_LENS)
+    return Mount(
+        **places,
+        **angles,
+        width_px=lens.width_px,
+        height_px=lens.height_px,
+        hfov_deg=lens.hfov_deg + draw("hfov", off),
+        distortion=(*bent, 0.0, 0.0, 0.0),
+    )
+
+
+def calibrated_parameters(
+    world: World, vehicle: Vehicle, errors: Errors, draw: Draw
+) -> dict[str, float]:
+    """What the workshop has stored in the microcontroller, where it is not the default."""
+    steering = world.machine.steering
+    off = draw("pot", errors.pot_deg) * steering.pot_counts_per_deg
+    defaults = {name: spec.from_raw(spec.default_raw) for name, spec in protocol.PARAMS.items()}
+    values = {"hall_per_metre": vehicle.hall_pulses_per_m}
+    for name, angle in (
+        ("pot_left", "angle_left"),
+        ("pot_centre", ""),
+        ("pot_right", "angle_right"),
+    ):
+        degrees = defaults.get(angle, 0.0)
+        counts = steering.pot_centre_counts + degrees * steering.pot_counts_per_deg
+        values[name] = float(round(counts + off))
+    return {name: value for name, value in values.items() if value != defaults[name]}
+
+
+# ---- the field -----------------------------------------------------------------------------------
+
+
+def drawn_walk(errors: Errors, draw: Draw) -> Walk | None:
+    """With which phone, and how often, the boundary was walked."""
+    if errors.walk_cep_m is None:
+        return None
+    rng = draw.rng("walk")
+    low, high = errors.walk_laps
+    cep = round(float(rng.uniform(*errors.walk_cep_m)), 2)
+    return Walk(laps=int(rng.integers(low, high + 1)), cep_m=cep)
+
+
+def walked(world: World, walk: Walk) -> Ring:
+    """The boundary that the host's own survey makes of a walk around the true one."""
+    phone = world.gnss.model_copy(update={"cep_m": walk.cep_m, "first_fix_s": 0.0, "lag_s": 0.0})
+    seed = world.seed if walk.seed is None else walk.seed
+    return _walked(world.corners, phone, walk.laps, seed)
+
+
+@lru_cache(maxsize=256)
+def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> Ring:
+    home = LocalFrame(phone.lat_deg, phone.lon_deg)
+    problem: UserError | None = None
+    for attempt in range(WALKS):
+        lines = [f"{line}\r\n".encode() for line in walk_lines(ring, phone, laps, seed + attempt)]
+        track = track_of(read_fixes(lines, Receiver()))
+        if track is None:
+            continue
+        try:
+            found = survey_track(track, corners=len(ring)).polygon
+        except UserError as error:
+            problem = error
+            continue
+        local, home_of = track.frame, home.to_local
+        return tuple(home_of(*local.to_wgs84(x, y)) for x, y in ccw(found.exterior.coords)[:-1])
+    raise UserError(f"belief.boundary: {WALKS} walks around the field gave none: {problem}")
+
+
+def ccw(coords: Any) -> list[Point]:
+    """A closed ring's points, counter-clockwise."""
+    points = [(float(x), float(y)) for x, y, *_ in coords]
+    area = sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairwise(points))
+    return points if area > 0 else points[::-1]
+
+
+def walk_lines(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> list[str]:
+    """NMEA of a phone carried `laps` times around, with a pause at each corner."""
+    gnss = Gnss(phone, int(np.random.default_rng([seed, 0x3A1C]).integers(2**31)))
+    way = [*ring * laps, ring[0]]
+    steps: list[tuple[float, float, float, float]] = []
+    for (ax, ay), (bx, by) in pairwise(way):
+        seconds = max(1, round(math.dist((ax, ay), (bx, by)) / WALK_MPS))
+        vx, vy = (bx - ax) / seconds, (by - ay) / seconds
+        steps += [(ax, ay, 0.0, 0.0)] * CORNER_PAUSE_S
+        steps += [(ax + vx * k, ay + vy * k, vx, vy) for k in range(seconds)]
+    steps += [(*way[-1], 0.0, 0.0)] * CORNER_PAUSE_S
+    return [line for t, step in enumerate(steps) for line in gnss.epoch(float(t), *step)]
+
+
+def _midpoints(ring: Ring) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 2) middles of the sides and (n,) their headings; side k leaves corner k."""
+    points = np.array(ring, float)
+    after = np.roll(points, -1, axis=0)
+    way = after - points
+    return (points + after) / 2, np.arctan2(way[:, 1], way[:, 0])
+
+
+TURNED_M_RAD: Final = 5.0
+"""A side that is turned by a radian is as unlike as one that lies so far away."""
+
+
+def corner_like(ring: Ring, corner: int, other: Ring) -> int:
+    """The corner of another ring whose side is most like that of `corner` in this one; both
+    counter-clockwise, about the same field."""
+    middles, headings = _midpoints(ring)
+    others, turned = _midpoints(other)
+    at = corner % len(ring)
+    centre = np.mean(middles, axis=0) - np.mean(others, axis=0)
+    away = np.hypot(*(others + centre - middles[at]).T)
+    askew = np.abs(np.remainder(turned - headings[at] + math.pi, math.tau) - math.pi)
+    return int(np.argmin(away + TURNED_M_RAD * askew))
+
+
+def taped_keep_outs(world: World, ring: Ring, errors: Errors, draw: Draw) -> tuple[Ring, ...]:
+    """Keep-outs as taped from the edges: where the believed boundary lies elsewhere, so do they."""
+    outs = []
+    true, said = np.array(world.corners), np.array(ring)
+    for index, hole in enumerate(world.field.keep_outs):
+        middle = np.mean(np.array(hole), axis=0)
+        moved = np.zeros(2)
+        if len(true) == len(said):
+            # by the displacement of the corners, the near ones' more
+            first = corner_like(world.corners, 0, ring)
+            shifts = np.roll(said, -first, axis=0) - true
+            near = 1 / (np.hypot(*(true - middle).T) ** 2 + 1e-6)
+            moved = (shifts * near[:, None]).sum(axis=0) / near.sum()
+        off = moved + [draw(f"keep-out {index}{axis}", errors.keep_out_m) for axis in "xy"]
+        outs.append(tuple((float(x + off[0]), float(y + off[1])) for x, y in hole))
+    return tuple(outs)
+
+
+def _read(path: Path, gnss: GnssSpec) -> tuple[Ring, tuple[Ring, ...]]:
+    """A boundary file's ring and keep-outs in the world's frame."""
+    polygon = load_field(path).polygon(LocalFrame(gnss.lat_deg, gnss.lon_deg))
+    holes = tuple(tuple(ccw(hole.coords)[:-1]) for hole in polygon.interiors)
+    return tuple(ccw(polygon.exterior.coords)[:-1]), holes
+
+
+def _parameters_of(folder: Path) -> dict[str, float]:
+    path = folder / PARAMETER_FILE
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        return {str(name): float(value) for name, value in data.items()}
+    except (OSError, ValueError, AttributeError, yaml.YAMLError) as error:
+        raise UserError(f"belief.folder: cannot read {path}: {error}") from error
+
+
+def _gap_of(folder: Path) -> float | None:
+    path = folder / "commissioning.json"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return float(data["gap_m"]["found"])
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(f"belief.folder: cannot read {path}: {error}") from error

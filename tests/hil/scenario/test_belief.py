@@ -1,0 +1,239 @@
+"""Facts about world and belief: what the host is told differs, and changes nothing of what is."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import shapely
+
+from hil.bench.harvest import Harvest
+from hil.bench.lockstep import Bench
+from hil.bench.rig import handouts
+from hil.firmware import targets
+from hil.judge.metrics import OVERLAP_M, Truth
+from hil.scenario.belief import Errors, corner_like
+from hil.scenario.random_fields import random_field
+from hil.scenario.scenario import Scenario, assigned, changed, load, merge
+from host.core.errors import UserError
+from host.core.messages import Command, Request, State
+from host.core.vehicle import Vehicle
+from host.core.vehicle_file import save_vehicle
+from host.link.session import Session
+from host.pilot.pilot import Pilot
+from host.runs import record
+from host.vision.view import Detector
+from sim_plant.field import Field
+from tests.helpers.oracle import Oracle, quick
+
+needs_firmware = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
+)
+IDLE = Pilot(Vehicle(), cast(Detector, None))
+LONGER = [[0.0, 0.0], [6.0, 0.0], [6.0, 3.0], [0.0, 3.0]]
+WRONG: dict[str, dict[str, Any]] = {
+    "vehicle": {"vehicle": {"wheelbase_m": 1.1, "blade_width_m": 1.2, "overlap_m": 0.2}},
+    "hall": {"vehicle": {"hall_pulses_per_m": 25.0}},
+    "mount": {"vehicle": {"mounts": {"mast": {"pitch_deg": 20.0}}}},
+    "delay": {"vehicle": {"camera_delay_s": 0.4}},
+    "crop": {"vehicle": {"crop_height_m": 1.4}},
+    "boundary": {"boundary": LONGER},
+    "gap": {"gap_m": 0.7},
+    "corner": {"corner": 3},
+    "keep-outs": {"keep_outs": [[[3.9, 3.9], [4.1, 3.9], [4.1, 4.1]]]},
+    "parameters": {"parameters": {"pot_centre": 530.0}},
+}
+
+
+ROOMY = {"size_m": (8.0, 8.0), "neighbour_depth_m": 2.0}
+
+
+def believing(belief: dict[str, Any]) -> Scenario:
+    return quick(field=ROOMY, belief={"errors": "exact", **belief})
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_belief_reaches_the_host_and_only_the_host(what: str) -> None:
+    knows, errs = believing({}), believing(WRONG[what])
+    assert errs.world == knows.world
+    assert errs.told != knows.told
+    if what != "keep-outs":  # the operator puts it where the plan begins
+        assert errs.start_pose() == knows.start_pose()
+
+
+def test_each_error_reaches_what_it_is_of() -> None:
+    reached = {
+        "tape_m": ("vehicle", 0.1),
+        "mount_m": ("vehicle", 0.5),
+        "mount_deg": ("vehicle", 5.0),
+        "hall": ("vehicle", 0.3),
+        "delay_s": ("vehicle", 0.1),
+        "crop_m": ("vehicle", 0.2),
+        "gap_m": ("gap_m", 1.0),
+        "pot_deg": ("parameters", 5.0),
+        "walk_cep_m": ("boundary", [2.0, 2.5]),
+        "keep_out_m": ("keep_outs", 0.5),
+    }
+    others = {"lens", "calibrated_deg", "uncalibrated_deg", "walk_laps"}
+    assert set(Errors.model_fields) == reached.keys() | others
+    hole = [[3.9, 3.9], [4.1, 3.9], [4.1, 4.1]]
+    knows = quick(field=ROOMY | {"keep_outs": [hole]})
+    for name, (part, bound) in reached.items():
+        errs = changed(knows, {"belief": {"errors": {name: bound}}})
+        assert errs.world == knows.world
+        changes = {
+            key
+            for key in ("vehicle", "boundary", "keep_outs", "gap_m", "parameters")
+            if getattr(errs.told, key) != getattr(knows.told, key)
+        }
+        along = {"hall": {"parameters"}, "walk_cep_m": {"keep_outs"}}.get(name, set())
+        assert changes == {part} | along, name
+
+
+def test_exact_is_the_truth() -> None:
+    for scenario in (random_field(3), load("default"), load("worn-machine")):
+        exact = changed(scenario, {"belief": "exact"})
+        told, world = exact.told, exact.world
+        vehicle, machine = told.vehicle, world.machine
+        assert told.boundary == world.corners
+        assert told.keep_outs == world.field.keep_outs
+        assert (told.gap_m, told.corner) == (world.field.gap_m, world.start.corner)
+        assert vehicle.blade_x_m == pytest.approx(machine.blade_x_m)
+        assert vehicle.half_width_m == machine.half_width_m
+        assert vehicle.crop_height_m == world.field.crop_height_m
+        assert told.mount.focal == pytest.approx(world.lens.focal_px)
+        assert told.mount.distortion[:2] == (world.lens.k1, world.lens.k2)
+        assert told.mount.pitch_deg == world.lens.pitch_deg
+        assert told.parameters["hall_per_metre"] == machine.drive.hall_pulses_per_m
+        assert vehicle.overlap_m == OVERLAP_M
+
+
+def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_again() -> None:
+    bounds, differ = Errors(), set()
+    for seed in range(30):
+        scenario = load("default", {"seed": seed})
+        told, world = scenario.told, scenario.world
+        assert scenario.told == told
+        v, m = told.vehicle, world.machine
+        assert abs(v.wheelbase_m - m.wheelbase_m) <= bounds.tape_m
+        assert abs(told.mount.pitch_deg - world.lens.pitch_deg) <= bounds.mount_deg
+        assert abs(told.mount.z_m - world.lens.z_m) <= bounds.mount_m
+        assert abs(told.gap_m - world.field.gap_m) <= bounds.gap_m
+        assert abs(v.crop_height_m - world.field.crop_height_m) <= bounds.crop_m
+        differ.add(v.wheelbase_m)
+        assert len(told.boundary) == 4
+        size = shapely.Polygon(told.boundary).area
+        assert 0.5 < size / world.field.boundary.area < 1.5
+    assert len(differ) == 30
+
+
+def test_random_fields_draw_both_halves() -> None:
+    drawn = [random_field(seed).world for seed in range(40)]
+    delays = [world.lens.delay_s for world in drawn]
+    assert 0.05 <= min(delays) < 0.1
+    assert 0.2 < max(delays) <= 0.25
+    assert max(world.gnss.smoothing_s for world in drawn) > 1.0
+    assert max(world.gnss.lag_s for world in drawn) > 0.5
+
+
+def test_more_laps_with_a_better_phone_tell_more_of_the_boundary() -> None:
+    def off(laps: int, cep_m: float) -> float:
+        away = []
+        for seed in range(12):
+            walk = {"laps": laps, "cep_m": cep_m}
+            scenario = load("default", {"seed": seed, "belief": {"boundary": walk}})
+            said, is_ = np.array(scenario.told.boundary), np.array(scenario.world.corners)
+            first = corner_like(scenario.world.corners, 0, scenario.told.boundary)
+            said = np.roll(said, -first, axis=0)
+            shift = said.mean(axis=0) - is_.mean(axis=0)
+            away.append(float(np.hypot(*(said - shift - is_).T).mean()))
+        return float(np.median(away))
+
+    assert off(1, 0.0) < 0.1
+    assert off(3, 0.5) < 0.5 * off(1, 2.5)
+    assert off(1, 2.5) > 0.4
+
+
+@needs_firmware
+def test_the_same_commands_move_the_same_machine_whatever_is_believed() -> None:
+    ways = []
+    belief = {k: v for part in WRONG.values() for k, v in part.items() if k != "parameters"}
+    belief["keep_outs"], belief["boundary"] = [], LONGER
+    vehicle = {"wheelbase_m": 1.1, "blade_width_m": 1.2, "camera_delay_s": 0.3}
+    for scenario in (believing({}), believing(belief | {"vehicle": vehicle})):
+        with Bench(scenario) as bench:
+            session, truth = Session(), Truth(bench.world, bench.field)
+            for tick in range(1, 100):
+                for stamp, data in bench.advance(tick / 20):
+                    session.feed(stamp, data)
+                told = session.telemetry
+                armed = told is not None and told.state is not State.SAFE
+                go = Command(Request.DRIVE, 0.02, 0.5, True)
+                bench.send(session.encode(tick / 20, go if armed else Command(Request.ARM)))
+                truth.step(tick / 20, bench.pose, bench.cut_cells, IDLE)
+            ways.append((truth.path, truth.summary()))
+    assert ways[0] == ways[1]
+    assert ways[0][1]["coverage"] > 0.01  # type: ignore[operator]
+
+
+def test_the_judge_is_given_the_world_alone() -> None:
+    scenario = believing(WRONG["vehicle"])
+    truth = Truth(scenario.world, Field(scenario.field))
+    assert not any(isinstance(part, Vehicle | Scenario) for part in vars(truth).values())
+
+
+@needs_firmware
+@pytest.mark.parametrize(("is_s", "said_s"), [(0.2, 0.1), (0.1, 0.25)])
+def test_a_picture_is_as_old_as_the_host_believes(
+    tmp_path: Path, is_s: float, said_s: float
+) -> None:
+    scenario = changed(
+        quick(limits={"time_s": 1.0}, record={"pictures_every": 1}),
+        {
+            "lens": {"delay_s": is_s},
+            "belief": {"vehicle": {"camera_delay_s": said_s}},
+        },
+    )
+    run = Harvest(scenario, tmp_path / "r.mcap", detector=Oracle)
+    run.run()
+    run.close()
+    stamps = [stamp for topic, stamp, _ in record.read(tmp_path / "r.mcap") if topic == "/camera"]
+    shutters = [0.1 * k for k in range(1, len(stamps) + 1)]
+    assert stamps == pytest.approx([max(0.0, t + is_s - said_s) for t in shutters], abs=1e-6)
+    assert len(stamps) >= 7
+
+
+def test_a_setting_changes_one_part_of_the_belief() -> None:
+    chosen = load("default", merge(assigned("belief=exact"), assigned("belief.gap_m=1.5")))
+    assert chosen.told.gap_m == 1.5
+    assert chosen.told.boundary == chosen.world.corners
+    chosen = load("reference", assigned("belief.errors.mount_deg=3"))
+    assert chosen.told.mount.pitch_deg != chosen.world.lens.pitch_deg
+    assert chosen.told.vehicle.wheelbase_m == chosen.world.machine.wheelbase_m
+
+
+def test_the_rig_hands_out_the_belief(tmp_path: Path) -> None:
+    chosen = believing(WRONG["boundary"] | {"gap_m": 1.5})
+    given = handouts(chosen, tmp_path)
+    assert given["gap"] == "1.5"
+    again = changed(chosen, {"belief": {"boundary": given["boundary"]}})
+    assert np.allclose(again.told.boundary, LONGER, atol=1e-3)
+
+
+def test_files_are_read_as_the_host_reads_them(tmp_path: Path) -> None:
+    save_vehicle(tmp_path / "v.yaml", Vehicle(wheelbase_m=1.25))
+    chosen = believing({"vehicle": str(tmp_path / "v.yaml")})
+    assert chosen.vehicle.wheelbase_m == 1.25
+    assert chosen.world.machine.wheelbase_m == 1.0
+    with pytest.raises(UserError, match=r"nowhere\.yaml"):
+        assert believing({"vehicle": "nowhere.yaml"}).vehicle
+
+
+def test_who_was_told_another_corner_stands_where_the_world_has_the_start() -> None:
+    chosen = believing({"corner": 2})
+    assert chosen.told.corner == 2
+    assert chosen.plan().sides[0].heading_rad == pytest.approx(math.pi)
+    assert chosen.start_pose() == believing({}).start_pose()
