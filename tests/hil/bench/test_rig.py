@@ -287,7 +287,7 @@ def test_no_slices_have_a_summary() -> None:
 
 
 def test_the_handouts_describe_the_simulated_machine_and_field(tmp_path: Path) -> None:
-    chosen = scenario.load("default")
+    chosen = scenario.load("default", {"belief": "exact"})
     options = handouts(chosen, tmp_path)
     vehicle = load_vehicle(Path(options["vehicle"]))
     assert vehicle.mounts[options["mount"]] == chosen.mount

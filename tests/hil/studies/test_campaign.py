@@ -30,9 +30,8 @@ LIMIT_S = 500.0
 """Hangs end here; a busy machine needs a good part of it."""
 TINY = """
 field: {size_m: [4.0, 3.0], neighbour_depth_m: 2.0}
-vehicle:
-  mounts:
-    mast: {x_m: 0.0, z_m: 1.6, pitch_deg: 28.0, width_px: 64, height_px: 48}
+lens: {width_px: 64, height_px: 48}
+belief: exact
 limits: {time_s: 0.2}
 """
 
