@@ -64,15 +64,8 @@ class PictureEyes:
 
     def detector(self) -> Detector:
         """The host's own."""
-<<<<<<< HEAD
-        s = self._bench.scenario
-        return watched_detector(s.mode, s.vehicle, s.mount)
-=======
-        told, mode = self._bench.scenario.told, self._bench.scenario.mode
-        vehicle, mount = told.vehicle, told.mount
-        detector = make_detector(mode, vehicle, mount, overlap_m=vehicle.overlap_m)
-        return WatchedDetector(detector, mount)
->>>>>>> 8d4bba1 (scenario: world and belief apart; plant and judge read the world, the host what an owner would know)
+        told = self._bench.scenario.told
+        return watched_detector(self._bench.scenario.mode, told.vehicle, told.mount)
 
 
 def sight_of(bench: Bench) -> Sight:

@@ -25,6 +25,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from hil.firmware.provision import raw_values
 from hil.scenario.world import World
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
@@ -32,7 +33,7 @@ from host.field.survey import survey_track
 from host.field.walk import read_fixes, track_of
 from host.link import protocol
 from host.route.plan import Plan, spiral
-from host.sensors.nmea import LocalFrame, Receiver
+from host.sensors.nmea import Receiver
 from sim_plant.field import Point
 from sim_plant.gnss import Gnss, GnssSpec
 
