@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 import cv2
-from rich.console import Console
 from rich.table import Table
 
+from host.core.terminal import PlainConsole
 from host.vision.photo import benchmark
 from host.vision.photo.comparison import compare, data_folder, overlay
 from host.vision.photo.score import labelled_set
@@ -57,7 +57,7 @@ def bench_vision(data: Path | None, out: Path, worst: int) -> None:
             *(f"{100 * f[k]:.1f} %" for k in ("confident_wrong", "confident")),
             f"{f['ms_median']:.1f}",
         )
-    console = Console()
+    console = PlainConsole()
     console.print(table)
     times = Table("stage, 640x480, one thread", "ms")
     for name, ms in found.stages_ms.items():

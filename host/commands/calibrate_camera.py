@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import yaml
 
+from host.core.terminal import echo
 from host.runs.pictures import frames
 from host.tune.camera import lens_fields, lens_of, mount_from
 from host.tune.checkerboard import Board
@@ -62,17 +63,17 @@ def calibrate_camera(
     camera sits; writes the mount for the vehicle file."""
     board = Board(columns, rows, square_m)
     every = itertools.chain.from_iterable(frames(source) for source in pictures)
-    lens, size = lens_of(every, board, click.echo)
-    click.echo(f"focal length {lens.focal_px:.1f} px, error {lens.error_px:.2f} px")
+    lens, size = lens_of(every, board, echo)
+    echo(f"focal length {lens.focal_px:.1f} px, error {lens.error_px:.2f} px")
     if lens.error_px > DOUBTFUL_PX:
-        click.echo("the error is large: take sharper pictures, keep the board flat", err=True)
+        echo("the error is large: take sharper pictures, keep the board flat", err=True)
     result = lens_fields(lens, size)
     if ground is not None:
         mount = mount_from(ground, lens, size, board, ahead_m, left_m)
         result = mount.model_dump(mode="json")
-        click.echo(
+        echo(
             f"camera {mount.z_m:.3f} m high, pitch {mount.pitch_deg:.2f}, yaw {mount.yaw_deg:.2f}, "
             f"roll {mount.roll_deg:.2f} degrees"
         )
     out.write_text(yaml.safe_dump(result, sort_keys=False), encoding="utf-8")
-    click.echo(f"{out}: copy it into the vehicle file under mounts")
+    echo(f"{out}: copy it into the vehicle file under mounts")

@@ -3,13 +3,16 @@ seconds to load and `daranti params` needs none of them."""
 
 from __future__ import annotations
 
+import difflib
 import importlib
+import importlib.metadata
 from collections.abc import Mapping
 from typing import NoReturn
 
 import click
 
 from host.core.errors import run
+from host.core.terminal import echo
 
 port_option = click.option(
     "--port",
@@ -19,6 +22,12 @@ port_option = click.option(
 )
 
 
+def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        echo(f"{ctx.find_root().info_name} {importlib.metadata.version('daranti')}")
+        ctx.exit()
+
+
 class LazyGroup(click.Group):
     """A group whose commands are named by `module:attribute` and imported on first use."""
 
@@ -26,6 +35,16 @@ class LazyGroup(click.Group):
         """`lazy` maps a command's name to (`module:attribute`, one line of help)."""
         super().__init__(name=name, help=help)
         self._lazy = lazy
+        self.params.append(
+            click.Option(
+                ["--version"],
+                is_flag=True,
+                is_eager=True,
+                expose_value=False,
+                callback=_version,
+                help="Print the version and exit.",
+            )
+        )
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted([*super().list_commands(ctx), *self._lazy])
@@ -37,6 +56,20 @@ class LazyGroup(click.Group):
         command = getattr(importlib.import_module(module), attribute)
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click's; a name that does not exist is answered with its likes."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            near = difflib.get_close_matches(args[0], self.list_commands(ctx))
+            if not near:
+                raise
+            raise click.UsageError(
+                f"No such command {args[0]!r}. Did you mean {' or '.join(near)}?", ctx
+            ) from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         del ctx
@@ -70,6 +103,14 @@ daranti = LazyGroup(
         ),
         "survey": ("host.commands.survey:survey", "The field's boundary from a walk around it."),
         "convert": ("host.commands.convert:convert", "Write a field's boundary in another format."),
+        "clear": (
+            "host.commands.clear:clear",
+            "Clear the firmware's latched faults, once their cause is gone.",
+        ),
+        "completion": (
+            "host.commands.completion:completion",
+            "Print the shell's completion of names and options.",
+        ),
         "flash": ("host.commands.flash:flash", "Write the firmware onto the board."),
     },
     "The reaper's laptop: drive, look, tune, calibrate.",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from host.core.terminal import echo
 from host.field.boundary_file import load_field, save_field
 
 
@@ -17,7 +18,7 @@ def convert(source: Path, target: Path) -> None:
     (ISOXML), .csv."""
     boundary = load_field(source)
     save_field(target, boundary)
-    click.echo(
+    echo(
         f"{target}: {boundary.name or 'field'}, {len(boundary.crop)} corners, "
         f"{len(boundary.keep_outs)} keep-outs, {boundary.polygon(boundary.frame).area:.0f} m2"
     )

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from host.commands.cli import port_option
+from host.field.areas import MAX_GAP_M
+from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
 from host.vision.mounted.detector import Mode
 from host.vision.tuning.profiles import DATABASE
@@ -25,7 +27,12 @@ from host.vision.tuning.profiles import DATABASE
     help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML or latitude,longitude lines.",
 )
 @click.option("--corner", type=click.IntRange(0), help="Where it stands; default the nearest.")
-@click.option("--gap", type=float, metavar="METRES", help="To the neighbour's crop: the geofence.")
+@click.option(
+    "--gap",
+    type=click.FloatRange(0, MAX_GAP_M),
+    metavar="METRES",
+    help="To the neighbour's crop: the geofence.",
+)
 @click.option(
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
@@ -45,6 +52,21 @@ from host.vision.tuning.profiles import DATABASE
     show_default=True,
     help="Tuned colour thresholds for --mode paper: `daranti tune vision`.",
 )
+@click.option(
+    "--heading",
+    "heading_deg",
+    type=click.FloatRange(0, 360),
+    help="Where the machine heads by the compass; checked before it starts.",
+)
+@click.option("--yes", is_flag=True, help="Start without asking, after the countdown; for scripts.")
+@click.option(
+    "--countdown",
+    "countdown_s",
+    type=click.IntRange(0, 60),
+    default=COUNTDOWN_S,
+    show_default=True,
+    help="Seconds with a bell before the first motion.",
+)
 def drive(
     port: str,
     camera: str,
@@ -59,11 +81,19 @@ def drive(
     record: Path | None,
     resume: Path | None,
     profiles: Path,
+    heading_deg: float | None,
+    yes: bool,
+    countdown_s: int,
 ) -> None:
     """Harvest: follow the crop's edge, turn at its end, go inward, until nothing stands.
 
     Put the machine at a corner, the crop to its left, the blade's right end on the crop's edge.
-    Enter pauses and goes on, Ctrl-C stops at once. Exits with 0 when the field is finished."""
+    It says what it will do, checks place and direction, and starts when you type the word. The
+    machine does not see people, animals or posts: keep everybody 10 m away and stay beside the
+    emergency stop.
+
+    Enter pauses and goes on, Ctrl-C stops at once. Exits with 0 when the field is finished, 2 where
+    it could not start, 4 when a fault ended the run, 130 after Ctrl-C."""
     harvest(
         Order(
             port=port,
@@ -79,5 +109,8 @@ def drive(
             record=record,
             resume=resume,
             profiles=profiles,
+            heading_deg=heading_deg,
+            yes=yes,
+            countdown_s=countdown_s,
         )
     )

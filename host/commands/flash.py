@@ -9,6 +9,7 @@ import click
 
 from host.commands.cli import port_option
 from host.core.errors import UserError
+from host.core.terminal import echo
 from host.link.flash import check_port, find_image, write_image
 from host.link.session import Link
 from host.link.words import greeting
@@ -26,7 +27,7 @@ def flash(port: str, build: str, image: Path | None) -> None:
     if image is not None and not image.is_file():
         raise UserError(f"image {image} does not exist")
     chosen = image or find_image(build)
-    click.echo(f"writing {chosen} to {port}")
+    echo(f"writing {chosen} to {port}")
     write_image(port, chosen)
     with Link(port, time.monotonic) as link:
-        click.echo(greeting(link.meet()))
+        echo(greeting(link.meet()))

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.status import Status
 from rich.table import Table
 
 from host.commands.cli import port_option
+from host.core.terminal import PlainConsole, echo
 from host.link.params import read_all, save
 from host.link.session import connect
 from host.tune.experiments import ActuatorModel
@@ -62,7 +62,7 @@ def table(model: ActuatorModel) -> Table:
 def identify(port: str, stop_deg: float | None, keep: bool, out: Path) -> None:
     """Measures the steering: raw-PWM experiments of some 50 s, the wheels off the ground or the
     machine standing on smooth ground. Writes model.json and fit.png for `daranti tune pid`."""
-    console = Console()
+    console = PlainConsole()
     with connect(port) as link:
         values = read_all(link)
         if stop_deg is not None:
@@ -81,4 +81,4 @@ def identify(port: str, stop_deg: float | None, keep: bool, out: Path) -> None:
     model.save(out / "model.json")
     draw_fit(findings, model, out / "fit.png")
     console.print(table(model))
-    click.echo(f"written to {out}: model.json, fit.png")
+    echo(f"written to {out}: model.json, fit.png")

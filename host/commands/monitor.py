@@ -8,6 +8,7 @@ import click
 
 from host.commands.cli import port_option
 from host.core.messages import Telemetry
+from host.core.terminal import echo
 from host.link import protocol
 from host.link.session import Link
 from host.link.words import as_json, greeting, line
@@ -31,12 +32,12 @@ def monitor(port: str, duration: float | None, every: bool) -> None:
     with Link(port, clock) as link:
         version = link.meet()
         if not every:
-            click.echo(greeting(version))
+            echo(greeting(version))
         shown: Telemetry | None = None
         while duration is None or clock() < duration:
             for telemetry in link.poll(POLL_S):
                 if every:
-                    click.echo(as_json(telemetry))
+                    echo(as_json(telemetry))
                 else:
                     shown = _show(telemetry, shown)
 
@@ -47,8 +48,8 @@ def _show(telemetry: Telemetry, shown: Telemetry | None) -> Telemetry:
     changed = shown is None or (telemetry.state, faults) != (shown.state, shown.faults)
     if shown is not None and not changed and telemetry.stamp - shown.stamp < LINE_EVERY_S:
         return shown
-    click.echo(line(telemetry))
+    echo(line(telemetry))
     if changed:
         for text in protocol.fault_texts(protocol.Fault(faults)):
-            click.echo(f"            fault: {text}")
+            echo(f"            fault: {text}")
     return telemetry

@@ -6,10 +6,10 @@ import sys
 from collections.abc import Sequence
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from host.commands.cli import port_option
+from host.core.terminal import PlainConsole, echo
 from host.link import protocol
 from host.link.params import read, save, spec_of, write
 from host.link.protocol import ParamSpec
@@ -40,7 +40,7 @@ def table(rows: Sequence[tuple[ParamSpec, float]]) -> Table:
 
 
 def _show(spec: ParamSpec, value: float) -> None:
-    click.echo(f"{spec.name} = {value:g} {spec.unit}".rstrip())
+    echo(f"{spec.name} = {value:g} {spec.unit}".rstrip())
 
 
 @click.group()
@@ -57,7 +57,7 @@ def list_(port: str) -> None:
     """All parameters with units, ranges and meanings."""
     with connect(port) as link:
         rows = [(spec, read(link, spec)) for spec in protocol.PARAMS.values()]
-    console = Console() if sys.stdout.isatty() else Console(width=PIPE_WIDTH)
+    console = PlainConsole() if sys.stdout.isatty() else PlainConsole(width=PIPE_WIDTH)
     console.print(table(rows))
 
 
@@ -83,7 +83,7 @@ def set_(name: str, value: float, keep: bool, port: str) -> None:
         _show(spec, write(link, spec, value))
         if keep:
             save(link)
-    click.echo("saved" if keep else "not saved: lost at the next reset (`daranti params save`)")
+    echo("saved" if keep else "not saved: lost at the next reset (`daranti params save`)")
 
 
 @params.command("save")
@@ -92,7 +92,7 @@ def save_(port: str) -> None:
     """Stores all parameters in the board's EEPROM."""
     with connect(port) as link:
         save(link)
-    click.echo("saved")
+    echo("saved")
 
 
 @params.command()
@@ -104,4 +104,4 @@ def defaults(keep: bool, port: str) -> None:
         link.ask(protocol.ParamDefaults())
         if keep:
             save(link)
-    click.echo("defaults" + (", saved" if keep else ", not saved (`daranti params save`)"))
+    echo("defaults" + (", saved" if keep else ", not saved (`daranti params save`)"))

@@ -6,12 +6,12 @@ import math
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.terminal import PlainConsole
 from host.core.vehicle_file import load_vehicle
-from host.field.areas import areas_of
+from host.field.areas import MAX_GAP_M, areas_of
 from host.field.boundary_file import load_field
 from host.route.field_plan import plan_field
 from host.route.preview import Preview, draw_preview, hours, preview
@@ -42,9 +42,19 @@ def table_of(previews: list[Preview]) -> Table:
 @click.command()
 @click.argument("field", type=click.Path(path_type=Path))
 @click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
-@click.option("--start", type=click.IntRange(0), default=0, show_default=True, help="The corner.")
+@click.option(
+    "--corner",
+    "--start",
+    "start",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Where it begins; the survey's picture numbers the corners.",
+)
 @click.option("--inset", default=0.0, show_default=True, help="Metres to stay inside the field.")
-@click.option("--gap", type=float, metavar="METRES", help="To the neighbour's crop.")
+@click.option(
+    "--gap", type=click.FloatRange(0, MAX_GAP_M), metavar="METRES", help="To the neighbour's crop."
+)
 @click.option(
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
@@ -66,7 +76,7 @@ def plan(
     boundary = load_field(field)
     if start >= len(boundary.crop):
         raise UserError(
-            f"--start {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "
+            f"--corner {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "
             "of the survey numbers them"
         )
     frame = boundary.frame
@@ -80,7 +90,7 @@ def plan(
     except UserError as error:
         raise UserError(f"{field}: {error}") from error
     shown = previews[turn]
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     name = boundary.name or field.stem
     console.print(
         f"{name}: {areas.field.area:.0f} m2, {len(boundary.crop)} corners, "

@@ -10,6 +10,7 @@ import cv2
 from pydantic import ValidationError
 
 from host.core.errors import UserError
+from host.core.terminal import echo
 from host.core.vehicle import Vehicle
 from host.runs import record
 from host.runs.pictures import frames, is_record
@@ -84,7 +85,7 @@ def see(
             except StopIteration:
                 break
             except UserError as error:
-                click.echo(f"daranti see: {error}", err=True)
+                echo(f"daranti see: {error}", err=True)
                 failed += 1
                 break
             where = side or sides.get(name)
@@ -104,6 +105,6 @@ def see(
                 full = view if drove else detector.see(bgr, stages=True)
                 cv2.imwrite(str(out / f"{name}.stages.png"), staged(bgr, full))
             text = f": {view.reason}" if view.reason else ""
-            click.echo(f"{name}: confidence {view.confidence:.2f}, {ms:.1f} ms{text}")
+            echo(f"{name}: confidence {view.confidence:.2f}, {ms:.1f} ms{text}")
     if failed:
         raise UserError(f"{failed} of the sources could not be used, see above")

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from host.core.errors import UserError
+from host.core.terminal import echo
 from host.field.boundary_file import check_target, save_field
 from host.field.survey import (
     CLOSE_M,
@@ -74,7 +75,7 @@ def survey(
     path = Path(source)
     if not path.is_file():
         path = out.with_suffix(".nmea")
-        record_walk(source, path, click.echo)
+        record_walk(source, path, echo)
     track, receiver = read_walk(path)
     try:
         found = survey_track(track, corners=corners, irregular=irregular, lap=lap, close_m=close)
@@ -89,4 +90,4 @@ def survey(
     about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
     draw_survey(picture, found, f"{name}: {about}")
     for text in (*lines, f"written: {out}, {picture}"):
-        click.echo(text)
+        echo(text)

@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle
 from host.tune.follow_margins import (
@@ -52,7 +52,7 @@ def table_of(vehicle: Vehicle) -> Table:
 def follow(path: Path | None) -> None:
     """Margins of the loop that follows the edge, by law and speed."""
     vehicle = load_vehicle(path)
-    console = Console(highlight=False)
+    console = PlainConsole()
     console.print(
         f"frequency {vehicle.follow_frequency_1pm:g}/m, damping {vehicle.follow_damping:g}, "
         f"steering lag {vehicle.steer_lag_s:g} s, dead time {DEAD_TIME_S:g} s"

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Final
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from host.commands.cli import port_option
 from host.commands.identify import telling
+from host.core.terminal import PlainConsole, echo
 from host.link import protocol
 from host.link.params import read_all, save
 from host.link.session import connect
@@ -70,7 +70,7 @@ def pid(
 ) -> None:
     """Tunes the steering loop: chooses gains on the actuator's model, writes them to the firmware
     and verifies them with a step of 30 degrees. If that fails, the old parameters are restored."""
-    console = Console()
+    console = PlainConsole()
     model = None if model_file is None else ActuatorModel.load(model_file)
     out.mkdir(parents=True, exist_ok=True)
     with connect(port) as link:
@@ -93,11 +93,11 @@ def pid(
         with console.status("verifying with a step; keep clear (Ctrl-C stops)"):
             response, trace = write_verified(link, port, model, after, before, step)
         draw_tuning(out / "tune.png", model, laws, trace, step)
-        click.echo(
+        echo(
             f"verified on the machine: settles in {response.settle_s:.2f} s, overshoot "
             f"{100 * response.overshoot:.1f} %, steady error {response.steady_error_deg:.2f} deg"
         )
         if keep:
             save(link)
-        click.echo("saved" if keep else "not saved: lost at the next reset (`--save` keeps them)")
-    click.echo(f"written to {out}: tune.png")
+        echo("saved" if keep else "not saved: lost at the next reset (`--save` keeps them)")
+    echo(f"written to {out}: tune.png")

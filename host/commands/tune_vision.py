@@ -9,10 +9,10 @@ from pathlib import Path
 
 import click
 import cv2
-from rich.console import Console
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.terminal import PlainConsole
 from host.panel.colour_page import TunePage, Tuner
 from host.runs.pictures import frames
 from host.vision.figure import staged
@@ -96,7 +96,7 @@ def tune_vision(
     if save:
         with Profiles(db) as profiles:
             profiles.save(where, params, reached, now)
-    console = Console()
+    console = PlainConsole()
     console.print(show_change(start, params, (subject.contrast(start), reached)))
     out.mkdir(parents=True, exist_ok=True)
     for name, bgr in taken:
@@ -116,5 +116,5 @@ def _serve(tuner: Tuner, port: int) -> None:
     if not tuner.pictures:
         raise UserError("no pictures to tune on; name photographs, a folder, a video or a record")
     with TunePage(tuner, port) as server, contextlib.suppress(KeyboardInterrupt):
-        Console().print(f"sliders at {server.url}; Ctrl-C ends")
+        PlainConsole().print(f"sliders at {server.url}; Ctrl-C ends")
         server.serve_forever()

@@ -1,12 +1,17 @@
 """How both console scripts fail: one clear message on stderr, a non-zero exit, never a traceback.
 
-| what happened                         | exit code |
-|---------------------------------------|-----------|
-| UserError, bad usage                  | 2         |
-| Ctrl-C, SIGTERM, SIGHUP               | 130       |
-| anything else, that is a programming error | 70 (EX_SOFTWARE of sysexits.h) |
+| what happened                                                       | exit code |
+|---------------------------------------------------------------------|-----------|
+| it did what it was asked                                            | 0         |
+| bad usage, bad input, a precondition that does not hold             | 2         |
+| it ended before the work was done: a field not finished, pictures   | 3         |
+| left out                                                            |           |
+| a fault of the machine, or of a device that it needs, ended it      | 4         |
+| Ctrl-C, SIGTERM, SIGHUP                                             | 130       |
+| whoever read the output has gone                                    | 141       |
+| anything else, that is a programming error                          | 70        |
 
-`DARANTI_DEBUG=1` in the environment shows the traceback as well.
+(70 is EX_SOFTWARE of sysexits.h.) `DARANTI_DEBUG=1` in the environment shows the traceback as well.
 """
 
 from __future__ import annotations
@@ -21,23 +26,51 @@ from typing import NoReturn
 
 import click
 
+from host.core.terminal import echo
+
 EXIT_USER = 2
+EXIT_UNFINISHED = 3
+EXIT_FAULT = 4
 EXIT_SOFTWARE = 70
 EXIT_INTERRUPTED = 130
+EXIT_PIPE = 141
 
 
 class UserError(Exception):
     """One message for the person at the keyboard: what is wrong, where, and what to do about it."""
 
+    exit_code = EXIT_USER
+
+
+class UnfinishedError(UserError):
+    """It ended before the work was done; the message says what is left and how to go on."""
+
+    exit_code = EXIT_UNFINISHED
+
+
+class FaultError(UserError):
+    """The machine, or a device that it cannot do without, failed while it worked."""
+
+    exit_code = EXIT_FAULT
+
 
 def _say(program: str, message: str) -> None:
-    click.echo(f"{program}: {message}", err=True)
+    echo(f"{program}: {message}", err=True)
     if os.environ.get("DARANTI_DEBUG", "0") not in ("", "0"):
         traceback.print_exc()
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
+
+
+def _internal(program: str, error: Exception) -> int:
+    _say(
+        program,
+        f"internal error: {type(error).__name__}: {error} "
+        "(DARANTI_DEBUG=1 shows where; please report it)",
+    )
+    return EXIT_SOFTWARE
 
 
 def run(command: click.Command, program: str, args: Sequence[str] | None = None) -> NoReturn:
@@ -50,18 +83,22 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
         code = command.main(args, prog_name=program, standalone_mode=False)
     except UserError as error:
         _say(program, str(error))
-        code = EXIT_USER
+        code = error.exit_code
     except click.ClickException as error:
         error.show()
         code = EXIT_USER
     except (click.Abort, KeyboardInterrupt):
         _say(program, "interrupted")
         code = EXIT_INTERRUPTED
+    except BrokenPipeError:  # `daranti ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_PIPE
+    except OSError as error:
+        if error.filename is None or error.strerror is None:
+            code = _internal(program, error)
+        else:
+            _say(program, f"cannot use {error.filename}: {error.strerror}")
+            code = EXIT_USER
     except Exception as error:
-        _say(
-            program,
-            f"internal error: {type(error).__name__}: {error} "
-            "(DARANTI_DEBUG=1 shows where; please report it)",
-        )
-        code = EXIT_SOFTWARE
+        code = _internal(program, error)
     sys.exit(code if isinstance(code, int) else 0)

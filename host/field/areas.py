@@ -21,6 +21,8 @@ from host.core.vehicle import Vehicle
 
 GAP_MARGIN_M = 0.2
 """The permitted area ends this far before the neighbour's crop."""
+MAX_GAP_M = 100.0
+"""Nobody has measured more to a neighbour's crop: a larger gap is a slip."""
 KEEP_OUT_MARGIN_M = 0.3
 """Around a tree, a well or a pole as it was walked."""
 BLADE_DEPTH_M = 0.05
@@ -70,6 +72,11 @@ def areas_of(
     for name, length in lengths.items():
         if not (math.isfinite(length) and length >= 0):
             raise UserError(f"the {name} is {length:g} m; it must be 0 or more")
+    if gap_m is not None and gap_m > MAX_GAP_M:
+        raise UserError(
+            f"a gap of {gap_m:g} m to the neighbour's crop is more than {MAX_GAP_M:g} m: give what "
+            "was measured, in metres"
+        )
     if gap_m is not None and margin_m > gap_m:
         raise UserError(
             f"the gap of {gap_m:g} m is less than the margin of {margin_m:g} m to the neighbour's "

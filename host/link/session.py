@@ -180,16 +180,16 @@ class Link(contextlib.AbstractContextManager["Link"]):
         self.bytes_in = 0
         self.bytes_out = 0
         self.tap: Callable[[Direction, float, bytes], None] | None = None
-        self._clock = clock
+        self.clock = clock
         self._serial = _open(port)
 
     def poll(self, timeout_s: float = 0.0) -> list[Telemetry]:
         """Takes what has arrived, waiting up to `timeout_s` for the first byte. Raises UserError
         when the port has vanished."""
-        deadline = self._clock() + timeout_s
+        deadline = self.clock() + timeout_s
         data = b""
         try:
-            while not data and self._clock() < deadline:
+            while not data and self.clock() < deadline:
                 data = self._serial.read(1)
             while waiting := self._serial.in_waiting:  # socket:// counts at most one
                 data += self._serial.read(waiting)
@@ -197,7 +197,7 @@ class Link(contextlib.AbstractContextManager["Link"]):
             raise self._vanished() from error
         if not data:
             return []
-        now = self._clock()
+        now = self.clock()
         self.bytes_in += len(data)
         if self.tap:
             self.tap("to_host", now, data)
@@ -205,7 +205,7 @@ class Link(contextlib.AbstractContextManager["Link"]):
 
     def send(self, command: Command) -> None:
         """Raises UserError when the port has vanished or takes no bytes."""
-        self._write(self.session.encode(self._clock(), command))
+        self._write(self.session.encode(self.clock(), command))
 
     def request(self, message: protocol.Message) -> None:
         """Sends any message, once; raises as `send` does."""
@@ -217,9 +217,9 @@ class Link(contextlib.AbstractContextManager["Link"]):
 
     def meet(self, timeout_s: float = HELLO_TIMEOUT_S) -> protocol.Version:
         """The handshake. Raises UserError when nobody answers in this protocol."""
-        deadline = self._clock() + timeout_s
+        deadline = self.clock() + timeout_s
         while self.session.version is None:
-            if (now := self._clock()) > deadline:
+            if (now := self.clock()) > deadline:
                 raise UserError(f"{self.port}: {self._silence(timeout_s)}")
             self._write(self.session.hello(now))
             self.poll(HELLO_EVERY_S / 4)
@@ -234,8 +234,8 @@ class Link(contextlib.AbstractContextManager["Link"]):
             self.session.answers.clear()
             seq = self.session.next_seq
             self._write(self.session.request(message))
-            deadline = self._clock() + timeout_s
-            while (now := self._clock()) < deadline:
+            deadline = self.clock() + timeout_s
+            while (now := self.clock()) < deadline:
                 self.poll(deadline - now)
                 for answer in self.session.answers:
                     if _answers(answer, message, seq):
@@ -272,7 +272,7 @@ class Link(contextlib.AbstractContextManager["Link"]):
             raise self._vanished() from error
         self.bytes_out += len(data)
         if self.tap:
-            self.tap("to_firmware", self._clock(), data)
+            self.tap("to_firmware", self.clock(), data)
 
     def _vanished(self) -> UserError:
         return UserError(

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import cv2
 
-from host.core.errors import UserError
+from host.core.errors import FaultError
 from host.core.messages import Command, Fix, Frame, Request, State, Telemetry
 from host.core.vehicle import Mount, Vehicle
 from host.field.fence import Fence
@@ -106,13 +106,17 @@ class Drive:
         self._paused = paused
         self.keeper = keeper
 
+    def stopped(self) -> None:
+        """What is on the wire from now on: the run is over."""
+        self.command = Command(Request.STOP, reason=self.pilot.reason)
+
     @property
     def telemetry(self) -> Telemetry | None:
         """The latest."""
         return self.link.session.telemetry
 
     def run(self, show: Callable[[Drive], None]) -> None:
-        """Until the pilot is done. `show` is called after every step. Raises UserError when a
+        """Until the pilot is done. `show` is called after every step. Raises FaultError when a
         device is lost for good."""
         begun = self._clock()
         resets = self.link.session.resets
@@ -127,13 +131,13 @@ class Drive:
             telemetry = self.telemetry
             heard = telemetry.stamp if telemetry is not None else begun
             if now - max(heard, begun) > TELEMETRY_TIMEOUT_S:
-                raise UserError(
+                raise FaultError(
                     f"{self.link.port}: no telemetry for {TELEMETRY_TIMEOUT_S:g} s; the firmware "
                     "hangs or the cable is broken. Reset the board and start again"
                 )
             if telemetry is not None and self.link.session.resets != resets:
                 texts = protocol.fault_texts(protocol.Fault(telemetry.faults))
-                raise UserError(
+                raise FaultError(
                     f"{self.link.port}: the firmware restarted in the middle of the run; its "
                     f"outputs are off. {'; '.join(texts) or 'Check the 5 V supply'}"
                 )
@@ -166,7 +170,7 @@ class Drive:
             self.fix = fix
             beyond = self._fence.breach(fix) if self._fence is not None else None
             if beyond is not None:
-                raise UserError(
+                raise FaultError(
                     f"stopped: the positions lie {beyond:.0f} m outside the boundary; look at the "
                     "machine, then check the boundary file and the receiver"
                 )

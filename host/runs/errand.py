@@ -21,6 +21,11 @@ from host.sensors.newest import Feed
 
 FIRST_FIX_S = 10.0
 FIRST_FIXES = 10
+UNSEEN = (
+    "it does not see people, animals, posts or stones: whoever or whatever is in its way is driven "
+    "over. Keep everybody 10 m away, walk the strip first, stay beside the machine with a hand at "
+    "the emergency stop"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +94,21 @@ def chosen_corner(
     return saved.corner
 
 
-def warnings(field: Boundary | None, gap: float | None) -> list[str]:
+def warnings(field: Boundary | None, gap: float | None, gnss: str | None) -> list[str]:
     """What does not watch over the run."""
+    return [*_without_boundary(field, gap), *_without_gnss(field, gnss)]
+
+
+def _without_gnss(field: Boundary | None, gnss: str | None) -> list[str]:
+    if gnss is not None:
+        return []
+    return [
+        "no --gnss: no position tells where the machine starts or when it leaves the field"
+        + (", and a wrong --corner or direction is not noticed" if field is not None else "")
+    ]
+
+
+def _without_boundary(field: Boundary | None, gap: float | None) -> list[str]:
     if field is None:
         return [
             "no --boundary: no plan and no geofence. Only the picture ends a side and keeps the "
@@ -104,19 +122,43 @@ def warnings(field: Boundary | None, gap: float | None) -> list[str]:
     return []
 
 
-def where_to_go_on(plan: Plan, begun: tuple[int, float], frame: LocalFrame) -> str:
-    """Where the operator has to put the machine."""
-    index, cut_m = begun
-    side = plan.sides[index]
+def intention(boundary: Path | None, errand: Errand, vehicle: Vehicle) -> list[str]:
+    """What the machine will do once it is started, for the operator to read before."""
+    blade = (
+        f"blade: {vehicle.blade_width_m:g} m wide, {vehicle.blade_height_m:g} m above the ground; "
+        "it turns as soon as the machine moves towards the crop"
+    )
+    if not errand.whole.sides or errand.frame is None:
+        return [
+            "it will follow the crop's edge from where it stands, the crop to its left, and turn "
+            "left at each end",
+            blade,
+            UNSEEN,
+        ]
+    index, cut_m = errand.begun
+    side = errand.whole.sides[index]
     x = side.x_m + cut_m * math.cos(side.heading_rad)
     y = side.y_m + cut_m * math.sin(side.heading_rad)
-    lat, lon = frame.to_wgs84(x, y)
-    compass = (90.0 - math.degrees(side.heading_rad)) % 360
-    place = f"{cut_m:.1f} m along it, where its crop still stands" if cut_m else "at its beginning"
-    return (
-        f"going on with {plan.name(index)}: the machine has to stand {place} "
-        f"(near {lat:.6f} {lon:.6f}), heading {compass:.0f} degrees by the compass"
-    )
+    lat, lon = errand.frame.to_wgs84(x, y)
+    where = f"at corner {errand.corner} of {boundary}"
+    if (index, cut_m) != (0, 0.0):
+        where = (
+            f"{cut_m:.1f} m along it, where its crop still stands" if cut_m else "at its beginning"
+        )
+    left = len(errand.whole.sides) - index
+    return [
+        f"it will cut {errand.whole.name(index)}, {side.length_m:.0f} m, then {left - 1} more",
+        f"it has to stand {where} (near {lat:.6f} {lon:.6f}), heading "
+        f"{compass_deg(side.heading_rad):.0f} degrees by the compass, the crop to its left, the "
+        "blade's right end on the crop's edge",
+        blade,
+        UNSEEN,
+    ]
+
+
+def compass_deg(heading_rad: float) -> float:
+    """A heading of the field frame by the compass: clockwise from north, 0..360."""
+    return (90.0 - math.degrees(heading_rad)) % 360
 
 
 def corner_at(corners: Sequence[LatLon], fixes: Feed[Fix] | None) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import itertools
 import json
 import math
 import struct
@@ -19,9 +20,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.core.errors import UserError
@@ -32,6 +34,8 @@ from host.vision.view import CropView
 PICTURES = "/camera"
 """The topic of the pictures."""
 CHUNK_BYTES = 64 * 1024
+LARGEST = 64 * 1024 * 1024
+"""Bytes of a chunk or a record in it; a picture takes a tenth of a megabyte."""
 INFINITE = 1e9
 """Stands for infinity, which JSON does not have."""
 
@@ -135,6 +139,9 @@ def _time(stamp: float) -> dict[str, int]:
     return {"sec": nanoseconds // 10**9, "nsec": nanoseconds % 10**9}
 
 
+_BROKEN = (McapError, ValueError, KeyError, EOFError, struct.error, zstandard.ZstdError)
+"""What a file that is cut off, spoiled or no record makes the reader raise."""
+
 ABOUT = "daranti"
 """Name of the metadata that say what the run depends on."""
 
@@ -147,10 +154,15 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
         path: Path,
         metadata: Mapping[str, str] | None = None,
         tee: Callable[[str, int, bytes], None] | None = None,
+        lost: Callable[[str], None] | None = None,
     ) -> None:
         """`metadata` says what the run depends on; `tee(topic, nanoseconds, JSON)` gets every
-        message as well. Raises UserError where the file cannot be written."""
+        message as well. Raises UserError where the file cannot be written, later on too, but where
+        `lost` is given: that is told once, and the run goes on without its record."""
+        self.path = path
         self._tee = tee
+        self._lost = lost
+        self._ended = False
         fresh = path.with_name(f".{path.name}.new")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -182,8 +194,12 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
             self._channels[topic] = channel
         data = json.dumps({key: _clean(value) for key, value in message.items()}).encode()
         nanoseconds = max(0, round(stamp * 1e9))
-        self._writer.add_message(channel, nanoseconds, data, nanoseconds, self._sequence)
-        self._file.flush()  # a chunk that is complete is on the disk
+        if not self._ended:
+            try:
+                self._writer.add_message(channel, nanoseconds, data, nanoseconds, self._sequence)
+                self._file.flush()  # a chunk that is complete is on the disk
+            except OSError as error:
+                self._end(error)
         self._sequence += 1
         if self._tee is not None:
             self._tee(topic, nanoseconds, data)
@@ -239,8 +255,28 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
 
     def close(self) -> None:
         """Writes the index; without it the record is readable, only slower to seek in."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.close()
+        try:
+            if not self._ended:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._file.close()
+        except OSError as error:
+            self._end(error)
+
+    def _end(self, error: OSError) -> None:
+        self._ended = True
+        with contextlib.suppress(OSError):
+            self._file.close()
+        words = f"the record {self.path} ends here: {error.strerror}"
+        if self._lost is None:
+            raise UserError(words) from error
+        self._lost(words)
+
+
+def unused(path: Path) -> Path:
+    """The path, or beside it the first of NAME-2, NAME-3 ... that no record has: what was recorded
+    once is not written over."""
+    names = (path.with_name(f"{path.stem}-{k}{path.suffix}") for k in itertools.count(2))
+    return next(each for each in itertools.chain([path], names) if not each.exists())
 
 
 def _records(path: Path) -> Iterator[McapRecord]:
@@ -253,12 +289,28 @@ def _records(path: Path) -> Iterator[McapRecord]:
     count = 0
     with file:
         try:
-            for record in StreamReader(file).records:
-                count += 1
-                yield record
-        except (McapError, ValueError, KeyError, EOFError, struct.error) as error:
+            for record in StreamReader(file, emit_chunks=True, record_size_limit=LARGEST).records:
+                for each in _unpacked(record):
+                    count += 1
+                    yield each
+        except _BROKEN as error:
             if not count:
-                raise UserError(f"{path} is not a record (MCAP): {error}") from error
+                why = str(error) or ("it is empty" if not path.stat().st_size else "it is cut off")
+                raise UserError(f"{path} is not a record (MCAP): {why}") from error
+
+
+def _unpacked(record: McapRecord) -> Iterator[McapRecord]:
+    """A chunk's records, anything else as it is. ValueError where a chunk claims to hold more than
+    any run writes: what is small on the disk may fill the memory."""
+    if not isinstance(record, Chunk):
+        yield record
+        return
+    size = record.uncompressed_size
+    if record.compression == "zstd":
+        size = max(size, zstandard.frame_content_size(record.data))
+    if size > LARGEST:
+        raise ValueError(f"a chunk of {size / 1e6:.0f} MB")
+    yield from breakup_chunk(record)
 
 
 def about(path: Path) -> dict[str, str]:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
 import select
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import TextIO, cast
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from host.core.messages import State
+from host.core.terminal import Outlet, PlainConsole, plain
 from host.link import protocol
 from host.pilot.pilot import PAUSED, Phase
 from host.runs.drive import Drive
@@ -34,7 +37,7 @@ def status(drive: Drive, receiver: Receiver | None) -> Table:
     if view is not None:
         table.add_row(
             "edge",
-            f"{view.edge_offset_m:+.2f} m",
+            f"{view.edge_offset_m:+.2f} m" if math.isfinite(view.edge_offset_m) else "not seen",
             f"confidence {view.confidence:.2f} {view.reason}".rstrip(),
         )
     command = drive.command
@@ -55,7 +58,7 @@ def status(drive: Drive, receiver: Receiver | None) -> Table:
             table.add_row("fault", "", Text(text, "red"))
     table.add_row(
         "camera",
-        drive.camera.problem or "ok",
+        plain(drive.camera.problem or "ok"),
         f"{drive.pictures} pictures, {drive.pictures_bad} bad, "
         f"{drive.pictures_repeated} repeated; longest step "
         f"{drive.step_s * 1e3:.0f} ms, {drive.late} late",
@@ -101,7 +104,8 @@ class Screen:
     ) -> None:
         """`events`: lines from other threads, to be shown at the next step."""
         self._events = events
-        self._console = Console(highlight=False)
+        self._outlet = Outlet(sys.stdout)
+        self._console = PlainConsole(file=cast(TextIO, self._outlet))
         self._clock = clock
         self._receiver = receiver
         self._live: Live | None = None
@@ -121,6 +125,19 @@ class Screen:
     def say(self, line: str) -> None:
         """One line that stays."""
         self._console.print(f"{self._clock():7.1f} s  {line}", soft_wrap=True)
+
+    def bell(self, sound: str) -> None:
+        """Makes the terminal sound."""
+        self._outlet.write(sound)
+
+    def last(self, drive: Drive) -> None:
+        """What is left when a run has ended."""
+        if self._live is not None:
+            self._live.update(Group(status(drive, self._receiver)), refresh=True)
+
+    def close(self) -> None:
+        """Waits a moment for the last lines."""
+        self._outlet.drain()
 
     def show(self, drive: Drive) -> None:
         """Called at every step; draws five times a second."""

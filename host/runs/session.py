@@ -10,32 +10,57 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from host.core.errors import UserError
-from host.core.messages import Fix, Frame
+from host.core.errors import FaultError, UserError
+from host.core.messages import Fix, Frame, State
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import Boundary, load_field
-from host.link import protocol
+from host.link import params, protocol
 from host.link.session import Link
 from host.pilot.pilot import Phase, Pilot
-from host.runs.drive import Drive, halt
-from host.runs.errand import Errand, chosen_corner, corner_at, errand_of, warnings, where_to_go_on
-from host.runs.record import Recorder
-from host.runs.resume import Keeper, Progress, load
+from host.runs.drive import PERIOD_S, Drive, fitted, halt
+from host.runs.errand import (
+    Errand,
+    chosen_corner,
+    corner_at,
+    errand_of,
+    intention,
+    warnings,
+)
+from host.runs.operator import COUNTDOWN_S, JOG_WORD, WORD, Operator
+from host.runs.preflight import (
+    PAIRS,
+    direction_seen,
+    disagreements,
+    heading_problem,
+    length_s,
+    place_problem,
+    room_for,
+    view_problem,
+)
+from host.runs.record import Recorder, unused
+from host.runs.resume import Keeper, Progress, load, remaining, resume_at
 from host.runs.screen import Keyboard, Screen
 from host.runs.sources import paper_params, warm_up
-from host.sensors.camera_stream import camera_feed
+from host.sensors.camera_stream import Picture, camera_feed
+from host.sensors.jpeg import JpegDecoder
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
 from host.vision.mounted.paper import PaperParams
 from host.vision.tuning.profiles import DATABASE
-from host.vision.watched import watched_detector
+from host.vision.view import CropView
+from host.vision.watched import WatchedDetector, watched_detector
+
+FIXES, FIXES_S = 3, 4.0
+PICTURES, PICTURES_S = 4, 2.0
+CLEARED_S = 0.3
+"""A fault whose cause is still there is back by then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +80,11 @@ class Order:
     record: Path | None = None
     resume: Path | None = None
     profiles: Path = DATABASE
+    heading_deg: float | None = None
+    """Where the machine heads by the compass."""
+    yes: bool = False
+    """Start without asking."""
+    countdown_s: int = COUNTDOWN_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +106,27 @@ def _read(order: Order) -> _Given:
     return _Given(vehicle, mount_of(vehicle, order.mount), field, saved, corner)
 
 
+@dataclass(frozen=True, slots=True)
+class _Machine:
+    """What stays the same from one start to the next of one harvest."""
+
+    order: Order
+    given: _Given
+    link: Link
+    pictures: Feed[Picture]
+    fixes: Feed[Fix] | None
+    screen: Screen
+    operator: Operator
+    clock: Callable[[], float]
+    recorder: Recorder
+    colours: PaperParams | None
+    say_later: Callable[[str], None]
+    """From any thread."""
+
+
 def harvest(order: Order) -> None:
-    """Drives until the field is finished, the operator ends it or a fault does. UserError with the
-    reason where it is not finished."""
+    """Drives until the field is finished, the operator ends it or a fault does. FaultError with the
+    reason where a fault did, UserError where it could not begin."""
     given = _read(order)
     begun = time.monotonic()
 
@@ -89,74 +137,234 @@ def harvest(order: Order) -> None:
     pictures = camera_feed(order.camera, clock, events.append)
     fixes, receiver = gnss_feed(order.gnss, clock, events.append) if order.gnss else (None, None)
     screen = Screen(clock, events, receiver)
+    operator = Operator(sys.stdin, screen.say, screen.bell, clock)
+    if not (operator.present or order.yes):
+        raise UserError("there is no terminal to ask at: give --yes to start without being asked")
     with ExitStack() as stack:
+        stack.callback(screen.close)
         link = stack.enter_context(Link(order.port, clock))
         version = link.meet()
         screen.say(f"firmware {version.firmware_major}.{version.firmware_minor} on {order.port}")
+        _agree(link, given.vehicle)
         for feed in (pictures, fixes):
             if feed is not None:
                 stack.callback(feed.close)
                 feed.start()
         first = warm_up(pictures, order.camera, given.mount, given.vehicle, order.mode)
-        for line in warnings(given.field, order.gap_m):
-            screen.say(line)
-        errand = _errand(order, given, fixes, screen)
+        errand = _errand(order, given, fixes)
         now = datetime.datetime.now(tz=datetime.UTC)
-        path = order.record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
-        params = _paper(order, given, first, screen)
+        path = unused(order.record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap")
+        if path != order.record and order.record is not None:
+            screen.say(f"{order.record} is there already; this record is {path}")
+        colours = _paper(order, given, first, screen)
+        for line in (
+            *warnings(given.field, order.gap_m, order.gnss),
+            room_for(path, length_s(errand.plan, given.vehicle)),
+        ):
+            if line:
+                screen.say(f"warning: {line}")
         recorder = stack.enter_context(
-            Recorder(path, _about(order, given, errand, params, now.isoformat()))
+            Recorder(path, _about(order, given, errand, colours, now.isoformat()), lost=screen.say)
         )
         _tapped(stack, link, recorder)
         stack.callback(lambda: screen.say(f"record: {path}"))
-        detector = watched_detector(order.mode, given.vehicle, given.mount, params)
-        run = Drive(
-            Pilot(given.vehicle, detector, errand.plan),
+        machine = _Machine(
+            order,
+            given,
             link,
             pictures,
             fixes,
-            given.mount,
-            given.vehicle,
+            screen,
+            operator,
             clock,
             recorder,
+            colours,
+            events.append,
+        )
+        _until_done(machine, errand)
+
+
+def _until_done(machine: _Machine, errand: Errand) -> None:
+    """Starts, and starts again after each fault that the operator clears."""
+    keeper = _keeper(machine, errand)
+    while True:
+        _begin(machine, errand)
+        run = Drive(
+            Pilot(machine.given.vehicle, _eye(machine), errand.plan),
+            machine.link,
+            machine.pictures,
+            machine.fixes,
+            machine.given.mount,
+            machine.given.vehicle,
+            machine.clock,
+            machine.recorder,
             errand.fence,
             Keyboard(sys.stdin),
-            _keeper(order, path, errand, events.append),
+            keeper,
         )
-        _drive(run, screen, link, clock)
+        _drive(run, machine)
+        if run.pilot.phase is not Phase.FAULT:
+            machine.screen.say(f"finished: {run.pilot.reason}")
+            return
+        why = f"stopped: {_why(run)}"
+        if not machine.operator.present or machine.order.yes:
+            raise FaultError(f"{why}. `daranti clear` clears the fault, --resume goes on")
+        machine.screen.say(why)
+        _clear(machine, why)
+        if keeper is not None:
+            saved = load(keeper.path)
+            begun = resume_at(saved, errand.whole, keeper.path)
+            errand = replace(errand, plan=remaining(errand.whole, *begun), begun=begun)
+            keeper = _keeper(machine, errand, keeper.path)
 
 
-def _errand(order: Order, given: _Given, fixes: Feed[Fix] | None, screen: Screen) -> Errand:
-    """The plan, and what the operator has to know of it."""
+def _agree(link: Link, vehicle: Vehicle) -> None:
+    """UserError where firmware and vehicle file contradict each other."""
+    held = {name: params.read(link, protocol.PARAMS[name]) for name in {p.parameter for p in PAIRS}}
+    found = disagreements(vehicle, held)
+    if found:
+        raise UserError("firmware and vehicle file differ: " + "; ".join(found))
+
+
+def _eye(machine: _Machine) -> WatchedDetector:
+    given = machine.given
+    return watched_detector(machine.order.mode, given.vehicle, given.mount, machine.colours)
+
+
+def _begin(machine: _Machine, errand: Errand) -> None:
+    """Says what will be done, checks what can be checked, and waits for a deliberate start."""
+    order, screen, operator = machine.order, machine.screen, machine.operator
+    while True:
+        for line in intention(order.boundary, errand, machine.given.vehicle):
+            screen.say(line)
+        heading = order.heading_deg
+        if heading is None and errand.begun != (0, 0.0) and not order.yes:
+            heading = _asked_heading(machine)
+        problem = _problem(machine, errand, heading)
+        if problem:
+            if order.yes:
+                raise UserError(problem)
+            screen.say(f"not yet: {problem}")
+        if order.yes:
+            break
+        words = f"{JOG_WORD}: creep by hand" + ("" if problem else f"; {WORD}: start")
+        answer = operator.answer(f"type a word and Enter ({words}; Ctrl-C ends)", machine.link)
+        if answer == JOG_WORD:
+            operator.jog(machine.link)
+        elif answer == WORD and not problem:
+            break
+    if not operator.countdown(order.countdown_s, machine.link):
+        raise UserError("broken off before the start; nothing has moved")
+
+
+def _asked_heading(machine: _Machine) -> float | None:
+    answer = machine.operator.answer(
+        "which way does the machine head, by a compass on it (degrees)?", machine.link
+    )
+    try:
+        return float(answer) % 360
+    except ValueError:
+        return None
+
+
+def _problem(machine: _Machine, errand: Errand, heading_deg: float | None) -> str:
+    """Why it must not start from where it stands, as far as receiver, compass and picture tell."""
+    if machine.given.field is not None:
+        found = place_problem(_some_fixes(machine), errand, machine.given.field.crop)
+        if found:
+            return found
+    if heading_deg is not None and (found := heading_problem(errand, heading_deg)):
+        return found
+    view = _look(machine)
+    if view is not None and (found := view_problem(view)):
+        return found
+    resumed = errand.begun != (0, 0.0)
+    if resumed and heading_deg is None and (view is None or not direction_seen(view)):
+        return (
+            "nothing tells which way the machine heads: give --heading, what a compass on it shows"
+        )
+    return ""
+
+
+def _some_fixes(machine: _Machine) -> list[Fix]:
+    """The next positions, a few seconds' worth."""
+    found: list[Fix] = []
+    end = machine.clock() + FIXES_S
+    while machine.fixes is not None and len(found) < FIXES and machine.clock() < end:
+        machine.link.poll(PERIOD_S)
+        fix = machine.fixes.take()
+        if fix is not None:
+            found.append(fix)
+    return found
+
+
+def _look(machine: _Machine) -> CropView | None:
+    """What a new detector makes of the newest pictures; None where none comes."""
+    eye, view = _eye(machine), None
+    end = machine.clock() + PICTURES_S
+    decoder, count = JpegDecoder(), 0
+    while count < PICTURES and machine.clock() < end:
+        machine.link.poll(PERIOD_S)
+        picture = machine.pictures.take()
+        if picture is not None:
+            frame = fitted(picture, decoder, machine.given.mount, 0.0)
+            view = eye.see(frame.bgr)
+            count += 1
+    return view
+
+
+def _clear(machine: _Machine, why: str) -> None:
+    """Guides the operator from a fault to the next start. FaultError where the cause stays, or the
+    operator does not want to go on."""
+    operator, link = machine.operator, machine.link
+    while True:
+        answer = operator.answer(
+            "look around and remove the cause, then type clear and Enter to go on (end: end)", link
+        )
+        if answer == "end":
+            raise FaultError(why)
+        if answer != "clear":
+            continue
+        telemetry = link.session.telemetry
+        if telemetry is not None and telemetry.state is State.FAULT:
+            link.ask(protocol.Clear())
+        end = machine.clock() + CLEARED_S
+        while machine.clock() < end:
+            link.poll(PERIOD_S)
+        telemetry = link.session.telemetry
+        if telemetry is not None and telemetry.state is not State.FAULT:
+            machine.screen.say("cleared")
+            return
+        faults = protocol.Fault(telemetry.faults if telemetry is not None else 0)
+        machine.screen.say(f"still there: {'; '.join(protocol.fault_texts(faults))}")
+
+
+def _errand(order: Order, given: _Given, fixes: Feed[Fix] | None) -> Errand:
+    """What is to be driven."""
     start = given.corner
     if start is None and given.field is not None:
         start = corner_at(given.field.crop, fixes)
-    errand = errand_of(
+    return errand_of(
         given.field, start, given.vehicle, order.turn, order.gap_m, given.saved, order.resume
     )
-    if errand.frame is not None:
-        screen.say(f"{len(errand.whole.sides)} sides from corner {start}")
-        if given.saved is not None:
-            screen.say(where_to_go_on(errand.whole, errand.begun, errand.frame))
-    return errand
 
 
 def _paper(order: Order, given: _Given, first: Frame | None, screen: Screen) -> PaperParams | None:
     """The colour thresholds of the paper's mode."""
     if order.mode != "paper" or first is None:
         return None
-    params, said = paper_params(order.profiles, order.mount, first, given.vehicle, given.mount)
+    found, said = paper_params(order.profiles, order.mount, first, given.vehicle, given.mount)
     screen.say(said)
-    return params
+    return found
 
 
 def _about(
-    order: Order, given: _Given, errand: Errand, params: PaperParams | None, begun: str
+    order: Order, given: _Given, errand: Errand, colours: PaperParams | None, begun: str
 ) -> dict[str, str]:
     """What the run depends on, for its record."""
     about = {"begun": begun, "mount": order.mount, "mode": order.mode, "turn": order.turn}
-    if params is not None:
-        about["paper"] = params.model_dump_json()
+    if colours is not None:
+        about["paper"] = colours.model_dump_json()
     about["vehicle"] = given.vehicle.model_dump_json()
     about["plan"] = json.dumps(asdict(errand.plan))
     return about
@@ -168,34 +376,38 @@ def _tapped(stack: ExitStack, link: Link, recorder: Recorder) -> None:
     stack.callback(setattr, link, "tap", None)
 
 
-def _keeper(
-    order: Order, record: Path, errand: Errand, say: Callable[[str], None]
-) -> Keeper | None:
+def _keeper(machine: _Machine, errand: Errand, path: Path | None = None) -> Keeper | None:
     """Writes the progress beside the record, or on where a run is resumed."""
     if errand.corner is None:
         return None
-    progress = order.resume or record.with_suffix(".progress.json")
+    progress = path or machine.order.resume
+    progress = progress or machine.recorder.path.with_suffix(".progress.json")
     progress.parent.mkdir(parents=True, exist_ok=True)
-    return Keeper(progress, errand.whole, errand.corner, say, errand.begun)
+    return Keeper(progress, errand.whole, errand.corner, machine.say_later, errand.begun)
 
 
-def _drive(run: Drive, screen: Screen, link: Link, clock: Callable[[], float]) -> None:
-    pilot = run.pilot
+def _drive(run: Drive, machine: _Machine) -> None:
+    """One start, until the pilot is done. FaultError where a device was lost."""
+    pilot, screen = run.pilot, machine.screen
     try:
         with screen.open():
-            run.run(screen.show)
+            try:
+                run.run(screen.show)
+            finally:
+                held = False
+                with contextlib.suppress(UserError):
+                    held = halt(machine.link, machine.clock)
+                run.stopped()
+                screen.last(run)
+        screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
+    except UserError as error:
+        raise FaultError(str(error)) from error
     finally:
-        with contextlib.suppress(UserError):
-            held = halt(link, clock)
-            screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
         if run.keeper is not None:
             run.keeper.close(pilot)
             if pilot.phase is not Phase.FINISHED:
                 screen.say(f"to go on: the same command with --resume {run.keeper.path}")
         _report(run, screen)
-    if pilot.phase is Phase.FAULT:
-        raise UserError(f"stopped: {_why(run)}")
-    screen.say(f"finished: {pilot.reason}")
 
 
 def _report(run: Drive, screen: Screen) -> None:

@@ -13,6 +13,7 @@ import time
 import tty
 from dataclasses import replace
 
+from host.core.vehicle import Vehicle
 from host.link import protocol
 
 RESTING = protocol.Telemetry(
@@ -52,6 +53,8 @@ class FakeFirmware:
         self.deaf_to: dict[type[protocol.Message], int] = {}
         """How many messages of a kind are lost before one is heard."""
         self.params = {spec.id: spec.default_raw for spec in protocol.PARAMS.values()}
+        hall = protocol.PARAMS["hall_per_metre"]
+        self.params[hall.id] = hall.to_raw(Vehicle().hall_pulses_per_m)  # as the workshop set it
         self._version = version
         self._silent = silent or bool(babble)
         self._babble = babble

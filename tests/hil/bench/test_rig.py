@@ -26,7 +26,7 @@ from hil.bench.ports import IN_THE_MAKING, NETWORK, Port, PseudoTerminal, Rfc221
 from hil.bench.rig import BEHIND_S, Deadlines, Rig, handouts
 from hil.firmware import targets
 from hil.scenario import scenario
-from host.core.errors import UserError
+from host.core.errors import EXIT_FAULT, UserError
 from host.core.frames import LocalFrame
 from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
@@ -339,7 +339,17 @@ def drive(about: dict[str, str], record: Path, *options: str) -> subprocess.Pope
     given = {key: value for key, value in about.items() if key not in NETWORK}
     words = [word for key, value in given.items() for word in (f"--{key}", value)]
     return subprocess.Popen(
-        console("host.commands.cli", "drive", *words, "--record", str(record), *options),
+        console(
+            "host.commands.cli",
+            "drive",
+            *words,
+            "--record",
+            str(record),
+            "--yes",
+            "--countdown",
+            "0",
+            *options,
+        ),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -407,7 +417,7 @@ def test_a_rig_that_ends_mid_run_is_one_message_and_leaves_a_readable_record(
             if "follow" in line:
                 machine.send_signal(signal.SIGINT)
         _, err = host.communicate(timeout=LIMIT_S)
-    assert host.returncode == 2
+    assert host.returncode == EXIT_FAULT
     assert re.fullmatch(r"daranti: .* vanished .*\n", err), err
     topics = {topic for topic, _, _ in read(path)}
     assert {"/camera", "/telemetry", "/command", "/pilot"} <= topics

@@ -1,0 +1,40 @@
+"""`daranti clear`: the firmware's latched faults."""
+
+from __future__ import annotations
+
+import click
+
+from host.commands.cli import port_option
+from host.core.errors import FaultError
+from host.core.messages import State
+from host.core.terminal import echo
+from host.link import protocol
+from host.link.session import Link, connect
+
+SETTLE_S = 0.3
+"""A fault whose cause is still there is back by then."""
+
+
+@click.command()
+@port_option
+def clear(port: str) -> None:
+    """Shows the latched faults and clears those whose cause is gone. Nothing moves: the machine is
+    SAFE then, and `daranti drive` can start."""
+    with connect(port) as link:
+        for text in _faults(link):
+            echo(f"fault: {text}")
+        link.ask(protocol.Clear())
+        left = _faults(link)
+        state = link.session.telemetry.state if link.session.telemetry else None
+        if left or state is State.FAULT:
+            raise FaultError(f"{port}: still there: {'; '.join(left)}")
+        echo(f"cleared; the firmware is {state.name if state else 'silent'}")
+
+
+def _faults(link: Link) -> list[str]:
+    """In words, after what a moment's telemetry says."""
+    until = link.clock() + SETTLE_S
+    while (left := until - link.clock()) > 0:
+        link.poll(left)
+    telemetry = link.session.telemetry
+    return protocol.fault_texts(protocol.Fault(telemetry.faults)) if telemetry else []

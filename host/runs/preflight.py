@@ -1,0 +1,205 @@
+"""What is looked at before anything moves: firmware against vehicle file, room on the disk, place
+and direction."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from host.core.errors import UserError
+from host.core.frames import LatLon, LocalFrame
+from host.core.messages import Fix
+from host.core.vehicle import Vehicle
+from host.route.plan import Plan
+from host.runs.errand import Errand, compass_deg
+from host.vision.view import CropView
+
+RECORD_BPS: Final = 2.4e9 / 3600
+"""Bytes that a second of record takes, measured with pictures of 640x480 at 15 a second."""
+FREE_BYTES: Final = 500e6
+"""Less is no room for a run at all."""
+USUAL_S: Final = 3600.0
+"""Taken for the length of a run without a plan."""
+TURN_S: Final = 30.0
+
+PLACE_M: Final = 8.0
+"""A phone's position is rarely further off (2.5 m CEP, and the boundary was walked with one)."""
+CORNERS_M: Final = 4.0
+"""By so much nearer to another corner than to the chosen one, it stands at the other."""
+HEADING_DEG: Final = 15.0
+"""A compass on a machine of steel errs by ten degrees; the pilot straightens the rest."""
+OFFSET_M: Final = 0.5
+SURE: Final = 0.5
+
+Relation = Literal["equal", "at least"]
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A thing that both firmware and vehicle file speak of."""
+
+    parameter: str
+    field: str
+    relation: Relation
+    """The firmware's value to the vehicle file's."""
+    tolerance: float
+    """Relative."""
+    why: str
+
+    def differs(self, held: float, wanted: float) -> bool:
+        """Whether the two values do not go together."""
+        if self.relation == "at least":
+            return held < wanted * (1 - self.tolerance)
+        return abs(held - wanted) > self.tolerance * max(abs(held), abs(wanted))
+
+
+PAIRS: Final = (
+    Pair("hall_per_metre", "hall_pulses_per_m", "equal", 0.01, "speed and distance are counted by"),
+    Pair("steer_limit", "steer_limit_deg", "at least", 0.01, "turns are planned with"),
+    Pair("speed_max", "cutting_speed_mps", "at least", 0.01, "the machine cuts at"),
+    Pair("speed_max", "manoeuvre_speed_mps", "at least", 0.01, "the machine turns at"),
+    Pair("battery_nominal", "nominal_battery_v", "equal", 0.02, "drive duties are scaled by"),
+    Pair("speed_full", "full_duty_speed_mps", "equal", 0.15, "speeds are estimated by"),
+)
+
+
+def disagreements(vehicle: Vehicle, held: Mapping[str, float]) -> list[str]:
+    """Where the firmware's parameters `held` and the vehicle file say different things, and what to
+    do about each."""
+    found = []
+    for pair in PAIRS:
+        value, wanted = held[pair.parameter], float(getattr(vehicle, pair.field))
+        if pair.parameter == "battery_nominal" and value == 0.0:
+            continue  # the scaling is switched off
+        if pair.differs(value, wanted):
+            found.append(
+                f"{pair.why} {pair.parameter} = {value:g} in the firmware, {pair.field} = "
+                f"{wanted:g} in the vehicle file: correct the one that is wrong (`daranti params "
+                f"set {pair.parameter} {wanted:g} --save`, or the file)"
+            )
+    return found
+
+
+def length_s(plan: Plan, vehicle: Vehicle) -> float:
+    """About how long a plan takes."""
+    if not plan.sides:
+        return USUAL_S
+    along = sum(side.length_m for side in plan.sides)
+    return along / vehicle.cutting_speed_mps + TURN_S * len(plan.sides)
+
+
+def room_for(path: Path, seconds: float) -> str:
+    """A warning where the disk is too small for the record of so long a run, else nothing.
+    UserError where there is no room at all, or no such disk."""
+    folder = next(each for each in (path.parent, *path.parent.parents) if each.exists())
+    free = shutil.disk_usage(folder).free
+    if free < FREE_BYTES:
+        raise UserError(
+            f"the disk of {folder} has {free / 1e6:.0f} MB left, a record needs "
+            f"{RECORD_BPS * 60 / 1e6:.0f} MB a minute; delete old records or name another --record"
+        )
+    if free < RECORD_BPS * seconds:
+        return (
+            f"the disk of {folder} has {free / 1e9:.1f} GB left, enough for "
+            f"{free / RECORD_BPS / 60:.0f} of about {seconds / 60:.0f} minutes; the run goes on "
+            "without a record when it is full"
+        )
+    return ""
+
+
+# ---- place and direction -------------------------------------------------------------------------
+
+
+def where_of(errand: Errand) -> tuple[float, float, float] | None:
+    """(x, y, heading) in the field frame of the edge where the blade's right end has to stand; None
+    without a plan."""
+    if not errand.whole.sides:
+        return None
+    index, cut_m = errand.begun
+    side = errand.whole.sides[index]
+    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+    return side.x_m + cut_m * c, side.y_m + cut_m * s, side.heading_rad
+
+
+def place_problem(fixes: Sequence[Fix], errand: Errand, corners: Sequence[LatLon]) -> str:
+    """Why the positions cannot be those of a machine that stands where it has to; empty where they
+    can, or nothing is known."""
+    goal, frame = where_of(errand), errand.frame
+    places = [fix for fix in fixes if fix.quality > 0]
+    if goal is None or frame is None or not places:
+        return ""
+    at = _middle(places, frame)
+    away = math.dist(at, goal[:2])
+    if errand.begun == (0, 0.0) and errand.corner is not None:
+        apart = [math.dist(at, frame.to_local(*corner)) for corner in corners]
+        nearest = apart.index(min(apart))
+        if nearest != errand.corner and apart[errand.corner] - apart[nearest] > CORNERS_M:
+            return (
+                f"the receiver has the machine {apart[nearest]:.0f} m from corner {nearest} and "
+                f"{apart[errand.corner]:.0f} m from corner {errand.corner}, where it has to stand: "
+                "move it there, or give the corner at which it stands"
+            )
+    if away > PLACE_M:
+        return (
+            f"the receiver has the machine {away:.0f} m from where it has to stand; move it "
+            f"there ({_bearing(at, goal)}), or wait for a better position"
+        )
+    return ""
+
+
+def heading_problem(errand: Errand, heading_deg: float) -> str:
+    """Why a machine that heads so by the compass cannot begin; empty where it can."""
+    goal = where_of(errand)
+    if goal is None:
+        return ""
+    wanted = compass_deg(goal[2])
+    off = math.remainder(heading_deg - wanted, 360)
+    if abs(off) <= HEADING_DEG:
+        return ""
+    return (
+        f"the machine heads {heading_deg:.0f} degrees by the compass and has to head {wanted:.0f}: "
+        f"turn it {abs(off):.0f} degrees to the {'left' if off > 0 else 'right'}"
+    )
+
+
+def view_problem(view: CropView) -> str:
+    """Why what the camera sees is not the edge at the blade's right end; empty where it is, or
+    nothing sure is seen."""
+    if view.confidence < SURE:
+        return ""
+    if math.isfinite(view.edge_heading_rad) and (
+        abs(math.degrees(view.edge_heading_rad)) > HEADING_DEG
+    ):
+        return (
+            "in the picture the crop's edge runs "
+            f"{abs(math.degrees(view.edge_heading_rad)):.0f} degrees to the "
+            f"{'left' if view.edge_heading_rad > 0 else 'right'}: turn the machine along it"
+        )
+    if abs(view.edge_offset_m) > OFFSET_M:
+        return (
+            f"in the picture the crop's edge is {abs(view.edge_offset_m):.1f} m "
+            f"{'left' if view.edge_offset_m > 0 else 'right'} of the blade's right end: move the "
+            "machine sideways"
+        )
+    return ""
+
+
+def direction_seen(view: CropView) -> bool:
+    """Whether the picture tells the machine's direction against the edge."""
+    return view.confidence >= SURE and math.isfinite(view.edge_heading_rad)
+
+
+def _middle(fixes: Sequence[Fix], frame: LocalFrame) -> tuple[float, float]:
+    """The median: one reflection off a wall does not count."""
+    places = [frame.to_local(fix.lat_deg, fix.lon_deg) for fix in fixes]
+    xs, ys = (sorted(values) for values in zip(*places, strict=True))
+    return xs[len(xs) // 2], ys[len(ys) // 2]
+
+
+def _bearing(at: tuple[float, float], goal: tuple[float, float, float]) -> str:
+    way = compass_deg(math.atan2(goal[1] - at[1], goal[0] - at[0]))
+    return f"{way:.0f} degrees by the compass"

@@ -1,0 +1,364 @@
+"""Facts about what happens before the first motion: consent, checks, the jog, faults cleared."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from host.core.errors import EXIT_FAULT, EXIT_USER, UserError
+from host.core.frames import LocalFrame
+from host.core.messages import Fix
+from host.core.terminal import Outlet
+from host.core.vehicle import MAST, Vehicle
+from host.field.boundary_file import load_field
+from host.link import protocol
+from host.link.session import connect
+from host.pilot.pilot import Phase
+from host.runs import preflight
+from host.runs.errand import Errand, errand_of
+from host.runs.operator import Operator
+from host.runs.record import Recorder, read, unused
+from host.runs.resume import Progress, digest
+from host.sensors.camera_stream import Picture
+from host.sensors.newest import Feed
+from host.vision.view import CropView
+from tests.helpers.console import Cli
+from tests.helpers.fake_firmware import RESTING, FakeFirmware
+
+LIMIT_S = 10.0
+JPEG = cv2.imencode(".jpg", np.full((MAST.height_px, MAST.width_px, 3), 90, np.uint8))[1].tobytes()
+VEHICLE = Vehicle()
+
+
+def field_of(folder: Path) -> Path:
+    """A square of 20 m, its corner 0 in the south-west."""
+    frame = LocalFrame(31.5, 74.3)
+    corners = [frame.to_wgs84(x, y) for x, y in ((0, 0), (20, 0), (20, 20), (0, 20))]
+    path = folder / "field.csv"
+    path.write_text("".join(f"{lat:.9f},{lon:.9f}\n" for lat, lon in corners))
+    return path
+
+
+def errand(folder: Path, side: int = 0, cut_m: float = 0.0) -> Errand:
+    path = field_of(folder)
+    whole = errand_of(load_field(path), 0, VEHICLE, "three_point", 2.0, None, None).whole
+    saved = Progress(plan=digest(whole), corner=0, side=side, cut_m=cut_m, phase=Phase.FAULT)
+    resumed = saved if side or cut_m else None
+    return errand_of(load_field(path), 0, VEHICLE, "three_point", 2.0, resumed, path)
+
+
+def fix_at(x: float, y: float) -> Fix:
+    return Fix(0.0, *LocalFrame(31.5, 74.3).to_wgs84(x, y), 1, 0.9, 8)
+
+
+@pytest.fixture
+def camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A phone that always shows the same grey."""
+
+    def source(feed: Feed[Picture]) -> Iterator[Picture]:
+        while not feed.stopping:
+            yield Picture(feed.clock(), JPEG)
+            feed.pause(0.05)
+
+    def made(_url: str, clock: Callable[[], float], report: Callable[[str], None]) -> Any:
+        return Feed("camera", source, clock, report)
+
+    monkeypatch.setattr("host.runs.session.camera_feed", made)
+
+
+class Terminal:
+    """A pseudo-terminal as stdin."""
+
+    def __init__(self) -> None:
+        self.master, slave = pty.openpty()
+        self.stdin = os.fdopen(slave, "r")
+
+    def type(self, text: str) -> None:
+        os.write(self.master, text.encode())
+
+
+@pytest.fixture
+def terminal() -> Iterator[Terminal]:
+    made = Terminal()
+    yield made
+    os.close(made.master)
+    made.stdin.close()
+
+
+def moved(board: FakeFirmware) -> bool:
+    return any(
+        isinstance(each, protocol.Arm)
+        or (isinstance(each, protocol.Drive) and (each.speed != 0 or each.blade))
+        for each in board.received
+    )
+
+
+GIVEN = ("drive", "--camera", "http://127.0.0.1:1/video", "--port")
+
+
+# ---- consent -------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("camera")
+def test_without_a_terminal_and_without_consent_nothing_moves(
+    cli: Cli, board: FakeFirmware
+) -> None:
+    code, _, err = cli(*GIVEN, board.port)
+    assert code == EXIT_USER
+    assert "--yes" in err
+    assert not moved(board)
+
+
+@pytest.mark.usefixtures("camera")
+def test_it_says_what_it_will_do_and_moves_only_after_the_word_and_the_countdown(
+    cli: Cli,
+    board: FakeFirmware,
+    terminal: Terminal,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.stdin", terminal.stdin)
+    given = ("--boundary", str(field_of(tmp_path)), "--corner", "0", "--countdown", "2")
+    armed: list[float] = []
+    begun = time.monotonic()
+
+    def person() -> None:
+        terminal.type("what\n")
+        time.sleep(0.5)
+        assert not moved(board)
+        terminal.type("start\n")
+        board.wait_for(protocol.Arm, LIMIT_S)
+        armed.append(time.monotonic() - begun)
+        board.unplug()
+
+    hand = threading.Thread(target=person)
+    hand.start()
+    code, out, err = cli(*GIVEN, board.port, *given, "--record", str(tmp_path / "a.mcap"))
+    hand.join()
+    assert code == EXIT_FAULT, err
+    assert armed[0] > 2.0
+    for words in (
+        "corner 0",
+        "90 degrees by the compass",
+        "blade: 1 m wide",
+        "does not see people",
+    ):
+        assert words in out
+    assert out.count("\a") == 3
+    assert "no --gnss" in out
+    assert "no --gap" in out
+
+
+@pytest.mark.usefixtures("camera")
+def test_enter_breaks_the_countdown_off(
+    cli: Cli,
+    board: FakeFirmware,
+    terminal: Terminal,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.stdin", terminal.stdin)
+    terminal.type("start\n\n")
+    code, _, err = cli(*GIVEN, board.port, "--record", str(tmp_path / "a.mcap"))
+    assert code == EXIT_USER
+    assert "nothing has moved" in err
+    assert not moved(board)
+
+
+# ---- checks --------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("camera")
+def test_a_firmware_that_was_set_back_to_defaults_is_refused_with_what_to_do(
+    cli: Cli, board: FakeFirmware
+) -> None:
+    board.params[protocol.PARAMS["hall_per_metre"].id] = 0
+    code, _, err = cli(*GIVEN, board.port, "--yes")
+    assert code == EXIT_USER
+    assert "daranti params set hall_per_metre 50 --save" in err
+    assert not moved(board)
+
+
+@pytest.mark.parametrize("pair", preflight.PAIRS, ids=lambda pair: f"{pair.parameter}-{pair.field}")
+def test_every_pair_is_compared(pair: preflight.Pair) -> None:
+    held = {each.parameter: float(getattr(VEHICLE, each.field)) for each in preflight.PAIRS[::-1]}
+    held["speed_max"] = 1.0
+    assert preflight.disagreements(VEHICLE, held) == []
+    held[pair.parameter] = 0.5 * float(getattr(VEHICLE, pair.field))
+    assert any(pair.field in text for text in preflight.disagreements(VEHICLE, held))
+
+
+def test_a_machine_at_another_corner_is_told_so(tmp_path: Path) -> None:
+    corners = load_field(field_of(tmp_path)).crop
+    begin = errand(tmp_path)
+    assert preflight.place_problem([fix_at(2.0, -3.0)], begin, corners) == ""
+    found = preflight.place_problem([fix_at(21.0, 1.0)], begin, corners)
+    assert "from corner 1" in found
+    assert preflight.place_problem([], begin, corners) == ""
+
+
+def test_a_resumed_machine_has_to_stand_where_the_run_ended(tmp_path: Path) -> None:
+    corners = load_field(field_of(tmp_path)).crop
+    again = errand(tmp_path, cut_m=12.0)
+    x, y, _ = preflight.where_of(again) or (0.0, 0.0, 0.0)
+    assert (x, y) == pytest.approx((11.8, 0.0), abs=0.1)
+    assert preflight.place_problem([fix_at(x - 3, y)], again, corners) == ""
+    assert "12 m" in preflight.place_problem([fix_at(0, 0)], again, corners)
+
+
+def test_one_reflected_position_does_not_count(tmp_path: Path) -> None:
+    corners = load_field(field_of(tmp_path)).crop
+    fixes = [fix_at(0, 0), fix_at(80, 0), fix_at(1, 0)]
+    assert preflight.place_problem(fixes, errand(tmp_path), corners) == ""
+
+
+@pytest.mark.parametrize(
+    ("shown", "turn"), [(90, ""), (124, "34 degrees to the left"), (56, "34 degrees to the right")]
+)
+def test_a_machine_that_stands_askew_is_told_which_way_to_turn(
+    tmp_path: Path, shown: float, turn: str
+) -> None:
+    found = preflight.heading_problem(errand(tmp_path, cut_m=5.0), shown)
+    assert turn in found
+    assert bool(found) == bool(turn)
+
+
+def test_an_edge_that_is_not_at_the_blade_is_told() -> None:
+    assert preflight.view_problem(CropView(0.9, edge_offset_m=0.1)) == ""
+    assert preflight.view_problem(CropView(0.2, edge_offset_m=2.0)) == ""
+    assert "0.8 m left" in preflight.view_problem(CropView(0.9, edge_offset_m=0.8))
+    askew = CropView(0.9, edge_offset_m=0.0, edge_heading_rad=-0.6)
+    assert "34 degrees to the right" in preflight.view_problem(askew)
+
+
+@pytest.mark.usefixtures("camera")
+def test_a_resume_without_any_direction_is_refused(
+    cli: Cli, board: FakeFirmware, tmp_path: Path
+) -> None:
+    again = errand(tmp_path, cut_m=12.0)
+    saved = tmp_path / "a.progress.json"
+    progress = Progress(plan=digest(again.whole), corner=0, side=0, cut_m=12.0, phase=Phase.FAULT)
+    saved.write_text(progress.model_dump_json())
+    given = ("--boundary", str(tmp_path / "field.csv"), "--gap", "2", "--resume", str(saved))
+    record = ("--record", str(tmp_path / "b.mcap"))
+    code, _, err = cli(*GIVEN, board.port, "--yes", *given, *record)
+    assert code == EXIT_USER
+    assert "--heading" in err
+    code, _, err = cli(*GIVEN, board.port, "--yes", *given, *record, "--heading", "56")
+    assert code == EXIT_USER
+    assert "34 degrees to the right" in err
+    assert not moved(board)
+
+
+# ---- by hand -------------------------------------------------------------------------------------
+
+
+def test_a_jog_creeps_while_a_key_is_held_with_the_blade_off(
+    board: FakeFirmware, terminal: Terminal
+) -> None:
+    said: list[str] = []
+    hand = Operator(terminal.stdin, said.append, said.append, time.monotonic)
+
+    def person() -> None:
+        board.wait_for(protocol.Arm)
+        board.telemetry = replace(RESTING, state=protocol.State.ARMED)
+        time.sleep(0.2)
+        terminal.type("aw")
+        time.sleep(1.2)
+        terminal.type("q")
+        time.sleep(0.3)
+        board.telemetry = RESTING
+
+    thread = threading.Thread(target=person)
+    with connect(board.port) as link:
+        thread.start()
+        hand.jog(link)
+        thread.join()
+    drives = [each for each in board.received if isinstance(each, protocol.Drive)]
+    assert max(each.speed for each in drives) == pytest.approx(0.12, abs=0.001)
+    assert drives[-1].speed == 0, "let go of, it stands"
+    assert max(each.steer for each in drives) == pytest.approx(0.0873, abs=0.001)
+    assert not any(each.blade for each in drives)
+    assert isinstance(board.received[-1], protocol.Stop)
+
+
+def test_a_jog_that_the_firmware_does_not_arm_says_why(
+    board: FakeFirmware, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("host.runs.operator.ARM_S", 0.3)
+    board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=protocol.Fault.ESTOP)
+    with connect(board.port) as link, pytest.raises(UserError, match="emergency-stop"):
+        Operator(terminal.stdin, print, print, time.monotonic).jog(link)
+
+
+# ---- the record ----------------------------------------------------------------------------------
+
+
+def test_what_was_recorded_is_not_written_over(tmp_path: Path) -> None:
+    first = tmp_path / "a.mcap"
+    assert unused(first) == first
+    first.write_bytes(b"an hour's work")
+    assert unused(first).name == "a-2.mcap"
+    (tmp_path / "a-2.mcap").touch()
+    assert unused(first).name == "a-3.mcap"
+
+
+def test_a_full_disk_ends_the_record_and_not_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    path = tmp_path / "a.mcap"
+    with Recorder(path, lost=said.append) as recorder:
+        recorder.put("/operator", 0.0, {"paused": True})
+
+        def full(*_: object) -> None:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("mcap.writer.Writer.add_message", full)
+        recorder.put("/operator", 1.0, {"paused": True})
+        recorder.put("/operator", 2.0, {"paused": True})
+    assert said == [f"the record {path} ends here: No space left on device"]
+    assert list(read(path)) == []
+
+
+def test_a_disk_without_room_is_told_before_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def usage(free: float) -> Callable[[Path], Any]:
+        return lambda _: type("Usage", (), {"free": free})
+
+    monkeypatch.setattr("shutil.disk_usage", usage(1e12))
+    assert preflight.room_for(tmp_path / "new" / "a.mcap", 3600) == ""
+    monkeypatch.setattr("shutil.disk_usage", usage(1e9))
+    assert "25 of about 60 minutes" in preflight.room_for(tmp_path / "a.mcap", 3600)
+    monkeypatch.setattr("shutil.disk_usage", usage(1e8))
+    with pytest.raises(UserError, match="100 MB left"):
+        preflight.room_for(tmp_path / "a.mcap", 3600)
+
+
+# ---- the terminal --------------------------------------------------------------------------------
+
+
+def test_a_terminal_that_is_not_read_holds_nothing_up() -> None:
+    reading, writing = os.pipe()
+    outlet = Outlet(os.fdopen(writing, "w"))
+    begun = time.monotonic()
+    for _ in range(400):
+        outlet.write("x" * 1000)
+    assert time.monotonic() - begun < 1.0
+    assert not outlet.drain(0.1)
+    while select.select([reading], [], [], 0.5)[0]:
+        os.read(reading, 65536)
+    assert outlet.drain()
+    os.close(reading)
