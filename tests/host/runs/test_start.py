@@ -297,7 +297,7 @@ def test_a_jog_that_the_firmware_does_not_arm_says_why(
     board: FakeFirmware, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("host.runs.operator.ARM_S", 0.3)
-    board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=protocol.Fault.ESTOP)
+    board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=protocol.Fault(2))
     with connect(board.port) as link, pytest.raises(UserError, match="emergency-stop"):
         Operator(terminal.stdin, print, print, time.monotonic).jog(link)
 
