@@ -12,6 +12,7 @@ import uvicorn
 
 from host.commands.cli import port_option
 from host.core.errors import UserError
+from host.core.terminal import echo
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.panel import strict_http
 from host.panel.fields import FieldDesk
@@ -97,9 +98,9 @@ def serve(shared: Panel, host: str, port: int) -> None:
         raise UserError(f"port {port}: {error.strerror}; name another with --web-port") from error
     number = listener.getsockname()[1]
     for address in addresses(host):
-        click.echo(f"panel: http://{address}:{number}/")
+        echo(f"panel: http://{address}:{number}/")
     if shared.pairing.needed:
-        click.echo(f"pair a phone with the code {shared.pairing.code}")
+        echo(f"pair a phone with the code {shared.pairing.code}")
     config = uvicorn.Config(application(shared), **strict_http.settings())
     with contextlib.suppress(KeyboardInterrupt):
         uvicorn.Server(config).run(sockets=[listener])

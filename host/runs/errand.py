@@ -149,8 +149,8 @@ def intention(boundary: Path | None, errand: Errand, vehicle: Vehicle) -> list[s
     return [
         f"it will cut {errand.whole.name(index)}, {side.length_m:.0f} m, then {left - 1} more",
         f"it has to stand {where} (near {lat:.6f} {lon:.6f}), heading "
-        f"{round(compass_deg(side.heading_rad)) % 360} degrees by the compass, the crop to its left, the "
-        "blade's right end on the crop's edge",
+        f"{round(compass_deg(side.heading_rad)) % 360} degrees by the compass, the crop to its "
+        "left, the blade's right end on the crop's edge",
         blade,
         UNSEEN,
     ]

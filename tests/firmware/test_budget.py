@@ -1,4 +1,5 @@
-"""The AVR keeps its budget and withstands random bytes: the commands of docs/understand/firmware.md, short."""
+"""The AVR keeps its budget and withstands random bytes: the commands of
+docs/understand/firmware.md, short."""
 
 from __future__ import annotations
 

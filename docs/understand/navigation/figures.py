@@ -1,4 +1,5 @@
-"""Prints the tables of docs/understand/navigation.md: `python docs/understand/navigation/figures.py` (some seconds)."""
+"""Prints the tables of docs/understand/navigation.md, in some seconds:
+`python docs/understand/navigation/figures.py`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Prints the table of docs/use/survey/README.md: `python docs/use/survey/figures.py` (half a minute)."""
+"""Prints the table of docs/use/survey/README.md in half a minute:
+`python docs/use/survey/figures.py`."""
 
 from __future__ import annotations
 
