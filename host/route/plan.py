@@ -17,25 +17,31 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely.affinity import affine_transform
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
+from host.route.standing import (
+    MIN_EDGE_M,
+    MIN_STRIP_M2,
+    Edge,
+    corridor,
+    edges_of,
+    largest,
+    strip_along,
+)
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
-MIN_STRIP_M2 = 0.02
-"""What a side would cut at least; smaller remains are nothing a camera could find."""
 SEEN_SHARE = 0.22
 """Vision sees crop where it fills this share of the blade's width."""
-SEEN_ROWS = 9
 MAX_SIDES = 4000
+MAX_WALKED = 6000
+"""Sides after which no further way to cut a field is tried."""
+STRAIGHT_RAD = 0.02
+BENT_RAD = math.radians(25.0)
 SAME_RAD = 1e-3
 BESIDE_RAD = math.radians(1.0)
 BESIDE_WIDTHS = (0.2, 1.5)
 """Of the blade, between the lines of a side and of the one that has left its edge."""
-NEAR_M = 1e-3
-CONVEX_RAD = 1e-3
-MIN_EDGE_M = 0.05
 KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
 MAX_SHIFT_M = 0.35
@@ -71,6 +77,9 @@ class Side:
     edge_begin_m: float = 0.0
     edge_end_m: float = 0.0
     """From there the outer edge runs; what is seen before and behind it is a slanting border."""
+    bends: tuple[tuple[float, float], ...] = ()
+    """(how far along the side, by how much to the left in rad) its edge bends; `heading_rad` is the
+    direction in which it begins."""
 
     @property
     def line(self) -> tuple[float, float]:
@@ -78,6 +87,46 @@ class Side:
         left of that origin it runs."""
         c, s = math.cos(self.heading_rad), math.sin(self.heading_rad)
         return c * self.x_m + s * self.y_m, c * self.y_m - s * self.x_m
+
+    def edge_line(self) -> list[tuple[float, float]]:
+        """Where its outer edge runs: from the crop's first tip through the bends to the last."""
+        x, y, heading = self.x_m, self.y_m, self.heading_rad
+        points, past = [(x, y)], 0.0
+        for along, turn in (*self.bends, (self.length_m, 0.0)):
+            x += (along - past) * math.cos(heading)
+            y += (along - past) * math.sin(heading)
+            points.append((x, y))
+            past, heading = along, heading + turn
+        return points
+
+    @property
+    def end_heading_rad(self) -> float:
+        """The direction in which it ends."""
+        return self.heading_rad + sum(turn for _, turn in self.bends)
+
+    def pose(self, along_m: float, left_m: float = 0.0) -> tuple[float, float, float]:
+        """(x, y, direction) along_m along the edge and left_m left of it; straight on before the
+        beginning and beyond the end."""
+        x, y, heading, past = self.x_m, self.y_m, self.heading_rad, 0.0
+        for bend, turn in self.bends:
+            if along_m <= bend:
+                break
+            x += (bend - past) * math.cos(heading)
+            y += (bend - past) * math.sin(heading)
+            past, heading = bend, heading + turn
+        ahead = along_m - past
+        c, s = math.cos(heading), math.sin(heading)
+        return x + c * ahead - s * left_m, y + s * ahead + c * left_m, heading
+
+    def takes_again(self, past: Side) -> bool:
+        """Whether this is the next strip of the edge that `past` was cut along: a shuttle leads to
+        it, not a turn."""
+        turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))
+        if not (self.bends or past.bends):
+            return turned < SAME_RAD
+        here = (self.x_m, self.y_m)
+        beside = math.dist(here, past.pose(0.0)[:2]) < math.dist(here, past.pose(past.length_m)[:2])
+        return turned < BENT_RAD and beside
 
     def left_by(self, past: Side, blade_width_m: float) -> bool:
         """Whether cutting `past` has left this side's edge."""
@@ -112,164 +161,57 @@ class Plan:
         """The left turn from side `index` to the next; 0 where the same edge is taken again."""
         if index + 1 >= len(self.sides):
             return math.pi / 2
-        turn = self.sides[index + 1].heading_rad - self.sides[index].heading_rad
-        turn %= 2 * math.pi
-        return 0.0 if min(turn, 2 * math.pi - turn) < SAME_RAD else turn
-
-
-@dataclass(frozen=True, slots=True)
-class _Edge:
-    """An edge of what stands, with the interior angles' convexity at both ends."""
-
-    ax: float
-    ay: float
-    bx: float
-    by: float
-    open_ends: bool
-
-    @property
-    def heading(self) -> float:
-        return math.atan2(self.by - self.ay, self.bx - self.ax)
-
-    @property
-    def length(self) -> float:
-        return math.hypot(self.bx - self.ax, self.by - self.ay)
-
-
-def _turned(shape: shapely.Geometry, heading: float) -> shapely.Geometry:
-    """The shape turned so that `heading` points along x."""
-    c, s = math.cos(heading), math.sin(heading)
-    return affine_transform(shape, [c, s, -s, c, 0, 0])
-
-
-def _edges(standing: shapely.Polygon) -> list[_Edge]:
-    """Of the outer ring, counter-clockwise."""
-    ring = shapely.geometry.polygon.orient(standing).exterior
-    points = list(ring.coords[:-1])
-    count = len(points)
-
-    def turn(k: int) -> float:
-        (ax, ay), (bx, by), (cx, cy) = points[k - 1], points[k], points[(k + 1) % count]
-        first, second = math.atan2(by - ay, bx - ax), math.atan2(cy - by, cx - bx)
-        return math.remainder(second - first, 2 * math.pi)
-
-    convex = [turn(k) > CONVEX_RAD for k in range(count)]
-    return [
-        _Edge(a[0], a[1], b[0], b[1], convex[k] and convex[(k + 1) % count])
-        for k, (a, b) in enumerate(zip(points, points[1:] + points[:1], strict=True))
-    ]
-
-
-def _clean(shape: shapely.Geometry) -> shapely.Polygon:
-    """The largest part, its collinear and nearly doubled points removed."""
-    parts = [g for g in getattr(shape, "geoms", [shape]) if isinstance(g, shapely.Polygon)]
-    if not parts:
-        return shapely.Polygon()
-    largest = max(parts, key=lambda g: g.area)
-    simple = shapely.simplify(largest.buffer(0), 0.01)
-    return simple if isinstance(simple, shapely.Polygon) else largest
-
-
-def _depth_of_reflex(turned: shapely.Polygon, low: float) -> float:
-    """How far inside the edge at y = low the nearest reflex corner or keep-out lies; inf."""
-    best = math.inf
-    oriented = shapely.geometry.polygon.orient(turned)
-    for ring, hole in [(oriented.exterior, False), *((r, True) for r in oriented.interiors)]:
-        points = ring.coords[:-1]
-        for k, (x, y) in enumerate(points):
-            (ax, ay), (cx, cy) = points[k - 1], points[(k + 1) % len(points)]
-            cross = (x - ax) * (cy - y) - (y - ay) * (cx - x)
-            if (hole or cross < 0) and y - low > MIN_EDGE_M:
-                best = min(best, y - low)
-    return best
+        this, following = self.sides[index], self.sides[index + 1]
+        if following.takes_again(this):
+            return 0.0
+        return (following.heading_rad - this.end_heading_rad) % math.tau
 
 
 def _cut(
-    standing: shapely.Polygon, field: shapely.Polygon, edge: _Edge, width_m: float
-) -> tuple[Side, shapely.Polygon, float] | None:
-    """The side along an edge, what stands after it, and the area it cut; None for a sliver."""
-    heading = edge.heading
-    turned = _turned(standing, heading)
-    line = _turned(shapely.LineString([(edge.ax, edge.ay), (edge.bx, edge.by)]), heading)
-    low = (line.coords[0][1] + line.coords[-1][1]) / 2
-    depth = _depth_of_reflex(turned, low)
-    # A strip ends exactly where a reflex corner begins, so that no strip ends inside the crop.
-    width = depth / math.ceil(depth / width_m - 1e-9) if depth < 20 * width_m else width_m
-    lo_x, _, hi_x, _ = turned.bounds
-    band = turned.intersection(shapely.box(lo_x, low, hi_x, low + width))
-    parts = [g for g in getattr(band, "geoms", [band]) if isinstance(g, shapely.Polygon)]
-    near = [g for g in parts if g.distance(line) < NEAR_M]
-    if not near:
+    standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
+) -> tuple[Side, shapely.Polygon] | None:
+    """The side along an edge, and what stands after it; None for a sliver."""
+    strip = strip_along(standing, field, edge, width_m)
+    if strip is None:
         return None
-    strip = max(near, key=lambda g: g.area)
-    if strip.area < MIN_STRIP_M2:
-        return None
-    begin, _, end, top = strip.bounds
-    room = _turned(field, heading).intersection(shapely.box(begin, low, hi_x + 1e3, top))
-    rooms = [g for g in getattr(room, "geoms", [room]) if g.intersects(strip)]
-    fence = max(g.bounds[2] for g in rooms) - begin
-    room = _turned(field, heading).intersection(shapely.box(lo_x - 1e3, low, end, top))
-    rooms = [g for g in getattr(room, "geoms", [room]) if g.intersects(strip)]
-    back = begin - min(g.bounds[0] for g in rooms)
-    c, s = math.cos(heading), math.sin(heading)
-    side = Side(
-        c * begin - s * low,
-        s * begin + c * low,
-        heading,
-        end - begin,
-        min(width, top - low),
-        fence,
-        back,
-        min(width_m - width, MAX_SHIFT_M),
-        _ends_at_hole(strip, _turned(field, heading)),
-        *_slants(strip),
+    begin_seen, end_seen = (
+        float(np.quantile(rows, SEEN_SHARE)) for rows in (strip.begins_m, strip.ends_m)
     )
-    rest = turned.difference(strip.buffer(1e-4, join_style="mitre"))
-    return side, _clean(_turned(rest, -heading)), strip.area
+    side = Side(
+        *strip.begin,
+        edge.heading,
+        strip.length_m,
+        strip.width_m,
+        strip.fence_m,
+        strip.back_m,
+        min(strip.narrow_m, MAX_SHIFT_M),
+        strip.blind_end,
+        begin_seen,
+        end_seen,
+        strip.begins_m[0],
+        strip.ends_m[0],
+        strip.bends,
+    )
+    return side, largest(standing.difference(strip.area.buffer(1e-4, join_style="mitre")))
 
 
-def _slants(strip: shapely.Polygon) -> tuple[float, float, float, float]:
-    """begin_seen_m to edge_end_m of a side along x."""
-    begin, low, end, top = strip.bounds
-    begins, ends = [], []
-    for y in np.linspace(low + NEAR_M, top - NEAR_M, SEEN_ROWS):
-        row = strip.intersection(shapely.LineString([(begin - 1.0, y), (end + 1.0, y)])).bounds
-        begins.append(row[0] - begin)
-        ends.append(end - row[2])
-    seen = [float(np.quantile(row, SEEN_SHARE)) for row in (begins, ends)]
-    return seen[0], seen[1], begins[0], ends[0]
-
-
-def _ends_at_hole(strip: shapely.Polygon, field: shapely.Polygon) -> bool:
-    """Whether a strip along x ends at a keep-out."""
-    _, low, end, top = strip.bounds
-    last = shapely.LineString([(end, low + MIN_EDGE_M), (end, top - MIN_EDGE_M)])
-    return any(ring.distance(last) < NEAR_M for ring in field.interiors)
-
-
-def _follow(edges: list[_Edge], heading: float, x: float, y: float) -> _Edge | None:
-    """The edge of the given direction that passes nearest to a point."""
+def _follow(edges: list[Edge], past: Edge, x: float, y: float) -> Edge | None:
+    """The edge beside `past` that passes nearest to a point. Straight ones stay parallel; of a bent
+    one the cutting may have taken the first piece."""
+    askew = BENT_RAD if past.bent else STRAIGHT_RAD
     same = [
         e
         for e in edges
-        if abs(math.remainder(e.heading - heading, 2 * math.pi)) < 0.02 and e.length > MIN_EDGE_M
+        if abs(math.remainder(e.heading - past.heading, math.tau)) < askew
+        and e.line.length > MIN_EDGE_M
     ]
     point = shapely.Point(x, y)
-    return min(
-        same,
-        key=lambda e: shapely.LineString([(e.ax, e.ay), (e.bx, e.by)]).distance(point),
-        default=None,
-    )
+    return min(same, key=lambda e: e.line.distance(point), default=None)
 
 
 def _strip(side: Side) -> shapely.Polygon:
     """What a side takes off, its slanting ends filled up."""
-    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-    length, width = side.length_m, side.width_m
-    corners = ((0.0, 0.0), (length, 0.0), (length, width), (0.0, width))
-    return shapely.Polygon(
-        [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
-    )
+    return corridor(shapely.LineString(side.edge_line()), side.width_m)
 
 
 class _Rounds:
@@ -290,13 +232,13 @@ class _Rounds:
         self._heading = math.nan
         self._turned = 0.0
 
-    def _need(self, edge: _Edge) -> int:
+    def _need(self, edge: Edge) -> int:
         """Strips from an edge to the nearest keep-out."""
-        low = float(_turned(shapely.Point(edge.ax, edge.ay), edge.heading).y)
-        near = min(float(_turned(hole, edge.heading).bounds[1]) for hole in self._holes)
-        return max(0, math.ceil((near - low - MIN_EDGE_M) / self._width))
+        places = [place for hole in self._holes for place in hole.exterior.coords]
+        near = min(edge.depth_of((x, y)) for x, y in places)
+        return max(0, math.ceil((near - MIN_EDGE_M) / self._width))
 
-    def arrive(self, edge: _Edge, edges: list[_Edge]) -> bool:
+    def arrive(self, edge: Edge, edges: list[Edge]) -> bool:
         """Before a strip is taken off an edge; False where the keep-outs are reached."""
         if self._left == 0 and all(e.open_ends for e in edges):
             self._left = min(self._need(e) for e in edges)
@@ -314,7 +256,7 @@ class _Rounds:
         self._strips -= 1
         return self._strips >= 0
 
-    def again(self, edges: list[_Edge], back_m: float) -> bool:
+    def again(self, edges: list[Edge], back_m: float) -> bool:
         """Whether the next strip is to be taken off the same edge, whose crop begins back_m from
         the boundary. Without the room for a shuttle there, later rounds take more."""
         if self._left == 0:
@@ -329,8 +271,8 @@ def _walk(
     again while a reflex corner lies inside it, otherwise the next edge is preferred; `rounds` says
     what is preferred where keep-outs lie inside."""
     standing = field
-    edges = _edges(standing)
-    edge: _Edge | None = edges[first % len(edges)]
+    edges = edges_of(standing)
+    edge: Edge | None = edges[first % len(edges)]
     sides: list[Side] = []
     idle = 0
     while edge is not None and len(sides) < MAX_SIDES and idle < len(edges):
@@ -340,21 +282,24 @@ def _walk(
         done = _cut(standing, field, edge, width_m) if edge.open_ends else None
         idle += 1
         if done is not None:
-            side, standing, _ = done
+            side, standing = done
             sides.append(side)
             idle = 0
         if standing.area < MIN_STRIP_M2:
             break
-        edges = _edges(standing)
-        x, y = following.ax, following.ay
-        onward = _follow(edges, following.heading, x, y)
-        if onward is not None and math.hypot(onward.ax - x, onward.ay - y) > REACH * width_m:
+        edges = edges_of(standing)
+        here = following.begin
+        onward = _follow(edges, following, *here)
+        if onward is not None and math.dist(onward.begin, here) > REACH * width_m:
             onward = None
-        if onward is None and rounds is not None:  # the next edge is used up: the one after it
-            near = [e for e in edges if math.hypot(e.ax - x, e.ay - y) <= REACH * width_m]
-            left = [e for e in near if SAME_RAD < (e.heading - edge.heading) % math.tau < math.pi]
-            onward = min(left, key=lambda e: math.hypot(e.ax - x, e.ay - y), default=None)
-        again = _follow(edges, edge.heading, edge.ax, edge.ay)
+        if onward is None and (rounds is not None or edge.bent or following.bent):
+            # The next edge is used up, or has become another's: the one after it.
+            near = [e for e in edges if math.dist(e.begin, here) <= REACH * width_m]
+            left = [
+                e for e in near if SAME_RAD < (e.heading - edge.end_heading) % math.tau < math.pi
+            ]
+            onward = min(left, key=lambda e: math.dist(e.begin, here), default=None)
+        again = _follow(edges, edge, *edge.begin)
         reflex = any(not e.open_ends for e in edges)
         if done is not None and rounds is not None:
             repeat = rounds.again(edges, done[0].back_m)
@@ -393,9 +338,10 @@ def spiral(
     def fits(back_m: float) -> bool:
         return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
 
-    edges = _edges(field)
+    edges = edges_of(field)
     corner = boundary[start % len(boundary)]
-    first = min(range(len(edges)), key=lambda k: math.dist((edges[k].ax, edges[k].ay), corner))
+    first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
+    walked = 0
     ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
     for ahead, way in itertools.product(range(len(edges)), ways):
         if not edges[(first + ahead) % len(edges)].open_ends:
@@ -403,14 +349,12 @@ def spiral(
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
         sides = _walk(field, first + ahead, width_m, way == "shuttle", rounds)
         left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
-        cramped = sum(
-            abs(b.heading_rad - a.heading_rad) < SAME_RAD and not fits(b.back_m)
-            for a, b in itertools.pairwise(sides)
-        )
+        cramped = sum(b.takes_again(a) and not fits(b.back_m) for a, b in itertools.pairwise(sides))
         rank = (round(2 * left_m2) / 2, cramped, ahead, len(sides))
         if best is None or rank < best[0]:
             best = (rank, sides, left_m2)
-        if rank[:3] == (0.0, 0, 0):
+        walked += len(sides)
+        if rank[:3] == (0.0, 0, 0) or walked > MAX_WALKED:
             break
     if best is None:
         raise UserError("boundary: no side of it has open ground at both ends; split the field")

@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import shapely
+import shapely.ops
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as MplPath
@@ -70,11 +71,11 @@ class Preview:
 
 
 def lane_pose(side: Side, along_m: float, vehicle: Vehicle) -> Pose:
-    """Of the rear axle when the blade's line is along_m past the side's beginning."""
-    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-    back = along_m - vehicle.blade_x_m
-    inside = vehicle.inset_m - side.shift_m
-    return side.x_m + c * back - s * inside, side.y_m + s * back + c * inside, side.heading_rad
+    """Of the rear axle when the blade's line is along_m past the side's beginning; in a bend the
+    machine is taken to stand as the edge abreast of its blade runs."""
+    x, y, heading = side.pose(along_m, vehicle.inset_m - side.shift_m)
+    back = vehicle.blade_x_m
+    return x - back * math.cos(heading), y - back * math.sin(heading), heading
 
 
 def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float, float]:
@@ -124,13 +125,20 @@ def _placed_poses(poses: NDArray[np.float64], at: Pose) -> NDArray[np.float64]:
     return np.column_stack([placed(poses[:, :2], *at), poses[:, 2] + at[2]])
 
 
+def _along(side: Side, begin_m: float, left_m: float) -> list[tuple[float, float]]:
+    """The line left_m left of a side's edge from begin_m on."""
+    edge = shapely.LineString(side.edge_line())
+    if left_m != 0.0:
+        edge = edge.offset_curve(left_m, join_style="mitre")
+    points = list(shapely.ops.substring(edge, begin_m, edge.length).coords)
+    return points if len(points) > 1 else [*points, points[0]]
+
+
 def _swath(side: Side, begin_m: float, vehicle: Vehicle) -> shapely.Polygon:
     """What the blade cuts on a side from begin_m on."""
     right, left = -vehicle.overlap_m - side.shift_m, vehicle.pass_m - side.shift_m
-    corners = np.array(
-        [(begin_m, right), (side.length_m, right), (side.length_m, left), (begin_m, left)]
-    )
-    return shapely.Polygon(placed(corners, side.x_m, side.y_m, side.heading_rad))
+    middle = shapely.LineString(_along(side, begin_m, (left + right) / 2))
+    return middle.buffer((left - right) / 2, cap_style="flat", join_style="mitre")
 
 
 def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
@@ -145,14 +153,15 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
     for number, side in enumerate(plan.sides):
         begin = min(late, side.length_m)
         swaths.append(_swath(side, begin, vehicle))
-        ends = [lane_pose(side, along, vehicle) for along in (begin, side.length_m)]
+        alongs = [begin, *(b for b, _ in side.bends if begin < b < side.length_m), side.length_m]
+        ends = [lane_pose(side, along, vehicle) for along in alongs]
         sides.append(np.array(ends)[:, :2])
         cutting += side.length_m - begin
         seconds += (side.length_m - begin) / vehicle.cutting_speed_mps
         if number + 1 == len(plan.sides):
             break
 
-        def room_m(turn: Turn, at: Pose = ends[1]) -> float:
+        def room_m(turn: Turn, at: Pose = ends[-1]) -> float:
             return ROOM_M if fence is None else room_along(turn, at, vehicle, fence)
 
         turn = next_turn(plan, number, vehicle, room_m)
@@ -164,7 +173,7 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
         late = max(0.0, blade - turn.crop_begins_m)
         seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
-        turns.append(_placed_poses(poses, ends[1]))
+        turns.append(_placed_poses(poses, ends[-1]))
     cut = shapely.union_all(swaths)
     pieces = shapely.get_parts(areas.crop.difference(cut))
     outlines = [np.array([placed(outline, *pose) for pose in turn.tolist()]) for turn in turns]
@@ -275,7 +284,7 @@ def draw_preview(path: Path, shown: Preview, title: str) -> None:
         path_of_all = MplPath.make_compound_path(*rings)
         axes.add_patch(PathPatch(path_of_all, color="tab:red", lw=0, label="stays standing"))
     if shown.sides:
-        (x, y), (u, v) = shown.sides[0]
+        (x, y), (u, v) = shown.sides[0][:2]
         axes.annotate(
             "", (u, v), (x, y), arrowprops={"arrowstyle": "->", "color": "black", "lw": 1.5}
         )

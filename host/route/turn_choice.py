@@ -44,11 +44,12 @@ def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn],
 
 def _lane_of(this: Side, following: Side, corner_rad: float, vehicle: Vehicle) -> NewLane:
     """The lane beside a plan's following side, in the frame of the turn from this one's end."""
-    c, s = math.cos(this.heading_rad), math.sin(this.heading_rad)
-    dx, dy = following.x_m - this.x_m, following.y_m - this.y_m
+    end_x, end_y, heading = this.pose(this.length_m, vehicle.inset_m - this.shift_m)
+    c, s = math.cos(heading), math.sin(heading)
+    dx, dy = following.x_m - end_x, following.y_m - end_y
     inside = vehicle.inset_m - following.shift_m
-    x = c * dx + s * dy - this.length_m + vehicle.blade_x_m - inside * math.sin(corner_rad)
-    y = c * dy - s * dx - (vehicle.inset_m - this.shift_m) + inside * math.cos(corner_rad)
+    x = c * dx + s * dy + vehicle.blade_x_m - inside * math.sin(corner_rad)
+    y = c * dy - s * dx + inside * math.cos(corner_rad)
     return NewLane(x, y, 0.0)
 
 

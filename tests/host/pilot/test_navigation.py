@@ -48,10 +48,9 @@ def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int
     plan = spiral(field, start, VEHICLE)
     whole = left = shapely.Polygon(field)
     for side in plan.sides:
-        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        corners = [(0, 0), (side.length_m, 0), (side.length_m, width), (0, width)]
-        strip = [(side.x_m + c * u - s * v, side.y_m + s * u + c * v) for u, v in corners]
-        left = left.difference(shapely.Polygon(strip).buffer(1e-6))
+        edge = shapely.LineString(side.edge_line())
+        strip = edge.buffer(width, single_sided=True, join_style="mitre")
+        left = left.difference(strip.buffer(1e-6))
     # Slivers below what a side is planned for, and outlines simplified by a centimetre.
     assert left.area < 0.02 * len(field) + 0.01 * whole.length
 

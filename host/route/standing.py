@@ -1,0 +1,273 @@
+"""What still stands of a field, the edges of it that can be followed, and the strip along one of
+them.
+
+An edge is a chain of straight pieces between two corners. Where it bends by no more than the
+steering follows in passing, the chain goes on: a field as farm programs export it has edges of many
+such bends, and only its corners are worth a turn.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.affinity import affine_transform
+
+Point = tuple[float, float]
+Points = NDArray[np.float64]
+"""(n, 2), metres of the field frame."""
+
+BEND_RAD: Final = math.radians(22.0)
+"""Largest change of an edge's direction that is followed in passing. At 22 deg a blade whose right
+end stands on the corner leaves the new edge by 0.4 m per metre until the steering has followed;
+more of it leaves a wedge beside the lane, less makes turns of bends."""
+MIN_STRIP_M2: Final = 0.02
+"""What a strip must hold; smaller remains are nothing a camera could find."""
+NEAR_M: Final = 1e-3
+DOUBLED_M: Final = 1e-6
+MIN_EDGE_M: Final = 0.05
+SIMPLIFY_M: Final = 0.01
+"""Points that lie so near to the line between their neighbours are rounding of the cutting."""
+OVERHANG: Final = 4.0
+"""Widths of a strip that it may reach beyond its edge at a slanting corner: one that is no bend
+slants over 2.5 of them at most."""
+FAR_WIDTHS: Final = 20
+AT_TIP_M: Final = 2.5
+"""A strip's last piece, which shows its rows there: a bent strip's other end lies elsewhere."""
+SEEN_ROWS: Final = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """An edge of what stands, counter-clockwise: what stands lies left of it."""
+
+    points: tuple[Point, ...]
+    open_ends: bool
+    """Both corners turn left, so both ends of a strip along it are open ground."""
+
+    @functools.cached_property
+    def line(self) -> shapely.LineString:
+        """The chain."""
+        return shapely.LineString(self.points)
+
+    @functools.cached_property
+    def heading(self) -> float:
+        """Direction in which it begins (rad)."""
+        (ax, ay), (bx, by) = self.points[:2]
+        return math.atan2(by - ay, bx - ax)
+
+    @functools.cached_property
+    def end_heading(self) -> float:
+        """Direction in which it ends (rad)."""
+        (ax, ay), (bx, by) = self.points[-2:]
+        return math.atan2(by - ay, bx - ax)
+
+    @property
+    def begin(self) -> Point:
+        """Its first corner."""
+        return self.points[0]
+
+    @property
+    def bent(self) -> bool:
+        """Whether it has a bend at all."""
+        return len(self.points) > 2
+
+    def prolonged(self, by_m: float) -> shapely.LineString:
+        """The chain, straight on at both ends."""
+        (ax, ay), (bx, by) = self.points[0], self.points[-1]
+        back, on = self.heading + math.pi, self.end_heading
+        first = (ax + by_m * math.cos(back), ay + by_m * math.sin(back))
+        last = (bx + by_m * math.cos(on), by + by_m * math.sin(on))
+        return shapely.LineString([first, *self.points, last])
+
+    def depth_of(self, place: Point) -> float:
+        """How far left of the prolonged chain a place lies, m; negative right of it."""
+        line = self.prolonged(1e4)
+        along = line.project(shapely.Point(place))
+        (ax, ay), (bx, by) = (line.interpolate(a).coords[0] for a in (along - 0.05, along + 0.05))
+        left = (bx - ax) * (place[1] - ay) - (by - ay) * (place[0] - ax)
+        return math.copysign(line.distance(shapely.Point(place)), left)
+
+
+def _directions(ring: shapely.LinearRing) -> tuple[Points, NDArray[np.float64]]:
+    """(points (n, 2), how far the ring turns left at each (n,), rad)."""
+    points = np.array(shapely.remove_repeated_points(ring, DOUBLED_M).coords)[:-1]
+    ways = np.roll(points, -1, axis=0) - points
+    headings = np.arctan2(ways[:, 1], ways[:, 0])
+    turns = (headings - np.roll(headings, 1) + math.pi) % math.tau - math.pi
+    return points, turns
+
+
+def edges_of(standing: shapely.Polygon) -> list[Edge]:
+    """Of the outer ring, counter-clockwise. A ring without corners has one edge, which begins where
+    it bends most to the left."""
+    points, turns = _directions(shapely.geometry.polygon.orient(standing).exterior)
+    corners = np.flatnonzero(np.abs(turns) > BEND_RAD)
+    if len(corners) == 0:
+        corners = np.array([int(np.argmax(turns))])
+    edges = []
+    for k, first in enumerate(corners):
+        last = corners[(k + 1) % len(corners)]
+        count = (last - first - 1) % len(points) + 2
+        chain = tuple(
+            (float(x), float(y)) for x, y in points[(first + np.arange(count)) % len(points)]
+        )
+        edges.append(Edge(chain, bool(turns[first] > 0 and turns[last] > 0)))
+    return edges
+
+
+def inner_corners(standing: shapely.Polygon) -> list[Point]:
+    """Those of the outer ring that no machine follows, and every corner of the holes."""
+    oriented = shapely.geometry.polygon.orient(standing)
+    points, turns = _directions(oriented.exterior)
+    found = [(float(x), float(y)) for x, y in points[turns < -BEND_RAD]]
+    return found + [(x, y) for ring in oriented.interiors for x, y in ring.coords[:-1]]
+
+
+def largest(shape: shapely.Geometry) -> shapely.Polygon:
+    """The largest part, its collinear and nearly doubled points removed."""
+    parts = _polygons(shape)
+    if not parts:
+        return shapely.Polygon()
+    most = max(parts, key=lambda g: g.area)
+    simple = shapely.simplify(most.buffer(0), SIMPLIFY_M)
+    return simple if isinstance(simple, shapely.Polygon) else most
+
+
+def _polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    return [g for g in getattr(shape, "geoms", [shape]) if isinstance(g, shapely.Polygon)]
+
+
+def turned(shape: shapely.Geometry, heading: float) -> shapely.Geometry:
+    """The shape turned so that `heading` points along x."""
+    c, s = math.cos(heading), math.sin(heading)
+    return affine_transform(shape, [c, s, -s, c, 0, 0])
+
+
+def corridor(line: shapely.LineString, width_m: float) -> shapely.Polygon:
+    """What lies within width_m left of a line."""
+    inner = line.offset_curve(width_m, join_style="mitre")
+    if not isinstance(inner, shapely.LineString) or inner.is_empty:
+        return shapely.Polygon()
+    shape = shapely.Polygon([*line.coords, *list(inner.coords)[::-1]])
+    return shape if shape.is_valid else largest(shape.buffer(0))
+
+
+@dataclass(frozen=True)
+class Strip:
+    """What one pass along an edge takes off. Lengths are metres along the edge, from the crop's
+    first tip."""
+
+    area: shapely.Polygon
+    begin: Point
+    """On the edge (prolonged), abreast of the crop's first tip."""
+    length_m: float
+    width_m: float
+    narrow_m: float
+    """By how much it is narrower than a pass, so that an inner corner begins where it ends."""
+    bends: tuple[tuple[float, float], ...]
+    """(where, how far to the left in rad) the edge bends."""
+    fence_m: float
+    back_m: float
+    blind_end: bool
+    begins_m: tuple[float, ...]
+    ends_m: tuple[float, ...]
+    """How far inside the first and the last tip the crop of each of SEEN_ROWS rows begins and ends,
+    the edge's first."""
+
+
+def strip_along(
+    standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
+) -> Strip | None:
+    """The strip along an edge of what stands; None for a sliver."""
+    depths = [edge.depth_of(corner) for corner in inner_corners(standing)]
+    depth = min((d for d in depths if d > MIN_EDGE_M), default=math.inf)
+    # A strip ends exactly where an inner corner begins, so that no strip ends inside the crop.
+    width = depth / math.ceil(depth / width_m - 1e-9) if depth < FAR_WIDTHS * width_m else width_m
+    over_m = OVERHANG * width_m
+    line = edge.prolonged(over_m)
+    near = [
+        g
+        for g in _polygons(standing.intersection(corridor(line, width)))
+        if g.distance(edge.line) < NEAR_M
+    ]
+    if not near:
+        return None
+    area = max(near, key=lambda g: g.area)
+    if area.area < MIN_STRIP_M2:
+        return None
+    alongs = shapely.line_locate_point(line, shapely.points(area.exterior.coords))
+    first, last = float(alongs.min()), float(alongs.max())
+    (x, y) = line.interpolate(first).coords[0]
+    reach = shapely.distance(line, shapely.points(area.exterior.coords))
+    begins, ends = _rows(line, area, first, last, min(width, float(reach.max())))
+    return Strip(
+        area,
+        (float(x), float(y)),
+        last - first,
+        min(width, float(reach.max())),
+        width_m - width,
+        _bends(edge, over_m - first),
+        last - first + _room(field, area, edge.end_heading, 1),
+        _room(field, area, edge.heading, -1),
+        _ends_at_hole(area, field, edge.end_heading),
+        begins,
+        ends,
+    )
+
+
+def _bends(edge: Edge, begins_m: float) -> tuple[tuple[float, float], ...]:
+    """Of an edge whose first corner lies begins_m along its strip."""
+    bends = []
+    along = begins_m
+    for (ax, ay), (bx, by), (cx, cy) in zip(
+        edge.points, edge.points[1:], edge.points[2:], strict=False
+    ):
+        along += math.hypot(bx - ax, by - ay)
+        turn = math.atan2(cy - by, cx - bx) - math.atan2(by - ay, bx - ax)
+        bends.append((along, math.remainder(turn, math.tau)))
+    return tuple(bends)
+
+
+def _room(field: shapely.Polygon, strip: shapely.Polygon, heading: float, way: int) -> float:
+    """From the strip's last (way 1) or first (-1) tip on along its heading there to the field's
+    boundary or a keep-out, m: on inner sides, what has been cut lies between."""
+    ahead, along = turned(field, heading), turned(strip, heading)
+    low_x, _, high_x, _ = along.bounds
+    tip = high_x if way > 0 else low_x
+    near = along.intersection(shapely.box(tip - AT_TIP_M, -1e6, tip + AT_TIP_M, 1e6)).bounds
+    band = shapely.box(min(tip, tip + way * 1e3), near[1], max(tip, tip + way * 1e3), near[3])
+    rooms = [g for g in _polygons(ahead.intersection(band)) if g.distance(along) < NEAR_M]
+    ends = [g.bounds[2] if way > 0 else g.bounds[0] for g in rooms]
+    return max([way * (end - tip) for end in ends], default=0.0)
+
+
+def _rows(
+    line: shapely.LineString, strip: shapely.Polygon, first: float, last: float, width: float
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """begins_m and ends_m."""
+    lefts = np.linspace(NEAR_M, width - NEAR_M, SEEN_ROWS)
+    rows = shapely.intersection(strip, shapely.offset_curve(line, lefts, join_style="mitre"))
+    begins, ends = [], []
+    for row in rows:
+        points = shapely.points(shapely.get_coordinates(row))
+        alongs = shapely.line_locate_point(line, points) if len(points) else np.array([first])
+        begins.append(float(alongs.min()) - first)
+        ends.append(last - float(alongs.max()))
+    return tuple(begins), tuple(ends)
+
+
+def _ends_at_hole(strip: shapely.Polygon, field: shapely.Polygon, heading: float) -> bool:
+    """Whether a strip ends at a keep-out."""
+    if not field.interiors:
+        return False
+    along = turned(strip, heading)
+    _, _, end, _ = along.bounds
+    near = along.intersection(shapely.box(end - AT_TIP_M, -1e6, end + AT_TIP_M, 1e6)).bounds
+    last = shapely.LineString([(end, near[1] + MIN_EDGE_M), (end, near[3] - MIN_EDGE_M)])
+    return any(ring.distance(last) < NEAR_M for ring in turned(field, heading).interiors)
