@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import click
+import shapely
 from rich.table import Table
 
 from host.core.errors import UserError
 from host.core.terminal import PlainConsole
 from host.core.vehicle_file import load_vehicle
 from host.field.areas import MAX_GAP_M, areas_of
-from host.field.boundary_file import load_field
+from host.field.boundary_file import boundary_of, load_field, save_field
 from host.route.field_plan import plan_field
 from host.route.preview import Preview, draw_preview, hours, preview
 
@@ -83,8 +85,9 @@ def plan(
     areas = areas_of(boundary.polygon(frame), gap, inset_m=inset)
     corner = frame.to_local(*boundary.crop[start])
     try:
+        sides = plan_field(areas, corner, machine, turn, gap)
         previews = {
-            name: preview(plan_field(areas, corner, machine, name, gap), areas, machine)
+            name: preview(replace(sides, turn=name), areas, machine)
             for name in ("three_point", "arc")
         }
     except UserError as error:
@@ -116,6 +119,14 @@ def plan(
         )
     for text in shown.warnings:
         console.print(f"warning: {text}")
+    for number, ring in enumerate(shown.plan.parts, start=1):
+        part = shapely.Polygon(ring)
+        rest = field.with_suffix(f".part{number}.geojson")
+        save_field(rest, boundary_of(part, frame, f"{name}, part {number}"))
+        console.print(
+            f"the field parts: {part.area:.0f} m2 are left that no turn leads to; harvest them "
+            f"after the rest, as a field of their own: {rest}"
+        )
     picture = out or field.with_suffix(".plan.png")
     title = (
         f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "

@@ -26,7 +26,7 @@ from host.route.standing import (
     Edge,
     corridor,
     edges_of,
-    largest,
+    parts_of,
     strip_along,
 )
 from host.route.turn_legs import shuttle_length, shuttle_room_m
@@ -34,8 +34,12 @@ from host.route.turn_legs import shuttle_length, shuttle_room_m
 SEEN_SHARE = 0.22
 """Vision sees crop where it fills this share of the blade's width."""
 MAX_SIDES = 4000
-MAX_WALKED = 6000
+MAX_WALKED = 2000
 """Sides after which no further way to cut a field is tried."""
+APART_M2 = 25.0
+"""A part that the field falls into is worth a harvest of its own from this size on."""
+LARGE_M2, LEFT_SHARE = 1000.0, 0.005
+"""Of a field larger than that, remains that differ by less than this share are alike."""
 STRAIGHT_RAD = 0.02
 BENT_RAD = math.radians(25.0)
 SAME_RAD = 1e-3
@@ -46,7 +50,7 @@ KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
 MAX_SHIFT_M = 0.35
 """Beyond it the edge would pass under the machine's body."""
-REACH = 2.5
+REACH = 2.75
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
 
 
@@ -149,6 +153,9 @@ class Plan:
     keep_outs: tuple[tuple[tuple[float, float], ...], ...] = ()
     leftover_m2: float = 0.0
     """What no side of the plan reaches."""
+    parts: tuple[tuple[tuple[float, float], ...], ...] = ()
+    """Outlines of what the field falls into on the way and no turn leads to: fields of their own,
+    to be harvested after this one."""
     done: int = 0
     """Sides of the whole plan that were cut before; `sides` are those that are left."""
 
@@ -169,7 +176,7 @@ class Plan:
 
 def _cut(
     standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
-) -> tuple[Side, shapely.Polygon] | None:
+) -> tuple[Side, list[shapely.Polygon]] | None:
     """The side along an edge, and what stands after it; None for a sliver."""
     strip = strip_along(standing, field, edge, width_m)
     if strip is None:
@@ -192,7 +199,7 @@ def _cut(
         strip.ends_m[0],
         strip.bends,
     )
-    return side, largest(standing.difference(strip.area.buffer(1e-4, join_style="mitre")))
+    return side, parts_of(standing.difference(strip.area.buffer(1e-4, join_style="mitre")))
 
 
 def _follow(edges: list[Edge], past: Edge, x: float, y: float) -> Edge | None:
@@ -266,11 +273,13 @@ class _Rounds:
 
 def _walk(
     field: shapely.Polygon, first: int, width_m: float, shuttle: bool, rounds: _Rounds | None = None
-) -> list[Side]:
-    """Sides from the edge that leaves corner `first`. With `shuttle` an edge is taken again and
-    again while a reflex corner lies inside it, otherwise the next edge is preferred; `rounds` says
-    what is preferred where keep-outs lie inside."""
+) -> tuple[list[Side], list[shapely.Polygon]]:
+    """Sides from the edge that leaves corner `first`, and the parts that the field falls into on
+    the way and that no turn leads to. With `shuttle` an edge is taken again and again while an
+    inner corner lies inside it, otherwise the next edge is preferred; `rounds` says what is
+    preferred where keep-outs lie inside."""
     standing = field
+    apart: list[shapely.Polygon] = []
     edges = edges_of(standing)
     edge: Edge | None = edges[first % len(edges)]
     sides: list[Side] = []
@@ -282,7 +291,12 @@ def _walk(
         done = _cut(standing, field, edge, width_m) if edge.open_ends else None
         idle += 1
         if done is not None:
-            side, standing = done
+            side, parts = done
+            # Of what the strip has parted, the machine goes on with what it stands at.
+            ends = shapely.MultiPoint([following.begin, edge.begin])
+            parts.sort(key=lambda part: part.distance(ends) > REACH * width_m)
+            standing = parts[0] if parts else shapely.Polygon()
+            apart += [part for part in parts[1:] if part.area > APART_M2]
             sides.append(side)
             idle = 0
         if standing.area < MIN_STRIP_M2:
@@ -300,6 +314,9 @@ def _walk(
             ]
             onward = min(left, key=lambda e: math.dist(e.begin, here), default=None)
         again = _follow(edges, edge, *edge.begin)
+        if again is not None and again.bent:
+            beside_m = again.line.distance(shapely.Point(edge.begin))
+            again = again if beside_m <= REACH * width_m else None
         reflex = any(not e.open_ends for e in edges)
         if done is not None and rounds is not None:
             repeat = rounds.again(edges, done[0].back_m)
@@ -307,7 +324,7 @@ def _walk(
             repeat = done is not None and shuttle and reflex
         choices = [again, onward] if repeat else [onward, again]
         edge = next((e for e in choices if e is not None and e.open_ends), None)
-    return sides
+    return sides, apart
 
 
 def spiral(
@@ -342,21 +359,25 @@ def spiral(
     corner = boundary[start % len(boundary)]
     first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
     walked = 0
+    rest: list[shapely.Polygon] = []
+    alike_m2 = LEFT_SHARE * field.area if field.area > LARGE_M2 else 0.5
     ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
     for ahead, way in itertools.product(range(len(edges)), ways):
         if not edges[(first + ahead) % len(edges)].open_ends:
             continue
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
-        sides = _walk(field, first + ahead, width_m, way == "shuttle", rounds)
+        sides, apart = _walk(field, first + ahead, width_m, way == "shuttle", rounds)
         left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(b.takes_again(a) and not fits(b.back_m) for a, b in itertools.pairwise(sides))
-        rank = (round(2 * left_m2) / 2, cramped, ahead, len(sides))
+        left_m2 -= sum(part.area for part in apart)
+        rank = (max(0, round(left_m2 / alike_m2)), cramped, ahead, len(sides))
         if best is None or rank < best[0]:
-            best = (rank, sides, left_m2)
+            best, rest = (rank, sides, left_m2), apart
         walked += len(sides)
         if rank[:3] == (0.0, 0, 0) or walked > MAX_WALKED:
             break
     if best is None:
         raise UserError("boundary: no side of it has open ground at both ends; split the field")
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
-    return Plan(tuple(best[1]), turn, tuple(corners), gap_m, outs, best[2])
+    parts = tuple(tuple((x, y) for x, y in part.exterior.coords[:-1]) for part in rest)
+    return Plan(tuple(best[1]), turn, tuple(corners), gap_m, outs, best[2], parts=parts)

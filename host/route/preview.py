@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from host.core.vehicle import Vehicle
 from host.field.areas import Areas, Geofence, outline_of, placed
 from host.route.plan import Plan, Side
-from host.route.turn_choice import ROOM_M, next_turn, room_along
+from host.route.turn_choice import ROOM_M, next_turn, room_along, turn_origin
 from host.route.turn_legs import Follow, Goal, Turn
 
 mpl.use("Agg")
@@ -161,7 +161,9 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         if number + 1 == len(plan.sides):
             break
 
-        def room_m(turn: Turn, at: Pose = ends[-1]) -> float:
+        origin = turn_origin(side, plan.sides[number + 1], vehicle)
+
+        def room_m(turn: Turn, at: Pose = origin) -> float:
             return ROOM_M if fence is None else room_along(turn, at, vehicle, fence)
 
         turn = next_turn(plan, number, vehicle, room_m)
@@ -173,7 +175,7 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
         late = max(0.0, blade - turn.crop_begins_m)
         seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
-        turns.append(_placed_poses(poses, ends[-1]))
+        turns.append(_placed_poses(poses, origin))
     cut = shapely.union_all(swaths)
     pieces = shapely.get_parts(areas.crop.difference(cut))
     outlines = [np.array([placed(outline, *pose) for pose in turn.tolist()]) for turn in turns]

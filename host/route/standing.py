@@ -22,10 +22,12 @@ Point = tuple[float, float]
 Points = NDArray[np.float64]
 """(n, 2), metres of the field frame."""
 
-BEND_RAD: Final = math.radians(22.0)
-"""Largest change of an edge's direction that is followed in passing. At 22 deg a blade whose right
-end stands on the corner leaves the new edge by 0.4 m per metre until the steering has followed;
-more of it leaves a wedge beside the lane, less makes turns of bends."""
+BEND_RAD: Final = (math.radians(22.0), math.radians(45.0))
+"""Largest change of an edge's direction, to the left and to the right, that is followed in passing.
+At a bend to the left the blade leaves the crop until the steering has followed, at one to the
+right it leaves a wedge beside the lane; 1.5 m ahead of the axle, it moves 60 deg askew of the
+machine on the lock. A corner to the left costs a turn, one to the right many shuttles, hence the
+two values."""
 MIN_STRIP_M2: Final = 0.02
 """What a strip must hold; smaller remains are nothing a camera could find."""
 NEAR_M: Final = 1e-3
@@ -107,7 +109,7 @@ def edges_of(standing: shapely.Polygon) -> list[Edge]:
     """Of the outer ring, counter-clockwise. A ring without corners has one edge, which begins where
     it bends most to the left."""
     points, turns = _directions(shapely.geometry.polygon.orient(standing).exterior)
-    corners = np.flatnonzero(np.abs(turns) > BEND_RAD)
+    corners = np.flatnonzero((turns > BEND_RAD[0]) | (turns < -BEND_RAD[1]))
     if len(corners) == 0:
         corners = np.array([int(np.argmax(turns))])
     edges = []
@@ -125,18 +127,17 @@ def inner_corners(standing: shapely.Polygon) -> list[Point]:
     """Those of the outer ring that no machine follows, and every corner of the holes."""
     oriented = shapely.geometry.polygon.orient(standing)
     points, turns = _directions(oriented.exterior)
-    found = [(float(x), float(y)) for x, y in points[turns < -BEND_RAD]]
+    found = [(float(x), float(y)) for x, y in points[turns < -BEND_RAD[1]]]
     return found + [(x, y) for ring in oriented.interiors for x, y in ring.coords[:-1]]
 
 
-def largest(shape: shapely.Geometry) -> shapely.Polygon:
-    """The largest part, its collinear and nearly doubled points removed."""
-    parts = _polygons(shape)
-    if not parts:
-        return shapely.Polygon()
-    most = max(parts, key=lambda g: g.area)
-    simple = shapely.simplify(most.buffer(0), SIMPLIFY_M)
-    return simple if isinstance(simple, shapely.Polygon) else most
+def parts_of(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """Its parts, the largest first, their collinear and nearly doubled points removed."""
+    clean = []
+    for part in sorted(_polygons(shape), key=lambda g: -g.area):
+        simple = shapely.simplify(part.buffer(0), SIMPLIFY_M)
+        clean.append(simple if isinstance(simple, shapely.Polygon) else part)
+    return clean
 
 
 def _polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
@@ -155,7 +156,7 @@ def corridor(line: shapely.LineString, width_m: float) -> shapely.Polygon:
     if not isinstance(inner, shapely.LineString) or inner.is_empty:
         return shapely.Polygon()
     shape = shapely.Polygon([*line.coords, *list(inner.coords)[::-1]])
-    return shape if shape.is_valid else largest(shape.buffer(0))
+    return shape if shape.is_valid else parts_of(shape.buffer(0))[0]
 
 
 @dataclass(frozen=True)

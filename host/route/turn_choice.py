@@ -42,13 +42,27 @@ def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn],
     return max(rooms, key=lambda pair: pair[0])[1]
 
 
+def turn_origin(this: Side, following: Side, vehicle: Vehicle) -> tuple[float, float, float]:
+    """The turn's frame: the rear axle's pose (field frame) when the blade stands at the end of
+    `this`. A shuttle goes back along the lane and turns at its beginning, so a bent side counts as
+    if it ran straight on from there."""
+    left = vehicle.inset_m - this.shift_m
+    if following.takes_again(this):
+        x, y, heading = this.pose(0.0, left)
+        ahead = this.length_m - vehicle.blade_x_m
+    else:
+        x, y, heading = this.pose(this.length_m, left)
+        ahead = -vehicle.blade_x_m
+    return x + ahead * math.cos(heading), y + ahead * math.sin(heading), heading
+
+
 def _lane_of(this: Side, following: Side, corner_rad: float, vehicle: Vehicle) -> NewLane:
     """The lane beside a plan's following side, in the frame of the turn from this one's end."""
-    end_x, end_y, heading = this.pose(this.length_m, vehicle.inset_m - this.shift_m)
+    origin_x, origin_y, heading = turn_origin(this, following, vehicle)
     c, s = math.cos(heading), math.sin(heading)
-    dx, dy = following.x_m - end_x, following.y_m - end_y
+    dx, dy = following.x_m - origin_x, following.y_m - origin_y
     inside = vehicle.inset_m - following.shift_m
-    x = c * dx + s * dy + vehicle.blade_x_m - inside * math.sin(corner_rad)
+    x = c * dx + s * dy - inside * math.sin(corner_rad)
     y = c * dy - s * dx + inside * math.cos(corner_rad)
     return NewLane(x, y, 0.0)
 

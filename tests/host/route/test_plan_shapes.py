@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
 import shapely
 
 from host.core.vehicle import Vehicle
+from host.field.areas import areas_of
 from host.route.plan import KEEP_OUT_M, Plan, Side, spiral
+from host.route.preview import preview
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
 VEHICLE = Vehicle()
@@ -71,3 +74,77 @@ def test_around_a_keep_out_no_shuttle_is_planned_without_room(x: float, y: float
     for k, side in enumerate(plan.sides[1:]):
         if plan.corner_rad(k) == 0.0:
             assert shuttle_room_m(VEHICLE, side.back_m, plan.gap_m) >= least
+
+
+def bent(count: int, radius_m: float = 40.0, wave: float = 0.08) -> shapely.Polygon:
+    """A field of four corners whose sides bend `count` times each, in and out by turns."""
+    corners = [(radius_m, -radius_m), (radius_m, radius_m), (-radius_m, radius_m)]
+    corners = [(-radius_m, -radius_m), *corners]
+    points = []
+    for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+        dx, dy = (bx - ax) / (count + 1), (by - ay) / (count + 1)
+        points.append((ax, ay))
+        for k in range(1, count + 1):
+            out = wave * (1 if k % 2 else -1)
+            points.append((ax + k * dx + out * dy, ay + k * dy - out * dx))
+    return shapely.Polygon(points)
+
+
+def ways(plan: Plan, field: shapely.Polygon) -> tuple[float, float]:
+    """(cutting, turning) of a plan, m."""
+    shown = preview(plan, areas_of(field, 2.0), VEHICLE)
+    return shown.cutting_m, shown.turning_m
+
+
+@pytest.mark.parametrize("count", [1, 4, 9])
+def test_an_edge_that_bends_is_one_side(count: int) -> None:
+    field = bent(count)
+    plan = spiral([(x, y) for x, y in field.exterior.coords[:-1]], 0, VEHICLE, gap_m=2.0)
+    first = plan.sides[:4]
+    assert [len(side.bends) for side in first] == [count] * 4
+    assert not any(b.takes_again(a) for a, b in itertools.pairwise(first))
+    cutting, turning = ways(plan, field)
+    assert turning < cutting / 4
+    assert plan.leftover_m2 < 0.01 * field.area
+
+
+@pytest.mark.parametrize("turn_deg", [-50.0, 30.0])
+def test_a_corner_that_no_steering_follows_ends_a_side(turn_deg: float) -> None:
+    """To the left a turn, to the right an inner corner."""
+    turn = math.radians(turn_deg)
+    end = (20 + 20 * math.cos(turn), 20 * math.sin(turn))
+    ring = shapely.Polygon([(0, 0), (20, 0), end, (end[0], 60), (0, 60)])
+    plan = spiral([(x, y) for x, y in ring.exterior.coords[:-1]], 0, VEHICLE, gap_m=2.0)
+    assert all(abs(turn) < math.radians(46) for side in plan.sides for _, turn in side.bends)
+    assert not any(len(side.bends) == 1 and side.length_m > 39 for side in plan.sides[:2])
+
+
+@pytest.mark.parametrize("along_m", [-2.0, 0.0, 5.0, 10.0, 13.0, 25.0])
+def test_a_place_on_a_bent_side_lies_on_its_edge(along_m: float) -> None:
+    side = Side(1.0, 2.0, 0.5, 20.0, 0.9, 20.0, bends=((6.0, 0.3), (12.0, -0.4)))
+    x, y, heading = side.pose(along_m)
+    edge = shapely.LineString(side.edge_line())
+    assert edge.length == pytest.approx(20.0)
+    on = min(max(along_m, 0.0), 20.0)
+    assert edge.project(shapely.Point(x, y)) == pytest.approx(on)
+    assert edge.distance(shapely.Point(x, y)) == pytest.approx(abs(along_m - on), abs=1e-9)
+    left = side.pose(along_m, 1.0)
+    assert left[:2] == pytest.approx((x - math.sin(heading), y + math.cos(heading)))
+
+
+def test_a_field_that_falls_apart_says_what_no_turn_leads_to() -> None:
+    """Two squares with a waist between: once the rounds have eaten the waist there are two."""
+    field = [(0, 0), (20, 0), (24, 8), (28, 8), (32, 0), (52, 0), (52, 20), (32, 20), (28, 12)]
+    field += [(24, 12), (20, 20), (0, 20)]
+    plan = spiral([(float(x), float(y)) for x, y in field], 0, VEHICLE, gap_m=2.0)
+    apart = sum(shapely.Polygon(part).area for part in plan.parts)
+    cut = shapely.union_all(
+        [
+            shapely.LineString(side.edge_line()).buffer(
+                side.width_m, single_sided=True, join_style="mitre"
+            )
+            for side in plan.sides
+        ]
+    )
+    left = shapely.Polygon(field).difference(cut)
+    assert left.area == pytest.approx(apart, abs=0.02 * shapely.Polygon(field).area)
