@@ -23,7 +23,8 @@ from hil.scenario.faults import Fault
 from hil.scenario.scenario import Scenario
 from host.core.messages import Fix, Frame
 from host.link.session import Session
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.pilot.snapshot import snapshot
 from host.runs.record import Recorder
 from host.sensors.jpeg import NOTHING, Bgr

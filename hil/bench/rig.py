@@ -24,7 +24,7 @@ from hil.bench.ports import IN_THE_MAKING, Port
 from hil.scenario.scenario import Scenario
 from host.core.frames import LocalFrame
 from host.core.vehicle_file import save_vehicle
-from host.pilot.pilot import Phase
+from host.pilot.phase import Phase
 from sim_plant.camera import Camera, Shot
 from sim_plant.field import FieldSpec
 from sim_plant.phone import Phone

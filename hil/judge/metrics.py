@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from hil.scenario.world import MARGIN_M, World, outline_of, placed
 from host.estimate.crop_ahead import EndOfField
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from sim_plant.field import Field
 
 OVERLAP_M = 0.08

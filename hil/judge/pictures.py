@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from host.pilot.pilot import Phase
+from host.pilot.phase import Phase
 from host.vision.view import CropView
 from sim_plant import field as f
 

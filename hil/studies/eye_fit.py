@@ -28,7 +28,7 @@ from hil.bench.sight import Sight
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, changed
 from host.core.errors import UserError
-from host.pilot.pilot import Phase
+from host.pilot.phase import Phase
 from host.vision.view import CropView
 
 SIDE_M: Final = (6.0, 9.0)

@@ -35,7 +35,8 @@ from host.core.errors import UserError
 from host.core.messages import State
 from host.link import protocol
 from host.link.session import Session
-from host.pilot.pilot import LOOKING, Phase
+from host.pilot.phase import Phase
+from host.pilot.stop_and_look import LOOKING
 from host.vision.view import Detector
 from sim_plant.field import FieldSpec
 

@@ -36,6 +36,8 @@ class Ahead:
     """What is known of one side after the other. Motions are those at the pictures."""
 
     def __init__(self) -> None:
+        self.begun_at: Motion | None = None
+        """Where the machine began to drive along the side."""
         self.entered_at: Motion | None = None
         """Where the blade met this side's crop."""
         self.crop_at_m = math.inf
@@ -64,8 +66,15 @@ class Ahead:
         """To the next side: its crop may be seen already while the machine turns."""
         self.crop_at_m = math.inf
 
-    def begin(self) -> None:
+    def cut_m(self, motion: Motion) -> float:
+        """How far the blade had come at a motion since it met the side's crop, or since the side
+        was begun."""
+        start = self.entered_at or self.begun_at
+        return motion.distance_m - start.distance_m if start is not None else 0.0
+
+    def begin(self, here: Motion) -> None:
         """The side: no crop has been met."""
+        self.begun_at = here
         self.entered_at = self.seems_clear_since = None
         self.go_on()
 

@@ -19,7 +19,8 @@ from host.link import protocol
 from host.panel import snapshot
 from host.panel.machine import PANEL_LOST_S, PRESENCE_S, Machine, StoppedError
 from host.panel.snapshot import Json, number
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 from host.runs.drive import Drive, fits, fitted
 from host.runs.errand import errand_of

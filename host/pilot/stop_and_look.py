@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+LOOKING: Final = "looking without the blade's dust"
 LOOK_S: Final = 3.0
 LONG_LOOK_S: Final = 5.0
 SETTLE_S: Final = 1.0
@@ -19,27 +20,10 @@ class Look:
         self._until = math.inf
         self.at_m = -math.inf
         """The travelled distance where it was begun."""
-        self._for_end = False
 
-    @property
-    def active(self) -> bool:
-        """Whether the machine stands to look."""
-        return self._until < math.inf
-
-    @property
-    def for_end(self) -> bool:
-        """Whether it looks for the end of the side, and not for the edge."""
-        return self.active and self._for_end
-
-    def begin(
-        self, now: float, at_m: float, time_s: float = LOOK_S, *, for_end: bool = False
-    ) -> None:
+    def begin(self, now: float, at_m: float, time_s: float = LOOK_S) -> None:
         """From now on, for time_s at most."""
-        self._until, self.at_m, self._for_end = now + time_s, at_m, for_end
-
-    def crop_goes_on(self) -> None:
-        """No end here: the rest of the time is for the edge."""
-        self._for_end = False
+        self._until, self.at_m = now + time_s, at_m
 
     def settled(self, stamp: float) -> bool:
         """Whether the dust has had its time to settle."""
@@ -48,7 +32,3 @@ class Look:
     def over(self, now: float) -> bool:
         """Whether that was long enough."""
         return now > self._until
-
-    def end(self) -> None:
-        """Seen, or not to be seen."""
-        self._until = math.inf

@@ -23,7 +23,8 @@ from pydantic import Field, ValidationError
 
 from host.core.errors import UserError
 from host.core.strict import Strict
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 
 EVERY_M = 0.5

@@ -19,7 +19,8 @@ from rich.text import Text
 from host.core.messages import State
 from host.core.terminal import Outlet, PlainConsole, plain
 from host.link import protocol
-from host.pilot.pilot import PAUSED, Phase
+from host.pilot.phase import Phase
+from host.pilot.pilot import PAUSED
 from host.runs.drive import Drive
 from host.sensors.nmea import Receiver
 

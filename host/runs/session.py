@@ -22,7 +22,8 @@ from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import Boundary, load_field
 from host.link import params, protocol
 from host.link.session import Link
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.runs.drive import PERIOD_S, Drive, fitted, halt
 from host.runs.errand import (
     Errand,

@@ -12,7 +12,7 @@ from hil.firmware import targets
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link.session import Session
-from host.pilot.pilot import CREEPING_MPS
+from host.pilot.context import CREEPING_MPS
 from host.sensors.nmea import KNOT_MPS
 from tests.helpers.oracle import quick
 

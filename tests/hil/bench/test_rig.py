@@ -32,7 +32,7 @@ from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
 from host.link import protocol
 from host.link.session import Link
-from host.pilot.pilot import Phase
+from host.pilot.phase import Phase
 from host.route.field_plan import plan_of
 from sim_plant.camera import Camera, Shot
 from sim_plant.phone import Phone, PhoneSpec

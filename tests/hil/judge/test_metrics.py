@@ -10,7 +10,8 @@ import pytest
 from hil.judge.metrics import MARGIN_M, Truth
 from host.estimate.crop_ahead import EndOfField
 from host.estimate.odometry import Motion
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from sim_plant.field import CROP, Field
 from tests.helpers.oracle import quick
 

@@ -81,10 +81,19 @@ def test_the_next_side_knows_nothing_of_the_last_but_the_dust() -> None:
     ahead.turn()
     assert ahead.crop_at_m == math.inf
     ahead.sight(crop(1.0), at(5.0))
-    ahead.begin()
+    ahead.begin(at(5.0))
     assert (ahead.entered, ahead.end, ahead.seems_clear_since) == (False, None, None)
     assert ahead.crop_at_m == 6.0, "seen while it turned"
     assert ahead.in_dust(0.5, 30)
+
+
+def test_it_has_cut_from_where_the_blade_met_the_crop() -> None:
+    ahead = Ahead()
+    assert ahead.cut_m(at(1.0)) == 0.0
+    ahead.begin(at(1.0))
+    assert ahead.cut_m(at(1.5)) == 0.5, "before that, from where the side was begun"
+    shown(ahead, 2.0, 0.0)
+    assert ahead.cut_m(at(2.25)) == 0.25
 
 
 def test_it_is_dusty_where_fewer_than_the_share_of_the_latest_pictures_are_sure() -> None:

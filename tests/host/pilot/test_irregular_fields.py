@@ -13,7 +13,8 @@ from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, changed
 from host.core.messages import Telemetry
 from host.core.vehicle import Vehicle
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.route.plan import Plan, spiral
 from tests.helpers.simple_world import CELL, SimpleWorld, harvest
 

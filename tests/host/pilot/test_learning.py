@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.route.plan import Plan, spiral
 from tests.helpers.simple_world import SimpleWorld, drive
 

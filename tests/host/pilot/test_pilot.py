@@ -10,7 +10,8 @@ import pytest
 
 from host.core.messages import Command, Fix, Frame, Request, State
 from host.core.vehicle import Vehicle
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.route.plan import spiral
 from host.vision.view import CropView
 from tests.helpers.simple_world import BLANK, SimpleWorld, drive, harvest

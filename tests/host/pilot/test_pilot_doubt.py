@@ -16,13 +16,11 @@ from host.estimate.lane import Lane
 from host.estimate.position import Position
 from host.field.areas import Geofence, areas_of
 from host.pilot import steering_law
-from host.pilot.pilot import (
-    CREEP_MPS,
-    END_PAST_M,
-    RESUME_AFTER_S,
-    Phase,
-    Pilot,
-)
+from host.pilot.context import RESUME_AFTER_S
+from host.pilot.guard import CREEP_MPS
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
+from host.pilot.strip import END_PAST_M
 from host.route.plan import SEEN_SHARE, Plan, Side, spiral
 from host.route.turn_choice import next_turn, room_along
 from host.route.turn_legs import Turn
@@ -577,7 +575,7 @@ def test_the_room_of_a_turn_is_counted_from_the_end_of_the_sides_lane(
         told.append((turn, room_m(turn)))
         return turn
 
-    monkeypatch.setattr("host.pilot.pilot.next_turn", chosen)
+    monkeypatch.setattr("host.pilot.endings.next_turn", chosen)
     pilot = Pilot(VEHICLE, world, replace(PLAN, sides=(shifted, *PLAN.sides[1:])))
     drive(world, pilot, 60.0, until=lambda: pilot.turns == 1)
     ((turn, room_m),) = told
@@ -827,106 +825,6 @@ def test_a_finished_machine_may_be_pushed_anywhere() -> None:
     assert command.request is Request.STOP
 
 
-def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Half a metre into the gap; a metre over what has been cut."""
-    world = SimpleWorld(VEHICLE)
-    pilot = Pilot(VEHICLE, world, PLAN)
-    drive(world, pilot, 120.0, until=lambda: pilot.backing)
-    turn = pilot._turn
-    assert turn is not None
-
-    def done(beyond_m: float, offset_m: float = 0.0, askew_deg: float = 0.0) -> bool:
-        heading = math.radians(askew_deg)
-        pilot.lane.place(offset_m - VEHICLE.blade_x_m * math.sin(heading), heading, 0.1, 0.1)
-        monkeypatch.setattr(turn, "to_go", lambda *_: -beyond_m)
-        return pilot._leg_done(turn)
-
-    def behind(back_m: float) -> None:
-        sides = (FIRST, replace(SECOND, back_m=back_m))
-        monkeypatch.setattr(pilot, "_plan", replace(PLAN, sides=sides))
-
-    behind(0.0)
-    assert not done(-0.1)
-    assert done(0.1)
-    assert not done(0.1, offset_m=0.1)
-    assert not done(0.1, askew_deg=8.0)
-    assert done(0.6, offset_m=0.1)
-    behind(2.0)
-    assert not done(0.9, offset_m=0.1)
-    assert done(1.1, offset_m=0.1)
-
-
-def test_courses_turn_back_a_position_that_has_turned_with_its_lane() -> None:
-    world = SimpleWorld(VEHICLE, height=40.0)
-    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE)
-    pilot = Pilot(VEHICLE, world, long)
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
-    state, covariance = pilot.position._x, pilot.position._p
-    for k in (2, 5):  # yaw and lane
-        state[k] += math.radians(5.0)
-        covariance[k, k] = math.radians(5.0) ** 2
-    for tick in range(1, 2000):
-        world.advance()
-        frame = Frame(world.now, BLANK) if tick % 5 == 0 else None
-        seen = Fix(world.now, 0.0, 0.0, 1, 1.0, 8, abs(world.speed), world.yaw)
-        fix = seen if tick % 50 == 0 else None
-        world.command = pilot.step(world.now, frame, fix, world.telemetry())
-    assert pilot.phase is Phase.FOLLOW
-    assert abs(math.degrees(pilot.position.pose[2] - world.yaw)) < 2.0
-
-
-def test_a_turn_leads_to_where_the_last_strip_was_cut() -> None:
-    """The first side was cut 0.15 m too far inside: there the second round's begins."""
-    world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, lambda view: view)
-    pilot = Pilot(VEHICLE, eyes, PLAN)
-
-    def spoilt(view: CropView) -> CropView:
-        return replace(view, edge_offset_m=view.edge_offset_m + 0.15 * (pilot.turns == 0))
-
-    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
-    scale = np.diag([0.01] * 3 + [1.0] * 4)  # where the machine is, is known
-    pilot.position._p = scale @ pilot.position._p @ scale
-    eyes.spoil = spoilt
-    drive(world, pilot, 400.0, until=lambda: pilot.turns == 4 and pilot.backing)
-    assert pilot.turns == 4, pilot.reason
-    side = PLAN.sides[4]
-    assert side.heading_rad == pytest.approx(FIRST.heading_rad)
-    beside_the_plans = pilot.position.across(side)
-    assert beside_the_plans - 0.15 < pilot.lane.offset_m < beside_the_plans - 0.05
-
-
-@pytest.mark.parametrize("gap_m", [4.0, None])
-def test_at_a_sides_beginning_it_backs_off_only_where_a_fence_guards_it(
-    gap_m: float | None,
-) -> None:
-    world = SimpleWorld(VEHICLE, gap=4.0)
-    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=gap_m))
-    drive(world, pilot, 60.0, until=lambda: 0.1 < pilot.cut_m < 0.4)
-    world.blind = True
-    log: list[Command] = []
-    drive(world, pilot, 20.0, log)
-    assert pilot.phase is Phase.HESITATE
-    assert any(c.speed_mps < 0 for c in log) is (gap_m is not None)
-
-
-def test_where_the_border_is_too_near_behind_it_backs_off_only_so_far() -> None:
-    """And hesitates on, instead of giving up."""
-    world = SimpleWorld(VEHICLE, gap=2.2)
-    pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, gap_m=2.2))
-    drive(world, pilot, 60.0, until=lambda: 0.1 < pilot.cut_m < 0.4)
-    world.blind = True
-    log: list[Command] = []
-    drive(world, pilot, 4.0)
-    stood = world.y
-    drive(world, pilot, 16.0, log)
-    assert any(c.speed_mps < 0 for c in log)
-    assert pilot.phase is Phase.HESITATE, pilot.reason
-    assert stood - world.y < 0.5
-
-
 def test_an_end_that_long_seemed_one_was_at_most_a_little_before(told_ends: list[ToldEnd]) -> None:
     """Unsure pictures of clear ground from a metre and a half before the end on are dust's."""
     world = SimpleWorld(VEHICLE)
@@ -953,9 +851,7 @@ def test_over_a_slanting_border_no_edge_is_missed() -> None:
     drive(world, pilot, 20.0, until=lambda: pilot.cut_m > 0.2)
     pilot.lane.place(0.0, 0.0, 0.2, math.radians(2.0))
     eyes.spoil = lambda view: replace(view, confidence=0.0)
-    sure = list(pilot._ahead.sure)
     drive(world, pilot, 30.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.4)
-    assert list(pilot._ahead.sure) == sure
     drive(world, pilot, 30.0, until=lambda: pilot.phase is Phase.HESITATE)
     assert "dust" in pilot.reason
     assert world.y + VEHICLE.blade_x_m > 3.5

@@ -10,7 +10,8 @@ import pytest
 
 from host.core.messages import Command
 from host.core.vehicle import Vehicle
-from host.pilot.pilot import Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
 from host.route.plan import Plan, spiral
 from host.vision.view import CropView
 from tests.helpers.eyes import Eyes, ToldEnd, beside
@@ -327,16 +328,6 @@ def test_the_blade_raises_no_dust_on_the_way_to_a_sides_crop() -> None:
     assert {blade for to_crop, blade in log if to_crop > 0.75} == {False}
     assert {blade for to_crop, blade in log if to_crop < 0.4} == {True}
     assert min(to_crop for to_crop, _ in log) < 0.0
-
-
-def test_what_it_sees_while_it_stands_does_not_make_the_air_clear() -> None:
-    world, eyes, pilot = cutting(LONG)
-    eyes.spoil = lambda view: replace(view, confidence=0.0) if world.command.blade else view
-    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.HESITATE)
-    drive(world, pilot, 1.0)
-    before = list(pilot._ahead.sure)
-    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
-    assert list(pilot._ahead.sure) == before
 
 
 def test_a_machine_that_has_left_its_lane_finds_the_edge_beside_it() -> None:

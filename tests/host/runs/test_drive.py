@@ -34,7 +34,8 @@ from host.estimate.position import Position
 from host.field.fence import Fence
 from host.link import protocol
 from host.link.session import Link
-from host.pilot.pilot import PAUSED, Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import PAUSED, Pilot
 from host.route.plan import Plan, spiral
 from host.runs.drive import (
     PERIOD_S,

@@ -16,7 +16,8 @@ from host.core.errors import UserError
 from host.core.messages import Command, Request
 from host.core.vehicle import Vehicle
 from host.estimate.position import Position
-from host.pilot.pilot import PAUSED, Phase, Pilot
+from host.pilot.phase import Phase
+from host.pilot.pilot import PAUSED, Pilot
 from host.route.plan import Plan, spiral
 from host.runs import resume
 from host.runs.resume import (

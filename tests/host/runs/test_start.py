@@ -24,7 +24,7 @@ from host.core.vehicle import MAST, Vehicle
 from host.field.boundary_file import load_field
 from host.link import protocol
 from host.link.session import connect
-from host.pilot.pilot import Phase
+from host.pilot.phase import Phase
 from host.runs import preflight
 from host.runs.errand import Errand, errand_of
 from host.runs.operator import Operator

@@ -1,0 +1,58 @@
+"""Everything that the pilot knows of its own motion and place, fed by telemetry and fixes.
+
+Dead reckoning, the lane beside the crop's edge, the position in the field, the way driven one round
+earlier, and whether the receiver agrees with all that.
+"""
+
+from __future__ import annotations
+
+from host.core.messages import Fix, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.course_check import DirectionCheck
+from host.estimate.lane import Lane
+from host.estimate.last_round import Trails
+from host.estimate.odometry import Motion, Odometry
+from host.estimate.position import Position
+
+DOPPLER_GAP_S = 2.0
+"""A fix's speed speaks of the time since the one before, but of no more than this."""
+
+
+class Estimator:
+    """`lane` steers; `position` is the place in the field frame, unknown until it is placed."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.odometry = Odometry(vehicle)
+        self.lane = Lane(vehicle.blade_x_m)
+        self.position = Position(vehicle)
+        self.trails = Trails(vehicle)
+        self.direction = DirectionCheck()
+        self.backwards = False
+        """Whether the latest fix shows the machine moving against its heading."""
+        self.askew_rad = 0.0
+        """How far the receiver's courses lie left of the heading, by the latest fix; 0: no more
+        than they err."""
+        self._fix_stamp = float("-inf")
+
+    @property
+    def motion(self) -> Motion:
+        """Dead reckoning since the start."""
+        return self.odometry.now
+
+    def take_telemetry(self, telemetry: Telemetry) -> None:
+        """Moves on."""
+        motion = self.odometry.update(telemetry)
+        self.lane.predict(motion)
+        self.position.predict(motion, cutting=telemetry.blade)
+        self.direction.move(motion)
+
+    def take_fix(self, fix: Fix, telemetry: Telemetry, *, underway: bool) -> None:
+        """The receiver's speed, and `underway` along a side or a turn its course."""
+        if underway and self.position.known:
+            yaw = self.position.pose[2]
+            self.backwards = self.direction.contradicted(fix, self.motion, yaw)
+            self.askew_rad = self.direction.askew_rad
+            if self.direction.off_rad is not None:
+                self.position.course(self.direction.off_rad, self.motion.speed_mps)
+        self.odometry.learn(fix, telemetry, min(DOPPLER_GAP_S, fix.stamp - self._fix_stamp))
+        self._fix_stamp = fix.stamp

@@ -1,0 +1,55 @@
+"""Align: the operator has put the blade at the crop's edge; wait until a picture shows it."""
+
+from __future__ import annotations
+
+import math
+
+from host.estimate.crop_ahead import CONFIDENT
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.phase import Doing, Phase, Reason
+from host.pilot.strip import PlannedStrip
+
+TRUST_AFTER_S = 3.0
+"""An edge that stays hidden is where the operator has put the blade; where the crop's border slants
+across the strip, what is seen is not the edge, and that holds at once."""
+SEEN_SIGMA = (0.15, math.radians(8))
+"""Of the operator's alignment, m and rad, where the picture then says more."""
+TRUSTED_SIGMA = (0.05, math.radians(2))
+"""Where it does not: a machine that believes less would not set off."""
+
+
+class Why(Reason):
+    """Out of aligning."""
+
+    SEEN = Doing.FOLLOW, "the edge is in view"
+    TRUSTED = Doing.FOLLOW, "on the operator's alignment"
+
+
+class Align(Behaviour):
+    """See the module."""
+
+    phase = Phase.ALIGN
+    reasons = (Why,)
+
+    def step(self, now: float) -> Step:
+        context = self.context
+        view = context.sight.view
+        if view is None or not context.sight.sees_ahead():
+            return context.hold(), None
+        strip = context.planned(0)
+        slanting = strip.begins_slanting
+        seen = view.confidence >= CONFIDENT and not slanting
+        trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
+        if not (seen or slanting or trusted):
+            return context.hold(), None
+        lane = context.estimate.lane
+        lane.place(0.0, 0.0, *(SEEN_SIGMA if seen else TRUSTED_SIGMA))
+        if seen:
+            edge, heading = strip.edge_m(view, context.motion), view.edge_heading_rad
+            ahead_m = view.edge_ahead_m
+            lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
+        if isinstance(strip, PlannedStrip):
+            strip.place(-view.crop_ahead_m)
+        context.strip = strip
+        context.begin_strip()
+        return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()

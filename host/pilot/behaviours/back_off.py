@@ -1,0 +1,83 @@
+"""Back off: the edge is lost. Stand until it is in view again; after a while back over the swath,
+the blade off: crop that filled the picture is a face again. Once for each time that it is lost, a
+few times for each side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from host.core.messages import Command
+from host.estimate.odometry import Motion
+from host.pilot import steering_law
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.behaviours.follow import LANE_SIGMA_M
+from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, Context
+from host.pilot.endings import Patience, gave_up
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.sight import Gaze
+
+BACK_AFTER_S = 6.0
+BACK_M = 0.6
+"""Less than clear ground that ends a side."""
+BACKS = 3
+"""At most, on a side."""
+
+
+class Why(Reason):
+    """Out of the doubt."""
+
+    SEEN = Doing.FOLLOW, "the edge is in view again"
+
+
+class BackOff(Behaviour):
+    """See the module."""
+
+    phase = Phase.HESITATE
+    gaze = Gaze(on_side=True, hesitates=True)
+    reasons = (Why, Patience)
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._from: Motion | None = None
+        """Where the machine began to back; None while it stands."""
+        self._backed = False
+
+    def step(self, now: float) -> Step:
+        context, seen = self.context, self.context.sight.seen
+        go = gave_up(context, now)
+        if go is not None:
+            return context.stop(), go
+        known = context.estimate.lane.offset_sigma_m < LANE_SIGMA_M
+        if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
+            return context.hold(), Why.SEEN.go()
+        return self._move(now), None
+
+    def blocked(self, now: float, why: str) -> Go | None:
+        del now, why
+        self._from = None
+        return None
+
+    def paused(self, now: float) -> None:
+        super().paused(now)
+        self._backed = False
+
+    def _move(self, now: float) -> Command:
+        context, motion = self.context, self.context.motion
+        sees = now - context.sight.usable.stamp < SLOW_AFTER_S
+        if self._from is None:
+            due = now - context.since > BACK_AFTER_S and not self._backed
+            cut_m = context.cut_m if context.sight.ahead.entered else 0.0
+            clear = cut_m > BACK_M or context.guard.fenced
+            if due and sees and context.backs < BACKS and clear:
+                self._from, self._backed = motion, True
+                context.backs += 1
+            return context.hold()
+        coast = abs(motion.speed_mps) * context.vehicle.drive_lag_s
+        if not sees or self._from.distance_m - motion.distance_m + coast > BACK_M:
+            self._from = None
+            return context.hold()
+        estimate, vehicle = context.estimate, context.vehicle
+        steer = steering_law.reverse(estimate.lane.offset_m, estimate.lane.heading_rad, vehicle)
+        steer -= estimate.odometry.trim_rad
+        backing = context.drive(steer, -vehicle.manoeuvre_speed_mps, blade=False)
+        return replace(backing, reason=f"backing off to look again: {context.reason}")

@@ -1,0 +1,50 @@
+"""What every behaviour is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from host.core.messages import Command
+from host.pilot.context import Context
+from host.pilot.guard import Watched
+from host.pilot.phase import Go, Phase, Reason
+from host.pilot.sight import Gaze
+
+Step = tuple[Command, Go | None]
+"""What to do now, and whether another behaviour takes over."""
+
+
+class Behaviour(ABC):
+    """One thing that the machine does. It is made anew each time it is begun; what outlives it is
+    in the context."""
+
+    phase: ClassVar[Phase]
+    """What the operator and the record call it."""
+    gaze: ClassVar[Gaze] = Gaze()
+    """What pictures may tell meanwhile."""
+    reasons: ClassVar[tuple[type[Reason], ...]]
+    """All reasons for which it gives way to another, besides those of `host.pilot.guard`."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+
+    def enter(self, now: float) -> None:  # noqa: B027 (most have nothing to do)
+        """Before the first step."""
+
+    @abstractmethod
+    def step(self, now: float) -> Step:
+        """Called at every command's time, after telemetry and picture have been taken."""
+
+    def exit(self) -> None:  # noqa: B027
+        """After the last step, whatever follows."""
+
+    def paused(self, now: float) -> None:
+        """The operator has paused the machine: nothing runs out."""
+        self.context.since = self.context.sight.seen.stamp = now
+
+    def blocked(self, now: float, why: str) -> Go | None:
+        """The geofence lets the last command not pass. Without a transition the machine stands and
+        the behaviour does something else next."""
+        del now
+        return Watched.GEOFENCE.go(why=why)

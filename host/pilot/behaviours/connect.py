@@ -1,0 +1,47 @@
+"""Connect: wait for telemetry, clear what the last run left, arm."""
+
+from __future__ import annotations
+
+import math
+
+from host.core.messages import Command, Request, State
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import Context
+from host.pilot.phase import Doing, Phase, Reason
+
+ARM_RETRY_S = 0.5
+
+
+class Why(Reason):
+    """Out of connecting."""
+
+    ARMED = Doing.ALIGN, "armed; waiting for a sure view of the edge"
+    FAULT_STAYS = Doing.FAULT, "the firmware's fault does not clear"
+
+
+class Connect(Behaviour):
+    """See the module."""
+
+    phase = Phase.CONNECT
+    reasons = (Why,)
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._asked = -math.inf
+        self._cleared = False
+
+    def step(self, now: float) -> Step:
+        telemetry = self.context.telemetry
+        if telemetry is None:
+            return self.context.stop(), None
+        if telemetry.state in (State.ARMED, State.RUNNING):
+            return self.context.hold(), Why.ARMED.go()
+        if now - self._asked < ARM_RETRY_S:
+            return self.context.hold(), None
+        self._asked = now
+        if telemetry.state is not State.FAULT:
+            return Command(Request.ARM, reason="asking the firmware to arm"), None
+        if self._cleared:
+            return self.context.stop(), Why.FAULT_STAYS.go()
+        self._cleared = True
+        return Command(Request.CLEAR, reason="clearing what the last run left"), None

@@ -1,0 +1,146 @@
+"""Follow: cut along the crop's outer edge until the side ends."""
+
+from __future__ import annotations
+
+from host.core.messages import Command
+from host.estimate.crop_ahead import END_CLEAR_M, END_SURE, EndOfField
+from host.pilot import steering_law
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import SLOW_AFTER_S
+from host.pilot.endings import SideEnd, end_side
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
+from host.pilot.stop_and_look import LONG_LOOK_S, LOOK_S, LOOKING
+from host.pilot.strip import NO_CROP_M
+
+LANE_SIGMA_M = 0.3
+"""Uncertainty of the edge at the blade beyond which the pilot does not cut on. Over a patch of
+weeds or thin crop, or where no edge line shows (short remnants, slanting ends), dead reckoning does
+for some metres."""
+DUST_SIGMA_M = 0.12
+"""From here on it is worth a stop to look without the blade's dust."""
+LOOK_EVERY_M = 1.0
+END_LOOK_EVERY_M = 0.3
+"""Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
+SPIN_S = 0.6
+"""Before it goes on in crop, for the blade to spin up."""
+
+
+class Why(Reason):
+    """Out of following, besides the side's end."""
+
+    EDGE_LOST = Doing.BACK_OFF, "the edge is lost: {why}"
+    EDGE_UNSURE = Doing.LOOK_AT_EDGE, f"the edge is unsure: {LOOKING}"
+    SEEMS_TO_END = Doing.LOOK_AT_END, f"the crop seems to end: {LOOKING}"
+    TOO_LONG = Doing.FAULT, "the side is longer than the boundary allows"
+    REMNANT_GONE = Doing.FINISH, "nothing found of the plan's last remnant"
+    CROP_GONE = Doing.FAULT, "the crop that the plan has here is not to be found"
+
+
+class Follow(Behaviour):
+    """See the module."""
+
+    phase = Phase.FOLLOW
+    gaze = Gaze(cutting=True, on_side=True, ends=True)
+    reasons = (Why, SideEnd)
+
+    def step(self, now: float) -> Step:
+        context = self.context
+        go = self._ends(now) or self._needs_a_look(now)
+        if go is not None:
+            return context.hold(), go
+        stops = self._nothing_to_cut(now)
+        if stops is not None:
+            return context.stop() if stops.reason in Why else context.hold(), stops
+        if context.sight.ahead.entered:
+            context.strip.cut()
+        doubt = self._doubts(now)
+        if doubt is not None:
+            return context.hold(), doubt
+        return self._drive(now), None
+
+    def _ends(self, now: float) -> Go | None:
+        """An end that pictures show where the plan has it and no dust may feign it."""
+        context = self.context
+        clear = context.sight.ahead.end
+        if clear is None or not context.strip.end_due(clear.motion):
+            return None
+        if context.strip.placed and context.sight.ahead.in_dust(*END_SURE):
+            return None
+        context.by_plan = False
+        return end_side(context, now, clear)
+
+    def _needs_a_look(self, now: float) -> Go | None:
+        """What seems clear ground may be dust before crop, or a bare patch where the plan has
+        some."""
+        context = self.context
+        clear = context.sight.ahead.end
+        if clear is None:
+            return None
+        due = context.strip.end_due(clear.motion)
+        again_m, since_m = END_LOOK_EVERY_M, context.look.at_m
+        if not due:
+            again_m, since_m = LOOK_EVERY_M, max(since_m, clear.motion.distance_m)
+        here_m = context.motion.distance_m
+        if here_m - since_m <= again_m:
+            return None
+        context.look.begin(now, here_m, LOOK_S if due else LONG_LOOK_S)
+        context.sight.ahead.clear_count = 0
+        return Why.SEEMS_TO_END.go()
+
+    def _nothing_to_cut(self, now: float) -> Go | None:
+        """The end that no picture shows, the plan's crop that does not stand, and the boundary."""
+        context, strip, ahead = self.context, self.context.strip, self.context.sight.ahead
+        here = EndOfField(now, context.motion, strip.index)
+        if strip.to_blind_end_m() <= 0:
+            return end_side(context, now, here)
+        searched = not ahead.entered and context.cut_m > strip.search_m
+        if searched and ahead.crop_at_m - context.motion.distance_m > NO_CROP_M:
+            if strip.remnant:
+                return Why.REMNANT_GONE.go()
+            # A short side may have gone with its neighbours.
+            return end_side(context, now, here) if strip.skippable else Why.CROP_GONE.go()
+        if strip.overrun():
+            if not context.guard.fenced or context.by_plan:
+                return Why.TOO_LONG.go()
+            context.by_plan = True
+            return end_side(context, now, here)
+        return None
+
+    def _doubts(self, now: float) -> Go | None:
+        """Whether the edge is too unsure to cut on, or might be seen without the dust."""
+        context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
+        if now - sight.seen.stamp > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
+            sight.seen.broken = now
+            return Why.EDGE_LOST.go(why=context.why_unseen("no sure view"))
+        if not self._worth_a_look():
+            return None
+        context.look.begin(now, context.motion.distance_m)
+        return Why.EDGE_UNSURE.go()
+
+    def _worth_a_look(self) -> bool:
+        """Whether the lane has become doubtful where its edge might be seen but for dust."""
+        context, strip, sight = self.context, self.context.strip, self.context.sight
+        here = context.motion
+        if not strip.placed or not sight.ahead.entered or sight.ahead.clear_count > 0:
+            return False
+        along = strip.along_m(here)
+        return (
+            (context.estimate.lane.offset_sigma_m > DUST_SIGMA_M or sight.dust_doubts)
+            and sight.unseen_m(here) > UNSEEN_M
+            and abs(here.distance_m - context.look.at_m) > LOOK_EVERY_M
+            and strip.shows_edge(along - UNSEEN_M)
+            and strip.shows_edge(along + END_CLEAR_M)
+        )
+
+    def _drive(self, now: float) -> Command:
+        context, vehicle, ahead = self.context, self.context.vehicle, self.context.sight.ahead
+        estimate = context.estimate
+        steer = steering_law.follow(estimate.lane, context.motion, vehicle)
+        steer -= estimate.odometry.trim_rad
+        if ahead.entered and now - context.since < SPIN_S:
+            return context.drive(steer, 0.0, blade=True)
+        unseen = now - context.sight.seen.stamp > SLOW_AFTER_S
+        slow = unseen or not ahead.entered or ahead.clear_count > 0
+        speed = vehicle.manoeuvre_speed_mps if slow else vehicle.cutting_speed_mps
+        return context.drive(steer, speed, blade=context.strip.blade_due())

@@ -1,0 +1,68 @@
+"""Look at the end: stand until the blade's dust has settled, to see whether the side ends here.
+
+Without dust, no crop before the blade is the side's end, and so is what shows none in all the time
+of a look. Where the plan has no end it is a bare patch, or no lane at all.
+"""
+
+from __future__ import annotations
+
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.behaviours.look_at_edge import rolls_on
+from host.pilot.endings import SideEnd, end_side
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.sight import Gaze
+from host.pilot.stop_and_look import LOOKING
+
+BARE_LOOKS = 2
+"""Looks in a row at bare ground where the plan has crop, after which the next is one too many."""
+
+
+class Why(Reason):
+    """Out of the look, besides the side's end."""
+
+    CROP_GOES_ON = Doing.LOOK_AT_EDGE, f"the crop goes on: {LOOKING}"
+    EDGE_SEEN = Doing.FOLLOW, "the edge is in view again"
+    BARE_GROUND = Doing.FOLLOW, "bare ground"
+    NO_CROP_LEFT = Doing.FINISH, "no crop left on the last side"
+    CROP_GONE = Doing.FAULT, "the crop that the plan has here is not to be found"
+
+
+class LookAtEnd(Behaviour):
+    """See the module."""
+
+    phase = Phase.HESITATE
+    gaze = Gaze(on_side=True, hesitates=True, ends=True, settles=True)
+    reasons = (Why, SideEnd)
+
+    def step(self, now: float) -> Step:
+        context = self.context
+        if rolls_on(context, now):
+            return context.hold(blade=True), None
+        return context.hold(), self._judge(now)
+
+    def _judge(self, now: float) -> Go | None:
+        context, ahead = self.context, self.context.sight.ahead
+        if ahead.clear_since is None:
+            context.bare = 0
+            return Why.CROP_GOES_ON.go()
+        over = context.look.over(now)
+        if not over and ahead.end is None:
+            return None
+        if context.strip.end_due(ahead.clear_since.motion):
+            context.by_plan = False
+            return end_side(context, now, ahead.clear_since, looked=True)
+        if over or not context.estimate.lane.contradicted:
+            return self._go_on_beyond()
+        return None
+
+    def _go_on_beyond(self) -> Go:
+        """After a look that showed no crop where the plan has some. An edge beside the lane that
+        stayed in view is the lane's."""
+        context, ahead = self.context, self.context.sight.ahead
+        clear = ahead.end is not None
+        ahead.go_on()
+        seen = context.sight.edge_at_m > context.look.at_m
+        context.bare = 0 if seen else context.bare + clear
+        if context.bare > BARE_LOOKS:
+            return Why.NO_CROP_LEFT.go() if context.strip.last else Why.CROP_GONE.go()
+        return (Why.EDGE_SEEN if seen else Why.BARE_GROUND).go()

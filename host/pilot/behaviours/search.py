@@ -1,0 +1,87 @@
+"""Search: standing after the turn, is there crop where it should be?"""
+
+from __future__ import annotations
+
+import math
+
+from host.estimate.crop_ahead import CONFIDENT
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import Context
+from host.pilot.endings import Blind, blind
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.sight import Gaze
+from host.pilot.strip import NO_CROP_M
+
+PICTURES = 5
+"""That show no crop, for there to be none; or an edge beside which the lane is not, to go on."""
+CONTRADICTED_PICTURES = 15
+"""The same where the lane refuses that edge: standing, it comes to believe it."""
+MOST_PICTURES = 50
+"""Without anything to be made out."""
+
+
+class Why(Reason):
+    """Out of the search."""
+
+    CROP_AHEAD = Doing.FOLLOW, "{side}: crop {ahead_m} m ahead"
+    NOT_IN_VIEW = Doing.FOLLOW, "{side}: no crop in view, looking for it"
+    NO_CROP_LEFT = Doing.FINISH, "no crop left beside the last swath"
+    NOTHING_TO_SEE = Doing.FAULT, "nothing to be made out after the turn"
+
+
+class Search(Behaviour):
+    """See the module."""
+
+    phase = Phase.SEARCH
+    gaze = Gaze(begins=True)
+    reasons = (Why, Blind)
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._tries = self._empty = 0
+        self._judged = -math.inf
+        """The stamp of the last picture that was judged."""
+
+    def enter(self, now: float) -> None:
+        self._judged = now
+
+    def step(self, now: float) -> Step:
+        context = self.context
+        go = blind(context, now)
+        if go is None and context.standing(now) and context.sight.stamp > self._judged:
+            self._judged = context.sight.stamp
+            go = self._judge()
+        return context.hold(), go
+
+    def paused(self, now: float) -> None:
+        super().paused(now)
+        self._judged = now
+
+    def _judge(self) -> Go | None:
+        """By one more picture."""
+        context, view = self.context, self.context.sight.view
+        assert context.turning is not None
+        self._tries += 1
+        if view is None or not context.sight.sees_ahead():
+            return Why.NOTHING_TO_SEE.go() if self._tries > MOST_PICTURES else None
+        expected = context.turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
+        if view.crop_ahead_m > expected + NO_CROP_M:
+            self._empty += 1
+            return self._nothing_there(expected) if self._empty >= PICTURES else None
+        # What the lane does not believe at once it learns here, where no dust is in the air.
+        contradicted = context.estimate.lane.contradicted
+        agreed = view.confidence >= CONFIDENT and not contradicted
+        if not agreed and self._tries < (CONTRADICTED_PICTURES if contradicted else PICTURES):
+            return None
+        context.begin_strip()
+        return Why.CROP_AHEAD.go(side=context.strip.name, ahead_m=f"{view.crop_ahead_m:.1f}")
+
+    def _nothing_there(self, expected_m: float) -> Go:
+        """No crop in view after a turn: the end, unless the plan still has a long side here. Then
+        the machine may be out of line, and looks for it along the lane."""
+        context, strip = self.context, self.context.strip
+        if strip.search_reach_m <= 0.0:
+            return Why.NO_CROP_LEFT.go()
+        strip.search_m = expected_m + strip.search_reach_m
+        context.begin_strip()
+        return Why.NOT_IN_VIEW.go(side=strip.name)

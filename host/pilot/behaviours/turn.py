@@ -1,0 +1,102 @@
+"""Turn: drive the turn's legs, by dead reckoning, the last one back along the next side."""
+
+from __future__ import annotations
+
+import math
+
+from host.pilot import steering_law
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.endings import Blind, blind
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.turn_progress import Turning
+from host.route.turn_legs import Follow as Along
+from host.route.turn_legs import Leg
+
+STEER_READY_RAD = math.radians(6.0)
+STEER_TIMEOUT_S = 4.0
+ALIGNED = (0.03, math.radians(3.0))
+"""Offset of the blade, m, and heading, rad, with which a side is begun."""
+ALIGN_ROOM_M = (0.5, 1.0)
+"""How much farther than planned the vehicle may back to get into line with the edge: into the gap,
+and at most, over what has been cut."""
+
+
+class Why(Reason):
+    """Out of the turn."""
+
+    TURNED = Doing.SEARCH, "turned; looking for the crop's edge"
+    STEERING_STUCK = Doing.FAULT, "the steering did not reach its angle"
+
+
+class DriveTurn(Behaviour):
+    """See the module."""
+
+    phase = Phase.TURN
+    reasons = (Why, Blind)
+
+    @property
+    def turning(self) -> Turning:
+        """The turn that the end of the side has laid out."""
+        assert self.context.turning is not None
+        return self.context.turning
+
+    def enter(self, now: float) -> None:
+        """Each leg begins with the steering at its angle, and so does one that was broken off."""
+        self.turning.wait(now)
+
+    def step(self, now: float) -> Step:
+        context, turning = self.context, self.turning
+        go = blind(context, now)
+        if go is not None:
+            return context.hold(), go
+        leg = turning.leg
+        if leg is None:
+            return context.hold(), Why.TURNED.go()
+        if self.leg_done():
+            self._next(now)
+            return context.drive(leg.steer_rad, 0.0, blade=False), None
+        steer = self._steer(leg)
+        if not turning.running:
+            assert context.telemetry is not None
+            off = abs(context.telemetry.angle_rad - steer)
+            if not (context.stands_after(now - turning.since) and off < STEER_READY_RAD):
+                stuck = now - turning.since > STEER_TIMEOUT_S
+                go = Why.STEERING_STUCK.go() if stuck else None
+                return context.drive(steer, 0.0, blade=False), go
+            turning.running = True
+        speed = context.vehicle.manoeuvre_speed_mps
+        return context.drive(steer, -speed if leg.reverse else speed, blade=False), None
+
+    def paused(self, now: float) -> None:
+        super().paused(now)
+        self.turning.since = now
+
+    def blocked(self, now: float, why: str) -> Go | None:
+        """What is left of the turn goes the other way."""
+        del why
+        self._next(now)
+        return None
+
+    def leg_done(self) -> bool:
+        """Whether the goal is reached, or will be by coasting on. Backing along the new side goes
+        on for a while until the machine is in line with it."""
+        context, turning = self.context, self.turning
+        to_go = turning.to_go(context.motion, context.vehicle.drive_lag_s)
+        room = min(ALIGN_ROOM_M[0] + context.strip.back_m, ALIGN_ROOM_M[1])
+        if turning.backing and -room < to_go <= 0:
+            lane = context.estimate.lane
+            return abs(lane.blade_offset_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
+        return to_go <= 0
+
+    def _next(self, now: float) -> None:
+        self.turning.next(now)
+        if self.turning.backing:
+            self.context.strip.begin_leg(self.turning)
+
+    def _steer(self, leg: Leg) -> float:
+        """A leg along a lane is steered; the others hold their angle."""
+        if leg.follow is Along.NOTHING:
+            return leg.steer_rad
+        estimate, vehicle = self.context.estimate, self.context.vehicle
+        steer = steering_law.reverse(estimate.lane.offset_m, estimate.lane.heading_rad, vehicle)
+        return steer - estimate.odometry.trim_rad

@@ -1,0 +1,32 @@
+"""Wait for the camera: a turn was broken off as nothing is seen; it goes on where it stopped."""
+
+from __future__ import annotations
+
+from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S
+from host.pilot.endings import Patience, gave_up
+from host.pilot.phase import Doing, Phase, Reason
+from host.pilot.sight import Gaze
+
+
+class Why(Reason):
+    """Out of waiting."""
+
+    SEES_AGAIN = Doing.TURN, "the camera sees again"
+
+
+class WaitForCamera(Behaviour):
+    """See the module."""
+
+    phase = Phase.HESITATE
+    gaze = Gaze(hesitates=True)
+    reasons = (Why, Patience)
+
+    def step(self, now: float) -> Step:
+        context, usable = self.context, self.context.sight.usable
+        go = gave_up(context, now)
+        if go is not None:
+            return context.stop(), go
+        if usable.held_s > RESUME_AFTER_S and now - usable.stamp < SLOW_AFTER_S:
+            return context.hold(), Why.SEES_AGAIN.go()
+        return context.hold(), None

@@ -1,0 +1,111 @@
+"""What the behaviours share: the estimate, the plan, the vehicle, what is seen, and the account of
+the side that is being cut."""
+
+from __future__ import annotations
+
+import math
+
+from host.core.messages import Command, Request, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import EndOfField
+from host.estimate.estimator import Estimator
+from host.estimate.odometry import Motion
+from host.pilot.guard import Guard
+from host.pilot.sight import STOP_AFTER_S, Sight
+from host.pilot.stop_and_look import Look
+from host.pilot.strip import PlannedStrip, Strip
+from host.pilot.turn_progress import Turning
+from host.route.plan import Plan
+from host.vision.view import Detector
+
+SLOW_AFTER_S = 0.4
+"""Without the edge for so long the machine drives slowly, and no sight counts as one of now."""
+RESUME_AFTER_S = 0.5
+"""For so long pictures must be good without a break before it goes on."""
+STOPPED_MPS = 0.03
+CREEPING_MPS = 0.12
+STAND_S = 1.5
+"""On a slope a braked machine creeps: after so long told to stand, that counts as standing."""
+
+
+class Context:
+    """Of one run. Behaviours read it, and write what their successors need."""
+
+    def __init__(self, vehicle: Vehicle, detector: Detector, plan: Plan) -> None:
+        self.vehicle = vehicle
+        self.plan = plan
+        self.estimate = Estimator(vehicle)
+        self.sight = Sight(vehicle, detector, self.estimate)
+        self.guard = Guard(plan, vehicle, self.estimate.position)
+        self.telemetry: Telemetry | None = None
+        """The latest."""
+        self.reason = "waiting for the firmware's telemetry"
+        self.since = -math.inf
+        """When the present phase began, or went on after a pause."""
+        self.strip = Strip(plan, 0, vehicle, self.estimate, self.sight.ahead)
+        self.turning: Turning | None = None
+        """The turn that is being driven, or whose end is being looked at."""
+        self.look = Look()
+        self.ends: list[EndOfField] = []
+        """Where sides were declared ended, by pictures."""
+        self.by_plan = False
+        """Whether the last end was the plan's alone: twice in a row it is none."""
+        self.backs = 0
+        """How often the machine has backed off on this side."""
+        self.bare = 0
+        """Looks in a row that showed bare ground where the plan has crop."""
+
+    @property
+    def motion(self) -> Motion:
+        """Dead reckoning since the start."""
+        return self.estimate.motion
+
+    def planned(self, index: int) -> Strip:
+        """The strip of the plan's side `index`; without a plan one that only pictures know."""
+        kind = PlannedStrip if self.plan.sides else Strip
+        return kind(self.plan, index, self.vehicle, self.estimate, self.sight.ahead)
+
+    # ---- what is known of the present side -------------------------------------------------------
+
+    @property
+    def cut_m(self) -> float:
+        """How far the blade has come along the side since it met its crop, or was begun."""
+        return self.sight.ahead.cut_m(self.motion)
+
+    def standing(self, now: float) -> bool:
+        """Whether the machine stands, as far as it can, since it was told to with the phase."""
+        return self.stands_after(now - self.since)
+
+    def stands_after(self, told_s: float) -> bool:
+        """Whether the machine stands, as far as it can, told_s after it was told to."""
+        return abs(self.motion.speed_mps) < (STOPPED_MPS if told_s < STAND_S else CREEPING_MPS)
+
+    def begin_strip(self) -> None:
+        """Along the strip from here on."""
+        self.turning = None
+        self.sight.ahead.begin(self.motion)
+        self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
+        self.backs = self.bare = 0
+
+    def why_unseen(self, otherwise: str) -> str:
+        """What the last picture says of why it shows nothing."""
+        view = self.sight.view
+        return view.reason if view is not None and view.reason else otherwise
+
+    def blind(self, now: float) -> bool:
+        """Whether pictures are missing or show nothing of the world of now, for too long."""
+        return now - self.sight.usable.stamp > STOP_AFTER_S
+
+    # ---- commands --------------------------------------------------------------------------------
+
+    def drive(self, steer_rad: float, speed_mps: float, *, blade: bool) -> Command:
+        """Motion."""
+        return Command(Request.DRIVE, steer_rad, speed_mps, blade)
+
+    def hold(self, *, blade: bool = False) -> Command:
+        """Stands with the steering as it is."""
+        return self.drive(self.telemetry.angle_rad if self.telemetry else 0.0, 0.0, blade=blade)
+
+    def stop(self) -> Command:
+        """All outputs off, disarmed."""
+        return Command(Request.STOP)

@@ -1,0 +1,82 @@
+"""How a side ends, how a hesitation ends, and what a turn without eyes leads to: transitions that
+several behaviours share."""
+
+from __future__ import annotations
+
+from host.estimate.crop_ahead import EndOfField
+from host.pilot.context import Context
+from host.pilot.phase import Doing, Go, Reason
+from host.pilot.turn_progress import Turning
+from host.route.turn_choice import next_turn
+
+GIVE_UP_S = 60.0
+"""A hesitation that lasts this long needs a person."""
+
+
+class SideEnd(Reason):
+    """A side is cut."""
+
+    LAST = Doing.FINISH, "the last side of the plan is cut"
+    SEEN = Doing.TURN, "end of {side}: no crop before the blade"
+    KEEP_OUT = Doing.TURN, "end of {side}: the keep-out's margin"
+    BY_PLAN = Doing.TURN, "end of {side}: the plan's, which vision has not seen"
+
+
+class Patience(Reason):
+    """A hesitation has lasted too long."""
+
+    REMNANT = Doing.FINISH, "the last remnant shows nothing: {reason}"
+    GAVE_UP = Doing.FAULT, "gave up after {seconds} s: {reason}"
+
+
+class Blind(Reason):
+    """A turn is driven by dead reckoning, but not without eyes, which everything after it depends
+    on."""
+
+    NOTHING_SEEN = Doing.WAIT_FOR_CAMERA, "nothing is seen: {why}"
+
+
+def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = False) -> Go:
+    """Ends the present side and lays out the turn to the next; `looked`: the end was seen after the
+    machine had stopped to look."""
+    strip, sight = context.strip, context.sight
+    if strip.last:
+        context.ends.append(end)
+        return SideEnd.LAST.go()
+    seen = sight.ahead.entered and not context.by_plan
+    if seen and not strip.blind_end:
+        strip.met_end(end, sight.view, looked=looked)
+    following = context.planned(strip.index + 1)
+    origin = strip.leave(following, end)
+    room_from = strip.end_pose()
+    turn = next_turn(
+        context.plan, strip.index, context.vehicle, lambda t: context.guard.room_m(t, room_from)
+    )
+    turning = context.turning = Turning(now, turn, origin)
+    if seen:
+        context.ends.append(end)
+    context.strip = following
+    if turning.backing:
+        following.begin_leg(turning)
+    sight.ahead.turn()
+    if context.by_plan:
+        return SideEnd.BY_PLAN.go(side=strip.name)
+    return (SideEnd.KEEP_OUT if strip.blind_end else SideEnd.SEEN).go(side=strip.name)
+
+
+def gave_up(context: Context, now: float) -> Go | None:
+    """Whether it has hesitated for too long."""
+    if now - context.since <= GIVE_UP_S:
+        return None
+    if context.strip.remnant:
+        return Patience.REMNANT.go(reason=context.reason)
+    return Patience.GAVE_UP.go(seconds=f"{GIVE_UP_S:.0f}", reason=context.reason)
+
+
+def blind(context: Context, now: float) -> Go | None:
+    """Whether a turn is to be broken off."""
+    if not context.blind(now):
+        return None
+    view = context.sight.view
+    why = view.reason if view is not None and not view.usable else "no pictures come"
+    return Blind.NOTHING_SEEN.go(why=why)

@@ -1,0 +1,113 @@
+"""What may stop or slow any behaviour: the geofence, and what telemetry and the receiver say that
+must not be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import shapely
+
+from host.core.messages import Command, Request, State
+from host.core.vehicle import Vehicle
+from host.estimate.estimator import Estimator
+from host.estimate.position import Position
+from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
+from host.pilot.phase import Doing, Go, Reason
+from host.route.plan import Plan
+from host.route.turn_choice import ROOM_M, room_along
+from host.route.turn_legs import Turn
+
+CREEP_MPS = 0.15
+"""Near the geofence."""
+LEADS_AWAY_S = 0.5
+LEADS_AWAY_M = 1e-3
+"""Where the machine will be in so long its clearance must be more than now, for a motion near the
+geofence to lead away from it."""
+
+
+class Watched(Reason):
+    """What stops the machine whatever it is doing, but for connecting."""
+
+    FIRMWARE_FAULT = Doing.FAULT, "the firmware reports a fault"
+    DISARMED = Doing.FAULT, "the firmware has disarmed: it was stopped or restarted"
+    TOO_FAST = Doing.FAULT, "the wheels' sensor counts faster than it can drive"
+    BACKWARDS = (
+        Doing.FAULT,
+        "it moves the other way: downhill, or by drive motors wired the wrong way",
+    )
+    ASKEW = (
+        Doing.FAULT,
+        "the receiver's courses show it {deg} deg askew of the plan: its strips have turned, put "
+        "it on a corner of what stands",
+    )
+    GEOFENCE = Doing.FAULT, "{why}"
+
+
+def watch(state: State, estimate: Estimator) -> Go | None:
+    """The reason to stop for good, if there is one."""
+    if state is State.FAULT:
+        return Watched.FIRMWARE_FAULT.go()
+    if state is State.SAFE:
+        return Watched.DISARMED.go()
+    if estimate.odometry.impossible:
+        return Watched.TOO_FAST.go()
+    if estimate.backwards:
+        return Watched.BACKWARDS.go()
+    if estimate.askew_rad != 0.0:
+        return Watched.ASKEW.go(deg=f"{abs(math.degrees(estimate.askew_rad)):.0f}")
+    return None
+
+
+class Guard:
+    """The geofence of a plan with boundary and gap; without them everything passes."""
+
+    def __init__(self, plan: Plan, vehicle: Vehicle, position: Position) -> None:
+        self._vehicle = vehicle
+        self._position = position
+        self._outline = outline_of(vehicle)
+        self._fence: Geofence | None = None
+        if plan.boundary and plan.gap_m is not None:
+            field = shapely.Polygon(plan.boundary, plan.keep_outs)
+            margin = min(GAP_MARGIN_M, plan.gap_m)
+            self._fence = Geofence(areas_of(field, plan.gap_m, margin_m=margin))
+
+    @property
+    def fenced(self) -> bool:
+        """Whether there is a geofence."""
+        return self._fence is not None
+
+    def room_m(self, turn: Turn, at: tuple[float, float, float] | None) -> float:
+        """The least clearance along a turn that begins at `at` (x, y, heading in the field frame);
+        without fence or place as much as is wanted."""
+        if self._fence is None or at is None:
+            return ROOM_M
+        return room_along(turn, at, self._vehicle, self._fence)
+
+    def limit(self, command: Command) -> Command | Verdict:
+        """The command as the geofence lets it pass, whatever vision says, or why it does not. What
+        leads away from the border (a clear place has no clearance, NaN) is let pass slowly: a
+        machine that stands too near must be able to leave."""
+        if command.request is not Request.DRIVE or command.speed_mps == 0.0:
+            return command
+        verdict = self._verdict(command.speed_mps)
+        if verdict is None or verdict.level is Level.CLEAR:
+            return command
+        slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
+        slowly = replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
+        creeping = self._verdict(slow) or verdict
+        if creeping.level is not Level.STOP:
+            return slowly
+        later = self._verdict(command.speed_mps, ahead_s=LEADS_AWAY_S)
+        if later is not None and not later.clearance_m <= verdict.clearance_m + LEADS_AWAY_M:
+            return slowly
+        return verdict
+
+    def _verdict(self, speed_mps: float, ahead_s: float = 0.0) -> Verdict | None:
+        """The geofence's answer for the place reached in ahead_s; None without fence or place."""
+        if self._fence is None or not self._position.known:
+            return None
+        x, y, yaw = self._position.pose
+        vx, vy = speed_mps * math.cos(yaw), speed_mps * math.sin(yaw)
+        outline = placed(self._outline, x + vx * ahead_s, y + vy * ahead_s, yaw)
+        return self._fence.check(outline, self._position.covariance_of(outline), (vx, vy))

@@ -1,0 +1,261 @@
+"""What a picture tells: the edge to the lane filter, crop or clear ground before the blade to the
+account of the side's beginning and end.
+
+What a picture can tell depends on what the machine is doing: each behaviour has its `Gaze`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from host.core.messages import Frame
+from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import (
+    CONFIDENT,
+    EDGE_SURE,
+    END_CLEAR_M,
+    NEAR_CROP_M,
+    Ahead,
+    EndOfField,
+)
+from host.estimate.dusty_edge import CONFIDENCE, DustyEdge
+from host.estimate.estimator import Estimator
+from host.estimate.odometry import Motion
+from host.pilot.strip import Strip
+from host.pilot.turn_progress import Turning
+from host.vision.view import CropView, Detector
+
+STOP_AFTER_S = 0.8
+"""Without a picture to be believed, or without the edge, the machine stops."""
+UNSEEN_M = 0.3
+"""Travelled without an edge: not a puff that is gone at the next picture."""
+MOVED_M = 0.01
+"""The same view again from the same place is no second measurement."""
+MOVING_MPS = 0.03
+CROP_SEEN_M = 0.1
+"""Before the blade the new side's crop must begin for a picture taken while a turn backs along it
+to show the lane's edge."""
+LEAP_M = 0.35
+"""An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
+the crop's face or the border of the blade's dust."""
+LEAP_STAYS_S = 2.0
+"""It is believed when it stays that long after the machine was told to stand."""
+INWARD_M = 0.06
+"""In dust an edge that has moved inside by more is the dust's."""
+CORNER_SIGMA_M = 0.1
+"""Uncertainty of the lane from which on the corner at a slanting border is taken for what it
+tells."""
+CORNER_SIGMAS = 3.0
+"""How far beside the lane a corner may be, in the lane's own uncertainty."""
+LEARN_AFTER_M = 2.0
+"""Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
+
+
+class Steady:
+    """Since when something holds. After a gap of STOP_AFTER_S it has to prove itself anew."""
+
+    def __init__(self) -> None:
+        self.stamp = -math.inf
+        """When it last held."""
+        self.broken = -math.inf
+
+    @property
+    def held_s(self) -> float:
+        """For how long without a break."""
+        return self.stamp - self.broken
+
+    def note(self, stamp: float, holds: bool) -> None:
+        """What a picture says of it."""
+        if not holds or stamp - self.stamp > STOP_AFTER_S:
+            self.broken = stamp
+        if holds:
+            self.stamp = stamp
+
+
+@dataclass(frozen=True, slots=True)
+class Gaze:
+    """What pictures may tell while a behaviour is active."""
+
+    looks: bool = True
+    """Pictures are looked at at all."""
+    cutting: bool = False
+    """The machine drives along a side, its blade's dust in the air."""
+    on_side: bool = False
+    """The crop ahead is the side's that is being cut."""
+    hesitates: bool = False
+    """The machine was told to stand for a doubt: an edge that leaps is believed in the end."""
+    begins: bool = False
+    """Crop before the blade is where the side begins."""
+    ends: bool = False
+    """Clear ground before the blade counts towards the side's end."""
+    settles: bool = False
+    """Nothing is believed before the dust has settled."""
+
+
+class Sight:
+    """The pictures of a run."""
+
+    def __init__(self, vehicle: Vehicle, detector: Detector, estimate: Estimator) -> None:
+        self._vehicle = vehicle
+        self._detector = detector
+        self._estimate = estimate
+        self._dusty = DustyEdge()
+        self.view: CropView | None = None
+        """What the last picture shows."""
+        self.stamp = -math.inf
+        """Of its shutter."""
+        self.seen = Steady()
+        """The edge, or what stands ahead, is in view."""
+        self.usable = Steady()
+        """Pictures are to be believed."""
+        self.ahead = Ahead()
+        self.edge_at_m = math.inf
+        """The travelled distance at the last picture whose edge corrected the lane."""
+        self.dust_doubts = False
+        """Whether pictures in the dust together show the edge elsewhere than it is believed."""
+
+    def unseen_m(self, motion: Motion) -> float:
+        """How far the machine has come since an edge corrected the lane."""
+        return abs(motion.distance_m - self.edge_at_m)
+
+    def sees_ahead(self) -> bool:
+        """Whether the last picture says surely what stands before the blade."""
+        return self.view is not None and self.view.ahead_confidence >= CONFIDENT
+
+    def take(
+        self,
+        frame: Frame,
+        gaze: Gaze,
+        strip: Strip,
+        turning: Turning | None,
+        since: float,
+        settled: Callable[[float], bool],
+    ) -> None:
+        """A new picture. `since` is when the present phase began; `settled` says of a stamp whether
+        the dust has settled by then."""
+        if not gaze.looks:
+            return
+        estimate = self._estimate
+        then = estimate.odometry.at(frame.stamp)
+        if not gaze.cutting or strip.past_end(then):
+            # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
+            self._detector.restart(turned=not gaze.on_side)
+        in_leg = turning is not None and turning.leg is not None
+        backing = turning is not None and turning.backing
+        # a turn is driven by dead reckoning until it backs along the next side
+        glances = in_leg and not backing
+        view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
+        self.view, self.stamp = view, frame.stamp
+        self.usable.note(frame.stamp, view.usable)
+        sure = view.confidence >= CONFIDENT
+        self.seen.note(frame.stamp, sure or view.ahead_confidence >= CONFIDENT)
+        cutting = gaze.cutting and then.speed_mps > MOVING_MPS
+        in_crop = not view.crop_ahead_m >= END_CLEAR_M
+        if cutting and in_crop and strip.shows_edge(strip.along_m(then)):
+            self.ahead.sure.append(sure)
+        here = estimate.motion
+        since_shutter = (here.distance_m - then.distance_m, here.yaw_rad - then.yaw_rad)
+        moved = self.unseen_m(then) > MOVED_M
+        # A contradiction that lasts while the machine stands is believed in the end.
+        due = moved or estimate.lane.contradicted
+        if sure and due and (not gaze.settles or settled(frame.stamp)):
+            if self._on_lane(strip, turning, then):
+                if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
+                    self._take_edge(view, strip, then, since_shutter, moved=moved)
+            elif not in_leg:
+                self._take_corner(view, strip, then, since_shutter)
+        self._take_dusty_edge(view, strip, turning, gaze, then)
+        self.ahead.note(view, then)
+        if view.ahead_confidence >= CONFIDENT:
+            ends = gaze.ends and (not gaze.settles or settled(frame.stamp))
+            self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
+
+    def _take_edge(
+        self,
+        view: CropView,
+        strip: Strip,
+        then: Motion,
+        since_shutter: tuple[float, float],
+        *,
+        moved: bool,
+    ) -> None:
+        self.edge_at_m = then.distance_m
+        lane, ahead = self._estimate.lane, self.ahead
+        cut_m = ahead.cut_m(then) if ahead.entered else 0.0
+        seen = (strip.edge_m(view, then), view.edge_heading_rad, view.confidence, since_shutter)
+        learn = strip.teaches and cut_m > LEARN_AFTER_M
+        lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
+        self._estimate.odometry.turn_trim(lane.take_bias())
+        if moved and not lane.contradicted:
+            strip.believe_heading()
+            strip.seen_beside(view, then)
+
+    def _take_corner(
+        self, view: CropView, strip: Strip, then: Motion, since_shutter: tuple[float, float]
+    ) -> None:
+        """Where the crop's border slants across the strip, the right end that a picture shows is
+        the corner from which the outer edge runs. It tells a lane that is doubtful more than dead
+        reckoning does."""
+        lane, corner = self._estimate.lane, strip.corner(view, then)
+        in_dust = view.edge_ahead_m < NEAR_CROP_M
+        if corner is None or in_dust or lane.offset_sigma_m < CORNER_SIGMA_M:
+            return
+        edge, ahead_m = corner
+        if abs(edge + lane.blade_offset_m) > CORNER_SIGMAS * lane.offset_sigma_m:
+            return  # another corner's: of what a round before has left, or of the next crop
+        self.edge_at_m = then.distance_m
+        lane.correct(edge, math.nan, CONFIDENT, since_shutter, ahead_m=ahead_m, learn=False)
+
+    def _take_dusty_edge(
+        self, view: CropView, strip: Strip, turning: Turning | None, gaze: Gaze, then: Motion
+    ) -> None:
+        """Where no picture is sure for a while, what many show together."""
+        if not gaze.cutting or not self.ahead.entered or not self.unseen_m(then) > UNSEEN_M:
+            self._dusty.clear()
+            self.dust_doubts = False
+            return
+        lane, edge = self._estimate.lane, strip.edge_m(view, then)
+        seen = math.isfinite(edge) and view.confidence > 0.0
+        near = view.edge_ahead_m <= NEAR_CROP_M
+        if not seen or not near or not self._on_lane(strip, turning, then):
+            return
+        self._dusty.note(then.stamp, edge + lane.blade_offset_m)
+        line = self._dusty.take()
+        if line is None:
+            return
+        # What lies inside may be the dust's border all the time.
+        self.dust_doubts = line > INWARD_M and self.ahead.in_dust(*EDGE_SURE)
+        if not self.dust_doubts:
+            here = line - lane.blade_offset_m
+            lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
+            strip.believe_heading()
+
+    def _watch_ahead(
+        self, view: CropView, strip: Strip, gaze: Gaze, seen: EndOfField, ends: bool
+    ) -> None:
+        """Of a sure picture: notes where the side's crop begins and where it ends."""
+        if gaze.begins or ends:
+            self.ahead.sight(view, seen.motion)
+        if ends and self.ahead.follow(view, seen):
+            ago = self._estimate.motion.distance_m - seen.motion.distance_m
+            strip.met_begin(ago - view.crop_ahead_m)
+
+    def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
+        """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
+        settling = then.stamp - since < LEAP_STAYS_S
+        dusty = gaze.cutting or (gaze.hesitates and settling)
+        leap = edge_m + self._estimate.lane.blade_offset_m
+        least = INWARD_M if self.ahead.in_dust(*EDGE_SURE) else LEAP_M
+        return dusty and strip.placed and least < leap < self._vehicle.blade_width_m
+
+    def _on_lane(self, strip: Strip, turning: Turning | None, then: Motion) -> bool:
+        """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
+        next once the crop begins ahead of the blade; before that the picture shows the crop's
+        flank, and so it does where the crop's border slants across the strip."""
+        if turning is not None and turning.leg is not None:
+            expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
+            if not (turning.backing and expected > CROP_SEEN_M):
+                return False
+        return strip.shows_edge(strip.along_m(then))

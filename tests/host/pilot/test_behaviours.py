@@ -1,0 +1,587 @@
+"""Every behaviour alone: a context that a test sets, one step after the other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.messages import Command, Frame, Request, State, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
+from host.pilot.behaviours import BEHAVIOURS
+from host.pilot.behaviours.align import TRUST_AFTER_S, Align
+from host.pilot.behaviours.align import Why as Aligned
+from host.pilot.behaviours.back_off import BACK_AFTER_S, BACK_M, BACKS, BackOff
+from host.pilot.behaviours.back_off import Why as BackedOff
+from host.pilot.behaviours.connect import ARM_RETRY_S, Connect
+from host.pilot.behaviours.connect import Why as Connected
+from host.pilot.behaviours.fault import Fault
+from host.pilot.behaviours.finish import Finish
+from host.pilot.behaviours.follow import SPIN_S, Follow
+from host.pilot.behaviours.follow import Why as Followed
+from host.pilot.behaviours.look_at_edge import LookAtEdge
+from host.pilot.behaviours.look_at_edge import Why as EdgeLook
+from host.pilot.behaviours.look_at_end import BARE_LOOKS, LookAtEnd
+from host.pilot.behaviours.look_at_end import Why as EndLook
+from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
+from host.pilot.behaviours.search import Why as Searched
+from host.pilot.behaviours.turn import STEER_TIMEOUT_S, DriveTurn
+from host.pilot.behaviours.turn import Why as Turned
+from host.pilot.behaviours.wait_for_camera import WaitForCamera
+from host.pilot.behaviours.wait_for_camera import Why as Waited
+from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, STAND_S, Context
+from host.pilot.endings import GIVE_UP_S, Blind, Patience, SideEnd, end_side
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
+from host.pilot.stop_and_look import LOOK_S
+from host.pilot.strip import PlannedStrip
+from host.route.plan import Plan, spiral
+from host.vision.view import CropView
+
+VEHICLE = Vehicle()
+PLAN = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)], 1, VEHICLE, gap_m=2.0)
+CUTTING = CropView(
+    0.9, edge_offset_m=0.0, edge_heading_rad=0.0, crop_ahead_m=0.0, ahead_confidence=1.0
+)
+NOW = 100.0
+
+
+class Shown:
+    """A detector that is asked for nothing, or shows what a test says."""
+
+    def __init__(self, view: CropView = CUTTING) -> None:
+        self.view = view
+
+    def see(self, *_: object, **__: object) -> CropView:
+        return self.view
+
+    glance = see
+
+    def restart(self, **_: object) -> None:
+        pass
+
+
+def told(speed_mps: float = 0.0, at_m: float = 0.0, state: State = State.RUNNING) -> Telemetry:
+    return Telemetry(
+        NOW, state, 0, 0.0, 0.0, 0, 0, False, speed_mps, at_m, battery_v=12.0, last_seq=0,
+        frames_bad=0,
+    )  # fmt: skip
+
+
+def moved(context: Context, to_m: float, speed_mps: float = 0.0, *, stamp: float = NOW) -> None:
+    """The machine has come so far along its wheels."""
+    context.telemetry = replace(told(speed_mps, to_m), stamp=stamp)
+    context.estimate.take_telemetry(context.telemetry)
+
+
+def seeing(context: Context, view: CropView, *, stamp: float = NOW) -> None:
+    """The last picture shows that, and pictures have been good for a second."""
+    context.sight.view, context.sight.stamp = view, stamp
+    for steady in (context.sight.seen, context.sight.usable):
+        steady.stamp, steady.broken = stamp, stamp - 1.0
+
+
+def standing(plan: Plan | None = None) -> Context:
+    """A machine that stands armed, its pictures good."""
+    context = Context(VEHICLE, Shown(), plan or Plan())
+    context.since = NOW
+    moved(context, 0.0, stamp=NOW - 1.0)
+    seeing(context, CUTTING)
+    return context
+
+
+def on_side(index: int = 0, plan: Plan = PLAN, *, cut_m: float | None = 5.0) -> Context:
+    """On a side of a plan, in line, its crop met cut_m ago."""
+    context = standing(plan)
+    strip = context.planned(index)
+    assert isinstance(strip, PlannedStrip)
+    context.estimate.lane.place(0.0, 0.0, 0.05, 0.02)
+    strip.place(0.0)
+    context.strip = strip
+    context.begin_strip()
+    context.sight.edge_at_m = 0.0
+    if cut_m is not None:
+        context.sight.ahead.entered_at = context.motion
+        moved(context, cut_m, stamp=NOW - 0.5)
+        context.sight.edge_at_m = cut_m
+    return context
+
+
+def clear_ahead(context: Context) -> EndOfField:
+    """The latest pictures surely show no crop before the blade."""
+    ahead = context.sight.ahead
+    ahead.clear_since = EndOfField(NOW, context.motion, context.strip.index)
+    ahead.clear_count = END_PICTURES
+    return ahead.clear_since
+
+
+def turning(plan: Plan = PLAN) -> Context:
+    """At the end of the first side, the turn laid out."""
+    context = on_side(plan=plan, cut_m=10.0)
+    end_side(context, NOW, clear_ahead(context))
+    return context
+
+
+def turned(plan: Plan = PLAN) -> Context:
+    """After the turn's last leg."""
+    context = turning(plan)
+    assert context.turning is not None
+    while context.turning.leg is not None:
+        context.turning.next(NOW)
+    return context
+
+
+def stands(command: Command) -> bool:
+    return (command.request, command.speed_mps, command.blade) == (Request.DRIVE, 0.0, False)
+
+
+def is_for(go: Go | None, reason: Reason | None) -> bool:
+    return (go.reason if go is not None else None) is reason
+
+
+# ---- connect, align ------------------------------------------------------------------------------
+
+
+def test_connect_asks_to_arm_and_asks_again() -> None:
+    context = standing()
+    connect = Connect(context)
+    context.telemetry = told(state=State.SAFE)
+    assert connect.step(NOW)[0].request is Request.ARM
+    assert connect.step(NOW + ARM_RETRY_S / 2)[0].request is Request.DRIVE
+    assert connect.step(NOW + 1.1 * ARM_RETRY_S)[0].request is Request.ARM
+    context.telemetry = told(state=State.ARMED)
+    assert is_for(connect.step(NOW + 2.0)[1], Connected.ARMED)
+
+
+def test_connect_clears_a_fault_once() -> None:
+    context = standing()
+    connect = Connect(context)
+    context.telemetry = told(state=State.FAULT)
+    assert connect.step(NOW)[0].request is Request.CLEAR
+    command, go = connect.step(NOW + 1.0)
+    assert command.request is Request.STOP
+    assert is_for(go, Connected.FAULT_STAYS)
+
+
+def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
+    context = standing(PLAN)
+    context.sight.view = replace(CUTTING, ahead_confidence=0.1)
+    assert Align(context).step(NOW) == (context.hold(), None)
+    seeing(context, replace(CUTTING, crop_ahead_m=0.4))
+    assert is_for(Align(context).step(NOW)[1], Aligned.SEEN)
+    assert context.estimate.position.known
+    assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
+
+
+@pytest.mark.parametrize(("plan", "trusts"), [(PLAN, True), (Plan(), False)])
+def test_align_trusts_the_operator_where_a_plan_says_what_is_there(
+    plan: Plan, trusts: bool
+) -> None:
+    context = standing(plan)
+    seeing(context, replace(CUTTING, confidence=0.2))
+    assert is_for(Align(context).step(NOW + TRUST_AFTER_S - 0.1)[1], None)
+    go = Align(context).step(NOW + TRUST_AFTER_S)[1]
+    assert is_for(go, Aligned.TRUSTED if trusts else None)
+
+
+# ---- follow --------------------------------------------------------------------------------------
+
+
+def test_follow_cuts_at_full_speed_once_the_blade_has_spun_up() -> None:
+    context = on_side()
+    follow = Follow(context)
+    seeing(context, CUTTING)
+    command, _ = follow.step(NOW + SPIN_S / 2)
+    assert (command.speed_mps, command.blade) == (0.0, True)
+    seeing(context, CUTTING, stamp=NOW + SPIN_S)
+    command, go = follow.step(NOW + SPIN_S + 0.01)
+    assert go is None
+    assert (command.speed_mps, command.blade) == (VEHICLE.cutting_speed_mps, True)
+
+
+def test_follow_slows_down_before_it_stops_without_an_edge() -> None:
+    context = on_side()
+    context.since = NOW - 10.0
+    command, go = Follow(context).step(NOW + SLOW_AFTER_S + 0.05)
+    assert go is None
+    assert command.speed_mps == VEHICLE.manoeuvre_speed_mps
+    command, go = Follow(context).step(NOW + STOP_AFTER_S + 0.05)
+    assert stands(command)
+    assert is_for(go, Followed.EDGE_LOST)
+
+
+@pytest.mark.parametrize(
+    ("along_m", "dusty", "reason"),
+    [
+        (10.0, False, SideEnd.SEEN),
+        (10.0, True, Followed.SEEMS_TO_END),
+        (5.0, False, None),
+    ],
+)
+def test_follow_ends_a_side_where_plan_and_pictures_do(
+    along_m: float, dusty: bool, reason: Reason | None
+) -> None:
+    """In dust it looks first; where the plan has crop it creeps on."""
+    context = on_side(cut_m=along_m)
+    context.since = NOW - 10.0
+    clear_ahead(context)
+    context.sight.ahead.sure.extend([not dusty] * 30)
+    command, go = Follow(context).step(NOW)
+    assert is_for(go, reason)
+    if reason is None:
+        assert command.speed_mps == VEHICLE.manoeuvre_speed_mps
+    assert context.strip.index == (1 if reason is SideEnd.SEEN else 0)
+
+
+def test_follow_looks_at_bare_ground_that_lasts() -> None:
+    context = on_side(cut_m=4.0)
+    clear_ahead(context)
+    moved(context, 5.2)
+    assert is_for(Follow(context).step(NOW)[1], Followed.SEEMS_TO_END)
+
+
+def test_follow_looks_once_for_an_edge_that_dust_hides() -> None:
+    context = on_side()
+    context.since = NOW - 10.0
+    context.estimate.lane.place(0.0, 0.0, 0.2, 0.02)
+    assert is_for(Follow(context).step(NOW)[1], None), "it was seen just now"
+    context.sight.edge_at_m = 5.0 - UNSEEN_M - 0.01
+    assert is_for(Follow(context).step(NOW)[1], Followed.EDGE_UNSURE)
+    assert is_for(Follow(context).step(NOW)[1], None), "not again at the same place"
+
+
+def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> None:
+    past = PLAN.sides[0].fence_m + 1.5
+    context = on_side(cut_m=past)
+    assert is_for(Follow(context).step(NOW)[1], SideEnd.BY_PLAN)
+    again = on_side(cut_m=past)
+    again.by_plan = True
+    command, go = Follow(again).step(NOW)
+    assert is_for(go, Followed.TOO_LONG)
+    assert command.request is Request.STOP
+
+
+@pytest.mark.parametrize(
+    ("length_m", "reason"), [(8.0, Followed.CROP_GONE), (2.5, SideEnd.SEEN), (0.01, None)]
+)
+def test_follow_gives_up_crop_that_is_not_to_be_found(
+    length_m: float, reason: Reason | None
+) -> None:
+    """A long side needs a person, a short one is driven along, a remnant ends the field."""
+    sides = (PLAN.sides[0], replace(PLAN.sides[1], length_m=length_m), PLAN.sides[2])
+    sides = sides if reason is not None else sides[:2]
+    context = on_side(1, replace(PLAN, sides=sides), cut_m=None)
+    context.strip.search_m = 1.0
+    moved(context, 1.1)
+    go = Follow(context).step(NOW)[1]
+    assert is_for(go, reason or Followed.REMNANT_GONE)
+
+
+# ---- the looks, the doubt ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [LookAtEdge, LookAtEnd])
+def test_a_look_lets_the_blade_turn_until_the_machine_stands(
+    kind: type[LookAtEdge] | type[LookAtEnd],
+) -> None:
+    context = on_side()
+    context.look.begin(NOW, 5.0)
+    clear_ahead(context)
+    moved(context, 5.1, 0.3)
+    assert kind(context).step(NOW)[0] == context.hold(blade=True)
+    assert kind(context).step(NOW + STAND_S + 0.01)[0] == context.hold(blade=False), "on a slope"
+
+
+def test_a_look_at_the_edge_ends_with_a_sight_or_with_its_time() -> None:
+    context = on_side()
+    context.look.begin(NOW, 5.0)
+    context.sight.edge_at_m = 4.0
+    assert is_for(LookAtEdge(context).step(NOW + LOOK_S - 0.1)[1], None)
+    assert is_for(LookAtEdge(context).step(NOW + LOOK_S + 0.1)[1], EdgeLook.NO_CLEARER)
+    context.sight.edge_at_m = 5.0
+    assert is_for(LookAtEdge(context).step(NOW + 0.5)[1], EdgeLook.SEEN)
+
+
+def test_a_look_at_the_end_turns_into_one_at_the_edge_where_crop_goes_on() -> None:
+    context = on_side(cut_m=10.0)
+    context.look.begin(NOW, 10.0)
+    context.bare = 1
+    assert is_for(LookAtEnd(context).step(NOW)[1], EndLook.CROP_GOES_ON)
+    assert context.bare == 0
+
+
+@pytest.mark.parametrize(("cut_m", "reason"), [(10.0, SideEnd.SEEN), (5.0, EndLook.BARE_GROUND)])
+def test_a_look_at_the_end_ends_the_side_where_the_plan_does(cut_m: float, reason: Reason) -> None:
+    context = on_side(cut_m=cut_m)
+    context.look.begin(NOW, cut_m)
+    clear_ahead(context)
+    assert is_for(LookAtEnd(context).step(NOW + 1.0)[1], reason)
+    assert context.sight.ahead.end is None or reason is SideEnd.SEEN
+
+
+def test_looks_at_bare_ground_again_and_again_need_a_person() -> None:
+    context = on_side(cut_m=5.0)
+    for k in range(BARE_LOOKS + 1):
+        context.look.begin(NOW, 5.0)
+        clear_ahead(context)
+        go = LookAtEnd(context).step(NOW + 1.0)[1]
+        assert is_for(go, EndLook.BARE_GROUND if k < BARE_LOOKS else EndLook.CROP_GONE)
+
+
+def test_bare_ground_on_the_last_side_ends_the_field() -> None:
+    last = len(PLAN.sides) - 1
+    context = on_side(last, replace(PLAN, sides=PLAN.sides), cut_m=0.1)
+    context.bare = BARE_LOOKS
+    context.look.begin(NOW, 0.1)
+    clear_ahead(context)
+    assert is_for(LookAtEnd(context).step(NOW + 1.0)[1], EndLook.NO_CROP_LEFT)
+
+
+def test_back_off_goes_on_with_an_edge_that_has_stayed_in_view() -> None:
+    context = on_side()
+    assert is_for(BackOff(context).step(NOW)[1], BackedOff.SEEN)
+    context.sight.seen.broken = NOW - RESUME_AFTER_S / 2
+    assert is_for(BackOff(context).step(NOW)[1], None)
+
+
+def test_back_off_backs_once_and_so_far() -> None:
+    context = on_side()
+    context.sight.seen.broken = NOW
+    behaviour = BackOff(context)
+    assert stands(behaviour.step(NOW + BACK_AFTER_S - 0.1)[0])
+    late = NOW + BACK_AFTER_S + 0.1
+    context.sight.usable.stamp = late
+    assert stands(behaviour.step(late)[0])
+    backing = behaviour.step(late)[0]
+    assert (backing.speed_mps, backing.blade) == (-VEHICLE.manoeuvre_speed_mps, False)
+    moved(context, 5.0 - BACK_M - 0.01)
+    assert stands(behaviour.step(late)[0])
+    assert stands(behaviour.step(late + 0.1)[0])
+    assert context.backs == 1
+
+
+def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -> None:
+    context = on_side()
+    context.sight.seen.broken = NOW
+    behaviour = BackOff(context)
+    late = NOW + BACK_AFTER_S + 0.1
+    context.sight.usable.stamp = late
+    behaviour.step(late)
+    assert behaviour.step(late)[0].speed_mps < 0
+    assert behaviour.blocked(late, "the neighbour's crop") is None
+    assert stands(behaviour.step(late)[0])
+    context.backs = BACKS
+    again = BackOff(context)
+    again.step(late)
+    assert stands(again.step(late)[0])
+
+
+@pytest.mark.parametrize("kind", [BackOff, WaitForCamera])
+def test_a_hesitation_ends_with_a_person_or_with_the_last_remnant(
+    kind: type[BackOff] | type[WaitForCamera],
+) -> None:
+    context = on_side()
+    context.reason = "the edge is lost: dust"
+    command, go = kind(context).step(NOW + GIVE_UP_S + 0.1)
+    assert command.request is Request.STOP
+    assert is_for(go, Patience.GAVE_UP)
+    assert go is not None and "dust" in go.text
+    remnant = replace(PLAN, sides=(*PLAN.sides, replace(PLAN.sides[-1], length_m=0.1)))
+    context = on_side(len(PLAN.sides), remnant)
+    assert is_for(kind(context).step(NOW + GIVE_UP_S + 0.1)[1], Patience.REMNANT)
+
+
+# ---- turns ---------------------------------------------------------------------------------------
+
+
+def test_a_turn_waits_for_its_steering_and_then_drives() -> None:
+    context = turning()
+    turn = DriveTurn(context)
+    assert context.turning is not None and context.turning.leg is not None
+    while context.turning.leg.steer_rad == 0.0:
+        context.turning.next(NOW)
+    turn.enter(NOW)
+    wanted = context.turning.leg.steer_rad
+    command, go = turn.step(NOW)
+    assert (command.speed_mps, command.steer_rad, go) == (0.0, wanted, None)
+    context.sight.usable.stamp = NOW + STEER_TIMEOUT_S
+    assert is_for(turn.step(NOW + STEER_TIMEOUT_S + 0.1)[1], Turned.STEERING_STUCK)
+    assert context.telemetry is not None
+    context.telemetry = replace(context.telemetry, angle_rad=wanted)
+    assert abs(turn.step(NOW + 0.1)[0].speed_mps) == VEHICLE.manoeuvre_speed_mps
+
+
+def test_a_turn_that_sees_nothing_waits_for_the_camera_and_goes_on() -> None:
+    context = turning()
+    turn = DriveTurn(context)
+    command, go = turn.step(NOW + STOP_AFTER_S + 0.1)
+    assert stands(command)
+    assert is_for(go, Blind.NOTHING_SEEN)
+    assert go is not None and "no pictures" in go.text
+    waiting = WaitForCamera(context)
+    assert is_for(waiting.step(NOW + STOP_AFTER_S + 0.1)[1], None)
+    seeing(context, CUTTING, stamp=NOW + 2.0)
+    assert is_for(waiting.step(NOW + 2.0)[1], Waited.SEES_AGAIN)
+
+
+def test_a_turn_whose_leg_the_geofence_stops_takes_the_next() -> None:
+    context = turning()
+    turn = DriveTurn(context)
+    assert context.turning is not None
+    first = context.turning.leg
+    assert turn.blocked(NOW, "the neighbour's crop") is None
+    assert context.turning.leg is not first
+
+
+def test_after_its_last_leg_a_turn_looks_for_the_crop() -> None:
+    context = turned()
+    assert is_for(DriveTurn(context).step(NOW)[1], Turned.TURNED)
+
+
+def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Half a metre into the gap; a metre over what has been cut."""
+
+    def done(back_m: float, beyond_m: float, offset_m: float = 0.0, askew_deg: float = 0.0) -> bool:
+        sides = (PLAN.sides[0], replace(PLAN.sides[1], back_m=back_m), *PLAN.sides[2:])
+        context = turning(replace(PLAN, sides=sides))
+        turning_ = context.turning
+        assert turning_ is not None
+        while not turning_.backing:
+            turning_.next(NOW)
+        heading = math.radians(askew_deg)
+        offset_m -= VEHICLE.blade_x_m * math.sin(heading)
+        context.estimate.lane.place(offset_m, heading, 0.1, 0.1)
+        monkeypatch.setattr(turning_, "to_go", lambda *_: -beyond_m)
+        return DriveTurn(context).leg_done()
+
+    assert not done(0.0, -0.1)
+    assert done(0.0, 0.1)
+    assert not done(0.0, 0.1, offset_m=0.1)
+    assert not done(0.0, 0.1, askew_deg=8.0)
+    assert done(0.0, 0.6, offset_m=0.1)
+    assert not done(2.0, 0.9, offset_m=0.1)
+    assert done(2.0, 1.1, offset_m=0.1)
+
+
+def searched(context: Context, view: CropView, pictures: int) -> list[Go]:
+    """What a search makes of so many of the same picture."""
+    search, out = Search(context), []
+    search.enter(NOW)
+    for k in range(1, pictures + 1):
+        stamp = NOW + STAND_S + 0.1 * k
+        seeing(context, view, stamp=stamp)
+        go = search.step(stamp)[1]
+        if go is not None:
+            out.append(go)
+    return out
+
+
+def test_search_takes_crop_where_the_plan_has_it() -> None:
+    context = turned()
+    assert context.turning is not None
+    expected = context.turning.crop_expected_m(context.motion, VEHICLE.blade_x_m)
+    [go] = searched(context, replace(CUTTING, crop_ahead_m=expected), 1)
+    assert is_for(go, Searched.CROP_AHEAD)
+    assert context.turning is None
+
+
+def test_search_gives_an_edge_that_the_lane_refuses_longer() -> None:
+    context = turned()
+    unsure = replace(CUTTING, confidence=0.1)
+    assert searched(context, unsure, PICTURES - 1) == []
+    assert len(searched(turned(), unsure, PICTURES)) == 1
+
+
+def test_search_drives_along_a_long_side_without_crop_in_view() -> None:
+    context = turned()
+    [go] = searched(context, replace(CUTTING, crop_ahead_m=math.inf), PICTURES)
+    assert is_for(go, Searched.NOT_IN_VIEW)
+    assert math.isfinite(context.strip.search_m)
+
+
+def test_search_without_a_plan_ends_the_field_where_no_crop_stands() -> None:
+    context = standing()
+    context.begin_strip()
+    context.sight.ahead.entered_at = context.motion
+    end_side(context, NOW, clear_ahead(context))
+    [go] = searched(context, replace(CUTTING, crop_ahead_m=END_CLEAR_M + 9.0), PICTURES)
+    assert is_for(go, Searched.NO_CROP_LEFT)
+
+
+def test_search_that_makes_nothing_out_needs_a_person() -> None:
+    hazy = replace(CUTTING, ahead_confidence=0.2)
+    goes = searched(turned(), hazy, MOST_PICTURES + 1)
+    assert [go.reason for go in goes] == [Searched.NOTHING_TO_SEE]
+
+
+# ---- the end -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [Finish, Fault])
+def test_the_end_stays_stopped(kind: type[Finish] | type[Fault]) -> None:
+    context = on_side()
+    assert kind(context).step(NOW) == (Command(Request.STOP), None)
+    assert not kind.gaze.looks
+
+
+def test_a_plans_last_side_ends_the_field() -> None:
+    context = on_side(len(PLAN.sides) - 1)
+    assert is_for(end_side(context, NOW, clear_ahead(context)), SideEnd.LAST)
+    assert len(context.ends) == 1
+
+
+# ---- what pictures tell --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("doing", Doing)
+def test_only_pictures_of_the_cut_itself_say_how_dusty_it_is(doing: Doing) -> None:
+    context = on_side()
+    moved(context, 5.1, 0.4)
+    kind = BEHAVIOURS[doing]
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    context.sight.take(frame, kind.gaze, context.strip, None, NOW, context.look.settled)
+    assert list(context.sight.ahead.sure) == ([True] if kind is Follow else [])
+
+
+def test_over_a_slanting_border_no_edge_is_missed() -> None:
+    """None is to be seen there: that says nothing of dust."""
+    slanting = replace(PLAN.sides[0], edge_begin_m=3.0)
+    plan = replace(PLAN, sides=(slanting, *PLAN.sides[1:]))
+    for along_m, sure in ((2.0, []), (4.0, [True])):
+        context = on_side(plan=plan, cut_m=along_m)
+        moved(context, along_m, 0.4)
+        frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, NOW, context.look.settled)
+        assert list(context.sight.ahead.sure) == sure
+
+
+# ---- all of them ---------------------------------------------------------------------------------
+
+
+def test_every_behaviour_is_in_the_table_and_can_be_reached() -> None:
+    assert set(BEHAVIOURS) == set(Doing)
+    reached = {r.to for kind in BEHAVIOURS.values() for reasons in kind.reasons for r in reasons}
+    assert reached == set(Doing) - {Doing.CONNECT}
+
+
+@pytest.mark.parametrize("kind", BEHAVIOURS.values())
+def test_a_pause_lets_nothing_run_out(kind: type) -> None:
+    context = turning()
+    behaviour = kind(context)
+    behaviour.paused(NOW + 500.0)
+    assert context.since == context.sight.seen.stamp == NOW + 500.0
+
+
+def test_a_phase_is_what_the_operator_knows() -> None:
+    hesitates = {doing for doing, kind in BEHAVIOURS.items() if kind.phase is Phase.HESITATE}
+    assert hesitates == {
+        Doing.WAIT_FOR_CAMERA,
+        Doing.LOOK_AT_EDGE,
+        Doing.LOOK_AT_END,
+        Doing.BACK_OFF,
+    }
