@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -341,6 +342,25 @@ class Harvest:
         self.bench.close()
 
 
+def _events(run: Harvest) -> list[dict[str, Any]]:
+    """The pilot's changes of state, and where the rear axle truly was."""
+    path = run.truth.path
+    found = []
+    for change in run.pilot.transitions:
+        at = max(0, min(len(path) - 1, round(change.stamp * HOST_HZ) - 1))
+        _, x, y, _, _ = path[at] if path else (0.0, math.nan, math.nan, 0.0, None)
+        found.append(
+            {
+                "t": round(change.stamp, 2),
+                "phase": change.phase.value,
+                "reason": change.reason,
+                "x_m": round(x, 2),
+                "y_m": round(y, 2),
+            }
+        )
+    return found
+
+
 def harvest(
     scenario: Scenario,
     out: Path,
@@ -348,17 +368,20 @@ def harvest(
     *,
     camera_threads: int = 1,
 ) -> dict[str, Any]:
-    """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4 and record.mcap
-    into `out`. Returns the summary. The number of threads changes nothing but the time it takes."""
-    film = out / "camera.mp4" if scenario.record.film else None
+    """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4, record.mcap
+    and events.json into `out`, of which a scenario may want the two JSON files only. Returns the
+    summary. The number of threads changes nothing but the time it takes."""
+    lean = scenario.record.files == "figures"
+    film = out / "camera.mp4" if scenario.record.film and not lean else None
     out.mkdir(parents=True, exist_ok=True)
-    begin = time.perf_counter()
-    run = Harvest(scenario, out / "record.mcap", film, camera_threads=camera_threads)
+    begin, used = time.perf_counter(), time.process_time()
+    record = None if lean else out / "record.mcap"
+    run = Harvest(scenario, record, film, camera_threads=camera_threads)
     try:
         run.run(progress)
     finally:
         run.close()
-    wall = time.perf_counter() - begin
+    wall, used = time.perf_counter() - begin, time.process_time() - used
     simulated = run.bench.now
     summary: dict[str, Any] = {
         "scenario": scenario.name,
@@ -366,6 +389,7 @@ def harvest(
         "firmware": scenario.firmware,
         "camera": scenario.camera,
         "mode": scenario.mode,
+        "eyes": scenario.eyes,
         "outcome": run.pilot.phase.value if run.pilot.done else "broken off",
         "reason": run.pilot.reason
         if run.pilot.done
@@ -374,10 +398,15 @@ def harvest(
         "turns": run.pilot.turns,
         "simulated_s": round(simulated, 2),
         "frames": run.frames,
+        "hesitations": sum(t.phase is Phase.HESITATE for t in run.pilot.transitions),
         "realtime_factor": round(simulated / wall, 2),
+        "processor_s": round(used, 2),
         "wall_share": {name: round(value / wall, 3) for name, value in run.seconds.items()},
     }
+    (out / "events.json").write_text(json.dumps(_events(run)) + "\n", encoding="utf-8")
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    if lean:
+        return summary
     title = (
         f"{scenario.name}, {scenario.firmware} firmware, seed {scenario.seed}: "
         f"coverage {summary['coverage']:.3f}, {summary['outcome']}"

@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil.judge import pictures, plots
+from hil.judge.causes import Cause
 from hil.judge.fault_verdict import Verdict
 from hil.judge.overview import overview
 from host.core.errors import UserError
@@ -256,6 +257,40 @@ def _spread_of(summaries: Sequence[dict[str, Any]]) -> Figure:
     return figure
 
 
+def _map(folder: Path, summary: dict[str, Any]) -> str | None:
+    name = str(summary.get("map", summary["run"]))
+    for runs in ("runs", "maps/runs"):
+        uri = _file(folder / runs / name / "map.png")
+        if uri is not None:
+            return uri
+    return None
+
+
+def cause_sections(causes: Sequence[Cause], apart: Sequence[dict[str, Any]]) -> list[Section]:
+    """What went wrong, the most frequent first, and where the two fidelities disagree."""
+    sections = []
+    if causes:
+        grid = Grid(("outcome", "in", "reason", "runs", "share", "left m²", "told by", "such as"))
+        for c in causes:
+            cells = [c.outcome, c.state, c.reason, str(c.runs), f"{c.share:.1%}"]
+            cells += [f"{c.left_m2:.1f}", c.circumstance, ", ".join(c.examples)]
+            grid.rows.append(("bad" if c.outcome not in ("fault", "crop left") else "", cells))
+        text = (
+            "Left: crop that still stands, in the median of these runs. Told by: the circumstance "
+            "that is the more frequent among these runs, by Fisher's exact test."
+        )
+        sections.append(Section("What went wrong, by how often", text, grid))
+    if apart:
+        columns = tuple(apart[0])
+        grid = Grid(columns)
+        for row in apart:
+            grid.rows.append(("bad" if row["disagree"] else "", [show(row[k]) for k in columns]))
+        count = sum(row["disagree"] for row in apart)
+        text = f"{count} of {len(apart)} fields driven both ways disagree."
+        sections.append(Section("By the model and by pictures", text, grid))
+    return sections
+
+
 def campaign_sections(
     folder: Path,
     summaries: Sequence[dict[str, Any]],
@@ -278,21 +313,22 @@ def campaign_sections(
         mark = "" if s["outcome"] == "finished" else "bad"
         cells = [s["run"], s["outcome"], *(show(s.get(k)) for k in columns[2:5]), s["reason"]]
         grid.rows.append((mark, cells))
-    maps = [
-        (uri, str(s["run"]))
-        for s in ordered[:WORST]
-        if (uri := _file(folder / "runs" / str(s["run"]) / "map.png")) is not None
-    ]
+    maps = [(uri, str(s["run"])) for s in ordered[:WORST] if (uri := _map(folder, s)) is not None]
     sections.append(Section("The worst", pictures=maps))
     sections.append(Section("All runs, the worst first", grid=grid))
     return sections
 
 
 def campaign_report(
-    folder: Path, summaries: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]
+    folder: Path,
+    summaries: Sequence[dict[str, Any]],
+    rows: Sequence[dict[str, Any]],
+    causes: Sequence[Cause] = (),
+    apart: Sequence[dict[str, Any]] = (),
 ) -> Path:
     """report.html of a campaign."""
-    return write(folder, f"{len(summaries)} runs", campaign_sections(folder, summaries, rows))
+    sections = cause_sections(causes, apart) + campaign_sections(folder, summaries, rows)
+    return write(folder, f"{len(summaries)} runs", sections)
 
 
 def _latencies(verdicts: Sequence[Verdict]) -> Figure:

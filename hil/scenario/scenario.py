@@ -48,6 +48,9 @@ class Recording(BaseModel):
     """Every n-th picture; 1 keeps all (a replay through vision needs that), 0 none."""
     film: bool = True
     """Write camera.mp4, annotated."""
+    files: Literal["all", "figures"] = "all"
+    """Or but the figures and the pilot's changes of state: a run gives the same again at any time.
+    """
     live_port: Annotated[int, Field(ge=0, lt=65536)] | None = None
     """Serve a live view for Foxglove there; 0 takes any free port."""
 

@@ -21,15 +21,16 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
+import pandas as pd
 import yaml
 
 from hil.bench import harvest
+from hil.bench.model_eyes import LIBRARY
+from hil.judge.causes import circumstances
 from hil.scenario.scenario import Scenario, assigned, changed, merge
 from hil.studies.spread import spread
 from host.core.errors import UserError
-
-# ---- spreading work ------------------------------------------------------------------------------
-
 
 # ---- one run -------------------------------------------------------------------------------------
 
@@ -47,7 +48,10 @@ class Job:
     def key(self) -> str:
         """The run's name: scenario, seed, and a digest of everything else it depends on."""
         chosen = Scenario.model_validate_json(self.scenario)
-        digest = hashlib.sha256(self.scenario.encode()).hexdigest()[:10]
+        depends = self.scenario.encode()
+        if chosen.eyes == "model":
+            depends += LIBRARY.read_bytes() if LIBRARY.exists() else b""
+        digest = hashlib.sha256(depends).hexdigest()[:10]
         name = re.sub(r"[^\w.=]+", "-", chosen.name)
         return f"{name}-{chosen.seed:05d}-{digest}"
 
@@ -90,9 +94,12 @@ def run_job(job: Job) -> dict[str, Any]:
 
 
 def summary_of(place: Path) -> dict[str, Any]:
-    """A finished run's summary, with its folder's name as `run`."""
+    """A finished run's summary, with its folder's name as `run` and the pilot's changes of state as
+    `events`."""
     data: dict[str, Any] = json.loads((place / "summary.json").read_text(encoding="utf-8"))
-    return data | {"run": place.name}
+    events = place / "events.json"
+    changes = json.loads(events.read_text(encoding="utf-8")) if events.exists() else []
+    return data | {"run": place.name, "events": changes}
 
 
 # ---- the campaign --------------------------------------------------------------------------------
@@ -101,8 +108,11 @@ def summary_of(place: Path) -> dict[str, Any]:
 def jobs_of(chosen: Iterable[Scenario], out: Path, keep_records: bool) -> list[Job]:
     """One job per scenario. UserError where two are the same run."""
     folder = str((out / "runs").resolve())
-    quiet = {"record": {"film": False}}
-    jobs = [Job(changed(s, quiet).model_dump_json(), folder, keep_records) for s in chosen]
+    jobs = []
+    for s in chosen:
+        lean = s.eyes == "model" and not keep_records
+        quiet = {"record": {"film": False, "files": "figures" if lean else "all"}}
+        jobs.append(Job(changed(s, quiet).model_dump_json(), folder, keep_records))
     if len({job.scenario for job in jobs}) != len(jobs):
         raise UserError("the same scenario and seed are named twice; name each once")
     return jobs
@@ -133,7 +143,62 @@ def run_campaign(
             progress(len(done), len(jobs))
     summaries = [done[job.key] for job in jobs]
     (out / "campaign.json").write_text(json.dumps(summaries, indent=1) + "\n", encoding="utf-8")
+    worlds = [circumstances(Scenario.model_validate_json(job.scenario)) for job in jobs]
+    tabulate(out, summaries, worlds)
     return summaries
+
+
+def tabulate(
+    out: Path, summaries: Sequence[dict[str, Any]], worlds: Sequence[dict[str, Any]]
+) -> None:
+    """OUT/runs.parquet, a row a run with its figures and its world, and OUT/events.parquet, a row a
+    change of the pilot's state."""
+    flat = (int, float, str, bool)
+    rows = [
+        {f"world_{k}": v for k, v in world.items()}
+        | {k: v for k, v in summary.items() if isinstance(v, flat) or v is None}
+        for summary, world in zip(summaries, worlds, strict=True)
+    ]
+    events = [
+        {"run": summary["run"], **event} for summary in summaries for event in summary["events"]
+    ]
+    for name, table in (("runs", rows), ("events", events)):
+        fresh = out / f"{name}.parquet.part"
+        pd.DataFrame(table).to_parquet(fresh, index=False)
+        fresh.replace(out / f"{name}.parquet")
+
+
+# ---- what is worth another look ------------------------------------------------------------------
+
+
+def badness(summary: dict[str, Any]) -> float:
+    """How much a run is worth a look; the worst has most."""
+    harm = float(summary.get("neighbour_cut_m2") or 0.0) + float(summary.get("outside_m") or 0.0)
+    left = 1.0 - float(summary.get("coverage") or 0.0)
+    stopped = summary["outcome"] != "finished"
+    return 100.0 * float(harm > 0.0) + harm + 10.0 * float(stopped) + left
+
+
+def picked(jobs: Sequence[Job], summaries: Sequence[dict[str, Any]], worst: int, sample: int,
+           seed: int = 1) -> list[Job]:  # fmt: skip
+    """The jobs of the worst runs, then those of a random sample of the others."""
+    order = sorted(range(len(jobs)), key=lambda k: -badness(summaries[k]))
+    first, rest = order[:worst], order[worst:]
+    drawn = np.random.default_rng(seed).permutation(len(rest))[:sample]
+    return [jobs[k] for k in [*first, *(rest[n] for n in drawn)]]
+
+
+def with_pictures(job: Job, out: Path) -> Job:
+    """The same field by the real detector on pictures, its run under `out`."""
+    chosen = Scenario.model_validate_json(job.scenario)
+    other = changed(chosen, {"eyes": "picture", "record": {"files": "all"}})
+    return Job(other.model_dump_json(), str((out / "runs").resolve()), job.keep_records)
+
+
+def with_files(job: Job, out: Path) -> Job:
+    """The same run again under `out`, which gives the same, with its map and its record."""
+    chosen = changed(Scenario.model_validate_json(job.scenario), {"record": {"files": "all"}})
+    return Job(chosen.model_dump_json(), str((out / "runs").resolve()), job.keep_records)
 
 
 # ---- the command ---------------------------------------------------------------------------------

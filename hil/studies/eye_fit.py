@@ -31,7 +31,7 @@ from host.core.errors import UserError
 from host.pilot.phase import Phase
 from host.vision.view import CropView
 
-SIDE_M: Final = (6.0, 9.0)
+SIDE_M: Final = (4.5, 6.5)
 """Of a field that is driven both ways: as many ends as a large one in a quarter of the time."""
 LIMIT_S: Final = 900.0
 WRONG_M: Final = 0.1
@@ -83,7 +83,12 @@ def drive(task: Task) -> dict[str, Any]:
     if task.path.exists():
         return about_of(task.path)
     cv2.setNumThreads(1)
-    scenario = small_field(task.seed)
+    taken = task.path.with_name(task.path.name.replace("model-", "picture-"))
+    scenario = (
+        Scenario.model_validate_json(about_of(taken)["scenario"])
+        if taken.exists()
+        else small_field(task.seed)
+    )
     witness: list[WitnessedEyes] = []
 
     def eyes(bench: Bench) -> Eyes:
@@ -105,6 +110,7 @@ def drive(task: Task) -> dict[str, Any]:
         "name": name_of(task.seed),
         "seed": task.seed,
         "eyes": task.eyes,
+        "scenario": scenario.model_dump_json(),
         "mount": scenario.camera,
         "mode": scenario.mode,
         "blade_width_m": scenario.vehicle.blade_width_m,

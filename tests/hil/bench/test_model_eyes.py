@@ -1,0 +1,114 @@
+"""Facts about the eyes that need no pictures."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.bench.eyes import sight_of
+from hil.bench.harvest import Harvest
+from hil.bench.lockstep import Bench
+from hil.bench.model_eyes import ModelEyes, library
+from hil.firmware import targets
+from hil.scenario.scenario import Scenario
+from host.core.errors import UserError
+from host.sensors.jpeg import NOTHING
+from host.vision.view import CropView, Detector
+
+pytestmark = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="the desk firmware is not built: make build"
+)
+
+
+def scenario(**changes: Any) -> Scenario:
+    values: dict[str, Any] = {
+        "eyes": "model",
+        "field": {"size_m": (12.0, 6.0), "neighbour_depth_m": 3.0, "edge_wobble_m": 0.0},
+        "limits": {"time_s": 25.0},
+    }
+    return Scenario.model_validate(values | changes)
+
+
+class Standing:
+    """A bench whose machine is put where a test wants it."""
+
+    def __init__(self, chosen: Scenario) -> None:
+        self.bench = Bench(chosen)
+        self.eyes = ModelEyes(self.bench)
+        self.detector: Detector = self.eyes.detector()
+
+    def answers(self, count: int) -> list[CropView]:
+        return [self.detector.see(self.eyes.develop(self.eyes.shutter())[1]) for _ in range(count)]
+
+
+def test_the_same_seed_gives_the_same_record_byte_for_byte(tmp_path: Path) -> None:
+    def digest(name: str, **changes: Any) -> str:
+        path = tmp_path / name
+        run = Harvest(scenario(**changes), path)
+        run.run()
+        run.close()
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+
+    assert digest("one.mcap") == digest("two.mcap") != digest("other.mcap", seed=2)
+
+
+@pytest.mark.parametrize("camera", ["low", "mast"])
+def test_a_side_is_cut_and_nothing_else(camera: str) -> None:
+    run = Harvest(scenario(camera=camera, limits={"time_s": 60.0}))
+    run.run()
+    run.close()
+    summary = run.truth.summary()
+    assert run.bench.field.coverage() > 0.08
+    assert summary["neighbour_cut_m2"] == 0
+    assert float(summary["lateral_rms_m"] or 0.0) < 0.12
+
+
+def test_answers_lie_about_the_truth_as_the_detectors_did() -> None:
+    """Before the crop, the machine standing; the truth is the same in every picture."""
+    standing = Standing(scenario(start={"before_m": 0.4}))
+    views = standing.answers(200)
+    sure = [view.edge_offset_m for view in views if view.confidence >= 0.5]
+    assert len(sure) > 20
+    assert abs(float(np.median(sure))) < 0.15
+    assert len({round(offset, 4) for offset in sure}) > 5
+    ahead = [view.crop_ahead_m for view in views if view.ahead_confidence >= 0.5]
+    assert float(np.median(ahead)) == pytest.approx(sight_of(standing.bench).ahead_m, abs=0.25)
+
+
+def test_a_new_detector_gives_the_same_answers() -> None:
+    standing = Standing(scenario())
+    first = standing.answers(20)
+    standing.detector = standing.eyes.detector()
+    again = standing.answers(20)
+    assert [view.confidence for view in first] == [view.confidence for view in again]
+
+
+def test_a_repeated_and_a_broken_picture_are_told_apart() -> None:
+    standing = Standing(scenario())
+    _, picture = standing.eyes.develop(standing.eyes.shutter())
+    assert standing.detector.see(picture).usable
+    repeated = standing.detector.see(picture)
+    assert not repeated.usable and "repeats" in repeated.reason
+    broken = standing.detector.see(NOTHING)
+    assert not broken.usable and "broken" in broken.reason
+
+
+def test_what_the_library_does_not_know_is_refused() -> None:
+    with pytest.raises(UserError, match="use --eyes picture"):
+        ModelEyes(Bench(scenario(mode="paper")))
+    with pytest.raises(UserError, match="eyes fit"):
+        library(Path("/nowhere/errors.parquet"))
+
+
+def test_the_library_says_what_it_was_fitted_to() -> None:
+    about = library().about
+    assert about["mode"] == "robust" and about["date"]
+    assert {drive["mount"] for drive in about["drives"]} == {"low", "mast"}
+    for name, figures in about["figures"].items():
+        assert figures["pictures"] > 0, name
+        assert math.isfinite(figures["offset_sd_m"]), name

@@ -1,0 +1,59 @@
+"""Facts about the perfect eye."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hil.bench.sight import look
+from sim_plant.field import Field, FieldSpec
+
+BLADE_X_M, BLADE_WIDTH_M = 1.5, 1.0
+PLAIN = FieldSpec(size_m=(10.0, 10.0), edge_wobble_m=0.0, bare=0.0, thin=0.0, lodged=0.0)
+
+
+@pytest.fixture(scope="module")
+def crop() -> Field:
+    return Field(PLAIN, 1)
+
+
+@pytest.mark.parametrize("inside_m", [0.3, 0.42, 0.5])
+@pytest.mark.parametrize("before_m", [0.0, 0.4, 1.5])
+def test_the_edge_and_the_crop_ahead_are_where_they_are(
+    crop: Field, inside_m: float, before_m: float
+) -> None:
+    """Northward along the east side, the crop to the left."""
+    pose = (10.0 - inside_m, -BLADE_X_M - before_m, math.pi / 2)
+    seen = look(crop, pose, BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.right_m == pytest.approx(-inside_m, abs=0.02)
+    assert seen.ahead_m == pytest.approx(before_m, abs=0.03)
+    assert seen.slope == pytest.approx(0.0, abs=0.06)
+    assert seen.depth_m > 2.9
+
+
+def test_a_machine_askew_sees_a_slope(crop: Field) -> None:
+    yaw = math.pi / 2 + math.radians(8)
+    seen = look(crop, (9.6, -BLADE_X_M - 0.2, yaw), BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.slope == pytest.approx(-math.tan(math.radians(8)), abs=0.05)
+
+
+@pytest.mark.parametrize("left_m", [0.4, 0.9, 1.6])
+def test_the_last_of_the_crop_is_as_deep_as_it_is(crop: Field, left_m: float) -> None:
+    pose = (9.58, 10.0 - left_m - BLADE_X_M, math.pi / 2)
+    seen = look(crop, pose, BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.ahead_m < 0.05
+    assert seen.depth_m == pytest.approx(left_m, abs=0.1)
+
+
+def test_beyond_the_end_the_neighbour_is_a_gap_away(crop: Field) -> None:
+    seen = look(crop, (9.58, 10.1 - BLADE_X_M, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.ahead_m == pytest.approx(PLAIN.gap_m - 0.1, abs=0.05)
+    assert math.isnan(seen.right_m)
+
+
+def test_where_nothing_stands_nothing_is_ahead() -> None:
+    bare = Field(PLAIN.model_copy(update={"neighbours": "none"}), 1)
+    seen = look(bare, (9.58, 10.1 - BLADE_X_M, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.ahead_m == math.inf
+    assert seen.depth_m == 0.0
