@@ -21,6 +21,14 @@ port_option = click.option(
     help="The firmware's serial port, or socket://HOST:PORT; DARANTI_PORT names a default.",
 )
 
+field_option = click.option(
+    "--field",
+    "chosen",
+    default="",
+    metavar="NAME",
+    help="Which of a file's fields, by its name or number.",
+)
+
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:

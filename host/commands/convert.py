@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from host.commands.cli import field_option
 from host.core.terminal import echo
 from host.field.boundary_file import load_field, save_field
 
@@ -13,10 +14,11 @@ from host.field.boundary_file import load_field, save_field
 @click.command()
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("target", type=click.Path(path_type=Path))
-def convert(source: Path, target: Path) -> None:
+@field_option
+def convert(source: Path, target: Path, chosen: str) -> None:
     """Write the field in SOURCE to TARGET; the suffix names the format: .geojson, .kml, .shp, .xml
     (ISOXML), .csv."""
-    boundary = load_field(source)
+    boundary = load_field(source, chosen)
     save_field(target, boundary)
     echo(
         f"{target}: {boundary.name or 'field'}, {len(boundary.crop)} corners, "

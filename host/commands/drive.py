@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from host.commands.cli import port_option
+from host.commands.cli import field_option, port_option
 from host.field.areas import MAX_GAP_M
 from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
@@ -67,6 +67,7 @@ from host.vision.tuning.profiles import DATABASE
     show_default=True,
     help="Seconds with a bell before the first motion.",
 )
+@field_option
 def drive(
     port: str,
     camera: str,
@@ -83,6 +84,7 @@ def drive(
     profiles: Path,
     heading_deg: float | None,
     yes: bool,
+    chosen: str,
     countdown_s: int,
 ) -> None:
     """Harvest: follow the crop's edge, turn at its end, go inward, until nothing stands.
@@ -111,6 +113,7 @@ def drive(
             profiles=profiles,
             heading_deg=heading_deg,
             yes=yes,
+            field=chosen,
             countdown_s=countdown_s,
         )
     )

@@ -10,6 +10,7 @@ import click
 import shapely
 from rich.table import Table
 
+from host.commands.cli import field_option
 from host.core.errors import UserError
 from host.core.terminal import PlainConsole
 from host.core.vehicle_file import load_vehicle
@@ -61,6 +62,7 @@ def table_of(previews: list[Preview]) -> Table:
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
 @click.option("--out", type=click.Path(path_type=Path), help="The picture; default FIELD.plan.png.")
+@field_option
 def plan(
     field: Path,
     vehicle: Path | None,
@@ -69,13 +71,14 @@ def plan(
     gap: float | None,
     turn: str,
     out: Path | None,
+    chosen: str,
 ) -> None:
     """Length, time, turns and what stays standing, before anything moves.
 
     FIELD is a boundary: .geojson, .kml, .shp, .xml (ISOXML) or .csv. Both kinds of turn are
     compared; the picture shows the one of --turn."""
     machine = load_vehicle(vehicle)
-    boundary = load_field(field)
+    boundary = load_field(field, chosen)
     if start >= len(boundary.crop):
         raise UserError(
             f"--corner {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "

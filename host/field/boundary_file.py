@@ -1,29 +1,36 @@
 """A field on disk: one polygon of the crop's outer edge, its holes the keep-outs.
 
-| suffix          | format                                     | by                  |
-|-----------------|--------------------------------------------|---------------------|
-| .geojson, .json | GeoJSON (RFC 7946, WGS 84)                 | GDAL (pyogrio)      |
-| .kml            | KML 2.2 (WGS 84)                           | GDAL (pyogrio)      |
-| .shp            | Shapefile, any CRS that its .prj names     | GDAL (pyogrio)      |
-| .xml            | ISOXML TASKDATA (ISO 11783-10, WGS 84)     | this module         |
-| .csv, .txt      | `latitude,longitude` a line, no keep-outs  | this module         |
+| suffix               | format                                          | by                  |
+|----------------------|-------------------------------------------------|---------------------|
+| .geojson, .json      | GeoJSON (RFC 7946, WGS 84; others by its `crs`) | shapely             |
+| .kml                 | KML 2.2 (WGS 84)                                | GDAL (pyogrio)      |
+| .shp                 | Shapefile, any CRS that its .prj names          | GDAL (pyogrio)      |
+| .xml, .zip, a folder | ISOXML TASKDATA, versions 3 and 4 (WGS 84)      | `field.isoxml_file` |
+| .gpx                 | GPX 1.1: a track or route around it; read only  | gpxpy               |
+| .csv, .txt           | `latitude,longitude` a line, no keep-outs; a    | this module         |
+|                      | heading may name other columns                  |                     |
 
-Inside Daranti a place is (latitude, longitude) in degrees of WGS 84. GDAL gives x before y, that is
-longitude before latitude; that order is turned here and nowhere else. No kept library on PyPI
-writes ISOXML: its partfields are a few elements of XML.
+Inside Daranti a place is (latitude, longitude) in degrees of WGS 84. Most formats have longitude
+first; that order is turned here and nowhere else. GDAL takes any file for whatever it finds inside,
+a list of addresses to fetch too, so it is given only what has been looked at.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
+import gpxpy
+import gpxpy.gpx
 import numpy as np
 import pyogrio
 import shapely
+import shapely.geometry
 from defusedxml.common import DefusedXmlException
 from numpy.typing import NDArray
 from pyproj import Transformer
@@ -31,19 +38,19 @@ from pyproj.exceptions import ProjError
 
 from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
+from host.core.terminal import plain
+from host.field import isoxml_file
+from host.field.shapes import Shape, chosen
 
 MAX_AROUND_M = 20_000.0
 MIN_AREA_M2 = 1.0
+MAX_LATITUDE_DEG = 72.0
+"""No wheat grows beyond: coordinates that lie there have been swapped."""
+MAX_BYTES = 64 * 1024 * 1024
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
-SUFFIXES = ".geojson, .json, .kml, .shp, .xml (ISOXML), .csv, .txt"
-
-# ISO 11783-10: PLN.A, PolygonType; LSG.A, LineStringType; PNT.A, PointType.
-PARTFIELD_BOUNDARY = "1"
-OBSTACLES = ("3", "4", "6")
-"""Water surface, building, obstacle."""
-EXTERIOR, INTERIOR = "1", "2"
-POINT_OTHER = "2"
+SUFFIXES = ".geojson, .json, .kml, .shp, .xml or .zip (ISOXML), .gpx, .csv, .txt"
+SHP_MAGIC = b"\x00\x00\x27\x0a"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,18 +81,23 @@ def boundary_of(polygon: shapely.Polygon, frame: LocalFrame, name: str = "") -> 
     return _checked(places[0], places[1:], name)
 
 
-def load_field(path: Path) -> Boundary:
-    """Reads by suffix; a folder is taken for an ISOXML task set. UserError where it is unreadable,
-    not one polygon, its sides cross, its numbers are no degrees or it is larger than a field."""
-    if path.is_dir():
-        path = _taskdata(path)
-    suffix = path.suffix.lower()
+def load_field(path: Path, field: str = "") -> Boundary:
+    """Reads by suffix; a folder is taken for an ISOXML task set. Of several fields `field` names
+    one. UserError where it is unreadable, not one polygon, its sides cross, its numbers are no
+    degrees or it is larger than a field."""
     try:
-        if suffix == ".xml":
-            return _read_isoxml(path)
-        if suffix in (".shp", ".kml", ".geojson", ".json") or _is_json(path):
-            return _read_gdal(path)
+        if path.is_dir():
+            return _one(isoxml_file.read_folder(path), field, path)
+        if path.stat().st_size > MAX_BYTES:
+            raise UserError(f"it has {path.stat().st_size / 1e6:.0f} MB; that is no field")
+        suffix = path.suffix.lower()
+        if suffix not in _READERS and _is_json(path):
+            suffix = ".json"
+        if suffix in _READERS:
+            return _one(_READERS[suffix](path), field, path)
         return _checked(_read_csv(path), [], path.stem)
+    except shapely.errors.ShapelyError as error:
+        raise UserError(f"boundary {path}: it is no polygon ({error})") from error
     except UserError as error:
         raise UserError(f"boundary {path}: {error}") from error
     except OSError as error:
@@ -158,27 +170,21 @@ def _checked(
         tuple(ring if line.is_ccw else [ring[0], *ring[:0:-1]])
         for ring, line in zip(rings, local, strict=True)
     ]
-    return Boundary(ccw[0], tuple(ccw[1:]), name)
+    return Boundary(ccw[0], tuple(ccw[1:]), plain(name))
 
 
-def _compose(polygons: list[shapely.Polygon], name: str) -> Boundary:
-    """One field from polygons in (longitude, latitude): the others must lie inside the largest."""
-    if not polygons:
-        raise UserError("it holds no polygon; draw the field's outline as a polygon")
-    polygons = sorted(polygons, key=lambda polygon: -float(polygon.area))
-    outline = shapely.Polygon(polygons[0].exterior)
-    if not outline.is_valid:
-        raise UserError("its sides cross; walk it again or correct its corners")
-    beside = [polygon for polygon in polygons[1:] if not outline.contains(polygon)]
-    if beside:
+def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
+    """The field that is meant."""
+    shape = chosen(shapes, wanted)
+    if any(abs(lat) > MAX_LATITUDE_DEG for _, lat, *_ in shape.polygon.exterior.coords):
         raise UserError(
-            f"it holds {1 + len(beside)} fields side by side; save one of them to a file of its own"
+            f"it lies at latitude {shape.polygon.exterior.coords[0][1]:.1f}, where no wheat grows: "
+            "are its numbers swapped? Longitude comes first in GeoJSON and KML"
         )
-    holes = [*polygons[0].interiors, *(polygon.exterior for polygon in polygons[1:])]
     return _checked(
-        [(y, x) for x, y, *_ in outline.exterior.coords],
-        [[(y, x) for x, y, *_ in hole.coords] for hole in holes],
-        name,
+        [(y, x) for x, y, *_ in shape.polygon.exterior.coords],
+        [[(y, x) for x, y, *_ in hole.coords] for hole in shape.polygon.interiors],
+        shape.name or path.stem,
     )
 
 
@@ -198,36 +204,123 @@ def _polygons(geometry: shapely.Geometry | None) -> list[shapely.Polygon]:
     return []
 
 
-def _read_gdal(path: Path) -> Boundary:
-    """Every polygon of every layer; points and lines beside them (placemarks) mean nothing here."""
-    with path.open("rb"):  # the system's own words where it cannot be read
-        pass
-    polygons: list[shapely.Polygon] = []
-    kinds: set[str] = set()
-    names: list[str] = []
+def _read_geojson(path: Path) -> list[Shape]:
+    """Every polygon of its features; lines and points beside them mean nothing here."""
     try:
-        layers = [str(layer) for layer, _ in pyogrio.list_layers(path)]
-        for layer in layers:
-            meta, _, wkb, columns = pyogrio.raw.read(path, layer=layer, force_2d=True)
+        data = json.loads(path.read_bytes().decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"its format is not understood: no JSON ({error})") from error
+    if not isinstance(data, dict):
+        raise UserError("it is not GeoJSON: give an object with a type")
+    features = data.get("features") if data.get("type") == "FeatureCollection" else [data]
+    if not isinstance(features, list):
+        raise UserError("it is not GeoJSON: its features are no list")
+    shapes: list[Shape] = []
+    kinds: set[str] = set()
+    for feature in features:
+        if not isinstance(feature, dict):
+            raise UserError("it is not GeoJSON: a feature is no object")
+        whole = feature.get("type") == "Feature"
+        geometry = feature.get("geometry") if whole else feature
+        if geometry is None:
+            continue
+        try:
+            made = shapely.geometry.shape(geometry)
+            if not np.isfinite(shapely.get_coordinates(made)).all():
+                raise UserError("a corner is not a latitude and longitude in degrees")
+        except UserError:
+            raise
+        except Exception as error:  # whatever a wrong structure makes of shapely's reading
+            raise UserError(
+                f"its format is not understood ({type(error).__name__}: {error}); use {SUFFIXES}"
+            ) from error
+        kinds.add(made.geom_type)
+        name = _name(feature.get("properties")) if whole else ""
+        shapes += [Shape(polygon, name) for polygon in _polygons(made)]
+    if kinds and not shapes:
+        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
+    polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
+    return [Shape(p, shape.name) for p, shape in zip(polygons, shapes, strict=True)]
+
+
+def _name(properties: Any) -> str:
+    """Of a feature: what programs call it."""
+    if not isinstance(properties, dict):
+        return ""
+    low = {str(key).casefold(): value for key, value in properties.items()}
+    found = next((low[key] for key in ("name", "field", "title", "id") if low.get(key)), "")
+    return found if isinstance(found, str) else str(found) if isinstance(found, int) else ""
+
+
+def _crs(data: dict[str, Any]) -> str:
+    """GeoJSON of before 2016 may name a coordinate system."""
+    crs = data.get("crs")
+    if crs is None:
+        return "OGC:CRS84"
+    name = crs.get("properties", {}).get("name") if isinstance(crs, dict) else None
+    if not isinstance(name, str):
+        raise UserError("its coordinate system (crs) is unknown; save it in WGS 84")
+    return name
+
+
+def _read_kml(path: Path) -> list[Shape]:
+    """Its placemarks' polygons. GDAL is given what a strict parser wrote anew, so that nothing is
+    in it but KML."""
+    try:
+        root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
+    except (ET.ParseError, DefusedXmlException, ValueError, LookupError) as error:
+        raise UserError(f"it is not XML that can be read ({error})") from error
+    assert isinstance(root, ET.Element)
+    if root.tag.rpartition("}")[2] != "kml":
+        raise UserError(f"its root is <{root.tag.rpartition('}')[2]}>, not <kml>")
+    if any("OGRVRT" in str(element.tag) for element in root.iter()):
+        raise UserError("it holds what is no KML")
+    return _read_gdal(ET.tostring(_bare(root), encoding="utf-8", xml_declaration=True))
+
+
+def _bare(root: ET.Element) -> ET.Element:
+    """Without namespaces: readers know a format by how its text begins."""
+    for element in root.iter():
+        element.tag = str(element.tag).rpartition("}")[2]
+        element.attrib = {k: v for k, v in element.attrib.items() if not k.startswith("{")}
+    return root
+
+
+def _read_shapefile(path: Path) -> list[Shape]:
+    with path.open("rb") as file:
+        if file.read(len(SHP_MAGIC)) != SHP_MAGIC:
+            raise UserError("it is no Shapefile")
+    return _read_gdal(path)
+
+
+def _read_gdal(source: Path | bytes) -> list[Shape]:
+    """Every polygon of every layer."""
+    shapes: list[Shape] = []
+    kinds: set[str] = set()
+    try:
+        for layer in [str(layer) for layer, _ in pyogrio.list_layers(source)]:
+            meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
             geometries = shapely.from_wkb(wkb) if wkb is not None else []
             kinds |= {geometry.geom_type for geometry in geometries if geometry is not None}
-            found = [polygon for geometry in geometries for polygon in _polygons(geometry)]
-            if found:
-                polygons += _to_wgs84(found, meta["crs"])
-                names += _names(meta["fields"], columns)
+            names = _names(meta["fields"], columns, len(geometries))
+            for geometry, name in zip(geometries, names, strict=True):
+                if found := _polygons(geometry):
+                    shapes += [Shape(each, name) for each in _to_wgs84(found, meta["crs"])]
     except (RuntimeError, ValueError) as error:
         reason = str(error).split("; ")[0].replace("\n", " ")
         raise UserError(f"its format is not understood ({reason}); use {SUFFIXES}") from error
-    if kinds and not polygons:
+    if kinds and not shapes:
         raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
-    return _compose(polygons, next(iter(names), path.stem))
+    return shapes
 
 
-def _names(fields: NDArray[np.object_], columns: list[NDArray[np.object_]]) -> list[str]:
+def _names(
+    fields: NDArray[np.object_], columns: list[NDArray[np.object_]], count: int
+) -> list[str]:
     for field, column in zip(fields, columns, strict=True):
         if str(field).lower() == "name":
-            return [str(value) for value in column if isinstance(value, str) and value]
-    return []
+            return [value if isinstance(value, str) else "" for value in column]
+    return [""] * count
 
 
 def _to_wgs84(polygons: list[shapely.Polygon], crs: str | None) -> list[shapely.Polygon]:
@@ -247,11 +340,16 @@ def _to_wgs84(polygons: list[shapely.Polygon], crs: str | None) -> list[shapely.
     return list(shapely.transform(polygons, convert))
 
 
-def _write_gdal(path: Path, boundary: Boundary) -> None:
-    polygon = shapely.Polygon(
+def _degrees(boundary: Boundary) -> shapely.Polygon:
+    """In (longitude, latitude)."""
+    return shapely.Polygon(
         [(lon, lat) for lat, lon in boundary.crop],
         [[(lon, lat) for lat, lon in ring] for ring in boundary.keep_outs],
     )
+
+
+def _write_gdal(path: Path, boundary: Boundary) -> None:
+    polygon = _degrees(boundary)
     driver, options = {
         ".shp": ("ESRI Shapefile", {"ENCODING": "UTF-8"}),
         ".kml": ("KML", {}),
@@ -274,99 +372,42 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
         raise UserError(f"cannot write {path}: {error}") from error
 
 
-# ---- ISOXML --------------------------------------------------------------------------------------
-
-
-def _taskdata(folder: Path) -> Path:
-    for inner in (folder, folder / "TASKDATA"):
-        for path in sorted(inner.glob("*")):
-            if path.name.upper() == "TASKDATA.XML":
-                return path
-    raise UserError(f"boundary {folder}: there is no TASKDATA.XML in this folder; name a file")
-
-
-def _parse_xml(path: Path) -> ET.Element:
-    try:
-        root = defusedxml.ElementTree.parse(path).getroot()
-    except (ET.ParseError, DefusedXmlException, ValueError) as error:
-        raise UserError(f"{path.name} is not XML that can be read ({error})") from error
-    assert root is not None
-    return root
-
-
-def _partfields(path: Path) -> list[ET.Element]:
-    """Those of the file and of the files that its XFR elements name."""
-    root = _parse_xml(path)
-    if root.tag != "ISO11783_TaskData":
-        raise UserError(f"its root is <{root.tag}>, not <ISO11783_TaskData> as in ISOXML")
-    roots = [root]
-    for reference in root.iter("XFR"):
-        name = reference.get("A", "")
-        if name.upper().startswith("PFD"):
-            beside = [p for p in path.parent.glob("*") if p.name.upper() == f"{name}.XML".upper()]
-            if not beside:
-                raise UserError(f"it refers to {name}.XML, which is not beside it")
-            roots.append(_parse_xml(beside[0]))
-    return [field for root in roots for field in root.iter("PFD")]
-
-
-def _ring(line: ET.Element) -> list[LatLon]:
-    corners = []
-    for point in line.iter("PNT"):
-        if point.get("J"):
-            raise UserError("its points are in a binary file; save the partfield with XML points")
-        try:
-            corners.append((float(point.attrib["C"]), float(point.attrib["D"])))
-        except (KeyError, ValueError) as error:
-            raise UserError("a point (PNT) has no numbers in C (north) and D (east)") from error
-    return corners
-
-
-def _read_isoxml(path: Path) -> Boundary:
-    with_area = []
-    for field in _partfields(path):
-        polygons = [pln for pln in field.findall("PLN") if pln.get("A") == PARTFIELD_BOUNDARY]
-        if polygons:
-            with_area.append((field, polygons))
-    if not with_area:
-        raise UserError("no partfield (PFD) in it has a boundary (PLN of type 1)")
-    if len(with_area) > 1:
-        names = ", ".join(field.get("C", field.get("A", "?")) for field, _ in with_area)
-        raise UserError(f"it holds the partfields {names}; save one of them to a file of its own")
-    ((field, polygons),) = with_area
-    lines = [line for pln in polygons for line in pln.findall("LSG")]
-    outer = [_ring(line) for line in lines if line.get("A") == EXTERIOR]
-    holes = [_ring(line) for line in lines if line.get("A") == INTERIOR]
-    for pln in field.findall("PLN"):
-        if pln.get("A") in OBSTACLES:
-            holes += [_ring(line) for line in pln.findall("LSG") if line.get("A") == EXTERIOR]
-    if len(outer) != 1:
-        raise UserError(f"its partfield has {len(outer)} outer rings instead of one")
-    return _checked(outer[0], holes, field.get("C", path.stem))
+# ---- ISOXML, GPX ---------------------------------------------------------------------------------
 
 
 def _write_isoxml(path: Path, boundary: Boundary) -> None:
-    area = str(round(boundary.polygon(boundary.frame).area))
-    root = ET.Element(
-        "ISO11783_TaskData",
-        VersionMajor="4",
-        VersionMinor="3",
-        ManagementSoftwareManufacturer="Daranti",
-        ManagementSoftwareVersion="1",
-        DataTransferOrigin="1",
-    )
-    name = boundary.name[:32]  # a designator's limit
-    field = ET.SubElement(root, "PFD", A="PFD1", C=name, D=area)
-    polygon = ET.SubElement(field, "PLN", A=PARTFIELD_BOUNDARY, B=name, C=area)
-    for kind, ring in [(EXTERIOR, boundary.crop), *((INTERIOR, r) for r in boundary.keep_outs)]:
-        line = ET.SubElement(polygon, "LSG", A=kind)
-        for lat, lon in (*ring, ring[0]):
-            ET.SubElement(line, "PNT", A=POINT_OTHER, C=f"{lat:.9f}", D=f"{lon:.9f}")
-    ET.indent(root)
-    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    area = float(boundary.polygon(boundary.frame).area)
+    isoxml_file.write(path, _degrees(boundary), boundary.name, area)
+
+
+def _read_gpx(path: Path) -> list[Shape]:
+    """Every track segment and route of three corners or more, as a ring."""
+    try:
+        root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
+        assert isinstance(root, ET.Element)
+        gpx = gpxpy.parse(ET.tostring(_bare(root), encoding="unicode"))
+    except (ET.ParseError, DefusedXmlException, gpxpy.gpx.GPXException, ValueError) as error:
+        raise UserError(f"it is not GPX that can be read ({error})") from error
+    ways: list[tuple[str | None, Sequence[Any]]] = [(r.name, r.points) for r in gpx.routes]
+    ways += [(track.name, segment.points) for track in gpx.tracks for segment in track.segments]
+    rings = [
+        (name or "", [(point.longitude, point.latitude) for point in points])
+        for name, points in ways
+        if len(points) >= 3
+    ]
+    if not rings:
+        raise UserError("it holds no track or route around a field")
+    shapes = [Shape(shapely.Polygon(ring), name) for name, ring in rings]
+    if len(shapes) == 1 and not shapes[0].polygon.is_valid:
+        raise UserError("its track crosses itself; `daranti survey` makes a boundary of a walk")
+    return shapes
 
 
 # ---- latitude,longitude lines --------------------------------------------------------------------
+
+
+LATITUDES = frozenset({"latitude", "lat", "northing", "y"})
+LONGITUDES = frozenset({"longitude", "lon", "long", "lng", "easting", "x"})
 
 
 def _read_csv(path: Path) -> list[LatLon]:
@@ -375,19 +416,35 @@ def _read_csv(path: Path) -> list[LatLon]:
     except UnicodeDecodeError as error:
         raise UserError(f"it is neither text nor a known format; use {SUFFIXES}") from error
     corners: list[LatLon] = []
+    columns = (0, 1)
+    heading = True
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
             continue
-        parts = line.split(",")
+        parts = [part.strip().strip('"') for part in line.split("," if "," in line else ";")]
         try:
-            corners.append((float(parts[0]), float(parts[1])))
+            corners.append((float(parts[columns[0]]), float(parts[columns[1]])))
         except (ValueError, IndexError) as error:
-            if not corners and number == 1:  # a heading
-                continue
-            raise UserError(
-                f"line {number} is not latitude,longitude; give such lines or a GeoJSON Polygon"
-            ) from error
+            if not heading:
+                raise UserError(
+                    f"line {number} is not latitude,longitude; give such lines or a GeoJSON Polygon"
+                ) from error
+            columns = _columns(parts) or columns
+        heading = False
+    if any(MAX_LATITUDE_DEG < abs(lat) <= 90 and abs(lon) <= 90 for lat, lon in corners):
+        raise UserError(
+            "it lies where no wheat grows: are its numbers swapped? Latitude comes first, unless a "
+            "heading says longitude,latitude"
+        )
     return corners
+
+
+def _columns(heading: Sequence[str]) -> tuple[int, int] | None:
+    """Where latitude and longitude stand; None where the heading does not say both."""
+    low = [name.casefold().removesuffix("_deg") for name in heading]
+    lat = [k for k, name in enumerate(low) if name in LATITUDES]
+    lon = [k for k, name in enumerate(low) if name in LONGITUDES]
+    return (lat[0], lon[0]) if len(lat) == len(lon) == 1 else None
 
 
 def _write_csv(path: Path, boundary: Boundary) -> None:
@@ -405,4 +462,14 @@ _WRITERS: dict[str, Callable[[Path, Boundary], None]] = {
     ".xml": _write_isoxml,
     ".csv": _write_csv,
     ".txt": _write_csv,
+}
+
+_READERS: dict[str, Callable[[Path], list[Shape]]] = {
+    ".geojson": _read_geojson,
+    ".json": _read_geojson,
+    ".kml": _read_kml,
+    ".shp": _read_shapefile,
+    ".xml": isoxml_file.read_folder,
+    ".zip": isoxml_file.read_zip,
+    ".gpx": _read_gpx,
 }

@@ -75,6 +75,8 @@ class Order:
     mount: str = "mast"
     mode: Mode = "robust"
     boundary: Path | None = None
+    field: str = ""
+    """Which of the boundary's fields."""
     corner: int | None = None
     gap_m: float | None = None
     turn: str = "three_point"
@@ -101,7 +103,7 @@ class _Given:
 
 def _read(order: Order) -> _Given:
     vehicle = load_vehicle(order.vehicle)
-    field = load_field(order.boundary) if order.boundary is not None else None
+    field = load_field(order.boundary, order.field) if order.boundary is not None else None
     saved = load(order.resume) if order.resume is not None else None
     corner = chosen_corner(field, order.boundary, order.corner, order.gap_m, saved)
     return _Given(vehicle, mount_of(vehicle, order.mount), field, saved, corner)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 import tempfile
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyogrio
@@ -13,6 +15,8 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from isoxml.converter.shapely_geom import ShapelyConverterV4
+from isoxml.util.isoxml_io import isoxml_from_path
 from pyproj import CRS, Transformer
 
 from host.core.errors import UserError
@@ -202,6 +206,7 @@ SQUARE = "".join(
     f'<PNT A="2" C="{lat}" D="{lon}"/>'
     for lat, lon in [(31.5, 74.3), (31.5, 74.301), (31.501, 74.301), (31.501, 74.3)]
 )
+EAST = SQUARE.replace("74.3", "74.4")
 TREE = "".join(
     f'<PNT A="5" C="{lat}" D="{lon}"/>'
     for lat, lon in [(31.5004, 74.3004), (31.5004, 74.3005), (31.5005, 74.3005)]
@@ -242,6 +247,32 @@ def test_isoxml_partfields_in_a_file_of_their_own_are_found(tmp_path: Path) -> N
     assert load_field(path).name == "South"
 
 
+def test_isoxml_in_a_zip_is_read_with_its_second_file(tmp_path: Path) -> None:
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("TASKDATA/TASKDATA.XML", task('<XFR A="PFD00001" B="1"/>'))
+        archive.writestr("TASKDATA/PFD00001.XML", f"<XFC>{partfield('South')}</XFC>")
+        archive.writestr("../../escaped.txt", "nowhere")
+    assert load_field(path).name == "South"
+    assert not (tmp_path.parent.parent / "escaped.txt").exists()
+
+
+def test_a_zip_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(path := tmp_path / "e.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("TASKDATA.XML", b" " * 70_000_000)
+    with pytest.raises(UserError, match="would take 70 MB"):
+        load_field(path)
+
+
+def test_what_is_written_is_what_isoxml_itself_reads(tmp_path: Path) -> None:
+    save_field(tmp_path / "TASKDATA.XML", boundary_of(POND, FRAME, "Pond"))
+    found, _ = isoxml_from_path(tmp_path)
+    (partfield_,) = found.partfields
+    assert partfield_.designator == "Pond"
+    assert partfield_.area == 1180
+    polygon = ShapelyConverterV4().to_shapely_polygon(partfield_.polygons[0])
+    assert len(polygon.interiors) == 1
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -252,7 +283,10 @@ def test_isoxml_partfields_in_a_file_of_their_own_are_found(tmp_path: Path) -> N
             "not XML that can be read",
         ),
         (task(""), "no partfield"),
-        (task(partfield("North") + partfield("South")), "the partfields North, South"),
+        (
+            task(partfield("North") + partfield("South", f'<LSG A="1">{EAST}</LSG>')),
+            "1 'North', 2 'South'",
+        ),
         (task(partfield("N", f'<LSG A="1">{SQUARE}</LSG>' * 2)), "2 outer rings"),
         (task(partfield("N", '<LSG A="1"><PNT A="2" J="x.bin"/></LSG>')), "binary file"),
         (task(partfield("N", '<LSG A="1"><PNT A="2" C="31"/></LSG>')), "no numbers in C"),
@@ -298,3 +332,123 @@ def test_a_target_that_cannot_be_is_one_message(tmp_path: Path, cli: Cli, name: 
     assert code == 2
     assert "cannot write" in err
     assert len(err.splitlines()) == 1
+
+
+# ---- what farm programs and strangers send -------------------------------------------------------
+
+AROUND = [(74.3, 31.5), (74.301, 31.5), (74.301, 31.501), (74.3, 31.501)]
+
+
+def feature(name: str, ring: list[tuple[float, float]], kind: str = "Polygon") -> dict[str, Any]:
+    closed = [*ring, ring[0]]
+    coordinates = [closed] if kind == "Polygon" else closed
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
+
+
+def collection(*features: dict[str, Any]) -> str:
+    return json.dumps({"type": "FeatureCollection", "features": list(features)})
+
+
+def moved(ring: list[tuple[float, float]], by_deg: float) -> list[tuple[float, float]]:
+    return [(lon + by_deg, lat) for lon, lat in ring]
+
+
+@pytest.mark.parametrize(
+    ("heading", "line"),
+    [
+        ("longitude,latitude", "{1},{0}"),
+        ("id,lon,lat", "7,{1},{0}"),
+        ("Lat;Long", "{0};{1}"),
+        ("latitude,longitude", "{0},{1}"),
+        ("north,east", "{0},{1}"),
+    ],
+)
+def test_a_csv_heading_says_which_number_is_which(tmp_path: Path, heading: str, line: str) -> None:
+    path = tmp_path / "field.csv"
+    rows = [line.format(lat, lon) for lon, lat in AROUND]
+    path.write_text("\n".join([heading, *rows]))
+    assert load_field(path).crop[0] == (31.5, 74.3)
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".csv"])
+def test_swapped_numbers_are_told(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"field{suffix}"
+    swapped = [(lat, lon) for lon, lat in AROUND]
+    text = collection(feature("a", swapped))
+    path.write_text(text if suffix == ".geojson" else "\n".join(f"{b},{a}" for a, b in swapped))
+    with pytest.raises(UserError, match="swapped"):
+        load_field(path)
+
+
+def test_lines_and_points_among_the_features_mean_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    path.write_text(collection(feature("road", AROUND, "LineString"), feature("North", AROUND)))
+    assert load_field(path).name == "North"
+
+
+def test_of_several_fields_one_is_named(tmp_path: Path, cli: Cli) -> None:
+    path = tmp_path / "farm.geojson"
+    tree = [(74.3004, 31.5004), (74.3005, 31.5004), (74.3005, 31.5005)]
+    path.write_text(
+        collection(
+            feature("North", AROUND), feature("East", moved(AROUND, 0.01)), feature("", tree)
+        )
+    )
+    with pytest.raises(UserError, match="1 'North', 2 'East'; say which with --field"):
+        load_field(path)
+    assert load_field(path, "east").name == "East"
+    assert len(load_field(path, "1").keep_outs) == 1
+    with pytest.raises(UserError, match="--field West: it holds"):
+        load_field(path, "West")
+    code, out, _ = cli("convert", str(path), str(tmp_path / "a.csv"), "--field", "East")
+    assert code == 0
+    assert "East, 4 corners" in out
+
+
+def test_polygons_that_cross_are_one_message(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    bow = [AROUND[0], AROUND[2], AROUND[1], AROUND[3]]
+    path.write_text(collection(feature("North", AROUND), feature("bow", bow)))
+    with pytest.raises(UserError, match="sides of 'bow' cross"):
+        load_field(path)
+
+
+def test_a_gpx_track_around_a_field_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "field.gpx"
+    points = "".join(f'<trkpt lat="{lat}" lon="{lon}"/>' for lon, lat in AROUND)
+    path.write_text(
+        '<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1"><wpt lat="1" '
+        f'lon="2"/><trk><name>North</name><trkseg>{points}</trkseg></trk></gpx>'
+    )
+    field = load_field(path)
+    assert (field.name, len(field.crop)) == ("North", 4)
+    path.write_text("<gpx")
+    with pytest.raises(UserError, match="not GPX"):
+        load_field(path)
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".json", ".kml", ".shp", ".xml", ".gpx", ".csv"])
+@pytest.mark.parametrize("wrap", ["{}", "<kml>{}</kml>", "<!-- {} --><kml/>"])
+def test_a_file_that_would_make_gdal_open_another_is_refused(
+    tmp_path: Path, suffix: str, wrap: str
+) -> None:
+    secret = tmp_path / "secret.geojson"
+    secret.write_text(collection(feature("Secret", AROUND)))
+    vrt = (
+        '<OGRVRTDataSource><OGRVRTLayer name="secret"><SrcDataSource>'
+        f"{secret}</SrcDataSource></OGRVRTLayer></OGRVRTDataSource>"
+    )
+    path = tmp_path / f"field{suffix}"
+    path.write_text(wrap.format(vrt))
+    with pytest.raises(UserError):
+        load_field(path)
+
+
+def test_a_name_from_outside_cannot_command_the_terminal(tmp_path: Path, cli: Cli) -> None:
+    path = tmp_path / "field.geojson"
+    path.write_text(collection(feature("\x1b[2J[/nope]\x07North", AROUND)))
+    code, out, err = cli("plan", str(path))
+    assert code == 0, err
+    assert "\x1b" not in out
+    assert "\\x1b[2J[/nope]\\x07North" in out

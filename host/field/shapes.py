@@ -1,0 +1,67 @@
+"""Polygons of a file, with their names, and which of them is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import shapely
+
+from host.core.errors import UserError
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A polygon in (longitude, latitude), degrees of WGS 84, as a file has it."""
+
+    polygon: shapely.Polygon
+    name: str = ""
+
+
+def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
+    """One field: `wanted` by its name or number (from 1), or the only one that does not lie inside
+    another; its holes are its own and the polygons inside it. UserError where it is none, or one of
+    several and none is named."""
+    for shape in shapes:
+        if not shape.polygon.is_valid:
+            what = f"of {shape.name!r} " if shape.name else ""
+            raise UserError(f"its sides {what}cross; walk it again or correct its corners")
+    outlines = [shapely.Polygon(shape.polygon.exterior) for shape in shapes]
+    outer = [
+        k
+        for k, outline in enumerate(outlines)
+        if not any(_holds(other, outline, j < k) for j, other in enumerate(outlines) if j != k)
+    ]
+    if not outer:
+        raise UserError("it holds no polygon; draw the field's outline as a polygon")
+    names = [shapes[k].name or f"field {number}" for number, k in enumerate(outer, start=1)]
+    index = _index(names, wanted)
+    own = outlines[outer[index]]
+    holes = list(shapes[outer[index]].polygon.interiors)
+    holes += [
+        outlines[k].exterior
+        for k in range(len(shapes))
+        if k not in outer and own.contains(outlines[k])
+    ]
+    return Shape(shapely.Polygon(own.exterior, holes), shapes[outer[index]].name)
+
+
+def _holds(other: shapely.Polygon, outline: shapely.Polygon, earlier: bool) -> bool:
+    """Of two equal ones the earlier holds the later."""
+    return bool(other.contains(outline)) and (earlier or not outline.contains(other))
+
+
+def _index(names: list[str], wanted: str) -> int:
+    there = ", ".join(f"{number} {name!r}" for number, name in enumerate(names, start=1))
+    if not wanted:
+        if len(names) > 1:
+            raise UserError(
+                f"it holds {len(names)} fields side by side: {there}; say which with --field NAME"
+            )
+        return 0
+    exact = [k for k, name in enumerate(names) if name.casefold() == wanted.casefold()]
+    if len(exact) == 1:
+        return exact[0]
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+        return int(wanted) - 1
+    raise UserError(f"--field {wanted}: it holds {there}")
