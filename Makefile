@@ -53,7 +53,7 @@ harvest: setup ## harvests the default field with the compiled firmware in the l
 lint: setup ## formatting, style, types and layers
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/firmware/simavr/*.cpp' 'tools/*.h' 'tools/*.cpp')
-	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check
+	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check && $(BIN)/python tools/figures.py write --check
 
 test: lint ## every test: firmware on the desk and in simavr, host, plant and bench
 	@$(BIN)/pio test -e native
