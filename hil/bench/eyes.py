@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from hil.bench.lockstep import Bench
+from hil.bench.misread import Misreading
 from hil.bench.sight import Sight, look
 from host.sensors.jpeg import NOTHING, Bgr, JpegDecoder
 from host.vision.mounted.detector import make_detector
@@ -68,18 +69,27 @@ class PictureEyes:
         return watched_detector(self._bench.scenario.mode, told.vehicle, told.mount)
 
 
-def sight_of(bench: Bench) -> Sight:
-    """What a perfect eye sees now."""
-    state = bench.state
-    spec = bench.machine_spec
-    return look(
-        bench.field,
-        bench.pose,
-        spec.blade_x_m,
-        spec.blade_width_m,
-        float(state["v"]),
-        bool(state["blade_spinning"]),
-    )
+class PerfectEye:
+    """What is true of the crop before a bench's machine, and how its host would misread it."""
+
+    def __init__(self, bench: Bench) -> None:
+        scenario = bench.scenario
+        self._bench = bench
+        self._blade = scenario.machine.blade_x_m, scenario.machine.blade_width_m
+        told, lens = scenario.told, scenario.world.lens
+        self._misreading = Misreading(lens, self._blade[0], told.mount, told.vehicle)
+
+    def sight(self) -> Sight:
+        """Now."""
+        bench, state = self._bench, self._bench.state
+        return look(
+            bench.field,
+            bench.pose,
+            *self._blade,
+            float(state["v"]),
+            bool(state["blade_spinning"]),
+            self._misreading,
+        )
 
 
 class WitnessedEyes(PictureEyes):
@@ -92,6 +102,7 @@ class WitnessedEyes(PictureEyes):
         super().__init__(bench)
         self.looks: Callable[[], bool] = lambda: True
         self._last: tuple[bytes, Bgr] = (b"", NOTHING)
+        self._eye = PerfectEye(bench)
         self.seen: list[tuple[float, Sight, CropView, bool]] = []
         """(the shutter's time, the truth, the answer, whether the detector had been restarted)."""
         self._truths: dict[int, tuple[float, Sight, Bgr]] = {}
@@ -100,7 +111,7 @@ class WitnessedEyes(PictureEyes):
         """The shot and its truth; None for a picture that nobody reads."""
         if not self.looks():
             return None
-        return super().shutter(), self._bench.now, sight_of(self._bench)
+        return super().shutter(), self._bench.now, self._eye.sight()
 
     def develop(self, shot: Any) -> tuple[bytes, Bgr]:
         """As without a witness."""

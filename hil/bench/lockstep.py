@@ -83,11 +83,6 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         )
 
     @property
-    def machine_spec(self) -> machine.MachineSpec:
-        """The true machine."""
-        return self._spec
-
-    @property
     def now(self) -> float:
         """Seconds since the start: whole nanoseconds, as a record keeps them."""
         return self._slices * SLICE_US / 1e6

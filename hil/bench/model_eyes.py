@@ -22,9 +22,9 @@ import pyarrow.parquet as pq
 from numba import njit
 from numpy.typing import NDArray
 
-from hil.bench.eyes import sight_of
+from hil.bench.eyes import PerfectEye
 from hil.bench.lockstep import Bench
-from hil.bench.sight import Sight
+from hil.bench.sight import CUTTING_M, Sight
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
 from host.sensors.jpeg import NOTHING, Bgr
@@ -32,7 +32,6 @@ from host.vision.view import NAN, CropView
 
 LIBRARY: Final = Path(__file__).with_name("eye_errors.parquet")
 
-CUTTING_M: Final = 0.3
 ZONES_M: Final = (CUTTING_M, 1.0, 2.5)
 """Distances ahead at which the situation becomes another."""
 LAST_M: Final = 0.8
@@ -57,8 +56,8 @@ picture, it does for good."""
 
 COLUMNS: Final = (
     "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "blade",
-    "fresh", "confidence", "edge_offset_m", "edge_ahead_m", "crop_ahead_m", "ahead_confidence",
-    "tip_share", "usable", "reason",
+    "fresh", "read_ahead_m", "read_right_m", "confidence", "edge_offset_m", "edge_ahead_m",
+    "crop_ahead_m", "ahead_confidence", "tip_share", "usable", "reason",
 )  # fmt: skip
 """Of the library; truths first, then the answer."""
 
@@ -195,7 +194,7 @@ class Library:
                 c["ahead_confidence"][k] >= 0.5,
             )
             expected = -(drive["blade_width_m"] / 2 - drive["overlap_m"])
-            error = float(c["edge_offset_m"][k]) - (right - expected)
+            error = float(c["edge_offset_m"][k]) - (float(c["read_right_m"][k]) - expected)
             self.error[k] = error
             follows = (
                 k > 0
@@ -311,6 +310,7 @@ class ModelEyes:
                 f"the library of errors is the {self._library.about['mode']} detector's, not the "
                 f"{scenario.mode} one's: use --eyes picture"
             )
+        self._eye = PerfectEye(bench)
         self._without = frozenset(without)
         self._shots: dict[int, Sight] = {}
         self._count = 0
@@ -318,7 +318,7 @@ class ModelEyes:
     def shutter(self) -> int:
         """The number of the shot."""
         self._count += 1
-        self._shots[self._count] = sight_of(self._bench)
+        self._shots[self._count] = self._eye.sight()
         self._shots.pop(self._count - 100, None)
         return self._count
 
@@ -451,11 +451,12 @@ class ModelDetector:
         if math.isfinite(error):
             self._error = error
             if edge != 2:
-                offset = sight.right_m - self._expected_m + error
-        seen, was = float(c["crop_ahead_m"][row]), float(c["ahead_m"][row])
+                offset = sight.read_right_m - self._expected_m + error
+        seen, was = float(c["crop_ahead_m"][row]), float(c["read_ahead_m"][row])
         ahead = seen
         if sight.ahead_m >= CUTTING_M and math.isfinite(seen) and math.isfinite(was):
-            ahead = max(0.0, sight.ahead_m + seen - was) if math.isfinite(sight.ahead_m) else seen
+            here = sight.read_ahead_m
+            ahead = max(0.0, here + seen - was) if math.isfinite(here) else seen
         beyond = float(c["edge_ahead_m"][row])
         if math.isfinite(seen) and math.isfinite(ahead):
             beyond = max(0.0, beyond + ahead - seen)

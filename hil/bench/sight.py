@@ -11,8 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hil.bench.misread import Misreading
 from sim_plant import field as f
 
+CUTTING_M: Final = 0.3
+"""Crop nearer than this is being cut."""
 NEAR_SHARE: Final = 0.2
 """Of the blade's width that must be filled for crop to count as ahead."""
 REACH_M: Final = 8.0
@@ -45,6 +48,10 @@ class Sight:
     x_m: float
     y_m: float
     yaw_rad: float
+    read_ahead_m: float
+    """`ahead_m` and `right_m` as the host would read them from where it believes the camera and the
+    blade to be (hil/bench/misread.py)."""
+    read_right_m: float
 
 
 @njit(cache=True, nogil=True)
@@ -159,6 +166,7 @@ def look(
     blade_width_m: float,
     speed_mps: float = 0.0,
     blade: bool = False,
+    misreading: Misreading | None = None,
 ) -> Sight:
     """The sight from a pose (x, y, yaw of the rear axle)."""
     x, y, yaw = pose
@@ -175,4 +183,7 @@ def look(
         rows, columns = field.density.shape
         if 0 <= i < columns and 0 <= j < rows:
             density = float(field.density[j, i] * (1.0 - field.lodge[j, i] / 1.2))
-    return Sight(ahead, depth, right, slope, density, speed_mps, blade, x, y, yaw)
+    read = ahead, right
+    if misreading is not None:
+        read = misreading.of(ahead, right, cutting=ahead < CUTTING_M)
+    return Sight(ahead, depth, right, slope, density, speed_mps, blade, x, y, yaw, *read)

@@ -105,7 +105,7 @@ def drive(task: Task) -> dict[str, Any]:
         run.run()
     finally:
         run.close()
-    pilot = run.pilot
+    pilot, vehicle = run.pilot, scenario.vehicle
     about = {
         "name": name_of(task.seed),
         "seed": task.seed,
@@ -113,8 +113,8 @@ def drive(task: Task) -> dict[str, Any]:
         "scenario": scenario.model_dump_json(),
         "mount": scenario.camera,
         "mode": scenario.mode,
-        "blade_width_m": scenario.vehicle.blade_width_m,
-        "overlap_m": scenario.vehicle.overlap_m,
+        "blade_width_m": vehicle.blade_width_m,
+        "overlap_m": vehicle.overlap_m,
         "air": asdict(Air.of(scenario)),
         "outcome": pilot.phase.value if pilot.done else "broken off",
         "reason": pilot.reason,
