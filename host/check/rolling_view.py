@@ -1,0 +1,155 @@
+"""What the camera shows while the machine rolls straight on: how it is really mounted, and how late
+its pictures come.
+
+Stubble beside the crop is a plane. Points on it, tracked from one picture to another, must move as
+the mount's angles and the distance rolled say; the angles that explain their movement best are the
+camera's. Lucas-Kanade tracks, least squares with a robust loss.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from host.core.vehicle import Mount
+from host.vision.geometry import Camera
+
+APART_M: Final = (0.08, 0.3)
+"""Distance rolled between the two pictures of a pair."""
+NEAR_M: Final = 6.0
+"""Ground farther than this from the camera moves too little."""
+POINTS: Final = 150
+TRACKED: Final = 25
+"""Fewer points say nothing."""
+PAIRS: Final = 5
+STILL: Final = 0.35
+"""Share of the full change from picture to picture from which on the picture counts as moving."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rolled:
+    """One picture while rolling. `stamp`: when it came; `distance_m`: rolled since the start."""
+
+    stamp: float
+    distance_m: float
+    grey: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Mounted:
+    """What the camera's angles are off by, in degrees, and how well that explains the movement."""
+
+    pitch_deg: float
+    yaw_deg: float
+    roll_deg: float
+    residual_px: float
+    points: int
+
+
+def _follow(a: NDArray[np.uint8], b: NDArray[np.uint8], points: Any) -> Any:
+    lucas_kanade: Any = cv2.calcOpticalFlowPyrLK
+    return lucas_kanade(a, b, points, None, winSize=(21, 21), maxLevel=4)
+
+
+def _tracks(
+    first: NDArray[np.uint8], second: NDArray[np.uint8], camera: Camera
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pixels of the same ground in both pictures, on the machine's right, where no crop stands."""
+    height, width = first.shape
+    v, u = np.mgrid[0:height:8, 0:width:8]
+    ground = camera.on_height(np.dstack([u, v]).astype(np.float64), 0.0)
+    x, y = ground[..., 0], ground[..., 1]
+    good = np.isfinite(x) & (x < NEAR_M) & (y < -0.9) & (y > -4.0)
+    mask = np.kron(good.astype(np.uint8) * 255, np.ones((8, 8), np.uint8))[:height, :width]
+    corners = cv2.goodFeaturesToTrack(first, POINTS, 0.01, 6, mask=mask)
+    if corners is None:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    found, status, _ = _follow(first, second, corners)
+    back, again, _ = _follow(second, first, found)
+    same = np.hypot(*(back - corners).reshape(-1, 2).T) < 0.7
+    fine = (status.ravel() == 1) & (again.ravel() == 1) & same
+    return corners.reshape(-1, 2)[fine].astype(float), found.reshape(-1, 2)[fine].astype(float)
+
+
+def mounted(pictures: Sequence[Rolled], mount: Mount) -> Mounted | None:
+    """The camera's angles against the mount's. None where too little of the ground was tracked."""
+    camera = Camera(mount)
+    pairs: list[tuple[NDArray[np.float64], NDArray[np.float64], float]] = []
+    for k, second in enumerate(pictures):
+        first = next(
+            (
+                p
+                for p in pictures[:k]
+                if APART_M[0] <= second.distance_m - p.distance_m <= APART_M[1]
+            ),
+            None,
+        )
+        if first is None:
+            continue
+        a, b = _tracks(first.grey, second.grey, camera)
+        if len(a) >= TRACKED:
+            pairs.append((a, b, second.distance_m - first.distance_m))
+    pairs = pairs[:: max(1, len(pairs) // PAIRS)]
+    if not pairs:
+        return None
+
+    def residuals(off: NDArray[np.float64]) -> NDArray[np.float64]:
+        turned = mount.model_copy(
+            update={
+                "pitch_deg": mount.pitch_deg + off[0],
+                "yaw_deg": mount.yaw_deg + off[1],
+                "roll_deg": mount.roll_deg + off[2],
+            }
+        )
+        view = Camera(turned)
+        out = []
+        for a, b, distance in pairs:
+            ground = view.on_height(a, 0.0)
+            ahead = np.column_stack([ground[:, 0] - distance, ground[:, 1], np.zeros(len(a))])
+            moved = view.project(ahead)
+            out.append(np.nan_to_num(moved - b, nan=50.0).ravel())
+        return np.concatenate(out)
+
+    fit = least_squares(residuals, np.zeros(3), loss="soft_l1", f_scale=1.0, max_nfev=40)
+    away = np.abs(residuals(fit.x))
+    pitch, yaw, roll = (float(value) for value in fit.x)
+    return Mounted(pitch, yaw, roll, float(np.median(away)), sum(len(a) for a, _, _ in pairs))
+
+
+def delay_s(
+    pictures: Sequence[tuple[float, NDArray[np.uint8]]], speeds: Sequence[tuple[float, float]]
+) -> float | None:
+    """How much later the picture begins to move than the wheels do. `pictures`: (arrival, grey);
+    `speeds`: (stamp, m/s). None where either never clearly begins."""
+    fastest = max((abs(v) for _, v in speeds), default=0.0)
+    if fastest < 0.05 or len(pictures) < 6:
+        return None
+    began = next(t for t, v in speeds if abs(v) > STILL * fastest)
+    small = [
+        cv2.resize(grey, (80, 60), interpolation=cv2.INTER_AREA).astype(float)
+        for _, grey in pictures
+    ]
+    change = [float(np.abs(b - a).mean()) for a, b in itertools.pairwise(small)]
+    stamps = [t for t, _ in pictures][1:]
+    rest = [c for c, t in zip(change, stamps, strict=True) if t < began - 0.1]
+    moving = [c for c, t in zip(change, stamps, strict=True) if t > began + 1.0]
+    if len(rest) < 2 or len(moving) < 3:
+        return None
+    quiet, full = float(np.median(rest)), float(np.median(moving))
+    if full < 1.5 * quiet:
+        return None
+    level = quiet + STILL * (full - quiet)
+    seen = next(
+        (t for t, c in zip(stamps, change, strict=True) if t > began - 0.1 and c > level), math.nan
+    )
+    period = float(np.median(np.diff(stamps)))
+    late = seen - began - period / 2
+    return late if math.isfinite(late) else None
