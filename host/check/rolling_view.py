@@ -69,7 +69,8 @@ def _tracks(
     x, y = ground[..., 0], ground[..., 1]
     good = np.isfinite(x) & (x < NEAR_M) & (y < -0.9) & (y > -4.0)
     mask = np.kron(good.astype(np.uint8) * 255, np.ones((8, 8), np.uint8))[:height, :width]
-    corners = cv2.goodFeaturesToTrack(first, POINTS, 0.01, 6, mask=mask)
+    found_corners: Any = cv2.goodFeaturesToTrack(first, POINTS, 0.01, 6, mask=mask)
+    corners = found_corners
     if corners is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
     found, status, _ = _follow(first, second, corners)

@@ -70,6 +70,8 @@ SCALE: Final = (0.8, 1.25)
 LATE_S: Final = 0.2
 """A camera's delay may be off by so much."""
 TILTED_DEG: Final = 3.0
+ROLLED_DEG: Final = 7.0
+"""Of the roll, which the ground on one side tells less well."""
 BLADE_S: Final = 1.2
 POT_COUNTS: Final = 60.0
 """From the centre to either calibration point, at least."""
@@ -486,6 +488,8 @@ class Walk:
     def _arm(self) -> bool:
         hands = self._hands
         end = hands.clock() + 2.0
+        # The board arms only where the last speed asked for was none.
+        hands.send(Command(Request.DRIVE, reason="check"))
         while self._state() is not State.ARMED:
             if hands.clock() > end or self._state() is State.FAULT:
                 return False
@@ -565,12 +569,16 @@ class Walk:
             if names or not seen:
                 self._halt()
                 faults = [f"fault.{name}" for name in names]
-                self._note("stops", "bad", "stops.blocked", side=side, asked=angle, faults=faults)
+                self._note(
+                    "stops", "bad", "stops.blocked", side=f"word.{side}", asked=angle, faults=faults
+                )
                 return
             reached = math.degrees(seen[-1].angle_rad)
             if abs(reached - angle) > OFF_DEG + 1:
                 self._halt()
-                self._note("stops", "bad", "stops.short", side=side, asked=angle, reached=reached)
+                self._note(
+                    "stops", "bad", "stops.short", side=f"word.{side}", asked=angle, reached=reached
+                )
                 return
             if side == "left":
                 self._halt()
@@ -723,7 +731,9 @@ class Walk:
             self._note("mount", "warn", "mount.unknown")
             return
         off = {"pitch": found.pitch_deg, "yaw": found.yaw_deg, "roll": found.roll_deg}
-        fine = max(abs(value) for value in off.values()) < TILTED_DEG
+        fine = (
+            max(abs(off["pitch"]), abs(off["yaw"])) < TILTED_DEG and abs(off["roll"]) < ROLLED_DEG
+        )
         self._note("mount", "ok" if fine else "bad", "mount.ok" if fine else "mount.tilted", **off)
 
     # ---- the blade's switch ----------------------------------------------------------------------

@@ -91,6 +91,7 @@ daranti = LazyGroup(
     "daranti",
     {
         "drive": ("host.commands.drive:drive", "Harvest: camera, GNSS and firmware together."),
+        "check": ("host.commands.check:check", "Check the machine before a harvest."),
         "panel": ("host.commands.panel:panel", "Serve the operator's page to phone and laptop."),
         "see": ("host.commands.see:see", "Show what the vision finds in photographs."),
         "monitor": (

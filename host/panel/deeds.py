@@ -11,6 +11,7 @@ from typing import Final
 
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
+from host.panel.checking import check
 from host.panel.harvesting import Order, harvest
 from host.panel.machine import PRESENCE_S, Machine
 from host.panel.snapshot import Json, number
@@ -87,6 +88,8 @@ def jog(machine: Machine, _wish: Json) -> None:
             held = now - last < JOG_HOLD_S
             state = machine.telemetry.state if machine.telemetry is not None else None
             if state is State.SAFE:
+                # The board arms only where the last speed asked for was none.
+                machine.send(Command(Request.DRIVE, reason="jog"))
                 machine.send(Command(Request.ARM, reason="jog"))
             else:
                 speed = asked["speed"] * JOG_MPS if held else 0.0
@@ -109,4 +112,5 @@ DEEDS: Final[dict[str, Callable[[Machine, Json], None]]] = {
     "start": start,
     "clear": clear,
     "jog": jog,
+    "check": check,
 }

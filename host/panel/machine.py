@@ -113,6 +113,13 @@ class Machine:
             and self.clock() - last.stamp < SILENT_S
         )
 
+    @property
+    def board_problem(self) -> str:
+        """Why the board does not answer, in words; empty where it does."""
+        if self.link is None:
+            return self._link_problem
+        return "" if self.board_ready else "silent"
+
     def plug(self) -> None:
         """Starts camera and receiver; they connect and reconnect by themselves."""
         settings = self.settings

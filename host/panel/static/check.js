@@ -14,7 +14,7 @@ export function bind(asker) {
 function values(line) {
   return Object.fromEntries(Object.entries(line.values ?? {}).map(([key, value]) => [key, Array.isArray(value) ? value.map(words).join("; ") : words(value)]));
 }
-const words = (value) => (typeof value === "string" && has(`word.${value}`) ? t(`word.${value}`) : typeof value === "string" ? said(value) : value);
+const words = (value) => (typeof value !== "string" ? value : has(value) ? t(value) : said(value));
 
 function row(line) {
   const item = document.createElement("li");

@@ -1,0 +1,227 @@
+"""`daranti check`: walks the check in the terminal; the same list as on the panel."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final
+
+import click
+
+from host.check.lines import Line, Question, green
+from host.check.walk import Target, Walk
+from host.commands.cli import port_option
+from host.core.errors import UserError
+from host.core.messages import Command, Fix, Telemetry
+from host.core.vehicle import Mount, Vehicle
+from host.core.vehicle_file import load_vehicle, mount_of
+from host.link import protocol
+from host.link.session import Answer, Link
+from host.panel.checking import laptop_power
+from host.panel.texts import LANGUAGES, text, texts
+from host.sensors.camera_stream import Picture, camera_feed
+from host.sensors.newest import Feed
+from host.sensors.nmea import gnss_feed
+from host.vision.mounted.detector import Mode
+
+MARKS: Final = {"ok": "✓", "bad": "✗", "warn": "!", "skipped": "–"}
+
+
+class TerminalHands:
+    """Devices of this process, the operator at the keyboard."""
+
+    def __init__(
+        self,
+        link: Link,
+        vehicle: Vehicle,
+        mount: Mount,
+        mode: Mode,
+        camera: Feed[Picture] | None,
+        gnss: Feed[Fix] | None,
+        language: str,
+        clock: Callable[[], float],
+    ) -> None:
+        self.vehicle, self.mount, self.mode = vehicle, mount, mode
+        self._link, self._camera, self._gnss = link, camera, gnss
+        self._language = language
+        self._clock = clock
+        self._said = 0
+        self._problem = ""
+
+    def clock(self) -> float:
+        """Seconds."""
+        return self._clock()
+
+    def pump(self, seconds: float) -> list[Telemetry]:
+        """Lets time pass."""
+        end = self._clock() + seconds
+        arrived: list[Telemetry] = []
+        while True:
+            try:
+                if self._link.session.version is None:
+                    self._link.forward(self._link.session.hello(self._clock()))
+                arrived += self._link.poll(max(0.0, min(0.02, end - self._clock())))
+            except UserError as error:
+                self._problem = str(error)
+                time.sleep(0.02)
+            if self._clock() >= end:
+                return arrived
+
+    @property
+    def telemetry(self) -> Telemetry | None:
+        """The board's latest word."""
+        return self._link.session.telemetry
+
+    @property
+    def version(self) -> protocol.Version | None:
+        """Who the board says it is."""
+        return self._link.session.version
+
+    @property
+    def board_problem(self) -> str:
+        """Why it does not answer."""
+        return self._problem or ("" if self.telemetry is not None else "silent")
+
+    def send(self, command: Command) -> None:
+        """To the board."""
+        self._link.send(command)
+
+    def ask_board(self, message: protocol.Message) -> Answer:
+        """A request and its answer."""
+        return self._link.ask(message)
+
+    def picture(self) -> Picture | None:
+        """The newest, once."""
+        return None if self._camera is None else self._camera.take()
+
+    @property
+    def camera_problem(self) -> str:
+        """Why no picture comes."""
+        return "no --camera" if self._camera is None else self._camera.problem or ""
+
+    def fix(self) -> Fix | None:
+        """The newest, once."""
+        return None if self._gnss is None else self._gnss.take()
+
+    @property
+    def gnss_problem(self) -> str:
+        """Why no position comes."""
+        return "no --gnss" if self._gnss is None else self._gnss.problem or ""
+
+    def free_bytes(self) -> int:
+        """Where one stands."""
+        return shutil.disk_usage(Path()).free
+
+    def power(self) -> tuple[int, bool] | None:
+        """The laptop's."""
+        return laptop_power()
+
+    def busy_s(self) -> float:
+        """This thread's processor time."""
+        return time.thread_time()
+
+    def operator(
+        self, question: Question, until: Callable[[], bool] | None = None
+    ) -> str | float | None:
+        """Asks at the terminal; the board is listened to meanwhile."""
+        say = self._text
+        click.echo("\n" + say(f"ask.{question.key}", **question.values))
+        for at, choice in enumerate(question.choices, start=1):
+            click.echo(f"  {at}  {say(f'answer.{choice}')}")
+        typed: deque[str] = deque()
+        threading.Thread(
+            target=lambda: typed.append(sys.stdin.readline()), daemon=True, name="answer"
+        ).start()
+        while not typed:
+            self.pump(0.05)
+            if until is not None and until():
+                return None
+        answer = typed.popleft().strip().replace(",", ".")
+        try:
+            number = float(answer)
+        except ValueError:
+            return None
+        if not question.choices:
+            return number
+        index = int(number) - 1
+        return question.choices[index] if 0 <= index < len(question.choices) else None
+
+    def _text(self, key: str, **values: Any) -> str:
+        return text(self._language, key, **values)
+
+    def show(self, lines: Sequence[Line]) -> None:
+        """Prints what is new."""
+        known = texts(self._language)
+        for line in lines[self._said :]:
+            values = {key: self._words(value, known) for key, value in line.values.items()}
+            click.echo(f"{MARKS[line.verdict]} {self._text(f'line.{line.name}')}", nl=False)
+            seen = self._text(f"found.{line.finding}", **values) if line.finding else ""
+            click.echo(f": {seen}" if seen else "")
+            if line.verdict in ("bad", "warn"):
+                expected = self._text(f"expected.{line.name}", **values)
+                todo = self._text(f"todo.{line.finding}", **values)
+                click.echo(f"    {self._text('check.expected')} {expected}")
+                click.echo(f"    {self._text('check.todo')} {todo}")
+        self._said = len(lines)
+
+    def _words(self, value: Any, known: dict[str, str]) -> Any:
+        if isinstance(value, list):
+            return "; ".join(str(self._words(one, known)) for one in value)
+        return known.get(str(value), value)
+
+
+@click.command()
+@port_option
+@click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
+@click.option("--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file.")
+@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
+@click.option("--mount", default="mast", show_default=True, help="Which of its camera mounts.")
+@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@click.option("--boundary", type=click.Path(path_type=Path), help="The field's file.")
+@click.option("--gap", type=click.FloatRange(0, 50), metavar="METRES", help="To the neighbour.")
+@click.option("--corner", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--language", type=click.Choice(LANGUAGES), default="en", show_default=True)
+def check(
+    port: str,
+    camera: str | None,
+    gnss: str | None,
+    vehicle: Path | None,
+    mount: str,
+    mode: Mode,
+    boundary: Path | None,
+    gap: float | None,
+    corner: int,
+    language: str,
+) -> None:
+    """Checks the machine before a harvest: it moves by itself, with the blade's supply off.
+
+    Exits with 0 when every line is well."""
+    machine = load_vehicle(vehicle)
+    begun = time.monotonic()
+
+    def clock() -> float:
+        return time.monotonic() - begun
+
+    events: deque[str] = deque(maxlen=50)
+    with ExitStack() as stack:
+        link = stack.enter_context(Link(port, clock))
+        pictures = camera_feed(camera, clock, events.append) if camera else None
+        fixes = gnss_feed(gnss, clock, events.append)[0] if gnss else None
+        for feed in (pictures, fixes):
+            if feed is not None:
+                stack.callback(feed.close)
+                feed.start()
+        hands = TerminalHands(
+            link, machine, mount_of(machine, mount), mode, pictures, fixes, language, clock
+        )
+        lines = Walk(hands, Target(boundary, gap, corner)).run()
+    bad = sum(line.verdict == "bad" for line in lines)
+    if not green(lines):
+        raise UserError(text(language, "check.red", count=bad))
+    click.echo(text(language, "check.green"))

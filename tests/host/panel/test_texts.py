@@ -1,0 +1,71 @@
+"""Every text that a page or a check names is there, in every language."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from host.check.lines import NAMES
+from host.link import protocol
+from host.panel.texts import LANGUAGES, text, texts
+
+HOST = Path(__file__).parents[3] / "host"
+STATIC = HOST / "panel" / "static"
+PLACE = re.compile(r"\{(\w+)\}")
+SAME_IN_ALL = 12
+"""Texts of figures and signs only."""
+
+
+def keys_used() -> set[str]:
+    """By the page's scripts and by the page, where they are written out whole."""
+    found: set[str] = set()
+    for file in STATIC.glob("*.js"):
+        found |= set(re.findall(r'\bt\(\s*"([\w.]+)"', file.read_text(encoding="utf-8")))
+    page = (STATIC / "index.html").read_text(encoding="utf-8")
+    return found | set(re.findall(r'data-(?:t|label)="([\w.]+)"', page))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_the_page_says_is_there(language: str) -> None:
+    known = texts(language)
+    assert keys_used() - set(known) == set()
+    for bit in protocol.Fault:
+        assert {f"fault.{bit.name}", f"remedy.{bit.name}"} <= set(known)
+    for name in NAMES:
+        assert {f"line.{name}", f"expected.{name}"} <= set(known)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_finding_of_the_check_has_its_words_and_its_remedy(language: str) -> None:
+    known = texts(language)
+    source = (HOST / "check" / "walk.py").read_text(encoding="utf-8")
+    found = set(re.findall(rf'"((?:{"|".join(NAMES)})\.\w+)"', source))
+    assert len(found) > 70
+    good = {
+        key
+        for key in found
+        if key.endswith((".ok", ".mains", ".none")) and f"todo.{key}" not in known
+    }
+    for key in found - {"picture.turned_left"}:
+        assert f"found.{key}" in known
+        assert key in good or f"todo.{key}" in known, key
+    asked = set(re.findall(r'_ask\(\s*"(\w+)"', source))
+    assert len(asked) > 8
+    assert {f"ask.{key}" for key in asked} <= set(known)
+
+
+def test_all_languages_say_the_same_things() -> None:
+    first, *others = (texts(language) for language in LANGUAGES)
+    for other in others:
+        assert set(other) == set(first)
+        for key, english in first.items():
+            assert set(PLACE.findall(other[key])) == set(PLACE.findall(english)), key
+        same = [key for key in first if other[key] == first[key]]
+        assert len(same) <= SAME_IN_ALL, same
+
+
+def test_texts_are_filled_in() -> None:
+    assert text("en", "found.battery.low", volts=10.5) == "10.5 V"
+    assert text("en", "no such text") == "no such text"
