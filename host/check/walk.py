@@ -55,7 +55,7 @@ REST_V: Final = 0.965
 SAG_V: Final = 0.4
 """Above the board's own limit, under load."""
 HELD_S: Final = 40.0
-STEP_DEG: Final = 15.0
+STEP_DEG: Final = 25.0
 STEP_S: Final = 1.8
 OFF_DEG: Final = 3.0
 OVERSHOOT: Final = 0.35
@@ -108,10 +108,9 @@ class Walk:
         board = self._board()
         picture = self._camera()
         self._receiver()
-        if board and self._estop() and self._steering():
-            self._stops()
-            if self._roll(picture):
-                self._blade()
+        safe = board and self._estop() and self._steering() and self._stops()
+        if safe and self._roll(picture):
+            self._blade()
         for name in ("estop", "steering", "gains", "stops", "drive", "hall", "load", "course"):
             self._skip(name)
         for name in ("delay", "mount", "blade"):
@@ -547,7 +546,7 @@ class Walk:
             return self._note("steering", "bad", "steering.mirrored")
         if answer != "left":
             return self._note("steering", "bad", "steering.unseen")
-        self._note("steering", "ok", "steering.ok", reached=reached)
+        self._note("steering", "ok", "steering.ok", asked=STEP_DEG, reached=reached)
         angles = np.degrees([t.angle_rad for t in second])
         swing = float(-STEP_DEG - angles.min()) / (2 * STEP_DEG)
         rest = float(np.std(angles[-15:]))
@@ -561,7 +560,7 @@ class Walk:
         )
         return True
 
-    def _stops(self) -> None:
+    def _stops(self) -> bool:
         limit = self._hands.vehicle.steer_limit_deg - STOP_ROOM_DEG
         for side, angle in (("left", limit), ("right", -limit)):
             seen = self._drive(STOP_S, steer_deg=angle) if self._arm() else []
@@ -569,30 +568,26 @@ class Walk:
             if names or not seen:
                 self._halt()
                 faults = [f"fault.{name}" for name in names]
-                self._note(
+                return self._note(
                     "stops", "bad", "stops.blocked", side=f"word.{side}", asked=angle, faults=faults
                 )
-                return
             reached = math.degrees(seen[-1].angle_rad)
             if abs(reached - angle) > OFF_DEG + 1:
                 self._halt()
-                self._note(
+                return self._note(
                     "stops", "bad", "stops.short", side=f"word.{side}", asked=angle, reached=reached
                 )
-                return
             if side == "left":
                 self._halt()
                 answer = self._ask("turned_far", "as_drawn", "less", "more", degrees=round(limit))
                 if answer != "as_drawn":
-                    self._note("stops", "bad", "stops.scale", answer=f"answer.{answer}")
-                    return
+                    return self._note("stops", "bad", "stops.scale", answer=f"answer.{answer}")
         self._drive(STOP_S)
         self._halt()
         answer = self._ask("straight", "yes", "points_left", "points_right")
         if answer != "yes":
-            self._note("stops", "bad", "stops.centre", answer=f"answer.{answer}")
-        else:
-            self._note("stops", "ok", "stops.ok", degrees=round(limit))
+            return self._note("stops", "bad", "stops.centre", answer=f"answer.{answer}")
+        return self._note("stops", "ok", "stops.ok", degrees=round(limit))
 
     def _roll(self, picture: bool) -> bool:
         """Rolls a metre straight on: drive, hall sensor, battery under load, course and camera."""

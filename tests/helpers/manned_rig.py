@@ -1,0 +1,151 @@
+"""The rig in wall-clock time with a person beside it: who presses the emergency stop, walks around
+the field with the phone, sees what the machine does, and pulls the camera's plug.
+
+    python -m tests.helpers.manned_rig SCENARIO FOLDER
+
+Lines of JSON on stdin are deeds, each answered by a line on stdout: {"do": "press"}, "release",
+"walk", "look", "blind", "see", "end". `look` tells the truth: the wheel's angle, the way rolled,
+what the outputs drive, and when (time.time()) they last went off.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from queue import Empty, Queue
+from typing import Any
+
+from hil.bench.lockstep import Bench
+from hil.bench.ports import PseudoTerminal
+from hil.bench.rig import Rig, _develop, handouts, rehearse
+from hil.firmware.signal_wires import Mode, Signal
+from hil.scenario import scenario
+from sim_plant.phone import Phone, PhoneSpec
+
+WALKING_MPS = 1.2
+LAPS = 2
+
+
+class MannedRig(Rig):
+    """Does what stdin says between its slices."""
+
+    def watch(self, deeds: Queue[dict[str, Any]]) -> None:
+        """Before it runs."""
+        self._deeds = deeds
+        self._driven = False
+        self.off_at = time.time()
+        self.blade_seen = 0
+        self._steps: Iterator[tuple[float, float]] | None = None
+        self._blind = False
+        self.ended = False
+
+    def _slice(self, number: int, now: float) -> None:
+        try:
+            self._do(self._deeds.get_nowait())
+        except Empty:
+            pass
+        super()._slice(number, now)
+        driven = any(self.bench.drives)
+        if self._driven and not driven:
+            self.off_at = time.time()
+        self.blade_seen += self.bench.drives[2]
+        self._driven = driven
+
+    def _do(self, deed: dict[str, Any]) -> None:
+        tap = self.bench.faults.taps[int(Signal.ESTOP)]
+        match deed["do"]:
+            case "press":
+                tap["mode"], tap["value"] = int(Mode.FIXED), 1.0
+            case "release":
+                tap["mode"] = int(Mode.HONEST)
+            case "walk":
+                self._steps = around(self.bench.world.corners)
+                self._bench_antenna = self.bench.faults.antenna
+                self.bench.faults.antenna = self._carried  # type: ignore[method-assign]
+            case "blind":
+                self._blind = True
+            case "see":
+                self._blind = False
+            case "end":
+                raise KeyboardInterrupt
+            case _:
+                pass
+        print(json.dumps(self._truth()), flush=True)
+
+    def _carried(self, *_: float) -> tuple[float, float, float, float]:
+        """The phone in the walker's hand; back on the machine after the last lap."""
+        assert self._steps is not None
+        try:
+            x, y = next(self._steps)
+        except StopIteration:
+            self.bench.faults.antenna = self._bench_antenna  # type: ignore[method-assign]
+            x, y = self.bench.pose[:2]
+        return x, y, 0.5, 0.5
+
+    def _shoot(self, now: float) -> None:
+        if not self._blind:
+            super()._shoot(now)
+
+    def _truth(self) -> dict[str, Any]:
+        state = self.bench.state
+        return {
+            "angle_deg": math.degrees(float(state["steer_angle"])),
+            "distance_m": float(state["distance"]),
+            "driven": self._driven,
+            "off_at": self.off_at,
+            "blade_seen": self.blade_seen,
+            "coverage": float(self.bench.field.coverage()),
+            "neighbour_cut_m2": float(self.bench.field.neighbour_cut_m2()),
+            "pose": list(self.bench.pose),
+            "walking": self._steps is not None and self.bench.faults.antenna == self._carried,
+            "rig_slipped_s": self.deadlines.slipped_s,
+        }
+
+
+def around(corners: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """Places of a walk along the field's edge, one a second."""
+    ring = [*(list(corners) * LAPS), corners[0]]
+    for a, b in zip(ring, ring[1:], strict=False):
+        length = math.dist(a, b)
+        for k in range(max(1, round(length / WALKING_MPS))):
+            share = k * WALKING_MPS / length
+            yield a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+    yield ring[-1]
+
+
+def main(name: str, out: Path) -> None:
+    """Serves until `end`."""
+    chosen = scenario.load(name)
+    rehearse(chosen)
+    deeds: Queue[dict[str, Any]] = Queue()
+
+    def listen() -> None:
+        for line in sys.stdin:
+            deeds.put(json.loads(line))
+        deeds.put({"do": "end"})
+
+    with Bench(chosen) as bench, ExitStack() as plugged:
+        port = PseudoTerminal()
+        plugged.callback(port.close)
+        phone = plugged.enter_context(Phone(PhoneSpec(http_port=0, nmea_port=0, delay_s=0.0)))
+        machine = MannedRig(bench, [port], phone)
+        plugged.callback(machine.close)
+        machine.watch(deeds)
+        phone.show(_develop(bench.camera, bench.shutter()))
+        about = {"port": port.name, "camera": phone.camera_url, "gnss": phone.gnss_url}
+        print(json.dumps(about | handouts(chosen, out)), flush=True)
+        threading.Thread(target=listen, daemon=True).start()
+        try:
+            machine.run()
+        except KeyboardInterrupt:
+            pass
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]))
