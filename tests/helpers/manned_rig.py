@@ -10,13 +10,14 @@ what the outputs drive, and when (time.time()) they last went off.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
@@ -46,10 +47,8 @@ class MannedRig(Rig):
         self.ended = False
 
     def _slice(self, number: int, now: float) -> None:
-        try:
+        with suppress(Empty):
             self._do(self._deeds.get_nowait())
-        except Empty:
-            pass
         super()._slice(number, now)
         driven = any(self.bench.drives)
         if self._driven and not driven:
@@ -111,7 +110,7 @@ class MannedRig(Rig):
 def around(corners: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
     """Places of a walk along the field's edge, one a second."""
     ring = [*(list(corners) * LAPS), corners[0]]
-    for a, b in zip(ring, ring[1:], strict=False):
+    for a, b in itertools.pairwise(ring):
         length = math.dist(a, b)
         for k in range(max(1, round(length / WALKING_MPS))):
             share = k * WALKING_MPS / length
@@ -141,10 +140,8 @@ def main(name: str, out: Path) -> None:
         about = {"port": port.name, "camera": phone.camera_url, "gnss": phone.gnss_url}
         print(json.dumps(about | handouts(chosen, out)), flush=True)
         threading.Thread(target=listen, daemon=True).start()
-        try:
+        with suppress(KeyboardInterrupt):
             machine.run()
-        except KeyboardInterrupt:
-            pass
 
 
 if __name__ == "__main__":
