@@ -10,6 +10,7 @@ from host.core.errors import run
 cli = LazyGroup(
     "daranti-hil",
     {
+        "beliefs": ("hil.commands.beliefs:beliefs", "Harvest with wrong beliefs, one by one."),
         "campaign": (
             "hil.commands.campaign:campaign",
             "Run scenarios x seeds, and print the table.",
