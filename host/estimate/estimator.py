@@ -9,10 +9,12 @@ from __future__ import annotations
 from host.core.messages import Fix, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.course_check import DirectionCheck
+from host.estimate.cut_guard import CutGuard
 from host.estimate.lane import Lane
 from host.estimate.last_round import Trails
 from host.estimate.odometry import Motion, Odometry
 from host.estimate.position import Position
+from host.estimate.speed_watch import SpeedWatch
 
 DOPPLER_GAP_S = 2.0
 """A fix's speed speaks of the time since the one before, but of no more than this."""
@@ -27,6 +29,8 @@ class Estimator:
         self.position = Position(vehicle)
         self.trails = Trails(vehicle)
         self.direction = DirectionCheck()
+        self.cut = CutGuard(vehicle)
+        self.speed = SpeedWatch(vehicle)
         self.backwards = False
         """Whether the latest fix shows the machine moving against its heading."""
         self.askew_rad = 0.0
@@ -45,6 +49,8 @@ class Estimator:
         self.lane.predict(motion)
         self.position.predict(motion, cutting=telemetry.blade)
         self.direction.move(motion)
+        self.cut.take_telemetry(telemetry)
+        self.speed.take_telemetry(telemetry)
 
     def take_fix(self, fix: Fix, telemetry: Telemetry, *, underway: bool) -> None:
         """The receiver's speed, and `underway` along a side or a turn its course."""
@@ -54,5 +60,6 @@ class Estimator:
             self.askew_rad = self.direction.askew_rad
             if self.direction.off_rad is not None:
                 self.position.course(self.direction.off_rad, self.motion.speed_mps)
+        self.speed.take_fix(fix, telemetry)
         self.odometry.learn(fix, telemetry, min(DOPPLER_GAP_S, fix.stamp - self._fix_stamp))
         self._fix_stamp = fix.stamp

@@ -23,6 +23,8 @@ from host.pilot.phase import Doing, Go, Phase, Transition
 from host.route.plan import Plan
 from host.vision.view import CropView, Detector
 
+NEARLY_M = 0.8
+"""Of the last side: clear ground from here on is its end."""
 PAUSED = "paused by the operator"
 
 
@@ -116,12 +118,16 @@ class Pilot:
         if context.telemetry is None:
             return Command(Request.STOP, reason=self.reason)
         if self.phase is not Phase.CONNECT and not self.done:
-            self._go(now, watch(context.telemetry.state, context.estimate))
+            state, strip = context.telemetry.state, context.strip
+            finished = strip.last and strip.left_m() < NEARLY_M
+            self._go(now, watch(state, context.estimate, context.left(), finished=finished))
         if self.paused and not self.done:
             self._behaviour.paused(now)
             return replace(context.hold(), reason=PAUSED)
         command, go = self._behaviour.step(now)
         self._go(now, go)
+        if self._behaviour.gaze.on_side:
+            command = context.estimate.cut.limit(now, command)
         passed = context.guard.limit(self._explained(command))
         if isinstance(passed, Command):
             return passed
@@ -151,6 +157,8 @@ class Pilot:
             context.since,
             context.look.settled,
         )
+        if self._behaviour.gaze.on_side and context.sight.view is not None:
+            context.estimate.cut.take_picture(context.sight.stamp, context.sight.view)
 
     def _explained(self, command: Command) -> Command:
         return command if command.reason else replace(command, reason=self.reason)

@@ -72,6 +72,8 @@ class Strip:
     """How far beyond its expected beginning crop is looked for that is not in view; 0: not."""
     teaches = True
     """Whether driving along it shows the steering's bias."""
+    unseen_end_m = 0.0
+    """Before its last tip, over which it is too narrow to be seen."""
     back_m = 0.0
     """From the beginning of the crop back to the boundary or a keep-out."""
 
@@ -106,6 +108,10 @@ class Strip:
     def overrun(self) -> bool:
         """Whether the blade has passed the field's boundary, whatever vision says."""
         return False
+
+    def left_m(self) -> float:
+        """What the plan still has of it before the blade; 0 where it has nothing."""
+        return 0.0
 
     def to_blind_end_m(self) -> float:
         """From where the blade will stop to where the strip ends before a keep-out; inf: it does
@@ -189,6 +195,7 @@ class PlannedStrip(Strip):
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self.back_m = side.back_m
+        self.unseen_end_m = side.end_seen_m
         self._anchored: Motion | None = None
         self._turned_from: tuple[float, float] | None = None
 
@@ -212,6 +219,9 @@ class PlannedStrip(Strip):
         doubt = 2 * self.estimate.odometry.scale_sigma
         early = LAST_EARLY_M if self.last else EARLY_M + 2 * self.side.end_seen_m
         return self.along_m(motion) > max(0.0, (1 - doubt) * self.side.length_m - early)
+
+    def left_m(self) -> float:
+        return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))
 
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma

@@ -1,0 +1,125 @@
+"""The blade turns only in crop that goes on from what it is cutting.
+
+Pictures say where crop ends before the blade; the way driven since then is counted by whichever of
+hall sensor and drive duty says more, so that neither alone can hide it. Clear ground that is longer
+than a patch may be a gap, whatever plan and odometer say: the machine stands, looks once more
+without the blade's dust, and goes no farther unless crop stands right at the blade.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import Final
+
+from host.core.messages import Command, Request, Telemetry
+from host.core.vehicle import Vehicle
+from host.vision.view import CropView
+
+PATCH_M: Final = 0.6
+"""Clear ground that the blade may cross inside a field. The narrowest gap that is harvested beside
+is 1.2 m wide; of it braking takes 0.3 m."""
+CONFIDENT: Final = 0.5
+AT_BLADE_M: Final = 0.15
+"""Crop nearer than this is at the blade."""
+CLEAR_M: Final = 0.3
+"""Crop farther than this is not what the blade is cutting."""
+DUTY_SHARES: Final = (0.5, 0.85)
+"""Of the speed that a drive duty gives on level stubble: what it gives up a slope of 5 degrees, and
+in crop."""
+DOUBTED: Final = 1.25
+"""Times what the wheels' sensor counts: more is not laid to lost pulses, on the duty's word alone,
+as long as a slope may explain it."""
+SETTLE_S: Final = 2.0
+"""After the machine was told to stand, until its blade's dust has settled;"""
+LOOK_S: Final = 3.5
+"""and until that look is over."""
+HISTORY_S: Final = 2.0
+
+
+class CutGuard:
+    """Fed with all telemetry and with the pictures taken along a side."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._way_m = 0.0
+        self._stamp = -math.inf
+        self._past: deque[tuple[float, float]] = deque()
+        """(stamp, way) of late, for pictures that come late."""
+        self._slack_m = 0.0
+        self._cutting = False
+        """Whether a picture has shown this side's crop at the blade."""
+        self._clear_from_m: float | None = None
+        self._held_since: float | None = None
+        self._crop_at_look = False
+        self.refused = False
+        """Whether what lies beyond clear ground must not be cut: a person is needed."""
+
+    @property
+    def clear_m(self) -> float:
+        """How far the blade has come over clear ground, at most."""
+        return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
+
+    def begin(self, slack_m: float = 0.0) -> None:
+        """A side. Its last tip, over `slack_m`, is too narrow to be seen."""
+        self._slack_m = slack_m
+        self._cutting = False
+        self._clear_from_m = self._held_since = None
+
+    def take_telemetry(self, telemetry: Telemetry) -> None:
+        """Moves on."""
+        dt = telemetry.stamp - self._stamp
+        if dt <= 0:
+            return
+        self._stamp = telemetry.stamp
+        if not math.isfinite(dt):
+            return
+        self._way_m += self._speed(telemetry) * dt
+        self._past.append((telemetry.stamp, self._way_m))
+        while self._past[0][0] < telemetry.stamp - HISTORY_S:
+            self._past.popleft()
+
+    def _speed(self, telemetry: Telemetry) -> float:
+        """The most that it may be going, signed."""
+        duty = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
+        counted = telemetry.speed_mps
+        low, high = (share * abs(duty) for share in DUTY_SHARES)
+        if counted is None:
+            return math.copysign(high, duty)
+        most = max(abs(counted), min(high, max(low, DOUBTED * abs(counted))))
+        return math.copysign(most, duty if duty != 0.0 else counted)
+
+    def take_picture(self, stamp: float, view: CropView) -> None:
+        """One along the side, taken at `stamp`."""
+        if view.ahead_confidence < CONFIDENT or not view.usable:
+            return
+        then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
+        looks = self._held_since is not None and stamp > self._held_since + SETTLE_S
+        if view.crop_ahead_m < AT_BLADE_M:
+            self._crop_at_look = self._crop_at_look or looks
+            patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
+            if patch and self._held_since is None:
+                self._cutting, self._clear_from_m = True, None
+        elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
+            self._clear_from_m = then_m
+
+    @property
+    def _allowed_m(self) -> float:
+        return PATCH_M + self._slack_m
+
+    def limit(self, now: float, command: Command) -> Command:
+        """The command as it may be carried out."""
+        forward = command.request is Request.DRIVE and command.speed_mps > 0.0
+        if self._held_since is None:
+            if not forward or self.clear_m < self._allowed_m:
+                return command
+            self._held_since, self._crop_at_look = now, False
+        if not forward:
+            return command
+        if now - self._held_since > LOOK_S:
+            if self._crop_at_look:
+                self._held_since = self._clear_from_m = None
+                return command
+            self.refused = True
+        return replace(command, speed_mps=0.0, blade=False)

@@ -1,0 +1,82 @@
+"""Whether the wheels' sensor counts what the machine drives: against the drive duty, which tells a
+gross error within seconds, and against the receiver's speed, which tells a small one on a side."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from typing import Final
+
+from host.core.messages import Fix, Telemetry
+from host.core.vehicle import Vehicle
+
+STEADY_S: Final = 1.0
+"""With the drive on, until the speed is no longer the start's."""
+GROSS: Final = (0.28, 2.2)
+"""The sensor's speed over the duty's: less or more is no slope, crop or battery. Up a slope of 5
+degrees it is 0.4."""
+GROSS_S: Final = 1.2
+MOVING_MPS: Final = 0.2
+STRAIGHT_RAD: Final = math.radians(10)
+RECEIVER_S: Final = 3.0
+"""With the drive on, until the receiver's own filter shows the speed of now."""
+MOST_FIXES: Final = 30
+OFF: Final = ((10, 0.12), (4, 0.35))
+"""Share by which sensor and receiver may differ on the mean of so many fixes: what commissioning
+leaves, wheel slip, and a receiver that smooths."""
+SIGNIFICANT: Final = 4.0
+"""Standard errors of the mean."""
+
+
+class SpeedWatch:
+    """Fed with all telemetry and all fixes; without a sensor it says nothing."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._stamp = -math.inf
+        self._driven_s = 0.0
+        self._gross_s = 0.0
+        self._ratio = 1.0
+        self._speeds: deque[float] = deque(maxlen=MOST_FIXES)
+        """Of the sensor over the receiver."""
+
+    def take_telemetry(self, telemetry: Telemetry) -> None:
+        """Compares sensor and duty."""
+        dt = telemetry.stamp - self._stamp
+        self._stamp = telemetry.stamp
+        if not 0 < dt < 1.0 or telemetry.speed_mps is None:
+            return
+        duty = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
+        self._driven_s = self._driven_s + dt if abs(duty) > MOVING_MPS else 0.0
+        if self._driven_s < STEADY_S:
+            self._gross_s = 0.0
+            return
+        self._ratio = abs(telemetry.speed_mps / duty)
+        low, high = GROSS
+        self._gross_s = 0.0 if low < self._ratio < high else self._gross_s + dt
+
+    def take_fix(self, fix: Fix, telemetry: Telemetry) -> None:
+        """Compares sensor and receiver, while the machine drives straight."""
+        counted = telemetry.speed_mps
+        if counted is None or fix.speed_mps is None or fix.quality == 0:
+            return
+        straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
+        if self._driven_s > RECEIVER_S and counted > MOVING_MPS and straight:
+            self._speeds.append(counted / max(fix.speed_mps, 0.1))
+
+    @property
+    def wrong(self) -> str:
+        """What is wrong with the sensor, in words; empty where nothing is known to be."""
+        if self._gross_s > GROSS_S:
+            return (
+                f"the wheels' sensor says {self._ratio:.2f} of the speed that the drive duty gives"
+            )
+        off = next((share for count, share in OFF if len(self._speeds) >= count), math.inf)
+        if math.isinf(off):
+            return ""
+        mean = statistics.fmean(self._speeds)
+        error = statistics.stdev(self._speeds) / math.sqrt(len(self._speeds))
+        if abs(mean - 1.0) > max(off, SIGNIFICANT * error):
+            return f"the wheels' sensor says {mean:.2f} of the receiver's speed"
+        return ""

@@ -1,0 +1,126 @@
+"""Facts about the cut guard: the blade crosses a patch, and never a gap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from host.core.messages import Command, Request, State, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.cut_guard import LOOK_S, PATCH_M, CutGuard
+from host.vision.view import CropView
+
+STEP_S = 0.05
+V = Vehicle()
+GO = Command(Request.DRIVE, 0.0, 0.5, True)
+
+
+def duty_for(speed_mps: float) -> int:
+    return next(d for d in range(256) if V.duty_speed(d, 12.0) >= speed_mps)
+
+
+class Drive:
+    """A machine that does as it is told before crop of which `crop_ahead` tells by its place."""
+
+    def __init__(
+        self, crop_ahead: Callable[[float], float], *, hall: float = 1.0, sure: bool = True
+    ) -> None:
+        self.guard = CutGuard(V)
+        self.guard.begin()
+        self.crop_ahead, self.hall, self.sure = crop_ahead, hall, sure
+        self.t = self.x = 0.0
+        self.bladed_to = 0.0
+        self.last = GO
+
+    def run(self, seconds: float, command: Command = GO) -> Command:
+        for _ in range(round(seconds / STEP_S)):
+            passed = self.guard.limit(self.t, command)
+            self.last = passed
+            self.t += STEP_S
+            self.x += passed.speed_mps * STEP_S
+            if passed.blade and passed.speed_mps > 0:
+                self.bladed_to = self.x
+            duty = duty_for(abs(passed.speed_mps)) if passed.speed_mps else 0
+            duty = -duty if passed.speed_mps < 0 else duty
+            counted = self.hall * passed.speed_mps
+            telemetry = Telemetry(
+                self.t, State.RUNNING, 0, 0.0, 0.0, 0, duty, passed.blade, counted, 0.0, 12.0, 0, 0
+            )
+            self.guard.take_telemetry(telemetry)
+            ahead = self.crop_ahead(self.x)
+            view = CropView(0.9, crop_ahead_m=ahead, ahead_confidence=0.9 if self.sure else 0.2)
+            self.guard.take_picture(self.t, view)
+        return self.last
+
+
+def field(*ends: tuple[float, float]) -> Callable[[float], float]:
+    """Crop from the first to the second of each pair; how far the next begins before the blade."""
+
+    def ahead(x: float) -> float:
+        return min((max(0.0, a - x) for a, b in ends if x < b), default=math.inf)
+
+    return ahead
+
+
+def test_crop_is_cut_and_a_patch_is_crossed() -> None:
+    drive = Drive(field((0.2, 3.0), (3.5, 8.0)))
+    assert drive.run(12.0) == GO
+    assert drive.x > 5.5
+
+
+@pytest.mark.parametrize("gap_m", [1.2, 1.5, 2.0, 2.5])
+@pytest.mark.parametrize("hall", [1.0, 0.7, 0.5])
+def test_a_gap_is_never_crossed_whatever_the_wheels_count(gap_m: float, hall: float) -> None:
+    drive = Drive(field((0.2, 3.0), (3.0 + gap_m, 8.0)), hall=hall)
+    last = drive.run(20.0)
+    assert drive.guard.refused
+    assert (last.speed_mps, last.blade) == (0.0, False)
+    assert drive.bladed_to < 3.0 + gap_m - 0.1
+
+
+def test_a_dead_sensor_does_not_carry_the_blade_over_a_gap() -> None:
+    drive = Drive(field((0.2, 3.0), (5.0, 8.0)), hall=0.0)
+    drive.run(20.0)
+    assert drive.guard.refused
+    assert drive.bladed_to < 4.7
+
+
+def test_what_seemed_clear_in_dust_and_is_crop_after_a_look_is_cut() -> None:
+    crop = field((0.2, 9.0))
+    drive = Drive(lambda x: math.inf if x > 2.0 and drive.last.speed_mps > 0 else crop(x))
+    drive.run(5.5)
+    assert drive.last.speed_mps == 0.0
+    assert 2.0 + PATCH_M < drive.x < 2.0 + PATCH_M + 0.2
+    drive.crop_ahead = crop
+    assert drive.run(LOOK_S + 2.0) == GO
+    assert not drive.guard.refused
+
+
+def test_unsure_pictures_neither_end_nor_begin_anything() -> None:
+    drive = Drive(field((0.2, 3.0)), sure=False)
+    assert drive.run(12.0) == GO
+
+
+def test_it_may_always_back_off_and_the_next_side_begins_anew() -> None:
+    drive = Drive(field((0.2, 3.0)))
+    drive.run(20.0)
+    back = Command(Request.DRIVE, 0.0, -0.3, False)
+    assert drive.run(0.5, back) == back
+    drive.guard.begin()
+    drive.crop_ahead = field((0.0, 100.0))
+    assert drive.run(1.0) == GO
+
+
+def test_a_slanting_end_is_allowed_its_tip() -> None:
+    drive = Drive(field((0.2, 3.0)))
+    drive.guard.begin(slack_m=0.5)
+    drive.run(20.0)
+    assert drive.x == pytest.approx(3.0 + PATCH_M + 0.5, abs=0.1)
+
+
+def test_before_its_crop_a_side_has_no_clear_ground_to_count() -> None:
+    drive = Drive(field((2.5, 5.0)))
+    assert drive.run(6.0) == GO
+    assert drive.x > 2.8

@@ -1,0 +1,71 @@
+"""Facts about the speed watch: it names a wheels' sensor that lies, and no honest one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from host.core.messages import Fix, State, Telemetry
+from host.core.vehicle import Vehicle
+from host.estimate.speed_watch import SpeedWatch
+
+V = Vehicle()
+STEP_S = 0.05
+
+
+def watched(
+    counts: float,
+    *,
+    seconds: float = 30.0,
+    duty_share: float = 1.0,
+    receiver: bool = True,
+    fitted: bool = True,
+    angle_rad: float = 0.0,
+    seed: int = 1,
+) -> tuple[str, float]:
+    """What the watch says of a sensor that counts this share of a true 0.5 m/s, and when."""
+    watch, rng = SpeedWatch(V), np.random.default_rng(seed)
+    duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= 0.5 / duty_share)
+    for k in range(1, round(seconds / STEP_S)):
+        t = k * STEP_S
+        speed = counts * 0.5 if fitted else None
+        told = Telemetry(t, State.RUNNING, 0, 0.0, angle_rad, 0, duty, True, speed, 0.0, 12.0, 0, 0)
+        watch.take_telemetry(told)
+        if receiver and k % 20 == 0:
+            doppler = abs(0.5 + rng.normal(0, 0.06))
+            watch.take_fix(Fix(t, 31.5, 74.3, 1, 0.8, 9, round(doppler, 2), 0.0), told)
+        if watch.wrong:
+            return watch.wrong, t
+    return "", seconds
+
+
+@pytest.mark.parametrize("duty_share", [0.5, 0.75, 1.0, 1.2])
+@pytest.mark.parametrize("counts", [0.97, 1.0, 1.03])
+def test_an_honest_sensor_is_believed_on_slopes_and_in_crop(
+    counts: float, duty_share: float
+) -> None:
+    for seed in range(5):
+        assert watched(counts, duty_share=duty_share, seed=seed)[0] == ""
+
+
+def test_three_of_four_pulses_are_missed_within_seconds_without_a_receiver() -> None:
+    why, at = watched(0.25, receiver=False)
+    assert "of the speed that the drive duty gives" in why
+    assert at < 3.0
+
+
+def test_half_of_the_pulses_are_missed_by_the_receiver_s_fourth_speed() -> None:
+    assert watched(0.5)[1] < 9.0
+
+
+@pytest.mark.parametrize("counts", [0.7, 0.8, 1.4])
+def test_what_is_less_is_seen_by_the_receiver(counts: float) -> None:
+    why, at = watched(counts)
+    assert why.endswith("of the receiver's speed")
+    assert float(why.split()[-5]) == pytest.approx(counts, rel=0.1)
+    assert at < 30.0
+
+
+def test_without_a_sensor_or_in_a_curve_nothing_is_said() -> None:
+    assert watched(0.3, fitted=False)[0] == ""
+    assert watched(0.8, angle_rad=0.6)[0] == ""
