@@ -225,14 +225,27 @@ def test_the_boundary_stops_it_where_vision_does_not() -> None:
     assert world.y + VEHICLE.blade_x_m < 12.0
 
 
-def test_a_bare_patch_does_not_end_a_side() -> None:
+def over_clear_ground(length_m: float) -> tuple[SimpleWorld, Pilot]:
+    """A drive along a side in whose middle nothing stands."""
     world = SimpleWorld(VEHICLE)
     pilot = pilot_for(world)
     row = round((4.0 + world.margin) / 0.025)
-    world.crop[row : row + round(1.5 / 0.025), :] = False
+    world.crop[row : row + round(length_m / 0.025), :] = False
     drive(world, pilot, 18.0)
+    return world, pilot
+
+
+def test_a_bare_patch_does_not_end_a_side() -> None:
+    world, pilot = over_clear_ground(0.5)
     assert pilot.turns == 0
     assert world.y + VEHICLE.blade_x_m > 6.0
+
+
+def test_crop_behind_clear_ground_as_wide_as_a_gap_is_left_to_a_person() -> None:
+    world, pilot = over_clear_ground(1.5)
+    assert pilot.phase is Phase.FAULT
+    assert pilot.reason.startswith("clear ground for")
+    assert world.y + VEHICLE.blade_x_m < 5.3
 
 
 def test_steering_in_the_papers_literal_sense_diverges() -> None:
