@@ -11,8 +11,40 @@ from rich.table import Table
 
 from host.core.terminal import PlainConsole
 from host.vision.photo import benchmark
-from host.vision.photo.comparison import compare, data_folder, overlay
+from host.vision.photo.comparison import Comparison, compare, data_folder, overlay
 from host.vision.photo.score import labelled_set
+
+
+def photographs(data: Path | None) -> list[benchmark.Photo]:
+    """Of a labelled folder; None: the development data's. UserError where there are none."""
+    folder = data or data_folder() / "wheat-edge"
+    if not (folder / "manifest.csv").exists() and (folder / "wheat-edge").is_dir():
+        folder = folder / "wheat-edge"
+    return [benchmark.Photo(item, item.picture(), item.standing()) for item in labelled_set(folder)]
+
+
+def _sure_table(found: Comparison) -> Table:
+    table = Table("sure from", title="How often sure, and sure and wrong, scene-wise held out")
+    for name in ("photographs: sure", "and wrong", "disturbed: sure", "and wrong"):
+        table.add_column(name, justify="right")
+    for row in found.curve:
+        least, *shares = row.values()
+        table.add_row(f"{least:.1f}", *(f"{100 * share:.1f} %" for share in shares))
+    return table
+
+
+def _disturbed_table(found: Comparison) -> Table:
+    table = Table("picture", title="Robust mode, disturbed")
+    for name in ("mIoU", "lateral %", "within 5 %", "sure", "sure and wrong"):
+        table.add_column(name, justify="right")
+    for name, f in found.disturbed.items():
+        table.add_row(
+            name,
+            f"{f['miou_mean']:.3f}",
+            f"{100 * f['lateral_median']:.2f}",
+            *(f"{100 * f[k]:.1f} %" for k in ("within_5pct", "confident", "confident_wrong")),
+        )
+    return table
 
 
 @click.command()
@@ -29,12 +61,7 @@ from host.vision.photo.score import labelled_set
 def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     """Scores both modes and two baselines on labelled photographs; writes summary.json, the folds
     and overlays of the worst pictures."""
-    folder = data or data_folder() / "wheat-edge"
-    if not (folder / "manifest.csv").exists() and (folder / "wheat-edge").is_dir():
-        folder = folder / "wheat-edge"
-    photos = [
-        benchmark.Photo(item, item.picture(), item.standing()) for item in labelled_set(folder)
-    ]
+    photos = photographs(data)
     out.mkdir(parents=True, exist_ok=True)
     found = compare(photos)
     table = Table(
@@ -63,7 +90,16 @@ def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     for name, ms in found.stages_ms.items():
         times.add_row(name, f"{ms:.2f}")
     console.print(times)
-    record = {**found.figures, "stages_ms": found.stages_ms, "folds": found.folds}
+    console.print(_sure_table(found))
+    console.print(_disturbed_table(found))
+    record = {
+        "curve": found.curve,
+        "reliability": found.reliability,
+        "disturbed": found.disturbed,
+        **found.figures,
+        "stages_ms": found.stages_ms,
+        "folds": found.folds,
+    }
     (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     by_error = sorted(zip(photos, found.robust, strict=True), key=lambda pair: pair[1].miou)
     for rank, (photo, result) in enumerate(by_error[:worst], start=1):

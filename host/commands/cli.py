@@ -128,6 +128,10 @@ daranti.add_command(
     LazyGroup(
         "tune",
         {
+            "confidence": (
+                "host.commands.tune_confidence:tune_confidence",
+                "Learn from labelled photographs how far edges can be trusted.",
+            ),
             "pid": (
                 "host.commands.tune_pid:pid",
                 "The steering loop, from the identified actuator.",

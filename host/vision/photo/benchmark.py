@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.vision.mounted.paper import Chain, PaperParams, PaperPhoto
+from host.vision.photo.confidence import Weights
 from host.vision.photo.curve import follow
 from host.vision.photo.detector import (
     CELL_PX,
@@ -20,6 +21,7 @@ from host.vision.photo.detector import (
     SEARCH_SIGMA,
     SIGMAS,
     RobustPhoto,
+    trace,
 )
 from host.vision.photo.score import (
     Labelled,
@@ -103,12 +105,17 @@ def summary(results: list[Result], ms: float) -> dict[str, float]:
     }
 
 
-def cross_validated(photos: list[Photo]) -> tuple[list[Result], dict[str, object]]:
-    """Robust mode; the strip's two numbers are chosen for each scene on all other scenes."""
+def cross_validated(
+    photos: list[Photo], weights: Mapping[str, Weights]
+) -> tuple[list[Result], dict[str, object]]:
+    """Robust mode; the strip's two numbers are chosen for each scene on all other scenes.
+    `weights`: of each scene's confidence, learnt on the other scenes."""
     grid = [Search(share, gain) for share, gain in itertools.product(STRIPS, GAINS)]
-    table = [
-        [judge(p, RobustPhoto(p.item.side, search).see(p.bgr)) for search in grid] for p in photos
-    ]
+
+    def seen(p: Photo, search: Search) -> Result:
+        return judge(p, RobustPhoto(p.item.side, search, weights[p.item.scene]).see(p.bgr))
+
+    table = [[seen(p, search) for search in grid] for p in photos]
     scores = np.array([[r.miou for r in row] for row in table])
     scenes = np.array([p.item.scene for p in photos])
     results: list[Result | None] = [None] * len(photos)
@@ -219,6 +226,13 @@ def stage_times(photos: list[Photo]) -> dict[str, float]:
     def searched(p: Photo) -> None:
         best_line(whiten(combine(pooled(cells(p), SEARCH_SIGMA), with_light=False)), side(p))
 
+    def doubted(p: Photo) -> None:
+        found = trace(p.bgr, side(p), Search())
+        found.quantities(side(p))
+
+    def traced(p: Photo) -> None:
+        trace(p.bgr, side(p), Search())
+
     def followed(p: Photo) -> None:
         bgr = reduced(p.bgr, EDGE_PX)
         follow(bgr, Line(0.0, bgr.shape[1] / 2))
@@ -240,5 +254,6 @@ def stage_times(photos: list[Photo]) -> dict[str, float]:
         "robust: colour and texture": base,
         "robust: whitening and line": timed(searched) - base,
         "robust: curve": timed(followed),
+        "robust: confidence": timed(doubted) - timed(traced),
         "paper: SY, TSY, VTSY": timed(chained),
     }

@@ -55,11 +55,14 @@ class Curve:
     and the curve is the line."""
     strayed_px: float
     """Mean distance of the curve from the line."""
+    passes_px: float = 0.0
+    """Mean distance between the curves of the last passes."""
 
     def scaled(self, factor: float) -> Curve:
         """The same curve in a picture that is larger by `factor`."""
         line = self.line.scaled(factor)
-        return Curve(self.points * factor, line, self.apart, self.strayed_px * factor)
+        strayed, passes = self.strayed_px * factor, self.passes_px * factor
+        return Curve(self.points * factor, line, self.apart, strayed, passes)
 
     def standing(self, size: tuple[int, int]) -> NDArray[np.bool_]:
         """Mask (height, width) of standing crop for a picture of size (width, height)."""
@@ -203,4 +206,5 @@ def follow(bgr: Picture, line: Line) -> Curve:
         [foot_u + aside * cos - along * sin, foot_v + aside * sin + along * cos]
     )
     apart = kinds.discriminant().apart if kinds else 0.0
-    return Curve(points, line, apart, float(np.abs(aside).mean()))
+    passes = float(np.abs(found[-1] - found[-2]).mean()) if len(found) > 1 else 0.0
+    return Curve(points, line, apart, float(np.abs(aside).mean()), passes)

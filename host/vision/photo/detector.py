@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import cv2
@@ -9,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.vision.mounted.paper import PaperParams, PaperPhoto
+from host.vision.photo import confidence
 from host.vision.photo.curve import Curve, follow
+from host.vision.photo.fisher import Features
 from host.vision.photo.score import edge_of
 from host.vision.photo.split import Line, Search, Side, best_line, whiten
 from host.vision.photo.texture import Means, combine, measure, pooled, reduced
@@ -29,6 +32,8 @@ LEAST_GRAIN = 0.8
 """Mean fine texture, of 255."""
 LEAST_YELLOW = 3.0
 """Of Lab's b above neutral."""
+LEAST_RIPE = 0.5
+"""Of the picture."""
 
 
 class PhotoDetector(Protocol):
@@ -37,58 +42,82 @@ class PhotoDetector(Protocol):
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView: ...
 
 
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """An edge, and what it was found in."""
+
+    cells: Means
+    features: Features
+    """(h, w, 10) of `texture.combine`, pooled."""
+    curve: Curve
+    size: tuple[int, int]
+    """Width and height of the picture whose pixels the curve is in."""
+
+    def quantities(self, side: Side) -> NDArray[np.float64]:
+        """What speaks for and against the edge (`confidence.quantities`)."""
+        return confidence.quantities(self.features, self.curve, side, self.size)
+
+
+def trace(bgr: Picture, side: Side, search: Search) -> Trace:
+    """The line that divides a picture best, and the curve beside it."""
+    sharp = reduced(bgr, EDGE_PX)
+    cells = measure(reduced(sharp, SEARCH_PX), (CELL_PX, CELL_PX), SIGMAS)
+    features = combine(pooled(cells, SEARCH_SIGMA), with_light=True)
+    found = whiten(np.ascontiguousarray(features[..., : confidence.WITHOUT_LIGHT]))
+    line = best_line(found, side, search)
+    height, width = sharp.shape[:2]
+    curve = follow(sharp, line.scaled(width / found.shape[1]))
+    return Trace(cells, features, curve, (width, height))
+
+
 class RobustPhoto:
     """The line that divides colour and texture best, and the curve beside it."""
 
-    def __init__(self, side: Side, search: Search | None = None) -> None:
+    def __init__(
+        self, side: Side, search: Search | None = None, weights: confidence.Weights | None = None
+    ) -> None:
+        """`weights`: of the confidence, instead of those that the package has."""
         self.side = side
         self.search = search or Search()
+        self._weights = weights
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         """`bgr` (height, width, 3)."""
         h, w = bgr.shape[:2]
         if min(h, w) < LEAST_PX:
             return CropView(0.0, reason=f"smaller than {LEAST_PX} pixels")
-        sharp = reduced(bgr, EDGE_PX)
-        small = reduced(sharp, SEARCH_PX)
-        cells = measure(small, (CELL_PX, CELL_PX), SIGMAS)
-        found = whiten(combine(pooled(cells, SEARCH_SIGMA), with_light=False))
-        line = best_line(found, self.side, self.search)
-        curve = follow(sharp, line.scaled(sharp.shape[1] / found.shape[1]))
-        standing = curve.scaled(w / sharp.shape[1]).standing((w, h))
+        found = trace(bgr, self.side, self.search)
+        curve = found.curve.scaled(w / found.size[0])
+        standing = curve.standing((w, h))
         edge = edge_of(standing, self.side)
-        confidence, reason = judge(cells, curve, min(sharp.shape[:2]))
+        value, reason = self._judged(found)
         return CropView(
-            confidence,
+            value,
             e_outer_px=float(edge[-1, 0]) if len(edge) else NAN,
             standing=standing,
             edge_px=edge,
             reason=reason,
-            stages=_pictures(bgr, line.scaled(w / found.shape[1]), standing) if stages else {},
+            stages=_pictures(bgr, curve.line, standing) if stages else {},
         )
 
+    def _judged(self, found: Trace) -> tuple[float, str]:
+        """Confidence 0..1 and, where it is low, why."""
+        refused = unlike_a_field(found.cells)
+        if refused:
+            return 0.0, refused
+        weights = self._weights or confidence.weights()
+        value, reason = weights.judged(found.quantities(self.side))
+        return value, "" if value >= 0.5 else reason
 
-def judge(cells: Means, curve: Curve, shorter_px: int) -> tuple[float, str]:
-    """Confidence 0..1 and, where it is low, why.
 
-    A line is doubted when it explains little, when the two kinds beside it hardly differ, and when
-    the curve found little to hold on to and strayed; a picture when it shows no grain at all or not
-    the colours of ripe cereals and their stubble."""
-    grain = float(cells[..., 5].mean())
-    if grain < LEAST_GRAIN:
-        return 0.0, "the picture shows no texture: dark, glaring or a covered lens"
+def unlike_a_field(cells: Means) -> str:
+    """Why a picture shows no ripe field, in words; "" where it may. The photographs that confidence
+    was learnt from hold none of these."""
+    if float(cells[..., 5].mean()) < LEAST_GRAIN:
+        return "the picture shows no texture: dark, glaring or a covered lens"
     yellow, red = cells[..., 2] - 128, cells[..., 1] - 128
-    ripe = float(np.mean((yellow > LEAST_YELLOW) & (red > -0.4 * yellow) & (red < 1.2 * yellow)))
-    strayed = curve.strayed_px / shorter_px
-    doubts = {
-        "the best line divides hardly anything": 2.0 * (curve.line.explained - 0.2),
-        "the two sides of the best line hardly differ": curve.apart / 3.0,
-        "the edge does not follow any line": 1.35 - 55.0 * strayed / max(curve.apart, 1.0),
-        "not the colours of ripe cereals": 5.0 * (ripe - 0.4),
-    }
-    reason = min(doubts, key=lambda k: doubts[k])
-    value = max(0.0, min(0.95, doubts[reason]))
-    return value, "" if value >= 0.5 else reason
+    ripe = np.mean((yellow > LEAST_YELLOW) & (red > -0.4 * yellow) & (red < 1.2 * yellow))
+    return "" if ripe >= LEAST_RIPE else "not the colours of ripe cereals"
 
 
 def _pictures(bgr: Picture, line: Line, standing: NDArray[np.bool_]) -> dict[str, Picture]:

@@ -212,6 +212,26 @@ def _divisions(
     return best(two, np.zeros_like(strip)), best(three, strip)
 
 
+def divided(features: Features, side: Side) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Angles (n,) of the coarse fan, and (n, bins) the variance that a division at each bin's lower
+    border explains (`beyond`), of whitened (h, w, m) features."""
+    h, w, _ = features.shape
+    angles = _fan(side, 5.0)
+    shape = (len(angles), math.ceil(math.hypot(h, w)) + 2)
+    two, three, strip = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int32)
+    _explained(features, angles, 0, Search().least_share, two, three, strip)
+    return angles, two
+
+
+def beyond(angle_rad: float, border: int, bins: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Mask (h, w) of the cells that lie on the crop's side of a border of `divided`."""
+    h, w = shape
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    middle = 0.5 * bins - c * 0.5 * (w - 1) - s * 0.5 * (h - 1)
+    along = c * np.arange(w) + s * np.arange(h)[:, None] + middle
+    return np.asarray(along.astype(np.int32) + 1 > border)
+
+
 def _around(line: Line) -> NDArray[np.float32]:
     fan = line.angle_rad + np.radians(np.arange(-4.0, 4.1, 1.0))
     return np.asarray(fan, np.float32)
