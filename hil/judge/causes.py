@@ -63,6 +63,25 @@ def circumstances(scenario: Scenario) -> dict[str, float | str | bool]:
         "gnss_cep_m": scenario.gnss.cep_m,
         "start_lateral_error_m": abs(scenario.start.lateral_error_m),
         "start_heading_error_deg": abs(scenario.start.heading_error_deg),
+        **_mistaken(scenario),
+    }
+
+
+def _mistaken(scenario: Scenario) -> dict[str, float | str | bool]:
+    """How far the host's knowledge is from the world; sizes, and where it counts the side."""
+    world, told = scenario.world, scenario.told
+    lens, mount = world.lens, told.mount
+    true, believed = shapely.Polygon(world.corners), shapely.Polygon(told.boundary)
+    return {
+        "believed_yaw_deg": round(mount.yaw_deg - lens.yaw_deg, 3),
+        "believed_pitch_deg": round(mount.pitch_deg - lens.pitch_deg, 3),
+        "believed_roll_deg": round(mount.roll_deg - lens.roll_deg, 3),
+        "believed_focal": round(mount.focal / lens.focal_px - 1.0, 4),
+        "boundary_wrong_m": round(float(true.hausdorff_distance(believed)), 3),
+        "boundary_area_wrong": round(float(believed.area / true.area) - 1.0, 4),
+        "corners_miscounted": len(told.boundary) != len(world.corners),
+        "believed_gap_m": round(told.gap_m - world.field.gap_m, 3),
+        "believed_delay_s": round(told.vehicle.camera_delay_s - lens.delay_s, 3),
     }
 
 
