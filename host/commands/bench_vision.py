@@ -6,13 +6,13 @@ import json
 from pathlib import Path
 
 import click
-import cv2
 from rich.table import Table
 
 from host.core.terminal import PlainConsole
 from host.vision.photo import benchmark
 from host.vision.photo.comparison import Comparison, compare, data_folder, overlay
 from host.vision.photo.score import labelled_set
+from host.vision.pictures import write_picture
 
 
 def photographs(data: Path | None) -> list[benchmark.Photo]:
@@ -104,5 +104,5 @@ def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     by_error = sorted(zip(photos, found.robust, strict=True), key=lambda pair: pair[1].miou)
     for rank, (photo, result) in enumerate(by_error[:worst], start=1):
         name = f"worst-{rank:02d}-{photo.item.name}-{result.miou:.2f}.png"
-        cv2.imwrite(str(out / name), overlay(photo, result))
+        write_picture(out / name, overlay(photo, result))
     console.print(f"{out}/summary.json, {min(worst, len(photos))} overlays of the worst")

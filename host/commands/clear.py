@@ -13,6 +13,7 @@ from host.link.session import Link, connect
 
 SETTLE_S = 0.3
 """A fault whose cause is still there is back by then."""
+SILENT_S = 3.0
 
 
 @click.command()
@@ -33,8 +34,11 @@ def clear(port: str) -> None:
 
 def _faults(link: Link) -> list[str]:
     """In words, after what a moment's telemetry says."""
-    until = link.clock() + SETTLE_S
-    while (left := until - link.clock()) > 0:
-        link.poll(left)
+    begun = link.clock()
+    heard = False
+    while (waited := link.clock() - begun) < SETTLE_S or not heard:
+        if waited > SILENT_S:
+            raise FaultError(f"{link.port}: the firmware sends no telemetry; reset the board")
+        heard = bool(link.poll(SETTLE_S)) or heard
     telemetry = link.session.telemetry
     return protocol.fault_texts(protocol.Fault(telemetry.faults)) if telemetry else []

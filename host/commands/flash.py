@@ -8,9 +8,8 @@ from pathlib import Path
 import click
 
 from host.commands.cli import port_option
-from host.core.errors import UserError
 from host.core.terminal import echo
-from host.link.flash import check_port, find_image, write_image
+from host.link.flash import check_image, check_port, find_image, write_image
 from host.link.session import Link
 from host.link.words import greeting
 
@@ -24,9 +23,8 @@ def flash(port: str, build: str, image: Path | None) -> None:
 
     The parameters in the board's EEPROM stay."""
     check_port(port)
-    if image is not None and not image.is_file():
-        raise UserError(f"image {image} does not exist")
     chosen = image or find_image(build)
+    check_image(chosen)
     echo(f"writing {chosen} to {port}")
     write_image(port, chosen)
     with Link(port, time.monotonic) as link:

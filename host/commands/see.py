@@ -6,10 +6,9 @@ import time
 from pathlib import Path
 
 import click
-import cv2
 from pydantic import ValidationError
 
-from host.core.errors import UserError
+from host.core.errors import UnfinishedError, UserError
 from host.core.terminal import echo
 from host.core.vehicle import Vehicle
 from host.runs import record
@@ -19,6 +18,7 @@ from host.vision.mounted.detector import Mode, MountedDetector, make_detector
 from host.vision.mounted.paper import PaperParams
 from host.vision.photo.detector import photo_detector
 from host.vision.photo.split import SIDES, Side
+from host.vision.pictures import write_picture
 from host.vision.results import read_sides, write_result
 
 
@@ -72,7 +72,7 @@ def see(
     drives, with the record's own vehicle, mount and mode.
 
     A picture that cannot be used is named on stderr and the others are still done; the exit code is
-    then 2."""
+    then 3."""
     sides = read_sides(manifest) if manifest else {}
     out.mkdir(parents=True, exist_ok=True)
     failed = 0
@@ -103,8 +103,8 @@ def see(
             if wanted:
                 # one that follows an edge from picture to picture must see each once
                 full = view if drove else detector.see(bgr, stages=True)
-                cv2.imwrite(str(out / f"{name}.stages.png"), staged(bgr, full))
+                write_picture(out / f"{name}.stages.png", staged(bgr, full))
             text = f": {view.reason}" if view.reason else ""
             echo(f"{name}: confidence {view.confidence:.2f}, {ms:.1f} ms{text}")
     if failed:
-        raise UserError(f"{failed} of the sources could not be used, see above")
+        raise UnfinishedError(f"{failed} of the sources could not be used, see above")

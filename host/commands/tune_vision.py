@@ -8,7 +8,6 @@ import itertools
 from pathlib import Path
 
 import click
-import cv2
 from rich.table import Table
 
 from host.core.errors import UserError
@@ -18,11 +17,14 @@ from host.runs.pictures import frames
 from host.vision.figure import staged
 from host.vision.mounted.paper import PaperParams
 from host.vision.photo.split import SIDES, Side
-from host.vision.pictures import Picture
+from host.vision.pictures import Picture, write_picture
 from host.vision.results import read_sides
 from host.vision.tuning.profiles import DATABASE, Circumstance, Profiles
 from host.vision.tuning.search import tune
 from host.vision.tuning.subject import subject_of
+
+LEAST_CONTRAST = 0.1
+"""Of 1: below it a profile would be worse than none."""
 
 
 def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
@@ -93,6 +95,12 @@ def tune_vision(
         _serve(Tuner(taken, subject.eye, subject.contrast, start, db, where, _now), port)
         return
     params, reached = tune(subject.contrast, start)
+    if reached < LEAST_CONTRAST:
+        raise UserError(
+            f"no parameters tell crop from stubble on these pictures (contrast {reached:.3f}, at "
+            f"least {LEAST_CONTRAST:g} is needed); nothing was saved. Take pictures with the edge "
+            "in view, and say with --side where the crop stands"
+        )
     if save:
         with Profiles(db) as profiles:
             profiles.save(where, params, reached, now)
@@ -102,7 +110,7 @@ def tune_vision(
     for name, bgr in taken:
         for when, used in (("before", start), ("after", params)):
             view = subject.eye(name, used).see(bgr, stages=True)
-            cv2.imwrite(str(out / f"{name}.{when}.png"), staged(bgr, view))
+            write_picture(out / f"{name}.{when}.png", staged(bgr, view))
     saved = f"; saved in {db}" if save else ""
     console.print(f"{len(taken)} pictures before and after in {out}{saved}")
 

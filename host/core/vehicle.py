@@ -8,11 +8,18 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from host.core.strict import Strict
 
 Positive = Annotated[float, Field(gt=0)]
+Metres = Annotated[float, Field(gt=0, le=10)]
+Near = Annotated[float, Field(ge=-10, le=10)]
+"""Metres in the vehicle frame."""
+Speed = Annotated[float, Field(gt=0, le=3)]
+"""m/s; the firmware takes no more."""
+Angle = Annotated[float, Field(ge=-180, le=180)]
+"""Degrees."""
 
 
 class Mount(Strict):
@@ -21,16 +28,16 @@ class Mount(Strict):
     seen from behind. Pinhole intrinsics follow from width, height and hfov unless `calibrate
     camera` measured them (focal_px, centre_px, distortion k1, k2, p1, p2, k3 as in OpenCV)."""
 
-    x_m: float
-    y_m: float = 0.0
-    z_m: Positive
-    pitch_deg: float
-    yaw_deg: float = 0.0
-    roll_deg: float = 0.0
-    width_px: Annotated[int, Field(gt=0)] = 640
-    height_px: Annotated[int, Field(gt=0)] = 480
+    x_m: Near
+    y_m: Near = 0.0
+    z_m: Metres
+    pitch_deg: Annotated[float, Field(ge=-90, le=90)]
+    yaw_deg: Angle = 0.0
+    roll_deg: Angle = 0.0
+    width_px: Annotated[int, Field(ge=16, le=8192)] = 640
+    height_px: Annotated[int, Field(ge=16, le=8192)] = 480
     hfov_deg: Annotated[float, Field(gt=10, lt=150)] = 62.0
-    focal_px: float | None = None
+    focal_px: Positive | None = None
     centre_px: tuple[float, float] | None = None
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -58,33 +65,33 @@ class Vehicle(Strict):
 
     The vehicle frame's origin is on the ground below the rear axle's middle; x forward, y left."""
 
-    wheelbase_m: Positive = 1.0
+    wheelbase_m: Metres = 1.0
     steer_limit_deg: Annotated[float, Field(gt=0, lt=80)] = 50.0
-    half_width_m: Positive = 0.4
+    half_width_m: Metres = 0.4
     """Body and wheels, the blade apart."""
-    rear_overhang_m: Annotated[float, Field(ge=0)] = 0.25
+    rear_overhang_m: Annotated[float, Field(ge=0, le=10)] = 0.25
     """From the rear axle to the body's rear end."""
-    blade_width_m: Positive = 1.0
-    blade_ahead_m: float = 0.5
+    blade_width_m: Metres = 1.0
+    blade_ahead_m: Near = 0.5
     """The blade's line, ahead of the front axle."""
-    blade_height_m: Positive = 0.12
-    cutting_speed_mps: Positive = 0.5
-    manoeuvre_speed_mps: Positive = 0.3
-    follow_frequency_1pm: Positive = 1.14
+    blade_height_m: Annotated[float, Field(gt=0, le=2)] = 0.12
+    cutting_speed_mps: Speed = 0.5
+    manoeuvre_speed_mps: Speed = 0.3
+    follow_frequency_1pm: Annotated[float, Field(gt=0, le=20)] = 1.14
     """Of the steering law beside the edge, in radians a metre travelled: how briskly it returns."""
-    follow_damping: Positive = 0.92
+    follow_damping: Annotated[float, Field(gt=0, le=10)] = 0.92
     """Of the same: below 0.7 it swings."""
-    full_duty_speed_mps: Positive = 1.1
+    full_duty_speed_mps: Annotated[float, Field(gt=0, le=10)] = 1.1
     """Speed on level stubble at a drive duty of 255 and the nominal battery voltage."""
     dead_duty: Annotated[float, Field(ge=0, lt=0.5)] = 0.07
     """Share of the full duty that only just overcomes bridge and friction."""
-    nominal_battery_v: Positive = 12.0
-    hall_pulses_per_m: Annotated[float, Field(ge=0)] = 50.0
+    nominal_battery_v: Annotated[float, Field(gt=0, le=60)] = 12.0
+    hall_pulses_per_m: Annotated[float, Field(ge=0, le=500)] = 50.0
     """Of the drive wheels' hall sensor (paper, II: "the accuracy of the motors can be increased by
     using hall sensors"); 0: none fitted, the speed is a model of the duty then."""
-    drive_lag_s: Positive = 0.25
+    drive_lag_s: Annotated[float, Field(gt=0, le=10)] = 0.25
     """First-order lag from drive duty to speed."""
-    crop_height_m: Positive = 0.9
+    crop_height_m: Annotated[float, Field(gt=0, le=5)] = 0.9
     overlap_m: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
     """How far the blade's right end runs outside the crop's edge, so that no sliver stays."""
     steering_law: Literal["state", "proportional"] = "state"
@@ -95,6 +102,15 @@ class Vehicle(Strict):
     camera_delay_s: Annotated[float, Field(ge=0, lt=2)] = 0.1
     """From the shutter to the host, where a source cannot tell."""
     mounts: dict[str, Mount] = Field(default_factory=lambda: {"low": LOW, "mast": MAST})
+
+    @model_validator(mode="after")
+    def _the_blade_cuts(self) -> Vehicle:
+        if self.overlap_m > self.blade_width_m / 2:
+            raise ValueError(
+                f"overlap_m {self.overlap_m:g} is more than half of blade_width_m "
+                f"{self.blade_width_m:g}: nothing would be cut"
+            )
+        return self
 
     def duty_speed(self, duty: int, battery_v: float) -> float:
         """Steady speed (m/s) at a signed drive duty (-255..255) on level stubble."""

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from host.core.errors import UserError
 from host.core.vehicle import Mount, Vehicle
+from host.core.yaml_file import load_yaml
 
 
 def load_vehicle(path: Path | None) -> Vehicle:
@@ -16,19 +17,15 @@ def load_vehicle(path: Path | None) -> Vehicle:
     field."""
     if path is None:
         return Vehicle()
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read the vehicle file {path}: {error}") from error
-    except yaml.YAMLError as error:
-        raise UserError(f"vehicle file {path} is not YAML: {error}".replace("\n", " ")) from error
+    data = load_yaml(path, "vehicle file")
     if not isinstance(data, dict | None):
         raise UserError(f"vehicle file {path}: give fields, such as 'wheelbase_m: 1.0'")
     try:
         return Vehicle.model_validate(data or {})
     except ValidationError as error:
         problems = "; ".join(
-            f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}" for problem in error.errors()
+            f"{'.'.join(map(str, problem['loc'])) or 'the machine'}: {problem['msg']}"
+            for problem in error.errors()
         )
         raise UserError(f"vehicle file {path}: {problems}") from error
 

@@ -244,6 +244,12 @@ def _even(xy: Points) -> int:
     return max(60, math.ceil(2 * float(shapely.LinearRing(xy).length)))
 
 
+def _from(ring: Points, place: Points) -> Points:
+    """The ring begun at its corner nearest to a place: where the walk began is corner 0."""
+    nearest = int(((ring - place) ** 2).sum(1).argmin())
+    return np.roll(ring, -nearest, axis=0)
+
+
 # ---- the whole -----------------------------------------------------------------------------------
 
 
@@ -281,6 +287,7 @@ def survey_track(
     rings = [loop.xy for loop in laps]
     mean, apart = mean_ring(rings, _even(rings[0]))
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
+    outline = _from(outline, laps[0].begin)
     line = shapely.LinearRing(outline)
     away = np.concatenate([shapely.distance(line, shapely.points(ring)) for ring in rings])
     residual = float(np.sqrt((away**2).mean()))

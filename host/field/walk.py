@@ -153,6 +153,8 @@ class Loop:
     """(n, 2), counter-clockwise, not closed."""
     gap_m: float
     jumps_m: float
+    begin: Points
+    """(2,): where the walker began it."""
 
     @property
     def polygon(self) -> shapely.Geometry:
@@ -228,7 +230,7 @@ def _loop(track: Track, first: int, last: int) -> Loop:
     ccw = float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) > 0
     gap = float(math.dist(xy[0], xy[-1]))
     jumps = float(track.jumps_m[first + 1 : last + 1].sum())
-    return Loop(first, last, xy if ccw else xy[::-1], gap, jumps)
+    return Loop(first, last, xy if ccw else xy[::-1], gap, jumps, xy[0])
 
 
 def _best(found: _Candidates, ok: NDArray[np.bool_]) -> int | None:

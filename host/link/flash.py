@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import stat
 import subprocess
@@ -13,6 +14,9 @@ CHECKOUT = Path(__file__).parents[2]
 BAUD = 115200
 """Of the Uno's boot loader (optiboot)."""
 TIMEOUT_S = 120.0
+ELF_AVR = 83
+"""EM_AVR of the ELF specification."""
+ELF_HEAD = 64
 
 
 def find_avrdude() -> list[str]:
@@ -35,6 +39,23 @@ def find_image(build: str) -> Path:
         if (folder / name).is_file():
             return folder / name
     raise UserError(f"the firmware is not built ({folder} is empty): `pio run -e {build}`")
+
+
+def check_image(path: Path) -> None:
+    """Raises UserError unless the file is an image for the Uno's ATmega328P: Intel HEX, or an ELF
+    file for the AVR."""
+    try:
+        head = path.open("rb").read(ELF_HEAD)
+    except OSError as error:
+        raise UserError(f"cannot read the image {path}: {error.strerror}") from error
+    machine = int.from_bytes(head[18:20], "little")
+    elf = head.startswith(b"\x7fELF") and machine == ELF_AVR
+    hex_ = re.match(rb":[0-9A-Fa-f]{10,}\s", head) is not None
+    if not (elf if path.suffix == ".elf" else hex_):
+        raise UserError(
+            f"{path} is no image for the board: give the firmware.hex or firmware.elf that "
+            "`pio run -e uno` builds"
+        )
 
 
 def check_port(port: str) -> None:

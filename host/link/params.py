@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from pathlib import Path
 
 from host.core.errors import UserError
+from host.core.yaml_file import load_yaml
 from host.link import protocol
 from host.link.protocol import ParamSpec
 from host.link.session import Link
@@ -55,3 +57,32 @@ def write_all(link: Link, values: Mapping[str, float]) -> None:
         held = write(link, spec, value)
         if spec.to_raw(held) != spec.to_raw(value):
             raise UserError(f"{name}: wrote {value:g}, but the firmware holds {held:g}")
+
+
+def default_of(name: str) -> float:
+    """In the parameter's unit."""
+    spec = protocol.PARAMS[name]
+    return spec.from_raw(spec.default_raw)
+
+
+def differs(name: str, held: float, wanted: float) -> bool:
+    """Whether two values of a parameter are two on the wire as well."""
+    spec = protocol.PARAMS[name]
+    return spec.to_raw(held) != spec.to_raw(wanted)
+
+
+def read_file(path: Path) -> dict[str, float]:
+    """Parameters by name in their units, from YAML. UserError where it holds another thing, or a
+    value out of its range."""
+    data = load_yaml(path, "parameters")
+    if not isinstance(data, dict) or not data:
+        raise UserError(f"parameters {path}: give lines such as 'steer_kp: 75'")
+    for name, value in data.items():
+        spec = spec_of(str(name))
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise UserError(f"parameters {path}: {name}: {value!r} is no number")
+        try:
+            spec.to_raw(float(value))
+        except (ValueError, OverflowError) as error:
+            raise UserError(f"parameters {path}: {error}") from error
+    return {name: float(value) for name, value in data.items()}

@@ -10,7 +10,7 @@ from host.core.messages import Frame
 from host.core.vehicle import Mount, Vehicle
 from host.runs.drive import fits, fitted
 from host.sensors.camera_stream import Picture
-from host.sensors.jpeg import JpegDecoder
+from host.sensors.jpeg import MAX_PIXELS, JpegDecoder, size_of
 from host.sensors.newest import Feed
 from host.vision.mounted.detector import Mode, MountedDetector, make_detector
 from host.vision.mounted.paper import PaperParams
@@ -34,6 +34,12 @@ def warm_up(
     picture = pictures.take()
     if picture is None:
         return None
+    size = size_of(picture.jpeg) if picture.jpeg is not None else None
+    if size is not None and size[0] * size[1] > MAX_PIXELS:
+        raise UserError(
+            f"the camera sends {size[0]}x{size[1]} pixels, more than can be looked at in time: set "
+            f"the phone to {mount.width_px}x{mount.height_px}"
+        )
     frame = fitted(picture, JpegDecoder(), mount, 0.0)
     if frame.bgr.size == 0:
         return None

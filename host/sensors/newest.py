@@ -10,6 +10,8 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
+from host.core.terminal import plain
+
 T = TypeVar("T")
 
 RETRY_S = 0.5
@@ -20,7 +22,7 @@ class SourceLostError(Exception):
     """A source ended or cannot be reached; `final` where connecting again is pointless."""
 
     def __init__(self, reason: str, *, final: bool = False) -> None:
-        super().__init__(reason)
+        super().__init__(plain(reason))
         self.final = final
 
 

@@ -25,6 +25,8 @@ from host.sensors.newest import Feed, SourceLostError
 KNOT_MPS = 1852 / 3600
 COMPANION_S = 0.3
 """How long GGA waits for the RMC of its epoch, or RMC for GGA: a phone sends them in one burst."""
+QUALITIES = range(9)
+"""Of GGA: 0 none to 8 simulated."""
 MAX_SENTENCE = 82
 """Characters from `$` to the line's end (NMEA 0183). Phones exceed it; thrice it is garbage."""
 
@@ -62,6 +64,8 @@ def _fix(epoch: _Epoch) -> Fix:
         quality = int(_number(gga.gps_qual) if gga.gps_qual not in (None, "") else 0)
         hdop = _number(gga.horizontal_dil)
         satellites = int(gga.num_sats or 0)
+        if quality not in QUALITIES or satellites < 0 or hdop < 0:
+            raise ValueError("a quality, a count or an HDOP that there is not")
         position = gga
     elif rmc is not None and rmc.status == "A":
         quality = 1
@@ -76,6 +80,8 @@ def _fix(epoch: _Epoch) -> Fix:
         return Fix(epoch.stamp, math.nan, math.nan, 0, hdop, satellites)
     if "" in (position.lat, position.lon, position.lat_dir, position.lon_dir):
         raise ValueError("a fix without a position")
+    if position.lat_dir not in ("N", "S") or position.lon_dir not in ("E", "W"):
+        raise ValueError("a direction that there is not")
     lat, lon = float(position.latitude), float(position.longitude)
     if not (abs(lat) <= 90 and abs(lon) <= 180):
         raise ValueError("position out of range")

@@ -66,6 +66,14 @@ def read_photo(path: Path) -> Picture:
     return to_bgr(decoded)
 
 
+def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """OSError, with the file's name, where it cannot be written: OpenCV would say nothing."""
+    good, data = cv2.imencode(path.suffix, picture)
+    if not good:
+        raise ValueError(f"{path}: OpenCV does not write such pictures")
+    path.write_bytes(data.tobytes())
+
+
 def photos_in(path: Path) -> list[Path]:
     """The photographs of a folder, sorted; or the one named."""
     if not path.is_dir():

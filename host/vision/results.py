@@ -7,13 +7,12 @@ import json
 import math
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
 from host.vision.photo.split import SIDES, Side
-from host.vision.pictures import Picture
+from host.vision.pictures import Picture, write_picture
 from host.vision.view import CropView
 
 
@@ -50,7 +49,7 @@ def write_result(folder: Path, name: str, bgr: Picture, view: CropView, ms: floa
     """NAME.mask.png (255 = cut, 0 = standing) and NAME.json."""
     h, w = bgr.shape[:2]
     standing = view.standing if view.standing is not None else np.zeros((h, w), np.bool_)
-    cv2.imwrite(str(folder / f"{name}.mask.png"), np.where(standing, 0, 255).astype(np.uint8))
+    write_picture(folder / f"{name}.mask.png", np.where(standing, 0, 255).astype(np.uint8))
     edge = view.edge_px if view.edge_px is not None else np.zeros((0, 2), np.float32)
     heading = heading_deg(edge)
     record = {

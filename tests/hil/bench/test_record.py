@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
+from mcap.writer import CompressionType, Writer
 
 from hil.bench.replay import replay
 from hil.firmware import targets
@@ -180,3 +181,34 @@ def test_a_run_killed_at_any_moment_leaves_a_record_that_replays(
         assert not outcome.firmware, outcome.firmware[0]
         commands.append(outcome.commands)
     assert max(commands) > 100
+
+
+def test_a_small_file_that_would_fill_the_memory_is_no_record(tmp_path: Path) -> None:
+    """A megabyte of zeros a byte of file: zstandard's best case as a chunk."""
+    path = tmp_path / "bomb.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 30, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="x")
+        schema = writer.register_schema("daranti.Bytes", "jsonschema", b"{}")
+        channel = writer.register_channel("/serial/to_host", "json", schema)
+        for k in range(12):
+            writer.add_message(channel, k, b" " * 8_000_000, k, k)
+        writer.finish()
+    assert path.stat().st_size < 100_000
+    assert list(record.read(path)) == []
+
+
+@pytest.mark.parametrize("spoil", [b"\xff", b"\0" * 40, b"(\xb5/\xfd" * 8])
+def test_a_spoiled_chunk_is_no_internal_error(tmp_path: Path, spoil: bytes) -> None:
+    path = tmp_path / "a.mcap"
+    with Recorder(path) as recorder:
+        for k in range(200):
+            recorder.put("/serial/to_host", k / 100, {"data": random.Random(k).randbytes(900)})
+    data = bytearray(path.read_bytes())
+    for at in range(400, len(data) - 100, 997):
+        data[at : at + len(spoil)] = spoil
+    path.write_bytes(data)
+    try:
+        list(record.read(path))
+    except UserError as error:
+        assert str(path) in str(error)

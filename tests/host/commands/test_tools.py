@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from host.core.errors import EXIT_USER, UserError
+from host.core.errors import EXIT_FAULT, EXIT_UNFINISHED, EXIT_USER, UserError
 from host.link import flash, protocol
 from tests.helpers.console import Cli
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
@@ -75,9 +75,63 @@ def test_set_says_that_it_is_not_saved_and_save_saves(cli: Cli, board: FakeFirmw
 
 def test_defaults_are_restored(cli: Cli, board: FakeFirmware) -> None:
     board.params[ANY.id] = ANY.max_raw
-    code, out, _ = cli("params", "defaults", "--port", board.port)
+    code, out, _ = cli("params", "defaults", "--yes", "--port", board.port)
     assert (code, board.params[ANY.id]) == (0, ANY.default_raw)
     assert "not saved" in out
+
+
+def test_defaults_are_not_set_without_consent(cli: Cli, board: FakeFirmware) -> None:
+    code, out, err = cli("params", "defaults", "--port", board.port)
+    assert code == EXIT_USER
+    assert "hall_per_metre = 50" in out
+    assert "export" in err
+    assert not any(isinstance(each, protocol.ParamDefaults) for each in board.received)
+
+
+def test_parameters_go_to_a_file_and_back(cli: Cli, board: FakeFirmware, tmp_path: Path) -> None:
+    path, port = str(tmp_path / "machine.yaml"), ("--port", board.port)
+    assert cli("params", "export", path, *port)[0] == 0
+    assert cli("params", "export", path, *port)[0] == EXIT_USER, "never written over"
+    assert cli("params", "diff", path, *port)[:2] == (0, "the same\n")
+    assert cli("params", "set", "steer_kp", "60", *port)[0] == 0
+    code, out, _ = cli("params", "diff", path, *port)
+    assert code == EXIT_UNFINISHED
+    assert out == f"steer_kp: 60 in the firmware, 75 in {path}\n"
+    code, out, _ = cli("params", "load", path, "--save", *port)
+    assert code == 0
+    assert "steer_kp: 60 -> 75" in out
+    assert cli("params", "diff", path, *port)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("steer_kp: fast", "no number"),
+        ("steer_kq: 1", "steer_kp"),
+        ("- 1", "give lines"),
+        ("steer_kp: 1000000000", "steer_kp"),
+        ("a: [", "not YAML"),
+        ("steer_kp: .nan", "steer_kp"),
+    ],
+)
+def test_a_bad_file_of_parameters_is_one_message(
+    cli: Cli, board: FakeFirmware, tmp_path: Path, text: str, message: str
+) -> None:
+    (path := tmp_path / "a.yaml").write_text(text)
+    code, _, err = cli("params", "load", str(path), "--port", board.port)
+    assert code == EXIT_USER
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_clear_clears_what_can_be_cleared_and_names_the_rest(cli: Cli, board: FakeFirmware) -> None:
+    board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=protocol.Fault(2))
+    code, out, err = cli("clear", "--port", board.port)
+    assert code == EXIT_FAULT
+    assert "emergency-stop" in out
+    assert "emergency-stop" in err
+    board.telemetry = RESTING
+    assert cli("clear", "--port", board.port)[:2] == (0, "cleared; the firmware is SAFE\n")
 
 
 def test_a_refusal_is_one_message(cli: Cli, board: FakeFirmware) -> None:

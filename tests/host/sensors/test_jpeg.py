@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from host.sensors.jpeg import JpegDecoder
+from host.sensors.jpeg import JpegDecoder, size_of
 
 
 def scene() -> NDArray[np.uint8]:
@@ -49,6 +49,13 @@ def test_of_files_with_a_hundredth_of_wrong_bytes_one_in_five_passes_at_most(see
         data[at] = rng.integers(256, size=len(at))
         passed += decoder.decode(data.tobytes()).size > 0
     assert passed <= 4
+
+
+def test_a_picture_that_takes_longer_than_the_machine_may_wait_has_no_pixels() -> None:
+    large = cv2.imencode(".jpg", np.zeros((3000, 4000, 3), np.uint8))[1].tobytes()
+    assert size_of(large) == (4000, 3000)
+    assert JpegDecoder().decode(large).size == 0
+    assert size_of(b"no picture") is None
 
 
 def test_a_camera_whose_files_are_never_clean_is_lived_with() -> None:

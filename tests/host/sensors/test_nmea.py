@@ -125,6 +125,23 @@ def test_bad_sentences_are_counted_by_reason_and_the_next_good_one_is_taken(
     assert fixes[-1].speed_mps is not None
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "GPGGA,112511,4930.157756,N,00556.246941,E,-1,12,0.6,314.0,M,48.0,M,,",
+        "GPGGA,112511,4930.157756,N,00556.246941,E,9,12,0.6,314.0,M,48.0,M,,",
+        "GPGGA,112511,4930.157756,N,00556.246941,X,1,12,0.6,314.0,M,48.0,M,,",
+        "GPGGA,112511,4930.157756,Q,00556.246941,E,1,12,0.6,314.0,M,48.0,M,,",
+        "GPGGA,112511,4930.157756,N,00556.246941,E,1,-3,0.6,314.0,M,48.0,M,,",
+        "GPGGA,112511,4930.157756,N,00556.246941,E,1,12,-0.6,314.0,M,48.0,M,,",
+    ],
+)
+def test_what_no_receiver_can_mean_is_no_fix(body: str) -> None:
+    receiver = Receiver()
+    assert receiver.feed(0.0, sentence(body)) + receiver.flush() == []
+    assert receiver.bad == {"GGA field": 1}
+
+
 def test_a_sentence_after_one_that_was_cut_off_is_taken() -> None:
     receiver = Receiver()
     (fix,) = receiver.feed(0.0, gga("112511")[:20] + gga("112512") + rmc("112512"))
