@@ -78,6 +78,13 @@ class Lane:
         self._x = np.array([offset_m, heading_rad, self._x[2]])
         self._p = np.diag([offset_sd**2, heading_sd**2, self._p[2, 2]])
 
+    def bend(self, turn_rad: float, behind_m: float) -> None:
+        """The lane bends turn_rad to the left, behind_m before the rear axle: from here on the
+        filter speaks of the line beyond."""
+        offset, heading = self.offset_m, self.heading_rad
+        c, s = math.cos(turn_rad), math.sin(turn_rad)
+        self._x[0], self._x[1] = behind_m * s + offset * c, heading - turn_rad
+
     def take_bias(self) -> float:
         """What is known of the bias since the last call, 1/m; whoever reckons the motion corrects
         it from here on."""

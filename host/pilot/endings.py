@@ -19,6 +19,11 @@ class SideEnd(Reason):
     LAST = Doing.FINISH, "the last side of the plan is cut"
     SEEN = Doing.TURN, "end of {side}: no crop before the blade"
     KEEP_OUT = Doing.TURN, "end of {side}: the keep-out's margin"
+    BESIDE_BENT = (
+        Doing.FAULT,
+        "{side} is cut, and the next strip begins beside its beginning: the edge bends, so the "
+        "machine cannot back along it; put it there by hand and resume",
+    )
     BY_PLAN = Doing.TURN, "end of {side}: the plan's, which vision has not seen"
 
 
@@ -46,6 +51,9 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
     seen = sight.ahead.entered and not context.by_plan
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
+    if strip.bent and context.plan.corner_rad(strip.index) == 0.0:
+        context.ends.append(end)
+        return SideEnd.BESIDE_BENT.go(side=strip.name)
     following = context.planned(strip.index + 1)
     origin = strip.leave(following, end)
     room_from = strip.end_pose()

@@ -47,6 +47,9 @@ TURN_LEAST_RAD = 0.5
 SHUTTLE_LEARN_M = 6.0
 """A shorter strip of a shuttle ends while it is being straightened still, and the next is begun by
 the same turn: strip after strip would teach the bias what that leaves."""
+BEND_AHEAD_M = 0.15
+"""Before a bend of the edge the steering begins to follow it: half of what it takes to turn at
+cutting speed."""
 PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
@@ -76,6 +79,8 @@ class Strip:
     """Before its last tip, over which it is too narrow to be seen."""
     back_m = 0.0
     """From the beginning of the crop back to the boundary or a keep-out."""
+    bent = False
+    """Whether its edge bends on the way."""
 
     def __init__(
         self, plan: Plan, index: int, vehicle: Vehicle, estimate: Estimator, ahead: Ahead
@@ -196,18 +201,30 @@ class PlannedStrip(Strip):
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self.back_m = side.back_m
         self.unseen_end_m = side.end_seen_m
+        self.bent = bool(side.bends)
+        self._pieces = side.pieces()
+        self._at = 0
+        """Which of them the blade is at."""
         self._anchored: Motion | None = None
         self._turned_from: tuple[float, float] | None = None
+
+    @property
+    def piece(self) -> Side:
+        """The straight piece of the side that the blade is at."""
+        return self._pieces[self._at][1]
 
     def place(self, along_m: float) -> None:
         """The machine stands with the blade along_m past where vision sees the beginning."""
         lane = self.estimate.lane
-        self.estimate.position.place(self.side, along_m, lane.offset_m, lane.heading_rad)
+        self._at = max(k for k, (start, _) in enumerate(self._pieces) if k == 0 or start <= along_m)
+        start, piece = self._pieces[self._at]
+        self.estimate.position.place(piece, along_m - start, lane.offset_m, lane.heading_rad)
 
     def along_m(self, motion: Motion) -> float:
         """By the position, in which what was seen of the beginning has its part."""
         travelled = self.estimate.motion.distance_m - motion.distance_m
-        return self.estimate.position.along(self.side) - travelled
+        start, piece = self._pieces[self._at]
+        return start + self.estimate.position.along(piece) - travelled
 
     def past_end(self, motion: Motion) -> bool:
         return self.along_m(motion) > self.side.length_m + END_PAST_M
@@ -245,7 +262,7 @@ class PlannedStrip(Strip):
     def edge_m(self, view: CropView, then: Motion) -> float:
         """Its bends taken off: those that the machine itself has driven a round earlier."""
         at = self.along_m(then) + view.edge_ahead_m
-        bend = self.estimate.trails.bend_m(at, self.side)
+        bend = self.estimate.trails.bend_m(at - self._pieces[self._at][0], self.piece)
         return view.edge_offset_m - self.side.shift_m - bend
 
     def corner(self, view: CropView, then: Motion) -> tuple[float, float] | None:
@@ -272,7 +289,7 @@ class PlannedStrip(Strip):
         return min(seen, -self.along_m(here)) < BLADE_ON_M
 
     def met_begin(self, ago_m: float) -> None:
-        self.estimate.position.at_begin(self.side, ago_m)
+        self.estimate.position.at_begin(self._pieces[0][1], ago_m)
 
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
         here = self.estimate.motion
@@ -286,7 +303,8 @@ class PlannedStrip(Strip):
         drift = self.estimate.odometry.scale_sigma * self.ahead.cut_m(end.motion)
         share = view.tip_share if view is not None else math.nan
         share = share / SEEN_SHARE if math.isfinite(share) else 1.0
-        as_seen = replace(self.side, end_seen_m=share * self.side.end_seen_m)
+        last = self._pieces[-1][1]
+        as_seen = replace(last, end_seen_m=share * last.end_seen_m)
         self.estimate.position.at_end(as_seen, ago, drift, doubt)
 
     def believe_heading(self) -> None:
@@ -303,7 +321,10 @@ class PlannedStrip(Strip):
             self._anchored = here
             lane = self.estimate.lane
             self.estimate.position.follow(lane.blade_offset_m, lane.offset_sigma_m)
-        self.estimate.trails.note(self.along_m(here), here)
+        self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
+        bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
+        if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
+            self._pass_bend()
         if self._turned_from is not None and self.ahead.cut_m(here) >= TURN_KNOWN_M:
             yaw, direction = self._turned_from
             self._turned_from = None
@@ -320,8 +341,10 @@ class PlannedStrip(Strip):
 
     def leave(self, following: Strip, end: EndOfField) -> tuple[float, float, float]:
         """By the position, in which the end that was seen has its part."""
+        while self._at + 1 < len(self._pieces):
+            self._pass_bend()
         origin = self._origin()
-        self.estimate.trails.end(self.side)
+        self.estimate.trails.end(self.piece)
         if isinstance(following, PlannedStrip):
             here, turned_from = self.estimate.motion, None
             if self.ahead.entered and self.ahead.cut_m(here) > TURN_KNOWN_M:
@@ -333,11 +356,24 @@ class PlannedStrip(Strip):
         """The turn to this strip begins: dead reckoning's yaw and the vehicle's direction in the
         field before it, where that is well known, and where the position was anchored last."""
         self._turned_from, self._anchored = turned_from, anchored
-        self.estimate.trails.begin(self.side)
-        self.estimate.position.begin(self.side)
+        self._at = 0
+        self.estimate.trails.begin(self.piece)
+        self.estimate.position.begin(self.piece)
+
+    def _pass_bend(self) -> None:
+        """The blade comes to the next bend: what is known goes on, against the line beyond."""
+        past = self.piece
+        self._at += 1
+        behind_m = self.vehicle.blade_x_m - BEND_AHEAD_M
+        turn = math.remainder(self.piece.heading_rad - past.heading_rad, math.tau)
+        self.estimate.lane.bend(turn, behind_m)
+        self.estimate.trails.end(past)
+        self.estimate.trails.begin(self.piece)
+        self.estimate.position.begin(self.piece)
+        self._turned_from = None
 
     def end_pose(self) -> tuple[float, float, float] | None:
-        side = self.side
+        side = self._pieces[-1][1]
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         along = side.length_m - self.vehicle.blade_x_m
         inside = self.vehicle.inset_m - side.shift_m
@@ -345,7 +381,7 @@ class PlannedStrip(Strip):
         return x, y, side.heading_rad
 
     def _origin(self) -> tuple[float, float, float]:
-        here, side = self.estimate.motion, self.side
+        here, side = self.estimate.motion, self.piece
         x, y, yaw = self.estimate.position.pose
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         dx, dy = x - side.x_m, y - side.y_m
@@ -358,4 +394,4 @@ class PlannedStrip(Strip):
 
     def _direction_rad(self) -> float:
         """The vehicle's in the field frame, by the lane that it follows."""
-        return self.side.heading_rad + self.estimate.lane.heading_rad
+        return self.piece.heading_rad + self.estimate.lane.heading_rad

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -131,6 +131,25 @@ class Side:
         here = (self.x_m, self.y_m)
         beside = math.dist(here, past.pose(0.0)[:2]) < math.dist(here, past.pose(past.length_m)[:2])
         return turned < BENT_RAD and beside
+
+    def pieces(self) -> list[tuple[float, Side]]:
+        """(where along the side it begins, the straight side) of each piece between its bends; the
+        first has the side's beginning, the last its end."""
+        if not self.bends:
+            return [(0.0, self)]
+        starts = [0.0, *(along for along, _ in self.bends)]
+        ends = [*starts[1:], self.length_m]
+        found = []
+        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            # A bend's own place counts to the piece before it.
+            x, y, heading = self.pose(start) if k == 0 else self.pose(start + 1e-9)
+            piece = replace(self, x_m=x, y_m=y, heading_rad=heading, length_m=end - start, bends=())
+            if k > 0:
+                piece = replace(piece, begin_seen_m=0.0, edge_begin_m=0.0)
+            if k + 1 < len(starts):
+                piece = replace(piece, end_seen_m=0.0, edge_end_m=0.0)
+            found.append((start, piece))
+        return found
 
     def left_by(self, past: Side, blade_width_m: float) -> bool:
         """Whether cutting `past` has left this side's edge."""

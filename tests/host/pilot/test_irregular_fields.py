@@ -80,3 +80,23 @@ def test_nine_of_ten_random_fields_are_finished_in_the_plane_world() -> None:
     assert len(stopped) <= 3, stopped
     assert statistics.median(shares) > 0.995
     assert min(shares) > 0.96
+
+
+@pytest.mark.parametrize("wave", [0.08, -0.12])
+def test_edges_that_bend_are_followed_in_rounds(wave: float) -> None:
+    """Four sides of 9 m that bend halfway, by 18 degrees to the left or 27 to the right."""
+    half, out = 4.5, 4.5 * (1 + 2 * wave)
+    ring = [(-half, -half), (0.0, -out), (half, -half), (out, 0.0)]
+    ring += [(half, half), (0.0, out), (-half, half), (-out, 0.0)]
+    low = min(x for x, _ in ring)
+    ring = [(x - low, y - low) for x, y in ring]
+    plan = spiral(ring, 0, VEHICLE, gap_m=2.0)
+    assert len(plan.sides[0].bends) == 1
+    size = max(x for x, _ in ring)
+    world = SimpleWorld(VEHICLE, width=size, height=size, polygon=ring)
+    world.stand_at(plan.sides[0])
+    pilot = Pilot(VEHICLE, world, plan)
+    harvest(world, pilot)
+    assert pilot.phase is Phase.FINISHED
+    assert world.coverage > 0.98
+    assert world.neighbour_cut == 0
