@@ -175,7 +175,7 @@ MISTAKES: Final = (
     Mistake(
         "battery weak under load",
         ("load.sags", "drive.fault"),
-        {"machine": {"battery": {"r_ohm": 0.12, "full_v": 12.2, "empty_v": 11.6}}},
+        {"machine": {"battery": {"r_ohm": 0.35, "full_v": 12.2, "empty_v": 11.6}}},
     ),
     Mistake("wrong firmware", ("firmware.other",), protocol_version=protocol.VERSION + 1),
     Mistake("blade relay inverted", ("blade.inverted",), relay_inverted=True),

@@ -9,7 +9,6 @@ camera's. Lucas-Kanade tracks, least squares with a robust loss.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -30,8 +29,15 @@ POINTS: Final = 150
 TRACKED: Final = 25
 """Fewer points say nothing."""
 PAIRS: Final = 5
-STILL: Final = 0.35
-"""Share of the full change from picture to picture from which on the picture counts as moving."""
+SHARE: Final = 0.15
+"""How well the way between two pictures is known, as a share of it."""
+ROLL_DEG: Final = 1.0
+"""How much a camera is tilted sideways, commonly: ground on one side tells little of it."""
+FEW_PICTURES: Final = 8
+SLOWEST_MPS: Final = 0.05
+LAGS_S: Final = (-0.1, 1.5, 0.02)
+ALIKE: Final = 0.7
+"""Correlation of picture and wheels below which the delay is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,55 +108,62 @@ def mounted(pictures: Sequence[Rolled], mount: Mount) -> Mounted | None:
     if not pairs:
         return None
 
-    def residuals(off: NDArray[np.float64]) -> NDArray[np.float64]:
-        turned = mount.model_copy(
-            update={
-                "pitch_deg": mount.pitch_deg + off[0],
-                "yaw_deg": mount.yaw_deg + off[1],
-                "roll_deg": mount.roll_deg + off[2],
-            }
+    count = len(pairs)
+
+    def view_of(off: NDArray[np.float64]) -> Camera:
+        return Camera(
+            mount.model_copy(
+                update={
+                    "pitch_deg": mount.pitch_deg + off[0],
+                    "yaw_deg": mount.yaw_deg + off[1],
+                    "roll_deg": mount.roll_deg + off[2],
+                }
+            )
         )
-        view = Camera(turned)
+
+    def misses(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
+        view = view_of(unknown[:3])
         out = []
-        for a, b, distance in pairs:
+        for (a, b, distance), share in zip(pairs, unknown[3:], strict=True):
             ground = view.on_height(a, 0.0)
-            ahead = np.column_stack([ground[:, 0] - distance, ground[:, 1], np.zeros(len(a))])
-            moved = view.project(ahead)
-            out.append(np.nan_to_num(moved - b, nan=50.0).ravel())
+            ahead = np.column_stack(
+                [ground[:, 0] - distance * share, ground[:, 1], np.zeros(len(a))]
+            )
+            out.append(np.nan_to_num(view.project(ahead) - b, nan=50.0).ravel())
         return np.concatenate(out)
 
-    fit = least_squares(residuals, np.zeros(3), loss="soft_l1", f_scale=1.0, max_nfev=40)
-    away = np.abs(residuals(fit.x))
-    pitch, yaw, roll = (float(value) for value in fit.x)
+    def residuals(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
+        # A picture comes late by more or less: the way between two is known roughly only.
+        return np.concatenate([misses(unknown), (unknown[3:] - 1) / SHARE, unknown[2:3] / ROLL_DEG])
+
+    begin = np.concatenate([np.zeros(3), np.ones(count)])
+    fit = least_squares(residuals, begin, loss="soft_l1", f_scale=1.0, max_nfev=60)
+    away = np.abs(misses(fit.x))
+    pitch, yaw, roll = (float(value) for value in fit.x[:3])
     return Mounted(pitch, yaw, roll, float(np.median(away)), sum(len(a) for a, _, _ in pairs))
 
 
 def delay_s(
-    pictures: Sequence[tuple[float, NDArray[np.uint8]]], speeds: Sequence[tuple[float, float]]
+    pictures: Sequence[tuple[float, NDArray[np.uint8]]],
+    speeds: Sequence[tuple[float, float]],
+    mount: Mount,
 ) -> float | None:
-    """How much later the picture begins to move than the wheels do. `pictures`: (arrival, grey);
-    `speeds`: (stamp, m/s). None where either never clearly begins."""
-    fastest = max((abs(v) for _, v in speeds), default=0.0)
-    if fastest < 0.05 or len(pictures) < 6:
+    """How much later the ground in the picture moves than the wheels do. `pictures`: (arrival,
+    grey); `speeds`: (stamp, m/s), from rest to rolling. None where the ground does not tell."""
+    if len(pictures) < FEW_PICTURES or max((abs(v) for _, v in speeds), default=0.0) < SLOWEST_MPS:
         return None
-    began = next(t for t, v in speeds if abs(v) > STILL * fastest)
-    small = [
-        cv2.resize(grey, (80, 60), interpolation=cv2.INTER_AREA).astype(float)
-        for _, grey in pictures
-    ]
-    change = [float(np.abs(b - a).mean()) for a, b in itertools.pairwise(small)]
-    stamps = [t for t, _ in pictures][1:]
-    rest = [c for c, t in zip(change, stamps, strict=True) if t < began - 0.1]
-    moving = [c for c, t in zip(change, stamps, strict=True) if t > began + 1.0]
-    if len(rest) < 2 or len(moving) < 3:
+    camera = Camera(mount)
+    flow = []
+    for (before, first), (after, second) in itertools.pairwise(pictures):
+        a, b = _tracks(first, second, camera)
+        if len(a) >= TRACKED // 3:
+            moved = float(np.median(np.hypot(*(b - a).T)))
+            flow.append(((before + after) / 2, moved / max(after - before, 1e-3)))
+    if len(flow) < FEW_PICTURES:
         return None
-    quiet, full = float(np.median(rest)), float(np.median(moving))
-    if full < 1.5 * quiet:
-        return None
-    level = quiet + STILL * (full - quiet)
-    seen = next(
-        (t for t, c in zip(stamps, change, strict=True) if t > began - 0.1 and c > level), math.nan
-    )
-    period = float(np.median(np.diff(stamps)))
-    late = seen - began - period / 2
-    return late if math.isfinite(late) else None
+    at, moved_px = np.array(flow).T
+    stamps, speed = np.abs(np.array(speeds)).T
+    lags = np.arange(*LAGS_S)
+    alike = [float(np.corrcoef(moved_px, np.interp(at - lag, stamps, speed))[0, 1]) for lag in lags]
+    best = int(np.nanargmax(alike))
+    return float(lags[best]) if alike[best] > ALIKE else None

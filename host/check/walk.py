@@ -70,6 +70,8 @@ SCALE: Final = (0.8, 1.25)
 LATE_S: Final = 0.2
 """A camera's delay may be off by so much."""
 TILTED_DEG: Final = 3.0
+BLURRED_PX: Final = 2.5
+"""Ground that moves otherwise than any mount explains tells nothing of it."""
 ROLLED_DEG: Final = 7.0
 """Of the roll, which the ground on one side tells less well."""
 BLADE_S: Final = 1.2
@@ -708,7 +710,9 @@ class Walk:
             self._note("delay", "warn", "delay.unknown")
             self._note("mount", "warn", "mount.unknown")
             return
-        late = delay_s(self._pictures, [(t.stamp, t.speed_mps or 0.0) for t in seen])
+        late = delay_s(
+            self._pictures, [(t.stamp, t.speed_mps or 0.0) for t in seen], self._hands.mount
+        )
         if late is None:
             self._note("delay", "warn", "delay.unknown")
         else:
@@ -722,7 +726,7 @@ class Walk:
             for at, grey in self._pictures
         ]
         found = mounted(rolled, self._hands.mount)
-        if found is None:
+        if found is None or found.residual_px > BLURRED_PX:
             self._note("mount", "warn", "mount.unknown")
             return
         off = {"pitch": found.pitch_deg, "yaw": found.yaw_deg, "roll": found.roll_deg}
