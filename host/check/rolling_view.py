@@ -36,8 +36,8 @@ ROLL_DEG: Final = 1.0
 FEW_PICTURES: Final = 8
 SLOWEST_MPS: Final = 0.05
 LAGS_S: Final = (-0.1, 1.5, 0.02)
-ALIKE: Final = 0.7
-"""Correlation of picture and wheels below which the delay is not known."""
+UNLIKE: Final = 0.1
+"""Share of the way seen by which wheels and picture may differ for the delay to be known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,17 +153,28 @@ def delay_s(
     if len(pictures) < FEW_PICTURES or max((abs(v) for _, v in speeds), default=0.0) < SLOWEST_MPS:
         return None
     camera = Camera(mount)
-    flow = []
-    for (before, first), (after, second) in itertools.pairwise(pictures):
+    at, steps = [], []
+    for (_, first), (arrived, second) in itertools.pairwise(pictures):
         a, b = _tracks(first, second, camera)
         if len(a) >= TRACKED // 3:
-            moved = float(np.median(np.hypot(*(b - a).T)))
-            flow.append(((before + after) / 2, moved / max(after - before, 1e-3)))
-    if len(flow) < FEW_PICTURES:
+            at.append(arrived)
+            steps.append(np.median(b - a, axis=0))
+    if len(at) < FEW_PICTURES:
         return None
-    at, moved_px = np.array(flow).T
-    stamps, speed = np.abs(np.array(speeds)).T
+    moved = np.array(steps)
+    # The machine shakes: only what adds up is its way.
+    way = moved[len(moved) // 2 :].mean(0)
+    gone = np.cumsum(moved @ (way / max(1e-9, float(np.hypot(*way)))))
+    stamps, speed = np.array(speeds).T
+    rolled = np.concatenate([[0.0], np.cumsum(np.abs(speed[1:]) * np.diff(stamps))])
     lags = np.arange(*LAGS_S)
-    alike = [float(np.corrcoef(moved_px, np.interp(at - lag, stamps, speed))[0, 1]) for lag in lags]
-    best = int(np.nanargmax(alike))
-    return float(lags[best]) if alike[best] > ALIKE else None
+    misses = [_miss(gone, np.interp(np.array(at) - lag, stamps, rolled)) for lag in lags]
+    best = int(np.argmin(misses))
+    return float(lags[best]) if misses[best] < UNLIKE * float(np.ptp(gone)) else None
+
+
+def _miss(seen: NDArray[np.float64], rolled: NDArray[np.float64]) -> float:
+    """rms distance of `seen` from what is proportional to `rolled`."""
+    table = np.column_stack([rolled, np.ones(len(rolled))])
+    share, *_ = np.linalg.lstsq(table, seen, rcond=None)
+    return float(np.sqrt(np.mean((seen - table @ share) ** 2)))
