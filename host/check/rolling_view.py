@@ -23,8 +23,10 @@ from host.vision.geometry import Camera
 
 APART_M: Final = (0.08, 0.3)
 """Distance rolled between the two pictures of a pair."""
-NEAR_M: Final = 6.0
-"""Ground farther than this from the camera moves too little."""
+NEAR_M: Final = 3.6
+"""Ground farther ahead moves too little, and a gap's far side bears crop."""
+BESIDE_M: Final = (0.9, 2.6)
+"""To the right, where no crop stands: beyond the machine, short of the neighbour's."""
 POINTS: Final = 150
 TRACKED: Final = 25
 """Fewer points say nothing."""
@@ -73,7 +75,7 @@ def _tracks(
     v, u = np.mgrid[0:height:8, 0:width:8]
     ground = camera.on_height(np.dstack([u, v]).astype(np.float64), 0.0)
     x, y = ground[..., 0], ground[..., 1]
-    good = np.isfinite(x) & (x < NEAR_M) & (y < -0.9) & (y > -4.0)
+    good = np.isfinite(x) & (x < NEAR_M) & (y < -BESIDE_M[0]) & (y > -BESIDE_M[1])
     mask = np.kron(good.astype(np.uint8) * 255, np.ones((8, 8), np.uint8))[:height, :width]
     found_corners: Any = cv2.goodFeaturesToTrack(first, POINTS, 0.01, 6, mask=mask)
     corners = found_corners

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import socket
 import time
 from pathlib import Path
 
 import click
-import uvicorn
 
 from host.commands.cli import port_option
 from host.core.errors import UserError
-from host.core.terminal import echo
 from host.core.vehicle_file import load_vehicle, mount_of
-from host.panel import strict_http
 from host.panel.fields import FieldDesk
 from host.panel.guard import Pairing
 from host.panel.machine import Settings
 from host.panel.server import Panel, application
+from host.panel.serving import serve_application
 
 
 @click.command()
@@ -87,32 +83,11 @@ def panel(
     )
     pairing = Pairing(time.monotonic, needed=lan)
     fields = FieldDesk(folder, machine, boundary, gap)
-    serve(Panel(settings, pairing, fields), "0.0.0.0" if lan else "127.0.0.1", web_port)
 
+    def say(url: str) -> None:
+        click.echo(f"panel: {url}")
+        if lan:
+            click.echo(f"pair a phone with the code {pairing.code}")
 
-def serve(shared: Panel, host: str, port: int) -> None:
-    """Until Ctrl-C."""
-    try:
-        listener = socket.create_server((host, port))
-    except OSError as error:
-        raise UserError(f"port {port}: {error.strerror}; name another with --web-port") from error
-    number = listener.getsockname()[1]
-    for address in addresses(host):
-        echo(f"panel: http://{address}:{number}/")
-    if shared.pairing.needed:
-        echo(f"pair a phone with the code {shared.pairing.code}")
-    config = uvicorn.Config(application(shared), **strict_http.settings())
-    with contextlib.suppress(KeyboardInterrupt):
-        uvicorn.Server(config).run(sockets=[listener])
-
-
-def addresses(host: str) -> list[str]:
-    """Where a browser finds the panel."""
-    if host != "0.0.0.0":
-        return [host]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))  # sends nothing: only asks which way it would go
-            return [probe.getsockname()[0]]
-        except OSError:
-            return ["127.0.0.1"]
+    app = application(Panel(settings, pairing, fields))
+    serve_application(app, "0.0.0.0" if lan else "127.0.0.1", web_port, "--web-port", say)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import itertools
 from pathlib import Path
@@ -12,7 +11,8 @@ from rich.table import Table
 
 from host.core.errors import UserError
 from host.core.terminal import PlainConsole
-from host.panel.colour_page import TunePage, Tuner
+from host.panel.colour_page import Tuner, colour_application
+from host.panel.serving import serve_application
 from host.runs.pictures import frames
 from host.vision.figure import staged
 from host.vision.mounted.paper import PaperParams
@@ -123,6 +123,10 @@ def _serve(tuner: Tuner, port: int) -> None:
     """Until Ctrl-C."""
     if not tuner.pictures:
         raise UserError("no pictures to tune on; name photographs, a folder, a video or a record")
-    with TunePage(tuner, port) as server, contextlib.suppress(KeyboardInterrupt):
-        PlainConsole().print(f"sliders at {server.url}; Ctrl-C ends")
-        server.serve_forever()
+    serve_application(
+        colour_application(tuner),
+        "127.0.0.1",
+        port,
+        "--port",
+        lambda url: PlainConsole().print(f"sliders at {url}; Ctrl-C ends"),
+    )

@@ -8,21 +8,26 @@ POST /save (parameters as a JSON object). What is wrong with a request comes bac
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import datetime
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from pathlib import Path
-from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from typing import Any, Final
 
 import cv2
 from pydantic import ValidationError
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
 
 from host.core.errors import UserError
+from host.panel.gate import Guard
 from host.vision.figure import staged
 from host.vision.mounted.detector import MountedDetector
 from host.vision.mounted.paper import PaperParams, PaperPhoto
@@ -34,6 +39,12 @@ Json = dict[str, Any]
 
 LONGEST_BODY = 10_000
 """Bytes of a request: parameters need a few hundred."""
+BODY_S: Final = 5.0
+COLOUR_POLICY: Final = (
+    b"default-src 'self'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    b"img-src 'self' data:; frame-ancestors 'none'"
+)
+"""The page holds its own script and style."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,81 +120,59 @@ class Tuner:
         return {"saved": str(self.database), "contrast": round(reached, 3)}
 
 
-class TunePage(ThreadingHTTPServer):
-    """Serves one tuner on this machine alone; port 0 takes a free one."""
+def colour_application(tuner: Tuner) -> ASGIApp:
+    """The page and its four requests, for this machine's own browser alone."""
+    page = (resources.files("host.panel") / "colour_page.html").read_bytes()
 
-    daemon_threads = True
-
-    def __init__(self, tuner: Tuner, port: int) -> None:
-        """UserError where the port is taken."""
-        self.tuner = tuner
-        self.page = (resources.files("host.panel") / "colour_page.html").read_bytes()
+    async def answer(work: Callable[[], Json]) -> Response:
         try:
-            super().__init__(("127.0.0.1", port), _Requests)
-        except OSError as error:
-            raise UserError(f"port {port}: {error.strerror}; name another with --port") from error
-
-    @property
-    def url(self) -> str:
-        """For a browser on this machine."""
-        return f"http://127.0.0.1:{self.server_address[1]}/"
-
-
-class _Requests(BaseHTTPRequestHandler):
-    server: TunePage
-
-    def do_GET(self) -> None:
-        tuner = self.server.tuner
-        url = urlsplit(self.path)
-        if url.path == "/":
-            self._send(200, "text/html; charset=utf-8", self.server.page)
-        elif url.path == "/begin":
-            self._answer(tuner.begin)
-        elif url.path == "/look":
-            query = dict(parse_qsl(url.query))
-            self._answer(lambda: tuner.look(_number(query.pop("picture", "0")), _params(query)))
-        else:
-            self._fail(404, f"{url.path} is not served here")
-
-    def do_POST(self) -> None:
-        work = {"/best": self.server.tuner.best, "/save": self.server.tuner.save}.get(self.path)
-        length = _number(self.headers.get("Content-Length", "0"))
-        # what is left unread would cut the answer off
-        body = self.rfile.read(max(0, min(length, 100 * LONGEST_BODY)))
-        if work is None:
-            self._fail(404, f"{self.path} is not served here")
-        elif not 0 < length <= LONGEST_BODY:
-            self._fail(413, f"a request holds 1 to {LONGEST_BODY} bytes of parameters")
-        elif self.headers.get_content_type() != "application/json":
-            # a page of another site cannot send this kind unasked
-            self._fail(415, "parameters come as application/json")
-        else:
-            self._answer(lambda: work(_params(_parsed(body))))
-
-    def _answer(self, work: Callable[[], Json]) -> None:
-        try:
-            found = work()
+            return JSONResponse(await asyncio.to_thread(work))
         except UserError as error:
-            self._fail(400, str(error))
-        else:
-            self._send(200, "application/json", json.dumps(found).encode())
+            return _fail(400, str(error))
 
-    def _fail(self, status: int, why: str) -> None:
-        self._send(status, "application/json", json.dumps({"error": why}).encode())
+    async def shown(_: Request) -> Response:
+        return Response(page, media_type="text/html")
 
-    def _send(self, status: int, kind: str, body: bytes) -> None:
+    async def begin(_: Request) -> Response:
+        return await answer(tuner.begin)
+
+    async def look(request: Request) -> Response:
+        query = dict(request.query_params)
+        number = _number(query.pop("picture", "0"))
+        return await answer(lambda: tuner.look(number, _params(query)))
+
+    async def change(request: Request) -> Response:
+        work = {"/best": tuner.best, "/save": tuner.save}[request.url.path]
+        length = _number(request.headers.get("content-length", "0"))
+        if not 0 < length <= LONGEST_BODY:
+            return _fail(413, f"a request holds 1 to {LONGEST_BODY} bytes of parameters")
+        if request.headers.get("content-type", "").split(";")[0] != "application/json":
+            return _fail(415, "parameters come as application/json")
         try:
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.send_header("Cache-Control", "no-store")
-            self.end_headers()
-            self.wfile.write(body)
-        except (BrokenPipeError, ConnectionResetError):
-            self.close_connection = True
+            async with asyncio.timeout(BODY_S):
+                body = await request.body()
+        except TimeoutError:
+            return _fail(408, "too slow")
+        return await answer(lambda: work(_params(_parsed(body))))
 
-    def log_message(self, format: str, *args: object) -> None:
-        """Every move of a slider is a request: nothing to log."""
+    async def unknown(request: Request) -> Response:
+        return _fail(404, f"{request.url.path} is not served here")
+
+    app = Starlette(
+        routes=[
+            Route("/", shown),
+            Route("/begin", begin),
+            Route("/look", look),
+            Route("/best", change, methods=["POST"]),
+            Route("/save", change, methods=["POST"]),
+            Route("/{path:path}", unknown, methods=["GET", "POST"]),
+        ]
+    )
+    return Guard(app, policy=COLOUR_POLICY)
+
+
+def _fail(status: int, why: str) -> Response:
+    return JSONResponse({"error": why}, status)
 
 
 def _number(text: str) -> int:

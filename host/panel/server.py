@@ -24,13 +24,14 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from host.core.messages import Fix
 from host.panel.board import MachineLine
 from host.panel.fields import FieldDesk
-from host.panel.guard import Pairing, Seat, own_host, own_origin
+from host.panel.gate import Guard
+from host.panel.guard import Pairing, Seat
 from host.panel.machine import Settings
 from host.panel.snapshot import Json
 
@@ -41,16 +42,6 @@ TYPES: Final = {
     ".json": "application/json",
     ".svg": "image/svg+xml",
 }
-HEADERS: Final = (
-    (
-        b"content-security-policy",
-        b"default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
-    ),
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cache-control", b"no-store"),
-    (b"connection", b"close"),
-)
 COOKIE: Final = "daranti"
 PAGES: Final = 12
 BODY_BYTES: Final = 10_000
@@ -65,45 +56,6 @@ FIELD_WISHES: Final = frozenset(
     | {"walk_begin", "walk_end", "walk_drop"}
 )
 RUNS: Final = 20
-
-
-class Guard:
-    """Refuses foreign hosts and origins before anything else looks at a request."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """ASGI."""
-        if scope["type"] not in ("http", "websocket"):
-            await self.app(scope, receive, send)
-            return
-        headers = {
-            key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]
-        }
-        address, port = scope["server"]
-        host = headers.get("host", "")
-        socket = scope["type"] == "websocket"
-        needed = socket or scope["method"] not in ("GET", "HEAD")
-        fine = own_host(host, address, port) and own_origin(
-            headers.get("origin"), host, needed=needed
-        )
-        if fine:
-            await self.app(scope, receive, send if socket else _with_headers(send))
-        elif socket:
-            await receive()
-            await send({"type": "websocket.close", "code": 1008})
-        else:
-            await Response("not this host or origin", 421)(scope, receive, _with_headers(send))
-
-
-def _with_headers(send: Send) -> Send:
-    async def sender(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            message["headers"] = [*message["headers"], *HEADERS]
-        await send(message)
-
-    return sender
 
 
 class Page:

@@ -81,6 +81,6 @@ def settings() -> dict[str, Any]:
         "server_header": False,
         "access_log": False,
         "log_level": "critical",
-        "lifespan": "on",
+        "lifespan": "auto",
         "timeout_graceful_shutdown": 2,
     }

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+from starlette.types import ASGIApp
 from websockets.sync.client import ClientConnection, connect
 
 from host.core.vehicle import Vehicle
@@ -114,14 +115,21 @@ def served(
     """Serves until left."""
     settings = Settings.model_validate({"port": port, "folder": folder, **more})
     panel = Panel(settings, Pairing(clock, needed=lan), FieldDesk(folder, Vehicle(), None, None))
+    with running(application(panel)) as number:
+        yield Served(panel, number)
+
+
+@contextmanager
+def running(app: ASGIApp) -> Iterator[int]:
+    """Serves an application in a thread; gives its port."""
     listener = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(uvicorn.Config(application(panel), **strict_http.settings()))
+    server = uvicorn.Server(uvicorn.Config(app, **strict_http.settings()))
     thread = threading.Thread(
         target=lambda: asyncio.run(server.serve(sockets=[listener])), daemon=True
     )
     thread.start()
     try:
-        yield Served(panel, listener.getsockname()[1])
+        yield int(listener.getsockname()[1])
     finally:
         server.should_exit = True
         thread.join(20)

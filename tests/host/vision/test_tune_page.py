@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import datetime
 import json
-import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -18,12 +17,14 @@ import pytest
 
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Vehicle
-from host.panel.colour_page import SLIDERS, TunePage, Tuner
+from host.panel.colour_page import SLIDERS, Tuner, colour_application
+from host.panel.serving import serve_application
 from host.vision.mounted.detector import MountedDetector, make_detector
 from host.vision.mounted.paper import PaperParams
 from host.vision.tuning.profiles import Circumstance, Profiles
 from host.vision.tuning.search import mounted_contrast
 from tests.helpers.scenery import field
+from tests.helpers.served_panel import running
 
 NOW = datetime.datetime(2026, 4, 28, 9, tzinfo=datetime.UTC)
 BLIND = PaperParams(phi1_deg=200, phi2_deg=240)
@@ -45,18 +46,16 @@ def tuner(tmp_path: Path) -> Tuner:
 
 @pytest.fixture
 def page(tuner: Tuner) -> Iterator[str]:
-    with TunePage(tuner, 0) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-        thread.start()
-        yield server.url
-        server.shutdown()
-        thread.join()
+    with running(colour_application(tuner)) as port:
+        yield f"http://127.0.0.1:{port}/"
 
 
 def ask(url: str, body: object = None, kind: str = "application/json") -> tuple[int, Any]:
     """Status and parsed answer; a body makes it a POST."""
     data = None if body is None else json.dumps(body).encode()
-    request = urllib.request.Request(url, data, {"Content-Type": kind} if data else {})
+    origin = url[: url.index("/", 8)]
+    headers = {"Content-Type": kind, "Origin": origin} if data else {}
+    request = urllib.request.Request(url, data, headers)
     try:
         with urllib.request.urlopen(request) as answer:
             return answer.status, json.load(answer)
@@ -129,8 +128,12 @@ def test_a_bad_request_is_told_what_is_wrong(
 
 
 def test_a_port_that_is_taken_gives_one_clear_message(tuner: Tuner) -> None:
-    with (
-        TunePage(tuner, 0) as server,
-        pytest.raises(UserError, match="name another with --port"),
-    ):
-        TunePage(tuner, int(server.server_address[1]))
+    app = colour_application(tuner)
+    with running(app) as port, pytest.raises(UserError, match="name another with --port"):
+        serve_application(app, "127.0.0.1", port, "--port", print)
+
+
+def test_foreign_hosts_and_origins_are_refused(page: str) -> None:
+    for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
+        with pytest.raises(urllib.error.HTTPError, match="421"):
+            urllib.request.urlopen(urllib.request.Request(page + "begin", headers=headers))
