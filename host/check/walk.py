@@ -70,7 +70,7 @@ SCALE: Final = (0.8, 1.25)
 LATE_S: Final = 0.2
 """A camera's delay may be off by so much."""
 TILTED_DEG: Final = 3.0
-BLURRED_PX: Final = 1.0
+BLURRED_PX: Final = 0.8
 """Ground that moves otherwise than any mount explains tells nothing of it."""
 ROLLED_DEG: Final = 7.0
 """Of the roll, which the ground on one side tells less well."""
