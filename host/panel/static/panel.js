@@ -371,7 +371,7 @@ export async function speak(code) {
     button.addEventListener("click", () => open(name));
     return button;
   }));
-  $("legend").replaceChildren(...[["cut", "#e6c86e"], ["left", "#2e7d32"], ["fence", "#fff"], ["keep_out", "#c62828"], ["machine", "#0a2f7a"], ["next", "#000"]].map(([name, colour]) => {
+  $("legend").replaceChildren(...[["cut", "#e6c86e"], ["left", "#2e7d32"], ["fence", "#d9d9d9"], ["keep_out", "#c62828"], ["machine", "#0a2f7a"], ["next", "#000"]].map(([name, colour]) => {
     const one = document.createElement("li");
     const box = document.createElement("i");
     box.dataset.colour = name;
