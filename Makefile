@@ -6,10 +6,9 @@ OUT ?= out/harvest
 FIRMWARE ?= desk
 
 DESK := .pio/build/desk/libdaranti.so
-UNO := .pio/build/uno/firmware.elf
-UNO_HIL := .pio/build/uno_hil/firmware.elf
+BOARDS := $(patsubst %,.pio/build/%/firmware.elf,uno uno_hil nano mega2560)
 SHIM := build/simavr/libdaranti_avr.so
-SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.*) platformio.ini
+SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* firmware/scripts/*) platformio.ini
 
 .DEFAULT_GOAL := help
 .PHONY: help setup build harvest test test-wallclock test-long lint mutants clean
@@ -36,14 +35,14 @@ $(DESK): $(SOURCES) | .setup/platformio
 	@$(BIN)/pio run --silent -e desk
 	@touch $@
 
-$(UNO) $(UNO_HIL): .pio/build/%/firmware.elf: $(SOURCES) | .setup/platformio
+$(BOARDS): .pio/build/%/firmware.elf: $(SOURCES) | .setup/platformio
 	@$(BIN)/pio run --silent -e $*
 	@touch $@
 
 $(SHIM): $(wildcard hil/firmware/simavr/*) firmware/src/target.h | .setup/debian
 	@$(MAKE) --no-print-directory -s -C hil/firmware/simavr
 
-build: $(DESK) $(UNO) $(UNO_HIL) $(SHIM) ## builds the firmware for the desk and the Uno, and the simulator's shim
+build: $(DESK) $(BOARDS) $(SHIM) ## builds the firmware for the desk and every board, and the simulator's shim
 
 setup: .setup/venv build ## everything that the other commands need
 

@@ -67,6 +67,9 @@ class SteeringSpec(Strict):
     """Amplitude of the pot's non-linearity, one sine over ±50 degrees."""
     pot_noise_counts: NotNegative = 2.0
     """Bound of the noise; its standard deviation is 0.29 of it."""
+    sense_zero_mv: NotNegative = 2500.0
+    sense_mv_per_a: Annotated[float, Limits(ge=-1000, le=1000)] = 100.0
+    """The current sensor in the motor's wire: an ACS712-20A. Its sign follows the current's."""
 
     @classmethod
     def from_response(
@@ -121,7 +124,10 @@ class DriveSpec(Strict):
     slip_n: Positive = 3000.0
     """Driving force over this gives the share of wheel speed lost to slip."""
     hall_pulses_per_m: NotNegative = 50.0
-    """0: no sensor fitted."""
+    """0: no sensor fitted. Where one is, a second is a quarter of a pulse apart."""
+    sense_zero_mv: NotNegative = 2500.0
+    sense_mv_per_a: Annotated[float, Limits(ge=-1000, le=1000)] = 40.0
+    """The current sensor: an ACS758-050B."""
 
 
 class BatterySpec(Strict):
@@ -136,6 +142,8 @@ class BatterySpec(Strict):
     blade_a: NotNegative = 8.0
     regulator_drop_v: NotNegative = 1.2
     """The controller's 5 V rail falls once the battery is below 5 V and this."""
+    divider: Positive = 4.0
+    """What the controller's pin sees is the battery's voltage over this."""
 
 
 class MachineSpec(Strict):
@@ -150,6 +158,8 @@ class MachineSpec(Strict):
     """The blade's line, ahead of the front axle."""
     blade_height_m: Positive = 0.12
     blade_spin_up_s: Positive = 0.4
+    blade_turn_hz: NotNegative = 0.0
+    """Pulses a second of the blade's sensor at full speed; 0: none fitted."""
     cornering_front_n: Positive = 3000.0
     """Side force of the front wheel per radian of slip."""
     cornering_rear_n: Positive = 8000.0
@@ -211,7 +221,10 @@ STATE: Final = np.dtype(
         ("battery_sense_mv", np.float64),
         ("steer_sense_mv", np.float64),
         ("drive_sense_mv", np.float64),
-        ("hall", np.int64),  # level of D12
+        ("hall", np.int64),  # levels of the sensors
+        ("hall_b", np.int64),
+        ("blade_turn", np.int64),
+        ("blade_pulses", np.float64),  # of the blade's sensor
     ],
     align=True,
 )
@@ -271,6 +284,12 @@ _PARAMETERS: Final = (
     "bat_idle",
     "bat_blade",
     "regulator_drop",
+    "st_sense_zero",
+    "st_sense",
+    "dr_sense_zero",
+    "dr_sense",
+    "bat_divider",
+    "blade_hz",
 )
 PARAMS: Final = np.dtype([("seed", np.int64), *((n, np.float64) for n in _PARAMETERS)], align=True)
 
@@ -328,6 +347,12 @@ def parameters(
         "bat_idle": b.idle_a,
         "bat_blade": b.blade_a,
         "regulator_drop": b.regulator_drop_v,
+        "st_sense_zero": s.sense_zero_mv,
+        "st_sense": s.sense_mv_per_a,
+        "dr_sense_zero": d.sense_zero_mv,
+        "dr_sense": d.sense_mv_per_a,
+        "bat_divider": b.divider,
+        "blade_hz": spec.blade_turn_hz,
     }
     for name, value in values.items():
         p[name] = value
@@ -410,13 +435,16 @@ def _sense(state: Any, params: Any) -> None:
     counts += p.pot_bend * math.sin(s.steer_angle * 3.6)
     counts += p.pot_noise * noise.normal(p.seed, s.steps, 1)
     s.pot_mv = min(5000.0, max(0.0, counts * (5000.0 / 1023.0)))
-    s.battery_sense_mv = min(5000.0, max(0.0, s.battery_v * 250.0))
-    s.steer_sense_mv = min(5000.0, abs(s.steer_a) * 100.0)
-    s.drive_sense_mv = min(5000.0, abs(s.drive_a) * 100.0)
+    s.battery_sense_mv = min(5000.0, max(0.0, s.battery_v * 1000.0 / p.bat_divider))
+    s.steer_sense_mv = min(5000.0, max(0.0, p.st_sense_zero + s.steer_a * p.st_sense))
+    s.drive_sense_mv = min(5000.0, max(0.0, p.dr_sense_zero + s.drive_a * p.dr_sense))
     s.rail_v = min(5.0, max(0.0, s.battery_v - p.regulator_drop))
     if p.hall_ppm > 0.0:
         phase = s.distance * p.hall_ppm
         s.hall = 1 if phase - math.floor(phase) < 0.5 else 0
+        late = phase - 0.25
+        s.hall_b = 1 if late - math.floor(late) < 0.5 else 0
+    s.blade_turn = 1 if s.blade_pulses - math.floor(s.blade_pulses) < 0.5 else 0
 
 
 @njit(cache=True, nogil=True)
@@ -495,6 +523,7 @@ def step(state: Any, params: Any, given: Any, dt: float) -> None:
     wanted = 1.0 if u.blade_on != 0 else 0.0
     s.blade_share += (wanted - s.blade_share) * (1.0 - math.exp(-3.0 * dt / p.blade_spin_up))
     s.blade_spinning = 1 if s.blade_share > 0.5 else 0
+    s.blade_pulses += s.blade_share * p.blade_hz * dt
 
     s.steps += 1
     _sense(state, params)

@@ -87,11 +87,10 @@ def plant_alone(seconds: float) -> float:
 def with_firmware(name: str, seconds: float) -> float:
     """Simulated over CPU time of machine and firmware, armed, commanded at 10 Hz."""
     state, params, given = _records()
-    with provision.target(name, {}) as target:  # type: ignore[arg-type]
+    with provision.fitted(name) as target:  # type: ignore[arg-type]
         run = coupling.bind(target, state, params, given)
         run(0, 1000)
         now, seq = 1000, itertools.count()
-        target.set_pin(coupling.ESTOP, False)
         begin = 0.0
         for k in itertools.count(-5):
             if k == 0:

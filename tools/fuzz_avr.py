@@ -48,9 +48,8 @@ class Fuzz:
         self.parser = protocol.Parser()
         self.now_us = 0
         self.clock_s = 0.0
-        target.set_analog_mv(0, 2502)
-        target.set_analog_mv(1, 3000)
-        target.set_pin(2, False)
+        for channel, millivolt in enumerate((2502, 3000, 2500, 2500, 880)):
+            target.set_analog_mv(channel, millivolt)
         self.run(100_000)
 
     def run(self, duration_us: int) -> list[protocol.Message]:
@@ -77,7 +76,7 @@ class Fuzz:
         hello = protocol.encode(protocol.Hello(protocol.VERSION), seq)
         self.target.write(data + hello)
         # A tick to take it, and the telemetry that may stand before the answer on the line.
-        heard = self.run((len(data) + len(hello)) * BYTE_US + 2 * TICK_US + 64 * BYTE_US)
+        heard = self.run((len(data) + len(hello)) * BYTE_US + 2 * TICK_US + 104 * BYTE_US)
         if not any(isinstance(message, protocol.Version) for message in heard):
             raise UserError(f"Hello was not taken after {data.hex()}")
         if self.now_us / 1e6 - self.clock_s > 2 * TELEMETRY_S:

@@ -1,4 +1,4 @@
-"""Writes firmware/src/protocol.h and host/link/protocol.py from firmware/protocol.toml.
+"""Writes firmware/src/core/protocol.h and host/link/protocol.py from firmware/protocol.toml.
 
 `python tools/protogen.py` writes them, `python tools/protogen.py --check` fails when one of them
 differs from what the schema says.
@@ -15,7 +15,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 SCHEMA = ROOT / "firmware" / "protocol.toml"
-HEADER = ROOT / "firmware" / "src" / "protocol.h"
+HEADER = ROOT / "firmware" / "src" / "core" / "protocol.h"
 MODULE = ROOT / "host" / "link" / "protocol.py"
 RUNTIME = Path(__file__).with_name("protocol.py.in")
 

@@ -109,25 +109,37 @@ quiet = env.Clone()
 quiet.Append(CCFLAGS=["-w"])
 env.Prepend(LIBS=[quiet.BuildLibrary(os.path.join("$BUILD_DIR", "FrameworkArduino"), core)])
 """
-UNO = {
-    "build": {
-        "core": "arduino",
-        "extra_flags": "-DARDUINO_AVR_UNO",
-        "f_cpu": "16000000L",
-        "mcu": "atmega328p",
-        "variant": "standard",
-    },
-    "frameworks": ["arduino"],
-    "name": "Arduino Uno",
-    "upload": {
-        "maximum_ram_size": 2048,
-        "maximum_size": 32256,
-        "protocol": "arduino",
-        "require_upload_port": True,
-        "speed": 115200,
-    },
-    "url": "https://www.arduino.cc",
-    "vendor": "Arduino",
+
+
+def board(name: str, mcu: str, variant: str, flash: int, ram: int, protocol: str) -> str:
+    """A board's manifest, as PlatformIO has it."""
+    return json.dumps(
+        {
+            "build": {"core": "arduino", "f_cpu": "16000000L", "mcu": mcu, "variant": variant},
+            "frameworks": ["arduino"],
+            "name": name,
+            "upload": {
+                "maximum_ram_size": ram,
+                "maximum_size": flash,
+                "protocol": protocol,
+                "require_upload_port": True,
+                "speed": 57600 if name.endswith("(old bootloader)") else 115200,
+            },
+            "url": "https://www.arduino.cc",
+            "vendor": "Arduino",
+        }
+    )
+
+
+BOARDS = {
+    "uno": board("Arduino Uno", "atmega328p", "standard", 32256, 2048, "arduino"),
+    "nanoatmega328new": board(
+        "Arduino Nano", "atmega328p", "eightanaloginputs", 30720, 2048, "arduino"
+    ),
+    "nanoatmega328": board(
+        "Arduino Nano (old bootloader)", "atmega328p", "eightanaloginputs", 30720, 2048, "arduino"
+    ),
+    "megaatmega2560": board("Arduino Mega 2560", "atmega2560", "mega", 253952, 8192, "wiring"),
 }
 TOOLCHAIN = "toolchain-atmelavr"
 FRAMEWORK = "framework-arduino-avr"
@@ -212,7 +224,7 @@ def seed_all() -> None:
         "platform.py": AVR_PLATFORM,
         "builder/main.py": AVR_BUILDER,
         "builder/frameworks/arduino.py": ARDUINO_FRAMEWORK.format(arduino=ARDUINO),
-        "boards/uno.json": json.dumps(UNO),
+        **{f"boards/{name}.json": text for name, text in BOARDS.items()},
     }
     seed(platforms / "atmelavr", "platform", "atmelavr", "5.1.0", files)
     files = {

@@ -17,13 +17,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tests.firmware.actuator import ActuatorSpec
-from tests.firmware.bench import Bench
-
-from hil.firmware import targets
 from hil.firmware.targets import Target
 from host.core.errors import UserError
+from tests.firmware.conftest import maker_of
 from tests.firmware.test_step import respond, settled_after
+from tests.helpers.actuator import ActuatorSpec
+from tests.helpers.firmware_bench import Bench
 
 STEP_DEG = 30.0
 SLEWS = (20.0, 45.0, 60.0)
@@ -104,7 +103,7 @@ def table(results: list[Result]) -> None:
 
 def main() -> int:
     """Runs the sweeps."""
-    makers = {"desk": targets.desk, "avr": targets.avr}
+    makers = {"desk": maker_of("desk"), "avr": maker_of("avr")}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("target", nargs="?", choices=makers, help="both where none is given")
     only = parser.parse_args().target

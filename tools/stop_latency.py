@@ -14,14 +14,22 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tests.firmware.bench import BATTERY, DRIVE_SENSE, ESTOP, POT, STEER_SENSE, Bench
-
-from hil.firmware import targets
-from hil.firmware.targets import ResetCause
+from hil.firmware.targets import Hang, ResetCause
 from host.core.errors import UserError
 from host.link import protocol
-from tests.firmware.conftest import Maker
+from tests.firmware.conftest import Maker, maker_of
 from tests.firmware.test_behaviour import bench_running
+from tests.helpers.firmware_bench import (
+    BATTERY,
+    DRIVE_SENSE,
+    OPEN_MV,
+    POT,
+    SHORT_MV,
+    STEER_SENSE,
+    Bench,
+    drive_mv,
+    steer_mv,
+)
 
 FINE_US = 100
 PHASES_MS = range(5)
@@ -57,7 +65,12 @@ def jump(bench: Bench) -> None:
 
 def open_loop(bench: Bench) -> None:
     """The e-stop."""
-    bench.target.set_pin(ESTOP, True)
+    bench.estop(OPEN_MV)
+
+
+def shorted_loop(bench: Bench) -> None:
+    """The e-stop's wire touches the chassis."""
+    bench.estop(SHORT_MV)
 
 
 def full_duty(bench: Bench) -> None:
@@ -76,14 +89,14 @@ def freeze(bench: Bench) -> None:
 def jam(bench: Bench) -> None:
     """The wheel stays, with the motor's stall current."""
     bench.actuator.jammed = True
-    bench.target.set_analog_mv(STEER_SENSE, 900)
+    bench.target.set_analog_mv(STEER_SENSE, steer_mv(9.0))
     full_duty(bench)
 
 
 def silence(bench: Bench) -> None:
     """No command any more; the time begins with the end of the last one's frame."""
     bench.run(20 - bench.now_us // 1000 % 20)
-    bench.target.write(frame := protocol.encode(bench.command, 0))
+    bench.target.write(frame := protocol.encode(bench.command, (bench.seq + 1) & 0xFF))
     end_us = bench.now_us + len(frame) * 85
     bench.now_us = -(-end_us // FINE_US) * FINE_US
     bench.target.run_until(bench.now_us)
@@ -96,7 +109,12 @@ def stop(bench: Bench) -> None:
 
 def hang(bench: Bench) -> None:
     """The main loop."""
-    bench.target.hang()
+    bench.target.hang(Hang.MAIN)
+
+
+def hang_interrupt(bench: Bench) -> None:
+    """With interrupts off."""
+    bench.target.hang(Hang.INTERRUPT)
 
 
 def brown_out(bench: Bench) -> None:
@@ -108,17 +126,19 @@ def brown_out(bench: Bench) -> None:
 CASES = (
     Case("STOP", 10, stop, False),
     Case("ESTOP_OPEN", 10, open_loop),
+    Case("ESTOP_SHORT", 20, shorted_loop),
     Case("POT_JUMP", 10, jump),
     Case("POT_OPEN", 20, analog(POT, 5000)),
     Case("POT_SHORT", 20, analog(POT, 0)),
-    Case("STEER_OVERCURRENT", 60, analog(STEER_SENSE, 2500)),
-    Case("DRIVE_OVERCURRENT", 60, analog(DRIVE_SENSE, 4500)),
+    Case("STEER_OVERCURRENT", 60, analog(STEER_SENSE, steer_mv(22.0))),
+    Case("DRIVE_OVERCURRENT", 60, analog(DRIVE_SENSE, drive_mv(45.0))),
     Case("BATTERY_HIGH", 110, analog(BATTERY, 4000)),
     Case("BATTERY_LOW", 610, analog(BATTERY, 2400)),
     Case("LINK_LOST", 250, silence, False),
     Case("POT_FROZEN, full duty", 250, freeze),
     Case("STEER_STALL, full duty", 250, jam),
-    Case("WATCHDOG, hung main loop", 40, hang),
+    Case("WATCHDOG, hung main loop", 20, hang),
+    Case("WATCHDOG, hung interrupt", 40, hang_interrupt),
     Case("BROWN_OUT, reset", 10, brown_out),
 )
 
@@ -152,7 +172,7 @@ def main() -> int:
         for case in CASES:
             worst = [
                 max(latency_ms(case, make, phase) for phase in PHASES_MS)
-                for make in (targets.desk, targets.avr)
+                for make in (maker_of("desk"), maker_of("avr"))
             ]
             late = max(worst) > case.bound_ms
             bad += late

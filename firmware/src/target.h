@@ -13,7 +13,7 @@
 extern "C" {
 #endif
 
-#define DARANTI_TARGET_ABI 1
+#define DARANTI_TARGET_ABI 2
 
 typedef struct daranti_target daranti_target;
 
@@ -26,38 +26,49 @@ enum daranti_reset {  // bits as in the ATmega328P's MCUSR (datasheet 11.9.1)
 
 uint32_t target_abi(void);  // DARANTI_TARGET_ABI
 
-// image: path of the ELF for simavr, ignored (may be NULL) by the desk build.
-// eeprom: 1024 bytes, or NULL for an erased one (0xFF). Returns NULL on failure; target_error()
-// then says why. The firmware has booted but not run: time is 0.
-daranti_target *target_create(const char *image, const uint8_t *eeprom);
+// image: path of the ELF for simavr, ignored (may be NULL) by the desk build. Its machine says
+// which chip: avr5 an ATmega328P, avr6 an ATmega2560. bootloader: path of an Intel hex file, or
+// NULL for none: resets then lead straight to the firmware. The desk has none. eeprom: 1024 bytes,
+// or NULL for an erased one (0xFF). Returns NULL on failure; target_error() then says why. Without
+// a bootloader the firmware has booted but not run: time is 0. With one, time 0 is when the power
+// comes on.
+daranti_target *target_create(const char *image, const char *bootloader, const uint8_t *eeprom);
 void target_destroy(daranti_target *);
-const char *target_error(void);  // of the last failed target_create() in this thread, never NULL
+const char *target_error(void);  // of the last failure in this thread, never NULL
 
-// Runs until the target's clock reaches time_us. Returns 0, or a negative number when the
-// target has crashed (an invalid opcode, a hang that no watchdog ended).
+// Runs until the target's clock reaches time_us. Returns 0, or a negative number when the target
+// has crashed (an invalid opcode, a hang that no watchdog ended) or done what the chip does not
+// allow; target_error() then says what.
 int32_t target_run_until(daranti_target *, uint64_t time_us);
 uint64_t target_time_us(const daranti_target *);
 
-void target_set_analog_mv(daranti_target *, uint8_t channel,
-                          uint16_t millivolt);                      // 0..5000, A0 = 0
-void target_set_pin(daranti_target *, uint8_t pin, uint8_t level);  // an external driver: 0 or 1
-uint8_t target_pin(const daranti_target *,
-                   uint8_t pin);  // level the firmware drives; input reads 0
-uint8_t target_pwm(const daranti_target *,
-                   uint8_t pin);  // duty 0..255 of 255; 0/255 also for a plain pin
+// Voltage at A0 + channel, 0..5000. Where the firmware reads that pin's level: 3000 and more is
+// high, 1500 and less is low, between them it stays (datasheet 29.2).
+void target_set_analog_mv(daranti_target *, uint8_t channel, uint16_t millivolt);
+enum daranti_level { DARANTI_LOW = 0, DARANTI_HIGH = 1, DARANTI_RELEASED = 2 };
+void target_set_pin(daranti_target *, uint8_t pin, uint8_t level);  // from outside: daranti_level
 
-// Serial bytes into and out of the UART; both directions take the baud rate's time per byte.
-// write returns how many bytes were queued (the queue holds at least 4096), read how many were
-// copied.
+// What the firmware does with a pin: the duty 0..255 of 255 of one that it drives (0 or 255 for a
+// plain output), DARANTI_FLOATING or DARANTI_PULLED_UP for an input.
+enum { DARANTI_FLOATING = -1, DARANTI_PULLED_UP = -2 };
+int16_t target_output(const daranti_target *, uint8_t pin);
+
+// The speed of the line's other end, in baud. 117647 where it was never set: an Uno's own USB chip.
+void target_set_baud(daranti_target *, uint32_t baud);
+// Serial bytes into and out of the UART; each takes the time of its sender's speed, and is misread
+// where the two ends differ too much. write returns how many bytes were queued (the queue holds at
+// least 4096), read how many were copied.
 size_t target_write(daranti_target *, const uint8_t *bytes, size_t count);
 size_t target_read(daranti_target *, uint8_t *bytes, size_t capacity);
 
 void target_reset(daranti_target *, uint8_t cause);  // enum daranti_reset; EEPROM is kept
 void target_eeprom(const daranti_target *, uint8_t *bytes1024);  // copies the EEPROM out
 
-// Puts the firmware into an endless loop that no interrupt leaves, as a hung main loop would
-// be. The watchdog must end it. 0 where the target can do that, -1 where it cannot.
-int32_t target_hang(daranti_target *);
+// Puts the firmware into an endless loop: the main loop, which interrupts leave and come back to,
+// or an interrupt that none other can leave. The watchdog must end either. 0, or -1 where the
+// target cannot do that.
+enum daranti_hang { DARANTI_HANG_MAIN = 0, DARANTI_HANG_INTERRUPT = 1 };
+int32_t target_hang(daranti_target *, uint8_t where);
 
 #ifdef __cplusplus
 }

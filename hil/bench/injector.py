@@ -15,6 +15,7 @@ from hil.firmware import signal_wires
 from hil.firmware.real_board import Controller
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.targets import ResetCause
+from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario.faults import At, Component, Failure, Fault
 
 BLOCKED_N: Final = 1e5
@@ -63,6 +64,7 @@ _WIRES: Final[dict[tuple[str, str], tuple[Signal, Mode]]] = {
     ("hall", "garbage"): (Signal.HALL, Mode.NOISY),
     ("hall", "intermittent"): (Signal.HALL, Mode.FLICKERING),
     ("estop", "off"): (Signal.ESTOP, Mode.FIXED),
+    ("estop", "stuck"): (Signal.ESTOP, Mode.FIXED),
     ("estop", "intermittent"): (Signal.ESTOP, Mode.FLICKERING),
 }
 
@@ -83,8 +85,9 @@ _WIRE_VALUES: Final[dict[tuple[str, str], float]] = {
     ("steering_motor", "wrong"): -1.0,
     ("steering_bridge", "wrong"): -1.0,
     ("drive_motor", "wrong"): -1.0,
-    ("estop", "off"): 1.0,
-    ("estop", "intermittent"): 1.0,
+    ("estop", "off"): ESTOP_OPEN_MV,
+    ("estop", "stuck"): 0.0,
+    ("estop", "intermittent"): ESTOP_OPEN_MV,
 }
 
 

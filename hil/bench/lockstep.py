@@ -1,6 +1,6 @@
 """The lockstep bench: firmware, machine, field and sensors under one clock.
 
-The bench alone advances time; the loop over milliseconds is hil/coupling.py.
+The bench alone advances time; the loop over milliseconds is hil/firmware/coupling.py.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from hil.bench.injector import Injector
-from hil.firmware import coupling, provision
+from hil.firmware import coupling, provision, wiring
 from hil.firmware.real_board import Board, Controller
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
@@ -65,8 +65,8 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         else:
             target = provision.target(scenario.firmware, self._told.parameters)
             self.target = target
-            self._inner = coupling.bind(target, *records, wires=self.faults.taps)
-        self.target.set_pin(coupling.ESTOP, False)
+            layout = wiring.layout(world.wiring)
+            self._inner = coupling.bind(target, *records, wires=self.faults.taps, layout=layout)
 
     @cached_property
     def camera(self) -> Camera:

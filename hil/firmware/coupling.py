@@ -1,7 +1,8 @@
 """The compiled inner loop of every bench: firmware and machine in turn, a millisecond at a time.
 
 It reads the pins that the firmware drives, moves the machine, sets the voltages that the firmware
-will read, and lets the firmware run that millisecond. Pins as in firmware/src/pins.h.
+will read, and lets the firmware run that millisecond. What a pin is wired to says hil/firmware/
+wiring.py.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numba
 import numpy as np
 from numba import njit
 
-from hil.firmware import signal_wires
+from hil.firmware import signal_wires, wiring
 from hil.firmware.signal_wires import Signal, tap
 from hil.firmware.targets import Target
 from sim_plant import machine
@@ -21,16 +22,6 @@ from sim_plant import machine
 PHYSICS_US: Final = 1000
 LOG_US: Final = 5000
 """Period of the log's rows: the firmware's tick."""
-
-ESTOP: Final = 2
-BLADE: Final = 6
-HALL: Final = 12
-STEER_PWM: Final = 9
-STEER_PWM_RIGHT: Final = 10
-STEER_IN: Final = (7, 8)
-DRIVE_PWM: Final = 3
-DRIVE_PWM_BACK: Final = 11
-DRIVE_IN: Final = (4, 5)
 
 LOG: Final = np.dtype(
     [
@@ -54,30 +45,34 @@ DRIVE_DUTY: Final = int(Signal.DRIVE_DUTY)
 BLADE_WIRE: Final = int(Signal.BLADE)
 HALL_WIRE: Final = int(Signal.HALL)
 ESTOP_WIRE: Final = int(Signal.ESTOP)
+HALL_B_WIRE: Final = int(Signal.HALL_B)
+BLADE_TURN_WIRE: Final = int(Signal.BLADE_TURN)
+ESTOP_CLOSED_MV: Final = wiring.ESTOP_CLOSED_MV
 
 
 @njit(cache=True, nogil=True)
-def _bridge(pwm: Any, pin: Any, handle: int, enable: int, second: int, in1: int, in2: int) -> float:
-    """Signed duty -1..1 of a bridge. An L298N's direction pins decide; a BTS7960 leaves them low
-    and drives its second PWM input instead."""
-    duty: float = pwm(handle, enable) / 255.0
-    forward = pin(handle, in1) != 0
-    backward = pin(handle, in2) != 0
-    if forward and backward:
-        return 0.0
-    if forward:
-        return duty
-    if backward:
-        return -duty
-    second_duty: float = pwm(handle, second) / 255.0
-    return duty - second_duty
+def _level(output: Any, handle: int, pin: int, loose: float) -> float:
+    """Mean level 0..1 of a wire at an output pin; `loose` where the pin is an input."""
+    duty = output(handle, pin)
+    return duty / 255.0 if duty >= 0 else loose
 
 
 @njit(cache=True, nogil=True)
-def _shorted(pwm: Any, pin: Any, handle: int, enable: int, in1: int, in2: int) -> int:
-    """Whether an L298N's inputs short its motor: both high, and enabled."""
-    both = pin(handle, in1) != 0 and pin(handle, in2) != 0
-    return 1 if both and pwm(handle, enable) > 0 else 0
+def _bridge(
+    output: Any, handle: int, loose: float, two_pwm: int, pwm: int, lpwm: int, in1: int, in2: int
+) -> tuple[float, int]:
+    """Signed duty -1..1 of a bridge, and whether it shorts its motor at no duty. A BTS7960 (its
+    enables wired high) takes the difference of its two halves, and shorts at no difference; an
+    L298N or VNH5019 takes the direction from its inputs, shorts where these are alike and it is
+    enabled, and lets go where it is not."""
+    first = _level(output, handle, pwm, loose)
+    if two_pwm:
+        return first - _level(output, handle, lpwm, loose), 1
+    forward = _level(output, handle, in1, loose) > 0.5
+    backward = _level(output, handle, in2, loose) > 0.5
+    if forward == backward:
+        return 0.0, 1 if first > 0.0 else 0
+    return first if forward else -first, 0
 
 
 @njit(cache=True, nogil=True)
@@ -86,17 +81,19 @@ def _millivolt(volts_mv: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _sensed(now: int, state: Any, wires: Any) -> tuple[int, int, int, int, int, int]:
-    """What arrives at the board: pot, battery, steering and drive current in mV, then the hall
-    sensor's and the e-stop's level."""
+def _sensed(now: int, state: Any, wires: Any) -> tuple[int, int, int, int, int, int, int, int]:
+    """What arrives at the board: pot, battery, steering and drive current and the e-stop's loop in
+    mV, then the levels of the two hall sensors and of the blade's."""
     s = state[0]
     return (
         _millivolt(tap(wires, POT, s.pot_mv, now)),
         _millivolt(tap(wires, BATTERY_SENSE, s.battery_sense_mv, now)),
         _millivolt(tap(wires, STEER_SENSE, s.steer_sense_mv, now)),
         _millivolt(tap(wires, DRIVE_SENSE, s.drive_sense_mv, now)),
+        _millivolt(tap(wires, ESTOP_WIRE, ESTOP_CLOSED_MV, now)),
         round(tap(wires, HALL_WIRE, float(s.hall), now)),
-        round(tap(wires, ESTOP_WIRE, 0.0, now)),
+        round(tap(wires, HALL_B_WIRE, float(s.hall_b), now)),
+        round(tap(wires, BLADE_TURN_WIRE, float(s.blade_turn), now)),
     )
 
 
@@ -123,8 +120,7 @@ def _run(
     run_until: Any,
     set_analog: Any,
     set_pin: Any,
-    pin: Any,
-    pwm: Any,
+    output: Any,
     handle: int,
     begin_us: int,
     end_us: int,
@@ -133,22 +129,35 @@ def _run(
     given: Any,
     wires: Any,
     log: Any,
+    layout: Any,
 ) -> int:
     """Machine and firmware from begin_us to end_us. Returns the target's status."""
+    w = layout[0]
     now = begin_us
     while now < end_us:
         now += PHYSICS_US
-        steer = _bridge(pwm, pin, handle, STEER_PWM, STEER_PWM_RIGHT, STEER_IN[0], STEER_IN[1])
-        drive = _bridge(pwm, pin, handle, DRIVE_PWM, DRIVE_PWM_BACK, DRIVE_IN[0], DRIVE_IN[1])
-        given[0].drive_brake = _shorted(pwm, pin, handle, DRIVE_PWM, DRIVE_IN[0], DRIVE_IN[1])
-        _move(steer, drive, float(pin(handle, BLADE)), now, state, params, given, wires)
-        pot, battery, steer_sense, drive_sense, hall, estop = _sensed(now, state, wires)
+        steer, given[0].steer_brake = _bridge(
+            output, handle, w.loose, w.steer_two_pwm,
+            w.steer_pwm, w.steer_lpwm, w.steer_in1, w.steer_in2,
+        )  # fmt: skip
+        drive, given[0].drive_brake = _bridge(
+            output, handle, w.loose, w.drive_two_pwm,
+            w.drive_pwm, w.drive_lpwm, w.drive_in1, w.drive_in2,
+        )  # fmt: skip
+        relay = _level(output, handle, w.blade, w.loose) > 0.5
+        blade = 1.0 if relay != (w.relay_low != 0) else 0.0
+        _move(steer, drive, blade, now, state, params, given, wires)
+        pot, battery, steer_sense, drive_sense, estop, hall, hall_b, turn = _sensed(
+            now, state, wires
+        )
         set_analog(handle, 0, pot)
         set_analog(handle, 1, battery)
         set_analog(handle, 2, steer_sense)
         set_analog(handle, 3, drive_sense)
-        set_pin(handle, HALL, hall)
-        set_pin(handle, ESTOP, estop)
+        set_analog(handle, 4, estop)
+        set_pin(handle, w.hall, hall)
+        set_pin(handle, w.hall_b, hall_b)
+        set_pin(handle, w.blade_turn, turn)
         status: int = run_until(handle, now)
         if status != 0:
             return status
@@ -177,17 +186,24 @@ def _apart(
     while now < end_us:
         now += PHYSICS_US
         _move(outputs[0], outputs[1], outputs[2], now, state, params, given, wires)
-        pot, battery, steer_sense, drive_sense, hall, estop = _sensed(now, state, wires)
+        pot, battery, steer_sense, drive_sense, estop, hall, hall_b, turn = _sensed(
+            now, state, wires
+        )
         sensors[0], sensors[1] = pot, battery
         sensors[2], sensors[3] = steer_sense, drive_sense
         sensors[4] = estop
-        sensors[5] += hall > sensors[6]
+        if hall < sensors[6]:
+            sensors[5] += 1
+            sensors[7] += hall_b == 0
         sensors[6] = hall
+        sensors[8] += turn < sensors[9]
+        sensors[9] = turn
 
 
-SENSORS: Final = 7
-"""Of `_apart`: pot, battery, steering current, drive current (mV), e-stop pin; pulses of the hall
-sensor since the start, and its pin."""
+SENSORS: Final = 10
+"""Of `_apart`: pot, battery, steering current, drive current, e-stop loop (mV); pulses of the hall
+sensor since the start, and its level; those of them backward; pulses of the blade's sensor, and its
+level."""
 
 
 def bind_apart(
@@ -216,17 +232,20 @@ def bind(
     given: machine.Record,
     log: machine.Record = NO_LOG,
     wires: machine.Record | None = None,
+    layout: machine.Record | None = None,
 ) -> Callable[[int, int], int]:
     """The loop for these (1,) records: `run(begin_us, end_us)` returns the target's status.
-    `wires`: the taps of every signal (hil/wires.py), honest ones where none are given.
+    `wires`: the taps of every signal (hil/firmware/signal_wires.py), honest ones where none are
+    given. `layout`: what the pins are wired to; None: an Uno's default wiring.
 
     Numba's dispatcher would work out the records' types at every call, which costs more than ten
     simulated milliseconds; the compiled entry point is called directly.
     """
     f = target.pointers
-    functions = (f.run_until, f.set_analog_mv, f.set_pin, f.pin, f.pwm)
+    functions = (f.run_until, f.set_analog_mv, f.set_pin, f.output)
     handle = target.handle
-    records = (state, params, given, signal_wires.honest() if wires is None else wires, log)
+    taps = signal_wires.honest() if wires is None else wires
+    records = (state, params, given, taps, log, wiring.layout() if layout is None else layout)
     entry = _entry_point(_run, (*functions, handle, 0, 0, *records))
 
     def run(begin_us: int, end_us: int) -> int:

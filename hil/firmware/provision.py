@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Final, Literal
 
 from hil.firmware import targets
@@ -13,11 +14,14 @@ from host.link.session import Session
 
 Firmware = Literal["desk", "avr"]
 _MAKERS: Final = {"desk": targets.desk, "avr": targets.avr}
+FITTED: Final = {"steer_driver": 1.0, "drive_driver": 3.0}
+"""What the owner of the default machine has told the firmware of its drivers: an L298N steers, a
+VNH5019 drives."""
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
 STEP_US: Final = 10_000
 TIMER_2_HZ: Final = (123.0, 246.0, 491.0, 981.0, 3922.0)
-"""All that the drive bridge's timer can (firmware/src/uno/board.cpp)."""
+"""All that the drive bridge's timer can (ATmega328P, timer 2)."""
 
 
 def raw_values(parameters: Mapping[str, float]) -> dict[int, int]:
@@ -43,14 +47,23 @@ def pwm_hz(parameters: Mapping[str, float]) -> tuple[float, float]:
 
 
 def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) -> Target:
-    """A fresh microcontroller that boots with these parameters, in their units. Raises UserError
-    where the firmware does not store them."""
+    """A fresh microcontroller that boots with these parameters, in their units; erased where none
+    are given. Raises UserError where the firmware does not store them."""
     make = _MAKERS[firmware]
-    if not parameters:
-        return make()
-    raw = raw_values(parameters)
+    return make(eeprom(tuple(sorted(parameters.items())))) if parameters else make()
+
+
+def fitted(firmware: Firmware) -> Target:
+    """The firmware of the default machine as its owner has set it up."""
+    return target(firmware, FITTED)
+
+
+@cache
+def eeprom(parameters: tuple[tuple[str, float], ...]) -> bytes:
+    """The memory that the desk's firmware leaves when it has been given these parameters."""
+    raw = raw_values(dict(parameters))
     session = Session()
-    with make() as workshop:
+    with targets.desk() as workshop:
         data = b"".join(session.request(protocol.ParamSet(k, v)) for k, v in raw.items())
         workshop.write(data + session.request(protocol.ParamSave()))
         saved = False
@@ -58,14 +71,11 @@ def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) ->
             workshop.run_until(workshop.time_us + STEP_US)
             session.feed(workshop.time_us / 1e6, workshop.read())
             if session.refusal:
-                raise UserError(
-                    f"the {firmware} firmware did not take {dict(parameters)}: {session.refusal}"
-                )
+                raise UserError(f"the firmware did not take {dict(parameters)}: {session.refusal}")
             saved = any(
                 isinstance(a, protocol.Ack) and a.request_id == protocol.ParamSave.ID
                 for a in session.answers
             )
         if not saved:
-            raise UserError(f"the {firmware} firmware did not store {dict(parameters)}")
-        image = workshop.eeprom()
-    return make(image)
+            raise UserError(f"the firmware did not store {dict(parameters)}")
+        return workshop.eeprom()

@@ -33,8 +33,6 @@ SILENCE_US: Final = 1_000_000
 class Controller(Protocol):
     """What a bench asks of the thing that runs the firmware, besides running it."""
 
-    def set_pin(self, pin: int, level: bool) -> None: ...
-
     def write(self, data: bytes) -> int: ...
 
     def read(self) -> bytes: ...
@@ -121,9 +119,19 @@ class Board:
         return run
 
     def _report(self) -> protocol.HilSensors:
-        pot, battery, steer, drive, estop, hall, _ = (int(x) for x in self._sensors)
-        volts = (pot / 1000, battery / 1000, steer / 1000, drive / 1000)
-        return protocol.HilSensors(*volts, estop, hall % 65536)
+        pot, battery, steer, drive, estop, hall, _, backward, turns, _ = (
+            int(x) for x in self._sensors
+        )
+        return protocol.HilSensors(
+            pot / 1000,
+            battery / 1000,
+            steer / 1000,
+            drive / 1000,
+            estop / 1000,
+            hall % 65536,
+            backward % 65536,
+            turns % 65536,
+        )
 
     def _heard(self, direction: Direction, stamp: float, data: bytes) -> None:
         del stamp
@@ -137,9 +145,6 @@ class Board:
                 self._outputs[:] = (steer, drive, float(answers[0].blade != 0))
             else:
                 self._to_host += frame
-
-    def set_pin(self, pin: int, level: bool) -> None:
-        """Does nothing: the e-stop loop is one of the sensors."""
 
     def write(self, data: bytes) -> int:
         """The host's bytes, passed on in whole frames."""

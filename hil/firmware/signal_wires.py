@@ -24,8 +24,8 @@ NEVER: Final = -1
 
 
 class Signal(enum.IntEnum):
-    """The wires, in the order of the taps. Voltages are in mV at the pin, duties -1..1 as the
-    motors get them, levels 0 or 1."""
+    """The wires, in the order of the taps. Voltages are in mV at the pin (the e-stop's loop too),
+    duties -1..1 as the motors get them, levels 0 or 1."""
 
     POT = 0
     BATTERY_SENSE = 1
@@ -36,9 +36,11 @@ class Signal(enum.IntEnum):
     BLADE = 6
     HALL = 7
     ESTOP = 8
+    HALL_B = 9
+    BLADE_TURN = 10
 
 
-TOLERANCE: Final = (45.0, 125.0, 200.0, 200.0, 0.1, 0.1, 0.5, 0.5, 0.5)
+TOLERANCE: Final = (45.0, 125.0, 200.0, 80.0, 0.1, 0.1, 0.5, 0.5, 300.0, 0.5, 0.5)
 """What passes for the truth: 2 degrees, 0.5 V, 2 A, a tenth of the duty."""
 
 

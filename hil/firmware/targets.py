@@ -1,12 +1,12 @@
 """Microcontrollers that run the firmware: ctypes over the Target ABI (firmware/src/target.h).
 
-`desk()` runs the firmware compiled for this machine, `avr()` the Uno's binary in simavr. Both give
-a `Target`; a numba-compiled loop takes its raw function pointers and handle instead:
+`desk()` runs the firmware compiled for this machine, `avr(board)` a board's binary in simavr. Both
+give a `Target`; a numba-compiled loop takes its raw function pointers and handle instead:
 
     target = desk()
-    run_until, pwm = target.pointers.run_until, target.pointers.pwm
+    run_until, output = target.pointers.run_until, target.pointers.output
     @njit
-    def loop(handle): ...  # run_until(handle, time_us); pwm(handle, 9)
+    def loop(handle): ...  # run_until(handle, time_us); output(handle, 9)
     loop(target.handle)
 """
 
@@ -15,10 +15,20 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import enum
-from ctypes import POINTER, c_char_p, c_int32, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64
+from ctypes import (
+    POINTER,
+    c_char_p,
+    c_int16,
+    c_int32,
+    c_size_t,
+    c_uint8,
+    c_uint16,
+    c_uint32,
+    c_uint64,
+)
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 from host.core.errors import UserError
 
@@ -28,7 +38,10 @@ AVR_LIBRARY = ROOT / "build" / "simavr" / "libdaranti_avr.so"
 AVR_IMAGE = ROOT / ".pio" / "build" / "uno" / "firmware.elf"
 UNO_HIL_IMAGE = ROOT / ".pio" / "build" / "uno_hil" / "firmware.elf"
 
-ABI = 1
+Board = Literal["uno", "nano", "mega2560"]
+BOARDS: Final[tuple[Board, ...]] = ("uno", "nano", "mega2560")
+
+ABI = 2
 EEPROM_SIZE = 1024
 
 
@@ -41,6 +54,20 @@ class ResetCause(enum.IntFlag):
     WATCHDOG = 8
 
 
+class Hang(enum.IntEnum):
+    """Where the firmware hangs."""
+
+    MAIN = 0
+    """In its main loop; interrupts go on."""
+    INTERRUPT = 1
+    """With interrupts off."""
+
+
+FLOATING: Final = -1
+PULLED_UP: Final = -2
+"""What `output` gives for an input."""
+
+
 class TargetError(Exception):
     """The simulated microcontroller crashed or could not be created."""
 
@@ -48,20 +75,20 @@ class TargetError(Exception):
 _HANDLE = ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "abi": (c_uint32, []),
-    "create": (_HANDLE, [c_char_p, c_char_p]),
+    "create": (_HANDLE, [c_char_p, c_char_p, c_char_p]),
     "destroy": (None, [_HANDLE]),
     "error": (c_char_p, []),
     "run_until": (c_int32, [_HANDLE, c_uint64]),
     "time_us": (c_uint64, [_HANDLE]),
     "set_analog_mv": (None, [_HANDLE, c_uint8, c_uint16]),
     "set_pin": (None, [_HANDLE, c_uint8, c_uint8]),
-    "pin": (c_uint8, [_HANDLE, c_uint8]),
-    "pwm": (c_uint8, [_HANDLE, c_uint8]),
+    "output": (c_int16, [_HANDLE, c_uint8]),
+    "set_baud": (None, [_HANDLE, c_uint32]),
     "write": (c_size_t, [_HANDLE, c_char_p, c_size_t]),
     "read": (c_size_t, [_HANDLE, POINTER(c_uint8), c_size_t]),
     "reset": (None, [_HANDLE, c_uint8]),
     "eeprom": (None, [_HANDLE, POINTER(c_uint8)]),
-    "hang": (c_int32, [_HANDLE]),
+    "hang": (c_int32, [_HANDLE, c_uint8]),
 }
 
 
@@ -93,10 +120,15 @@ def _pointers(library: Path, _stamp: int) -> Pointers:
 
 class Target(contextlib.AbstractContextManager["Target"]):
     """One microcontroller. Time is in microseconds since its creation and advances in run_until()
-    only; pins are Arduino Uno numbers, analog channels A0 = 0. Not to be shared between threads."""
+    only; pins are the board's own numbers, analog channels A0 = 0. Not to be shared between
+    threads."""
 
     def __init__(
-        self, library: Path, image: Path | None = None, eeprom: bytes | None = None
+        self,
+        library: Path,
+        image: Path | None = None,
+        eeprom: bytes | None = None,
+        bootloader: Path | None = None,
     ) -> None:
         if not library.exists():
             raise UserError(f"{library} is missing: the firmware is not built; run `make build`")
@@ -106,7 +138,8 @@ class Target(contextlib.AbstractContextManager["Target"]):
             raise ValueError(f"an EEPROM has {EEPROM_SIZE} bytes, not {len(eeprom)}")
         self.pointers = _pointers(library, library.stat().st_mtime_ns)
         path = None if image is None else str(image).encode()
-        handle: int | None = self.pointers.create(path, eeprom)
+        loader = None if bootloader is None else str(bootloader).encode()
+        handle: int | None = self.pointers.create(path, loader, eeprom)
         if handle is None:
             raise TargetError(self.pointers.error().decode())
         self.handle: int = handle
@@ -127,10 +160,11 @@ class Target(contextlib.AbstractContextManager["Target"]):
             self.close()
 
     def run_until(self, time_us: int) -> None:
-        """Runs up to, and without, what happens at `time_us`. Raises TargetError on a crash."""
+        """Runs up to, and without, what happens at `time_us`. Raises TargetError on a crash, or
+        where the firmware does what the chip does not allow."""
         result: int = self.pointers.run_until(self.handle, time_us)
         if result < 0:
-            raise TargetError(f"the microcontroller crashed at {self.time_us} us ({result})")
+            raise TargetError(f"at {self.time_us} us: {self.pointers.error().decode()}")
 
     @property
     def time_us(self) -> int:
@@ -141,17 +175,26 @@ class Target(contextlib.AbstractContextManager["Target"]):
         """Voltage at an analog input, 0..5000 mV."""
         self.pointers.set_analog_mv(self.handle, channel, millivolt)
 
-    def set_pin(self, pin: int, level: bool) -> None:
-        """Drives an input pin from outside."""
-        self.pointers.set_pin(self.handle, pin, int(level))
+    def set_pin(self, pin: int, level: bool | None) -> None:
+        """Drives an input pin from outside; None lets go of it."""
+        self.pointers.set_pin(self.handle, pin, 2 if level is None else int(level))
+
+    def output(self, pin: int) -> int:
+        """Duty 0..255 of 255 of a pin that the firmware drives (0 or 255 for a plain output);
+        FLOATING or PULLED_UP for an input."""
+        return int(self.pointers.output(self.handle, pin))
 
     def pin(self, pin: int) -> bool:
-        """The level that the firmware drives; an input reads False."""
-        return bool(self.pointers.pin(self.handle, pin))
+        """Whether the firmware drives it high all the time."""
+        return self.output(pin) == 255
 
     def pwm(self, pin: int) -> int:
-        """Duty 0..255 of 255; 0 or 255 also for a plain output."""
-        return int(self.pointers.pwm(self.handle, pin))
+        """Duty 0..255 of 255; 0 for an input."""
+        return max(0, self.output(pin))
+
+    def set_baud(self, baud: int) -> None:
+        """Speed of the line's other end."""
+        self.pointers.set_baud(self.handle, baud)
 
     def write(self, data: bytes) -> int:
         """Queues bytes towards the firmware; returns how many fitted."""
@@ -174,20 +217,28 @@ class Target(contextlib.AbstractContextManager["Target"]):
         self.pointers.eeprom(self.handle, image)
         return bytes(image)
 
-    def hang(self) -> None:
-        """Hangs the main loop for good. Raises TargetError where the target cannot."""
-        if self.pointers.hang(self.handle) != 0:
+    def hang(self, where: Hang = Hang.MAIN) -> None:
+        """Hangs the firmware for good. Raises TargetError where the target cannot."""
+        if self.pointers.hang(self.handle, int(where)) != 0:
             raise TargetError("this target cannot be hung")
 
 
 def desk(eeprom: bytes | None = None) -> Target:
-    """The firmware compiled for this machine."""
+    """The firmware compiled for this machine; its pins are an Uno's."""
     return Target(DESK_LIBRARY, None, eeprom)
 
 
-def avr(eeprom: bytes | None = None) -> Target:
-    """The Uno's binary in simavr, instruction by instruction."""
-    return Target(AVR_LIBRARY, AVR_IMAGE, eeprom)
+def image_of(board: Board) -> Path:
+    """A board's ELF."""
+    return ROOT / ".pio" / "build" / board / "firmware.elf"
+
+
+def avr(
+    eeprom: bytes | None = None, board: Board = "uno", bootloader: Path | None = None
+) -> Target:
+    """A board's binary in simavr, instruction by instruction, started by a bootloader where one
+    (an Intel hex file) is given."""
+    return Target(AVR_LIBRARY, image_of(board), eeprom, bootloader)
 
 
 def uno_hil(eeprom: bytes | None = None) -> Target:

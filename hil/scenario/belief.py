@@ -22,7 +22,7 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from hil.firmware.provision import raw_values
+from hil.firmware.provision import FITTED, raw_values
 from hil.scenario.world import World
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
@@ -307,7 +307,7 @@ def calibrated_parameters(
     steering = world.machine.steering
     off = draw("pot", errors.pot_deg) * steering.pot_counts_per_deg
     defaults = {name: spec.from_raw(spec.default_raw) for name, spec in protocol.PARAMS.items()}
-    values = {"hall_per_metre": vehicle.hall_pulses_per_m}
+    values = FITTED | {"hall_per_metre": vehicle.hall_pulses_per_m}
     for name, angle in (
         ("pot_left", "angle_left"),
         ("pot_centre", ""),

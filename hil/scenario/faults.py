@@ -127,6 +127,7 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("hall", "garbage"): Pair("pulses at random", _STOP, *_SLOW),
     ("hall", "intermittent"): Pair("loses pulses", _RIDE),
     ("estop", "off"): Pair("the loop is opened", _STOP),
+    ("estop", "stuck"): Pair("its wire touches the chassis: the button would do nothing", _STOP),
     ("estop", "intermittent"): Pair("loose contact in the loop", _STOP),
     ("serial", "off"): Pair("unplugged; replugged after `for_s`", _STOP),
     ("serial", "garbage"): Pair("a bit of `value` of the bytes flips", _RIDE, value=0.01),

@@ -15,6 +15,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from hil.firmware.provision import Firmware
+from hil.firmware.wiring import Wiring
 from hil.scenario.belief import Belief, Told, corner_like, spelled_out, told
 from hil.scenario.faults import Fault
 from hil.scenario.world import Start, World
@@ -71,6 +72,8 @@ class Scenario(BaseModel):
     """Whether it sees simulated pictures, or what it would say of them is drawn
     (hil/bench/model_eyes.py)."""
     machine: MachineSpec = MachineSpec()
+    wiring: Wiring = Wiring()
+    """The drivers behind the pins, and what holds these while nobody drives them."""
     lens: dict[str, Any] = {}
     """Of CameraSpec, what is not as the mount's drawing has it."""
     field: FieldSpec = FieldSpec()
@@ -103,7 +106,16 @@ class Scenario(BaseModel):
         """What is: all that plant and judge may know."""
         drawing = MOUNTS[self.camera].model_dump()
         lens = CameraSpec.model_validate(drawing | self.lens)
-        return World(self.seed, self.field, self.machine, lens, self.weather, self.gnss, self.start)
+        return World(
+            self.seed,
+            self.field,
+            self.machine,
+            self.wiring,
+            lens,
+            self.weather,
+            self.gnss,
+            self.start,
+        )
 
     @property
     def told(self) -> Told:

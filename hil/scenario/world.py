@@ -10,6 +10,7 @@ import shapely
 from pydantic import BaseModel, ConfigDict, Field
 from shapely import affinity
 
+from hil.firmware.wiring import Wiring
 from sim_plant.camera import CameraSpec
 from sim_plant.field import FieldSpec, Point
 from sim_plant.gnss import GnssSpec
@@ -67,6 +68,7 @@ class World:
     seed: int
     field: FieldSpec
     machine: MachineSpec
+    wiring: Wiring
     lens: CameraSpec
     weather: WeatherSpec
     gnss: GnssSpec

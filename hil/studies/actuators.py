@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.firmware import coupling, targets
+from hil.firmware import coupling, provision
 from host.core.errors import UserError
 from host.link import protocol
 from host.link.session import Session
@@ -179,8 +179,7 @@ class Stand(contextlib.AbstractContextManager["Stand"]):
         self._given = machine.inputs()
         self._log = np.zeros(round(log_s / LOG_S), coupling.LOG)
         self._firmware = firmware
-        self.target = targets.avr() if firmware == "avr" else targets.desk()
-        self.target.set_pin(coupling.ESTOP, False)
+        self.target = provision.fitted(firmware)
         self._run = coupling.bind(self.target, self._state, self._params, self._given, self._log)
         self._now_us = 0
 

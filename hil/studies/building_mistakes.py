@@ -20,6 +20,7 @@ import numpy as np
 from hil.bench.lockstep import SLICE_US, Bench
 from hil.bench.rig import handouts
 from hil.firmware.signal_wires import Mode, Signal
+from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
 from host.check.lines import Line, Question, Values, green
 from host.check.walk import Target, Walk
@@ -120,9 +121,8 @@ MISTAKES: Final = (
     ),
     Mistake(
         "wrong bridge style",
-        ("steering.frozen",),
-        parameters={"steer_driver": 1.0},
-        taps={Signal.STEER_DUTY: (Mode.FIXED, 0.0)},
+        ("steering.reversed", "steering.frozen"),
+        {"wiring": {"steering": "bts7960"}},
     ),
     Mistake("pot reversed", ("steering.reversed",), _steering(pot_counts_per_deg=-4.5)),
     Mistake(
@@ -148,7 +148,9 @@ MISTAKES: Final = (
     ),
     Mistake("pot's wire open", ("faults.there",), taps={Signal.POT: (Mode.FIXED, 5000.0)}),
     Mistake("e-stop bridged", ("estop.bridged",), estop_works=False),
-    Mistake("e-stop's wire broken", ("faults.estop",), taps={Signal.ESTOP: (Mode.FIXED, 1.0)}),
+    Mistake(
+        "e-stop's wire broken", ("faults.estop",), taps={Signal.ESTOP: (Mode.FIXED, ESTOP_OPEN_MV)}
+    ),
     Mistake("hall sensor dead", ("hall.dead",), taps={Signal.HALL: (Mode.FIXED, 0.0)}),
     Mistake(
         "hall's scale half", ("hall.scale",), {"machine": {"drive": {"hall_pulses_per_m": 25.0}}}
@@ -351,7 +353,7 @@ class LockstepHands:
         if question.key in ("estop_press", "estop_release") and self._mistake.estop_works:
             self.pump(ANSWER_S / 2)
             tap["mode"] = int(Mode.FIXED if question.key == "estop_press" else Mode.HONEST)
-            tap["value"] = 1.0
+            tap["value"] = ESTOP_OPEN_MV
         end = self.bench.now + ANSWER_S
         while self.bench.now < end:
             self.pump(0.1)

@@ -95,7 +95,7 @@ class ParamSpec:
         return raw * self.scale
 
 
-VERSION = 1
+VERSION = 2
 BAUD = 115200
 
 
@@ -118,6 +118,8 @@ class Result(enum.IntEnum):
     OUT_OF_RANGE = 4
     UNKNOWN = 5
     STORE_FAILED = 6
+    NOT_SET_UP = 7
+    STALE = 8
 
 
 class Fault(enum.IntFlag):
@@ -140,6 +142,14 @@ class Fault(enum.IntFlag):
     PARAMS_BAD = 1 << 14
     HALL_LOST = 1 << 15
     IDENT_LIMIT = 1 << 16
+    ESTOP_SHORT = 1 << 17
+    HALL_NOISE = 1 << 18
+    WHEEL_RUNAWAY = 1 << 19
+    WRONG_WAY = 1 << 20
+    BLADE_LOST = 1 << 21
+    BLADE_STUCK = 1 << 22
+    RESET_UNKNOWN = 1 << 23
+    PARAMS_COPY = 1 << 24
 
 
 FAULT_TEXTS: dict[Fault, tuple[str, str]] = {
@@ -200,7 +210,7 @@ FAULT_TEXTS: dict[Fault, tuple[str, str]] = {
         "report it with the record",
     ),
     Fault.PARAMS_BAD: (
-        "stored parameters corrupt; defaults are in use",
+        "stored parameters corrupt or out of range; defaults stand in for them",
         "restore the parameters, save them, CLEAR",
     ),
     Fault.HALL_LOST: (
@@ -210,6 +220,78 @@ FAULT_TEXTS: dict[Fault, tuple[str, str]] = {
     Fault.IDENT_LIMIT: (
         "identification stopped at its angle or time limit",
         "CLEAR and start it again",
+    ),
+    Fault.ESTOP_SHORT: (
+        "emergency-stop loop shorted: the button would not be seen",
+        "look for a chafed wire between the board and the button's box",
+    ),
+    Fault.HALL_NOISE: (
+        "the hall sensor counts faster than the machine can drive",
+        "lead its wire away from the motors' wires, or check hall_per_metre",
+    ),
+    Fault.WHEEL_RUNAWAY: (
+        "the wheels turn faster than asked",
+        "cut the power: the drive bridge may have failed closed",
+    ),
+    Fault.WRONG_WAY: (
+        "the wheels turn against the direction asked",
+        "check the drive motors' polarity and the order of the two hall sensors",
+    ),
+    Fault.BLADE_LOST: (
+        "blade switched on but its sensor shows no turning",
+        "check belt, blade motor, relay, fuse and the sensor",
+    ),
+    Fault.BLADE_STUCK: (
+        "the blade turns although it is switched off",
+        "press the e-stop: the relay may have welded",
+    ),
+    Fault.RESET_UNKNOWN: (
+        "the controller was reset while it was armed, and its bootloader hides why",
+        "check the 5 V supply and that nothing else opens the port",
+    ),
+    Fault.PARAMS_COPY: (
+        "one of the two stored copies of the parameters is damaged; the other is in use",
+        "compare the parameters with your notes and save them again",
+    ),
+}
+"""What each bit means, and what to do about it."""
+
+
+class ResetCause(enum.IntFlag):
+    """Why the controller started."""
+
+    BY_POWER_ON = 1 << 0
+    BY_RESET_PIN = 1 << 1
+    BY_BROWN_OUT = 1 << 2
+    BY_WATCHDOG = 1 << 3
+    BY_UNKNOWN = 1 << 4
+    WHILE_ARMED = 1 << 5
+
+
+RESETCAUSE_TEXTS: dict[ResetCause, tuple[str, str]] = {
+    ResetCause.BY_POWER_ON: (
+        "power-on",
+        "",
+    ),
+    ResetCause.BY_RESET_PIN: (
+        "reset button, or the port was opened",
+        "",
+    ),
+    ResetCause.BY_BROWN_OUT: (
+        "brown-out",
+        "",
+    ),
+    ResetCause.BY_WATCHDOG: (
+        "watchdog",
+        "",
+    ),
+    ResetCause.BY_UNKNOWN: (
+        "hidden by the bootloader",
+        "",
+    ),
+    ResetCause.WHILE_ARMED: (
+        "while it was armed",
+        "",
     ),
 }
 """What each bit means, and what to do about it."""
@@ -263,7 +345,7 @@ class Clear(Message):
 
 @dataclass(frozen=True, slots=True)
 class Drive(Message):
-    """To the firmware: The command; its validity feeds the link watchdog."""
+    """To the firmware: The command. Only a fresh one, whose sequence number has advanced by 1 to 127 since the last command or ARM, is taken and feeds the link watchdog."""
 
     steer: float
     """rad; steering angle, positive to the left"""
@@ -289,18 +371,23 @@ class Version(Message):
     firmware_major: int
     firmware_minor: int
     build: int
-    """0 uno, 1 desk, 2 uno_hil"""
-    reset_cause: int
-    """MCUSR: bit 0 power-on, 1 external, 2 brown-out, 3 watchdog"""
+    """0 uno, 1 desk, 2 uno_hil, 3 nano, 4 mega2560"""
+    reset_cause: ResetCause
+    commit: int
+    """first eight hexadecimal digits of the commit it was built from; 0 where that is not known"""
+    modified: int
+    """1 where the sources differed from that commit"""
 
     ID: ClassVar[int] = 65
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBB")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBBIB")
     CODECS: ClassVar[tuple[Codec, ...]] = (
         Codec("protocol_version", None, None, None),
         Codec("firmware_major", None, None, None),
         Codec("firmware_minor", None, None, None),
         Codec("build", None, None, None),
-        Codec("reset_cause", None, None, None),
+        Codec("reset_cause", None, ResetCause, None),
+        Codec("commit", None, None, None),
+        Codec("modified", None, None, None),
     )
 
 
@@ -369,6 +456,53 @@ class Telemetry(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class Readings(Message):
+    """To the host: 6 Hz: what the sensors read, and how well the controller and its line fare."""
+
+    steer_current: float
+    """A"""
+    drive_current: float
+    """A"""
+    pot: float
+    """counts; of 1023 for 5 V, as the following"""
+    battery: float
+    """counts"""
+    steer_sense: float
+    """counts"""
+    drive_sense: float
+    """counts"""
+    estop: float
+    """counts; the loop: 102 to 307 closed"""
+    hall: int
+    """pulses since reset, modulo 65536"""
+    blade_turns: int
+    """pulses of the blade's sensor since reset, modulo 65536"""
+    overruns: int
+    """ticks that began late or were lost since reset, saturating"""
+    line_errors: int
+    """bytes lost or misread on the line since reset, saturating"""
+    stale: int
+    """commands refused as repeated or old since reset, saturating"""
+
+    ID: ClassVar[int] = 70
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hhHHHHHHHHHH")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("steer_current", 0.01, None, None),
+        Codec("drive_current", 0.01, None, None),
+        Codec("pot", 0.0625, None, None),
+        Codec("battery", 0.0625, None, None),
+        Codec("steer_sense", 0.0625, None, None),
+        Codec("drive_sense", 0.0625, None, None),
+        Codec("estop", 0.0625, None, None),
+        Codec("hall", None, None, None),
+        Codec("blade_turns", None, None, None),
+        Codec("overruns", None, None, None),
+        Codec("line_errors", None, None, None),
+        Codec("stale", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class ParamGet(Message):
     """To the firmware: Answered by ParamValue, or by Ack UNKNOWN."""
 
@@ -421,7 +555,7 @@ class ParamDefaults(Message):
 
 @dataclass(frozen=True, slots=True)
 class Ident(Message):
-    """To the firmware: Raw PWM on the steering motor while ARMED, within the ident_* limits; feeds the link watchdog. Answered by Ack."""
+    """To the firmware: Raw PWM on the steering motor while ARMED, within the ident_* limits; feeds the link watchdog when fresh, as Drive does. Answered by Ack."""
 
     duty: int
     """-255..255, positive to the left"""
@@ -448,20 +582,26 @@ class HilSensors(Message):
     """V; at the sense pin"""
     drive_current: float
     """V; at the sense pin"""
-    estop: int
-    """level of the e-stop pin: 0 closed, 1 open"""
+    estop: float
+    """V; of the loop, at the pin"""
     hall: int
     """pulses since start, modulo 65536"""
+    hall_backward: int
+    """of them, those in which the second sensor says backward; modulo 65536"""
+    blade_turns: int
+    """pulses of the blade's sensor since start, modulo 65536"""
 
     ID: ClassVar[int] = 11
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHHBH")
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHH")
     CODECS: ClassVar[tuple[Codec, ...]] = (
         Codec("pot", 0.001, None, None),
         Codec("battery", 0.001, None, None),
         Codec("steer_current", 0.001, None, None),
         Codec("drive_current", 0.001, None, None),
-        Codec("estop", None, None, None),
+        Codec("estop", 0.001, None, None),
         Codec("hall", None, None, None),
+        Codec("hall_backward", None, None, None),
+        Codec("blade_turns", None, None, None),
     )
 
 
@@ -510,6 +650,7 @@ MESSAGES: tuple[type[Message], ...] = (
     Version,
     Ack,
     Telemetry,
+    Readings,
     ParamGet,
     ParamSet,
     ParamSave,
@@ -527,9 +668,9 @@ PARAMS: dict[str, ParamSpec] = {
         1.0,
         0,
         0,
-        1,
+        3,
         "",
-        "steering bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset",
+        "steering bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)",
     ),
     "drive_driver": ParamSpec(
         "drive_driver",
@@ -537,9 +678,9 @@ PARAMS: dict[str, ParamSpec] = {
         1.0,
         0,
         0,
-        1,
+        3,
         "",
-        "drive bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset",
+        "drive bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)",
     ),
     "steer_pwm_freq": ParamSpec(
         "steer_pwm_freq",
@@ -549,7 +690,7 @@ PARAMS: dict[str, ParamSpec] = {
         123,
         25000,
         "Hz",
-        "timer 1 gives any frequency; takes effect at reset",
+        "timer 1 gives any frequency",
     ),
     "drive_pwm_freq": ParamSpec(
         "drive_pwm_freq",
@@ -559,7 +700,7 @@ PARAMS: dict[str, ParamSpec] = {
         123,
         25000,
         "Hz",
-        "timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above; takes effect at reset",
+        "timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above",
     ),
     "pot_left": ParamSpec(
         "pot_left",
@@ -807,7 +948,7 @@ PARAMS: dict[str, ParamSpec] = {
         0.1,
         0,
         0,
-        5000,
+        4000,
         "pulses/m",
         "0: no hall sensor fitted",
     ),
@@ -827,7 +968,7 @@ PARAMS: dict[str, ParamSpec] = {
         0.001,
         15500,
         6000,
-        32000,
+        30000,
         "V",
         "",
     ),
@@ -847,9 +988,9 @@ PARAMS: dict[str, ParamSpec] = {
         0.01,
         2000,
         50,
-        4900,
+        10000,
         "A",
-        "",
+        "peak, for 50 ms; what the sensor can show is the limit (ACS712-20A: 24 A)",
     ),
     "drive_current_max": ParamSpec(
         "drive_current_max",
@@ -857,9 +998,9 @@ PARAMS: dict[str, ParamSpec] = {
         0.01,
         4000,
         50,
-        4900,
+        10000,
         "A",
-        "",
+        "peak, for 50 ms; what the sensor can show is the limit (ACS758-050B: 60 A)",
     ),
     "stall_current": ParamSpec(
         "stall_current",
@@ -867,7 +1008,7 @@ PARAMS: dict[str, ParamSpec] = {
         0.01,
         300,
         10,
-        4900,
+        10000,
         "A",
         "a driven, motionless steering above it is stalled, below it its potentiometer is frozen",
     ),
@@ -910,6 +1051,126 @@ PARAMS: dict[str, ParamSpec] = {
         10000,
         "ms",
         "longest duration that Ident may ask for",
+    ),
+    "steer_current_zero": ParamSpec(
+        "steer_current_zero",
+        39,
+        1.0,
+        2500,
+        0,
+        4000,
+        "mV",
+        "steering current sensor's output at no current (ACS712 and ACS758: 2500; a BTS7960's IS pins: 0)",
+    ),
+    "steer_current_scale": ParamSpec(
+        "steer_current_scale",
+        40,
+        1.0,
+        100,
+        0,
+        1000,
+        "mV/A",
+        "steering current sensor (ACS712-20A 100, ACS712-05B 185, a BTS7960's IS over 1 kOhm about 118); 0: none fitted",
+    ),
+    "drive_current_zero": ParamSpec(
+        "drive_current_zero",
+        41,
+        1.0,
+        2500,
+        0,
+        4000,
+        "mV",
+        "drive current sensor's output at no current",
+    ),
+    "drive_current_scale": ParamSpec(
+        "drive_current_scale",
+        42,
+        1.0,
+        40,
+        0,
+        1000,
+        "mV/A",
+        "drive current sensor (ACS758-050B 40, ACS712-30A 66); 0: none fitted",
+    ),
+    "steer_current_cont": ParamSpec(
+        "steer_current_cont",
+        43,
+        0.01,
+        400,
+        50,
+        3000,
+        "A",
+        "mean over a second: the driver's rating (an L298N's two channels in parallel 4, a BTS7960 or VNH5019 module up to 30 with cooling)",
+    ),
+    "drive_current_cont": ParamSpec(
+        "drive_current_cont",
+        44,
+        0.01,
+        2500,
+        50,
+        3000,
+        "A",
+        "mean over a second: the driver's rating",
+    ),
+    "battery_scale": ParamSpec(
+        "battery_scale",
+        45,
+        0.001,
+        20000,
+        6000,
+        32000,
+        "V",
+        "battery voltage that the divider makes 5 V of",
+    ),
+    "speed_excess": ParamSpec(
+        "speed_excess",
+        46,
+        0.001,
+        350,
+        100,
+        3000,
+        "m/s",
+        "wheels that turn faster than asked by more than this, for 0.4 s, run away; with a hall sensor only",
+    ),
+    "blade_rest": ParamSpec(
+        "blade_rest",
+        47,
+        1.0,
+        500,
+        200,
+        10000,
+        "ms",
+        "the blade stays off for at least this long",
+    ),
+    "blade_turn_min": ParamSpec(
+        "blade_turn_min",
+        48,
+        1.0,
+        0,
+        0,
+        1000,
+        "pulses/s",
+        "what the blade's sensor gives at least while the blade turns; 0: no sensor fitted",
+    ),
+    "blade_spin_time": ParamSpec(
+        "blade_spin_time",
+        49,
+        1.0,
+        1500,
+        200,
+        10000,
+        "ms",
+        "longest time that the blade takes to start, and to stop",
+    ),
+    "hall_phases": ParamSpec(
+        "hall_phases",
+        50,
+        1.0,
+        1,
+        1,
+        2,
+        "",
+        "hall sensors on the wheel; 2, a quarter of a pulse apart, tell the direction",
     ),
 }
 

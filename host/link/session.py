@@ -45,6 +45,8 @@ class Session:
         self.version: protocol.Version | None = None
         self.telemetry: Telemetry | None = None
         """The latest."""
+        self.readings: protocol.Readings | None = None
+        """The latest of the slow ones: currents, raw readings, line errors."""
         self.answers: deque[Answer] = deque(maxlen=64)
         """What the firmware answered to requests, oldest first, for the caller to take."""
         self.refusal = ""
@@ -68,6 +70,8 @@ class Session:
         for _, message in self._parser.feed(data):
             if isinstance(message, protocol.Telemetry):
                 arrived.append(self._telemetry(now, message))
+            elif isinstance(message, protocol.Readings):
+                self.readings = message
             elif isinstance(message, protocol.Version):
                 self._meet(message)
             elif isinstance(message, protocol.Ack):
@@ -156,6 +160,12 @@ RESULT_TEXTS = {
     protocol.Result.OUT_OF_RANGE: "a value out of its range",
     protocol.Result.UNKNOWN: "unknown to this firmware",
     protocol.Result.STORE_FAILED: "the EEPROM did not keep it",
+    protocol.Result.NOT_SET_UP: (
+        "this machine is not set up: tell the firmware which drivers it has (`daranti params set "
+        "steer_driver=...` and drive_driver), and keep the limits within what drivers and sensors "
+        "stand and show"
+    ),
+    protocol.Result.STALE: "a repeated or old command",
 }
 
 

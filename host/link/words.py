@@ -9,16 +9,18 @@ import math
 from host.core.messages import Telemetry
 from host.link import protocol
 
-BUILDS = {0: "uno", 1: "desk", 2: "uno_hil"}
-RESET_CAUSES = ("power-on", "external", "brown-out", "watchdog")
+BUILDS = {0: "uno", 1: "desk", 2: "uno_hil", 3: "nano", 4: "mega2560"}
 
 
 def greeting(version: protocol.Version) -> str:
     """Who answered, and why it last started."""
-    causes = [name for bit, name in enumerate(RESET_CAUSES) if version.reset_cause >> bit & 1]
+    texts = protocol.RESETCAUSE_TEXTS
+    causes = [text for bit, (text, _) in texts.items() if bit & version.reset_cause]
+    changed = " and changes" if version.modified else ""
+    built = f", commit {version.commit:08x}{changed}" if version.commit else ""
     return (
         f"firmware {version.firmware_major}.{version.firmware_minor} "
-        f"({BUILDS.get(version.build, f'build {version.build}')}), protocol "
+        f"({BUILDS.get(version.build, f'build {version.build}')}{built}), protocol "
         f"{version.protocol_version}, started by {' and '.join(causes) or 'an unknown cause'}"
     )
 

@@ -6,14 +6,19 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from hil.firmware import targets
+from hil.firmware import provision, targets
 from hil.firmware.targets import Target
 
 Maker = Callable[..., Target]
 
 
+ERASED = b"\xff" * targets.EEPROM_SIZE
+"""A memory that nothing was ever written to."""
+
+
 def maker_of(name: str) -> Maker:
-    """`targets.desk` or `targets.avr`; skips where that is not built."""
+    """Makes targets of a kind, set up as the default machine's owner does where no memory is given;
+    skips where that is not built."""
     needed = {
         "desk": [targets.DESK_LIBRARY],
         "avr": [targets.AVR_LIBRARY, targets.AVR_IMAGE],
@@ -21,7 +26,12 @@ def maker_of(name: str) -> Maker:
     missing = [str(path) for path in needed if not path.exists()]
     if missing:
         pytest.skip(f"not built: {', '.join(missing)} (run `make build`)")
-    return targets.desk if name == "desk" else targets.avr
+    make_bare = targets.desk if name == "desk" else targets.avr
+
+    def make(eeprom: bytes | None = None) -> Target:
+        return make_bare(eeprom or provision.eeprom(tuple(provision.FITTED.items())))
+
+    return make
 
 
 @pytest.fixture(params=["desk", "avr"])

@@ -154,6 +154,6 @@ def test_parameters_convert_both_ways_and_name_their_range() -> None:
 
 
 def test_the_documentation_lists_every_fault_with_its_bit() -> None:
-    text = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "understand" / "firmware.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+) \| ([A-Z_]+) \|", text, flags=re.MULTILINE)
     assert rows == [(str(bit.bit_length() - 1), bit.name) for bit in Fault]

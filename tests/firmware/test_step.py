@@ -12,7 +12,7 @@ import math
 
 import pytest
 
-from hil.firmware.targets import desk
+from hil.firmware.provision import fitted
 from tests.firmware.conftest import Maker
 from tests.helpers.actuator import ActuatorSpec
 from tests.helpers.firmware_bench import Bench
@@ -60,7 +60,7 @@ def test_30_degrees_settle_within_0_8_s(
     lag: float, backlash: float, stiction: float, direction: int
 ) -> None:
     spec = ActuatorSpec(60.0, lag, stiction, backlash)
-    with desk() as target:
+    with fitted("desk") as target:
         response = respond(Bench(target, spec), direction * STEP_DEG, 2000)
     assert settled_after(response, direction * STEP_DEG) <= 0.8
     check(response, direction * STEP_DEG)
@@ -69,7 +69,7 @@ def test_30_degrees_settle_within_0_8_s(
 @pytest.mark.parametrize(("slew", "stiction"), [(45.0, 45.0), (45.0, 90.0), (20.0, 90.0)])
 def test_a_slow_motor_settles_too(slew: float, stiction: float) -> None:
     spec = ActuatorSpec(slew, 0.1, stiction, 2.0)
-    with desk() as target:
+    with fitted("desk") as target:
         response = respond(Bench(target, spec), STEP_DEG, 4500)
     check(response, STEP_DEG)
 
@@ -83,7 +83,7 @@ def test_the_uno_settles_too(make_target: Maker) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_at_rest_the_noise_alone_never_drives_the_motor(seed: int) -> None:
-    with desk() as target:
+    with fitted("desk") as target:
         bench = Bench(target, ActuatorSpec(), seed=seed)
         bench.arm()
         bench.ask(steer_deg=0.0)

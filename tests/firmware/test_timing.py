@@ -9,7 +9,7 @@ import pytest
 from host.link import protocol
 from tests.firmware.conftest import Maker
 from tests.firmware.test_behaviour import bench_running
-from tests.helpers.firmware_bench import ESTOP, POT, Bench
+from tests.helpers.firmware_bench import OPEN_MV, POT, Bench
 
 FINE_US = 100
 
@@ -25,7 +25,7 @@ def until_off(bench: Bench, limit_ms: float) -> float:
 
 
 def open_estop(bench: Bench) -> None:
-    bench.target.set_pin(ESTOP, True)
+    bench.estop(OPEN_MV)
 
 
 def jump_pot(bench: Bench) -> None:
@@ -50,7 +50,7 @@ def test_link_loss_takes_at_most_250_ms_from_the_last_valid_command(
     bench = bench_running(make_target)
     bench.drive_period_ms = 0
     bench.run(phase_ms)
-    frame = protocol.encode(bench.command, 0)
+    frame = protocol.encode(bench.command, (bench.seq + 1) & 0xFF)
     bench.target.write(frame)
     sent_ms = len(frame) * 0.085
     elapsed = until_off(bench, 252.0) - sent_ms

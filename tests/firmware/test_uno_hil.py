@@ -10,7 +10,7 @@ from hil.firmware import targets
 from host.link import protocol
 from host.link.protocol import Fault, Result, State
 from tests.helpers.actuator import Actuator, ActuatorSpec
-from tests.helpers.firmware_bench import ESTOP, OUTPUTS, POT
+from tests.helpers.firmware_bench import ESTOP, OPEN_MV, OUTPUTS, POT
 
 EXCHANGE_MS = 5
 """Sensors out, outputs back, in every tick."""
@@ -29,12 +29,12 @@ class Board:
         self.outputs = protocol.HilOutputs(0, 0, 0)
         self.drives: list[protocol.HilOutputs] = []
         self.command: protocol.Drive | None = None
-        self.estop = 0
+        self.estop = 0.88
         self.speaking = True
         self.now_ms = 0
         self.seq = 0
         # What is truly at its pins is nothing that a machine could show.
-        target.set_pin(ESTOP, True)
+        target.set_analog_mv(ESTOP, OPEN_MV)
         target.set_analog_mv(POT, 5000)
 
     def send(self, message: protocol.Message) -> None:
@@ -43,7 +43,7 @@ class Board:
 
     def sensors(self) -> protocol.HilSensors:
         pot = self.actuator.pot_mv() / 1000
-        return protocol.HilSensors(pot, 3.0, 0.0, 0.0, self.estop, 0)
+        return protocol.HilSensors(pot, 3.0, 2.5, 2.5, self.estop, 0, 0, 0)
 
     def run(self, ms: int) -> None:
         for _ in range(ms):
@@ -57,6 +57,8 @@ class Board:
             for _, message in self.parser.feed(self.target.read()):
                 if isinstance(message, protocol.Telemetry):
                     self.telemetry.append(message)
+                elif isinstance(message, protocol.Readings):
+                    pass
                 elif isinstance(message, protocol.HilOutputs):
                     self.outputs = message
                     self.drives.append(message)
@@ -70,6 +72,9 @@ class Board:
     def arm(self) -> None:
         """From boot, where nothing was plausible yet, to ARMED."""
         self.run(50)
+        for name in ("steer_driver", "drive_driver"):
+            self.send(protocol.ParamSet(protocol.PARAMS[name].id, 3))
+            self.run(20)
         for request in (protocol.Clear(), protocol.Arm(protocol.VERSION)):
             self.send(request)
             self.run(20)
@@ -94,6 +99,8 @@ def test_it_says_which_build_it_is(board: Board) -> None:
 def test_it_steers_by_the_sensors_of_the_link_and_drives_no_output(board: Board) -> None:
     board.arm()
     for angle in (0.5, -0.35, 0.0):
+        board.command = protocol.Drive(angle, 0.4, 0)
+        board.run(100)
         board.command = protocol.Drive(angle, 0.4, 1)
         board.run(1500)
         assert board.telemetry[-1].state == State.RUNNING
@@ -111,7 +118,7 @@ def test_the_e_stop_of_the_link_stops_it(board: Board) -> None:
     board.command = protocol.Drive(0.3, 0.4, 1)
     board.run(300)
     assert board.outputs.drive_duty > 0
-    board.estop = 1
+    board.estop = 5.0
     board.run(15)
     assert board.outputs == protocol.HilOutputs(0, 0, 0)
     board.run(30)

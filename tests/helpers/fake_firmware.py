@@ -125,7 +125,7 @@ class FakeFirmware:
         result = self.refuse.get(type(message), protocol.Result.OK)
         match message:
             case protocol.Hello():
-                self._send(protocol.Version(self._version, 1, 0, 1, 1))
+                self._send(protocol.Version(self._version, 1, 0, 1, 1, 0, 0))
             case protocol.ParamGet(param):
                 if param in self.params:
                     self._send(protocol.ParamValue(param, self.params[param]))

@@ -5,15 +5,27 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from hil.firmware.targets import Target
+from hil.firmware.targets import Board, Target
+from hil.firmware.wiring import PINS, Channel
 from host.link import protocol
 from tests.helpers.actuator import Actuator, ActuatorSpec
 
 STEP_US = 1000
-ESTOP, HALL, BLADE, LED = 2, 12, 6, 13
-POT, BATTERY, STEER_SENSE, DRIVE_SENSE = 0, 1, 2, 3
-OUTPUTS = (3, 4, 5, 6, 7, 8, 9, 10, 11)
-"""Bridges and blade."""
+POT, BATTERY, STEER_SENSE, DRIVE_SENSE, ESTOP = Channel
+OUTPUTS = PINS["uno"].outputs
+"""Bridges and blade, on an Uno."""
+CLOSED_MV, OPEN_MV, SHORT_MV = 880, 5000, 0
+"""The e-stop's loop."""
+
+
+def steer_mv(ampere: float) -> int:
+    """What an ACS712-20A gives."""
+    return round(2500 + 100 * ampere)
+
+
+def drive_mv(ampere: float) -> int:
+    """What an ACS758-050B gives."""
+    return round(2500 + 40 * ampere)
 
 
 @dataclass
@@ -25,9 +37,11 @@ class Bench:
     start_deg: float = 0.0
     seed: int = 0
     bts7960: bool = False
+    board: Board = "uno"
     telemetry: list[protocol.Telemetry] = field(default_factory=list)
+    readings: list[protocol.Readings] = field(default_factory=list)
     answers: list[protocol.Message] = field(default_factory=list)
-    """All that is not telemetry."""
+    """All that is neither."""
     trace: list[tuple[int, ...]] = field(default_factory=list)
     """Each millisecond: steering duty, drive duty, blade, LED."""
     drive_period_ms: int = 0
@@ -46,14 +60,27 @@ class Bench:
         self.seq = 0
         self.wheel_m = 0.0
         self.hall_per_metre = 0.0
-        self.target.set_pin(ESTOP, False)
-        self.target.set_pin(HALL, False)
+        self.wheel_backward = False
+        """The wheel turns backward, whatever the duty."""
+        self.blade_hz = 0.0
+        """Pulses a second of the blade's sensor; 0: none fitted, or the belt is off."""
+        self.blade_welded = False
+        self.blade_pulses = 0.0
+        self.pins = PINS[self.board]
+        self.target.set_pin(self.pins.hall, False)
         self.target.set_analog_mv(BATTERY, 3000)
+        self.target.set_analog_mv(STEER_SENSE, steer_mv(0.0))
+        self.target.set_analog_mv(DRIVE_SENSE, drive_mv(0.0))
+        self.estop(CLOSED_MV)
         self._pot()
 
     def _pot(self) -> None:
         mv = self.actuator.pot_mv()
         self.target.set_analog_mv(POT, mv if self.pot_mv is None else self.pot_mv)
+
+    def estop(self, millivolt: int) -> None:
+        """Voltage of the e-stop's loop."""
+        self.target.set_analog_mv(ESTOP, millivolt)
 
     def send(self, message: protocol.Message) -> int:
         """Queues a frame; returns its sequence number."""
@@ -74,16 +101,28 @@ class Bench:
     @property
     def steer_duty(self) -> int:
         """-255..255, positive left."""
-        return self.signed(9, 10, 7, 8)
+        p = self.pins
+        return self.signed(p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
 
     @property
     def drive_duty(self) -> int:
         """-255..255, positive forward."""
-        return self.signed(3, 11, 4, 5)
+        p = self.pins
+        return self.signed(p.drive_pwm, p.drive_lpwm, p.drive_in1, p.drive_in2)
 
     def off(self) -> bool:
         """Nothing moves or cuts."""
-        return not any(self.target.pwm(pin) for pin in OUTPUTS)
+        return not any(self.target.pwm(pin) for pin in self.pins.outputs)
+
+    @property
+    def blade(self) -> bool:
+        """Whether the blade's relay is told to close."""
+        return self.target.pin(self.pins.blade)
+
+    @property
+    def lamp(self) -> bool:
+        """The board's LED."""
+        return self.target.pin(self.pins.lamp)
 
     def run(self, ms: int) -> None:
         """Advances by so many milliseconds."""
@@ -93,13 +132,20 @@ class Bench:
             self.now_us += STEP_US
             self.target.run_until(self.now_us)
             steer, drive = self.steer_duty, self.drive_duty
-            self.trace.append((steer, drive, self.target.pin(BLADE), self.target.pin(LED)))
+            self.trace.append((steer, drive, self.blade, self.lamp))
             self.actuator.step(steer, STEP_US * 1e-6)
             self._pot()
             if self.hall_per_metre:
                 self.wheel_m += abs(drive) / 255 * STEP_US * 1e-6
                 phase = self.wheel_m * self.hall_per_metre
-                self.target.set_pin(HALL, phase - math.floor(phase) < 0.5)
+                late = phase + (0.25 if self.wheel_backward else -0.25)
+                self.target.set_pin(self.pins.hall, phase - math.floor(phase) < 0.5)
+                self.target.set_pin(self.pins.hall_b, late - math.floor(late) < 0.5)
+            if self.blade_hz:
+                turns = self.blade or self.blade_welded
+                self.blade_pulses += turns * self.blade_hz * STEP_US * 1e-6
+                phase = self.blade_pulses
+                self.target.set_pin(self.pins.blade_turn, phase - math.floor(phase) < 0.5)
             self.receive()
 
     def receive(self) -> None:
@@ -107,6 +153,8 @@ class Bench:
         for _, message in self.parser.feed(self.target.read()):
             if isinstance(message, protocol.Telemetry):
                 self.telemetry.append(message)
+            elif isinstance(message, protocol.Readings):
+                self.readings.append(message)
             else:
                 self.answers.append(message)
         assert self.parser.frames_bad <= self.cut_frames
@@ -136,9 +184,9 @@ class Bench:
         assert self.result() == protocol.Result.OK
 
     def save_params(self) -> None:
-        """Saves them; a byte takes a tick to write and another to read back."""
+        """Saves them; a byte that differs takes a tick to write."""
         self.send(protocol.ParamSave())
-        self.run(1000)
+        self.run(1800)
         assert self.result() == protocol.Result.OK
 
     @property

@@ -26,6 +26,7 @@ from hil.bench.lockstep import Bench
 from hil.bench.ports import PseudoTerminal
 from hil.bench.rig import Rig, _develop, handouts, rehearse
 from hil.firmware.signal_wires import Mode, Signal
+from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
 from sim_plant.phone import Phone, PhoneSpec
 
@@ -60,7 +61,7 @@ class MannedRig(Rig):
         tap = self.bench.faults.taps[int(Signal.ESTOP)]
         match deed["do"]:
             case "press":
-                tap["mode"], tap["value"] = int(Mode.FIXED), 1.0
+                tap["mode"], tap["value"] = int(Mode.FIXED), ESTOP_OPEN_MV
             case "release":
                 tap["mode"] = int(Mode.HONEST)
             case "walk":

@@ -136,7 +136,7 @@ def test_the_stops_hold_and_stall_the_motor() -> None:
     assert bench.steer_angle == pytest.approx(math.radians(s.stop_deg))
     volts = (12.0 - s.bridge.drop_v) * (1 - s.bridge.dead_time_s * STEER_PWM_HZ)
     assert bench.steer_a == pytest.approx(volts / (s.r_ohm + s.bridge.r_ohm), rel=1e-6)
-    assert bench.steer_sense_mv == pytest.approx(100 * bench.steer_a)
+    assert bench.steer_sense_mv == pytest.approx(2500 + 100 * bench.steer_a)
 
 
 def test_the_pot_reads_the_wheel_within_its_bend_and_noise() -> None:
@@ -227,12 +227,12 @@ def test_the_battery_sags_under_current_and_the_rail_browns_out() -> None:
 
 
 def test_the_pins_see_the_contract_s_voltages() -> None:
-    """12 V reads 3.0 V through the divider; both bridges give 100 mV per A, up to 5 V."""
+    """12 V reads 3.0 V through the divider; an ACS712-20A gives 100 mV/A, an ACS758-050B 40."""
     bench = Bench(MachineSpec(battery=STIFF)).run(0.2, drive_duty=0.5, steer_duty=0.5)
     assert bench.battery_sense_mv == pytest.approx(3000)
-    assert bench.drive_sense_mv == pytest.approx(100 * bench.drive_a)
-    assert bench.steer_sense_mv == pytest.approx(100 * bench.steer_a)
-    assert Bench(MachineSpec(battery=STIFF)).run(0.02, drive_duty=1.0).drive_sense_mv == 5000
+    assert bench.drive_sense_mv == pytest.approx(2500 + 40 * bench.drive_a)
+    assert bench.steer_sense_mv == pytest.approx(2500 + 100 * bench.steer_a)
+    assert Bench(MachineSpec(battery=STIFF)).run(0.02, drive_duty=1.0).drive_sense_mv > 4000
 
 
 def test_the_bridge_loses_its_drop_and_its_dead_time() -> None:

@@ -23,16 +23,23 @@ class FakeBoard final : public Board {
     memset(eeprom, 0xFF, sizeof eeprom);
     set_pot(512);
     analog_in[1] = 9821;  // 12.00 V
+    set_steer_current(0);
+    set_drive_current(0);
+    set_estop(0.88);
   }
 
   void set_pot(double counts) { analog_in[0] = static_cast<uint16_t>(counts * 16 + 0.5); }
   void set_angle(double degrees) { set_pot(512 + 4.5 * degrees); }
   void set_battery(double volt) { analog_in[1] = static_cast<uint16_t>(volt / 20 * kAnalogMax); }
   void set_steer_current(double ampere) {
-    analog_in[2] = static_cast<uint16_t>(ampere / 50 * kAnalogMax);
+    analog_in[2] = static_cast<uint16_t>((2.5 + 0.1 * ampere) / 5 * kAnalogMax);
   }
   void set_drive_current(double ampere) {
-    analog_in[3] = static_cast<uint16_t>(ampere / 50 * kAnalogMax);
+    analog_in[3] = static_cast<uint16_t>((2.5 + 0.04 * ampere) / 5 * kAnalogMax);
+  }
+  void set_estop(double volt) {
+    analog_in[4] = static_cast<uint16_t>(volt / 5 * kAnalogMax);
+    loop_open = volt >= 3;
   }
   void type(uint8_t id, const std::vector<uint8_t> &payload = {}) {
     uint8_t frame[64];
@@ -40,8 +47,8 @@ class FakeBoard final : public Board {
         encode(id, next_seq++, payload.data(), static_cast<uint8_t>(payload.size()), frame);
     input.insert(input.end(), frame, frame + count);
   }
-  // The answers since the last call.
-  std::vector<Answer> answers() {
+  // The answers since the last call, the slow Readings only where all are asked for.
+  std::vector<Answer> answers(bool all = false) {
     std::vector<Answer> out;
     std::vector<uint8_t> run;
     for (const uint8_t byte : output) {
@@ -55,7 +62,9 @@ class FakeBoard final : public Board {
         for (++at; at < end; ++at) body.push_back(run.at(at));
         if (at < run.size()) body.push_back(0);
       }
-      out.push_back({body.at(0), body.at(1), {body.begin() + 2, body.end() - 2}});
+      if (all || body.at(0) != protocol::Readings::kId) {
+        out.push_back({body.at(0), body.at(1), {body.begin() + 2, body.end() - 2}});
+      }
       run.clear();
     }
     output.clear();
@@ -66,17 +75,17 @@ class FakeBoard final : public Board {
   uint16_t analog(Analog channel) const override {
     return analog_in[static_cast<uint8_t>(channel)];
   }
-  bool pin(uint8_t pin) const override { return pin == pins::kEstop && estop_open; }
-  uint16_t hall_pulses() const override { return pulses; }
-  void set_pin(uint8_t pin, bool level) override { pin_out[pin] = level; }
-  void set_pwm(uint8_t pin, uint8_t duty) override {
-    order.push_back(pin);
-    if (duty > highest) highest = duty;
-    pwm[pin] = duty;
+  bool estop_open() const override { return loop_open; }
+  Pulses pulses() const override { return {wheel, backward, blade_turns}; }
+  Troubles troubles() const override { return trouble; }
+  void set_bridge(Motor motor, const BridgeWires &wires) override {
+    (motor == Motor::kSteer ? steer : drive) = wires;
   }
-  void set_pwm_frequency(uint16_t steer, uint16_t drive) override {
-    steer_hz = steer;
-    drive_hz = drive;
+  void set_blade(bool on) override { blade = on; }
+  void set_lamp(bool on) override { lamp = on; }
+  void set_pwm_frequency(uint16_t steering, uint16_t driving) override {
+    steer_hz = steering;
+    drive_hz = driving;
   }
   bool receive(uint8_t *byte) override {
     if (input.empty()) return false;
@@ -92,10 +101,12 @@ class FakeBoard final : public Board {
   uint8_t load(uint16_t address) const override { return eeprom[address]; }
   void store(uint16_t address, uint8_t byte) override {
     if (address != worn_out) eeprom[address] = byte;
+    ++stores;
     busy = 1;
   }
   bool storing() const override { return busy > 0 && busy-- > 0; }
   void kick_watchdog() override { ++kicks; }
+  void remember_armed(bool on) override { armed = on; }
   uint8_t reset_cause() const override { return cause; }
   uint8_t build() const override { return 1; }
   bool inject(const protocol::HilSensors &sensors) override {
@@ -105,18 +116,21 @@ class FakeBoard final : public Board {
 
   uint32_t clock_us = 0;
   uint16_t analog_in[kAnalogs] = {};
-  bool estop_open = false;
-  uint16_t pulses = 0;
-  bool pin_out[20] = {};
-  uint8_t pwm[20] = {};
-  std::vector<uint8_t> order;  // of PWM pins written
-  uint8_t highest = 0;         // duty written
+  bool loop_open = false;
+  uint16_t wheel = 0, backward = 0, blade_turns = 0;
+  Troubles trouble{0, 0};
+  BridgeWires steer{0, 0, false, false};
+  BridgeWires drive{0, 0, false, false};
+  bool blade = false;
+  bool lamp = false;
+  bool armed = false;
   uint16_t steer_hz = 0;
   uint16_t drive_hz = 0;
   std::deque<uint8_t> input;
   std::vector<uint8_t> output;
   bool line_full = false;
   uint8_t eeprom[1024];
+  int stores = 0;
   int worn_out = -1;  // address that no longer takes a value
   mutable int busy = 0;
   int kicks = 0;

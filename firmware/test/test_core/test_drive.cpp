@@ -14,6 +14,8 @@ Drive drive_with(std::initializer_list<Set> sets) {
   return drive;
 }
 
+Pulses at(int wheel) { return {static_cast<uint16_t>(wheel), 0, 0}; }
+
 Hall hall_with(int16_t tenths_per_metre) {
   Hall hall;
   hall.configure(with({{Param::hall_per_metre, tenths_per_metre}}));
@@ -241,11 +243,11 @@ TEST_CASE("Standstill empties the speed loop") {
 
 TEST_CASE("Without a sensor there is neither speed nor distance") {
   Hall hall = hall_with(0);
-  hall.step(5, 100, 0);
-  hall.step(50, 100, 0);
+  hall.step(at(5), 100, 0);
+  hall.step(at(50), 100, 0);
   CHECK(hall.speed() == Hall::kNone);
   CHECK(hall.distance() == 0);
-  for (int i = 0; i < 2000; ++i) hall.step(50, 100, 3000);
+  for (int i = 0; i < 2000; ++i) hall.step(at(50), 100, 3000);
   CHECK(!hall.lost());
 }
 
@@ -253,11 +255,11 @@ TEST_CASE("One pulse every 0.1 s at 20 pulses a metre is 0.5 m/s") {
   for (const int16_t sign : {1, -1}) {
     Hall hall = hall_with(200);
     uint16_t pulses = 65530;  // the counter wraps on the way
-    hall.step(pulses, static_cast<int16_t>(sign * 100), 0);
+    hall.step(at(pulses), static_cast<int16_t>(sign * 100), 0);
     const int32_t start = hall.distance();
     for (int i = 1; i <= 400; ++i) {
       if (i % 20 == 0) ++pulses;
-      hall.step(pulses, static_cast<int16_t>(sign * 100), 0);
+      hall.step(at(pulses), static_cast<int16_t>(sign * 100), 0);
       if (i > 60) CHECK(hall.speed() == sign * 500);
     }
     CHECK(hall.distance() - start == sign * 1000);
@@ -269,19 +271,19 @@ TEST_CASE("Several pulses in a tick are several times the speed") {
   uint16_t pulses = 0;
   for (int i = 0; i < 10; ++i) {
     pulses = static_cast<uint16_t>(pulses + 2);
-    hall.step(pulses, 100, 0);
+    hall.step(at(pulses), 100, 0);
   }
   CHECK(hall.speed() == 20000);
   for (int i = 0; i < 10; ++i) {
     pulses = static_cast<uint16_t>(pulses + 60000);
-    hall.step(pulses, 100, 0);
+    hall.step(at(pulses), 100, 0);
   }
   CHECK(hall.speed() == INT16_MAX);
 }
 
 TEST_CASE("Fractions of a millimetre add up") {
   Hall hall = hall_with(30);  // 333.33 mm a pulse
-  for (uint16_t pulse = 1; pulse <= 300; ++pulse) hall.step(pulse, 100, 0);
+  for (uint16_t pulse = 1; pulse <= 300; ++pulse) hall.step(at(pulse), 100, 0);
   CHECK(hall.distance() == 100000);
 }
 
@@ -290,26 +292,26 @@ TEST_CASE("Without pulses the speed falls with the time since the last, and is z
   uint16_t pulses = 0;
   for (int i = 1; i <= 100; ++i) {
     if (i % 10 == 0) ++pulses;
-    hall.step(pulses, 100, 0);
+    hall.step(at(pulses), 100, 0);
   }
   CHECK(hall.speed() == 1000);
-  for (int i = 0; i < 10; ++i) hall.step(pulses, 100, 0);
+  for (int i = 0; i < 10; ++i) hall.step(at(pulses), 100, 0);
   CHECK(hall.speed() == 1000);
-  for (int i = 0; i < 10; ++i) hall.step(pulses, 100, 0);
+  for (int i = 0; i < 10; ++i) hall.step(at(pulses), 100, 0);
   CHECK(hall.speed() == 500);
-  for (int i = 0; i < 179; ++i) hall.step(pulses, 100, 0);
+  for (int i = 0; i < 179; ++i) hall.step(at(pulses), 100, 0);
   CHECK(hall.speed() == 50);
-  hall.step(pulses, 100, 0);
+  hall.step(at(pulses), 100, 0);
   CHECK(hall.speed() == 0);
 }
 
 TEST_CASE("The first pulse after standing tells no speed") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 300; ++i) hall.step(0, 100, 0);
-  hall.step(1, 100, 0);
+  for (int i = 0; i < 300; ++i) hall.step(at(0), 100, 0);
+  hall.step(at(1), 100, 0);
   CHECK(hall.speed() == 0);
-  for (int i = 0; i < 19; ++i) hall.step(1, 100, 0);
-  hall.step(2, 100, 0);
+  for (int i = 0; i < 19; ++i) hall.step(at(1), 100, 0);
+  hall.step(at(2), 100, 0);
   CHECK(hall.speed() == 500);
 }
 
@@ -317,9 +319,9 @@ TEST_CASE("Coasting keeps the direction of the last duty") {
   Hall hall = hall_with(200);
   uint16_t pulses = 0;
   for (int i = 1; i <= 100; ++i)
-    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), -100, 0);
+    hall.step(at(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses)), -100, 0);
   for (int i = 1; i <= 10; ++i)
-    hall.step(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses), 0, 0);
+    hall.step(at(static_cast<uint16_t>(i % 10 == 0 ? ++pulses : pulses)), 0, 0);
   CHECK(hall.speed() == -1000);
 }
 
@@ -327,46 +329,46 @@ TEST_CASE("The sensor counts as lost after 0.25 m without a pulse") {
   // 0.5 m/s is 2.5 mm a tick.
   for (const int16_t setpoint : {500, -500}) {
     Hall hall = hall_with(200);
-    for (int i = 0; i < 99; ++i) hall.step(0, 100, setpoint);
+    for (int i = 0; i < 99; ++i) hall.step(at(0), 100, setpoint);
     CHECK(!hall.lost());
-    hall.step(0, 100, setpoint);
+    hall.step(at(0), 100, setpoint);
     CHECK(hall.lost());
-    hall.step(1, 100, setpoint);
+    hall.step(at(1), 100, setpoint);
     CHECK(!hall.lost());
-    for (int i = 0; i < 99; ++i) hall.step(1, 100, setpoint);
+    for (int i = 0; i < 99; ++i) hall.step(at(1), 100, setpoint);
     CHECK(!hall.lost());
-    hall.step(1, 0, setpoint);
-    hall.step(1, 100, setpoint);
+    hall.step(at(1), 0, setpoint);
+    hall.step(at(1), 100, setpoint);
     CHECK(!hall.lost());
   }
 }
 
 TEST_CASE("A creeping machine's sensor counts as lost after 0.9 s") {
   Hall hall = hall_with(200);
-  hall.step(1, 100, 150);
-  for (int i = 0; i < 179; ++i) hall.step(1, 100, 150);
+  hall.step(at(1), 100, 150);
+  for (int i = 0; i < 179; ++i) hall.step(at(1), 100, 150);
   CHECK(!hall.lost());
-  hall.step(1, 100, 150);
+  hall.step(at(1), 100, 150);
   CHECK(hall.lost());
-  hall.step(2, 100, 150);
+  hall.step(at(2), 100, 150);
   CHECK(!hall.lost());
-  for (int i = 0; i < 179; ++i) hall.step(2, 100, 150);
+  for (int i = 0; i < 179; ++i) hall.step(at(2), 100, 150);
   CHECK(!hall.lost());
-  hall.step(2, 100, 150);
+  hall.step(at(2), 100, 150);
   CHECK(hall.lost());
 }
 
 TEST_CASE("To break away a machine may take until it should have come 0.25 m") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 333; ++i) hall.step(0, 100, 150);
+  for (int i = 0; i < 333; ++i) hall.step(at(0), 100, 150);
   CHECK(!hall.lost());
-  hall.step(0, 100, 150);
+  hall.step(at(0), 100, 150);
   CHECK(hall.lost());
-  hall.step(1, 100, 150);
-  hall.step(2, 0, 150);  // rolls on without duty, and stands: again it must break away
-  for (int i = 0; i < 333; ++i) hall.step(2, 100, 150);
+  hall.step(at(1), 100, 150);
+  hall.step(at(2), 0, 150);  // rolls on without duty, and stands: again it must break away
+  for (int i = 0; i < 333; ++i) hall.step(at(2), 100, 150);
   CHECK(!hall.lost());
-  hall.step(2, 100, 150);
+  hall.step(at(2), 100, 150);
   CHECK(hall.lost());
 }
 
@@ -374,18 +376,18 @@ TEST_CASE("A machine that rolls back as it is driven must break away too") {
   Hall hall = hall_with(200);
   uint16_t pulses = 1;
   const auto pulse_after = [&](int32_t ticks, int16_t duty) {
-    for (int32_t i = 1; i < ticks; ++i) hall.step(pulses, duty, 150);
-    hall.step(++pulses, duty, 150);
+    for (int32_t i = 1; i < ticks; ++i) hall.step(at(pulses), duty, 150);
+    hall.step(at(++pulses), duty, 150);
   };
-  hall.step(pulses, -100, -150);
+  hall.step(at(pulses), -100, -150);
   pulse_after(40, 0);
   pulse_after(50, 0);
   pulse_after(50, 100);
   pulse_after(40, 100);  // by a bump
   pulse_after(200, 100);
-  for (int i = 0; i < 333; ++i) hall.step(pulses, 100, 150);
+  for (int i = 0; i < 333; ++i) hall.step(at(pulses), 100, 150);
   CHECK(!hall.lost());
-  hall.step(pulses, 100, 150);
+  hall.step(at(pulses), 100, 150);
   CHECK(hall.lost());
 }
 
@@ -395,98 +397,98 @@ TEST_CASE("A machine that was driven stands after a second, or becomes the faste
   };
   for (const Case &each : {Case{40, 201}, Case{50, 39}}) {
     Hall hall = hall_with(200);
-    hall.step(1, 0, 150);
-    for (int32_t i = 1; i < each.before; ++i) hall.step(1, 0, 150);
-    hall.step(2, 0, 150);
-    for (int32_t i = 1; i < each.last; ++i) hall.step(2, 100, 150);
-    hall.step(3, 100, 150);
-    for (int32_t i = 1; i < each.last; ++i) hall.step(3, 100, 150);
-    hall.step(4, 100, 150);  // and it goes on rolling
-    for (int32_t i = 0; i < 179; ++i) hall.step(4, 100, 150);
+    hall.step(at(1), 0, 150);
+    for (int32_t i = 1; i < each.before; ++i) hall.step(at(1), 0, 150);
+    hall.step(at(2), 0, 150);
+    for (int32_t i = 1; i < each.last; ++i) hall.step(at(2), 100, 150);
+    hall.step(at(3), 100, 150);
+    for (int32_t i = 1; i < each.last; ++i) hall.step(at(3), 100, 150);
+    hall.step(at(4), 100, 150);  // and it goes on rolling
+    for (int32_t i = 0; i < 179; ++i) hall.step(at(4), 100, 150);
     CHECK(!hall.lost());
-    hall.step(4, 100, 150);
+    hall.step(at(4), 100, 150);
     CHECK(hall.lost());
   }
 }
 
 TEST_CASE("A sensor of few pulses is given two of them") {
   Hall hall = hall_with(50);  // 200 mm a pulse
-  for (int i = 0; i < 159; ++i) hall.step(0, 100, 500);
+  for (int i = 0; i < 159; ++i) hall.step(at(0), 100, 500);
   CHECK(!hall.lost());
-  hall.step(0, 100, 500);
+  hall.step(at(0), 100, 500);
   CHECK(hall.lost());
-  hall.step(1, 100, 150);
-  for (int i = 0; i < 533; ++i) hall.step(1, 100, 150);
+  hall.step(at(1), 100, 150);
+  for (int i = 0; i < 533; ++i) hall.step(at(1), 100, 150);
   CHECK(!hall.lost());
-  hall.step(1, 100, 150);
+  hall.step(at(1), 100, 150);
   CHECK(hall.lost());
 }
 
 TEST_CASE("A sensor of one pulse in 10 m is given 20 m to the last millimetre") {
   Hall hall = hall_with(1);
-  hall.step(1, 100, 2001);
-  for (int i = 0; i < 1999; ++i) hall.step(1, 100, 2001);  // 10.005 mm a tick, 5 um short
+  hall.step(at(1), 100, 2001);
+  for (int i = 0; i < 1999; ++i) hall.step(at(1), 100, 2001);  // 10.005 mm a tick, 5 um short
   CHECK(!hall.lost());
-  hall.step(1, 100, 2001);
+  hall.step(at(1), 100, 2001);
   CHECK(hall.lost());
 }
 
 TEST_CASE("What the machine crawls does not count against the sensor") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 2000; ++i) hall.step(0, 100, 99);
+  for (int i = 0; i < 2000; ++i) hall.step(at(0), 100, 99);
   CHECK(!hall.lost());
-  for (int i = 0; i < 499; ++i) hall.step(0, 100, -100);
+  for (int i = 0; i < 499; ++i) hall.step(at(0), 100, -100);
   CHECK(!hall.lost());
-  hall.step(0, 100, 100);
+  hall.step(at(0), 100, 100);
   CHECK(hall.lost());
 }
 
 TEST_CASE("The time of silence does not overflow") {
   Hall hall = hall_with(200);
-  for (int32_t i = 0; i < 70000; ++i) hall.step(0, 100, 0);
-  hall.step(1, 100, 0);
+  for (int32_t i = 0; i < 70000; ++i) hall.step(at(0), 100, 0);
+  hall.step(at(1), 100, 0);
   CHECK(hall.speed() == 0);
 }
 
 TEST_CASE("A pulse just 1 s after the one before still tells a speed") {
   Hall hall = hall_with(200);
-  hall.step(1, 100, 0);
-  for (int i = 0; i < 199; ++i) hall.step(1, 100, 0);
-  hall.step(2, 100, 0);
+  hall.step(at(1), 100, 0);
+  for (int i = 0; i < 199; ++i) hall.step(at(1), 100, 0);
+  hall.step(at(2), 100, 0);
   CHECK(hall.speed() == 50);
 }
 
 TEST_CASE("At most 1000 pulses count in a tick") {
-  Hall hall = hall_with(5000);
-  hall.step(1, 100, 0);
-  for (int i = 0; i < 199; ++i) hall.step(1, 100, 0);
-  hall.step(2001, 100, 0);
-  CHECK(hall.speed() == 2000);  // 400 mm/s * 1000 / 200
+  Hall hall = hall_with(4000);
+  hall.step(at(1), 100, 0);
+  for (int i = 0; i < 199; ++i) hall.step(at(1), 100, 0);
+  hall.step(at(2001), 100, 0);
+  CHECK(hall.speed() == 2500);  // 500 mm/s * 1000 / 200
 }
 
 TEST_CASE("A sensor that is configured again knows no speed yet") {
   Hall hall = hall_with(200);
-  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(pulse, 100, 0);
+  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(at(pulse), 100, 0);
   hall.configure(with({}));
   hall.configure(with({{Param::hall_per_metre, 200}}));
-  hall.step(9, 100, 0);
+  hall.step(at(9), 100, 0);
   CHECK(hall.speed() == 0);
 }
 
 TEST_CASE("Half a metre in reverse after a metre forward leaves half a metre") {
   Hall hall = hall_with(200);
   uint16_t pulses = 0;
-  for (int i = 0; i < 20; ++i) hall.step(++pulses, 100, 0);
+  for (int i = 0; i < 20; ++i) hall.step(at(++pulses), 100, 0);
   CHECK(hall.distance() == 1000);
-  for (int i = 0; i < 10; ++i) hall.step(++pulses, -1, 0);
+  for (int i = 0; i < 10; ++i) hall.step(at(++pulses), -1, 0);
   CHECK(hall.distance() == 500);
-  hall.step(++pulses, 1, 0);
+  hall.step(at(++pulses), 1, 0);
   CHECK(hall.distance() == 550);
 }
 
 TEST_CASE("Taking the sensor's parameter away takes the speed away") {
   Hall hall = hall_with(200);
-  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(pulse, 100, 0);
+  for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(at(pulse), 100, 0);
   CHECK(hall.speed() != Hall::kNone);
   hall.configure(with({}));
   CHECK(hall.speed() == Hall::kNone);

@@ -104,7 +104,8 @@ TEST_CASE("A frame behind another that lost its closing zero is the one that cou
 
 TEST_CASE("A run of just the longest frame's length is no overlong one") {
   Link link;
-  const Bytes longest = frame_of(protocol::HilSensors::kId, 8, Bytes(11, 0x55));
+  const Bytes longest =
+      frame_of(protocol::HilSensors::kId, 8, Bytes(protocol::HilSensors::kSize, 0x55));
   link.feed(longest);
   CHECK(link.taken.size() == 1);
   CHECK(link.parser.bad() == 0);

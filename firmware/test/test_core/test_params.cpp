@@ -6,6 +6,7 @@
 using namespace daranti;
 using protocol::Param;
 using protocol::Result;
+using Loaded = Params::Loaded;
 
 namespace {
 
@@ -43,8 +44,8 @@ TEST_CASE("Ids are the schema's order") {
   Params params;
   CHECK(params.set(0, 1) == Result::OK);
   CHECK(params[Param::steer_driver] == 1);
-  CHECK(params.set(protocol::kParams - 1, 101) == Result::OK);
-  CHECK(params[Param::ident_time_max] == 101);
+  CHECK(params.set(protocol::kParams - 1, 2) == Result::OK);
+  CHECK(params[Param::hall_phases] == 2);
 }
 
 TEST_CASE("A value is taken at both ends of its range and refused beyond") {
@@ -75,7 +76,7 @@ TEST_CASE("An erased EEPROM means defaults, without complaint") {
   FakeBoard board;
   Params params;
   params.set(0, 1);
-  CHECK(params.load(board));
+  CHECK(params.load(board) == Loaded::kWhole);
   CHECK(all_default(params));
 }
 
@@ -85,7 +86,7 @@ TEST_CASE("What was saved is loaded") {
   for (uint8_t id = 0; id < protocol::kParams; ++id) params.set(id, param_range(id).low);
   CHECK(save(params, board) == Params::Saving::kDone);
   Params loaded;
-  CHECK(loaded.load(board));
+  CHECK(loaded.load(board) == Loaded::kWhole);
   for (uint8_t id = 0; id < protocol::kParams; ++id) CHECK(loaded.value(id) == param_range(id).low);
   CHECK(params.step_save(board) == Params::Saving::kIdle);
 }
@@ -101,109 +102,187 @@ TEST_CASE("A save waits for the EEPROM and writes one byte a step") {
   for (int i = 0; i < 3; ++i) CHECK(params.step_save(board) == Params::Saving::kBusy);
   CHECK(board.eeprom[1] == 0xFF);
   CHECK(params.step_save(board) == Params::Saving::kBusy);
-  CHECK(board.eeprom[1] == protocol::kVersion);
+  CHECK(board.eeprom[1] == protocol::kParams);
 }
 
-TEST_CASE("The block is magic, version, values little-endian and their CRC") {
+TEST_CASE("A save writes only what differs, and looks at four bytes a step") {
+  FakeBoard board;
+  Params params;
+  save(params, board);
+  board.stores = 0;
+  CHECK(save(params, board) == Params::Saving::kDone);
+  CHECK(board.stores == 0);
+  params.begin_save();
+  int steps = 1;
+  while (params.step_save(board) == Params::Saving::kBusy) ++steps;
+  CHECK(steps == Params::kBlock);  // four passes
+  params.set(static_cast<uint8_t>(Param::steer_kp), 123);
+  CHECK(save(params, board) == Params::Saving::kDone);
+  CHECK(board.stores <= 8);  // its low byte or both, and the CRC, twice
+  CHECK(board.stores >= 4);
+}
+
+TEST_CASE("Either copy is magic, count, values little-endian and their CRC") {
   FakeBoard board;
   Params params;
   CHECK(save(params, board) == Params::Saving::kDone);
-  CHECK(board.eeprom[0] == 0xDA);
-  CHECK(board.eeprom[1] == protocol::kVersion);
-  uint16_t crc = 0xFFFF;
-  for (int at = 0; at < Params::kBlock - 2; ++at) crc = crc16(crc, board.eeprom[at]);
-  CHECK(board.eeprom[Params::kBlock - 2] == (crc & 0xFF));
-  CHECK(board.eeprom[Params::kBlock - 1] == crc >> 8);
-  CHECK(board.eeprom[Params::kBlock] == 0xFF);
-  for (uint8_t id = 0; id < protocol::kParams; ++id) {
-    const int value = board.eeprom[2 + 2 * id] | board.eeprom[3 + 2 * id] << 8;
-    CHECK(static_cast<int16_t>(value) == params.value(id));
+  for (const uint16_t from : {uint16_t{0}, Params::kSecond}) {
+    const uint8_t *copy = board.eeprom + from;
+    CHECK(copy[0] == 0xDB);
+    CHECK(copy[1] == protocol::kParams);
+    uint16_t crc = 0xFFFF;
+    for (int at = 0; at < Params::kBlock - 2; ++at) crc = crc16(crc, copy[at]);
+    CHECK(copy[Params::kBlock - 2] == (crc & 0xFF));
+    CHECK(copy[Params::kBlock - 1] == crc >> 8);
+    CHECK(copy[Params::kBlock] == 0xFF);
+    for (uint8_t id = 0; id < protocol::kParams; ++id) {
+      const int value = copy[2 + 2 * id] | copy[3 + 2 * id] << 8;
+      CHECK(static_cast<int16_t>(value) == params.value(id));
+    }
   }
 }
 
 TEST_CASE("Any byte that does not take its value makes the save fail") {
-  for (int at = 0; at < Params::kBlock; ++at) {
-    FakeBoard board;
-    board.worn_out = at;
-    Params params;
-    // A worn byte that happens to hold the right value is no failure.
-    const bool harmless = [&] {
-      FakeBoard fresh;
-      Params same;
-      save(same, fresh);
-      return fresh.eeprom[at] == 0xFF;
-    }();
-    CHECK(save(params, board) == (harmless ? Params::Saving::kDone : Params::Saving::kFailed));
+  FakeBoard right;
+  Params params;
+  save(params, right);
+  for (const uint16_t from : {uint16_t{0}, Params::kSecond}) {
+    for (int at = from; at < from + Params::kBlock; ++at) {
+      FakeBoard board;
+      board.worn_out = at;
+      // A worn byte that happens to hold the right value is no failure.
+      const bool harmless = right.eeprom[at] == 0xFF;
+      CHECK(save(params, board) == (harmless ? Params::Saving::kDone : Params::Saving::kFailed));
+    }
   }
 }
 
-TEST_CASE("Any corrupted byte means defaults and is reported, for every value of it") {
+TEST_CASE("Any corrupted byte of a copy means the other, for every value of it") {
   FakeBoard board;
   Params stored;
   stored.set(static_cast<uint8_t>(Param::steer_kp), 123);
   save(stored, board);
-  for (int at = 0; at < Params::kBlock; ++at) {
-    const uint8_t right = board.eeprom[at];
-    for (int wrong = 0; wrong < 256; ++wrong) {
-      if (wrong == right) continue;
-      board.eeprom[at] = static_cast<uint8_t>(wrong);
-      Params params;
-      const bool loaded = params.load(board);
-      if (loaded || !all_default(params)) {
-        FAIL("byte ", at, " value ", wrong);
+  for (const uint16_t from : {uint16_t{0}, Params::kSecond}) {
+    for (int at = from; at < from + Params::kBlock; ++at) {
+      const uint8_t right = board.eeprom[at];
+      for (int wrong = 0; wrong < 256; ++wrong) {
+        if (wrong == right) continue;
+        board.eeprom[at] = static_cast<uint8_t>(wrong);
+        Params params;
+        const Loaded loaded = params.load(board);
+        if (loaded != Loaded::kOneCopy || params[Param::steer_kp] != 123) {
+          FAIL("byte ", at, " value ", wrong);
+        }
       }
+      board.eeprom[at] = right;
     }
-    board.eeprom[at] = right;
-  }
-  Params params;
-  CHECK(params.load(board));
-  CHECK(params[Param::steer_kp] == 123);
-}
-
-TEST_CASE("A block that is whole but holds a value out of range is refused") {
-  FakeBoard board;
-  Params params;
-  save(params, board);
-  board.eeprom[2] = 9;  // steer_driver, 0 or 1
-  uint16_t crc = 0xFFFF;
-  for (int at = 0; at < Params::kBlock - 2; ++at) crc = crc16(crc, board.eeprom[at]);
-  board.eeprom[Params::kBlock - 2] = static_cast<uint8_t>(crc);
-  board.eeprom[Params::kBlock - 1] = static_cast<uint8_t>(crc >> 8);
-  Params loaded;
-  CHECK(!loaded.load(board));
-  CHECK(all_default(loaded));
-}
-
-TEST_CASE("A block of another protocol version or kind is refused, though its CRC holds") {
-  for (const int at : {0, 1}) {
-    FakeBoard board;
-    Params params;
-    save(params, board);
-    board.eeprom[at] = static_cast<uint8_t>(board.eeprom[at] + 1);
-    uint16_t crc = 0xFFFF;
-    for (int i = 0; i < Params::kBlock - 2; ++i) crc = crc16(crc, board.eeprom[i]);
-    board.eeprom[Params::kBlock - 2] = static_cast<uint8_t>(crc);
-    board.eeprom[Params::kBlock - 1] = static_cast<uint8_t>(crc >> 8);
-    Params loaded;
-    CHECK(!loaded.load(board));
   }
 }
 
-TEST_CASE("One byte left of an erased block is reported") {
-  for (int at = 0; at < Params::kBlock; ++at) {
+TEST_CASE("With both copies damaged, or one and the other erased, defaults stand in") {
+  for (const bool erased : {false, true}) {
     FakeBoard board;
-    board.eeprom[at] = 0;
+    Params stored;
+    stored.set(static_cast<uint8_t>(Param::steer_kp), 123);
+    save(stored, board);
+    board.eeprom[20] ^= 1;
+    if (erased) {
+      memset(board.eeprom + Params::kSecond, 0xFF, Params::kBlock);
+    } else {
+      board.eeprom[Params::kSecond + 20] ^= 1;
+    }
     Params params;
-    CHECK(!params.load(board));
+    CHECK(params.load(board) == Loaded::kDamaged);
     CHECK(all_default(params));
   }
 }
 
-TEST_CASE("What lies behind an erased block does not matter") {
-  FakeBoard board;
-  board.eeprom[Params::kBlock] = 0;
+TEST_CASE("A whole copy and an erased one: the first is in use, and it is said") {
+  for (const uint16_t erased : {uint16_t{0}, Params::kSecond}) {
+    FakeBoard board;
+    Params stored;
+    stored.set(static_cast<uint8_t>(Param::steer_kp), 123);
+    save(stored, board);
+    memset(board.eeprom + erased, 0xFF, Params::kBlock);
+    Params params;
+    CHECK(params.load(board) == Loaded::kOneCopy);
+    CHECK(params[Param::steer_kp] == 123);
+  }
+}
+
+TEST_CASE("Of two whole copies that differ the first is in use, and it is said") {
+  FakeBoard board, other;
   Params params;
-  CHECK(params.load(board));
+  params.set(static_cast<uint8_t>(Param::steer_kp), 123);
+  save(params, board);
+  params.set(static_cast<uint8_t>(Param::steer_kp), 124);
+  save(params, other);
+  memcpy(board.eeprom, other.eeprom, Params::kBlock);
+  Params loaded;
+  CHECK(loaded.load(board) == Loaded::kOneCopy);
+  CHECK(loaded[Param::steer_kp] == 124);
+}
+
+TEST_CASE("A copy with fewer or more values keeps those that this version knows") {
+  for (const int count : {0, 5, protocol::kParams - 1, protocol::kParams + 1, 250, 251}) {
+    FakeBoard board;
+    for (const uint16_t from : {uint16_t{0}, Params::kSecond}) {
+      uint8_t *copy = board.eeprom + from;
+      copy[0] = Params::kMagic;
+      copy[1] = static_cast<uint8_t>(count);
+      for (int id = 0; id < count; ++id) {
+        const int16_t value =
+            id < protocol::kParams ? param_range(static_cast<uint8_t>(id)).high : int16_t{7};
+        copy[2 + 2 * id] = static_cast<uint8_t>(value);
+        copy[3 + 2 * id] = static_cast<uint8_t>(value >> 8);
+      }
+      uint16_t crc = 0xFFFF;
+      for (int at = 0; at < 2 + 2 * count; ++at) crc = crc16(crc, copy[at]);
+      copy[2 + 2 * count] = static_cast<uint8_t>(crc);
+      copy[3 + 2 * count] = static_cast<uint8_t>(crc >> 8);
+    }
+    Params params;
+    CHECK(params.load(board) == (count > 250 ? Loaded::kDamaged : Loaded::kWhole));
+    for (uint8_t id = 0; id < protocol::kParams; ++id) {
+      const ParamRange range = param_range(id);
+      CHECK(params.value(id) == (id < count && count <= 250 ? range.high : range.initial));
+    }
+  }
+}
+
+TEST_CASE("A value out of its range costs that value only, and is reported") {
+  FakeBoard board;
+  Params params;
+  params.set(static_cast<uint8_t>(Param::steer_kp), 123);
+  save(params, board);
+  for (const uint16_t from : {uint16_t{0}, Params::kSecond}) {
+    uint8_t *copy = board.eeprom + from;
+    copy[2] = 9;  // steer_driver, 0 to 3
+    uint16_t crc = 0xFFFF;
+    for (int at = 0; at < Params::kBlock - 2; ++at) crc = crc16(crc, copy[at]);
+    copy[Params::kBlock - 2] = static_cast<uint8_t>(crc);
+    copy[Params::kBlock - 1] = static_cast<uint8_t>(crc >> 8);
+  }
+  Params loaded;
+  CHECK(loaded.load(board) == Loaded::kDamaged);
+  CHECK(loaded[Param::steer_driver] == 0);
+  CHECK(loaded[Param::steer_kp] == 123);
+}
+
+TEST_CASE("One byte left of an erased memory is reported, what lies behind does not matter") {
+  for (const uint16_t from : {uint16_t{0}, Params::kSecond}) {
+    for (int at = from; at < from + Params::kBlock; ++at) {
+      FakeBoard board;
+      board.eeprom[at] = 0;
+      Params params;
+      CHECK(params.load(board) == Loaded::kDamaged);
+      CHECK(all_default(params));
+    }
+    FakeBoard board;
+    board.eeprom[from + Params::kBlock] = 0;
+    Params params;
+    CHECK(params.load(board) == Loaded::kWhole);
+  }
 }
 
 TEST_CASE("Defaults come back after any change, as often as one is made") {

@@ -16,6 +16,7 @@ Observation calm() {
   Observation seen{};
   seen.pot = 512 * 16;
   seen.battery = 12000;
+  seen.estop = 180 * 16;
   return seen;
 }
 
@@ -23,7 +24,9 @@ struct Rig {
   Supervisor supervisor;
   Params params;
   Observation seen = calm();
-  Rig() : params(with({{Param::steer_min_duty, 70}})) { supervisor.boot(1); }
+  Rig() : params(with({{Param::steer_min_duty, 70}})) {
+    supervisor.boot(protocol::BY_POWER_ON, false);
+  }
   void watch(int ticks = 1) {
     for (int i = 0; i < ticks; ++i) supervisor.watch(params, seen);
   }
@@ -36,7 +39,7 @@ struct Rig {
   }
   void run() {
     watch();
-    REQUIRE(supervisor.arm(protocol::kVersion, true) == Result::OK);
+    REQUIRE(supervisor.arm(protocol::kVersion, true, true) == Result::OK);
     supervisor.command(true);
     watch();
     REQUIRE(supervisor.state() == State::RUNNING);
@@ -54,36 +57,47 @@ struct Rig {
 }  // namespace
 
 TEST_CASE("It boots SAFE, and FAULT where the reset was no good sign") {
-  for (const uint8_t cause : {0, 1, 2}) {
+  using namespace protocol;
+  for (const uint32_t cause : {uint32_t{BY_POWER_ON}, uint32_t{BY_RESET_PIN},
+                               BY_RESET_PIN | WHILE_ARMED, uint32_t{BY_UNKNOWN}}) {
     Supervisor supervisor;
-    supervisor.boot(cause);
+    supervisor.boot(static_cast<uint8_t>(cause), false);
     CHECK(supervisor.state() == State::SAFE);
     CHECK(supervisor.faults() == 0);
     CHECK(!supervisor.live());
   }
   Supervisor brown;
-  brown.boot(4 | 1);
+  brown.boot(BY_BROWN_OUT | BY_POWER_ON, false);
   CHECK(brown.state() == State::FAULT);
   CHECK(brown.faults() == protocol::BROWN_OUT);
   Supervisor hung;
-  hung.boot(8);
+  hung.boot(BY_WATCHDOG, false);
   CHECK(hung.state() == State::FAULT);
   CHECK(hung.faults() == protocol::WATCHDOG);
   CHECK(hung.clear() == Result::OK);
   CHECK(hung.state() == State::SAFE);
   CHECK(hung.faults() == 0);
+  Supervisor hidden;
+  hidden.boot(BY_UNKNOWN | WHILE_ARMED, false);
+  CHECK(hidden.faults() == RESET_UNKNOWN);
+  CHECK(hidden.state() == State::FAULT);
+  Supervisor damaged;
+  damaged.boot(BY_POWER_ON, true);
+  CHECK(damaged.faults() == PARAMS_COPY);
+  CHECK(damaged.clear() == Result::OK);
 }
 
 TEST_CASE("ARM wants the right version, SAFE, and zero speed asked") {
   Rig rig;
   rig.watch();
-  CHECK(rig.supervisor.arm(protocol::kVersion + 1, true) == Result::WRONG_VERSION);
-  CHECK(rig.supervisor.arm(protocol::kVersion, false) == Result::NOT_PLAUSIBLE);
+  CHECK(rig.supervisor.arm(protocol::kVersion + 1, true, true) == Result::WRONG_VERSION);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, false) == Result::NOT_PLAUSIBLE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, false, true) == Result::NOT_SET_UP);
   CHECK(rig.supervisor.state() == State::SAFE);
-  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::OK);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, true) == Result::OK);
   CHECK(rig.supervisor.state() == State::ARMED);
   CHECK(rig.supervisor.live());
-  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::WRONG_STATE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, true) == Result::WRONG_STATE);
 }
 
 TEST_CASE("A speed other than zero makes it RUNNING, zero ARMED again") {
@@ -111,12 +125,12 @@ TEST_CASE("STOP makes it SAFE and wins over an ARM before or after it in the sam
   rig.run();
   rig.supervisor.stop();
   CHECK(rig.supervisor.state() == State::SAFE);
-  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::WRONG_STATE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, true) == Result::WRONG_STATE);
   rig.supervisor.command(true);
   CHECK(rig.supervisor.state() == State::SAFE);
   rig.watch();
   CHECK(rig.supervisor.state() == State::SAFE);
-  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::OK);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, true) == Result::OK);
   rig.supervisor.stop();
   CHECK(rig.supervisor.state() == State::SAFE);
 }
@@ -137,7 +151,7 @@ TEST_CASE("A fault latches in any state, and CLEAR needs its cause gone") {
   CHECK(rig.supervisor.state() == State::FAULT);
   CHECK(rig.supervisor.faults() == protocol::ESTOP_OPEN);
   CHECK(rig.supervisor.clear() == Result::NOT_PLAUSIBLE);
-  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::WRONG_STATE);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, true) == Result::WRONG_STATE);
   rig.seen.estop_open = false;
   rig.watch(100);
   CHECK(rig.supervisor.state() == State::FAULT);
@@ -187,7 +201,7 @@ TEST_CASE("Arming starts the link's time afresh") {
   rig.watch(40);
   rig.supervisor.stop();
   rig.watch();
-  CHECK(rig.supervisor.arm(protocol::kVersion, true) == Result::OK);
+  CHECK(rig.supervisor.arm(protocol::kVersion, true, true) == Result::OK);
   rig.watch(49);
   CHECK(rig.supervisor.state() == State::ARMED);
   rig.watch();

@@ -1,5 +1,6 @@
-// The Target ABI over libsimavr: runs the Uno's ELF, instruction by instruction and without a wall
-// clock.
+// The Target ABI over libsimavr: runs a board's ELF, instruction by instruction and without a wall
+// clock. What it knows of a chip comes from its datasheet and from its registers, nothing from the
+// firmware's sources.
 //
 // Copyright (C) 2026 the Daranti authors.
 // This program is free software: you can redistribute it and/or modify it under the terms of the
@@ -9,9 +10,14 @@
 // Where this departs from libsimavr 1.6's own modules, and why:
 // - Received bytes: the UART's input queue restarts its delay at every read and so runs slow; here
 //   each byte arrives at its exact cycle, into a two-byte hardware FIFO that overruns.
-// - Timers 1 and 2 do not run: PWM duties are read from their compare registers, which costs
-//   nothing and is never older than the firmware's last write.
+// - Timers 1 and 2 do not run, except under a bootloader, which may wait for one: PWM duties are
+//   worked out from their registers, which costs nothing and is never older than the last write.
+// - A watchdog whose interrupt cannot run resets at its second time-out, as the datasheet has it
+//   (10.9.2).
+// - What a chip would not do, or what its datasheet rules out, ends the run (misused()).
 // - Time zero is where the firmware starts timer 0, its 1 ms clock: "booted but not run".
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -34,27 +40,34 @@ extern "C" {
 
 namespace {
 
-constexpr uint64_t kCyclesPerUs = 16;
-constexpr uint64_t kByteCycles = 10 * 8 * 17;  // ten bits; UBRR 16 at double speed
+constexpr uint64_t kHz = 16'000'000;
+constexpr uint64_t kCyclesPerUs = kHz / 1'000'000;
+constexpr uint32_t kUsbBaud = 117'647;    // an ATmega16U2 that divides 16 MHz by 8 and 17
+constexpr double kLineTolerance = 0.039;  // table 19-3: 3.90 % for ten bits at double speed
 constexpr size_t kQueue = 1 << 16;
 constexpr size_t kEepromSize = 1024;
-constexpr uint8_t kPins = 14;
-constexpr uint8_t kRxVector = 18;
-constexpr uint64_t kBootLimit = 16'000'000;  // cycles until the firmware must run its clock
+constexpr uint8_t kPins = 70;
+constexpr uint8_t kChannels = 8;
+constexpr uint16_t kHighMv = 3000, kLowMv = 1500;  // 0.6 and 0.3 of the supply (29.2)
+constexpr uint64_t kBootLimit = 16'000'000;        // cycles until the firmware must run its clock
 // A step runs instructions up to the next timer, but no further than this: one by one, as libsimavr
 // does unasked, its looking for timers costs nearly as much as the instructions.
 constexpr uint64_t kRunCycles = 16'000;
+constexpr uint8_t kLost = 0xA5;  // what is in SRAM after power-on: nothing to rely on
 
-// Data addresses of the ATmega328P (datasheet 30).
+// Data addresses, the same in both chips (ATmega328P 30, ATmega2560 33).
 enum Register : uint16_t {
-  kPinB = 0x23,
-  kDdrB = 0x24,
-  kPortB = 0x25,
-  kDdrD = 0x2A,
-  kPortD = 0x2B,
+  kPinA = 0x20,
+  kPinH = 0x100,
+  kTccr0a = 0x44,
   kTccr0b = 0x45,
+  kOcr0a = 0x47,
+  kOcr0b = 0x48,
   kGpior0 = 0x3E,
   kMcusr = 0x54,
+  kWdtcsr = 0x60,
+  kAdcsra = 0x7A,
+  kAdmux = 0x7C,
   kTccr1a = 0x80,
   kTccr1b = 0x81,
   kIcr1 = 0x86,
@@ -65,14 +78,67 @@ enum Register : uint16_t {
   kOcr2a = 0xB3,
   kOcr2b = 0xB4,
   kUcsr0a = 0xC0,
+  kUcsr0b = 0xC1,
+  kUcsr0c = 0xC2,
+  kUbrr0 = 0xC4,
   kUdr0 = 0xC6,
 };
-constexpr uint16_t kPwmRegisters[] = {kTccr1a, kTccr1b,    kIcr1,   kIcr1 + 1, kOcr1a, kOcr1a + 1,
-                                      kOcr1b,  kOcr1b + 1, kTccr2a, kTccr2b,   kOcr2a, kOcr2b};
-constexpr uint8_t kRxc0 = 1 << 7;
-constexpr uint8_t kDor0 = 1 << 3;
-constexpr uint16_t kHangAt = 0x7FFC;  // in erased flash
+constexpr uint16_t kPwmRegisters[] = {kTccr1a, kTccr1b, kTccr2a, kTccr2b, kOcr2a, kOcr2b};
+constexpr uint16_t kWordRegisters[] = {kIcr1, kOcr1a, kOcr1b};
+constexpr uint8_t kRxc0 = 1 << 7, kFe0 = 1 << 4, kDor0 = 1 << 3, kU2x0 = 1 << 1;
+constexpr uint8_t kRxen0 = 1 << 4, kTxen0 = 1 << 3;
+constexpr uint8_t kWdie = 1 << 6;
+constexpr uint8_t kAden = 1 << 7;
 constexpr uint8_t kRjmpSelf[] = {0xFF, 0xCF};
+
+struct PinPlace {
+  char port;
+  uint8_t bit;
+};
+PinPlace uno_pin(uint8_t pin) {
+  if (pin < 8) return {'D', pin};
+  if (pin < 14) return {'B', static_cast<uint8_t>(pin - 8)};
+  if (pin < 20) return {'C', static_cast<uint8_t>(pin - 14)};
+  return {0, 0};
+}
+// The Mega's schematic, revision 3.
+PinPlace mega_pin(uint8_t pin) {
+  static constexpr PinPlace kFirst[] = {{'E', 0}, {'E', 1}, {'E', 4}, {'E', 5}, {'G', 5}, {'E', 3},
+                                        {'H', 3}, {'H', 4}, {'H', 5}, {'H', 6}, {'B', 4}, {'B', 5},
+                                        {'B', 6}, {'B', 7}, {'J', 1}, {'J', 0}, {'H', 1}, {'H', 0},
+                                        {'D', 3}, {'D', 2}, {'D', 1}, {'D', 0}};
+  if (pin < 22) return kFirst[pin];
+  if (pin < 30) return {'A', static_cast<uint8_t>(pin - 22)};
+  if (pin < 38) return {'C', static_cast<uint8_t>(37 - pin)};
+  if (pin == 38) return {'D', 7};
+  if (pin < 42) return {'G', static_cast<uint8_t>(41 - pin)};
+  if (pin < 50) return {'L', static_cast<uint8_t>(49 - pin)};
+  if (pin < 54) return {'B', static_cast<uint8_t>(53 - pin)};
+  if (pin < 62) return {'F', static_cast<uint8_t>(pin - 54)};
+  return {'K', static_cast<uint8_t>(pin - 62)};
+}
+
+struct Chip {
+  const char *name;
+  PinPlace (*place)(uint8_t pin);
+  uint8_t pins;
+  uint8_t first_analog;  // A0's number
+  uint8_t oc[6];         // pins of OC0A, OC0B, OC1A, OC1B, OC2A, OC2B
+  uint8_t rx_vector, watchdog_vector;
+  uint8_t external_interrupts;
+  uint16_t sram, sram_size;
+  PinPlace capture;  // ICP1
+};
+constexpr Chip kChips[] = {
+    {"atmega328p", uno_pin, 20, 14, {6, 5, 9, 10, 11, 3}, 18, 6, 2, 0x100, 2048, {'B', 0}},
+    {"atmega2560", mega_pin, 70, 54, {13, 4, 11, 12, 10, 9}, 25, 12, 8, 0x200, 8192, {'D', 4}},
+};
+
+// A port's PIN register; DDR and PORT follow it.
+uint16_t pin_register(char port) {
+  if (port < 'H') return static_cast<uint16_t>(kPinA + 3 * (port - 'A'));
+  return static_cast<uint16_t>(kPinH + 3 * (port - 'H' - (port > 'I')));  // there is no port I
+}
 
 thread_local std::string last_error;
 
@@ -82,15 +148,55 @@ void store_only(avr_t *avr, avr_io_addr_t address, uint8_t value, void *) {
   avr->data[address] = value;
 }
 
+// The architecture that an ELF for the AVR names in its flags: 5 for 128 KiB and less, 6 for more.
+int architecture(const char *path) {
+  uint8_t header[40] = {};
+  FILE *file = fopen(path, "rb");
+  if (file == nullptr) return -1;
+  const size_t got = fread(header, 1, sizeof header, file);
+  fclose(file);
+  return got == sizeof header && memcmp(header, "\177ELF", 4) == 0 ? header[36] & 0x7F : -1;
+}
+
+// Puts an Intel hex file into the flash; returns the lowest address, or -1 where it is none.
+int64_t load_hex(const char *path, avr_t *avr) {
+  FILE *file = fopen(path, "r");
+  if (file == nullptr) return -1;
+  int64_t lowest = -1;
+  uint32_t base = 0;
+  char line[600];
+  while (fgets(line, sizeof line, file) != nullptr) {
+    unsigned count = 0, address = 0, type = 0;
+    if (sscanf(line, ":%2x%4x%2x", &count, &address, &type) != 3) continue;
+    unsigned value = 0;
+    if (type == 2 && sscanf(line + 9, "%4x", &value) == 1) base = value << 4;
+    if (type == 4 && sscanf(line + 9, "%4x", &value) == 1) base = value << 16;
+    if (type != 0) continue;
+    for (unsigned i = 0; i < count && base + address + i <= avr->flashend; ++i) {
+      if (sscanf(line + 9 + 2 * i, "%2x", &value) != 1) break;
+      avr->flash[base + address + i] = static_cast<uint8_t>(value);
+    }
+    // Optiboot's version stands apart from its code: the code comes first.
+    if (lowest < 0) lowest = base + address;
+  }
+  fclose(file);
+  return lowest;
+}
+
 struct TimedByte {
   uint64_t due;  // cycle of the target's clock
   uint8_t byte;
+  bool misread = false;
 };
 
 }  // namespace
 
 struct daranti_target {
   avr_t *avr = nullptr;
+  const Chip *chip = nullptr;
+  bool bootloader = false;
+  uint32_t hang_at = 0;
+  std::string misuse;
   uint64_t origin = 0;  // target time of avr->cycle 0, in cycles; wraps below zero during boot
   uint64_t seen = 0;    // target time after the last instruction
   bool was_reset = false;
@@ -101,9 +207,11 @@ struct daranti_target {
   std::deque<TimedByte> to_host;
   uint64_t host_free = 0;  // when the host's line is free again
   uint64_t line_free = 0;  // when the firmware's line is free again
-  uint8_t fifo[2] = {};
+  uint32_t host_baud = kUsbBaud;
+  uint8_t temp = 0;  // of timer 1's 16-bit registers
+  TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
-  uint16_t millivolt[8] = {};
+  uint16_t millivolt[kChannels] = {};
   bool level[kPins] = {};
   bool driven[kPins] = {};  // from outside
 
@@ -122,21 +230,47 @@ struct daranti_target {
     avr_raise_irq(avr_io_getirq(avr, ioctl, index), value);
   }
   void apply_pin(uint8_t pin) const {
-    const char port = pin < 8 ? 'D' : 'B';
-    const uint8_t bit = pin < 8 ? pin : static_cast<uint8_t>(pin - 8);
+    const PinPlace at = chip->place(pin);
     // Without an external pull, libsimavr would put the pull-up's level back at the next write to
     // the port.
     avr_ioport_external_t pull = {};
-    pull.name = static_cast<unsigned char>(port);
-    for (uint8_t i = 0; i < 8; ++i) {
-      const uint8_t other = static_cast<uint8_t>(pin < 8 ? i : i + 8);
-      if (other >= kPins || !driven[other]) continue;
-      pull.mask = pull.mask | 1UL << i;
-      if (level[other]) pull.value = pull.value | 1UL << i;
+    pull.name = static_cast<unsigned char>(at.port);
+    for (uint8_t other = 0; other < chip->pins; ++other) {
+      const PinPlace place = chip->place(other);
+      if (place.port != at.port || !driven[other]) continue;
+      pull.mask = pull.mask | 1UL << place.bit;
+      if (level[other]) pull.value = pull.value | 1UL << place.bit;
     }
-    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &pull);
-    raise(AVR_IOCTL_IOPORT_GETIRQ(port), bit, level[pin]);
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(at.port), &pull);
+    const bool pulled_up = reg(pin_register(at.port) + 2) >> at.bit & 1;
+    raise(AVR_IOCTL_IOPORT_GETIRQ(at.port), at.bit, driven[pin] ? level[pin] : pulled_up);
   }
+  void drive_pin(uint8_t pin, bool high) {
+    if (driven[pin] && level[pin] == high) return;
+    level[pin] = high;
+    driven[pin] = true;
+    apply_pin(pin);
+  }
+
+  // ---- the line
+
+  uint32_t bit_cycles() const {
+    return (reg(kUcsr0a) & kU2x0 ? 8 : 16) * (uint32_t{1} + (reg16(kUbrr0) & 0x0FFF));
+  }
+  // Start, data, parity and stop bits.
+  uint32_t frame_bits() const {
+    const uint8_t c = reg(kUcsr0c);
+    const uint32_t data = 5 + (c >> 1 & 3) + (reg(kUcsr0b) & 4 ? 1 : 0);
+    return 1 + data + (c & 0x30 ? 1 : 0) + (c & 8 ? 2 : 1);
+  }
+  // Whether either end would take the other's bits for what they are: eight, no parity, at nearly
+  // the same speed.
+  bool understood() const {
+    if ((reg(kUcsr0c) & 0xF6) != 6 || (reg(kUcsr0b) & 4)) return false;
+    const double own = static_cast<double>(kHz) / bit_cycles();
+    return fabs(own / host_baud - 1) <= kLineTolerance;
+  }
+  uint64_t host_byte_cycles() const { return (uint64_t{10} * kHz + host_baud / 2) / host_baud; }
 
   void arm_receiver() {
     if (to_firmware.empty()) return;
@@ -156,28 +290,58 @@ struct daranti_target {
   }
   static uint8_t on_udr_read(avr_t *avr, avr_io_addr_t, void *param) {
     auto *self = static_cast<daranti_target *>(param);
-    const uint8_t byte = self->fifo[0];
+    const uint8_t byte = self->fifo[0].byte;
     if (self->fifo_count != 0) {
       --self->fifo_count;
       self->fifo[0] = self->fifo[1];
     }
-    avr->data[kUcsr0a] &= static_cast<uint8_t>(~(kRxc0 | kDor0));
-    if (self->fifo_count != 0) self->raise_rx();
+    avr->data[kUcsr0a] &= static_cast<uint8_t>(~(kRxc0 | kDor0 | kFe0));
+    if (self->fifo_count != 0) {
+      if (self->fifo[0].misread) avr->data[kUcsr0a] |= kFe0;
+      self->raise_rx();
+    }
     return byte;
   }
-  void raise_rx() const {
-    for (uint8_t i = 0; i < avr->interrupts.vector_count; ++i) {
-      avr_int_vector_t *vector = avr->interrupts.vector[i];
-      if (vector->vector == kRxVector) avr_raise_interrupt(avr, vector);
-    }
+  // Timer 1's 16-bit registers take their high byte from a common one as the low byte is written
+  // (15.3).
+  static void on_high_byte(avr_t *, avr_io_addr_t, uint8_t value, void *param) {
+    static_cast<daranti_target *>(param)->temp = value;
   }
+  static void on_low_byte(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    avr->data[address] = value;
+    avr->data[address + 1] = static_cast<daranti_target *>(param)->temp;
+  }
+  // The watchdog's interrupt waits: if it still does at the next time-out, that resets.
+  static void on_watchdog(avr_irq_t *, uint32_t pending, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    if (!pending) return;
+    const uint8_t control = self->reg(kWdtcsr);
+    const uint8_t prescaler = static_cast<uint8_t>((control & 7) | (control >> 2 & 8));
+    const uint64_t period = (uint64_t{2048} << prescaler) * kHz / 128'000;
+    avr_cycle_timer_register(self->avr, period - 16, on_second_timeout, self);
+  }
+  static avr_cycle_count_t on_second_timeout(avr_t *avr, avr_cycle_count_t, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    avr_int_vector_t *vector = self->vector(self->chip->watchdog_vector);
+    if (vector != nullptr && avr_is_interrupt_pending(avr, vector)) {
+      self->reg(kWdtcsr) &= static_cast<uint8_t>(~kWdie);
+    }
+    return 0;
+  }
+  avr_int_vector_t *vector(uint8_t number) const {
+    for (uint8_t i = 0; i < avr->interrupts.vector_count; ++i) {
+      if (avr->interrupts.vector[i]->vector == number) return avr->interrupts.vector[i];
+    }
+    return nullptr;
+  }
+  void raise_rx() const { avr_raise_interrupt(avr, vector(chip->rx_vector)); }
   static void on_sent(avr_irq_t *, uint32_t value, void *param) {
     auto *self = static_cast<daranti_target *>(param);
+    if (!(self->reg(kUcsr0b) & kTxen0)) return;
     const uint64_t start = self->line_free > self->now() ? self->line_free : self->now();
-    self->line_free = start + kByteCycles;
-    if (self->to_host.size() < kQueue) {
-      self->to_host.push_back({self->line_free, static_cast<uint8_t>(value)});
-    }
+    self->line_free = start + uint64_t{self->frame_bits()} * self->bit_cycles();
+    const uint8_t byte = static_cast<uint8_t>(self->understood() ? value : value << 1 | 1);
+    if (self->to_host.size() < kQueue) self->to_host.push_back({self->line_free, byte});
   }
 
   static void on_reset(avr_t *avr) {
@@ -192,18 +356,30 @@ struct daranti_target {
     was_reset = false;
     ++resets;
     fifo_count = 0;
-    for (const uint16_t address : kPwmRegisters) {
-      avr->io[AVR_DATA_TO_IO(address)].w.c = store_only;
+    if (!bootloader) {
+      for (const uint16_t address : kPwmRegisters) {
+        avr->io[AVR_DATA_TO_IO(address)].w.c = store_only;
+      }
+      for (const uint16_t address : kWordRegisters) {
+        auto &low = avr->io[AVR_DATA_TO_IO(address)].w;
+        auto &high = avr->io[AVR_DATA_TO_IO(address + 1)].w;
+        low.c = on_low_byte;
+        high.c = on_high_byte;
+        low.param = high.param = this;
+      }
     }
     avr->io[AVR_DATA_TO_IO(kUdr0)].r.c = on_udr_read;
     avr->io[AVR_DATA_TO_IO(kUdr0)].r.param = this;
-    // Else an edge on D8 would capture timer 1 into ICR1, which the hardware leaves alone where
+    // Else an edge there would capture timer 1 into ICR1, which the hardware leaves alone where
     // ICR1 is the top (15.6.3).
-    avr_unconnect_irq(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 0),
-                      avr_io_getirq(avr, AVR_IOCTL_TIMER_GETIRQ('1'), TIMER_IRQ_IN_ICP));
-    // Else a low level on D2 or D3 costs a poll every cycle, although INT0 and INT1 are off.
-    for (const uint8_t interrupt : {0, 1}) avr_extint_set_strict_lvl_trig(avr, interrupt, 0);
-    for (uint8_t pin = 0; pin < kPins; ++pin) {
+    avr_unconnect_irq(
+        avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(chip->capture.port), chip->capture.bit),
+        avr_io_getirq(avr, AVR_IOCTL_TIMER_GETIRQ('1'), TIMER_IRQ_IN_ICP));
+    // Else a low level costs a poll every cycle, although these interrupts are off.
+    for (uint8_t i = 0; i < chip->external_interrupts; ++i) {
+      avr_extint_set_strict_lvl_trig(avr, i, 0);
+    }
+    for (uint8_t pin = 0; pin < chip->pins; ++pin) {
       if (!driven[pin]) continue;
       // An unchanged value would be filtered out, and the input register stay cleared.
       level[pin] = !level[pin];
@@ -211,7 +387,7 @@ struct daranti_target {
       level[pin] = !level[pin];
       apply_pin(pin);
     }
-    for (uint8_t channel = 0; channel < 8; ++channel) {
+    for (uint8_t channel = 0; channel < kChannels; ++channel) {
       raise(AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + channel, millivolt[channel]);
     }
     arm_receiver();
@@ -240,8 +416,10 @@ struct daranti_target {
     masked = off;
   }
 
-  // From the reset vector to where the firmware starts its clock, outside the target's time.
+  // Without a bootloader: from the reset vector to where the firmware starts its clock, outside the
+  // target's time. With one: no further than the reset.
   bool boot(uint8_t cause, uint64_t time) {
+    if (cause & DARANTI_RESET_POWER_ON) memset(&reg(chip->sram), kLost, chip->sram_size);
     avr_reset(avr);
     reg(kMcusr) = cause;
     to_firmware.clear();
@@ -249,12 +427,55 @@ struct daranti_target {
     host_free = line_free = time;
     restore_inputs(time);
     avr->run_cycle_limit = 1;
-    while (reg(kTccr0b) == 0) {
+    while (!bootloader && reg(kTccr0b) == 0) {
       if (!step() || avr->cycle > kBootLimit) return false;
     }
     origin = time - avr->cycle;
     if (!probing) avr->run_cycle_limit = kRunCycles;
     return true;
+  }
+
+  // Up to where interrupts are as asked, then into an endless loop.
+  bool hang(bool interrupts_off) {
+    const auto limit = avr->run_cycle_limit;
+    avr->run_cycle_limit = avr->run_cycle_count = 1;
+    bool there = false;
+    for (uint32_t i = 0; i < kBootLimit && !there; ++i) {
+      if (!step()) return false;
+      there = (avr->sreg[S_I] == 0) == interrupts_off;
+    }
+    avr->run_cycle_limit = limit;
+    avr->pc = hang_at;
+    avr->state = cpu_Running;
+    return there;
+  }
+
+  // What the chip does not do, or its datasheet rules out; empty where all is well.
+  std::string misused() const {
+    if (reg(kAdcsra) & kAden) {
+      const uint8_t prescaler = reg(kAdcsra) & 7;
+      const uint32_t adc_hz = static_cast<uint32_t>(kHz >> (prescaler == 0 ? 1 : prescaler));
+      if (adc_hz > 200'000 || adc_hz < 50'000) {
+        return "ADCSRA: the converter runs at " + std::to_string(adc_hz / 1000) +
+               " kHz; for 10 bits 50 to 200 (23.4)";
+      }
+      if (reg(kAdmux) >> 6 != 1) {
+        return "ADMUX: the reference is not AVCC; AREF is not connected on these boards";
+      }
+    }
+    for (uint8_t pin = 0; pin < chip->pins; ++pin) {
+      const PinPlace at = chip->place(pin);
+      const bool output = reg(pin_register(at.port) + 1) >> at.bit & 1;
+      if (output && driven[pin]) {
+        return "pin " + std::to_string(pin) + " is an output, but is driven from outside";
+      }
+    }
+    for (uint8_t unit = 0; unit < 6; ++unit) {
+      if (!connected(unit) || share(unit) >= 0) continue;
+      return "pin " + std::to_string(chip->oc[unit]) +
+             ": its timer is stopped, clocked from outside, or in no PWM mode";
+    }
+    return "";
   }
 
   int32_t run_until(uint64_t until) {
@@ -265,50 +486,92 @@ struct daranti_target {
       avr_cycle_timer_register(avr, until - now(), on_fence, this);
       // A reset on the way drops the fence: set it anew.
       while (!fenced && resets == 0) {
-        if (!step()) return -1;
+        if (!step()) {
+          last_error = "the microcontroller crashed";
+          return -1;
+        }
       }
     }
-    return 0;
+    misuse = misused();
+    if (misuse.empty()) return 0;
+    last_error = misuse;
+    return -2;
   }
 
-  uint8_t port_level(uint8_t pin) const {
-    const uint8_t mask = static_cast<uint8_t>(1 << (pin < 8 ? pin : pin - 8));
-    const bool output = reg(pin < 8 ? kDdrD : kDdrB) & mask;
-    return output && (reg(pin < 8 ? kPortD : kPortB) & mask);
-  }
+  // ---- PWM: units are OC0A, OC0B, OC1A, OC1B, OC2A, OC2B
 
-  // Duty of a compare output that is connected (COMnx1), else the port's level.
-  uint8_t duty(uint8_t pin) const {
-    uint32_t compare = 0, top = 255;
-    bool connected = false;
-    switch (pin) {
-      case 9:
-      case 10:
-        connected = reg(kTccr1a) & (pin == 9 ? 0x80 : 0x20);
-        compare = reg16(pin == 9 ? kOcr1a : kOcr1b);
-        top = reg16(kIcr1);
-        break;
-      case 3:
-      case 11:
-        connected = reg(kTccr2a) & (pin == 11 ? 0x80 : 0x20);
-        compare = reg(pin == 11 ? kOcr2a : kOcr2b);
-        break;
-      default:
-        break;
+  uint8_t mode_of(uint8_t unit) const {
+    const uint8_t timer = unit / 2;
+    const uint16_t a = timer == 0 ? kTccr0a : timer == 1 ? kTccr1a : kTccr2a;
+    const uint8_t high = timer == 1 ? reg(a + 1) >> 3 & 3 : reg(a + 1) >> 3 & 1;
+    return static_cast<uint8_t>((reg(a) & 3) | high << 2);
+  }
+  uint8_t compare_mode(uint8_t unit) const {
+    const uint8_t timer = unit / 2;
+    const uint16_t a = timer == 0 ? kTccr0a : timer == 1 ? kTccr1a : kTccr2a;
+    return reg(a) >> (unit % 2 == 0 ? 6 : 4) & 3;
+  }
+  bool connected(uint8_t unit) const { return compare_mode(unit) != 0; }
+
+  // Share of the period for which the output is high, negative where there is none (15.9, 17.7).
+  double share(uint8_t unit) const {
+    const uint8_t timer = unit / 2, mode = mode_of(unit), compare = compare_mode(unit);
+    const uint16_t b = timer == 0 ? kTccr0b : timer == 1 ? kTccr1b : kTccr2b;
+    const uint8_t clock = reg(b) & 7;
+    if (clock == 0 || (timer != 2 && clock > 5) || compare == 1) return -1;
+    uint32_t top = 0, at = 0;
+    bool fast = false;
+    if (timer == 1) {
+      at = reg16(unit % 2 == 0 ? kOcr1a : kOcr1b);
+      static constexpr uint32_t kTops[] = {0, 0xFF, 0x1FF, 0x3FF};
+      if (mode == 0 || mode == 4 || mode == 12 || mode == 13) return -1;
+      fast = mode > 4 && mode != 8 && mode != 9 && mode != 10 && mode != 11;
+      if (mode < 8) top = kTops[mode & 3];
+      if (mode >= 8) top = reg16(mode % 2 == 0 ? kIcr1 : kOcr1a);
+    } else {
+      if (mode % 2 == 0) return -1;
+      fast = mode & 2;
+      at = reg(timer == 0 ? (unit % 2 == 0 ? kOcr0a : kOcr0b) : (unit % 2 == 0 ? kOcr2a : kOcr2b));
+      top = mode < 4 ? 255 : reg(timer == 0 ? kOcr0a : kOcr2a);
     }
-    if (!connected) return port_level(pin) ? 255 : 0;
-    return static_cast<uint8_t>(compare >= top ? 255 : (compare * 255 + top / 2) / top);
+    if (top < 3) return -1;
+    const double high = fast ? (at + 1.0) / (top + 1.0) : static_cast<double>(at) / top;
+    const double clipped = high > 1 ? 1 : high;
+    return compare == 2 ? clipped : 1 - clipped;
+  }
+
+  int16_t output(uint8_t pin) const {
+    const PinPlace at = chip->place(pin);
+    const uint16_t base = pin_register(at.port);
+    const bool high = reg(base + 2) >> at.bit & 1;
+    if (!(reg(base + 1) >> at.bit & 1)) return high ? DARANTI_PULLED_UP : DARANTI_FLOATING;
+    for (uint8_t unit = 0; unit < 6; ++unit) {
+      if (chip->oc[unit] != pin || !connected(unit)) continue;
+      const double duty = share(unit);
+      if (duty <= 0) return 0;
+      if (duty >= 1) return 255;
+      const int16_t rounded = static_cast<int16_t>(duty * 255 + 0.5);
+      return rounded < 1 ? 1 : rounded > 254 ? 254 : rounded;
+    }
+    return high ? 255 : 0;
   }
 };
 
 void daranti_target::receive_due() {
   while (!to_firmware.empty() && to_firmware.front().due <= now()) {
+    TimedByte next = to_firmware.front();
+    to_firmware.pop_front();
+    if (!(reg(kUcsr0b) & kRxen0)) continue;
+    if (!understood()) {
+      next.byte = static_cast<uint8_t>(next.byte << 1 | 1);
+      next.misread = true;
+    }
     if (fifo_count < 2) {
-      fifo[fifo_count++] = to_firmware.front().byte;
+      fifo[fifo_count++] = next;
+      if (fifo_count == 1 && next.misread) reg(kUcsr0a) |= kFe0;
     } else {
       reg(kUcsr0a) |= kDor0;
     }
-    to_firmware.pop_front();
     raise_rx();
   }
 }
@@ -319,7 +582,7 @@ uint32_t target_abi(void) { return DARANTI_TARGET_ABI; }
 
 const char *target_error(void) { return last_error.c_str(); }
 
-daranti_target *target_create(const char *image, const uint8_t *eeprom) {
+daranti_target *target_create(const char *image, const char *bootloader, const uint8_t *eeprom) {
   avr_global_logger_set(silence);
   elf_firmware_t firmware;
   memset(&firmware, 0, sizeof firmware);
@@ -327,16 +590,24 @@ daranti_target *target_create(const char *image, const uint8_t *eeprom) {
     last_error = std::string(image ? image : "(no image)") + ": not a readable AVR ELF file";
     return nullptr;
   }
+  const int kind = architecture(image);
+  if (kind != 5 && kind != 6) {
+    last_error = std::string(image) + ": for neither an ATmega328P nor an ATmega2560";
+    free(firmware.flash);
+    return nullptr;
+  }
+  const Chip *chip = &kChips[kind - 5];
   auto *self = new (std::nothrow) daranti_target();
-  avr_t *avr = avr_make_mcu_by_name("atmega328p");
+  avr_t *avr = avr_make_mcu_by_name(chip->name);
   if (self == nullptr || avr == nullptr) {
-    last_error = "libsimavr does not know the atmega328p, or memory ran out";
+    last_error = std::string("libsimavr does not know the ") + chip->name + ", or memory ran out";
     free(firmware.flash);
     delete self;
     return nullptr;
   }
+  self->chip = chip;
   avr_init(avr);
-  avr->frequency = 16'000'000;
+  avr->frequency = kHz;
   avr_load_firmware(avr, &firmware);
   free(firmware.flash);
   avr->sleep = sleep_without_waiting;
@@ -344,8 +615,24 @@ daranti_target *target_create(const char *image, const uint8_t *eeprom) {
   self->core_reset = avr->reset;
   avr->reset = daranti_target::on_reset;
   avr->vcc = avr->avcc = avr->aref = 5000;
-  memcpy(avr->flash + kHangAt, kRjmpSelf, sizeof kRjmpSelf);
   self->avr = avr;
+  const uint32_t size = firmware.flashsize;
+  if (bootloader != nullptr) {
+    const int64_t start = load_hex(bootloader, avr);
+    if (start <= size) {
+      last_error = std::string(bootloader) + ": no bootloader for this chip, or not readable";
+      avr_terminate(avr);
+      free(avr);
+      delete self;
+      return nullptr;
+    }
+    avr->reset_pc = static_cast<avr_flashaddr_t>(start);
+    self->bootloader = true;
+  }
+  avr->codeend = avr->flashend;
+  // Behind the firmware, in erased flash.
+  self->hang_at = (size + 0x100) & ~0xFFU;
+  memcpy(avr->flash + self->hang_at, kRjmpSelf, sizeof kRjmpSelf);
 
   uint32_t flags = 0;
   avr_ioctl(avr, AVR_IOCTL_UART_GET_FLAGS('0'), &flags);
@@ -353,6 +640,8 @@ daranti_target *target_create(const char *image, const uint8_t *eeprom) {
   avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
   avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT),
                           daranti_target::on_sent, self);
+  avr_irq_register_notify(avr_get_interrupt_irq(avr, chip->watchdog_vector) + AVR_INT_IRQ_PENDING,
+                          daranti_target::on_watchdog, self);
 
   uint8_t image_bytes[kEepromSize];
   memset(image_bytes, 0xFF, sizeof image_bytes);
@@ -360,7 +649,6 @@ daranti_target *target_create(const char *image, const uint8_t *eeprom) {
   avr_eeprom_desc_t desc = {image_bytes, 0, kEepromSize};
   avr_ioctl(avr, AVR_IOCTL_EEPROM_SET, &desc);
 
-  for (const uint8_t pin : {2, 12}) self->level[pin] = self->driven[pin] = true;  // pull-ups
   if (!self->boot(DARANTI_RESET_POWER_ON, 0)) {
     last_error = std::string(image) + ": crashed or never started its clock while booting";
     target_destroy(self);
@@ -384,24 +672,31 @@ uint64_t target_time_us(const daranti_target *target) { return target->now() / k
 
 void target_set_analog_mv(daranti_target *target, uint8_t channel, uint16_t millivolt) {
   // Told every millisecond, changed seldom: libsimavr looks its modules up by name each time.
-  if (channel >= 8 || target->millivolt[channel] == millivolt) return;
+  if (channel >= kChannels || target->millivolt[channel] == millivolt) return;
   target->millivolt[channel] = millivolt;
   target->raise(AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + channel, millivolt);
+  const uint8_t pin = static_cast<uint8_t>(target->chip->first_analog + channel);
+  if (pin >= target->chip->pins) return;
+  if (millivolt >= kHighMv) target->drive_pin(pin, true);
+  if (millivolt <= kLowMv) target->drive_pin(pin, false);
 }
 
 void target_set_pin(daranti_target *target, uint8_t pin, uint8_t level) {
-  if (pin >= kPins || (target->driven[pin] && target->level[pin] == (level != 0))) return;
-  target->level[pin] = level != 0;
-  target->driven[pin] = true;
-  target->apply_pin(pin);
+  if (pin >= target->chip->pins) return;
+  if (level != DARANTI_RELEASED) {
+    target->drive_pin(pin, level == DARANTI_HIGH);
+  } else if (target->driven[pin]) {
+    target->driven[pin] = false;
+    target->apply_pin(pin);
+  }
 }
 
-uint8_t target_pin(const daranti_target *target, uint8_t pin) {
-  return pin < kPins && target->duty(pin) == 255;
+int16_t target_output(const daranti_target *target, uint8_t pin) {
+  return pin < target->chip->pins ? target->output(pin) : int16_t{DARANTI_FLOATING};
 }
 
-uint8_t target_pwm(const daranti_target *target, uint8_t pin) {
-  return pin < kPins ? target->duty(pin) : uint8_t{0};
+void target_set_baud(daranti_target *target, uint32_t baud) {
+  target->host_baud = baud == 0 ? kUsbBaud : baud;
 }
 
 size_t target_write(daranti_target *target, const uint8_t *bytes, size_t count) {
@@ -409,7 +704,7 @@ size_t target_write(daranti_target *target, const uint8_t *bytes, size_t count) 
   const bool idle = target->to_firmware.empty();
   size_t taken = 0;
   while (taken < count && target->to_firmware.size() < kQueue) {
-    target->host_free += kByteCycles;
+    target->host_free += target->host_byte_cycles();
     target->to_firmware.push_back({target->host_free, bytes[taken++]});
   }
   if (idle) target->arm_receiver();
@@ -433,10 +728,8 @@ void target_eeprom(const daranti_target *target, uint8_t *bytes1024) {
   avr_ioctl(target->avr, AVR_IOCTL_EEPROM_GET, &desc);
 }
 
-int32_t target_hang(daranti_target *target) {
-  target->avr->pc = kHangAt;
-  target->avr->state = cpu_Running;
-  return 0;
+int32_t target_hang(daranti_target *target, uint8_t where) {
+  return target->hang(where == DARANTI_HANG_INTERRUPT) ? 0 : -1;
 }
 
 // ---- beyond the ABI: measurements for tools/avr_budget.py ---------------------------------------
@@ -454,7 +747,25 @@ void probe_read(const daranti_target *target, uint64_t *tick, uint64_t *masked) 
   *masked = target->masked_worst;
 }
 
-// The 2048 bytes of SRAM, as they are now, and a way to paint them.
-uint8_t *probe_sram(daranti_target *target) { return target->avr->data + 0x100; }
+// The SRAM, as it is now, and a way to paint it; its address and size.
+uint8_t *probe_sram(daranti_target *target) { return &target->reg(target->chip->sram); }
+void probe_sram_place(const daranti_target *target, uint32_t *address, uint32_t *size) {
+  *address = target->chip->sram;
+  *size = target->chip->sram_size;
+}
+
+// The program counter, in bytes.
+uint32_t probe_pc(const daranti_target *target) { return target->avr->pc; }
+
+// A register, by its data address.
+uint8_t probe_register(const daranti_target *target, uint16_t address) {
+  return target->reg(address);
+}
+
+// The pins' levels that the firmware sees, by the board's numbers.
+uint8_t probe_pin(const daranti_target *target, uint8_t pin) {
+  const PinPlace at = target->chip->place(pin);
+  return target->reg(pin_register(at.port)) >> at.bit & 1;
+}
 
 }  // extern "C"

@@ -41,7 +41,8 @@ def driven(
         told = session.telemetry
         armed = told is not None and told.state is not State.SAFE
         speed = 0.5 if now < stand_s else 0.0
-        motion = Command(Request.DRIVE, math.radians(steer_deg), speed, blade)
+        cuts = blade and now > 0.5  # the firmware wants to be asked anew after ARM
+        motion = Command(Request.DRIVE, math.radians(steer_deg), speed, cuts)
         bench.send(session.encode(now, motion if armed else Command(Request.ARM)))
         speeds.append(float(bench.state["v"]))
     return speeds

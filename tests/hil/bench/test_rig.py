@@ -89,7 +89,7 @@ def test_bytes_pass_both_ways_unchanged(kind: str) -> None:
 @pytest.mark.parametrize("kind", [PseudoTerminal, TcpPort, Rfc2217Port])
 def test_the_hosts_link_works_on_every_port(kind: type[Any]) -> None:
     near: Port = kind() if kind is PseudoTerminal else kind(0, "127.0.0.1")
-    version = protocol.Version(protocol.VERSION, 1, 0, 1, 1)
+    version = protocol.Version(protocol.VERSION, 1, 0, 1, 1, 0, 0)
 
     def meet() -> protocol.Version:
         with Link(near.name, time.monotonic) as link:

@@ -171,7 +171,7 @@ def test_the_same_commands_move_the_same_machine_whatever_is_believed() -> None:
                     session.feed(stamp, data)
                 told = session.telemetry
                 armed = told is not None and told.state is not State.SAFE
-                go = Command(Request.DRIVE, 0.02, 0.5, True)
+                go = Command(Request.DRIVE, 0.02, 0.5, tick > 10)
                 bench.send(session.encode(tick / 20, go if armed else Command(Request.ARM)))
                 truth.step(tick / 20, bench.pose, bench.cut_cells, IDLE)
             ways.append((truth.path, truth.summary()))

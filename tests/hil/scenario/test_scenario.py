@@ -73,7 +73,7 @@ def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
             "faults:\n  - {component: pot, failure: off, at: {time_s: 1}}\n"
             "  - {component: estop, failure: slow, at: {time_s: 1}}\n",
             3,
-            "estop can be: off, intermittent",
+            "estop can be: off, stuck, intermittent",
         ),
         ("faults:\n  - component: pot\n    failure: off\n    at: {time_s: 1, state: turn}\n", 4,
          "exactly one of"),

@@ -18,13 +18,15 @@ constexpr uint16_t kPotTicks = 2;
 constexpr uint16_t kCurrentTicks = ticks(50);      // longer than a motor's inrush behind the slew
 constexpr uint16_t kBatteryLowTicks = ticks(600);  // longer than the sag of a start
 constexpr uint16_t kBatteryHighTicks = ticks(100);
-constexpr int16_t kStillBand = 60;   // centidegree: more than the pot's noise
-constexpr int16_t kDrivenHard = 50;  // duty above the minimum: enough for a wheel to move
+constexpr uint16_t kHallNoiseTicks = ticks(100);
+constexpr uint16_t kWheelFastTicks = ticks(400);  // a hand's push or a pothole is shorter
+// The e-stop's loop: 2.2 kOhm to 5 V, and 470 Ohm at the button's end. Closed it gives 0.88 V.
+constexpr uint16_t kEstopShort = 102 * 16;  // 0.5 V: the wires touch, or the chassis
+constexpr uint16_t kEstopOpen = 307 * 16;   // 1.5 V
+constexpr int16_t kStillBand = 60;          // centidegree: more than the pot's noise
+constexpr int16_t kDrivenHard = 50;         // duty above the minimum: enough for a wheel to move
 constexpr int16_t kFullDuty = 255;
 constexpr int16_t kRunaway = 1000;  // centidegree: more than a reversing motor coasts
-
-constexpr uint8_t kBrownOutReset = 1U << 2;
-constexpr uint8_t kWatchdogReset = 1U << 3;
 
 }  // namespace
 
@@ -62,9 +64,12 @@ uint32_t MotionWatch::step(const Params &params, const Observation &seen) {
   return found;
 }
 
-void Supervisor::boot(uint8_t reset_cause) {
-  if (reset_cause & kBrownOutReset) faults_ |= protocol::BROWN_OUT;
-  if (reset_cause & kWatchdogReset) faults_ |= protocol::WATCHDOG;
+void Supervisor::boot(uint8_t reset_cause, bool copy_bad) {
+  constexpr uint8_t kWorst = protocol::BY_UNKNOWN | protocol::WHILE_ARMED;
+  if (reset_cause & protocol::BY_BROWN_OUT) faults_ |= protocol::BROWN_OUT;
+  if (reset_cause & protocol::BY_WATCHDOG) faults_ |= protocol::WATCHDOG;
+  if ((reset_cause & kWorst) == kWorst) faults_ |= protocol::RESET_UNKNOWN;
+  if (copy_bad) faults_ |= protocol::PARAMS_COPY;
   state_ = faults_ == 0 ? State::SAFE : State::FAULT;
 }
 
@@ -73,9 +78,10 @@ void Supervisor::stop() {
   if (live()) state_ = State::SAFE;
 }
 
-Result Supervisor::arm(uint8_t version, bool standstill_asked) {
+Result Supervisor::arm(uint8_t version, bool set_up, bool standstill_asked) {
   if (version != protocol::kVersion) return Result::WRONG_VERSION;
   if (stopped_ || state_ != State::SAFE) return Result::WRONG_STATE;
+  if (!set_up) return Result::NOT_SET_UP;
   if (!standstill_asked) return Result::NOT_PLAUSIBLE;
   state_ = State::ARMED;
   quiet_ = 0;
@@ -99,9 +105,15 @@ uint32_t Supervisor::conditions(const Params &params, const Observation &seen) {
   const auto note = [&found](bool bad, uint32_t bit) {
     if (bad) found |= bit;
   };
-  note(seen.estop_open, protocol::ESTOP_OPEN);
+  note(seen.estop_open || seen.estop > kEstopOpen, protocol::ESTOP_OPEN);
+  note(estop_short_.step(seen.estop < kEstopShort, kPotTicks), protocol::ESTOP_SHORT);
   note(seen.params_bad, protocol::PARAMS_BAD);
   note(seen.hall_silent, protocol::HALL_LOST);
+  note(hall_noise_.step(seen.hall_noisy, kHallNoiseTicks), protocol::HALL_NOISE);
+  note(wheel_fast_.step(live() && seen.wheel_fast, kWheelFastTicks), protocol::WHEEL_RUNAWAY);
+  note(live() && seen.wrong_way, protocol::WRONG_WAY);
+  note(seen.blade_lost, protocol::BLADE_LOST);
+  note(seen.blade_stuck, protocol::BLADE_STUCK);
   note(seen.ident_limit, protocol::IDENT_LIMIT);
   note(pot_open_.step(seen.pot > params[Param::pot_high] * 16, kPotTicks), protocol::POT_OPEN);
   note(pot_short_.step(seen.pot < params[Param::pot_low] * 16, kPotTicks), protocol::POT_SHORT);
@@ -109,6 +121,8 @@ uint32_t Supervisor::conditions(const Params &params, const Observation &seen) {
        protocol::STEER_OVERCURRENT);
   note(drive_current_.step(seen.drive_current > params[Param::drive_current_max], kCurrentTicks),
        protocol::DRIVE_OVERCURRENT);
+  note(seen.steer_mean > params[Param::steer_current_cont], protocol::STEER_OVERCURRENT);
+  note(seen.drive_mean > params[Param::drive_current_cont], protocol::DRIVE_OVERCURRENT);
   note(battery_low_.step(seen.battery < params[Param::battery_low], kBatteryLowTicks),
        protocol::BATTERY_LOW);
   note(battery_high_.step(seen.battery > params[Param::battery_high], kBatteryHighTicks),

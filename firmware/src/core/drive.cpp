@@ -11,6 +11,7 @@ constexpr uint16_t kStandsTicks = 1000 / kTickMs;  // no pulse for so long: stan
 constexpr int32_t kTicksPerSecond = 1000 / kTickMs;
 constexpr int32_t kLostDistance = int32_t{250} * kTicksPerSecond;  // mm/s times ticks
 constexpr uint16_t kLostTicks = 900 / kTickMs;
+constexpr int32_t kWrongWay = 250;    // mm
 constexpr int16_t kSlow = 100;        // mm/s: a machine in mud may stand still at less
 constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
@@ -20,6 +21,9 @@ constexpr int32_t kHalf = int32_t{1} << 15;
 
 void Hall::configure(const Params &params) {
   per_metre_ = params[Param::hall_per_metre];
+  two_ = params[Param::hall_phases] == 2;
+  excess_ = params[Param::speed_excess];
+  impossible_ = 2 * int32_t{params[Param::speed_max]} + 1000;
   if (per_metre_ == 0) {
     speed_ = kNone;
     return;
@@ -29,11 +33,21 @@ void Hall::configure(const Params &params) {
   two_pulses_ = int32_t{20000} / per_metre_ * kTicksPerSecond;
 }
 
-void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
-  const uint16_t fresh = static_cast<uint16_t>(pulses - last_);
+void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
+  const uint16_t fresh = static_cast<uint16_t>(pulses.wheel - last_.wheel);
+  const uint16_t back = static_cast<uint16_t>(pulses.backward - last_.backward);
   last_ = pulses;
   if (per_metre_ == 0) return;
-  if (duty != 0) backward_ = duty < 0;
+  if (two_) {
+    if (fresh != 0) backward_ = back > fresh / 2;
+  } else if (duty != 0) {
+    backward_ = duty < 0;
+  }
+  if (!two_ || setpoint == 0 || (fresh != 0 && backward_ == (setpoint < 0))) {
+    against_ = 0;
+  } else {
+    against_ = least(against_ + fresh * int32_t{10000}, kWrongWay * int32_t{per_metre_});
+  }
   if (silent_ != UINT16_MAX) ++silent_;
   if (duty == 0 || fresh != 0) {
     // A machine that rolls back as it is driven gives pulses too, but ever more slowly: what has
@@ -63,6 +77,10 @@ void Hall::step(uint16_t pulses, int16_t duty, int16_t setpoint) {
     speed = one_ / silent_;
   }
   speed_ = static_cast<int16_t>(backward_ ? -speed : speed);
+}
+
+bool Hall::wrong_way() const {
+  return two_ && per_metre_ != 0 && against_ >= kWrongWay * int32_t{per_metre_};
 }
 
 bool Hall::lost() const {

@@ -2,17 +2,18 @@
 #pragma once
 #include <stdint.h>
 
+#include "fixed.h"
 #include "params.h"
 
 namespace daranti {
 
-// Speed and distance from a wheel's pulses. Whether the wheel turns forward or backward is taken
-// from the duty's sign: one sensor does not tell.
+// Speed and distance from a wheel's pulses. Whether the wheel turns forward or backward is told by
+// a second sensor, or taken from the duty's sign where there is none.
 class Hall {
  public:
   void configure(const Params &params);
-  // One tick. pulses: counter modulo 65536; duty, setpoint (mm/s): those that were applied.
-  void step(uint16_t pulses, int16_t duty, int16_t setpoint);
+  // One tick. pulses: counters modulo 65536; duty, setpoint (mm/s): those that were applied.
+  void step(const Pulses &pulses, int16_t duty, int16_t setpoint);
   // mm/s; kNone where no sensor is configured.
   int16_t speed() const { return speed_; }
   // mm, signed, since boot.
@@ -20,6 +21,14 @@ class Hall {
   // Driven without a pulse for 0.25 m, or for 0.9 s since the last one where the machine had broken
   // away (for that it may take longer); in either two were due.
   bool lost() const;
+  // Counts more than a machine can drive: noise, or a wrong hall_per_metre.
+  bool noisy() const { return per_metre_ != 0 && magnitude(speed_) > impossible_; }
+  // Turns faster than `setpoint` (mm/s) and the parameter speed_excess allow.
+  bool fast(int16_t setpoint) const {
+    return per_metre_ != 0 && magnitude(speed_) > magnitude(setpoint) + excess_;
+  }
+  // Has gone 0.25 m against the direction asked; with two sensors only.
+  bool wrong_way() const;
 
   static constexpr int16_t kNone = INT16_MIN;
 
@@ -30,12 +39,16 @@ class Hall {
   int32_t remainder_ = 0;   // of a millimetre, in 1/per_metre_ mm
   int32_t awaited_ = 0;     // mm/s times ticks that should have been travelled since the last pulse
   int32_t two_pulses_ = 0;  // of them
-  uint16_t last_ = 0;
+  int32_t against_ = 0;     // pulses gone against the direction asked, in mm times per_metre_
+  int32_t impossible_ = 0;  // mm/s
+  int16_t excess_ = 0;      // mm/s
+  Pulses last_{0, 0, 0};
   uint16_t waited_ = 0;           // ticks in awaited_
   uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
   uint16_t interval_ = 0;         // ticks between the last two
   int16_t speed_ = kNone;
   bool backward_ = false;
+  bool two_ = false;    // sensors
   bool rolls_ = false;  // since it is driven, it has broken away
 };
 

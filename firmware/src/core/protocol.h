@@ -7,7 +7,7 @@
 namespace daranti {
 namespace protocol {
 
-constexpr uint8_t kVersion = 1;
+constexpr uint8_t kVersion = 2;
 constexpr uint32_t kBaud = 115200;
 
 // What the supervisor allows.
@@ -27,6 +27,8 @@ enum class Result : uint8_t {
   OUT_OF_RANGE = 4,
   UNKNOWN = 5,
   STORE_FAILED = 6,
+  NOT_SET_UP = 7,
+  STALE = 8,
 };
 
 // Latched reasons; each bit has its text on the host.
@@ -45,9 +47,27 @@ enum Fault : uint32_t {
   BATTERY_HIGH = 1UL << 11,  // battery above its limit
   BROWN_OUT = 1UL << 12,  // the controller's supply collapsed (brown-out reset)
   WATCHDOG = 1UL << 13,  // the controller hung and its watchdog reset it
-  PARAMS_BAD = 1UL << 14,  // stored parameters corrupt; defaults are in use
+  PARAMS_BAD = 1UL << 14,  // stored parameters corrupt or out of range; defaults stand in for them
   HALL_LOST = 1UL << 15,  // wheels driven but the hall sensor is silent
   IDENT_LIMIT = 1UL << 16,  // identification stopped at its angle or time limit
+  ESTOP_SHORT = 1UL << 17,  // emergency-stop loop shorted: the button would not be seen
+  HALL_NOISE = 1UL << 18,  // the hall sensor counts faster than the machine can drive
+  WHEEL_RUNAWAY = 1UL << 19,  // the wheels turn faster than asked
+  WRONG_WAY = 1UL << 20,  // the wheels turn against the direction asked
+  BLADE_LOST = 1UL << 21,  // blade switched on but its sensor shows no turning
+  BLADE_STUCK = 1UL << 22,  // the blade turns although it is switched off
+  RESET_UNKNOWN = 1UL << 23,  // the controller was reset while it was armed, and its bootloader hides why
+  PARAMS_COPY = 1UL << 24,  // one of the two stored copies of the parameters is damaged; the other is in use
+};
+
+// Why the controller started.
+enum ResetCause : uint32_t {
+  BY_POWER_ON = 1UL << 0,  // power-on
+  BY_RESET_PIN = 1UL << 1,  // reset button, or the port was opened
+  BY_BROWN_OUT = 1UL << 2,  // brown-out
+  BY_WATCHDOG = 1UL << 3,  // watchdog
+  BY_UNKNOWN = 1UL << 4,  // hidden by the bootloader
+  WHILE_ARMED = 1UL << 5,  // while it was armed
 };
 
 // Little-endian, whatever the compiler's machine is.
@@ -99,7 +119,7 @@ struct Clear {
   static constexpr uint8_t kSize = 0;
 };
 
-// To the firmware: The command; its validity feeds the link watchdog.
+// To the firmware: The command. Only a fresh one, whose sequence number has advanced by 1 to 127 since the last command or ARM, is taken and feeds the link watchdog.
 struct Drive {
   static constexpr uint8_t kId = 5;
   static constexpr uint8_t kSize = 5;
@@ -118,18 +138,22 @@ struct Drive {
 // To the host: Answer to Hello.
 struct Version {
   static constexpr uint8_t kId = 65;
-  static constexpr uint8_t kSize = 5;
+  static constexpr uint8_t kSize = 10;
   uint8_t protocol_version;
   uint8_t firmware_major;
   uint8_t firmware_minor;
-  uint8_t build;  // 0 uno, 1 desk, 2 uno_hil
-  uint8_t reset_cause;  // MCUSR: bit 0 power-on, 1 external, 2 brown-out, 3 watchdog
+  uint8_t build;  // 0 uno, 1 desk, 2 uno_hil, 3 nano, 4 mega2560
+  uint8_t reset_cause;  // bits ResetCause
+  uint32_t commit;  // first eight hexadecimal digits of the commit it was built from; 0 where that is not known
+  uint8_t modified;  // 1 where the sources differed from that commit
   void write(uint8_t *payload) const {
     put<uint8_t>(payload, protocol_version);
     put<uint8_t>(payload + 1, firmware_major);
     put<uint8_t>(payload + 2, firmware_minor);
     put<uint8_t>(payload + 3, build);
     put<uint8_t>(payload + 4, reset_cause);
+    put<uint32_t>(payload + 5, commit);
+    put<uint8_t>(payload + 9, modified);
   }
 };
 
@@ -181,6 +205,38 @@ struct Telemetry {
   }
 };
 
+// To the host: 6 Hz: what the sensors read, and how well the controller and its line fare.
+struct Readings {
+  static constexpr uint8_t kId = 70;
+  static constexpr uint8_t kSize = 24;
+  int16_t steer_current;  // 0.01 A
+  int16_t drive_current;  // 0.01 A
+  uint16_t pot;  // 0.0625 counts; of 1023 for 5 V, as the following
+  uint16_t battery;  // 0.0625 counts
+  uint16_t steer_sense;  // 0.0625 counts
+  uint16_t drive_sense;  // 0.0625 counts
+  uint16_t estop;  // 0.0625 counts; the loop: 102 to 307 closed
+  uint16_t hall;  // pulses since reset, modulo 65536
+  uint16_t blade_turns;  // pulses of the blade's sensor since reset, modulo 65536
+  uint16_t overruns;  // ticks that began late or were lost since reset, saturating
+  uint16_t line_errors;  // bytes lost or misread on the line since reset, saturating
+  uint16_t stale;  // commands refused as repeated or old since reset, saturating
+  void write(uint8_t *payload) const {
+    put<int16_t>(payload, steer_current);
+    put<int16_t>(payload + 2, drive_current);
+    put<uint16_t>(payload + 4, pot);
+    put<uint16_t>(payload + 6, battery);
+    put<uint16_t>(payload + 8, steer_sense);
+    put<uint16_t>(payload + 10, drive_sense);
+    put<uint16_t>(payload + 12, estop);
+    put<uint16_t>(payload + 14, hall);
+    put<uint16_t>(payload + 16, blade_turns);
+    put<uint16_t>(payload + 18, overruns);
+    put<uint16_t>(payload + 20, line_errors);
+    put<uint16_t>(payload + 22, stale);
+  }
+};
+
 // To the firmware: Answered by ParamValue, or by Ack UNKNOWN.
 struct ParamGet {
   static constexpr uint8_t kId = 6;
@@ -219,7 +275,7 @@ struct ParamDefaults {
   static constexpr uint8_t kSize = 0;
 };
 
-// To the firmware: Raw PWM on the steering motor while ARMED, within the ident_* limits; feeds the link watchdog. Answered by Ack.
+// To the firmware: Raw PWM on the steering motor while ARMED, within the ident_* limits; feeds the link watchdog when fresh, as Drive does. Answered by Ack.
 struct Ident {
   static constexpr uint8_t kId = 10;
   static constexpr uint8_t kSize = 4;
@@ -236,21 +292,25 @@ struct Ident {
 // To the firmware: uno_hil only: what the plant's sensors read; answered by HilOutputs. Other builds answer Ack UNKNOWN.
 struct HilSensors {
   static constexpr uint8_t kId = 11;
-  static constexpr uint8_t kSize = 11;
+  static constexpr uint8_t kSize = 16;
   uint16_t pot;  // 0.001 V
   uint16_t battery;  // 0.001 V; at the pin, behind the divider
   uint16_t steer_current;  // 0.001 V; at the sense pin
   uint16_t drive_current;  // 0.001 V; at the sense pin
-  uint8_t estop;  // level of the e-stop pin: 0 closed, 1 open
+  uint16_t estop;  // 0.001 V; of the loop, at the pin
   uint16_t hall;  // pulses since start, modulo 65536
+  uint16_t hall_backward;  // of them, those in which the second sensor says backward; modulo 65536
+  uint16_t blade_turns;  // pulses of the blade's sensor since start, modulo 65536
   static HilSensors read(const uint8_t *payload) {
     HilSensors m;
     m.pot = get<uint16_t>(payload);
     m.battery = get<uint16_t>(payload + 2);
     m.steer_current = get<uint16_t>(payload + 4);
     m.drive_current = get<uint16_t>(payload + 6);
-    m.estop = get<uint8_t>(payload + 8);
-    m.hall = get<uint16_t>(payload + 9);
+    m.estop = get<uint16_t>(payload + 8);
+    m.hall = get<uint16_t>(payload + 10);
+    m.hall_backward = get<uint16_t>(payload + 12);
+    m.blade_turns = get<uint16_t>(payload + 14);
     return m;
   }
 };
@@ -312,15 +372,15 @@ inline int8_t command_size(uint8_t id) {
 }
 
 constexpr uint8_t kMinCommandSize = 0;
-constexpr uint8_t kMaxCommandSize = 11;
+constexpr uint8_t kMaxCommandSize = 16;
 constexpr uint8_t kMaxAnswerSize = 29;
 
 // Parameters, in the order of their ids.
 enum class Param : uint8_t {
-  steer_driver,  // steering bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset
-  drive_driver,  // drive bridge: 0 L298N (in1, in2, enable), 1 BTS7960 (two PWM); takes effect at reset
-  steer_pwm_freq,  // 1 Hz; timer 1 gives any frequency; takes effect at reset
-  drive_pwm_freq,  // 1 Hz; timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above; takes effect at reset
+  steer_driver,  // steering bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)
+  drive_driver,  // drive bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)
+  steer_pwm_freq,  // 1 Hz; timer 1 gives any frequency
+  drive_pwm_freq,  // 1 Hz; timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above
   pot_left,  // 0.1 counts; potentiometer at the left calibration angle
   pot_centre,  // 0.1 counts; potentiometer at straight ahead
   pot_right,  // 0.1 counts; potentiometer at the right calibration angle
@@ -349,20 +409,32 @@ enum class Param : uint8_t {
   battery_low,  // 0.001 V
   battery_high,  // 0.001 V
   battery_nominal,  // 0.001 V; the drive duty is scaled by nominal over measured; 0 switches this off
-  steer_current_max,  // 0.01 A
-  drive_current_max,  // 0.01 A
+  steer_current_max,  // 0.01 A; peak, for 50 ms; what the sensor can show is the limit (ACS712-20A: 24 A)
+  drive_current_max,  // 0.01 A; peak, for 50 ms; what the sensor can show is the limit (ACS758-050B: 60 A)
   stall_current,  // 0.01 A; a driven, motionless steering above it is stalled, below it its potentiometer is frozen
   stall_time,  // 1 ms; driven at full duty without movement for this long is a stall or a frozen potentiometer; at less duty longer, in proportion to what is above steer_min_duty
   ident_duty_max,  // 1 duty
   ident_angle_max,  // 0.01 deg
   ident_time_max,  // 1 ms; longest duration that Ident may ask for
+  steer_current_zero,  // 1 mV; steering current sensor's output at no current (ACS712 and ACS758: 2500; a BTS7960's IS pins: 0)
+  steer_current_scale,  // 1 mV/A; steering current sensor (ACS712-20A 100, ACS712-05B 185, a BTS7960's IS over 1 kOhm about 118); 0: none fitted
+  drive_current_zero,  // 1 mV; drive current sensor's output at no current
+  drive_current_scale,  // 1 mV/A; drive current sensor (ACS758-050B 40, ACS712-30A 66); 0: none fitted
+  steer_current_cont,  // 0.01 A; mean over a second: the driver's rating (an L298N's two channels in parallel 4, a BTS7960 or VNH5019 module up to 30 with cooling)
+  drive_current_cont,  // 0.01 A; mean over a second: the driver's rating
+  battery_scale,  // 0.001 V; battery voltage that the divider makes 5 V of
+  speed_excess,  // 0.001 m/s; wheels that turn faster than asked by more than this, for 0.4 s, run away; with a hall sensor only
+  blade_rest,  // 1 ms; the blade stays off for at least this long
+  blade_turn_min,  // 1 pulses/s; what the blade's sensor gives at least while the blade turns; 0: no sensor fitted
+  blade_spin_time,  // 1 ms; longest time that the blade takes to start, and to stop
+  hall_phases,  // hall sensors on the wheel; 2, a quarter of a pulse apart, tell the direction
 };
-constexpr uint8_t kParams = 39;
+constexpr uint8_t kParams = 51;
 
 // X(name, default, min, max), raw
 #define DARANTI_PARAMS(X) \
-  X(steer_driver, 0, 0, 1) \
-  X(drive_driver, 0, 0, 1) \
+  X(steer_driver, 0, 0, 3) \
+  X(drive_driver, 0, 0, 3) \
   X(steer_pwm_freq, 20000, 123, 25000) \
   X(drive_pwm_freq, 3922, 123, 25000) \
   X(pot_left, 7370, 0, 10230) \
@@ -389,17 +461,29 @@ constexpr uint8_t kParams = 39;
   X(drive_min_duty, 0, 0, 150) \
   X(drive_kp, 800, 0, 10000) \
   X(drive_ki, 2000, 0, 20000) \
-  X(hall_per_metre, 0, 0, 5000) \
+  X(hall_per_metre, 0, 0, 4000) \
   X(battery_low, 10000, 5000, 30000) \
-  X(battery_high, 15500, 6000, 32000) \
+  X(battery_high, 15500, 6000, 30000) \
   X(battery_nominal, 12000, 0, 30000) \
-  X(steer_current_max, 2000, 50, 4900) \
-  X(drive_current_max, 4000, 50, 4900) \
-  X(stall_current, 300, 10, 4900) \
+  X(steer_current_max, 2000, 50, 10000) \
+  X(drive_current_max, 4000, 50, 10000) \
+  X(stall_current, 300, 10, 10000) \
   X(stall_time, 250, 100, 3000) \
   X(ident_duty_max, 200, 10, 255) \
   X(ident_angle_max, 3500, 500, 4500) \
-  X(ident_time_max, 3000, 100, 10000)
+  X(ident_time_max, 3000, 100, 10000) \
+  X(steer_current_zero, 2500, 0, 4000) \
+  X(steer_current_scale, 100, 0, 1000) \
+  X(drive_current_zero, 2500, 0, 4000) \
+  X(drive_current_scale, 40, 0, 1000) \
+  X(steer_current_cont, 400, 50, 3000) \
+  X(drive_current_cont, 2500, 50, 3000) \
+  X(battery_scale, 20000, 6000, 32000) \
+  X(speed_excess, 350, 100, 3000) \
+  X(blade_rest, 500, 200, 10000) \
+  X(blade_turn_min, 0, 0, 1000) \
+  X(blade_spin_time, 1500, 200, 10000) \
+  X(hall_phases, 1, 1, 2)
 
 }  // namespace protocol
 }  // namespace daranti

@@ -1,6 +1,7 @@
 #include "controller.h"
 
 #include "fixed.h"
+#include "version.h"
 
 namespace daranti {
 
@@ -11,40 +12,62 @@ using protocol::State;
 namespace {
 
 constexpr uint8_t kTelemetryTicks = 4;  // 50 Hz
-constexpr uint8_t kFewCommands = 2;     // in a tick that has time for configure()
+constexpr uint8_t kFewCommands = 2;     // in a tick that has time to configure a part
+constexpr uint8_t kParts = 2;
 
-// What a channel measures: `scale` is what 5 V mean times 2^14 / kAnalogMax.
-int16_t measured(const Board &board, Analog channel, int32_t scale) {
-  return static_cast<int16_t>((board.analog(channel) * scale) >> 14);
-}
-constexpr int32_t kBatteryScale = 20020;  // 20000 mV: 1:4 divider
-constexpr int32_t kCurrentScale = 5005;   // 5000 times 0.01 A: 100 mV/A
+constexpr uint8_t kReadingsTicks = 32;  // 6 Hz
+constexpr uint8_t kReadingsAt = 2;      // not in a tick with telemetry
+constexpr uint8_t kNewest = 127;        // a sequence number further ahead is behind
+
+uint16_t next(uint16_t count) { return static_cast<uint16_t>(least(count + int32_t{1}, 65535)); }
 
 }  // namespace
 
 void Controller::boot(Board &board) {
-  params_bad_ = !params_.load(board);
-  configure();
+  off(board);
+  const Params::Loaded loaded = params_.load(board);
+  params_bad_ = loaded == Params::Loaded::kDamaged;
+  supervisor_.boot(board.reset_cause(), loaded == Params::Loaded::kOneCopy);
+  configure_steering();
+  configure_rest(board);
+}
+
+// Both only while the outputs are off, and in different ticks: they are full of divisions.
+void Controller::configure_steering() {
+  pot_.configure(params_);
+  steering_.configure(params_);
+  supervisor_.recalibrated();
+}
+
+void Controller::configure_rest(Board &board) {
   steer_style_ = static_cast<BridgeStyle>(params_[Param::steer_driver]);
   drive_style_ = static_cast<BridgeStyle>(params_[Param::drive_driver]);
   board.set_pwm_frequency(static_cast<uint16_t>(params_[Param::steer_pwm_freq]),
                           static_cast<uint16_t>(params_[Param::drive_pwm_freq]));
-  supervisor_.boot(board.reset_cause());
-  off(board);
-}
-
-void Controller::configure() {
-  unconfigured_ = false;
-  pot_.configure(params_);
-  steering_.configure(params_);
+  battery_scale_ = divide(params_[Param::battery_scale] * (int32_t{1} << 14), kAnalogMax);
+  steer_current_.configure(params_[Param::steer_current_zero], params_[Param::steer_current_scale]);
+  drive_current_.configure(params_[Param::drive_current_zero], params_[Param::drive_current_scale]);
+  blade_.configure(params_);
   drive_.configure(params_);
   hall_.configure(params_);
-  supervisor_.recalibrated();
+  set_up_ = set_up();
+}
+
+// Both bridges are named, no limit is beyond what its sensor shows, no mean current beyond what the
+// driver stands.
+bool Controller::set_up() const {
+  const int32_t battery_top = params_[Param::battery_scale] / 50 * 49;
+  return params_[Param::steer_current_cont] <= bridge_rating(steer_style_) &&
+         params_[Param::drive_current_cont] <= bridge_rating(drive_style_) &&
+         steer_current_.shows(params_[Param::steer_current_max]) &&
+         drive_current_.shows(params_[Param::drive_current_max]) &&
+         params_[Param::battery_high] <= battery_top;
 }
 
 void Controller::tick(Board &board) {
   board.kick_watchdog();
   hil_ = false;
+  greeted_ = false;
   Command command;
   uint8_t byte;
   uint8_t commands = 0;
@@ -53,8 +76,15 @@ void Controller::tick(Board &board) {
     take(board, command);
     ++commands;
   }
-  // Full of divisions: it waits for a tick that a full line leaves time for, and ARM waits for it.
-  if (unconfigured_ && commands <= kFewCommands) configure();
+  // They wait for ticks that a full line leaves time for, and ARM waits for them.
+  if (unconfigured_ != 0 && commands <= kFewCommands) {
+    if (unconfigured_ == kParts) {
+      configure_steering();
+    } else {
+      configure_rest(board);
+    }
+    --unconfigured_;
+  }
   const Params::Saving saving = params_.step_save(board);
   if (saving == Params::Saving::kDone || saving == Params::Saving::kFailed) {
     const bool done = saving == Params::Saving::kDone;
@@ -65,7 +95,18 @@ void Controller::tick(Board &board) {
   actuate(board);
   show_state(board);
   report(board);
+  board.remember_armed(supervisor_.live());
   ++beat_;
+}
+
+bool Controller::fresh(uint8_t seq) {
+  const uint8_t ahead = static_cast<uint8_t>(seq - command_seq_);
+  if (ahead == 0 || ahead > kNewest) {
+    stale_ = next(stale_);
+    return false;
+  }
+  command_seq_ = seq;
+  return true;
 }
 
 void Controller::take(Board &board, const Command &command) {
@@ -74,14 +115,19 @@ void Controller::take(Board &board, const Command &command) {
   const bool idle = !supervisor_.live() && !params_.saving();
   switch (command.id) {
     case Hello::kId:
-      answer(board,
-             Version{kVersion, kFirmwareMajor, kFirmwareMinor, board.build(), board.reset_cause()});
+      if (greeted_) break;  // a line full of them would take too long
+      greeted_ = true;
+      answer(board, Version{kVersion, kFirmwareMajor, kFirmwareMinor, board.build(),
+                            board.reset_cause(), kCommit, kModified});
       break;
     case Arm::kId: {
       const Arm arm = Arm::read(command.payload);
-      const bool still = asked_.speed == 0 && !params_.saving() && !unconfigured_;
-      const Result result = supervisor_.arm(arm.protocol_version, still);
-      if (result == Result::OK) asked_ = Asked{};
+      const bool still = asked_.speed == 0 && !params_.saving() && unconfigured_ == 0;
+      const Result result = supervisor_.arm(arm.protocol_version, set_up_, still);
+      if (result == Result::OK) {
+        asked_ = Asked{};
+        command_seq_ = command.seq;
+      }
       acknowledge(board, command, result);
       break;
     }
@@ -92,17 +138,19 @@ void Controller::take(Board &board, const Command &command) {
       acknowledge(board, command, supervisor_.clear());
       break;
     case protocol::Drive::kId: {
+      // While nothing is on there is nothing to keep alive, and a new host counts from anywhere.
+      if (supervisor_.live() && !fresh(command.seq)) break;
       const auto drive = protocol::Drive::read(command.payload);
       asked_ = Asked{};
       asked_.steer = drive.steer;
       asked_.speed = drive.speed;
-      asked_.blade = drive.blade != 0;
+      if (supervisor_.live()) blade_.request(drive.blade != 0);
       ident_used_ = 0;
       supervisor_.command(drive.speed != 0);
       break;
     }
     case Ident::kId:
-      acknowledge(board, command, take_ident(Ident::read(command.payload)));
+      acknowledge(board, command, take_ident(command));
       break;
     case ParamGet::kId: {
       const ParamGet get = ParamGet::read(command.payload);
@@ -116,7 +164,7 @@ void Controller::take(Board &board, const Command &command) {
     case ParamSet::kId: {
       const ParamSet set = ParamSet::read(command.payload);
       const Result result = idle ? params_.set(set.param, set.value) : Result::WRONG_STATE;
-      if (result == Result::OK) unconfigured_ = true;
+      if (result == Result::OK) unconfigured_ = kParts;
       acknowledge(board, command, result);
       break;
     }
@@ -131,7 +179,7 @@ void Controller::take(Board &board, const Command &command) {
     case ParamDefaults::kId:
       if (idle) {
         params_.set_defaults();
-        unconfigured_ = true;
+        unconfigured_ = kParts;
       }
       acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
       break;
@@ -142,12 +190,15 @@ void Controller::take(Board &board, const Command &command) {
   }
 }
 
-Result Controller::take_ident(const protocol::Ident &ident) {
+Result Controller::take_ident(const Command &command) {
   if (supervisor_.state() != State::ARMED) return Result::WRONG_STATE;
+  const auto ident = protocol::Ident::read(command.payload);
   if (magnitude(ident.duty) > params_[Param::ident_duty_max]) return Result::OUT_OF_RANGE;
   if (ident.duration > static_cast<uint16_t>(params_[Param::ident_time_max])) {
     return Result::OUT_OF_RANGE;
   }
+  if (!fresh(command.seq)) return Result::STALE;
+  blade_.request(false);
   asked_ = Asked{};
   asked_.ident = true;
   asked_.duty = ident.duty;
@@ -164,14 +215,25 @@ void Controller::observe(Board &board) {
       pot_.calibrated()) {
     angle_ = pot_.angle(seen.pot);
   }
-  hall_.step(board.hall_pulses(), drive_duty_, drive_.setpoint());
-  battery_ = measured(board, Analog::kBattery, kBatteryScale);
+  pulses_ = board.pulses();
+  hall_.step(pulses_, drive_duty_, drive_.setpoint());
+  steer_current_.step(board.analog(Analog::kSteerCurrent));
+  drive_current_.step(board.analog(Analog::kDriveCurrent));
+  battery_ = static_cast<int16_t>((board.analog(Analog::kBattery) * battery_scale_) >> 14);
   seen.angle = angle_;
   seen.battery = battery_;
-  seen.steer_current = measured(board, Analog::kSteerCurrent, kCurrentScale);
-  seen.drive_current = measured(board, Analog::kDriveCurrent, kCurrentScale);
-  seen.estop_open = board.pin(pins::kEstop);
+  seen.steer_current = steer_current_.now();
+  seen.drive_current = drive_current_.now();
+  seen.steer_mean = steer_current_.mean();
+  seen.drive_mean = drive_current_.mean();
+  seen.estop = board.analog(Analog::kEstop);
+  seen.estop_open = board.estop_open();
   seen.hall_silent = hall_.lost();
+  seen.hall_noisy = hall_.noisy();
+  seen.wheel_fast = hall_.fast(drive_.setpoint());
+  seen.wrong_way = hall_.wrong_way();
+  seen.blade_lost = blade_.lost();
+  seen.blade_stuck = blade_.stuck();
   seen.params_bad = params_bad_ || !pot_.calibrated();
   seen.ident_limit = ident_limit_;
   seen.steer_duty = steer_duty_;
@@ -202,14 +264,14 @@ void Controller::actuate(Board &board) {
   steer_duty_ = steer();
   drive_duty_ = drive_.step(asked_.speed, hall_.speed(), battery_);
   const bool rolls_back = hall_.speed() < 0 && hall_.speed() != Hall::kNone;
-  blade_ = asked_.blade && asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
-  drive_bridge(board, kSteerBridge, steer_style_, steer_duty_);
+  const bool forward = asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
+  board.set_blade(blade_.step(forward, pulses_.blade));
+  board.set_bridge(Motor::kSteer, bridge_wires(steer_style_, steer_duty_));
   // A machine that has driven and is told to stand must stand on a slope, too.
   if (drive_.setpoint() != 0) driven_ = true;
   if (asked_.ident) driven_ = false;
   const Idle idle = driven_ && drive_.setpoint() == 0 ? Idle::kBrake : Idle::kCoast;
-  drive_bridge(board, kDriveBridge, drive_style_, drive_duty_, idle);
-  board.set_pin(pins::kBlade, blade_);
+  board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_, idle));
 }
 
 void Controller::off(Board &board) {
@@ -219,14 +281,16 @@ void Controller::off(Board &board) {
   steer_duty_ = 0;
   drive_duty_ = 0;
   driven_ = false;
-  blade_ = false;
-  drive_bridge(board, kSteerBridge, steer_style_, 0);
-  drive_bridge(board, kDriveBridge, drive_style_, 0);
-  board.set_pin(pins::kBlade, false);
+  blade_.release();
+  blade_.step(false, pulses_.blade);
+  board.set_blade(false);
+  board.set_bridge(Motor::kSteer, {0, 0, false, false});
+  board.set_bridge(Motor::kDrive, {0, 0, false, false});
 }
 
 void Controller::report(Board &board) {
-  if (hil_) answer(board, protocol::HilOutputs{steer_duty_, drive_duty_, blade_});
+  if (hil_) answer(board, protocol::HilOutputs{steer_duty_, drive_duty_, blade_.on()});
+  if (beat_ % kReadingsTicks == kReadingsAt) report_readings(board);
   if (beat_ % kTelemetryTicks != 0) return;
   protocol::Telemetry message{};
   message.time = board.time_us();
@@ -236,7 +300,7 @@ void Controller::report(Board &board) {
   message.angle = angle_;
   message.steer_duty = steer_duty_;
   message.drive_duty = drive_duty_;
-  message.blade = blade_;
+  message.blade = blade_.on();
   message.speed = hall_.speed();
   message.distance = hall_.distance();
   message.battery = static_cast<uint16_t>(battery_);
@@ -245,10 +309,28 @@ void Controller::report(Board &board) {
   answer(board, message);
 }
 
+void Controller::report_readings(Board &board) {
+  const Troubles troubles = board.troubles();
+  protocol::Readings message{};
+  message.steer_current = steer_current_.now();
+  message.drive_current = drive_current_.now();
+  message.pot = board.analog(Analog::kPot);
+  message.battery = board.analog(Analog::kBattery);
+  message.steer_sense = board.analog(Analog::kSteerCurrent);
+  message.drive_sense = board.analog(Analog::kDriveCurrent);
+  message.estop = board.analog(Analog::kEstop);
+  message.hall = pulses_.wheel;
+  message.blade_turns = pulses_.blade;
+  message.overruns = troubles.overruns;
+  message.line_errors = troubles.line_errors;
+  message.stale = stale_;
+  answer(board, message);
+}
+
 // SAFE blinks slowly, FAULT fast, live is on.
 void Controller::show_state(Board &board) {
   const uint8_t half = supervisor_.state() == State::FAULT ? 16 : 128;
-  board.set_pin(pins::kLed, supervisor_.live() || beat_ % (2 * half) < half);
+  board.set_lamp(supervisor_.live() || beat_ % (2 * half) < half);
 }
 
 void Controller::acknowledge(Board &board, const Command &command, Result result) {

@@ -1,16 +1,16 @@
-// The Uno's main program. It has a main() of its own instead of setup() and loop(): the Arduino
+// The boards' main program. It has a main() of its own instead of setup() and loop(): the Arduino
 // core's would set timer 0 to 1.024 ms, which a tick of 5 ms is no multiple of.
 #include <avr/io.h>
 
-#include "../controller.h"
-#include "board.h"
+#include "atmega.h"
+#include "controller.h"
 
 namespace {
 
 #ifdef DARANTI_HIL
 daranti::HilBoard board;
 #else
-daranti::UnoBoard board;
+daranti::AtmegaBoard board;
 #endif
 daranti::Controller controller;
 

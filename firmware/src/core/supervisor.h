@@ -16,11 +16,19 @@ struct Observation {
   int16_t battery;        // mV
   int16_t steer_current;  // 0.01 A
   int16_t drive_current;  // 0.01 A
-  bool estop_open;
-  bool hall_silent;    // driven, yet the configured hall sensor shows nothing
-  bool params_bad;     // stored parameters corrupt or the calibration out of order
-  bool ident_limit;    // identification reached a limit of its own
-  int16_t steer_duty;  // applied during the last tick
+  int16_t steer_mean;     // 0.01 A, over a second
+  int16_t drive_mean;     // 0.01 A
+  uint16_t estop;         // 1/16 counts of the loop
+  bool estop_open;        // as the pin sees it now
+  bool hall_silent;       // driven, yet the configured hall sensor shows nothing
+  bool hall_noisy;        // counts more than the machine can drive
+  bool wheel_fast;        // turns faster than asked
+  bool wrong_way;         // turns against the direction asked
+  bool blade_lost;        // switched on, not turning
+  bool blade_stuck;       // switched off, turning
+  bool params_bad;        // stored parameters corrupt or the calibration out of order
+  bool ident_limit;       // identification reached a limit of its own
+  int16_t steer_duty;     // applied during the last tick
 };
 
 // Fills while bad and drains while good, four times slower: a spike is forgiven, but what is bad
@@ -59,16 +67,16 @@ class MotionWatch {
 
 class Supervisor {
  public:
-  // reset_cause as in MCUSR.
-  void boot(uint8_t reset_cause);
+  // reset_cause: protocol::ResetCause. copy_bad: a stored copy of the parameters is damaged.
+  void boot(uint8_t reset_cause, bool copy_bad);
 
   // Requests, in the order of arrival. A STOP wins over all that comes in the same tick.
   void stop();
-  protocol::Result arm(uint8_t version, bool standstill_asked);
+  protocol::Result arm(uint8_t version, bool set_up, bool standstill_asked);
   protocol::Result clear();
   // The angle means something else from now on: its next change is no movement.
   void recalibrated() { motion_ = MotionWatch(); }
-  // A valid DRIVE or IDENT came: the link lives. moving: a speed other than zero is asked.
+  // A fresh DRIVE or IDENT came: the link lives. moving: a speed other than zero is asked.
   void command(bool moving);
 
   // Once a tick, after the requests: watches the machine and the link.
@@ -91,6 +99,7 @@ class Supervisor {
   bool stopped_ = false;  // STOP came since the last watch
   MotionWatch motion_;
   Debounce pot_open_, pot_short_, steer_current_, drive_current_, battery_low_, battery_high_;
+  Debounce estop_short_, hall_noise_, wheel_fast_;
 };
 
 }  // namespace daranti

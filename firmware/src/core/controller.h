@@ -2,8 +2,10 @@
 #pragma once
 #include <stdint.h>
 
+#include "blade.h"
 #include "board.h"
 #include "bridge.h"
+#include "current.h"
 #include "drive.h"
 #include "frame.h"
 #include "params.h"
@@ -12,7 +14,7 @@
 
 namespace daranti {
 
-constexpr uint8_t kFirmwareMajor = 1;
+constexpr uint8_t kFirmwareMajor = 2;
 constexpr uint8_t kFirmwareMinor = 0;
 
 class Controller {
@@ -28,18 +30,20 @@ class Controller {
  private:
   // The last command of its kind; forgotten when the outputs go off.
   struct Asked {
-    int16_t steer = 0;  // centidegree
-    int16_t speed = 0;  // mm/s
-    bool blade = false;
+    int16_t steer = 0;        // centidegree
+    int16_t speed = 0;        // mm/s
     bool ident = false;       // raw duty on the steering instead of `steer`
     int16_t duty = 0;         // for `ident`
     uint16_t ident_left = 0;  // ticks
   };
 
   void take(Board &board, const Command &command);
-  protocol::Result take_ident(const protocol::Ident &ident);
+  bool fresh(uint8_t seq);
+  protocol::Result take_ident(const Command &command);
   protocol::Result take_param_set(const protocol::ParamSet &set);
-  void configure();
+  void configure_steering();
+  void configure_rest(Board &board);
+  bool set_up() const;
   void observe(Board &board);
   void actuate(Board &board);
   int16_t steer();
@@ -47,6 +51,7 @@ class Controller {
   void report(Board &board);
   void show_state(Board &board);
   void acknowledge(Board &board, const Command &command, protocol::Result result);
+  void report_readings(Board &board);
   template <typename Message>
   void answer(Board &board, const Message &message);
 
@@ -57,24 +62,32 @@ class Controller {
   Steering steering_;
   Drive drive_;
   Hall hall_;
+  Pulses pulses_{0, 0, 0};
   Asked asked_;
   Command save_request_{};  // answered when the save is done
-  BridgeStyle steer_style_ = BridgeStyle::kL298n;
-  BridgeStyle drive_style_ = BridgeStyle::kL298n;
-  bool unconfigured_ = false;  // parameters have changed since configure()
+  Blade blade_;
+  Current steer_current_;
+  Current drive_current_;
+  BridgeStyle steer_style_ = BridgeStyle::kNotSet;
+  BridgeStyle drive_style_ = BridgeStyle::kNotSet;
+  uint8_t unconfigured_ = 0;  // parts that have not heard of changed parameters
+  bool greeted_ = false;      // Hello was answered in this tick
   bool params_bad_ = false;
   bool ident_limit_ = false;
   bool hil_ = false;  // HilSensors came in this tick
-  bool blade_ = false;
+  bool set_up_ = false;
   uint8_t sent_ = 0;  // sequence number of the next frame
   uint8_t last_seq_ = 0;
+  uint8_t command_seq_ = 0;  // of the last ARM, DRIVE or IDENT taken
+  uint16_t stale_ = 0;
   uint8_t beat_ = 0;         // ticks, modulo 256
   uint16_t ident_used_ = 0;  // ticks driven since identification began
   int16_t angle_ = 0;        // centidegree
   int16_t steer_duty_ = 0;
   int16_t drive_duty_ = 0;
-  bool driven_ = false;  // a speed was asked for since the outputs were last off
-  int16_t battery_ = 0;  // mV
+  bool driven_ = false;        // a speed was asked for since the outputs were last off
+  int16_t battery_ = 0;        // mV
+  int32_t battery_scale_ = 0;  // mV per 1/16 count, 2^-14
 };
 
 }  // namespace daranti

@@ -1,0 +1,39 @@
+// The Arduino Mega 2560's wiring, as its board's pin numbers: the one place that knows it. The same
+// timers as on the Uno come out at other pins here.
+#pragma once
+#include <stdint.h>
+
+namespace daranti {
+namespace pins {
+
+// Steering bridge. L298N: EN carries the PWM, IN1/IN2 the direction (left = IN1 high). VNH5019: the
+// same as PWM, INA, INB. BTS7960: RPWM turns left, LPWM right.
+constexpr uint8_t kSteerPwm = 11;   // OC1A; EN, PWM or RPWM
+constexpr uint8_t kSteerLpwm = 12;  // OC1B
+constexpr uint8_t kSteerIn1 = 22;
+constexpr uint8_t kSteerIn2 = 23;
+// Drive bridge, both rear motors. Forward = IN1 high, or RPWM.
+constexpr uint8_t kDrivePwm = 9;    // OC2B
+constexpr uint8_t kDriveLpwm = 10;  // OC2A
+constexpr uint8_t kDriveIn1 = 24;
+constexpr uint8_t kDriveIn2 = 25;
+
+constexpr uint8_t kBlade = 26;  // relay's transistor, high = on
+constexpr uint8_t kLamp = 13;
+
+// Inputs with pull-up; falling edges count.
+constexpr uint8_t kHall = 30;
+constexpr uint8_t kHallB = 31;  // a quarter of a pulse apart
+constexpr uint8_t kBladeTurn = 32;
+
+constexpr uint8_t kEstop = 58;  // A4: the loop, seen by the pin and by the converter
+
+// Converter channels: A0 to A4.
+constexpr uint8_t kPotChannel = 0;
+constexpr uint8_t kBatteryChannel = 1;
+constexpr uint8_t kSteerCurrentChannel = 2;
+constexpr uint8_t kDriveCurrentChannel = 3;
+constexpr uint8_t kEstopChannel = 4;
+
+}  // namespace pins
+}  // namespace daranti

@@ -1,0 +1,3 @@
+// The Arduino Nano's wiring: the Uno's, pin for pin.
+#pragma once
+#include "../uno/pins.h"

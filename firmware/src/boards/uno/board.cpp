@@ -1,0 +1,7 @@
+#include "../atmega/atmega.h"
+
+namespace daranti {
+
+uint8_t AtmegaBoard::build() const { return 0; }
+
+}  // namespace daranti
