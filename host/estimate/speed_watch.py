@@ -76,6 +76,8 @@ class SpeedWatch:
         if math.isinf(off):
             return ""
         mean = statistics.fmean(self._speeds)
+        if abs(mean - 1.0) <= off:
+            return ""
         error = statistics.stdev(self._speeds) / math.sqrt(len(self._speeds))
         if abs(mean - 1.0) > max(off, SIGNIFICANT * error):
             return f"the wheels' sensor says {mean:.2f} of the receiver's speed"

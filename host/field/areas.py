@@ -152,7 +152,7 @@ _OCTAGON = np.array(
 
 
 @njit(cache=True, nogil=True)
-def _swept_box_is_free(
+def _sweep_is_free(
     sides: NDArray[np.float64],
     outline: NDArray[np.float64],
     covariance: NDArray[np.float64],
@@ -162,9 +162,11 @@ def _swept_box_is_free(
     way_x: float,
     way_y: float,
 ) -> bool:
-    """Whether the upright box around the sweep of `Geofence.check` certainly lies where it may: no
-    side of any area (n, 4) comes into it, and the permitted area, but no keep-out, is around it.
-    False where only a closer look can tell."""
+    """Whether the sweep of `Geofence.check` certainly lies where it may: each side of any area
+    (n, 4) passes the upright box around it, or has all of it on one side of its line, and the
+    permitted area, but no keep-out, is around it. False where only a closer look can tell."""
+    corners = octagon.shape[0]
+    swept = np.empty((outline.shape[0] * corners, 2))
     low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
     for k in range(outline.shape[0]):
         of = min(k, covariance.shape[0] - 1)
@@ -179,12 +181,14 @@ def _swept_box_is_free(
             ox, oy = octagon[q, 0], octagon[q, 1]
             x = outline[k, 0] + scale * (ox * (xx + root) + oy * xy) + more_m * ox
             y = outline[k, 1] + scale * (ox * xy + oy * (yy + root)) + more_m * oy
+            swept[k * corners + q, 0], swept[k * corners + q, 1] = x, y
             low_x, high_x = min(low_x, x, x + way_x), max(high_x, x, x + way_x)
             low_y, high_y = min(low_y, y, y + way_y), max(high_y, y, y + way_y)
+    of_x, of_y = swept[0]
     inside = False
     for k in range(sides.shape[0]):
         ax, ay, bx, by = sides[k]
-        if (ay > low_y) != (by > low_y) and low_x < ax + (low_y - ay) * (bx - ax) / (by - ay):
+        if (ay > of_y) != (by > of_y) and of_x < ax + (of_y - ay) * (bx - ax) / (by - ay):
             inside = not inside
         beside = max(ax, bx) < low_x or min(ax, bx) > high_x
         if beside or max(ay, by) < low_y or min(ay, by) > high_y:
@@ -193,8 +197,14 @@ def _swept_box_is_free(
         nx, ny = by - ay, ax - bx
         middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
         reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
-        if abs(middle) <= reach + 1e-9:
-            return False
+        if abs(middle) > reach + 1e-9:
+            continue
+        sense = 1.0 if middle > 0.0 else -1.0
+        way = sense * (nx * way_x + ny * way_y)
+        least = min(0.0, way) - 1e-9
+        for q in range(swept.shape[0]):
+            if sense * (nx * (swept[q, 0] - ax) + ny * (swept[q, 1] - ay)) + least <= 0.0:
+                return False
     return inside
 
 
@@ -243,7 +253,7 @@ class Geofence:
         that is not known moves the more the farther out it is; NaN or infinite where there is none.
         `velocity`: m/s, field frame."""
         each = covariance if covariance.ndim == 3 else covariance[np.newaxis]
-        if _swept_box_is_free(
+        if _sweep_is_free(
             self._sides, outline, each, _OCTAGON, self._sigmas, self._slow_m,
             velocity[0] * self._slow_s, velocity[1] * self._slow_s,
         ):  # fmt: skip
