@@ -11,7 +11,7 @@ SHIM := build/simavr/libdaranti_avr.so
 SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* firmware/scripts/*) platformio.ini
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test test-wallclock test-long lint mutants clean
+.PHONY: help setup build harvest test test-wallclock test-long lint mutants speed clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -51,13 +51,17 @@ harvest: setup ## harvests the default field with the compiled firmware in the l
 
 lint: setup ## formatting, style, types and layers
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
-	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/firmware/simavr/*.cpp' 'tools/*.h' 'tools/*.cpp')
+	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/firmware/simavr/*.cpp' 'sim_plant/*.cpp' 'tools/*.h' 'tools/*.cpp')
 	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check && $(BIN)/python tools/figures.py write --check
 
 test: lint ## every test: firmware on the desk and in simavr, host, plant and bench
 	@$(BIN)/pio test -e native
 	@$(BIN)/pio run -e uno
 	@$(BIN)/python -m pytest -n 2 -q
+	-@$(BIN)/python tools/speed.py --rounds 8
+
+speed: setup ## what each part of the bench costs, against the stored baseline
+	@$(BIN)/python tools/speed.py
 
 mutants: setup ## mutation testing of the firmware core (a few minutes)
 	@$(BIN)/python tools/mutate.py

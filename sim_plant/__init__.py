@@ -23,7 +23,7 @@ def cache_folder(package: Path, base: Path | None = None) -> Path:
     """Where compiled code of a package with the present content belongs: below `base`
     (NUMBA_CACHE_DIR), or beside the package's byte code."""
     content = hashlib.sha256()
-    for source in sorted(package.glob("*.py")):
+    for source in sorted((*package.glob("*.py"), *package.glob("*.cpp"))):
         content.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
     return (base or package / "__pycache__") / f"numba-{content.hexdigest()[:16]}"
 

@@ -67,6 +67,7 @@ class CameraSpec(Strict):
 
 _VEIL_SCALE: Final = 4
 """The blade's dust is drawn so much smaller."""
+_DUST_BGR: Final = np.array([160.0, 182.0, 200.0])
 _GUSTS: Final = 0.35
 """Of the mean lean, what gusts add and take."""
 
@@ -153,13 +154,13 @@ class Camera:
         self._tallest = float(stand[..., render.HEIGHT].max() * render.UNIT)
         self._scene = render.Scene(
             kind=field.kind.copy(),
+            marks=np.zeros(coarse, np.int32),
+            looks=stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16,
             clear=np.zeros(coarse, np.float32),
             stand=stand,
             x0=float(field.origin[0]),
             y0=float(field.origin[1]),
             cell=field.cell,
-            beyond_is_crop=field.spec.neighbours != "none",
-            canopy=0.8 * field.tallest_crop_m,
         )
         self._coarse = field.coarse
         self._tallest_crop = field.tallest_crop_m
@@ -170,53 +171,89 @@ class Camera:
         self._crowns = np.array(crowns, np.float64).reshape(-1, 4)
         corner = np.array([*field.origin, 0.0, 0.0])
         self._crowns_in_cells = (self._crowns - corner) / self._coarse
+        blocks = tuple(math.ceil(n * self._coarse / render.BLOCK_M - 1e-9) for n in coarse)
+        self._known = np.zeros(blocks, np.uint8)
         self._refresh(0, coarse[0], 0, coarse[1])
-        crop, straw = field.spec.crop_bgr, field.spec.straw_bgr
-        green = (56.0, 138.0, 118.0)
-        tiles, levels = texture.bake(seed, field.spec.soil_bgr, straw, crop)
-        gain = float(np.mean(sky.light_table(self.weather)[255]))
-        panorama = np.minimum(255, sky.panorama(self.weather, rng) * gain)
-        self._paint = render.Paint(
-            tiles=tiles,
-            levels=levels,
-            panorama=panorama.astype(np.int32) @ np.array([1, 1 << 8, 1 << 16], np.int32),
-            light=sky.light_table(self.weather),
-            haze=self.weather.haze,
-            haze_bgr=np.array([196.0, 208.0, 214.0], np.float32),
-            crop_bgr=np.array(crop, np.float32),
-            green_bgr=np.array(green, np.float32),
-            straw_bgr=np.array(straw, np.float32),
-            unripe_loss=np.array(1 - np.array(green) / np.array(crop), np.float32),
-        )
-        self._packs = render.bake_packs(rng, field.spec)
+        # Drawn from `rng` in this order, which fixes a seed's pictures.
+        panorama = sky.panorama(self.weather, rng)
+        packs = render.bake_packs(rng, field.spec)
         s = self.spec
         h, w = s.height_px, s.width_px
-        self._rays = self._bake_rays()
-        # Azimuths reach past the picture's sides: pitch and roll spread them.
-        half_fov = math.atan(float(np.linalg.norm(self._rays[-1, 0])))
-        self._tangent = math.tan(min(1.5, 1.25 * half_fov + 0.1))
-        self._rays_a, self._rays_b = (self._rays[..., k].copy() for k in (0, 1))
-        pieces = np.zeros((w, 2 * render.SEGMENTS + 1, 4), np.float32)
-        self._profiles = render.Profiles(pieces, np.zeros(w, np.int32))
-        self._image = np.zeros((h, w, 3), np.uint8)
-        self._prepare = render.Direct(render.prepare)
-        self._draw = render.Direct(render.draw)
-        self._canvas = np.zeros((h, w), np.int64)
-        self._records = np.zeros(0, render.STALK)
-        self._spans = np.zeros((0, 2), np.int16)
-        self._header = self._bake_header() if s.machine_in_view else None
         tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
         self._noise = np.rint(tile).astype(np.int8).reshape(h + 128, -1)
+        self._rays = self._bake_rays()
+        self._image = np.zeros((h, w, 3), np.uint8)
+        self._kernels = self._bind(field, panorama, packs)
+        self._header = self._bake_header() if s.machine_in_view else None
+        self._veil = np.zeros((h // _VEIL_SCALE, w // _VEIL_SCALE), np.float32)
         self._clouds = noise.smooth_grid(
             seed + 14,
-            h // _VEIL_SCALE + render.CLOUD_OFFSETS,
-            w // _VEIL_SCALE + render.CLOUD_OFFSETS,
+            self._veil.shape[0] + render.CLOUD_OFFSETS,
+            self._veil.shape[1] + render.CLOUD_OFFSETS,
             1.0,
             render.CLOUD_PX,
         )
         radius = np.linalg.norm(self._rays, axis=2) / np.linalg.norm(self._rays[0, 0])
         self._vignette = np.rint(255 * (1 - 0.22 * radius**2)).astype(np.uint8)[..., None]
         self._vignette = np.repeat(self._vignette, 3, axis=2)
+        self._sampled_vignette = self._vignette[::8, ::8] / np.float32(255)
+
+    def _bind(
+        self, field: f.Field, panorama: NDArray[np.uint8], packs: NDArray[Any]
+    ) -> render.Kernels:
+        """All that stays the same from picture to picture, handed to the kernels."""
+        s, scene, weather, spec = self.spec, self._scene, self.weather, field.spec
+        h, w = s.height_px, s.width_px
+        crop, straw, green = np.array(spec.crop_bgr), spec.straw_bgr, np.array((56.0, 138.0, 118.0))
+        tiles = texture.bake(self._seed, spec.soil_bgr, straw, spec.crop_bgr)
+        light = sky.light_table(weather)
+        bright = np.minimum(255, panorama * float(np.mean(light[255]))).astype(np.int32)
+        # Azimuths reach past the picture's sides: pitch and roll spread them.
+        corner = float(np.linalg.norm(self._rays[-1, 0]))
+        tangent = math.tan(min(1.5, 1.25 * math.atan(corner) + 0.1))
+        # Whole vectors of floats.
+        stride = h + 16
+        # As wide as two of the picture's columns.
+        bins = math.ceil(w / 2 * tangent / float(np.abs(self._rays[0, 0, 0])))
+        most = -(-packs.shape[1] // 16) * 16
+        toward = math.radians(90 - weather.wind_from_deg + 180)
+        sway = 0.012 * weather.wind_mps
+        block_rows, block_columns = self._known.shape
+        picture = render.Picture(
+            x0=scene.x0, y0=scene.y0, cell=scene.cell, canopy=0.8 * field.tallest_crop_m,
+            tallest=field.tallest_crop_m,
+            focal=s.focal_px, cu=w / 2, cv=h / 2, k1=s.k1, k2=s.k2, tangent=tangent, corner=corner,
+            sway_x=sway * math.cos(toward), sway_y=sway * math.sin(toward), gust=_GUSTS,
+            haze=weather.haze, haze_bgr=(196.0, 208.0, 214.0), crop_bgr=tuple(crop),
+            green_bgr=tuple(green), straw_bgr=straw, unripe_loss=tuple(1 - green / crop),
+            coarse_rows=scene.clear.shape[0], coarse_columns=scene.clear.shape[1],
+            block_rows=block_rows, block_columns=block_columns,
+            beyond_is_crop=spec.neighbours != "none", pack_size=packs.shape[1], most=most,
+            crown_count=len(self._crowns), tile_size=tiles.shape[1],
+            panorama_rows=panorama.shape[0], panorama_columns=panorama.shape[1],
+            rows=h, columns=w, bins=bins, seed=self._seed, parts=render.PARTS, stride=stride,
+            lens=tuple(self._undistortion()), light=self._light_terms(light),
+        )  # fmt: skip
+        kernels = render.Kernels(picture)
+        empty = (np.zeros((bins, render.PIECES), np.float32) for _ in range(3))
+        kernels.hold(
+            kind=scene.kind, marks=scene.marks, clear=scene.clear, stand=scene.stand, packs=packs,
+            # Pages that no block in view has touched take no memory.
+            grown=np.zeros((block_rows * block_columns, render.GROWN_FIELDS, most), np.float32),
+            known=self._known, grown_count=np.zeros(self._known.size, np.int32),
+            crowns=self._crowns, tiles=tiles, looks=scene.looks,
+            panorama=bright @ np.array([1, 1 << 8, 1 << 16], np.int32),
+            limit=next(empty), rise=next(empty), back=next(empty),
+            met=np.zeros((bins, render.PIECES), np.int32), pieces=np.zeros(bins, np.int32),
+            blocks=np.zeros(render.MOST_BLOCKS, np.int32),
+            first=np.zeros(render.MOST_BLOCKS + 1, np.int64),
+            drawn=np.zeros((render.PARTS, 2), np.int64),
+            sorted_first=np.zeros(render.PARTS + 1, np.int64),
+            depth=np.zeros((w, stride), np.float32), colour=np.zeros((w, stride), np.uint32),
+            image=self._image,
+        )  # fmt: skip
+        self._colour = kernels.held("colour")[:, :h]
+        return kernels
 
     def _bake_rays(self) -> NDArray[np.float32]:
         s = self.spec
@@ -228,6 +265,22 @@ class Camera:
             r = np.sum(ideal**2, axis=2, keepdims=True)
             ideal = distorted / (1 + r * (s.k1 + r * s.k2))
         return ideal.astype(np.float32)
+
+    @staticmethod
+    def _light_terms(table: NDArray[np.float32]) -> tuple[tuple[float, ...], ...]:
+        """A light table's (256, 3) columns as polynomials of the share of the sun."""
+        seen = np.linspace(0.0, 1.0, len(table))[:, None] ** np.arange(render.LIGHT_TERMS)
+        return tuple(tuple(k) for k in np.linalg.lstsq(seen, table, rcond=None)[0].T.tolist())
+
+    def _undistortion(self) -> NDArray[np.float64]:
+        """The lens's inverse as a polynomial: undistorted radius over distorted less 1 is r² times
+        these coefficients of 1, r², r⁴, r⁶, r being the distorted radius."""
+        ideal = np.linalg.norm(self._rays[0, : self.spec.width_px // 2 + 1], axis=1)
+        ideal = np.linspace(0.02, 1.0, 200) * float(ideal[0])
+        r = ideal**2
+        distorted = ideal * (1 + r * (self.spec.k1 + r * self.spec.k2))
+        powers = distorted[:, None] ** np.arange(2, 10, 2)
+        return np.asarray(np.linalg.lstsq(powers, ideal / distorted - 1, rcond=None)[0])
 
     def _refresh(self, j0: int, j1: int, i0: int, i1: int) -> None:
         """Derived grids of the coarse cells [j0, j1) x [i0, i1), after `kind` changed there."""
@@ -256,19 +309,29 @@ class Camera:
         # Only crop is ever cut, so a change lengthens or shortens no longer shadow than the crop's.
         flat = math.hypot(self._sun.east, self._sun.north) / max(self._sun.up, 0.03)
         reach = math.ceil(self._tallest_crop * flat / self._coarse) + 1
+        j0, i0 = max(0, j0 - reach), max(0, i0 - reach)
+        j1, i1 = min(rows, j1 + reach), min(columns, i1 + reach)
         render.shade(
             scene.stand,
             self._coarse,
             self._tallest,
-            self._sun.east,
-            self._sun.north,
-            self._sun.up,
+            (self._sun.east, self._sun.north, self._sun.up),
             self._crowns_in_cells,
-            max(0, j0 - reach),
-            min(rows, j1 + reach),
-            max(0, i0 - reach),
-            min(columns, i1 + reach),
+            j0,
+            j1,
+            i0,
+            i1,
         )
+        marks = scene.stand[j0:j1, i0:i1, render.SUNLIT].astype(np.int32)
+        for k, (down, along) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
+            quarter = scene.kind[2 * j0 + down : 2 * j1 : 2, 2 * i0 + along : 2 * i1 : 2]
+            marks |= quarter.astype(np.int32) << (16 + 4 * k)
+        scene.marks[j0:j1, i0:i1] = marks
+        # What stands in these blocks is looked up anew.
+        per_block = self._coarse / render.BLOCK_M
+        j0, i0 = (max(0, int(k * per_block) - 1) for k in (j0, i0))
+        j1, i1 = (int(k * per_block) + 2 for k in (j1, i1))
+        self._known[j0:j1, i0:i1] = 0
 
     # ---- taking a picture -----------------------------------------------------------------------
 
@@ -323,7 +386,7 @@ class Camera:
         """What each pixel of `capture` with the same arguments shows: (height, width) uint8 of the
         label constants."""
         self._render(self.shutter(t, x, y, yaw, roll, pitch, v, yaw_rate, blade_on))
-        label = (self._canvas >> 24 & 255).astype(np.uint8)
+        label = np.ascontiguousarray((self._colour >> 24).T).astype(np.uint8)
         if self._header is not None:
             label[self._header[1]] = labels.MACHINE
         # Single stalks stand out of the crop's outline: close their gaps before taking the border.
@@ -368,77 +431,44 @@ class Camera:
             focal=s.focal_px,
             cu=s.width_px / 2,
             cv=s.height_px / 2,
-            k1=s.k1,
-            k2=s.k2,
             shear=s.focal_px * shot.yaw_rate * s.readout_s,
-            rays_a=self._rays_a,
-            rays_b=self._rays_b,
-            tangent=self._tangent,
         )
 
     def _render(self, shot: Shot) -> None:
-        scene, paint = self._scene, self._paint
         if shot.change is not None:
             j0, i0, kinds = shot.change
             j1, i1 = j0 + kinds.shape[0], i0 + kinds.shape[1]
-            scene.kind[j0:j1, i0:i1] = kinds
+            self._scene.kind[j0:j1, i0:i1] = kinds
             self._refresh(j0 // 2, (j1 + 1) // 2, i0 // 2, (i1 + 1) // 2)
         view = self._view(shot)
-
-        # Level of detail: distant blocks draw a prefix of their stalks, wider.
-        limit = int((2 * render.REACH_M / render.BLOCK_M + 2) ** 2)
-        blocks = np.empty((limit, 2), np.int32)
-        away = np.empty(limit, np.float32)
-        corner = float(np.linalg.norm(self._rays[-1, 0]))
-        found = render.blocks_in_view(view, math.atan(corner) + 0.05, scene, blocks, away)
-        order = np.argsort(away[:found], kind="stable")
-        blocks, away = blocks[order], away[order]
-        near = np.maximum(away, 0.1)
-        share = np.clip(2.8 / near, 0.06, 1.0)
-        first = np.zeros(found + 1, np.int64)
-        np.cumsum(np.ceil(self._packs.shape[1] * share).astype(np.int64), out=first[1:])
-        if first[-1] > len(self._records):
-            self._records = np.zeros(int(first[-1] * 1.3), render.STALK)
-            self._spans = np.zeros((len(self._records), 2), np.int16)
-        drawn = np.zeros(found, np.int64)
-        weather = self.weather
-        toward = math.radians(90 - weather.wind_from_deg + 180)
-        sway = 0.012 * weather.wind_mps
-        wind = render.Wind(float(shot.t), sway * math.cos(toward), sway * math.sin(toward), _GUSTS)
-
-        # Blocks are dealt out so that every part gets about as many stalks.
-        share_of = np.searchsorted(first, first[-1] * np.arange(render.STRIPS + 1) / render.STRIPS)
-        share_of[-1] = found
-        stalks = render.Stalks(blocks, self._packs, first, drawn, self._records, self._spans)
-        profiles, width = self._profiles, self.spec.width_px
-        bins = len(profiles.counts)
-
-        def prepare(part: int) -> None:
-            self._prepare(
-                (int(share_of[part]), int(share_of[part + 1])),
-                (bins * part // render.STRIPS, bins * (part + 1) // render.STRIPS),
-                scene, view, paint, profiles, stalks, self._seed, wind,
-            )  # fmt: skip
-
-        def draw(part: int) -> None:
-            left, right = width * part // render.STRIPS, width * (part + 1) // render.STRIPS
-            self._draw(
-                self._image, self._canvas, left, right, scene, view, paint, profiles,
-                self._crowns, stalks,
-            )  # fmt: skip
-
-        self._shared(prepare)
-        self._shared(draw)
-
+        kernels = self._kernels
+        picture = kernels.picture
+        picture.t = shot.t
+        picture.x, picture.y, picture.z = view.x, view.y, view.z
+        picture.axes[:] = view.axes.ravel().tolist()
+        picture.shear = view.shear
+        stalks = kernels.plan()
+        if stalks > picture.capacity:
+            picture.capacity = int(1.3 * stalks)
+            kernels.hold(
+                stalks=np.empty((picture.capacity, render.STALK_BYTES), np.uint8),
+                spans=np.empty((picture.capacity, 2), np.int16),
+            )
+        self._shared(kernels.prepare)
+        if (room := kernels.sort()) > picture.sorted_room:
+            picture.sorted_room = int(1.3 * room)
+            kernels.hold(sorted=np.empty(picture.sorted_room, np.int32))
+            kernels.sort()
+        self._shared(kernels.draw)
         if self._header is not None:
-            picture, mask = self._header
-            self._image[mask] = picture[mask]
+            header, mask = self._header
+            self._image[mask] = header[mask]
         if shot.blade_on and self.weather.dust > 0:
             self._raise_dust(shot)
 
     def _shared(self, work: Callable[[int], None]) -> None:
-        """Does each of the STRIPS parts of a work once, in as many threads as there are."""
-        parts = iter(range(render.STRIPS))
+        """Does each of the PARTS of a work once, in as many threads as there are."""
+        parts = iter(range(render.PARTS))
 
         def some() -> None:
             for part in parts:
@@ -488,21 +518,14 @@ class Camera:
 
     def _raise_dust(self, shot: Shot) -> None:
         s, weather = self.spec, self.weather
-        scale = _VEIL_SCALE
         mount = np.vstack([self._mount_axes(), (s.x_m, s.y_m, s.z_m)])
         toward = math.radians(90 - weather.wind_from_deg + 180) - shot.yaw
         wind = 0.4 * weather.wind_mps  # near the ground
-        drift = np.array([wind * math.cos(toward) - shot.v, wind * math.sin(toward)])
-        veil = np.zeros((s.height_px // scale, s.width_px // scale), np.float32)
-        render.puff(
-            veil, mount, s.focal_px, scale, self._seed + 13, shot.t, drift, self._blade_x_m,
-            self._blade_width_m / 2, weather.dust, self._clouds,
+        drift = (wind * math.cos(toward) - shot.v, wind * math.sin(toward))
+        render.raise_dust(
+            self._image, self._veil, mount, s.focal_px, self._seed + 13, shot.t, drift,
+            self._blade_x_m, self._blade_width_m / 2, weather.dust, self._clouds, _DUST_BGR,
         )  # fmt: skip
-        coarse = np.rint(veil * 255).astype(np.uint8)
-        opacity: NDArray[Any] = cv2.resize(
-            coarse, (s.width_px, s.height_px), interpolation=cv2.INTER_LINEAR
-        )
-        render.veil(self._image, opacity, np.array([160.0, 182.0, 200.0], np.float32))
 
     # ---- sensor ---------------------------------------------------------------------------------
 
@@ -512,12 +535,13 @@ class Camera:
         smear = round(s.focal_px * abs(shot.yaw_rate) * s.shutter_s)
         if smear > 1:
             image = cv2.blur(image, (smear, 1))
-        sample = image[::8, ::8] * (self._vignette[::8, ::8] / np.float32(255))
+        sample = image[::8, ::8] * self._sampled_vignette
         mean = max(8.0, float(sample.mean()))
         wander = 1 + 0.04 * (noise.smooth(self._seed + 5, shot.t * 0.4, 0.5) - 0.5)
         gain = wander * (s.target / mean) ** s.exposure
         tint = noise.smooth(self._seed + 6, shot.t * 0.1, 0.5) - 0.5
-        gains = np.array([1 + 0.05 * tint, 1.0, 1 - 0.05 * tint], np.float32) * np.float32(gain)
+        cast = np.array([1 + 0.05 * tint, 1.0, 1 - 0.05 * tint], np.float32) * np.float32(gain)
+        gains = np.tile(cast, s.width_px)
         h = noise.mix(self._seed, round(shot.t * 1e6), 9)
         dv, du = int(h) % 128, (int(h) >> 8) % 128
         rough = self._noise[dv : dv + s.height_px, 3 * du : 3 * (du + s.width_px)]

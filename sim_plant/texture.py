@@ -75,7 +75,7 @@ SPREAD: Final = _spread()
 neighbours of a pixel's texel share its cache line in whatever direction the picture runs."""
 
 
-def _mips(tile: Tile) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _mips(tile: Tile) -> NDArray[np.int32]:
     levels = [tile]
     while levels[-1].shape[0] > 4:
         n = levels[-1].shape[0] // 2
@@ -85,16 +85,13 @@ def _mips(tile: Tile) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     for offset, level in zip(offsets, levels, strict=True):
         z_order = SPREAD[: len(level)] + 2 * SPREAD[: len(level), None]
         packed[offset + z_order] = level.astype(np.int32) @ (1, 1 << 8, 1 << 16)
-    return packed, offsets
+    return packed
 
 
 @functools.lru_cache(maxsize=4)
-def bake(
-    seed: int, soil: Colour, straw: Colour, crop: Colour
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def bake(seed: int, soil: Colour, straw: Colour, crop: Colour) -> NDArray[np.int32]:
     """All tiles: (6, texels of all levels), blue in a texel's lowest byte, then green and red, in
-    the order of `SPREAD`; and where each level starts. Not to be written to: equal calls share
-    them."""
+    the order of `SPREAD`, larger levels first. Not to be written to: equal calls share them."""
     rng = np.random.default_rng([seed, 0x7E])
     base = 1 + _noise(rng, (1, 0.05), (2, 0.06), (8, 0.07), (32, 0.06), (128, 0.05))
     cast = 1 + np.stack([_noise(rng, (4, 0.03), (64, 0.012)) for _ in range(3)], -1)
@@ -115,4 +112,4 @@ def bake(
     _strokes(wall, rng, 5200, (160, 420), crop, upright=True, spread=(0.4, 0.95), shade=0.6)
 
     packed = [_mips(t) for t in (ground, stubble, swath, grass, top, wall)]
-    return np.stack([p[0] for p in packed]), packed[0][1]
+    return np.stack(packed)

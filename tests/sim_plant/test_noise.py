@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_plant import noise
+from sim_plant import noise, render
 
 
 def test_uniform_is_uniform_and_neighbours_are_independent() -> None:
@@ -38,3 +38,14 @@ def test_known_values_do_not_change() -> None:
         0,
         4147939333,
     ]
+
+
+def test_the_pictures_kernels_draw_the_same_noise() -> None:
+    rng = np.random.default_rng(3)
+    for seed, x, y in zip(
+        rng.integers(0, 1 << 20, 200).tolist(),
+        rng.uniform(-500, 500, 200).tolist(),
+        rng.uniform(-500, 500, 200).tolist(),
+        strict=True,
+    ):
+        assert render.smooth(seed, x, y) == noise.smooth(seed, x, y)

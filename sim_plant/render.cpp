@@ -1,0 +1,1388 @@
+// The kernels that draw a picture of the field, float32 and free of any state of their own.
+//
+// Everything lies by columns of the picture, since stalks, and what a ray meets, run down columns:
+// a stalk's rows share cache lines, and one column's pixels are worked on several at once. Plain
+// loops over short arrays, which the compiler turns into vector instructions of whatever width
+// there is; built without contraction or reassociation, so that every width gives the same bits.
+//
+// Each part of a picture (`prepare`: stalks of some blocks and profiles of some azimuths; `draw`:
+// some columns) may run in a thread of its own. Their number is the same whatever the number of
+// threads.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+
+namespace {
+
+// Of sim_plant/field.py.
+enum Kind { SOIL, CROP, STUBBLE, WINDROW, GRASS, NEIGHBOUR, NEIGHBOUR_STUBBLE, OBSTACLE, TRUNK };
+// Of sim_plant/labels.py.
+enum Label {
+  L_BACKGROUND,
+  L_STANDING,
+  L_STUBBLE,
+  L_STRAW,
+  L_SOIL,
+  L_NEIGHBOUR,
+  L_WEEDS,
+};
+// Of sim_plant/texture.py.
+enum Tile { T_SOIL, T_STUBBLE, T_STRAW, T_GRASS, T_TOP, T_WALL };
+constexpr int SIDE = 1024;
+constexpr float TEXEL_M = 0.004F;
+constexpr int LEVELS = 8;
+// Of sim_plant/sky.py.
+constexpr float PANORAMA_TOP = 0.84F, PANORAMA_BOTTOM = -0.04F;
+// Of sim_plant/render.py.
+constexpr double BLOCK_M = 0.5;
+constexpr int PACKS = 64;
+enum Channel { SUNLIT, HEIGHT, GREEN, DENSITY, WEED, LODGE, TONE, BODY, CHANNELS };
+constexpr float UNIT = 1.0F / 4096.0F;
+constexpr int SEGMENTS = 48, PIECES = 2 * SEGMENTS + 1;
+constexpr double REACH_M = 20.0;
+
+// Pixels that are found but not painted yet, among the labels.
+enum Met { SKY = 100, CANOPY, FACE, GROUND };
+// How far behind its front the body of the crop lies: stalks fill the space between.
+constexpr float CANOPY_BACK_M = 0.25F, FACE_BACK_M = 0.30F;
+// Share of a stalk that other stalks leave to be seen where crop stands before it.
+constexpr float INTERIOR = 0.42F;
+constexpr float FARTHEST_M = 32767.0F;
+constexpr float PI = 3.14159265358979F;
+// Pixels are painted, and stalks projected, so many at once: loops of just this length become
+// vector instructions without a remainder.
+constexpr int BATCH = 16;
+// Of a column, of at most 4096 px; not a power of two, so that several arrays fit into a cache's
+// sets.
+constexpr int ROOM = 4096 + 176;
+
+// As numba computes sim_plant/noise.py: products keep their upper halves.
+uint32_t mix(uint32_t a, uint32_t b, uint32_t c) {
+  uint64_t h = (a * uint64_t(0x9E3779B1)) ^ (b * uint64_t(0x85EBCA77)) ^ (c * uint64_t(0xC2B2AE3D));
+  h = uint32_t(h ^ (h >> 16)) * uint64_t(0x7FEB352D);
+  h = uint32_t(h ^ (h >> 15)) * uint64_t(0x846CA68B);
+  return uint32_t(h ^ (h >> 16));
+}
+
+double uniform(int a, int b, int c) {
+  return mix(uint32_t(a), uint32_t(b), uint32_t(c)) * (1.0 / 4294967296.0);
+}
+
+double smooth(int seed, double x, double y) {
+  const double i = std::floor(x), j = std::floor(y);
+  double fx = x - i, fy = y - j;
+  fx = fx * fx * (3.0 - 2.0 * fx);
+  fy = fy * fy * (3.0 - 2.0 * fy);
+  const int ii = int(i), jj = int(j);
+  const double a = uniform(seed, ii, jj), b = uniform(seed, ii + 1, jj);
+  const double c = uniform(seed, ii, jj + 1), d = uniform(seed, ii + 1, jj + 1);
+  return (a + (b - a) * fx) * (1.0 - fy) + (c + (d - c) * fx) * fy;
+}
+
+bool standing(int kind) { return kind == CROP || kind == NEIGHBOUR; }
+bool solid(int kind) { return kind == OBSTACLE || kind == TRUNK; }
+
+template <typename T>
+T limited(T x, T low, T high) {
+  x = x < low ? low : x;
+  return x < high ? x : high;
+}
+
+// A table of 256 floats would be shorter; but to gather from one takes longer than to compute.
+constexpr int LIGHT_TERMS = 6;
+
+// A stalk as it grows in a block; `GROWN` of render.py.
+struct Grown {
+  float x, y, height, lean_x, lean_y, shade, stub, nod, rank, blue, green, red;
+};
+
+// A stalk where it stands, as long as nothing near it is cut; in batches, field by field.
+constexpr int SHADES = 6;
+enum Field {
+  X,
+  Y,
+  TALLNESS,
+  LEAN_X,
+  LEAN_Y,
+  SWAY,
+  PHASE,
+  STEM,
+  EAR,
+  NOD,
+  HEAD,
+  SHADOW,
+  BLUE,
+  GREENNESS,
+  RED,
+  WHAT,
+  ORDER,
+  FIELDS
+};
+
+// A stalk as it is drawn: px, but depths in m. What goes from the top down is a share of the
+// length.
+struct Stalk {
+  float u0, v0, z0, u1, v1, z1;
+  float stem, ear, ear_share, visible, nod;
+  // Packed like a pixel: the ear's two stripes, and the stem's at four heights from the top down.
+  uint32_t stripes[2], stems[SHADES];
+};
+
+}  // namespace
+
+// `Picture` of render.py, which says what each is.
+struct Picture {
+  // The field.
+  const uint8_t *kind;
+  const int32_t *marks;
+  const int32_t *looks;
+  const float *clear;
+  const uint16_t *stand;
+  const Grown *packs;
+  float *grown;
+  uint8_t *known;
+  int32_t *grown_count;
+  const double *crowns;
+  // The paint.
+  const int32_t *tiles;
+  const int32_t *panorama;
+  // Work.
+  float *limit;
+  float *rise;
+  float *back;
+  int32_t *met;
+  int32_t *pieces;
+  int32_t *blocks;
+  int64_t *first;
+  int64_t *drawn;
+  Stalk *stalks;
+  int16_t *spans;
+  int32_t *sorted;
+  int64_t *sorted_first;
+  float *depth;
+  uint32_t *colour;
+  uint8_t *image;
+
+  double x0, y0, cell, canopy, tallest;
+  double x, y, z;
+  double axes[9];
+  double focal, cu, cv, k1, k2, shear, tangent, corner;
+  double lens[4];
+  double t, sway_x, sway_y, gust;
+  double haze;
+  double light[3][LIGHT_TERMS];
+  double haze_bgr[3], crop_bgr[3], green_bgr[3], straw_bgr[3], unripe_loss[3];
+
+  int64_t coarse_rows, coarse_columns;
+  int64_t block_rows, block_columns;
+  int64_t beyond_is_crop;
+  int64_t pack_size, most;
+  int64_t crown_count;
+  int64_t tile_size;
+  int64_t panorama_rows, panorama_columns;
+  int64_t rows, columns;
+  int64_t bins;
+  int64_t block_count;
+  int64_t capacity;
+  int64_t seed;
+  int64_t parts;
+  int64_t stride;
+  int64_t sorted_room;
+  int64_t bin_from, bin_to;
+};
+
+namespace {
+
+// The view's axes in the heading frame: (right, down, forward) by (ahead, left, up).
+struct Heading {
+  float ra, rl, rz, da, dl, dz, fa, fl, fz;
+  double hx, hy;
+
+  explicit Heading(const Picture &p) {
+    const double norm = std::sqrt(p.axes[6] * p.axes[6] + p.axes[7] * p.axes[7]);
+    hx = p.axes[6] / norm;
+    hy = p.axes[7] / norm;
+    float *out[3][3] = {{&ra, &rl, &rz}, {&da, &dl, &dz}, {&fa, &fl, &fz}};
+    for (int k = 0; k < 3; ++k) {
+      const double *axis = p.axes + 3 * k;
+      *out[k][0] = float(axis[0] * hx + axis[1] * hy);
+      *out[k][1] = float(axis[1] * hx - axis[0] * hy);
+      *out[k][2] = float(axis[2]);
+    }
+  }
+};
+
+// The rays of a column of pixels: undistorted image coordinates to the right and down, normalised.
+struct Rays {
+  float u, cv, per_focal, shear, per_rows, lens[4];
+
+  Rays(const Picture &p, int64_t column)
+      : u(float((double(column) + 0.5 - p.cu) / p.focal)),
+        cv(float(p.cv - 0.5)),
+        per_focal(float(1.0 / p.focal)),
+        shear(float(p.shear / p.focal)),
+        per_rows(float(1.0 / double(p.rows))) {
+    for (int k = 0; k < 4; ++k) lens[k] = float(p.lens[k]);
+  }
+
+  void at(int v, float &a, float &b) const {
+    const float down = (float(v) - cv) * per_focal, r = u * u + down * down;
+    const float ideal = 1.0F + r * (lens[0] + r * (lens[1] + r * (lens[2] + r * lens[3])));
+    a = u * ideal - shear * ((float(v) + 0.5F) * per_rows - 0.5F);
+    b = down * ideal;
+  }
+};
+
+float bin_tangent(int64_t b, const Picture &p) {
+  return float(((double(b) + 0.5) / double(p.bins) * 2.0 - 1.0) * p.tangent);
+}
+
+int fine_kind(const Picture &p, int j, int i) { return p.kind[j * 2 * p.coarse_columns + i]; }
+
+// What the rays of one azimuth meet, by their slope (rise per horizontal distance): of a ray of bin
+// b the first of `pieces[b]` pieces with slope < `limit` says what it meets and its depth: `rise`
+// over the direction's z, plus `back` over its horizontal length. Piece `pieces[b]` is sky. The
+// azimuth of bin b is atan(bin_tangent(b)) to the left of the heading. Free ground is crossed by
+// leaps of the clear distance, crop by steps of 8 cm and more with the distance.
+void profile(const Picture &p, const Heading &head, int64_t b) {
+  const float inv = float(0.5 / p.cell), half_cell = float(0.5 * p.cell);
+  const float lateral = bin_tangent(b, p), stretch = std::sqrt(1.0F + lateral * lateral);
+  const float dx = (float(head.hx) - lateral * float(head.hy)) / stretch * inv;
+  const float dy = (float(head.hy) + lateral * float(head.hx)) / stretch * inv;
+  const float px0 = float((p.x - p.x0) * 0.5 / p.cell), py0 = float((p.y - p.y0) * 0.5 / p.cell);
+  const float eye = float(p.z);
+  const int columns = int(p.coarse_columns);
+  const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
+  float start[SEGMENTS], top[SEGMENTS];
+  int n = 0;
+  float r = 0.0F, now = -1.0F;
+  while (n < SEGMENTS - 1 && r < 80.0F) {
+    const float px = px0 + r * dx, py = py0 + r * dy;
+    if (!(px >= 0.0F && py >= 0.0F && px < n_i && py < n_j)) break;
+    const int at = int(py) * columns + int(px);
+    float height = 0.0F;
+    float leap = p.clear[at];
+    if (leap > 0.0F) {
+      // Along an edge the distance to it would make the steps too many.
+      leap = std::max(leap + 0.005F, 0.008F * r);
+    } else {
+      leap = half_cell;
+      const uint16_t *cell = p.stand + size_t(at) * CHANNELS;
+      if (cell[BODY] > 0) {
+        const int kind = fine_kind(p, int(2.0F * py), int(2.0F * px));
+        if (standing(kind)) {
+          height = 0.8F * UNIT * cell[HEIGHT];
+          leap = 0.08F + 0.03F * r;
+        } else if (solid(kind)) {
+          height = UNIT * cell[HEIGHT];
+        }
+      }
+    }
+    const bool entered = (height > 0.0F) != (now > 0.0F);
+    if (now < 0.0F || entered || std::abs(height - now) > 0.06F) {
+      start[n] = r;
+      top[n] = height;
+      // The crop's upper border is ragged.
+      if (entered && height > 0.0F && leap > half_cell)
+        top[n] += 0.16F * float(uniform(5, int(30.0F * px), int(30.0F * py))) - 0.10F;
+      ++n;
+      now = height;
+    }
+    r += leap;
+  }
+  start[n] = r;
+  top[n] = p.beyond_is_crop ? float(p.canopy) : 0.0F;
+
+  float *limits = p.limit + b * PIECES;
+  float *rises = p.rise + b * PIECES;
+  float *backs = p.back + b * PIECES;
+  int32_t *mets = p.met + b * PIECES;
+  int m = 0;
+  float highest = -std::numeric_limits<float>::infinity();
+  const auto add = [&](float limit, float rise, float back, int met) {
+    limits[m] = limit;
+    rises[m] = rise;
+    backs[m] = back;
+    mets[m] = met;
+    ++m;
+  };
+  for (int k = 0; k <= n; ++k) {
+    const float rise = top[k] - eye;
+    float limit = rise / std::max(start[k], 1e-6F);
+    if (limit > highest) {
+      highest = limit;
+      add(limit, 0.0F, start[k] + FACE_BACK_M, FACE);
+    }
+    if (rise < 0.0F) {
+      limit = rise / (k < n ? start[k + 1] : 240.0F);
+      if (limit > highest) {
+        highest = limit;
+        add(limit, rise, top[k] > 0.0F ? CANOPY_BACK_M : 0.0F, top[k] > 0.0F ? CANOPY : GROUND);
+      }
+    }
+  }
+  add(std::numeric_limits<float>::infinity(), 0.0F, 1e9F, SKY);
+  p.pieces[b] = m - 1;
+}
+
+// Looks up what stands in a block, once until something near it changes.
+void grow(const Picture &p, int64_t block) {
+  const int bj = int(block / p.block_columns), bi = int(block % p.block_columns);
+  const int rows = int(2 * p.coarse_rows), columns = int(2 * p.coarse_columns);
+  const Grown *pack = p.packs + size_t(mix(uint32_t(p.seed), uint32_t(bi), uint32_t(bj)) % PACKS) *
+                                    size_t(p.pack_size);
+  float *out = p.grown + size_t(block) * FIELDS * size_t(p.most);
+  const auto put = [&](Field which, int n, float value) {
+    out[(n / BATCH * FIELDS + which) * BATCH + n % BATCH] = value;
+  };
+  const double inv = 1.0 / p.cell;
+  int n = 0;
+  for (int q = 0; q < p.pack_size; ++q) {
+    const Grown &s = pack[q];
+    const int i = int((bi * BLOCK_M + double(s.x)) * inv),
+              j = int((bj * BLOCK_M + double(s.y)) * inv);
+    if (i >= columns || j >= rows) continue;
+    const int kind = fine_kind(p, j, i);
+    const uint16_t *cell =
+        p.stand + (size_t(j / 2) * size_t(p.coarse_columns) + size_t(i / 2)) * CHANNELS;
+    if (kind == SOIL || solid(kind) || s.rank > UNIT * cell[DENSITY]) continue;
+    const bool tall = standing(kind);
+    float lean_x = s.lean_x, lean_y = s.lean_y, height, head = 0.0F;
+    int label;
+    if (tall) {
+      height = UNIT * cell[HEIGHT] * s.height;
+      const float lodge = UNIT * cell[LODGE];
+      if (lodge > 0.05F) {
+        const double lean = std::tan(double(lodge)), way = 6.28 * double(UNIT * cell[TONE]);
+        lean_x += float(lean * std::cos(way));
+        lean_y += float(lean * std::sin(way));
+      }
+      head = 0.085F / std::max(height, 0.1F);
+      label = kind == CROP ? L_STANDING : L_NEIGHBOUR;
+    } else {
+      float spread = 2.5F;
+      height = 0.07F + 0.07F * s.stub;
+      label = L_STUBBLE;
+      if (kind == WINDROW) {
+        if (s.rank > 0.75F) continue;
+        height = 0.02F + 0.10F * s.stub;
+        spread = 40.0F;
+        label = L_STRAW;
+      } else if (kind == GRASS) {
+        if (s.rank > 0.5F) continue;
+        height = 0.03F + 0.09F * s.stub;
+        spread = 8.0F;
+        label = L_WEEDS;
+      }
+      lean_x *= spread;
+      lean_y *= spread;
+    }
+    float shade = s.shade * (0.86F + 0.28F * UNIT * cell[TONE]), green = 0.0F;
+    if (!tall) shade *= 1.12F;
+    if (tall) {
+      green = UNIT * cell[GREEN] * (0.75F + 0.5F * s.stub);
+      if (UNIT * cell[WEED] > 0.3F && s.rank < 0.5F) green = 1.0F;
+      green = std::min(1.0F, green);
+    } else if (kind == GRASS) {
+      green = 1.0F;
+    }
+    const double *ripe = tall ? p.crop_bgr : p.straw_bgr;
+    const auto tinted = [&](int c, float tint) {
+      return shade * (float(ripe[c]) + green * float(p.green_bgr[c] - ripe[c])) * tint;
+    };
+    put(X, n, s.x);
+    put(Y, n, s.y);
+    put(TALLNESS, n, height);
+    put(LEAN_X, n, lean_x);
+    put(LEAN_Y, n, lean_y);
+    put(SWAY, n, tall ? 1.0F : 0.0F);
+    put(PHASE, n, 37.0F * s.rank);
+    put(STEM, n, tall ? 0.0019F : 0.0026F);
+    put(EAR, n, tall ? 0.0050F : 0.0F);
+    put(NOD, n, tall ? s.nod : 0.0F);
+    put(HEAD, n, head);
+    put(SHADOW, n, UNIT * cell[SUNLIT]);
+    put(BLUE, n, tinted(0, s.blue));
+    put(GREENNESS, n, tinted(1, s.green));
+    put(RED, n, tinted(2, s.red));
+    put(WHAT, n, float(label));
+    put(ORDER, n, float(q));
+    ++n;
+  }
+  p.grown_count[block] = n;
+  p.known[block] = 1;
+}
+
+inline uint32_t packed(float blue, float green, float red) {
+  return uint32_t(int32_t(std::min(255.0F, blue))) |
+         uint32_t(int32_t(std::min(255.0F, green))) << 8 |
+         uint32_t(int32_t(std::min(255.0F, red))) << 16;
+}
+
+// The factor on a colour of what sees a share of the sun.
+struct Light {
+  float terms[3][LIGHT_TERMS];
+
+  explicit Light(const double (&of)[3][LIGHT_TERMS]) {
+    for (int c = 0; c < 3; ++c)
+      for (int k = 0; k < LIGHT_TERMS; ++k) terms[c][k] = float(of[c][k]);
+  }
+
+  float on(int c, float seen) const {
+    const float *t = terms[c];
+    return t[0] + seen * (t[1] + seen * (t[2] + seen * (t[3] + seen * (t[4] + seen * t[5]))));
+  }
+};
+
+// Projects the stalks of one block in view to `out` and `spans`; returns how many are in the
+// picture.
+int64_t project(const Picture &p, int64_t k, Stalk *out, int16_t *spans) {
+  const int64_t block = p.blocks[k];
+  if (!p.known[block]) grow(p, block);
+  const int bj = int(block / p.block_columns), bi = int(block % p.block_columns);
+  const int64_t shown = p.first[k + 1] - p.first[k];
+  const float *in = p.grown + size_t(block) * FIELDS * size_t(p.most);
+  int count = p.grown_count[block];
+  if (shown < p.pack_size) {
+    // Those of the pack's first `shown` that grew.
+    int low = 0;
+    while (low < count) {
+      const int middle = (low + count) / 2;
+      const float order = in[(middle / BATCH * FIELDS + ORDER) * BATCH + middle % BATCH];
+      if (order < float(shown))
+        low = middle + 1;
+      else
+        count = middle;
+    }
+  }
+  if (count == 0) return 0;
+  const double x_block = p.x0 + bi * BLOCK_M, y_block = p.y0 + bj * BLOCK_M;
+  const float wider = std::min(3.6F, float(p.pack_size) / float(std::max<int64_t>(1, shown)));
+  const float wave = float(0.55 + 0.45 * std::sin(1.3 * x_block + 0.7 * y_block - 2.2 * p.t));
+  const float x_off = float(x_block - p.x), y_off = float(y_block - p.y), az = float(-p.z);
+  const float clock = float(std::fmod(1.1 * p.t, 1.0)), gust = float(p.gust);
+  const float sway_x = float(p.sway_x), sway_y = float(p.sway_y);
+  float R[9];
+  for (int q = 0; q < 9; ++q) R[q] = float(p.axes[q]);
+  const float focal = float(p.focal), k1 = float(p.k1), k2 = float(p.k2);
+  const float cu = float(p.cu), cv = float(p.cv), shear = float(p.shear);
+  const float rows = float(p.rows), columns = float(p.columns), per_rows = 1.0F / float(p.rows);
+  const float to_cell = float(1.0 / p.cell);
+  const float cell_x = float((p.x - p.x0) / p.cell), cell_y = float((p.y - p.y0) / p.cell);
+  const int fine_columns = int(2 * p.coarse_columns), fine_rows = int(2 * p.coarse_rows);
+
+  constexpr int WIDE = BATCH;
+  float u0[WIDE], v0[WIDE], z0[WIDE], u1[WIDE], v1[WIDE], z1[WIDE], reach[WIDE];
+  int32_t seen[WIDE], before[WIDE], hides[WIDE];
+  uint32_t paint[2 + SHADES][WIDE + 16];
+  const Light light(p.light);
+  const float haze = float(p.haze);
+  const float hb = float(p.haze_bgr[0]), hg = float(p.haze_bgr[1]), hr = float(p.haze_bgr[2]);
+  int64_t n = 0;
+  for (int base = 0; base < count; base += WIDE) {
+    const int m = std::min(WIDE, count - base);
+    // Beyond the count there is room, and something of no meaning.
+    const float *f = in + base * FIELDS;
+    constexpr int row = BATCH;
+    for (int q = 0; q < WIDE; ++q) {
+      const float height = f[TALLNESS * row + q];
+      const float phase = clock + f[PHASE * row + q];
+      const float flutter = 4.0F * std::abs(phase - float(int(phase)) - 0.5F) - 1.0F;
+      const float bend = (wave + gust * flutter) * f[SWAY * row + q];
+      const float ax = x_off + f[X * row + q], ay = y_off + f[Y * row + q];
+      const float bx = ax + height * (f[LEAN_X * row + q] + sway_x * bend);
+      const float by = ay + height * (f[LEAN_Y * row + q] + sway_y * bend);
+      const float bz = az + height;
+      z0[q] = R[6] * ax + R[7] * ay + R[8] * az;
+      z1[q] = R[6] * bx + R[7] * by + R[8] * bz;
+      const float per_z0 = 1.0F / z0[q], per_z1 = 1.0F / z1[q];
+      const float a0 = (R[0] * ax + R[1] * ay + R[2] * az) * per_z0;
+      const float b0 = (R[3] * ax + R[4] * ay + R[5] * az) * per_z0;
+      const float a1 = (R[0] * bx + R[1] * by + R[2] * bz) * per_z1;
+      const float b1 = (R[3] * bx + R[4] * by + R[5] * bz) * per_z1;
+      // Beyond twice the picture's corner the distortion polynomial is meaningless.
+      const float r0 = std::min(a0 * a0 + b0 * b0, 2.0F), r1 = std::min(a1 * a1 + b1 * b1, 2.0F);
+      const float g0 = focal * (1.0F + r0 * (k1 + r0 * k2));
+      const float g1 = focal * (1.0F + r1 * (k1 + r1 * k2));
+      v0[q] = b0 * g0 + cv;
+      v1[q] = b1 * g1 + cv;
+      u0[q] = a0 * g0 + cu + shear * (v0[q] * per_rows - 0.5F);
+      u1[q] = a1 * g1 + cu + shear * (v1[q] * per_rows - 0.5F);
+      const float low = std::min(u0[q], u1[q]), high = std::max(u0[q], u1[q]);
+      seen[q] = int(z0[q] >= 0.3F) & int(z1[q] >= 0.3F) & int(v1[q] <= rows) & int(v0[q] >= 0.0F) &
+                int(v0[q] - v1[q] >= 0.7F) & int(low <= columns + 8.0F) & int(high >= -8.0F);
+      reach[q] = focal * per_z1 * wider;
+      // Where crop that hides all but the top would stand, 0.45 m nearer.
+      const float near = 0.45F / std::sqrt(ax * ax + ay * ay);
+      const int ni =
+          int(limited(cell_x + (ax - near * ax) * to_cell, 0.0F, float(fine_columns - 1)));
+      const int nj = int(limited(cell_y + (ay - near * ay) * to_cell, 0.0F, float(fine_rows - 1)));
+      before[q] = nj * fine_columns + ni;
+    }
+    for (int q = 0; q < WIDE; ++q)
+      hides[q] = (f[SWAY * row + q] > 0.0F) & int(standing(p.kind[before[q]]));
+    for (int shade = 0; shade < 2 + SHADES; ++shade) {
+      const bool ear = shade < 2;
+      const float stripe = shade == 0 ? 0.92F : 1.08F, share = (float(shade) - 1.5F) / SHADES;
+      for (int q = 0; q < WIDE; ++q) {
+        // How far above the shadow's border the top is, x 4, plus 0.4.
+        const float height = f[TALLNESS * row + q], head = f[HEAD * row + q];
+        const float lit = 4.0F * (height - f[SHADOW * row + q]) + 0.4F;
+        const float visible = hides[q] ? INTERIOR : 1.0F, darker = 0.22F * visible;
+        const float shaded = head > 0.0F ? 0.22F : 0.0F, stem_gain = head > 0.0F ? 0.93F : 1.0F;
+        const float thick = 0.5F * (z0[q] + z1[q]) * haze, fog = thick / (1.0F + thick);
+        // Share of the length, from the top.
+        const float a = ear ? 0.5F * head : head + (visible - head) * share;
+        const float gain = (ear ? stripe : stem_gain) * (1.0F - darker * a) * (1.0F - fog);
+        const float sun = limited(lit - 4.0F * height * a, shaded, 1.0F);
+        paint[shade][q] = uint32_t(int32_t(f[WHAT * row + q])) << 24 |
+                          packed(f[BLUE * row + q] * gain * light.on(0, sun) + fog * hb,
+                                 f[GREENNESS * row + q] * gain * light.on(1, sun) + fog * hg,
+                                 f[RED * row + q] * gain * light.on(2, sun) + fog * hr);
+      }
+    }
+    for (int q = 0; q < m; ++q) {
+      if (!seen[q]) continue;
+      Stalk &e = out[n];
+      e.u0 = u0[q];
+      e.v0 = v0[q];
+      e.z0 = z0[q];
+      e.u1 = u1[q];
+      e.v1 = v1[q];
+      e.z1 = z1[q];
+      e.stem = f[STEM * row + q] * reach[q];
+      e.ear = f[EAR * row + q] * reach[q];
+      e.nod = f[NOD * row + q] * reach[q] / wider;
+      e.ear_share = f[HEAD * row + q];
+      e.visible = hides[q] ? INTERIOR : 1.0F;
+      e.stripes[0] = paint[0][q];
+      e.stripes[1] = paint[1][q];
+      for (int shade = 0; shade < SHADES; ++shade) e.stems[shade] = paint[2 + shade][q];
+      const float wide = std::max(e.stem, e.ear) + std::abs(e.nod) + 1.5F;
+      spans[2 * n] = int16_t(std::max(-32e3F, std::min(u0[q], u1[q]) - wide));
+      spans[2 * n + 1] = int16_t(std::min(32e3F, std::max(u0[q], u1[q]) + wide));
+      ++n;
+    }
+  }
+  return n;
+}
+
+// Where the rays of two columns end, from the profile of each one's azimuth. The depth is the
+// distance along the optical axis, a little behind canopy and face so that the foremost stalks
+// stand out; the label is what was met. Two neighbours' rays always meet the same.
+void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
+  const int rows = int(p.rows);
+  const float one = 1.0F, tiny = 1e-7F;
+  const float tangent = float(p.tangent), to_bin = float(0.5 * double(p.bins) / p.tangent);
+  const float most = float(p.bins - 1);
+  float up[2][ROOM], per_flat[2][ROOM];
+  float rise[ROOM], back[ROOM];
+  int32_t bin[ROOM], met[ROOM];
+  for (int64_t c = 0; c < columns; ++c) {
+    const Rays rays(p, u + c);
+    for (int v = 0; v < rows; ++v) {
+      float a, b;
+      rays.at(v, a, b);
+      const float per_ahead = one / std::max(tiny, a * h.ra + b * h.da + h.fa);
+      const float lateral = (a * h.rl + b * h.dl + h.fl) * per_ahead;
+      const float z = a * h.rz + b * h.dz + h.fz;
+      up[c][v] = std::abs(z) > tiny ? z : -tiny;
+      per_flat[c][v] = per_ahead / std::sqrt(one + lateral * lateral);
+      if (c == 0) bin[v] = int32_t(limited((lateral + tangent) * to_bin, 0.0F, most));
+    }
+  }
+  int k = 0;
+  for (int v = 0; v < rows; ++v) {
+    const float *limits = p.limit + bin[v] * PIECES;
+    const float slope = up[0][v] * per_flat[0][v];
+    k = std::min(k, p.pieces[bin[v]]);
+    while (k > 0 && slope < limits[k - 1]) --k;
+    while (slope >= limits[k]) ++k;
+    const int32_t at = bin[v] * PIECES + k;
+    rise[v] = p.rise[at];
+    back[v] = p.back[at];
+    met[v] = p.met[at];
+  }
+  for (int64_t c = 0; c < columns; ++c) {
+    float *depth = p.depth + (u + c) * p.stride;
+    uint32_t *colour = p.colour + (u + c) * p.stride;
+    for (int v = 0; v < rows; ++v) {
+      const float far = std::abs(rise[v] / up[c][v]) + back[v] * per_flat[c][v];
+      depth[v] = std::min(far, FARTHEST_M);
+      colour[v] = uint32_t(met[v]) << 24;
+    }
+  }
+}
+
+// Draws the trees' crowns into columns [left, right): balls of leaves, lit from above.
+void draw_crowns(const Picture &p, int64_t left, int64_t right) {
+  const Light light(p.light);
+  const int64_t rows = p.rows;
+  const double *R = p.axes;
+  for (int64_t k = 0; k < p.crown_count; ++k) {
+    const double *crown = p.crowns + 4 * k;
+    const double ax = crown[0] - p.x, ay = crown[1] - p.y, az = crown[2] - p.z;
+    const double z = R[6] * ax + R[7] * ay + R[8] * az;
+    if (z < 0.5) continue;
+    const double uc = p.focal * (R[0] * ax + R[1] * ay + R[2] * az) / z + p.cu;
+    const double vc = p.focal * (R[3] * ax + R[4] * ay + R[5] * az) / z + p.cv;
+    const double radius = p.focal * crown[3] / z, leaf = 40.0 / radius;
+    const double fog = p.haze * z / (1.0 + p.haze * z);
+    const auto from = [](double x, int64_t least) {
+      return std::max(least, int64_t(std::max(-1e6, x)));
+    };
+    const auto until = [](double x, int64_t most) {
+      return std::min(most, int64_t(std::max(-1.0, std::min(1e6, x))) + 1);
+    };
+    for (int64_t u = from(uc - radius, left); u < until(uc + radius, right); ++u) {
+      for (int64_t v = from(vc - radius, 0); v < until(vc + radius, rows); ++v) {
+        const double dx = (double(u) - uc) / radius, dy = (double(v) - vc) / radius;
+        if (dx * dx + dy * dy > 1.2 || float(z) >= p.depth[u * p.stride + v]) continue;
+        const double clump = smooth(int(k) + 7, dx * 4.0 + 9.0, dy * 4.0 + 9.0);
+        const double fine =
+            smooth(int(k) + 8, (double(u) - uc) * leaf + 99.0, (double(v) - vc) * leaf + 99.0);
+        if (dx * dx + dy * dy > 0.45 + 0.5 * clump + 0.25 * fine) continue;
+        const float lit = float(limited(0.55 - 0.5 * dy + 0.9 * (clump + fine - 1.0), 0.0, 1.0));
+        float bgr[3];
+        const double leaves[3] = {42.0, 84.0, 66.0};
+        for (int c = 0; c < 3; ++c) {
+          const double x = leaves[c] * (0.7 + 0.6 * fine) * double(light.on(c, lit));
+          bgr[c] = float(x + fog * (p.haze_bgr[c] - x));
+        }
+        p.depth[u * p.stride + v] = float(z);
+        p.colour[u * p.stride + v] = uint32_t(L_BACKGROUND) << 24 | packed(bgr[0], bgr[1], bgr[2]);
+      }
+    }
+  }
+}
+
+constexpr int WIDTH = 8;
+typedef float Floats __attribute__((vector_size(4 * WIDTH)));
+typedef int32_t Ints __attribute__((vector_size(4 * WIDTH)));
+constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7};
+
+constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F, 3.5F, 4.5F, 5.5F, 6.5F, 7.5F};
+
+Floats larger(Floats a, Floats b) { return a > b ? a : b; }
+
+// Draws WIDTH rows from v on, the first n of them: in each the columns from `from` on that lie
+// before `to`, at least one, where nothing nearer was drawn.
+inline void paint(const Picture &p, int v, int n, Floats from, Floats to, Floats z, Ints with,
+                  int left, int right) {
+  // The offset makes truncation a floor.
+  const Ints a = __builtin_convertvector(from + 4096.0F, Ints) - 4096;
+  Ints b = __builtin_convertvector(to + 4096.0F, Ints) - 4096;
+  b = b > a ? b : a + 1;
+  const Ints drawn = LANES < n;
+  // Most of them lie between those of the first and of the last row.
+  int low = a[0], high = b[0];
+  for (int k = 1; k < WIDTH; ++k) {
+    low = k < n ? std::min(low, a[k]) : low;
+    high = k < n ? std::max(high, b[k]) : high;
+  }
+  low = std::max(low, left);
+  high = std::min(high, right);
+  for (int64_t u = low; u < high; ++u) {
+    float *depth = p.depth + u * p.stride + v;
+    uint32_t *colour = p.colour + u * p.stride + v;
+    Floats there;
+    Ints old;
+    std::memcpy(&there, depth, sizeof there);
+    std::memcpy(&old, colour, sizeof old);
+    const int c = int(u);
+    const Ints nearer = (z < there) & (a <= c) & (b > c) & drawn;
+    there = nearer ? z : there;
+    old = nearer ? with : old;
+    std::memcpy(depth, &there, sizeof there);
+    std::memcpy(colour, &old, sizeof old);
+  }
+}
+
+void draw_stalk(const Picture &p, const Stalk &e, int left, int right) {
+  const int rows = int(p.rows);
+  const float lengthwise = e.v0 - e.v1, per = 1.0F / lengthwise;
+  const float du = (e.u0 - e.u1) * per, dz = (e.z0 - e.z1) * per, slant = 0.5F * std::abs(du);
+  const int va = std::max(0, int(std::ceil(std::max(e.v1, -9.0F) - 0.5F)));
+  // Interior crop sinks into its body.
+  int vb = rows - 1;
+  if (e.v0 - 0.5F < float(vb)) vb = int(std::floor(e.v0 - 0.5F));
+  if (e.v1 + lengthwise * e.visible < float(vb)) vb = int(e.v1 + lengthwise * e.visible);
+  if (va > vb) return;
+  int vh = va;
+  if (e.ear_share > 0.0F)
+    vh = std::min(vb + 1, std::max(va, int(std::ceil(e.v1 - 0.5F + e.ear_share * lengthwise))));
+  const float base = e.u1 + 0.5F;
+  if (va < vh) {
+    const float per_head = per / e.ear_share;
+    const int ears = int(e.u1);
+    const int32_t dark = int32_t(e.stripes[0]), bright = int32_t(e.stripes[1]);
+    for (int v = va; v < vh; v += WIDTH) {
+      const Floats down = LANES_F + (float(v) - e.v1);
+      const Floats q = larger(Floats{}, down * per_head), rest = 1.0F - q;
+      const Floats w = larger(Floats{} + slant, e.ear * (0.4F + 2.4F * q * rest));
+      const Floats at = base + du * down + e.nod * rest * rest;
+      const Ints plain = ((LANES + (v + ears)) & 3) == 0;
+      paint(p, v, vh - v, at - w, at + w, e.z1 + dz * down, plain ? Ints{} + dark : Ints{} + bright,
+            left, right);
+    }
+  }
+  const float stem = std::max(e.stem, slant), top = e.ear_share * lengthwise;
+  const float to_shade = float(SHADES) / ((e.visible - e.ear_share) * lengthwise);
+  for (int v = std::max(va, vh); v <= vb; v += WIDTH) {
+    const Floats down = LANES_F + (float(v) - e.v1);
+    const Floats at = base + du * down;
+    const int shade = limited(int((float(v) + 3.5F - e.v1 - top) * to_shade), 0, SHADES - 1);
+    paint(p, v, vb + 1 - v, at - stem, at + stem, e.z1 + dz * down,
+          Ints{} + int32_t(e.stems[shade]), left, right);
+  }
+}
+
+// A trunk's bark, a house's roof, or its wall with windows, packed as a tile's texel.
+int32_t masonry(int kind, int hit, float x, float y, float z) {
+  if (kind == TRUNK) return 38 | 52 << 8 | 66 << 16;
+  if (hit == CANOPY) return 70 | 84 << 8 | 150 << 16;
+  const float along = 0.6F * (x + y);
+  if (along - std::floor(along) < 0.3F && z > 0.9F && z < 1.9F) return 62 | 66 << 8 | 70 << 16;
+  return 160 | 186 << 8 | 198 << 16;
+}
+
+// atan to 1e-5: a series, so that several run at once.
+inline float azimuth(float tangent) {
+  const bool steep = std::abs(tangent) > 1.0F;
+  const float x = steep ? 1.0F / tangent : tangent, q = x * x;
+  float series = 0.05265332F - 0.0117212F * q;
+  series = 0.19354346F + q * (series * q - 0.11643287F);
+  const float angle = x * (0.99997726F + q * (series * q - 0.33262347F));
+  const float right = tangent > 0.0F ? PI / 2 : -PI / 2;
+  return steep ? right - angle : angle;
+}
+
+// The bits of n apart, with a gap after each: the Z-order of sim_plant/texture.py.
+inline int32_t spread(int32_t n) {
+  n = (n | n << 8) & 0x00FF00FF;
+  n = (n | n << 4) & 0x0F0F0F0F;
+  n = (n | n << 2) & 0x33333333;
+  return (n | n << 1) & 0x55555555;
+}
+
+inline float from_bits(int32_t bits) {
+  float x;
+  std::memcpy(&x, &bits, 4);
+  return x;
+}
+
+inline int32_t bits_of(float x) {
+  int32_t bits;
+  std::memcpy(&bits, &x, 4);
+  return bits;
+}
+
+// The pixels of a column that wait for the same kind of paint, filled up to whole batches.
+struct Waiting {
+  int n = 0;
+  int32_t row[ROOM];
+
+  void fill_up() {
+    const int last = n > 0 ? row[n - 1] : 0;
+    for (int k = n; k < n + BATCH; ++k) row[k] = last;
+  }
+};
+
+// A batch of pixels whose texels are on their way from memory: their colours are a texel's times
+// `gain` plus `fog`.
+struct Coming {
+  int32_t texel[BATCH], masonry[BATCH], label[BATCH];
+  float gain[3][BATCH], fog[BATCH];
+};
+
+struct Column {
+  const Picture &p;
+  const Heading &h;
+  const Rays rays;
+  const float *depth;
+  uint32_t *colour;
+};
+
+void fill_sky(const Column &column, const int32_t *row) {
+  const Picture &p = column.p;
+  const Heading &h = column.h;
+  const float last = float(p.panorama_rows - 1);
+  const float per_row = float(p.panorama_rows) / (PANORAMA_TOP - PANORAMA_BOTTOM);
+  const float per_column = float(p.panorama_columns) / (2.0F * PI);
+  const int32_t around = int32_t(p.panorama_columns);
+  // A turn more than the panorama's beginning, so that no column is negative.
+  const float ahead = float(std::atan2(p.axes[7], p.axes[6]) + 3.0 * 3.14159265358979);
+  int32_t at[BATCH];
+  for (int k = 0; k < BATCH; ++k) {
+    float a, b;
+    column.rays.at(row[k], a, b);
+    const float per = 1.0F / std::max(1e-7F, a * h.ra + b * h.da + h.fa);
+    const float lateral = (a * h.rl + b * h.dl) * per;
+    const float steep = (a * h.rz + b * h.dz + h.fz) * per / std::sqrt(1.0F + lateral * lateral);
+    int32_t c = int32_t((ahead + azimuth(lateral)) * per_column);
+    c = c >= around ? c - around : c;
+    c = c >= around ? c - around : c;
+    at[k] = int32_t(limited((PANORAMA_TOP - steep) * per_row, 0.0F, last)) * around + c;
+  }
+  for (int k = 0; k < BATCH; ++k)
+    column.colour[row[k]] = uint32_t(L_BACKGROUND) << 24 | uint32_t(p.panorama[at[k]]);
+}
+
+// What lies below the horizon. `ground`: where all rays end there; otherwise on the crop's canopy
+// or face, or on masonry.
+template <bool ground>
+void light_land(const Column &column, const int32_t *row, Coming &out) {
+  const Picture &p = column.p;
+  const Light light(p.light);
+  float R[9];
+  for (int q = 0; q < 9; ++q) R[q] = float(p.axes[q]);
+  const float inv = float(0.5 / p.cell);
+  const float cell_x = float((p.x - p.x0) * 0.5 / p.cell),
+              cell_y = float((p.y - p.y0) * 0.5 / p.cell);
+  const float x0 = float(p.x), y0 = float(p.y), z0 = float(p.z);
+  const int n_i = int(p.coarse_columns), n_j = int(p.coarse_rows);
+  const float last_i = float(n_i - 1), last_j = float(n_j - 1);
+  const float per_footprint = 1.0F / (float(p.focal) * TEXEL_M) / 1.4F;
+  const float haze = float(p.haze), per_slab = 1.0F / float(p.canopy);
+  float xs[BATCH], ys[BATCH], zs[BATCH], ts[BATCH], seen[BATCH], ao[BATCH], unripe[BATCH],
+      foot[BATCH];
+  int32_t hits[BATCH], marks[BATCH], looks[BATCH], kinds[BATCH], tiles[BATCH], here[BATCH],
+      outside[BATCH], flat[BATCH];
+  for (int k = 0; k < BATCH; ++k) {
+    float a, b;
+    column.rays.at(row[k], a, b);
+    const float east = a * R[0] + b * R[3] + R[6];
+    const float north = a * R[1] + b * R[4] + R[7];
+    const float up = a * R[2] + b * R[5] + R[8];
+    float t = column.depth[row[k]];
+    hits[k] = ground ? int(GROUND) : int32_t(column.colour[row[k]] >> 24);
+    const bool top = hits[k] == CANOPY;
+    if (!ground)
+      t -= (top ? CANOPY_BACK_M : FACE_BACK_M - 0.01F) / std::sqrt(east * east + north * north);
+    ts[k] = t;
+    const float x = t * east, y = t * north, px = cell_x + x * inv, py = cell_y + y * inv;
+    xs[k] = x0 + x;
+    ys[k] = y0 + y;
+    zs[k] = z0 + t * up;
+    outside[k] = int(px < 0.0F) | int(py < 0.0F) | int(px >= float(n_i)) | int(py >= float(n_j));
+    const float qx = limited(px, 0.0F, last_i), qy = limited(py, 0.0F, last_j);
+    const int32_t at = int(qy) * n_i + int(qx);
+    const int quarter = 2 * (int(qy * 2.0F) & 1) + (int(qx * 2.0F) & 1);
+    int32_t mark;
+    if (ground) {
+      // How high shadows reach, between the middles of four cells, of which this is one.
+      const float rx = limited(px - 0.5F, 0.0F, last_i - 0.001F),
+                  ry = limited(py - 0.5F, 0.0F, last_j - 0.001F);
+      const int i = int(rx), j = int(ry), corner = j * n_i + i;
+      const float fx = rx - float(i), fy = ry - float(j);
+      const int32_t m0 = p.marks[corner], m1 = p.marks[corner + 1];
+      const int32_t m2 = p.marks[corner + n_i], m3 = p.marks[corner + n_i + 1];
+      const float a = float(m0 & 0xFFFF), b = float(m1 & 0xFFFF);
+      const float c = float(m2 & 0xFFFF), d = float(m3 & 0xFFFF);
+      const float shadow = ((a + (b - a) * fx) * (1.0F - fy) + (c + (d - c) * fx) * fy) * UNIT;
+      seen[k] = 1.0F - 0.88F * std::min(1.0F, shadow * 8.0F);
+      mark = m0;
+      mark = at == corner + 1 ? m1 : mark;
+      mark = at == corner + n_i ? m2 : mark;
+      mark = at == corner + n_i + 1 ? m3 : mark;
+    } else {
+      mark = p.marks[at];
+    }
+    marks[k] = mark & 0xFFFF;
+    looks[k] = p.looks[at];
+    kinds[k] = mark >> (16 + 4 * quarter) & 15;
+    flat[k] = ground ? 0 : int(kinds[k] >= OBSTACLE);
+    ao[k] = 0.8F + 0.4F * UNIT * float(looks[k] & 0xFFFF);
+    // The footprint in texels.
+    const float slope = ground || top ? 0.3F + 0.7F * std::min(1.0F, std::abs(up) * 2.0F) : 1.0F;
+    foot[k] = t * per_footprint / slope;
+  }
+  if (ground) {
+    for (int k = 0; k < BATCH; ++k) {
+      unripe[k] = 0.0F;
+      const int kind = kinds[k];
+      const bool stubble = (kind == STUBBLE) | (kind == NEIGHBOUR_STUBBLE);
+      int tile = stubble ? int(T_STUBBLE) : int(T_SOIL),
+          label = stubble ? int(L_STUBBLE) : int(L_SOIL);
+      tile = kind == WINDROW ? int(T_STRAW) : tile;
+      label = kind == WINDROW ? int(L_STRAW) : label;
+      tiles[k] = kind == GRASS ? int(T_GRASS) : tile;
+      here[k] = kind == GRASS ? int(L_WEEDS) : label;
+    }
+  } else {
+    for (int k = 0; k < BATCH; ++k) {
+      const float above = zs[k] - UNIT * float(marks[k]), t = ts[k];
+      unripe[k] = UNIT * float(looks[k] >> 16 & 0xFFFF);
+      const float far_lit = std::min(0.9F, 0.25F + 0.035F * t);
+      const float top_lit = std::max(far_lit, std::min(1.0F, above * 4.0F + 0.3F));
+      const float face_lit = limited(above * 3.0F + 0.5F, 0.12F, 0.9F);
+      const bool top = hits[k] == CANOPY;
+      seen[k] = top ? top_lit : face_lit;
+      ao[k] *= std::min(1.0F, top ? 0.85F + 0.01F * t : 0.6F + 0.4F * zs[k] * per_slab);
+      tiles[k] = top ? int(T_TOP) : int(T_WALL);
+      here[k] = kinds[k] == CROP ? int(L_STANDING) : int(L_NEIGHBOUR);
+    }
+  }
+  int32_t odd = 0;
+  for (int k = 0; k < BATCH; ++k) odd |= outside[k] | flat[k];
+  if (odd) {
+    for (int k = 0; k < BATCH; ++k) {
+      if (outside[k]) {
+        // Fields beyond the grid: blocks of some 40 m, ripe or grass.
+        const int far_x = int(std::floor(xs[k] * 0.025F)), far_y = int(std::floor(ys[k] * 0.04F));
+        const bool grass = ground && (mix(77, uint32_t(far_x), uint32_t(far_y)) & 3) == 0;
+        tiles[k] = grass ? int(T_GRASS) : int(T_TOP);
+        here[k] = ground ? int(L_BACKGROUND) : int(L_NEIGHBOUR);
+        seen[k] = 0.85F;
+        ao[k] = 1.0F;
+        unripe[k] = 0.0F;
+        flat[k] = 0;
+      } else if (flat[k]) {
+        here[k] = L_BACKGROUND;
+        seen[k] = (zs[k] - UNIT * float(marks[k])) * 3.0F + 0.3F;
+        ao[k] = 0.8F + 0.4F * UNIT * float(looks[k] & 0xFFFF);
+        unripe[k] = 0.0F;
+      }
+    }
+  }
+  for (int k = 0; k < BATCH; ++k) {
+    // How many halvings bring the footprint to 1.4 texels or less.
+    const int32_t level = limited<int32_t>(((bits_of(foot[k]) - 1) >> 23) - 126, 0, LEVELS - 1);
+    const float scale = from_bits((127 - level) << 23) * (1.0F / TEXEL_M);
+    const bool wall = tiles[k] == T_WALL;
+    const float stretch = ts[k] < 2.0F ? 3.0F : 1.0F;
+    const float along = wall ? (xs[k] * 0.83F + ys[k] * 0.57F) * 1.5F * stretch : xs[k];
+    const float across = wall ? -zs[k] * stretch : ys[k];
+    // The offset, a multiple of every tile's side, makes truncation a floor.
+    const int32_t side = SIDE >> level, mask = side - 1;
+    // Larger levels come before: a third of the squares' difference, times 4.
+    const int32_t before = 4 * int32_t(float(SIDE * SIDE - side * side) * (1.0F / 3.0F) + 0.5F);
+    const int32_t ti = int32_t(along * scale + 65536.0F) & mask;
+    const int32_t tj = int32_t(across * scale + 65536.0F) & mask;
+    out.texel[k] = tiles[k] * int32_t(p.tile_size) + before + spread(ti) + 2 * spread(tj);
+  }
+  for (int k = 0; k < BATCH; ++k) __builtin_prefetch(p.tiles + out.texel[k]);
+  for (int k = 0; k < BATCH; ++k) out.masonry[k] = -1;
+  if (odd)
+    for (int k = 0; k < BATCH; ++k)
+      if (flat[k]) out.masonry[k] = masonry(kinds[k], hits[k], xs[k], ys[k], zs[k]);
+  const float lb = float(p.unripe_loss[0]), lg = float(p.unripe_loss[1]),
+              lr = float(p.unripe_loss[2]);
+  for (int k = 0; k < BATCH; ++k) {
+    const float sun = limited(seen[k], 0.0F, 1.0F);
+    const float thick = haze * ts[k], fog = thick / (1.0F + thick), bright = ao[k] * (1.0F - fog);
+    out.gain[0][k] = bright * light.on(0, sun) * (1.0F - unripe[k] * lb);
+    out.gain[1][k] = bright * light.on(1, sun) * (1.0F - unripe[k] * lg);
+    out.gain[2][k] = bright * light.on(2, sun) * (1.0F - unripe[k] * lr);
+    out.fog[k] = fog;
+    out.label[k] = here[k] << 24;
+  }
+}
+
+void paint_land(const Column &column, const int32_t *row, const Coming &in) {
+  const Picture &p = column.p;
+  const float hb = float(p.haze_bgr[0]), hg = float(p.haze_bgr[1]), hr = float(p.haze_bgr[2]);
+  int32_t texels[BATCH];
+  for (int k = 0; k < BATCH; ++k) texels[k] = p.tiles[in.texel[k]];
+  for (int k = 0; k < BATCH; ++k) {
+    const int32_t texel = in.masonry[k] >= 0 ? in.masonry[k] : texels[k];
+    const float fog = in.fog[k];
+    const float b = float(texel & 255) * in.gain[0][k] + fog * hb;
+    const float g = float(texel >> 8 & 255) * in.gain[1][k] + fog * hg;
+    const float r = float(texel >> 16) * in.gain[2][k] + fog * hr;
+    texels[k] = int32_t(packed(b, g, r)) | in.label[k];
+  }
+  for (int k = 0; k < BATCH; ++k) column.colour[row[k]] = uint32_t(texels[k]);
+}
+
+// Paints what `find` met in a column and no stalk hides, each pixel with its own light and texel.
+void fill(const Picture &p, const Heading &h, int64_t u) {
+  const int rows = int(p.rows);
+  const Column column = {p, h, Rays(p, u), p.depth + u * p.stride, p.colour + u * p.stride};
+  Waiting sky, ground, crop;
+  for (int v = 0; v < rows; ++v) {
+    const uint32_t hit = column.colour[v] >> 24;
+    sky.row[sky.n] = ground.row[ground.n] = crop.row[crop.n] = v;
+    sky.n += hit == SKY;
+    ground.n += hit == GROUND;
+    crop.n += (hit == CANOPY) | (hit == FACE);
+  }
+  sky.fill_up();
+  ground.fill_up();
+  crop.fill_up();
+  for (int k = 0; k < sky.n; k += BATCH) fill_sky(column, sky.row + k);
+  static thread_local Coming coming[ROOM / BATCH + 2];
+  Coming *next = coming;
+  for (int k = 0; k < ground.n; k += BATCH) light_land<true>(column, ground.row + k, *next++);
+  for (int k = 0; k < crop.n; k += BATCH) light_land<false>(column, crop.row + k, *next++);
+  next = coming;
+  for (int k = 0; k < ground.n; k += BATCH) paint_land(column, ground.row + k, *next++);
+  for (int k = 0; k < crop.n; k += BATCH) paint_land(column, crop.row + k, *next++);
+}
+
+// The columns [left, right) of a part of the picture: pairs of columns meet the same.
+struct Strip {
+  int64_t part, left, right;
+
+  Strip(const Picture &p, int64_t which) : part(which) {
+    const int64_t pairs = (p.columns + 1) / 2;
+    left = 2 * (pairs * part / p.parts);
+    right = std::min(p.columns, 2 * (pairs * (part + 1) / p.parts));
+  }
+};
+
+void find_all(const Picture &p, const Strip &strip) {
+  const Heading h(p);
+  for (int64_t u = strip.left; u < strip.right; u += 2)
+    find(p, h, u, std::min<int64_t>(2, strip.right - u));
+}
+
+void draw_stalks(const Picture &p, const Strip &strip) {
+  const int64_t last = p.sorted_first[strip.part + 1] - 1;
+  for (int64_t n = p.sorted_first[strip.part]; n <= last; ++n) {
+    // What comes next is on its way meanwhile.
+    const char *soon = reinterpret_cast<const char *>(p.stalks + p.sorted[std::min(n + 6, last)]);
+    __builtin_prefetch(soon);
+    __builtin_prefetch(soon + 63);
+    draw_stalk(p, p.stalks[p.sorted[n]], int(strip.left), int(strip.right));
+  }
+}
+
+void fill_all(const Picture &p, const Strip &strip) {
+  const Heading h(p);
+  for (int64_t u = strip.left; u < strip.right; ++u) fill(p, h, u);
+}
+
+// Columns [left, right) from where they are drawn into the picture, row by row.
+void lay(const Picture &p, const Strip &strip) {
+  const int64_t left = strip.left, right = strip.right;
+  constexpr int64_t TALL = 16;
+  for (int64_t v0 = 0; v0 < p.rows; v0 += TALL) {
+    const int64_t v1 = std::min(p.rows, v0 + TALL);
+    for (int64_t v = v0; v < v1; ++v) {
+      uint8_t *out = p.image + (v * p.columns + left) * 3;
+      const uint32_t *in = p.colour + left * p.stride + v;
+      for (int64_t u = left; u < right; ++u, out += 3, in += p.stride) {
+        const uint32_t word = *in;
+        out[0] = uint8_t(word);
+        out[1] = uint8_t(word >> 8);
+        out[2] = uint8_t(word >> 16);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+extern "C" {
+
+// Lists the blocks of stalks within the view's wedge, near ones first, and how many stalks of each
+// are shown: distant blocks show a prefix of their stalks, wider. Returns the number of blocks.
+int64_t plan(Picture *picture) {
+  Picture &p = *picture;
+  const Heading h(p);
+  const double half_fov = std::atan(p.corner) + 0.05, cosine = std::cos(half_fov),
+               sine = std::sin(half_fov);
+  const double east = p.x - p.x0, north = p.y - p.y0;
+  const auto block = [](double m, int64_t most) {
+    return std::min(most, int64_t(std::max(0.0, m / BLOCK_M)));
+  };
+  const int64_t i0 = block(east - REACH_M, p.block_columns),
+                i1 = block(east + REACH_M + BLOCK_M, p.block_columns);
+  const int64_t j0 = block(north - REACH_M, p.block_rows),
+                j1 = block(north + REACH_M + BLOCK_M, p.block_rows);
+  // The picture's border, a little wider.
+  float a_low = 1e9F, a_high = -1e9F, b_low = 1e9F, b_high = -1e9F;
+  const auto reach = [&](int64_t u, int64_t v) {
+    float a, b;
+    Rays(p, u).at(int(v), a, b);
+    a_low = std::min(a_low, a - 0.02F);
+    a_high = std::max(a_high, a + 0.02F);
+    b_low = std::min(b_low, b - 0.02F);
+    b_high = std::max(b_high, b + 0.02F);
+  };
+  for (int64_t u = 0; u < p.columns; u += 8) reach(u, 0), reach(u, p.rows - 1);
+  for (int64_t v = 0; v < p.rows; v += 8) reach(0, v), reach(p.columns - 1, v);
+  reach(p.columns - 1, p.rows - 1);
+  // Whether a block with its middle at (x, y) from the camera has no stalk in the picture.
+  const double half = 0.5 * BLOCK_M + 0.35 * p.tallest, top = 1.2 * p.tallest;
+  const auto beside_picture = [&](double x, double y) {
+    int sides = 15;
+    for (int corner = 0; corner < 8; ++corner) {
+      const double ax = x + (corner & 1 ? half : -half), ay = y + (corner & 2 ? half : -half);
+      const double az = (corner & 4 ? top : 0.0) - p.z;
+      const double z = p.axes[6] * ax + p.axes[7] * ay + p.axes[8] * az;
+      if (z < 0.3) return false;
+      const double a = (p.axes[0] * ax + p.axes[1] * ay + p.axes[2] * az) / z;
+      const double b = (p.axes[3] * ax + p.axes[4] * ay + p.axes[5] * az) / z;
+      sides &= int(a < a_low) | int(a > a_high) << 1 | int(b < b_low) << 2 | int(b > b_high) << 3;
+    }
+    return sides != 0;
+  };
+  // Sorted by distance in steps of 1/64 m, otherwise in the order of the grid.
+  constexpr int STEPS = int(REACH_M) * 64 + 1;
+  static thread_local int32_t found[(2 * 40 + 4) * (2 * 40 + 4)], step[(2 * 40 + 4) * (2 * 40 + 4)];
+  int32_t start[STEPS + 1] = {};
+  int64_t n = 0;
+  for (int64_t j = j0; j < j1; ++j) {
+    for (int64_t i = i0; i < i1; ++i) {
+      const double ax = (double(i) + 0.5) * BLOCK_M - east,
+                   ay = (double(j) + 0.5) * BLOCK_M - north;
+      const double ahead = ax * h.hx + ay * h.hy, aside = std::abs(ax * h.hy - ay * h.hx);
+      const double away = std::sqrt(ax * ax + ay * ay);
+      if (away > REACH_M || ahead < -0.4 || aside * cosine - ahead * sine > 0.6) continue;
+      if (away > 1.5 && beside_picture(ax, ay)) continue;
+      found[n] = int32_t(j * p.block_columns + i);
+      step[n] = int32_t(away * 64.0);
+      ++start[step[n] + 1];
+      ++n;
+    }
+  }
+  for (int s = 0; s < STEPS; ++s) start[s + 1] += start[s];
+  for (int64_t k = 0; k < n; ++k) {
+    const int32_t to = start[step[k]]++;
+    p.blocks[to] = found[k];
+    // The size of its share for now.
+    const double away = std::max(0.1, step[k] / 64.0);
+    p.first[to + 1] = int64_t(std::ceil(double(p.pack_size) * limited(2.2 / away, 0.05, 1.0)));
+  }
+  p.first[0] = 0;
+  for (int64_t k = 0; k < n; ++k) p.first[k + 1] += p.first[k];
+  p.block_count = n;
+  // The azimuths in the picture lie between those of its border.
+  const auto lateral = [&](int64_t u, int64_t v) {
+    float a, b;
+    Rays(p, u).at(int(v), a, b);
+    return (a * h.rl + b * h.dl + h.fl) / std::max(1e-7F, a * h.ra + b * h.da + h.fa);
+  };
+  float low = 1e9F, high = -1e9F;
+  const auto meet = [&](int64_t u, int64_t v) {
+    const float x = lateral(u, v);
+    low = std::min(low, x);
+    high = std::max(high, x);
+  };
+  for (int64_t u = 0; u < p.columns; ++u) meet(u, 0), meet(u, p.rows - 1);
+  for (int64_t v = 0; v < p.rows; ++v) meet(0, v), meet(p.columns - 1, v);
+  const auto bin = [&](float x) {
+    return int64_t(limited((double(x) + p.tangent) * 0.5 * double(p.bins) / p.tangent, 0.0,
+                           double(p.bins - 1)));
+  };
+  p.bin_from = std::max<int64_t>(0, bin(low) - 1);
+  p.bin_to = std::min(p.bins, bin(high) + 2);
+  return p.first[n];
+}
+
+// Part `part` of `parts` of what `draw` needs: the stalks of some blocks, the profiles of some
+// azimuths.
+void prepare(const Picture *picture, int64_t part) {
+  const Picture &p = *picture;
+  const auto begin = [&](int64_t k) {
+    const int64_t stalks = p.first[p.block_count] * k / p.parts;
+    return k == p.parts ? p.block_count
+                        : std::lower_bound(p.first, p.first + p.block_count, stalks) - p.first;
+  };
+  const int64_t k0 = begin(part), k1 = begin(part + 1);
+  int64_t n = p.first[k0];
+  p.drawn[2 * part] = n;
+  for (int64_t k = k0; k < k1; ++k) {
+    // The next block is on its way meanwhile.
+    const int64_t next = p.blocks[std::min(k + 1, p.block_count - 1)];
+    const float *soon = p.grown + size_t(next) * FIELDS * size_t(p.most);
+    for (int field = 0; field < FIELDS; ++field) __builtin_prefetch(soon + field * BATCH);
+    n += project(p, k, p.stalks + n, p.spans + 2 * n);
+  }
+  p.drawn[2 * part + 1] = n;
+  const Heading h(p);
+  const int64_t bins = p.bin_to - p.bin_from;
+  for (int64_t b = bins * part / p.parts; b < bins * (part + 1) / p.parts; ++b)
+    profile(p, h, p.bin_from + b);
+}
+
+// Deals the stalks out to the parts whose columns they cover, in their order. Returns how many
+// `sorted` must hold, and does nothing more where that is more than `sorted_room`.
+int64_t sort_stalks(const Picture *picture) {
+  const Picture &p = *picture;
+  constexpr int MOST = 256;
+  int64_t count[MOST + 1] = {};
+  int32_t part_of[ROOM];
+  for (int64_t part = 0; part < p.parts; ++part) {
+    const Strip strip(p, part);
+    for (int64_t u = strip.left; u < strip.right; ++u) part_of[u] = int32_t(part);
+  }
+  const auto each = [&](auto &&with) {
+    for (int64_t part = 0; part < p.parts; ++part) {
+      for (int64_t n = p.drawn[2 * part]; n < p.drawn[2 * part + 1]; ++n) {
+        const int from = std::max<int>(p.spans[2 * n], 0),
+                  to = std::min<int>(p.spans[2 * n + 1], int(p.columns) - 1);
+        if (from > to) continue;
+        for (int strip = part_of[from]; strip <= part_of[to]; ++strip) with(strip, n);
+      }
+    }
+  };
+  each([&](int strip, int64_t) { ++count[strip + 1]; });
+  for (int64_t k = 0; k < p.parts; ++k) count[k + 1] += count[k];
+  if (count[p.parts] > p.sorted_room) return count[p.parts];
+  std::memcpy(p.sorted_first, count, size_t(p.parts + 1) * sizeof(int64_t));
+  each([&](int strip, int64_t n) { p.sorted[count[strip]++] = int32_t(n); });
+  return p.sorted_first[p.parts];
+}
+
+// Columns of part `part` of `parts` of a picture.
+void draw(const Picture *picture, int64_t part) {
+  const Picture &p = *picture;
+  const Strip strip(p, part);
+  find_all(p, strip);
+  draw_crowns(p, strip.left, strip.right);
+  draw_stalks(p, strip);
+  fill_all(p, strip);
+  lay(p, strip);
+}
+
+// For a measurement, a pass of `draw` alone.
+void pass_find(const Picture *picture, int64_t part) { find_all(*picture, Strip(*picture, part)); }
+void pass_stalks(const Picture *picture, int64_t part) {
+  draw_stalks(*picture, Strip(*picture, part));
+}
+void pass_fill(const Picture *picture, int64_t part) { fill_all(*picture, Strip(*picture, part)); }
+void pass_lay(const Picture *picture, int64_t part) { lay(*picture, Strip(*picture, part)); }
+
+// The numbers that the plant's other code draws alike (sim_plant/noise.py): for a test.
+double noise_smooth(int64_t seed, double x, double y) { return smooth(int(seed), x, y); }
+
+// Fills SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
+// Nothing is higher than `tallest`. `crowns` (n, 4): x, y, z and radius of the trees' crowns in
+// coarse cells from the grid's corner.
+void shade(uint16_t *stand, int64_t rows, int64_t columns, double coarse, double tallest,
+           double east, double north, double up, const double *crowns, int64_t crown_count,
+           int64_t j0, int64_t j1, int64_t i0, int64_t i1) {
+  const double flat = std::max(std::sqrt(east * east + north * north), 1e-6);
+  const float tangent = float(up / flat), highest_m = float(tallest);
+  const float dx = float(east / flat / coarse), dy = float(north / flat / coarse);
+  for (int64_t j = j0; j < j1; ++j) {
+    for (int64_t i = i0; i < i1; ++i) {
+      float highest = 0.0F;
+      for (int64_t k = 0; k < crown_count; ++k) {
+        // Distance of the crown's centre from the ray towards the sun.
+        const double cx = crowns[4 * k] - double(i) - 0.5, cy = crowns[4 * k + 1] - double(j) - 0.5;
+        const double cz = crowns[4 * k + 2], radius = crowns[4 * k + 3];
+        const double along = cx * east + cy * north + cz * up;
+        if (cx * cx + cy * cy + cz * cz - along * along < radius * radius)
+          highest = std::max(highest, float(cz * coarse));
+      }
+      for (float s = 0.15F; s * tangent < highest_m; s += 0.05F) {
+        const float x = float(i) + 0.5F + dx * s, y = float(j) + 0.5F + dy * s;
+        if (!(x >= 0.0F && y >= 0.0F && x < float(columns) && y < float(rows))) break;
+        const uint16_t *cell = stand + (int64_t(y) * columns + int64_t(x)) * CHANNELS;
+        if (cell[BODY] > 0) highest = std::max(highest, UNIT * cell[HEIGHT] - s * tangent);
+      }
+      stand[(j * columns + i) * CHANNELS + SUNLIT] =
+          uint16_t(std::min(65535.0F, highest / UNIT + 0.5F));
+    }
+  }
+}
+
+// Lays the blade's dust over a picture (rows, columns, 3) in place. A puff is born along the
+// blade's line every life/PUFFS seconds, rises, grows, drifts by `drift` (m/s in the vehicle frame)
+// and fades. `mount` (4, 3): right, down, forward of the camera in the vehicle frame, and its
+// place. `veil` (rows / scale, columns / scale): room for the opacity; `clouds`, 256 larger each
+// way: noise.
+void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int64_t scale,
+                const double *mount, double focal, int64_t seed, double t, double drift_x,
+                double drift_y, double ahead, double half_width, double density,
+                const float *clouds, const double *bgr) {
+  constexpr int PUFFS = 14, OFFSETS = 256;
+  constexpr double LIFE_S = 1.6, EVERY_S = LIFE_S / PUFFS;
+  const int h = int(rows / scale), w = int(columns / scale);
+  std::memset(veil, 0, size_t(h) * size_t(w) * sizeof(float));
+  int top = h, bottom = 0, left = w, right = 0;
+  const double newest = std::floor(t / EVERY_S);
+  for (int k = 0; k < PUFFS; ++k) {
+    const int index = int(newest) - k;
+    const double age = t - index * EVERY_S, share = age / LIFE_S;
+    if (share >= 1.0) continue;
+    const double px = ahead + drift_x * age - mount[9];
+    const double py =
+        (2.0 * uniform(int(seed), index, 1) - 1.0) * half_width + drift_y * age - mount[10];
+    const double pz = 0.15 + (0.25 + 0.3 * uniform(int(seed), index, 2)) * age - mount[11];
+    const double z = mount[6] * px + mount[7] * py + mount[8] * pz;
+    if (z < 0.3) continue;
+    const double u =
+        focal * (mount[0] * px + mount[1] * py + mount[2] * pz) / z / double(scale) + 0.5 * w;
+    const double v =
+        focal * (mount[3] * px + mount[4] * py + mount[5] * pz) / z / double(scale) + 0.5 * h;
+    const double radius = focal * (0.22 + 0.35 * age) / z / double(scale);
+    const float strength =
+        float(density * (1.0 - share) * (0.4 + 0.6 * uniform(int(seed), index, 3)));
+    const int across = int(mix(uint32_t(seed), uint32_t(index), 4) % OFFSETS);
+    const int down = int(mix(uint32_t(seed), uint32_t(index), 5) % OFFSETS);
+    const float per_square = float(1.0 / (radius * radius)), uc = float(u), vc = float(v);
+    const auto from = [](double x) { return int(limited(x, 0.0, 1e6)); };
+    const auto until = [](double x, int most) { return int(limited(x + 1.0, 0.0, double(most))); };
+    const int r0 = from(v - radius), r1 = until(v + radius, h), c0 = from(u - radius),
+              c1 = until(u + radius, w);
+    if (r0 >= r1 || c0 >= c1) continue;
+    top = std::min(top, r0), bottom = std::max(bottom, r1);
+    left = std::min(left, c0), right = std::max(right, c1);
+    for (int j = r0; j < r1; ++j) {
+      const float *cloud = clouds + size_t(down + j) * size_t(w + OFFSETS) + across;
+      float *here = veil + size_t(j) * size_t(w);
+      for (int i = c0; i < c1; ++i) {
+        const float di = float(i) - uc, dj = float(j) - vc;
+        const float inner = std::max(0.0F, 1.0F - (di * di + dj * dj) * per_square);
+        const float opacity = std::min(1.0F, strength * inner * inner * (0.7F + 0.6F * cloud[i]));
+        here[i] += (1.0F - here[i]) * opacity;
+      }
+    }
+  }
+  if (top >= bottom) return;
+  // Enlarged between the middles of the veil's pixels.
+  const int v0 = std::max(0, (top - 1) * int(scale)),
+            v1 = std::min(int(rows), (bottom + 1) * int(scale));
+  const int u0 = std::max(0, (left - 1) * int(scale)),
+            u1 = std::min(int(columns), (right + 1) * int(scale));
+  const float per_scale = 1.0F / float(scale);
+  float column[ROOM], line[ROOM];
+  const float b = float(bgr[0]), g = float(bgr[1]), r = float(bgr[2]);
+  for (int v = v0; v < v1; ++v) {
+    const float y = limited((float(v) + 0.5F) * per_scale - 0.5F, 0.0F, float(h - 1));
+    const int j = std::min(int(y), h - 2);
+    const float fy = y - float(j);
+    const float *one = veil + size_t(j) * size_t(w);
+    for (int i = 0; i < w; ++i) column[i] = one[i] + (one[i + w] - one[i]) * fy;
+    for (int u = u0; u < u1; ++u) {
+      const float x = limited((float(u) + 0.5F) * per_scale - 0.5F, 0.0F, float(w - 1));
+      const int i = std::min(int(x), w - 2);
+      line[u] = column[i] + (column[i + 1] - column[i]) * (x - float(i));
+    }
+    uint8_t *out = image + (int64_t(v) * columns) * 3;
+    for (int u = u0; u < u1; ++u) {
+      out[3 * u] = uint8_t(float(out[3 * u]) + (b - float(out[3 * u])) * line[u]);
+      out[3 * u + 1] = uint8_t(float(out[3 * u + 1]) + (g - float(out[3 * u + 1])) * line[u]);
+      out[3 * u + 2] = uint8_t(float(out[3 * u + 2]) + (r - float(out[3 * u + 2])) * line[u]);
+    }
+  }
+}
+
+// The sensor's answer, (rows, n): gain by value of a row, a shoulder above 200 counts that keeps
+// highlights from clipping hard, and noise, whose rows are `stride` apart.
+void expose(const uint8_t *light, const uint8_t *vignette, const float *gain, const int8_t *rough,
+            int64_t stride, uint8_t *out, int64_t rows, int64_t n) {
+  for (int64_t v = 0; v < rows; ++v) {
+    const uint8_t *light_row = light + v * n;
+    const uint8_t *vignette_row = vignette + v * n;
+    const int8_t *rough_row = rough + v * stride;
+    uint8_t *out_row = out + v * n;
+    for (int64_t i = 0; i < n; ++i) {
+      const float x = float(light_row[i]) * float(vignette_row[i]) * gain[i];
+      const float d = std::max(0.0F, x - 200.0F) * (1.0F / 55.0F);
+      // The exponential's series.
+      const float grown = 1.0F + d * (1.0F + d * (0.5F + d * (1.0F / 6.0F + d * (1.0F / 24.0F))));
+      const float y = std::min(x, 200.0F) + 55.0F - 55.0F / grown + float(rough_row[i]) + 0.5F;
+      out_row[i] = uint8_t(int32_t(limited(y, 0.0F, 255.0F)));
+    }
+  }
+}
+}

@@ -1,0 +1,159 @@
+"""What each part of the bench costs, in a figure that holds on a noisy machine.
+
+    python tools/speed.py                 # today's figures, against the stored baseline
+    python tools/speed.py --write         # stores today's as the baseline
+
+For each part: processor seconds per simulated second, over the processor seconds of a fixed kernel
+that is timed in the same run, in turn with the part. A busy neighbour slows both, and leaves their
+ratio. Each ratio is the median over the rounds. Exits with 0 whatever it finds: CI prints it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from bench_plant import WEATHER, with_firmware
+from numba import njit
+from numpy.typing import NDArray
+
+from host.core.vehicle import Mount, Vehicle
+from host.vision.mounted.detector import make_detector
+from sim_plant.camera import LOW, MAST, Camera, CameraSpec
+from sim_plant.field import Field, FieldSpec
+
+BASELINE = Path(__file__).with_name("speed_baseline.json")
+PICTURES_PER_S = 10
+
+
+@njit
+def _mixed(table: NDArray[np.float32], rounds: int) -> float:
+    """Multiplications, branches and lookups that miss the nearer caches: about 10 ms."""
+    x = np.uint32(1)
+    total = 0.0
+    for _ in range(rounds):
+        x = np.uint32(x * np.uint32(1664525) + np.uint32(1013904223))
+        value = table[x >> np.uint32(10)]
+        total += value * value if value > 0.5 else math.sqrt(value)
+    return total
+
+
+def reference() -> Callable[[], None]:
+    """The fixed kernel."""
+    table = np.linspace(0, 1, 1 << 22, dtype=np.float32)
+    return lambda: print(end="" if _mixed(table, 1_500_000) > 0 else "?")
+
+
+class Drive:
+    """A camera on its way along the crop of a 20 m field, the blade at work."""
+
+    def __init__(self, mount: CameraSpec) -> None:
+        self.field = Field(FieldSpec(size_m=(20.0, 20.0)), 1)
+        self.field.clear(((-1, -1), (99, -1), (99, 1), (-1, 1)))
+        # What the blade has cut by now: without it the camera would stand amid the crop.
+        self.field.clear(((-1, 1), (3.5, 1), (3.5, 2), (-1, 2)))
+        self.camera = Camera(self.field, mount, WEATHER, 1, threads=1)
+        self.k = 0
+        self.picture = self.take()
+
+    def take(self) -> NDArray[np.uint8]:
+        """The next picture, 5 cm on."""
+        x = 2.0 + 0.05 * (self.k % 300)
+        self.field.cut((x, 1.5, 0.0), (x + 0.05, 1.5, 0.0))
+        rate = 0.1 * math.sin(0.3 * self.k)
+        self.picture = self.camera.capture(
+            0.1 * self.k, x, 1.5, 0.0, 0.01, 0.01, 0.5, rate, blade_on=True
+        )
+        self.k += 1
+        return self.picture
+
+    def jpeg(self) -> None:
+        """Into the file format and back."""
+        data = np.frombuffer(self.camera.encode(self.picture), np.uint8)
+        cv2.imdecode(data, cv2.IMREAD_COLOR)
+
+
+def parts() -> dict[str, tuple[float, Callable[[], object]]]:
+    """By name: how many of it there are in a simulated second, and it."""
+    out: dict[str, tuple[float, Callable[[], object]]] = {}
+    for name, mount in (("low", LOW), ("mast", MAST)):
+        drive = Drive(mount)
+        given = {k: v for k, v in mount.model_dump().items() if k in Mount.model_fields}
+        detector = make_detector("robust", Vehicle(), Mount(**given))
+        out[f"picture, {name}"] = PICTURES_PER_S, drive.take
+        out[f"JPEG there and back, {name}"] = PICTURES_PER_S, drive.jpeg
+        out[f"mounted vision, {name}"] = (
+            PICTURES_PER_S,
+            lambda drive=drive, detector=detector: detector.see(drive.picture),
+        )
+    return out
+
+
+def firmware(name: str, seconds: float) -> float:
+    """Processor seconds per simulated second of firmware and machine."""
+    return 1.0 / with_firmware(name, seconds)
+
+
+def spent(work: Callable[[], object]) -> float:
+    """Processor seconds of one call."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def measure(rounds: int, avr: bool) -> dict[str, tuple[float, float]]:
+    """By part: processor ms per simulated second, and that over the reference kernel's ms."""
+    kernel, each = reference(), parts()
+    kernel()
+    for _, work in each.values():
+        work()
+    cost: dict[str, list[float]] = {name: [] for name in each}
+    ratio: dict[str, list[float]] = {name: [] for name in each}
+
+    def note(name: str, seconds: float, before: float) -> None:
+        cost.setdefault(name, []).append(seconds)
+        ratio.setdefault(name, []).append(2 * seconds / (before + spent(kernel)))
+
+    for _ in range(rounds):
+        for name, (per_s, work) in each.items():
+            before = spent(kernel)
+            note(name, per_s * spent(work), before)
+    for name, seconds in (("desk", 60.0), ("avr", 3.0)):
+        if name == "desk" or avr:
+            firmware(name, 1.0)
+            for _ in range(3):
+                before = spent(kernel)
+                note(f"firmware and plant, {name}", firmware(name, seconds), before)
+    return {
+        name: (1e3 * float(np.median(cost[name])), float(np.median(ratio[name]))) for name in cost
+    }
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=40)
+    parser.add_argument("--no-avr", action="store_true", help="leave the AVR binary out")
+    parser.add_argument("--write", action="store_true", help="stores these figures as the baseline")
+    args = parser.parse_args()
+    cv2.setNumThreads(1)
+    found = measure(args.rounds, not args.no_avr)
+    stored = json.loads(BASELINE.read_text()) if BASELINE.exists() else {}
+    print(f"{'part':28}  ms per simulated s   per reference kernel   stored   change")
+    for name, (cost_ms, ratio) in found.items():
+        before = stored.get(name)
+        change = f"{before:8.2f}  {100 * (ratio / before - 1):+6.0f} %" if before else "       -"
+        print(f"{name:28}  {cost_ms:18.1f}   {ratio:20.2f} {change}")
+    if args.write:
+        kept = {name: round(ratio, 3) for name, (_, ratio) in found.items()}
+        BASELINE.write_text(json.dumps({**stored, **kept}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
