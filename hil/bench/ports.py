@@ -6,6 +6,7 @@ import contextlib
 import os
 import pty
 import socket
+import struct
 import tty
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,11 +87,11 @@ class TcpPort:
 
     SCHEME = "socket"
 
-    def __init__(self, port: int, host: str = "0.0.0.0") -> None:
+    def __init__(self, port: int, host: str = "127.0.0.1") -> None:
         try:
             self._listener = socket.create_server((host, port))
         except OSError as error:
-            raise UserError(f"cannot serve TCP port {port}: {error.strerror}") from error
+            raise UserError(f"cannot serve TCP port {port} of {host}: {error.strerror}") from error
         self._listener.setblocking(False)
         self._peer: socket.socket | None = None
         self.name = f"{self.SCHEME}://{host}:{self._listener.getsockname()[1]}"
@@ -159,7 +160,11 @@ class Rfc2217Port(TcpPort):
         self._manager = PortManager(settings, network)
 
     def _received(self, data: bytes) -> bytes:
-        return b"".join(self._manager.filter(data))
+        try:
+            return b"".join(self._manager.filter(data))
+        except (struct.error, ValueError, IndexError):  # a negotiation that is none
+            self._hang_up()
+            return b""
 
     def _to_send(self, data: bytes) -> bytes:
         return b"" if self._peer is None else b"".join(self._manager.escape(data))

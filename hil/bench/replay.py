@@ -17,6 +17,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from hil.bench.lockstep import Bench
 from hil.scenario import scenario as scenarios
@@ -126,8 +127,19 @@ class About:
 
 
 def about_of(path: Path) -> About:
-    """UserError where the record does not say enough."""
+    """UserError where the record does not say enough, or what no program of today understands."""
     about = record.about(path)
+    try:
+        return _about(path, about)
+    except (ValidationError, KeyError, TypeError, ValueError) as error:
+        words = _words(error) if isinstance(error, ValidationError) else repr(error)
+        raise UserError(
+            f"{path}: what the record says of its run is not understood ({words}); it was written "
+            "by another version, or is damaged"
+        ) from error
+
+
+def _about(path: Path, about: Mapping[str, str]) -> About:
     if "scenario" in about:
         s = Scenario.model_validate_json(about["scenario"])
         return About(s.vehicle, s.plan(), s.mode, s.camera, s)
@@ -269,6 +281,15 @@ def _replay_firmware(path: Path, scenario: Scenario, outcome: Outcome) -> None:
         outcome.firmware.append(Difference(end, "messages in all", len(theirs), len(ours)))
 
 
+def _words(error: ValidationError) -> str:
+    """Which fields are wrong, and why."""
+    return "; ".join(
+        f"{'.'.join(map(str, each['loc'])) or 'the machine'}: "
+        + ("no such field" if each["type"] == "extra_forbidden" else each["msg"])
+        for each in error.errors()
+    )
+
+
 def replay(
     path: Path,
     *,
@@ -285,8 +306,8 @@ def replay(
         changed = scenarios.merge(about.vehicle.model_dump(mode="json"), dict(vehicle))
         try:
             new = Vehicle.model_validate(changed)
-        except ValueError as error:
-            raise UserError(f"--vehicle {dict(vehicle)}: {error}") from error
+        except ValidationError as error:
+            raise UserError(f"--vehicle {_words(error)}") from error
         about = About(new, about.plan, about.mode, about.mount, about.scenario)
     if about.scenario is None and about.plan is None:
         outcome.notes.append("the record holds no plan; the pilot is given none")

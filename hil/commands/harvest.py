@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from rich.table import Table
 
 from hil.bench.harvest import SWITCH_S, Progress, harvest
 from hil.bench.live_view import HOST
+from hil.commands.progress import Lines, written_since
 from hil.scenario.scenario import assigned, load, merge
-from host.core.errors import UserError
+from host.core.errors import FaultError, UnfinishedError
 
 
 @click.command("harvest")
@@ -56,6 +58,7 @@ def harvest_command(
     for setting in settings:
         overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)
+    begun = time.time()
     console = Console(stderr=True)
     columns = (
         progress.TextColumn("coverage"),
@@ -66,7 +69,10 @@ def harvest_command(
     with progress.Progress(*columns, console=console) as bar:
         task = bar.add_task("starting", total=1.0, time=0.0)
 
+        lines = Lines(console)
+
         def show(step: Progress) -> None:
+            lines.tell(step.coverage, f"{step.time_s:.0f} s simulated, {step.phase.value}")
             bar.update(
                 task, completed=step.coverage, time=step.time_s, description=step.phase.value
             )
@@ -79,9 +85,10 @@ def harvest_command(
         if isinstance(value, int | float) and not isinstance(value, bool):
             table.add_row(key, f"{value:g}")
     Console().print(table)
-    click.echo(f"written to {out}: {', '.join(sorted(path.name for path in out.iterdir()))}")
+    click.echo(f"written to {out}: {', '.join(sorted(written_since(out, begun)))}")
     if summary["outcome"] != "finished":
-        raise UserError(
+        kind = FaultError if summary["outcome"] == "fault" else UnfinishedError
+        raise kind(
             f"the field was not finished: {summary['outcome']}: {summary['reason']} "
             f"(see {out / 'map.png'}; `daranti-hil report {out}` shows it all)"
         )

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 
 from rich import progress
@@ -90,3 +92,40 @@ class Watch:
             f"{self._what}: {self._done} of {self._total} done in {spent}, {self._left()} left",
             highlight=False,
         )
+
+
+class Lines:
+    """Of a work whose share done is known: a line now and then with the time left; nothing on a
+    terminal, where the command draws a bar."""
+
+    def __init__(
+        self,
+        console: Console,
+        every_s: float = LINE_EVERY_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._console = console
+        self._every_s = every_s
+        self._clock = clock
+        self._begun = self._told = clock()
+
+    def tell(self, share: float, text: str) -> None:
+        """`share` of the work that is done, 0..1."""
+        now = self._clock()
+        if self._console.is_terminal or now - self._told < self._every_s:
+            return
+        self._told = now
+        seconds = (now - self._begun) * (1 - share) / share if share > 0 else math.inf
+        self._console.print(
+            f"{100 * share:.0f} %: {text}, {left(seconds)} left",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
+
+
+def written_since(folder: Path, begun: float) -> list[str]:
+    """Names of what was written into a folder since `begun` (seconds of the system's clock): what
+    an earlier run has left is not announced as this one's."""
+    slack_s = 1.0  # some file systems keep whole seconds
+    return [each.name for each in folder.iterdir() if each.stat().st_mtime >= begun - slack_s]

@@ -8,7 +8,8 @@ from typing import Literal
 import click
 
 from hil.bench.replay import replay
-from host.core.errors import UserError
+from host.core.errors import UnfinishedError, UserError
+from host.link.protocol import PARAMS
 
 
 def _settings(given: tuple[str, ...], option: str) -> dict[str, float]:
@@ -37,11 +38,15 @@ def command(
 ) -> None:
     """Feeds a record's inputs through today's pilot and firmware and shows the first difference.
 
-    Exits with an error when there is one."""
+    Exits with 3 when there is one."""
+    parameters = _settings(param, "--param")
+    unknown = [name for name in parameters if name not in PARAMS]
+    if unknown:
+        raise UserError(f"--param {unknown[0]}: the firmware has no such parameter")
     outcome = replay(
         path,
         vehicle=_settings(vehicle, "--vehicle"),
-        parameters=_settings(param, "--param"),
+        parameters=parameters,
         firmware=firmware,
     )
     for note in outcome.notes:
@@ -52,5 +57,5 @@ def command(
             click.echo(f"{who}: {difference}")
     total = len(outcome.pilot) + len(outcome.firmware)
     if total:
-        raise UserError(f"{path}: {total} differences in {counts}")
+        raise UnfinishedError(f"{path}: {total} differences in {counts}")
     click.echo(f"{path}: all the same: {counts}")

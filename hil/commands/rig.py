@@ -38,6 +38,13 @@ from sim_plant.phone import Phone, PhoneSpec
 @click.option("--rfc2217", type=click.IntRange(0, 65535), help="The same as RFC 2217.")
 @click.option("--http-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
 @click.option("--nmea-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Who may come, for all network ports; 0.0.0.0: every machine.",
+)
+@click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/rig"), show_default=True)
 def rig(
     name: str,
@@ -49,6 +56,8 @@ def rig(
     rfc2217: int | None,
     http_port: int,
     nmea_port: int,
+    host: str,
+    settings: tuple[str, ...],
     out: Path,
     **options: Any,
 ) -> None:
@@ -57,8 +66,13 @@ def rig(
     Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
     and how well the clock was kept."""
     real = firmware.removeprefix(PREFIX) if firmware and firmware.startswith(PREFIX) else None
-    overrides = options | ({"firmware": firmware} if real is None else {})
-    chosen = scenario.load(name, {k: v for k, v in overrides.items() if v is not None})
+    if real is None and firmware not in (None, "desk", "avr"):
+        raise UserError(f"--firmware {firmware}: give desk, avr or serial:PORT of a real board")
+    given = options | ({"firmware": firmware} if real is None else {})
+    overrides = {k: v for k, v in given.items() if v is not None}
+    for setting in settings:
+        overrides = scenario.merge(overrides, scenario.assigned(setting))
+    chosen = scenario.load(name, overrides)
     if any(fault.at.state is not None for fault in chosen.faults):
         raise UserError(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
@@ -71,9 +85,9 @@ def rig(
             plugged.callback(ports["port"].close)
             for kind, number in ((TcpPort, tcp), (Rfc2217Port, rfc2217)):
                 if number is not None:
-                    served = ports[kind.SCHEME] = kind(number)
+                    served = ports[kind.SCHEME] = kind(number, host)
                     plugged.callback(served.close)
-            phone = plugged.enter_context(_phone(http_port, nmea_port))
+            phone = plugged.enter_context(_phone(host, http_port, nmea_port))
             machine = Rig(bench, list(ports.values()), phone, factor=factor)
             plugged.callback(machine.close)
             phone.show(_develop(bench.camera, bench.shutter()))
@@ -85,12 +99,13 @@ def rig(
         _report(machine, out)
 
 
-def _phone(http_port: int, nmea_port: int) -> Phone:
+def _phone(host: str, http_port: int, nmea_port: int) -> Phone:
     try:
-        return Phone(PhoneSpec(http_port=http_port, nmea_port=nmea_port, delay_s=0.0))
+        return Phone(PhoneSpec(host=host, http_port=http_port, nmea_port=nmea_port, delay_s=0.0))
     except OSError as error:
         raise UserError(
-            f"cannot serve the phone on ports {http_port} and {nmea_port}: {error.strerror}"
+            f"cannot serve the phone on ports {http_port} and {nmea_port} of {host}: "
+            f"{error.strerror}"
         ) from error
 
 

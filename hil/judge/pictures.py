@@ -101,6 +101,11 @@ def draw_steering(path: Path, trace: NDArray[np.float64]) -> None:
     figure.savefig(path, dpi=110)
 
 
+def _shown(value: float, form: str) -> str:
+    """A number, or a dash where nothing was measured."""
+    return "-" if math.isnan(value) else format(value, form)
+
+
 def annotate(
     bgr: NDArray[np.uint8], view: CropView | None, t: float, phase: str, reason: str
 ) -> NDArray[np.uint8]:
@@ -130,9 +135,9 @@ def annotate(
     lines_of_text = [f"{t:7.1f} s  {phase}: {reason}"[:88]]
     if view is not None:
         lines_of_text.append(
-            f"offset {view.edge_offset_m:+.2f} m"
-            f"  heading {math.degrees(view.edge_heading_rad):+.1f} deg"
-            f"  ahead {view.crop_ahead_m:.2f} m  confidence {view.confidence:.2f}"
+            f"offset {_shown(view.edge_offset_m, '+.2f')} m"
+            f"  heading {_shown(math.degrees(view.edge_heading_rad), '+.1f')} deg"
+            f"  ahead {_shown(view.crop_ahead_m, '.2f')} m  confidence {view.confidence:.2f}"
         )
     cv2.rectangle(picture, (0, 0), (width, 4 + 16 * len(lines_of_text)), (0, 0, 0), -1)
     for k, text in enumerate(lines_of_text):

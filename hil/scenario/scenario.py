@@ -214,7 +214,7 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
 
     Raises UserError naming file, line and field."""
     path = Path(name_or_file)
-    if not path.suffix and not path.exists():
+    if not path.suffix and not path.is_file():
         path = FOLDER / f"{name_or_file}.yaml"
         if not path.exists():
             raise UserError(
@@ -228,7 +228,7 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
     try:
         data = yaml.safe_load(text) or {}
         lines = _lines(yaml.compose(text, Loader=yaml.SafeLoader))
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "not readable"
@@ -253,6 +253,8 @@ def _explain(path: Path, lines: dict[tuple[Any, ...], int], error: ValidationErr
         if problem["type"] == "extra_forbidden":
             what = "no such field"
         got = problem["input"]
+        if isinstance(got, bool):
+            what += "; YAML reads on, off, yes and no as true or false: put a word in quotes"
         shown = f" (got {got!r})" if isinstance(got, str | int | float | bool | None) else ""
         parts.append(f"{where}: {field + ': ' if field else ''}{what}{shown}")
     return "; ".join(parts)

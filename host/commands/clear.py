@@ -26,10 +26,10 @@ def clear(port: str) -> None:
             echo(f"fault: {text}")
         link.ask(protocol.Clear())
         left = _faults(link)
-        state = link.session.telemetry.state if link.session.telemetry else None
-        if left or state is State.FAULT:
+        telemetry = link.session.telemetry
+        if left or telemetry is None or telemetry.state is State.FAULT:
             raise FaultError(f"{port}: still there: {'; '.join(left)}")
-        echo(f"cleared; the firmware is {state.name if state else 'silent'}")
+        echo(f"cleared; the firmware is {telemetry.state.name}")
 
 
 def _faults(link: Link) -> list[str]:
