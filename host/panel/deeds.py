@@ -15,6 +15,7 @@ from host.panel.checking import check
 from host.panel.harvesting import Order, harvest
 from host.panel.machine import PRESENCE_S, Machine
 from host.panel.snapshot import Json, number
+from host.panel.tuning import tune
 
 COUNTDOWN_S: Final = 5.0
 """From the operator's start to the first motion, with a sound a second."""
@@ -113,4 +114,5 @@ DEEDS: Final[dict[str, Callable[[Machine, Json], None]]] = {
     "clear": clear,
     "jog": jog,
     "check": check,
+    "pid": tune,
 }

@@ -28,7 +28,9 @@ from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from host.core.messages import Fix
+from host.core.vehicle_file import load_vehicle, mount_of
 from host.panel.board import MachineLine
+from host.panel.colours import ColourDesk
 from host.panel.fields import FieldDesk
 from host.panel.gate import Guard
 from host.panel.guard import Pairing, Seat
@@ -133,6 +135,11 @@ class Panel:
         self.check: Json | None = None
         self.field: Json | None = None
         self._count = 0
+        vehicle = load_vehicle(settings.vehicle)
+        mount = mount_of(vehicle, settings.mount)
+        self.colours = ColourDesk(vehicle, mount, settings.mount)
+        self.jpeg: bytes | None = None
+        self._colour_busy = False
         self._fix_stamp = -1.0
         self._work = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -201,6 +208,22 @@ class Panel:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
+    def _colour(self, page: Page, wish: Json) -> None:
+        """One move of the sliders; while one is worked on, further looks are left out."""
+        if self._colour_busy and wish.get("do") == "colour_look":
+            return
+
+        async def work() -> None:
+            self._colour_busy = True
+            try:
+                page.tell(await asyncio.to_thread(self.colours.do, wish, self.jpeg))
+            finally:
+                self._colour_busy = False
+
+        task = asyncio.create_task(work())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
     def _for(self, page: Page) -> Json:
         return self.now | {
             "driver": self.seat.holder == page.name,
@@ -210,6 +233,7 @@ class Panel:
         }
 
     def _pictured(self, jpeg: bytes) -> None:
+        self.jpeg = jpeg
         for page in self.pages.values():
             page.show_picture(jpeg)
 
@@ -307,6 +331,8 @@ class Panel:
                 self.line.ask(wish)
             case "check":
                 self.line.ask({"do": "check", "order": self.order()})
+            case "colour_begin" | "colour_take" | "colour_look" | "colour_best" | "colour_save":
+                self._colour(page, wish)
             case what if what in FIELD_WISHES:
                 self._later(wish)
             case _:
