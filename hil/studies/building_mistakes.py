@@ -65,6 +65,7 @@ class Mistake:
     nmea: Callable[[str], str] | None = None
     gap: bool = True
     corner: int | None = None
+    """So many corners farther on than where it stands."""
     shifted_m: float = 0.0
     free_bytes: int = FREE_BYTES
     slower: float = 1.0
@@ -143,7 +144,7 @@ MISTAKES: Final = (
     ),
     Mistake(
         "pot's centre off by 12 degrees",
-        ("stops.centre", "stops.blocked"),
+        ("stops.centre", "stops.scale", "stops.blocked"),
         _steering(pot_centre_counts=566.0),
     ),
     Mistake("pot's wire open", ("faults.there",), taps={Signal.POT: (Mode.FIXED, 5000.0)}),
@@ -185,7 +186,7 @@ MISTAKES: Final = (
     Mistake("receiver without course", ("course.none",), nmea=_without_course),
     Mistake("receiver silent", ("receiver.none",), nmea=_silent),
     Mistake("wrong field", ("place.other_field",), shifted_m=300.0),
-    Mistake("wrong corner", ("place.corner",), corner=3),
+    Mistake("wrong corner", ("place.corner",), corner=2),
     Mistake("gap missing", ("field.no_gap",), gap=False),
     Mistake("disk full", ("disk.full",), free_bytes=10**9),
     Mistake("laptop slow", ("laptop.slow",), slower=12.0),
@@ -428,7 +429,10 @@ def inspect(
         moved = out / "elsewhere.geojson"
         moved.write_text(_shifted(text, wrong.shifted_m), encoding="utf-8")
         boundary = moved
-    corner = int(good["corner"]) if wrong.corner is None else wrong.corner
+    stands = base.start_pose()[:2]
+    ring = base.told.boundary
+    nearest = min(range(len(ring)), key=lambda k: math.dist(ring[k], stands))
+    corner = nearest if wrong.corner is None else (nearest + wrong.corner) % len(ring)
     target = Target(boundary, float(good["gap"]) if wrong.gap else None, corner)
     with Bench(world) as bench:
         hands = LockstepHands(bench, vehicle, good["mount"], "robust", mistake)

@@ -8,11 +8,12 @@ import json
 import math
 from collections import deque
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from host.core.errors import UserError
+from host.core.messages import Frame, State
 from host.core.strict import Strict
 from host.field.boundary_file import load_field
 from host.link import protocol
@@ -22,7 +23,7 @@ from host.panel.snapshot import Json, number
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
-from host.runs.drive import Drive, fits, fitted
+from host.runs.drive import PERIOD_S, Drive, fits, fitted
 from host.runs.errand import errand_of
 from host.runs.record import Recorder
 from host.runs.resume import Keeper, load
@@ -33,6 +34,7 @@ from host.vision.watched import watched_detector
 SLOW_STEP_S: Final = 0.05
 TRAIL_M: Final = 0.2
 FIRST_PICTURE_S: Final = 10.0
+REHEARSED: Final = 30
 
 
 class Order(Strict):
@@ -109,7 +111,7 @@ def harvest(machine: Machine, order: Order) -> None:
     folder = machine.settings.folder
     now = datetime.datetime.now(tz=datetime.UTC)
     path = folder / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
-    warm_up(machine)
+    warm_up(machine, plan)
     detector = watched_detector(machine.settings.mode, vehicle, mount, None)
     pilot = Pilot(vehicle, detector, plan)
     operator = Operator(machine)
@@ -163,10 +165,11 @@ def harvest(machine: Machine, order: Order) -> None:
                 path.with_suffix(".run.json").write_text(json.dumps(ended), encoding="utf-8")
 
 
-def warm_up(machine: Machine) -> None:
-    """Lets a detector see one picture: what is compiled at its first use takes seconds, and the
-    board waits for a command no longer than 250 ms once it is armed."""
-    camera, mount = machine.camera, machine.mount
+def warm_up(machine: Machine, plan: Plan) -> None:
+    """Rehearses the first steps on one picture, with a pilot of its own and without a board: what
+    is compiled at its first use takes seconds, and the board waits for a command no longer than
+    250 ms once it is armed."""
+    camera, mount, vehicle = machine.camera, machine.mount, machine.vehicle
     assert camera is not None
     camera.take()
     deadline = machine.clock() + FIRST_PICTURE_S
@@ -181,7 +184,13 @@ def warm_up(machine: Machine) -> None:
             f"the camera sends {width}x{height} pixels, the mount expects "
             f"{mount.width_px}x{mount.height_px}"
         )
-    make_detector(machine.settings.mode, machine.vehicle, mount).see(frame.bgr)
+    pilot = Pilot(vehicle, make_detector(machine.settings.mode, vehicle, mount), plan)
+    begin = machine.telemetry
+    assert begin is not None
+    for step in range(REHEARSED):
+        now = begin.stamp + step * PERIOD_S
+        armed = replace(begin, stamp=now, firmware_s=begin.firmware_s + step * PERIOD_S)
+        pilot.step(now, Frame(now, frame.bgr), None, replace(armed, state=State.ARMED, faults=0))
 
 
 def _about(run: Drive, operator: Operator, plan: Plan) -> Json:
