@@ -112,6 +112,7 @@ def harvest(machine: Machine, order: Order) -> None:
     now = datetime.datetime.now(tz=datetime.UTC)
     path = folder / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
     warm_up(machine, plan)
+    machine.pump(0.2)  # what the page said meanwhile: that it is there, or STOP
     detector = watched_detector(machine.settings.mode, vehicle, mount, None)
     pilot = Pilot(vehicle, detector, plan)
     operator = Operator(machine)
