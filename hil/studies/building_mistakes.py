@@ -25,9 +25,11 @@ from hil.scenario import scenario
 from host.check.lines import Line, Question, Values, green
 from host.check.walk import Target, Walk
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Telemetry
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
+from host.field.boundary_file import load_field
 from host.link import protocol
 from host.link.session import Answer, Session
 from host.sensors.camera_stream import Picture
@@ -430,7 +432,8 @@ def inspect(
         moved.write_text(_shifted(text, wrong.shifted_m), encoding="utf-8")
         boundary = moved
     stands = base.start_pose()[:2]
-    ring = base.told.boundary
+    frame = LocalFrame(base.gnss.lat_deg, base.gnss.lon_deg)
+    ring = [frame.to_local(*place) for place in load_field(boundary).crop]
     nearest = min(range(len(ring)), key=lambda k: math.dist(ring[k], stands))
     corner = nearest if wrong.corner is None else (nearest + wrong.corner) % len(ring)
     target = Target(boundary, float(good["gap"]) if wrong.gap else None, corner)

@@ -69,7 +69,7 @@ STANDS_S: Final = 1.2
 SCALE: Final = (0.8, 1.25)
 LATE_S: Final = 0.3
 """A camera's delay may be off by so much."""
-TILTED_DEG: Final = 4.0
+TILTED_DEG: Final = 3.5
 BLURRED_PX: Final = 0.8
 """Ground that moves otherwise than any mount explains tells nothing of it."""
 ROLLED_DEG: Final = 7.0
