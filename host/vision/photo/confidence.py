@@ -1,7 +1,8 @@
 """How far an edge in a photograph can be trusted: what speaks against it, weighed as on scenes that
 were held out.
 
-The picture is divided again by colour alone, by texture alone, by both, and with its brightness.
+The picture is divided again by colour alone, by texture alone, by both, with its brightness, and by
+colour and texture relative to brightness, in which a shadow has no border.
 Where these put the border elsewhere, where the passes along the edge disagree, or where the curve
 found little to hold on to, edges were wrong more often. How much more was learnt by a logistic
 regression (`daranti tune confidence`).
@@ -34,14 +35,20 @@ CUES: dict[str, tuple[int, ...]] = {
     "texture": (2, 3, 4, 5),
     "both": tuple(range(WITHOUT_LIGHT)),
     "brightness": tuple(range(WITHOUT_LIGHT + 1)),
+    "unlit": tuple(range(WITHOUT_LIGHT + 1, 2 * WITHOUT_LIGHT + 1)),
 }
-"""Columns of `texture.combine` by which the picture is divided again."""
+"""Columns of `texture.combine`, and of `_unlit` after them, by which the picture is divided again.
+"""
+DARK = 25.0
+"""Of 255, added to brightness before colour and texture are seen relative to it: there is little of
+either in the dark."""
 
 REASONS = {
     "colour": "colour divides the picture elsewhere: a side is of mixed kinds",
     "texture": "texture divides the picture elsewhere: a side is of mixed kinds",
     "both": "two borders divide the picture alike",
     "brightness": "with brightness the picture divides elsewhere: a shadow, or the crop's face",
+    "unlit": "relative to brightness the picture divides elsewhere: a shadow's border, or dust",
     "explained": "the best line divides hardly anything",
     "apart": "the two sides of the edge hardly differ",
     "strayed": "the edge does not follow any line",
@@ -85,6 +92,7 @@ def quantities(
     """What speaks for and against an edge, in the order of REASONS. `features`: (h, w, 10) of
     `texture.combine`; `size`: width and height of the picture whose pixels the curve is in."""
     small = cv2.resize(features, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    small = np.dstack([small, _unlit(np.asarray(small, np.float32))])
     rows, columns = small.shape[:2]
     shorter = min(size)
     standing = curve.scaled(columns / size[0]).standing((columns, rows))
@@ -105,3 +113,13 @@ def quantities(
             abs(float(standing.mean()) - 0.5),
         ]
     )
+
+
+def _unlit(features: Features) -> Features:
+    """(h, w, 10) features to (h, w, 9) without brightness, relative to it: shade scales colour and
+    texture alike."""
+    light = features[..., WITHOUT_LIGHT:]
+    out = features[..., :WITHOUT_LIGHT].copy()
+    out[..., :2] = 100.0 * (out[..., :2] - 128.0) / (light + DARK)
+    out[..., 2:7] -= np.log(light + 0.5 * DARK)
+    return np.asarray(out, np.float32)

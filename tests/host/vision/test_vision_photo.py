@@ -208,7 +208,9 @@ def test_rows_with_two_edges_do_not_count_laterally() -> None:
 
 def doubts(**changed: float) -> NDArray[np.float64]:
     """Quantities as of an edge that nothing speaks against, but for those named."""
-    good = dict.fromkeys(("colour", "texture", "both", "brightness", "strayed", "passes"), 0.05)
+    good = dict.fromkeys(
+        ("colour", "texture", "both", "brightness", "unlit", "strayed", "passes"), 0.05
+    )
     good |= {"explained": 0.85, "apart": 1.4, "strip": 0.0, "uneven": 0.0}
     return np.array([(good | changed)[name] for name in confidence.REASONS])
 
@@ -219,7 +221,7 @@ def test_nothing_against_an_edge_makes_it_sure() -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("both", 0.7), ("brightness", 0.7), ("strayed", 0.4), ("passes", 0.3), ("apart", -1.0)],
+    [("unlit", 0.6), ("strayed", 0.6), ("passes", 0.4), ("apart", -1.5)],
 )
 def test_what_speaks_against_an_edge_is_named(name: str, value: float) -> None:
     sure, reason = confidence.weights().judged(doubts(**{name: value}))
