@@ -9,7 +9,7 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 
-CORE = Path(__file__).resolve().parent.parent / "firmware" / "src"
+CORE = Path(__file__).resolve().parent.parent / "firmware" / "src" / "core"
 
 
 def main() -> int:

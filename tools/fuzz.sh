@@ -9,7 +9,7 @@ case ${1:-} in
   parser | controller) target=$1 && shift ;;
   *) target=parser ;;
 esac
-core=$root/firmware/src
+core=$root/firmware/src/core
 if [ "$target" = parser ]; then
   sources=$core/frame.cpp inputs=10000000 length=96
 else

@@ -25,13 +25,16 @@ from clang import cindex
 from clang.cindex import CursorKind as Kind
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCE = ROOT / "firmware" / "src"
+SOURCE = ROOT / "firmware" / "src" / "core"
 TESTS = ROOT / "firmware" / "test" / "test_core"
 EQUIVALENT = ROOT / "firmware" / "test" / "mutants.toml"
 OUT = ROOT / "build" / "mutate"
 FILES = (
+    "blade.cpp",
+    "blade.h",
     "bridge.cpp",
     "controller.cpp",
+    "current.cpp",
     "drive.cpp",
     "drive.h",
     "fixed.h",
@@ -39,6 +42,7 @@ FILES = (
     "params.cpp",
     "params.h",
     "pid.cpp",
+    "pulse_filter.h",
     "steering.cpp",
     "supervisor.cpp",
     "supervisor.h",

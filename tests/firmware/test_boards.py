@@ -1,0 +1,310 @@
+"""What the boards do with their chips, in simavr: registers against the datasheets, the line's
+speed, bootloaders that Debian ships, floating pins, noise.
+
+Every expected number is the datasheets' (ATmega328P DS40002061B, ATmega2560 DS40002211A) or the
+wiring's, none is the firmware's.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.firmware import provision, targets
+from hil.firmware.targets import (
+    BOARDS,
+    FLOATING,
+    PULLED_UP,
+    Board,
+    Hang,
+    ResetCause,
+    Target,
+    TargetError,
+    image_of,
+)
+from hil.firmware.wiring import PINS
+from host.link import protocol
+from host.link.protocol import Fault, State
+from host.link.protocol import ResetCause as Started
+from tests.helpers.firmware_bench import Bench
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+LOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
+OPTIBOOT = LOADERS / "optiboot" / "optiboot_atmega328.hex"
+OLD_NANO = LOADERS / "atmega" / "ATmegaBOOT_168_atmega328.hex"
+MEGA = LOADERS / "stk500v2" / "stk500boot_v2_mega2560.hex"
+CHIPS: tuple[tuple[Board, Path], ...] = (("uno", OPTIBOOT), ("nano", OLD_NANO), ("mega2560", MEGA))
+FITTED = provision.eeprom(tuple(provision.FITTED.items()))
+USB_BAUD, CH340_BAUD = 117_647, 115_200
+"""An Uno's or Mega's own USB chip divides 16 MHz by 136; a Nano's CH340 hits the rate."""
+
+Maker = Callable[..., Target]
+
+
+@pytest.fixture
+def make() -> Iterator[Maker]:
+    """Makes boards in simavr, and closes them after the test."""
+    made: list[Target] = []
+
+    def one(board: Board = "uno", bootloader: Path | None = None, eeprom: bytes = FITTED) -> Target:
+        for needed in (targets.AVR_LIBRARY, image_of(board), bootloader):
+            if needed is not None and not needed.exists():
+                pytest.skip(f"not there: {needed}")
+        made.append(targets.avr(eeprom, board, bootloader))
+        return made[-1]
+
+    yield one
+    for target in made:
+        target.close()
+
+
+def register(target: Target, address: int) -> int:
+    """A byte of the chip's data space."""
+    library = ctypes.CDLL(str(targets.AVR_LIBRARY))
+    library.probe_register.argtypes = [ctypes.c_void_p, ctypes.c_uint16]
+    library.probe_register.restype = ctypes.c_uint8
+    return int(library.probe_register(target.handle, address))
+
+
+def word(target: Target, address: int) -> int:
+    """A 16-bit register."""
+    return register(target, address) | register(target, address + 1) << 8
+
+
+def running(make: Maker, board: Board = "uno", bootloader: Path | None = None) -> Bench:
+    """ARMED and RUNNING; under a bootloader that has let go of the chip."""
+    bench = Bench(make(board, bootloader), board=board, cut_frames=9)
+    bench.run(0 if bootloader is None else 2600)
+    bench.arm()
+    bench.ask(speed=0.5)
+    bench.run(100)
+    bench.ask(steer_deg=10.0, speed=0.5, blade=1)
+    bench.run(300)
+    assert bench.last.state == State.RUNNING
+    assert bench.blade
+    return bench
+
+
+def why_started(bench: Bench) -> Started:
+    """What Version says."""
+    bench.send(protocol.Hello(protocol.VERSION))
+    bench.run(30)
+    return [a for a in bench.answers if isinstance(a, protocol.Version)][-1].reset_cause
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_after_boot_the_registers_are_what_the_datasheet_asks(make: Maker, board: Board) -> None:
+    target = make(board)
+    target.run_until(50_000)
+    assert word(target, 0xC4) == 16  # UBRR0: table 19-12, 115.2 k at 16 MHz, U2X, 2.1 %
+    assert register(target, 0xC0) & 0x02  # UCSR0A: U2X0
+    assert register(target, 0xC2) == 0x06  # UCSR0C: asynchronous, 8 bits, no parity, 1 stop
+    assert register(target, 0xC1) & 0x98 == 0x98  # UCSR0B: RXCIE0, RXEN0, TXEN0
+    assert register(target, 0x7A) & 0x8F == 0x8F  # ADCSRA: ADEN, ADIE, divided by 128: 125 kHz
+    assert register(target, 0x7C) & 0xE0 == 0x40  # ADMUX: AVCC, right adjusted
+    assert register(target, 0x7B) & 0x0F == 0  # ADCSRB: channels 0 to 7
+    assert register(target, 0x7E) & 0x1F == 0x0F  # DIDR0: the e-stop's pin stays readable
+    assert register(target, 0x44) == 0x02  # TCCR0A: clear on compare
+    assert register(target, 0x45) == 0x03  # TCCR0B: divided by 64
+    assert register(target, 0x47) == 49  # OCR0A: 5 kHz
+    assert register(target, 0x6E) == 0x02  # TIMSK0
+    assert register(target, 0x80) & 0x03 == 0  # TCCR1A, TCCR1B: mode 8, not divided
+    assert register(target, 0x81) & 0x1F == 0x11
+    assert word(target, 0x86) == 400  # ICR1: 16 MHz / 2 / 400 = 20 kHz
+    assert register(target, 0xB0) & 0x03 == 1  # TCCR2A, TCCR2B: phase correct, divided by 8
+    assert register(target, 0xB1) & 0x0F == 0x02
+    assert register(target, 0x60) == 0x48  # WDTCSR: WDIE, WDE, 16 ms
+    assert register(target, 0x54) == 0  # MCUSR
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_the_pins_are_the_wiring_s(make: Maker, board: Board) -> None:
+    target, pins = make(board), PINS[board]
+    target.run_until(50_000)
+    for pin in range(70 if board == "mega2560" else 20):
+        found = target.output(pin)
+        if pin in pins.outputs:
+            assert found == 0, pin
+        elif pin in (pins.hall, pins.hall_b, pins.blade_turn):
+            assert found == PULLED_UP, pin
+        elif pin != pins.lamp and pin > 1:
+            assert found == FLOATING, pin
+
+
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+def test_the_pin_header_is_the_wiring_s(board: Board) -> None:
+    text = (ROOT / "firmware" / "src" / "boards" / board / "pins.h").read_text()
+    found = {
+        re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower(): int(number)
+        for name, number in re.findall(r"constexpr uint8_t k(\w+) = (\d+);", text)
+        if not name.endswith("Channel")
+    }
+    assert found == {name: getattr(PINS[board], name) for name in found}
+    assert len(found) == 14
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_every_board_steers_drives_and_cuts_at_its_own_pins(make: Maker, board: Board) -> None:
+    bench = running(make, board)
+    bench.run(600)
+    assert bench.actuator.angle_deg == pytest.approx(10.0, abs=0.7)
+    assert bench.drive_duty == 128
+    bench.ask(steer_deg=-10.0, speed=-0.3)
+    bench.run(1500)
+    assert bench.actuator.angle_deg == pytest.approx(-10.0, abs=0.7)
+    assert bench.drive_duty < 0
+    bench.target.write(protocol.encode(protocol.Stop(), 0))
+    bench.run(10)
+    assert bench.off()
+
+
+@pytest.mark.parametrize("baud", (USB_BAUD, CH340_BAUD))
+def test_the_line_is_understood_by_either_usb_chip(make: Maker, baud: int) -> None:
+    bench = Bench(make())
+    bench.target.set_baud(baud)
+    bench.run(10)
+    assert why_started(bench) == Started.BY_POWER_ON
+    bench.run(200)
+    assert bench.last.frames_bad == 0
+    assert bench.readings[-1].line_errors == 0
+
+
+def test_a_line_five_percent_off_is_not_understood_and_is_counted(make: Maker) -> None:
+    """The USB chip against 111111 baud, which a divisor of 17 would give, and the like."""
+    bench = Bench(make(), cut_frames=10_000)
+    bench.target.set_baud(111_111)
+    for _ in range(5):
+        bench.send(protocol.Hello(protocol.VERSION))
+        bench.run(20)
+    assert not bench.answers
+    assert not bench.telemetry
+    bench.target.set_baud(USB_BAUD)
+    bench.parser = protocol.Parser()
+    bench.run(400)
+    assert bench.readings[-1].line_errors > 10
+
+
+def test_what_a_chip_does_not_do_ends_the_run(make: Maker) -> None:
+    target = make()
+    target.run_until(10_000)
+    target.set_pin(PINS["uno"].blade, True)
+    with pytest.raises(TargetError, match="pin 6 is an output"):
+        target.run_until(20_000)
+
+
+@pytest.mark.parametrize(("board", "bootloader"), CHIPS)
+def test_behind_its_bootloader_a_board_starts_and_works(
+    make: Maker, board: Board, bootloader: Path
+) -> None:
+    bench = running(make, board, bootloader)
+    assert bench.last.faults == 0
+
+
+@pytest.mark.parametrize(("board", "bootloader"), CHIPS)
+def test_while_a_bootloader_waits_nothing_drives_the_outputs(
+    make: Maker, board: Board, bootloader: Path
+) -> None:
+    """So each wants a pull-down: hil/firmware/wiring.py takes a loose wire for high."""
+    bench = running(make, board, bootloader)
+    bench.target.reset(ResetCause.EXTERNAL)
+    bench.drive_period_ms = 0
+    loose = 0
+    for _ in range(300):
+        bench.run(1)
+        assert bench.off()
+        loose += all(bench.target.output(pin) == FLOATING for pin in bench.pins.outputs)
+    assert loose > 200
+
+
+@pytest.mark.parametrize(("board", "bootloader"), CHIPS)
+def test_a_hung_main_loop_comes_back_with_its_fault_behind_every_bootloader(
+    make: Maker, board: Board, bootloader: Path
+) -> None:
+    bench = running(make, board, bootloader)
+    bench.drive_period_ms = 0
+    bench.target.hang(Hang.MAIN)
+    bench.run(17)
+    assert bench.off()
+    bench.run(60)
+    assert bench.last.state == State.FAULT
+    assert bench.last.faults == Fault.WATCHDOG
+    assert Started.WHILE_ARMED in why_started(bench)
+
+
+@pytest.mark.parametrize(("board", "bootloader"), (CHIPS[0], CHIPS[2]))
+@pytest.mark.parametrize("how", ("hung interrupt", "brown-out"))
+def test_what_a_bootloader_hides_is_a_fault_where_the_machine_was_armed(
+    make: Maker, board: Board, bootloader: Path, how: str
+) -> None:
+    bench = running(make, board, bootloader)
+    bench.drive_period_ms = 0
+    if how == "brown-out":
+        bench.target.reset(ResetCause.BROWN_OUT)
+    else:
+        bench.target.hang(Hang.INTERRUPT)
+    bench.run(34)
+    assert bench.off()
+    bench.run(2600)
+    assert bench.last.state == State.FAULT
+    assert bench.last.faults == Fault.RESET_UNKNOWN
+    assert why_started(bench) == Started.BY_UNKNOWN | Started.WHILE_ARMED
+
+
+def test_an_old_nano_s_hung_interrupt_never_comes_back_but_drives_nothing(make: Maker) -> None:
+    """Its bootloader leaves the watchdog running: a limit, told in docs/understand/firmware.md."""
+    bench = running(make, "nano", OLD_NANO)
+    bench.drive_period_ms = 0
+    bench.target.hang(Hang.INTERRUPT)
+    bench.run(34)
+    heard = len(bench.telemetry)
+    for _ in range(2000):
+        assert bench.off()
+        bench.run(1)
+    assert len(bench.telemetry) <= heard + 1
+
+
+def test_a_reset_while_safe_is_no_fault_behind_a_bootloader(make: Maker) -> None:
+    bench = Bench(make("uno", OPTIBOOT), cut_frames=9)
+    bench.run(2600)
+    bench.target.reset(ResetCause.EXTERNAL)
+    bench.run(2600)
+    assert bench.last.faults == 0
+    assert why_started(bench) == Started.BY_UNKNOWN
+
+
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+def test_noise_on_the_hall_inputs_is_a_fault_and_costs_no_tick(make: Maker, board: Board) -> None:
+    bench = Bench(make(board), board=board)
+    bench.run(10)
+    bench.set_param("hall_per_metre", 20)
+    bench.arm()
+    bench.ask(speed=0.0)
+    pins, now = bench.pins, bench.now_us
+    for k in range(1, 20_001):
+        bench.target.run_until(now + 7 * k)
+        bench.target.set_pin(pins.hall, k * 2_654_435_761 >> 16 & 1 == 0)
+        bench.target.set_pin(pins.hall_b, k * 2_246_822_519 >> 16 & 1 == 0)
+        if k % 2857 == 0:
+            bench.send(bench.command)
+    bench.now_us = now + 140_000
+    bench.run(300)
+    assert bench.last.faults in (Fault.HALL_NOISE, Fault.HALL_NOISE | Fault.WHEEL_RUNAWAY)
+    assert bench.readings[-1].overruns == 0
+
+
+def test_a_build_for_no_board_says_so() -> None:
+    source = ROOT / "firmware" / "src" / "boards" / "atmega" / "atmega.cpp"
+    for flags, what in (
+        (["-mmcu=atmega328p"], "no board is named"),
+        (["-mmcu=atmega32u4", "-DDARANTI_BOARD_UNO"], "for the ATmega328P"),
+    ):
+        command = ["avr-g++", "-std=gnu++14", "-DF_CPU=16000000L", *flags]
+        command += [f"-I{source.parent.parent.parent / 'core'}", "-fsyntax-only", str(source)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode != 0
+        assert what in done.stderr
