@@ -73,7 +73,7 @@ def test_a_driver_that_is_not_named_never_gets_power(named: float) -> None:
 
 
 def test_a_driver_that_is_named_wrongly_drives_forward_as_it_should_stand() -> None:
-    """Why none is assumed: "stand" of an L298N or VNH5019 is full power of a BTS7960. The bench shows it."""
+    """Why none is assumed: "stand" of a VNH5019 is full power of a BTS7960. The bench shows it."""
     with provision.fitted("desk") as target:
         stand = Stand(target, Wiring(drive="bts7960"))
         stand.drive_and_stand()
