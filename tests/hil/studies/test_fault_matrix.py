@@ -322,10 +322,26 @@ def watched_oracle(bench: Bench) -> Detector:
     return WatchedDetector(Oracle(bench), MAST.model_copy(update=SMALL))
 
 
-def tried(component: str, failure: str, situation: Situation = "follow", how: str = "") -> Verdict:
-    """The verdict with small pictures and that detector."""
+def tried(
+    component: str,
+    failure: str,
+    situation: Situation = "follow",
+    how: str = "",
+    *,
+    sensors: bool = False,
+) -> Verdict:
+    """The verdict with small pictures and that detector. `sensors`: with a second hall sensor and
+    the blade's."""
     base = base_scenario(situation, "desk", "robust", "mast")
     base = base.model_copy(update={"lens": quick().lens})
+    if sensors:
+        told = base.belief.parameters | {"hall_phases": 2.0, "blade_turn_min": 20.0}
+        base = base.model_copy(
+            update={
+                "machine": base.machine.model_copy(update={"blade_turn_hz": 40.0}),
+                "belief": base.belief.model_copy(update={"parameters": told}),
+            }
+        )
     chosen = with_fault(base, situation, (component, failure, how))
     return watched(chosen, situation, None, watched_oracle)
 
@@ -336,6 +352,7 @@ def tried(component: str, failure: str, situation: Situation = "follow", how: st
     [
         ("pot", "off", "POT_OPEN"),
         ("estop", "off", "ESTOP_OPEN"),
+        ("estop", "stuck", "ESTOP_SHORT"),
         ("serial", "off", "LINK_LOST"),
         ("host", "off", "LINK_LOST"),
         ("host", "stuck", "LINK_LOST"),
@@ -370,7 +387,8 @@ def test_without_pictures_to_believe_the_pilot_stops_the_machine(
 @pytest.mark.parametrize("situation", ["follow", "turn"])
 def test_wheels_that_count_nonsense_are_found_by_the_pilot(situation: Situation) -> None:
     verdict = tried("hall", "garbage", situation)
-    assert "counts faster" in verdict.detected_by, verdict
+    found = "counts faster", "HALL_NOISE", "WHEEL_RUNAWAY"
+    assert any(each in verdict.detected_by for each in found), verdict
     assert verdict.ok, verdict
 
 
@@ -389,6 +407,20 @@ def test_a_machine_that_drives_the_wrong_way_is_stopped() -> None:
     assert "other way" in verdict.detected_by or "OVERCURRENT" in verdict.detected_by, verdict
     assert verdict.stop_latency_ms is not None
     assert verdict.stop_latency_ms < 4000, "a metre from wherever the fault struck, and two fixes"
+
+
+@needs_firmware
+@pytest.mark.parametrize(
+    ("component", "failure", "by"),
+    [("blade_relay", "off", "BLADE_LOST"), ("drive_motor", "wrong", "firmware")],
+)
+def test_with_the_optional_sensors_the_firmware_finds_it(
+    component: str, failure: str, by: str
+) -> None:
+    verdict = tried(component, failure, sensors=True)
+    assert by in verdict.detected_by, verdict
+    assert verdict.stop_latency_ms is not None, verdict
+    assert verdict.stop_latency_ms < 2000, verdict
 
 
 @needs_firmware
