@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
+from hil.commands.sweep import sweep
 from hil.studies import sweep as sweeps
 from hil.studies.sweep import Axis, Space, Sweep, candidate_cost, candidates_of, load_space, pareto
 from host.core.errors import UserError
@@ -85,9 +86,7 @@ def test_the_command_writes_a_table_that_a_data_frame_opens(tmp_path: Path) -> N
     space = tmp_path / "space.yaml"
     space.write_text(json.dumps(SPACE.model_dump()), encoding="utf-8")
     arguments = ["--space", str(space), "--method", "grid", "--plants", "2", "--workers", "0"]
-    result = CliRunner().invoke(
-        sweeps.sweep, [*arguments, "--out", str(tmp_path)], catch_exceptions=False
-    )
+    result = CliRunner().invoke(sweep, [*arguments, "--out", str(tmp_path)], catch_exceptions=False)
     assert result.exit_code == 0
     table = pd.read_parquet(tmp_path / "responses.parquet")
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
