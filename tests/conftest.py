@@ -41,6 +41,7 @@ SLOW = (
     "host/runs",
     "host/tune",
     "host/vision",
+    "panel",
     "sim_plant/test_cache.py",
     "sim_plant/test_camera.py",
     "test_rooms.py",
