@@ -127,6 +127,7 @@ MISTAKES: Final = (
         ("steering.reversed", "steering.frozen"),
         {"wiring": {"steering": "bts7960"}},
     ),
+    Mistake("bridge style never set", ("bridge.unset",), parameters={"drive_driver": 0.0}),
     Mistake("pot reversed", ("steering.reversed",), _steering(pot_counts_per_deg=-4.5)),
     Mistake(
         "pot and motor reversed",

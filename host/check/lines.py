@@ -25,6 +25,7 @@ NAMES: Final = (
     "firmware",
     "faults",
     "parameters",
+    "bridge",
     "pot",
     "battery",
     "camera",

@@ -267,6 +267,11 @@ class Walk:
         if differ:
             return self._note("parameters", "bad", "parameters.differ", pairs=differ)
         self._note("parameters", "ok", "parameters.ok", count=len(held))
+        styles = {"steer": round(held["steer_driver"]), "drive": round(held["drive_driver"])}
+        if 0 in styles.values():
+            self._skip("pot")
+            return self._note("bridge", "bad", "bridge.unset", **styles)
+        self._note("bridge", "ok", "bridge.ok", **styles)
         left, centre, right = (held[f"pot_{side}"] for side in ("left", "centre", "right"))
         apart = (left - centre) * (centre - right) > 0
         wide = min(abs(left - centre), abs(centre - right)) > POT_COUNTS
@@ -619,6 +624,8 @@ class Walk:
         self._until(1.5, lambda: not self._moving())
         if "HALL_LOST" in names:
             return self._no_hall()
+        if "WRONG_WAY" in names:
+            return self._note("drive", "bad", "drive.reversed")
         if names:
             faults = [f"fault.{name}" for name in names]
             return self._note("drive", "bad", "drive.fault", faults=faults)
