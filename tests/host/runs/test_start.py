@@ -176,6 +176,49 @@ def test_enter_breaks_the_countdown_off(
     assert not moved(board)
 
 
+@pytest.mark.usefixtures("camera")
+def test_after_a_fault_the_operator_clears_it_and_is_asked_again(
+    cli: Cli,
+    board: FakeFirmware,
+    terminal: Terminal,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.stdin", terminal.stdin)
+
+    def came(kind: type[protocol.Message], count: int) -> bool:
+        with board.changed:
+            return board.changed.wait_for(
+                lambda: sum(isinstance(each, kind) for each in board.received) >= count, LIMIT_S
+            )
+
+    def person() -> None:
+        terminal.type("start\n")
+        came(protocol.Arm, 1)
+        board.telemetry = replace(
+            RESTING, state=protocol.State.FAULT, faults=protocol.Fault.LINK_LOST
+        )
+        came(protocol.Stop, 1)  # the pilot has tried to clear it once, and given up
+        terminal.type("clear\n")
+        came(protocol.Clear, 2)
+        board.telemetry = RESTING
+        board.received.clear()
+        terminal.type("start\n")
+        again.append(came(protocol.Arm, 1))
+        board.unplug()
+
+    again: list[bool] = []
+    hand = threading.Thread(target=person)
+    hand.start()
+    record = ("--record", str(tmp_path / "a.mcap"), "--countdown", "0")
+    code, out, err = cli(*GIVEN, board.port, *record)
+    hand.join()
+    assert code == EXIT_FAULT, err
+    assert "type clear and Enter" in out
+    assert "cleared" in out
+    assert again == [True]
+
+
 # ---- checks --------------------------------------------------------------------------------------
 
 
