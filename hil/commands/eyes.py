@@ -76,7 +76,7 @@ def _common(command: Any) -> Any:
 def fit_command(
     seeds: str, folder: Path, workers: int, scheduler: str | None, library: Path
 ) -> None:
-    """Drives small fields with pictures, or takes drives that are there, and keeps what the
+    """Drives fields with pictures, or takes drives that are there, and keeps what the
     detector answered to each as the model eyes' library."""
     _drive(_seeds(seeds), folder, "picture", workers, scheduler)
     made = fit(folder, library, datetime.datetime.now(datetime.UTC).date())
