@@ -15,6 +15,10 @@ cli = LazyGroup(
             "hil.commands.campaign:campaign",
             "Run scenarios x seeds, and print the table.",
         ),
+        "commission": (
+            "hil.commands.commission:commission_command",
+            "Do what an owner does before the first harvest.",
+        ),
         "eyes": ("hil.commands.eyes:eyes", "Fit and judge the model eyes."),
         "faults": ("hil.commands.faults:faults", "Make everything fail that can fail."),
         "harvest": ("hil.commands.harvest:harvest_command", "Harvest a field in lockstep."),

@@ -17,6 +17,7 @@ from rich.table import Table
 from hil.bench.harvest import SWITCH_S, Progress, harvest
 from hil.bench.live_view import HOST
 from hil.commands.progress import Lines, written_since
+from hil.scenario.belief import in_words, wrong_by
 from hil.scenario.scenario import assigned, load, merge
 from host.core.errors import FaultError, UnfinishedError
 
@@ -32,12 +33,14 @@ from host.core.errors import FaultError, UnfinishedError
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
 @click.option("--film/--no-film", default=None, help="Write camera.mp4.")
 @click.option("--live", type=click.IntRange(1, 65535), help="Port of a live view for Foxglove.")
+@click.option("--belief", metavar="exact|FOLDER", help="What the host is told: a commissioned one.")
 @click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
 def harvest_command(
     name: str,
     out: Path,
     film: bool | None,
     live: int | None,
+    belief: str | None,
     hour: float | None,
     settings: tuple[str, ...],
     **options: Any,
@@ -55,10 +58,13 @@ def harvest_command(
     if live is not None:
         overrides = merge(overrides, {"record": {"live_port": live}})
         click.echo(f"live view: open ws://{HOST}:{live} in Foxglove", err=True)
+    if belief is not None:
+        overrides["belief"] = "exact" if belief == "exact" else {"folder": belief}
     for setting in settings:
         overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)
     begun = time.time()
+    click.echo(in_words(wrong_by(chosen.told, chosen.world)))
     console = Console(stderr=True)
     columns = (
         progress.TextColumn("coverage"),

@@ -403,6 +403,49 @@ def corner_like(ring: Ring, corner: int, other: Ring) -> int:
     return int(np.argmin(away + TURNED_M_RAD * askew))
 
 
+def boundary_off_m(ring: Ring, world: World) -> float:
+    """Root mean square distance of believed from true corners, the place of the whole aside; NaN
+    where they are not as many."""
+    said, true = np.array(ring), np.array(world.corners)
+    if len(said) != len(true):
+        return math.nan
+    said = np.roll(said, -corner_like(world.corners, 0, ring), axis=0)
+    apart = said - said.mean(axis=0) - true + true.mean(axis=0)
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+def wrong_by(told: Told, world: World) -> dict[str, float]:
+    """How far the host's beliefs are off the world, in the units of their names."""
+    v, m, mount, lens = told.vehicle, world.machine, told.mount, world.lens
+    usual = protocol.PARAMS["pot_centre"]
+    centre = told.parameters.get("pot_centre", usual.from_raw(usual.default_raw))
+    hall = m.drive.hall_pulses_per_m
+    return {
+        "boundary_m": boundary_off_m(told.boundary, world),
+        "gap_m": told.gap_m - world.field.gap_m,
+        "crop_height_m": v.crop_height_m - world.field.crop_height_m,
+        "pitch_deg": mount.pitch_deg - lens.pitch_deg,
+        "yaw_deg": mount.yaw_deg - lens.yaw_deg,
+        "camera_height_m": mount.z_m - lens.z_m,
+        "focal_percent": 100 * (mount.focal / lens.focal_px - 1),
+        "camera_delay_s": v.camera_delay_s - lens.delay_s,
+        "wheelbase_m": v.wheelbase_m - m.wheelbase_m,
+        "hall_percent": 100 * (v.hall_pulses_per_m / hall - 1) if hall > 0 else 0.0,
+        "pot_deg": (centre - m.steering.pot_centre_counts) / m.steering.pot_counts_per_deg,
+    }
+
+
+def in_words(wrong: Mapping[str, float]) -> str:
+    """One line: what was believed wrong, and by how much."""
+    units = {"m": "m", "deg": "deg", "percent": "%", "s": "s"}
+    parts = []
+    for name, value in wrong.items():
+        what, _, unit = name.rpartition("_")
+        sign = "" if name == "boundary_m" else "+"
+        parts.append(f"{what.replace('_', ' ')} {value:{sign}.2f} {units[unit]}")
+    return "believed wrong: " + ", ".join(parts)
+
+
 def taped_keep_outs(world: World, ring: Ring, errors: Errors, draw: Draw) -> tuple[Ring, ...]:
     """Keep-outs as taped from the edges: where the believed boundary lies elsewhere, so do they."""
     outs = []

@@ -54,7 +54,7 @@ class CutGuard:
         self._held_since: float | None = None
         self._crop_at_look = False
         self.refused = False
-        """Whether what lies beyond clear ground must not be cut: a person is needed."""
+        """Whether the machine has stood and looked, and what lies beyond must not be cut."""
 
     @property
     def clear_m(self) -> float:
@@ -62,10 +62,12 @@ class CutGuard:
         return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
 
     def begin(self, slack_m: float = 0.0) -> None:
-        """A side. Its last tip, over `slack_m`, is too narrow to be seen."""
+        """A side, on which clear ground may be longer by `slack_m`: at a last tip that is too
+        narrow to be seen, or where earlier rounds have cut what lies before the boundary."""
         self._slack_m = slack_m
         self._cutting = False
         self._clear_from_m = self._held_since = None
+        self.refused = False
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""

@@ -19,10 +19,11 @@ degrees it is 0.4."""
 GROSS_S: Final = 1.2
 MOVING_MPS: Final = 0.2
 STRAIGHT_RAD: Final = math.radians(10)
-RECEIVER_S: Final = 3.0
-"""With the drive on, until the receiver's own filter shows the speed of now."""
+RECEIVER_S: Final = 5.0
+"""At one speed, until the receiver's own filter shows it too."""
+SAME_MPS: Final = 0.05
 MOST_FIXES: Final = 30
-OFF: Final = ((10, 0.12), (4, 0.35))
+OFF: Final = ((10, 0.15), (4, 0.35))
 """Share by which sensor and receiver may differ on the mean of so many fixes: what commissioning
 leaves, wheel slip, and a receiver that smooths."""
 SIGNIFICANT: Final = 4.0
@@ -36,6 +37,8 @@ class SpeedWatch:
         self._vehicle = vehicle
         self._stamp = -math.inf
         self._driven_s = 0.0
+        self._same_s = 0.0
+        self._same_mps = 0.0
         self._gross_s = 0.0
         self._ratio = 1.0
         self._speeds: deque[float] = deque(maxlen=MOST_FIXES)
@@ -49,6 +52,10 @@ class SpeedWatch:
             return
         duty = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
         self._driven_s = self._driven_s + dt if abs(duty) > MOVING_MPS else 0.0
+        same = abs(telemetry.speed_mps - self._same_mps) < SAME_MPS
+        self._same_s = self._same_s + dt if same else 0.0
+        if not same:
+            self._same_mps = telemetry.speed_mps
         if self._driven_s < STEADY_S:
             self._gross_s = 0.0
             return
@@ -62,7 +69,7 @@ class SpeedWatch:
         if counted is None or fix.speed_mps is None or fix.quality == 0:
             return
         straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
-        if self._driven_s > RECEIVER_S and counted > MOVING_MPS and straight:
+        if self._same_s > RECEIVER_S and counted > MOVING_MPS and straight:
             self._speeds.append(counted / max(fix.speed_mps, 0.1))
 
     @property

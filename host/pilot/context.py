@@ -83,15 +83,10 @@ class Context:
     def begin_strip(self) -> None:
         """Along the strip from here on."""
         self.turning = None
-        self.estimate.cut.begin(self.strip.unseen_end_m)
+        self.estimate.cut.begin(self.strip.clear_end_m)
         self.sight.ahead.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
         self.backs = self.bare = 0
-
-    def left(self) -> str:
-        """What the plan still has of the side, in words; empty without a plan."""
-        metres = self.strip.left_m()
-        return f" for another {metres:.1f} m" if metres > 0.0 else ""
 
     def why_unseen(self, otherwise: str) -> str:
         """What the last picture says of why it shows nothing."""

@@ -45,20 +45,11 @@ class Watched(Reason):
         Doing.FAULT,
         "{why}: it loses pulses, or hall_per_metre is wrong; check sensor, magnets and calibration",
     )
-    CLEAR_GROUND = (
-        Doing.FAULT,
-        "clear ground for {clear} m where the plan has crop{more}: what stands beyond may be the "
-        "neighbour's; check the boundary and the corner that the machine was put at",
-    )
-    LAST_CLEAR = Doing.FINISH, "no crop left on the last side"
     GEOFENCE = Doing.FAULT, "{why}"
 
 
-def watch(
-    state: State, estimate: Estimator, more: str = "", *, finished: bool = False
-) -> Go | None:
-    """The reason to stop for good, if there is one. `more`: what the plan still has of the side, in
-    words; `finished`: that is next to nothing, and the last."""
+def watch(state: State, estimate: Estimator) -> Go | None:
+    """The reason to stop for good, if there is one."""
     if state is State.FAULT:
         return Watched.FIRMWARE_FAULT.go()
     if state is State.SAFE:
@@ -69,10 +60,6 @@ def watch(
         return Watched.BACKWARDS.go()
     if estimate.speed.wrong:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
-    if estimate.cut.refused and finished:
-        return Watched.LAST_CLEAR.go()
-    if estimate.cut.refused:
-        return Watched.CLEAR_GROUND.go(clear=f"{estimate.cut.clear_m:.1f}", more=more)
     if estimate.askew_rad != 0.0:
         return Watched.ASKEW.go(deg=f"{abs(math.degrees(estimate.askew_rad)):.0f}")
     return None

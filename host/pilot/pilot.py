@@ -23,8 +23,6 @@ from host.pilot.phase import Doing, Go, Phase, Transition
 from host.route.plan import Plan
 from host.vision.view import CropView, Detector
 
-NEARLY_M = 0.8
-"""Of the last side: clear ground from here on is its end."""
 PAUSED = "paused by the operator"
 
 
@@ -118,9 +116,7 @@ class Pilot:
         if context.telemetry is None:
             return Command(Request.STOP, reason=self.reason)
         if self.phase is not Phase.CONNECT and not self.done:
-            state, strip = context.telemetry.state, context.strip
-            finished = strip.last and strip.left_m() < NEARLY_M
-            self._go(now, watch(state, context.estimate, context.left(), finished=finished))
+            self._go(now, watch(context.telemetry.state, context.estimate))
         if self.paused and not self.done:
             self._behaviour.paused(now)
             return replace(context.hold(), reason=PAUSED)

@@ -75,8 +75,9 @@ class Strip:
     """How far beyond its expected beginning crop is looked for that is not in view; 0: not."""
     teaches = True
     """Whether driving along it shows the steering's bias."""
-    unseen_end_m = 0.0
-    """Before its last tip, over which it is too narrow to be seen."""
+    clear_end_m = 0.0
+    """How far its blade may run over clear ground: over a last tip that is too narrow to be seen,
+    and over what earlier rounds have cut between its end and the boundary."""
     back_m = 0.0
     """From the beginning of the crop back to the boundary or a keep-out."""
     bent = False
@@ -200,7 +201,7 @@ class PlannedStrip(Strip):
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self.back_m = side.back_m
-        self.unseen_end_m = side.end_seen_m
+        self.clear_end_m = side.end_seen_m + max(0.0, side.fence_m - side.length_m)
         self.bent = bool(side.bends)
         self._pieces = side.pieces()
         self._at = 0

@@ -22,6 +22,8 @@ DUST_SIGMA_M = 0.12
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
+NEARLY_M = 0.8
+"""Of the last side: clear ground from here on is its end."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -34,6 +36,12 @@ class Why(Reason):
     SEEMS_TO_END = Doing.LOOK_AT_END, f"the crop seems to end: {LOOKING}"
     TOO_LONG = Doing.FAULT, "the side is longer than the boundary allows"
     REMNANT_GONE = Doing.FINISH, "nothing found of the plan's last remnant"
+    LAST_CLEAR = Doing.FINISH, "no crop left on the last side"
+    CLEAR_GROUND = (
+        Doing.FAULT,
+        "clear ground for {clear} m where the plan has crop{more}: what stands beyond may be the "
+        "neighbour's; check the boundary and the corner that the machine was put at",
+    )
     CROP_GONE = Doing.FAULT, "the crop that the plan has here is not to be found"
 
 
@@ -46,7 +54,7 @@ class Follow(Behaviour):
 
     def step(self, now: float) -> Step:
         context = self.context
-        go = self._ends(now) or self._needs_a_look(now)
+        go = self._left_alone() or self._ends(now) or self._needs_a_look(now)
         if go is not None:
             return context.hold(), go
         stops = self._nothing_to_cut(now)
@@ -58,6 +66,18 @@ class Follow(Behaviour):
         if doubt is not None:
             return context.hold(), doubt
         return self._drive(now), None
+
+    def _left_alone(self) -> Go | None:
+        """Clear ground longer than a patch, after a look: what comes next may be somebody else's,
+        and a person must see. The last side ends there if the plan has next to nothing more."""
+        context, guard = self.context, self.context.estimate.cut
+        if not guard.refused:
+            return None
+        left_m = context.strip.left_m()
+        if context.strip.last and left_m < NEARLY_M:
+            return Why.LAST_CLEAR.go()
+        more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
+        return Why.CLEAR_GROUND.go(clear=f"{guard.clear_m:.1f}", more=more)
 
     def _ends(self, now: float) -> Go | None:
         """An end that pictures show where the plan has it and no dust may feign it."""

@@ -1,0 +1,33 @@
+"""`daranti-hil commission`: an owner's first day with the simulated machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hil.scenario.belief import Walk
+from hil.scenario.scenario import assigned, load, merge
+from hil.studies.commissioning import commission, page_of
+
+
+@click.command("commission")
+@click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--camera", metavar="low|mast", help="Which of the machine's mounts.")
+@click.option("--laps", type=click.IntRange(1), default=3, show_default=True, help="Of the walk.")
+@click.option("--cep", type=click.FloatRange(0), default=1.0, show_default=True, help="Phone's, m.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/commission"))
+@click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
+def commission_command(
+    name: str, laps: int, cep: float, out: Path, settings: tuple[str, ...], **options: Any
+) -> None:
+    """Walks the field, calibrates camera, wheels and steering, and writes what `harvest --belief`
+    takes; the page says found against true."""
+    overrides: dict[str, Any] = {k: v for k, v in options.items() if v is not None}
+    for setting in settings:
+        overrides = merge(overrides, assigned(setting))
+    values = commission(load(name, overrides), out, Walk(laps=laps, cep_m=cep), click.echo)
+    click.echo(page_of(values))
+    click.echo(f"written to {out}; harvest with it: daranti-hil harvest --belief {out}")

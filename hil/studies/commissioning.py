@@ -1,0 +1,381 @@
+"""What an owner does before the first harvest, with the host's own code against the simulated
+machine: walk the field, calibrate lens and mount, drive beside a tape, weave for the camera's
+delay, tape the rest. Leaves the files that a harvest is given, and a page: found against true."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+import shapely
+import yaml
+from numpy.typing import NDArray
+
+from hil.bench.lockstep import Bench
+from hil.scenario.belief import (
+    FIELD_FILE,
+    PARAMETER_FILE,
+    VEHICLE_FILE,
+    Draw,
+    Errors,
+    Walk,
+    boundary_off_m,
+    measured_vehicle,
+    taped_keep_outs,
+    walked,
+)
+from hil.scenario.scenario import Scenario, changed
+from hil.scenario.world import World
+from host.core.errors import UserError
+from host.core.frames import LocalFrame
+from host.core.messages import Command, Request, State
+from host.core.vehicle import Mount, Vehicle
+from host.core.vehicle_file import save_vehicle
+from host.estimate.odometry import Odometry
+from host.field.boundary_file import boundary_of, save_field
+from host.link.session import Session
+from host.tune.camera_delay import delay_of, shift_px
+from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
+from host.tune.taped_drive import TapedDrive, taped_drive
+from sim_plant.camera import CameraSpec
+
+HAND_BOARD: Final = Board()
+GROUND_BOARD: Final = Board(square_m=0.08)
+"""A printed sheet, and boards on the ground."""
+PICTURES: Final = 12
+GROUND_AHEAD_M: Final = (2.5, 2.0, 1.6, 1.3)
+"""Where it is tried, until it is seen whole."""
+LAID_M, LAID_DEG = 0.01, 0.5
+"""How well a board is laid where the tape says."""
+TAPE: Final = Errors(gap_m=0.05, crop_m=0.05)
+"""Of what is taped: gap and crop as well, here."""
+FINER: Final = 2
+"""Pixels each way that are averaged into one."""
+DRIVE_M: Final = 10.0
+DRIVE_MPS: Final = 0.3
+WEAVE_S: Final = 14.0
+WEAVE_RAD: Final = math.radians(25)
+WEAVE_PERIOD_S: Final = 5.0
+STEP_S: Final = 0.05
+TAPE_SIGMA_M: Final = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """One thing that was found out."""
+
+    found: float
+    sigma: float
+    """As the owner would state it."""
+    true: float
+    unit: str
+    how: str
+
+    @property
+    def off(self) -> float:
+        """Found less true."""
+        return self.found - self.true
+
+
+# ---- pictures of boards --------------------------------------------------------------------------
+
+
+def board_picture(
+    lens: CameraSpec,
+    board: Board,
+    rotation: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """What a camera with this lens and sensor takes of a board: a point p of the board's plane lies
+    at rotation @ p + shift of the camera's frame (right, down, ahead)."""
+    width, height = lens.width_px * FINER, lens.height_px * FINER
+    focal = lens.focal_px * FINER
+    matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    # a pixel's middle lies at half the finer pixels it is made of
+    offset = (FINER - 1) / 2
+    pixels = np.stack([u - offset, v - offset], axis=-1).reshape(-1, 1, 2)
+    bent = np.array([lens.k1, lens.k2, 0.0, 0.0])
+    straight = cv2.undistortPoints(pixels, matrix, bent).reshape(-1, 2)
+    rays = np.column_stack([straight, np.ones(len(straight))]) @ rotation
+    origin = -rotation.T @ shift
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = -origin[2] / rays[:, 2]
+        on = origin[:2] + scale[:, None] * rays[:, :2]
+    square = board.square_m
+    column, row = np.floor(on[:, 0] / square), np.floor(on[:, 1] / square)
+    inside = (column >= -1) & (column < board.columns) & (row >= -1) & (row < board.rows)
+    border = (np.abs(column - (board.columns - 1) / 2) < board.columns / 2 + 1.6) & (
+        np.abs(row - (board.rows - 1) / 2) < board.rows / 2 + 1.6
+    )
+    grey = np.full(len(on), 90.0)
+    grey[border & (scale > 0)] = 225.0
+    dark = inside & (scale > 0) & ((column + row) % 2 == 0)
+    grey[dark] = 30.0
+    fine = grey.reshape(lens.height_px, FINER, lens.width_px, FINER).mean(axis=(1, 3))
+    noisy = cv2.GaussianBlur(fine, (0, 0), 0.5) + rng.normal(0, lens.noise, fine.shape)
+    return np.repeat(np.clip(noisy, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def _camera_axes(lens: CameraSpec) -> NDArray[np.float64]:
+    """Rows right, down, ahead in the vehicle frame."""
+    yaw, pitch, roll = (math.radians(a) for a in (lens.yaw_deg, lens.pitch_deg, lens.roll_deg))
+    ahead = np.array(
+        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
+    )
+    level = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
+    under = np.cross(ahead, level)
+    right = math.cos(roll) * level + math.sin(roll) * under
+    down = math.cos(roll) * under - math.sin(roll) * level
+    return np.stack([right, down, ahead])
+
+
+def found_lens(world: World, rng: np.random.Generator) -> Lens:
+    """The lens, from pictures of a board held at many angles."""
+    seen = []
+    for _k in range(4 * PICTURES):
+        tilt = rng.uniform(-0.5, 0.5, 3) * (1.0, 1.0, 0.4)
+        rotation = np.asarray(cv2.Rodrigues(tilt)[0], np.float64)
+        middle = np.array([4.0, 2.5, 0.0]) * HAND_BOARD.square_m
+        far = rng.uniform(0.45, 0.9)
+        at = np.array([rng.uniform(-0.28, 0.28) * far, rng.uniform(-0.2, 0.2) * far, far])
+        picture = board_picture(world.lens, HAND_BOARD, rotation, at - rotation @ middle, rng)
+        points = corners(picture, HAND_BOARD)
+        if points is not None:
+            seen.append(points)
+        if len(seen) == PICTURES:
+            break
+    return calibrate_lens(seen, (world.lens.width_px, world.lens.height_px), HAND_BOARD)
+
+
+def found_mount(world: World, lens: Lens, rng: np.random.Generator) -> Mount:
+    """Where the camera sits, from a board that lies ahead on the ground as the tape says."""
+    for ahead_m in GROUND_AHEAD_M:
+        seen = corners(_ground_picture(world, ahead_m, rng), GROUND_BOARD)
+        if seen is not None:
+            return calibrate_mount(seen, lens, GROUND_BOARD, ahead_m)
+    raise UserError("the board on the ground is not seen whole at any distance: turn the camera")
+
+
+def _ground_picture(world: World, ahead_m: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    turned = math.radians(rng.uniform(-LAID_DEG, LAID_DEG))
+    off_x, off_y = rng.uniform(-LAID_M, LAID_M, 2)
+    place = np.array([ahead_m + off_x, off_y, 0.0])
+    c, s = math.cos(turned), math.sin(turned)
+    # the board's columns run to the right, its rows towards the machine
+    on_ground = np.array([[s, -c, 0.0], [-c, -s, 0.0], [0.0, 0.0, -1.0]]).T
+    axes = _camera_axes(world.lens)
+    position = np.array([world.lens.x_m, world.lens.y_m, world.lens.z_m])
+    middle = 0.5 * GROUND_BOARD.square_m * np.array([8.0, 5.0, 0.0])
+    rotation = axes @ on_ground
+    shift = axes @ (place - position) - rotation @ middle
+    return board_picture(world.lens, GROUND_BOARD, rotation, shift, rng)
+
+
+# ---- drives --------------------------------------------------------------------------------------
+
+
+class _Yard:
+    """The machine on mown ground, driven by the workshop's session."""
+
+    def __init__(self, scenario: Scenario, parameters: dict[str, float]) -> None:
+        yard = changed(
+            scenario,
+            {
+                "eyes": "picture",
+                "field": {"neighbours": "none", "size_m": [30.0, 30.0], "polygon": None,
+                          "keep_outs": [], "trees": [], "houses": []},
+                "start": {"corner": 0, "lateral_error_m": 10.0, "heading_error_deg": 0.0},
+                "belief": {"errors": "exact", "folder": None, "boundary": None, "vehicle": {},
+                           "keep_outs": None, "corner": None, "parameters": parameters},
+                "faults": [],
+            },
+        )  # fmt: skip
+        self.bench = Bench(yard)
+        self.bench.field.clear(((-5.0, -5.0), (35.0, -5.0), (35.0, 35.0), (-5.0, 35.0)))
+        self.session = Session()
+        self.tick = 0
+
+    def step(self, speed_mps: float, steer_rad: float) -> None:
+        """One command's time."""
+        self.tick += 1
+        now = self.tick * STEP_S
+        for stamp, data in self.bench.advance(now):
+            self.session.feed(stamp, data)
+        told = self.session.telemetry
+        armed = told is not None and told.state in (State.ARMED, State.RUNNING)
+        command = Command(Request.DRIVE, steer_rad, speed_mps) if armed else Command(Request.ARM)
+        self.bench.send(self.session.encode(now, command))
+
+
+def found_by_tape(
+    scenario: Scenario, vehicle: Vehicle, parameters: dict[str, float], rng: np.random.Generator
+) -> TapedDrive:
+    """A drive that is told to go straight for ten metres, and a tape along it."""
+    yard = _Yard(scenario, parameters)
+    with yard.bench as bench:
+        x, y, yaw = bench.pose
+        counted = 0.0
+        for _ in range(round(3 * DRIVE_M / DRIVE_MPS / STEP_S)):
+            yard.step(DRIVE_MPS, 0.0)
+            told = yard.session.telemetry
+            counted = told.distance_m if told is not None else 0.0
+            if counted >= DRIVE_M:
+                break
+        for _ in range(40):
+            yard.step(0.0, 0.0)
+        told = yard.session.telemetry
+        counted = told.distance_m if told is not None else 0.0
+        dx, dy = bench.pose[0] - x, bench.pose[1] - y
+    along = dx * math.cos(yaw) + dy * math.sin(yaw) + rng.normal(0, TAPE_SIGMA_M)
+    aside = dy * math.cos(yaw) - dx * math.sin(yaw) + rng.normal(0, TAPE_SIGMA_M)
+    pulses = parameters["hall_per_metre"]
+    return taped_drive(counted, pulses, along, aside, vehicle.wheelbase_m, TAPE_SIGMA_M)
+
+
+def found_delay(
+    scenario: Scenario, vehicle: Vehicle, parameters: dict[str, float]
+) -> tuple[float, float]:
+    """The camera's delay and its standard deviation, from a drive in curves."""
+    yard = _Yard(scenario, parameters)
+    odometry, motion = Odometry(vehicle), []
+    pictures: list[NDArray[np.uint8]] = []
+    arrived: list[float] = []
+    lens = scenario.world.lens
+    every = max(1, round(1 / lens.fps / STEP_S))
+    with yard.bench as bench:
+        for k in range(round(WEAVE_S / STEP_S)):
+            swing = math.copysign(WEAVE_RAD, math.sin(math.tau * k * STEP_S / WEAVE_PERIOD_S))
+            yard.step(DRIVE_MPS, swing)
+            if yard.session.telemetry is not None:
+                now = odometry.update(yard.session.telemetry)
+                motion.append((now.stamp, now.yaw_rad))
+            if k % every == 0 and k * STEP_S > 1.0:
+                pictures.append(bench.camera.develop(bench.shutter()))
+                arrived.append(bench.now + lens.delay_s)
+    shifts = [shift_px(a, b) for a, b in itertools.pairwise(pictures)]
+    stamps, yaws = np.array(motion).T
+    found = delay_of(arrived, shifts, stamps, yaws)
+    return found.delay_s, found.sigma_s
+
+
+def _pot(off_counts: float) -> dict[str, float]:
+    """The firmware's parameters of a pot whose counts all lie so much off its defaults."""
+    usual = {"pot_left": 737.0, "pot_centre": 512.0, "pot_right": 287.0}
+    return {name: counts + off_counts for name, counts in usual.items()}
+
+
+# ---- the whole -----------------------------------------------------------------------------------
+
+
+def commission(
+    scenario: Scenario, out: Path, walk: Walk, say: Callable[[str], None] = lambda _: None
+) -> dict[str, Value]:
+    """Does all of it and writes vehicle.yaml, field.geojson, parameters.yaml and commissioning.json
+    into `out`. UserError where a step fails as it would for the owner."""
+    out.mkdir(parents=True, exist_ok=True)
+    world, camera = scenario.world, scenario.camera
+    draw = Draw(world.seed)
+    rng = draw.rng("commissioning")
+    values: dict[str, Value] = {}
+
+    say(f"walk around the field, {walk.laps} laps")
+    ring = walked(world, walk)
+    values["boundary_m"] = Value(
+        boundary_off_m(ring, world), walk.cep_m / 1.1774 / math.sqrt(walk.laps), 0.0, "m",
+        f"{walk.laps} laps with a phone of {walk.cep_m:g} m CEP; rms over the sides' places",
+    )  # fmt: skip
+    say("tape: machine, gap, crop")
+    taped = measured_vehicle(world, camera, TAPE, draw)
+    gap = max(0.0, world.field.gap_m + draw("gap", TAPE.gap_m))
+    values["gap_m"] = Value(gap, TAPE.gap_m, world.field.gap_m, "m", "tape")
+    for name, true in (
+        ("wheelbase_m", world.machine.wheelbase_m),
+        ("blade_width_m", world.machine.blade_width_m),
+        ("crop_height_m", world.field.crop_height_m),
+    ):
+        bound = TAPE.crop_m if name == "crop_height_m" else TAPE.tape_m
+        values[name] = Value(getattr(taped, name), bound, true, "m", "tape")
+
+    say("lens and mount: a board in the hand, then on the ground")
+    lens = found_lens(world, rng)
+    mount = found_mount(world, lens, rng)
+    truth = world.lens
+    values["focal_px"] = Value(lens.focal_px, 0.003 * truth.focal_px, truth.focal_px, "px", "board")
+    for name in ("pitch_deg", "yaw_deg", "roll_deg"):
+        found = getattr(mount, name)
+        values[name] = Value(found, LAID_DEG, getattr(truth, name), "deg", "board on the ground")
+    for name in ("x_m", "y_m", "z_m"):
+        values[name] = Value(getattr(mount, name), 0.02, getattr(truth, name), "m", "the same")
+
+    say(f"drive {DRIVE_M:g} m beside a tape")
+    steering = world.machine.steering
+    workshop = {"hall_per_metre": 50.0, **_pot(0.0)}
+    drive = found_by_tape(scenario, taped, workshop, rng)
+    hall = world.machine.drive.hall_pulses_per_m
+    values["hall_pulses_per_m"] = Value(
+        drive.pulses_per_m, drive.pulses_sigma, hall, "1/m", "taped drive"
+    )
+    counts = 512.0 - drive.steer_off_deg * 4.5
+    values["pot_centre_counts"] = Value(
+        counts, 4.5 * drive.steer_sigma_deg, steering.pot_centre_counts, "counts", "taped drive"
+    )
+    parameters = {"hall_per_metre": round(drive.pulses_per_m, 2)}
+    if round(counts) != 512:
+        parameters |= _pot(round(counts) - 512.0)
+
+    say("weave for the camera's delay")
+    known = taped.model_copy(update={"hall_pulses_per_m": drive.pulses_per_m})
+    delay, sigma = found_delay(scenario, known, parameters)
+    values["camera_delay_s"] = Value(delay, sigma, truth.delay_s, "s", "weaving drive")
+
+    vehicle = known.model_copy(
+        update={
+            "camera_delay_s": round(max(0.0, delay), 3),
+            "mounts": known.mounts | {camera: mount},
+        }
+    )
+    _write(out, scenario, vehicle, ring, parameters, values, draw)
+    return values
+
+
+def _write(
+    out: Path,
+    scenario: Scenario,
+    vehicle: Vehicle,
+    ring: tuple[tuple[float, float], ...],
+    parameters: dict[str, float],
+    values: dict[str, Value],
+    draw: Draw,
+) -> None:
+    save_vehicle(out / VEHICLE_FILE, vehicle)
+    world = scenario.world
+    outs = taped_keep_outs(world, ring, TAPE, draw)
+    frame = LocalFrame(world.gnss.lat_deg, world.gnss.lon_deg)
+    save_field(out / FIELD_FILE, boundary_of(shapely.Polygon(ring, outs), frame, "commissioned"))
+    (out / PARAMETER_FILE).write_text(yaml.safe_dump(parameters), encoding="utf-8")
+    data = {name: asdict(value) | {"off": value.off} for name, value in values.items()}
+    (out / "commissioning.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
+    (out / "commissioning.md").write_text(page_of(values), encoding="utf-8")
+
+
+def page_of(values: dict[str, Value]) -> str:
+    """Found against true, as a page."""
+    lines = [
+        "# Commissioning: found against true",
+        "",
+        "| value | found | ± | true | off | unit | how |",
+        "|---|---:|---:|---:|---:|---|---|",
+    ]
+    for name, v in values.items():
+        figures = " | ".join(f"{x:.4g}" for x in (v.found, v.sigma, v.true, v.off))
+        lines.append(f"| {name} | {figures} | {v.unit} | {v.how} |")
+    return "\n".join(lines) + "\n"

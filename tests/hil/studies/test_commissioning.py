@@ -1,0 +1,72 @@
+"""Facts about commissioning: what an owner finds is near the truth, and a harvest is given it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.firmware import targets
+from hil.scenario.belief import Draw, Walk, in_words, wrong_by
+from hil.scenario.scenario import changed, load
+from hil.studies.beliefs import CASES, harmless, scenario_of
+from hil.studies.commissioning import commission, found_lens, found_mount
+from host.core.errors import UserError
+
+needs_firmware = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
+)
+
+
+@pytest.mark.parametrize("camera", ["mast", "low"])
+def test_boards_tell_lens_and_mount(camera: str) -> None:
+    world = load("default", {"camera": camera, "lens": {"yaw_deg": 1.5, "hfov_deg": 64.0}}).world
+    rng = Draw(4).rng("boards")
+    lens = found_lens(world, rng)
+    assert lens.focal_px == pytest.approx(world.lens.focal_px, rel=0.005)
+    mount = found_mount(world, lens, rng)
+    for name in ("pitch_deg", "yaw_deg", "roll_deg"):
+        assert getattr(mount, name) == pytest.approx(getattr(world.lens, name), abs=0.8)
+    assert mount.z_m == pytest.approx(world.lens.z_m, abs=0.03)
+
+
+@needs_firmware
+def test_what_commissioning_leaves_is_what_the_host_is_told(tmp_path: Path) -> None:
+    world = {
+        "lens": {"delay_s": 0.2},
+        "machine": {"drive": {"hall_pulses_per_m": 46.0}, "steering": {"pot_centre_counts": 520.0}},
+        "field": {"size_m": [14.0, 11.0]},
+    }
+    scenario = load("default", world)
+    values = commission(scenario, tmp_path, Walk(laps=2, cep_m=0.5))
+    told = changed(scenario, {"belief": {"folder": str(tmp_path)}}).told
+    wrong = wrong_by(told, scenario.world)
+    bounds = {"boundary_m": 0.7, "pitch_deg": 0.8, "yaw_deg": 0.8, "camera_delay_s": 0.04}
+    bounds |= {"hall_percent": 3.0, "pot_deg": 0.5, "gap_m": 0.05, "focal_percent": 1.0}
+    for name, bound in bounds.items():
+        assert abs(wrong[name]) <= bound, name
+    assert told.vehicle.camera_delay_s == pytest.approx(values["camera_delay_s"].found, abs=1e-3)
+    assert in_words(wrong).startswith("believed wrong: boundary 0.")
+    page = (tmp_path / "commissioning.md").read_text()
+    assert all(name in page for name in values)
+
+
+def test_a_folder_without_commissioning_is_one_message(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"vehicle\.yaml"):
+        assert load("default", {"belief": {"folder": str(tmp_path)}}).told
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_wrong_belief_is_a_sound_scenario(case: str) -> None:
+    scenario = scenario_of(case, "model")
+    assert scenario.plan().sides
+    assert len(scenario.start_pose()) == 3
+
+
+@pytest.mark.parametrize(
+    ("cut_m2", "outside_m", "good"), [(0.0, 0.1, True), (0.01, 0.0, False), (0.0, 0.11, False)]
+)
+def test_harm_is_any_of_the_neighbours_crop_or_a_tenth_of_a_metre(
+    cut_m2: float, outside_m: float, good: bool
+) -> None:
+    assert harmless({"neighbour_cut_m2": cut_m2, "outside_m": outside_m}) is good
