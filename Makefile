@@ -46,8 +46,9 @@ build: $(DESK) $(BOARDS) $(SHIM) ## builds the firmware for the desk and every b
 
 setup: .setup/venv build ## everything that the other commands need
 
-harvest: setup ## harvests the default field with the compiled firmware in the loop (FIRMWARE=avr for the Uno's binary)
-	@$(BIN)/daranti-hil harvest --firmware $(FIRMWARE) --out $(OUT)
+harvest: setup ## commissions the machine, then harvests the default field with the compiled firmware in the loop (FIRMWARE=avr for the Uno's binary)
+	@$(BIN)/daranti-hil commission --out $(OUT)-belief
+	@$(BIN)/daranti-hil harvest --firmware $(FIRMWARE) --belief $(OUT)-belief --out $(OUT)
 
 lint: setup ## formatting, style, types and layers
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
