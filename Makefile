@@ -71,6 +71,9 @@ speed: setup ## what each part of the bench costs, against the stored baseline
 mutants: setup ## mutation testing of the firmware core (a few minutes)
 	@$(BIN)/python tools/mutate.py
 
+mutants-board: setup ## mutation testing of the boards' code in simavr (ten minutes)
+	@$(BIN)/python tools/mutate_board.py
+
 test-wallclock: setup ## drives the machine behind a virtual serial port in real time (90 s, on a quiet machine)
 	@$(BIN)/python -m pytest -q -m wallclock
 
