@@ -33,6 +33,8 @@ TRACKED: Final = 25
 PAIRS: Final = 5
 SHARE: Final = 0.15
 """How well the way between two pictures is known, as a share of it."""
+CURVED_1PM: Final = 0.05
+"""Curvature of a way that is meant to be straight: 3 degrees at the front wheel."""
 ROLL_DEG: Final = 1.0
 """How much a camera is tilted sideways, commonly: ground on one side tells little of it."""
 FEW_PICTURES: Final = 8
@@ -126,19 +128,22 @@ def mounted(pictures: Sequence[Rolled], mount: Mount) -> Mounted | None:
     def misses(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         view = view_of(unknown[:3])
         out = []
-        for (a, b, distance), share in zip(pairs, unknown[3:], strict=True):
+        for (a, b, distance), share in zip(pairs, unknown[4:], strict=True):
             ground = view.on_height(a, 0.0)
-            ahead = np.column_stack(
-                [ground[:, 0] - distance * share, ground[:, 1], np.zeros(len(a))]
-            )
+            way = distance * share
+            turned = unknown[3] * way
+            x, y = ground[:, 0] - way, ground[:, 1] - turned * way / 2
+            ahead = np.column_stack([x + turned * y, y - turned * x, np.zeros(len(a))])
             out.append(np.nan_to_num(view.project(ahead) - b, nan=50.0).ravel())
         return np.concatenate(out)
 
     def residuals(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         # A picture comes late by more or less: the way between two is known roughly only.
-        return np.concatenate([misses(unknown), (unknown[3:] - 1) / SHARE, unknown[2:3] / ROLL_DEG])
+        # And a wheel that stands straight by its pot leads a little aside.
+        known = [(unknown[4:] - 1) / SHARE, unknown[2:3] / ROLL_DEG, unknown[3:4] / CURVED_1PM]
+        return np.concatenate([misses(unknown), *known])
 
-    begin = np.concatenate([np.zeros(3), np.ones(count)])
+    begin = np.concatenate([np.zeros(4), np.ones(count)])
     fit = least_squares(residuals, begin, loss="soft_l1", f_scale=1.0, max_nfev=60)
     away = np.abs(misses(fit.x))
     pitch, yaw, roll = (float(value) for value in fit.x[:3])

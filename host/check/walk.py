@@ -72,6 +72,8 @@ LATE_S: Final = 0.3
 TILTED_DEG: Final = 3.5
 BLURRED_PX: Final = 0.8
 """Ground that moves otherwise than any mount explains tells nothing of it."""
+ASKEW_DEG: Final = 5.0
+"""Of the yaw: a way that is not quite straight looks like it."""
 ROLLED_DEG: Final = 7.0
 """Of the roll, which the ground on one side tells less well."""
 BLADE_S: Final = 1.2
@@ -738,7 +740,9 @@ class Walk:
             return
         off = {"pitch": found.pitch_deg, "yaw": found.yaw_deg, "roll": found.roll_deg}
         fine = (
-            max(abs(off["pitch"]), abs(off["yaw"])) < TILTED_DEG and abs(off["roll"]) < ROLLED_DEG
+            abs(off["pitch"]) < TILTED_DEG
+            and abs(off["yaw"]) < ASKEW_DEG
+            and abs(off["roll"]) < ROLLED_DEG
         )
         self._note("mount", "ok" if fine else "bad", "mount.ok" if fine else "mount.tilted", **off)
 
