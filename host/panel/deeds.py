@@ -24,6 +24,7 @@ JOG_MPS: Final = 0.15
 JOG_HOLD_S: Final = 0.5
 """The finger that jogs is asked again so often; else the machine stands."""
 JOG_IDLE_S: Final = 20.0
+AFTER_STOP_S: Final = 1.0
 STEP_S: Final = 0.05
 
 
@@ -63,9 +64,12 @@ def clear(machine: Machine, _wish: Json) -> None:
     machine.pump(CLEAR_S / 4)
 
 
-def jog(machine: Machine, _wish: Json) -> None:
-    """Moves at a creep with the blade off, as long as a finger asks for it."""
-    asked: Json = {"speed": 0.0, "steer_deg": 0.0}
+def jog(machine: Machine, wish: Json) -> None:
+    """Moves at a creep with the blade off, as long as a finger asks for it. What a finger that was
+    still down at a STOP asks for begins nothing."""
+    asked = jog_asked(wish)
+    if not asked["speed"] or machine.stopped_s < AFTER_STOP_S:
+        return
     begun = machine.clock()
     last = begun
 

@@ -92,7 +92,7 @@ class Machine:
         self._link_problem = "not connected yet"
         self._stop: Json | None = None
         """The STOP that waits for the board's word."""
-        self._stop_begun = 0.0
+        self._stop_begun = -1e9
         self._last_fix = 0.0
 
     # ---- devices ---------------------------------------------------------------------------------
@@ -327,6 +327,7 @@ class Machine:
         self._stop = {"id": wish.get("id"), "confirmed": False, "ms": None, "problem": ""}
         self._stop_begun = self.clock()
         self._stop_sent = -1e9
+        self.wishes.clear()
         self._press_on()
 
     def _press_on(self) -> None:
@@ -350,6 +351,11 @@ class Machine:
         if now - self._stop_sent >= STOP_EVERY_S:
             self._stop_sent = now
             self.send(Command(Request.STOP, reason="the operator"))
+
+    @property
+    def stopped_s(self) -> float:
+        """For how long nobody has pressed STOP."""
+        return self.clock() - self._stop_begun
 
     def settle(self) -> None:
         """After something that moved: STOP until the board confirms, or says nothing any more."""

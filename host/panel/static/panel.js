@@ -30,6 +30,7 @@ function pressStop() {
   stop = { id: `${Date.now()}-${Math.random().toString(36).slice(2, 8)}`, at: performance.now(), done: false };
   sayStop("wait", t("stop.sent"));
   sendStop();
+  window.dispatchEvent(new Event("stopped"));
 }
 
 function sendStop() {
@@ -341,6 +342,7 @@ for (const key of document.querySelectorAll("#jog-keys button")) {
   const begin = (event) => { event.preventDefault(); if (timer || key.disabled) return; ask({ do: "jog", speed, steer_deg: steer }); timer = setInterval(() => ask({ do: "jog", speed, steer_deg: steer }), 150); };
   const end = () => { if (!timer) return; clearInterval(timer); timer = 0; ask({ do: "jog", speed: 0, steer_deg: steer }); };
   key.addEventListener("pointerdown", begin);
+  window.addEventListener("stopped", () => { clearInterval(timer); timer = 0; });
   for (const kind of ["pointerup", "pointerleave", "pointercancel"]) key.addEventListener(kind, end);
   key.addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") begin(event); });
   key.addEventListener("keyup", end);
