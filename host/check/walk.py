@@ -52,6 +52,8 @@ CORNER_M: Final = 8.0
 """What a phone's position may be off by."""
 REST_V: Final = 0.965
 """Of the nominal voltage: below it a resting lead battery is nearly empty."""
+DROP_V: Final = 0.5
+"""From rest to a rolling machine: the blade takes several times as much."""
 SAG_V: Final = 0.4
 """Above the board's own limit, under load."""
 HELD_S: Final = 40.0
@@ -100,6 +102,7 @@ class Walk:
         self.lines: list[Line] = []
         self._boundary: Boundary | None = None
         self._values: dict[str, float] = {}
+        self._rest_v = 0.0
         self._pictures: list[tuple[float, NDArray[np.uint8]]] = []
         self._fix: Fix | None = None
         self._fixes: list[Fix] = []
@@ -284,6 +287,7 @@ class Walk:
         )
 
     def _battery(self, volts: float) -> bool:
+        self._rest_v = volts
         nominal = self._hands.vehicle.nominal_battery_v
         least = max(REST_V * nominal, self._values.get("battery_low", 0.0) + 0.7)
         if volts < least:
@@ -694,7 +698,7 @@ class Walk:
 
     def _load(self, seen: list[Telemetry]) -> None:
         low = min((t.battery_v for t in seen), default=math.nan)
-        limit = self._values.get("battery_low", 0.0) + SAG_V
+        limit = max(self._values.get("battery_low", 0.0) + SAG_V, self._rest_v - DROP_V)
         fine = low >= limit
         self._note(
             "load",
