@@ -292,6 +292,7 @@ class Harvest:
             if pilot.view is not None:
                 record.view(frame.stamp, pilot.view)
             record.pilot(now, snapshot(pilot))
+            record.innovations(now, pilot.take_innovations())
             state = self.bench.state
             x, y, yaw = self.bench.pose
             field = self.bench.field

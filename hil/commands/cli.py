@@ -19,6 +19,14 @@ cli = LazyGroup(
             "hil.commands.commission:commission_command",
             "Do what an owner does before the first harvest.",
         ),
+        "consistency": (
+            "hil.commands.consistency:consistency",
+            "Whether the estimator knows how well it knows.",
+        ),
+        "constants": (
+            "hil.commands.constants:constants",
+            "Count the tuned constants, and vary each.",
+        ),
         "eyes": ("hil.commands.eyes:eyes", "Fit and judge the model eyes."),
         "faults": ("hil.commands.faults:faults", "Make everything fail that can fail."),
         "harvest": ("hil.commands.harvest:harvest_command", "Harvest a field in lockstep."),

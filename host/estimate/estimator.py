@@ -10,6 +10,7 @@ from host.core.messages import Fix, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.course_check import DirectionCheck
 from host.estimate.cut_guard import CutGuard
+from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.last_round import Trails
 from host.estimate.odometry import Motion, Odometry
@@ -42,6 +43,13 @@ class Estimator:
     def motion(self) -> Motion:
         """Dead reckoning since the start."""
         return self.odometry.now
+
+    def take_innovations(self) -> list[Innovation]:
+        """What the filters made of their measurements since the last call, in no order."""
+        out = [*self.lane.innovations, *self.position.innovations]
+        self.lane.innovations.clear()
+        self.position.innovations.clear()
+        return out
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""

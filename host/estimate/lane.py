@@ -10,15 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from host.estimate.kalman import Filter
+from host.estimate.measurements import edge, heading
 from host.estimate.odometry import Motion
+from host.estimate.states import BIAS, HEADING, LANE_STATES, OFFSET
 
-OFFSET_NOISE_M = 0.05
-AHEAD_NOISE_RAD = 0.15
-"""What an edge seen farther ahead errs for each metre: pictures show no direction, and a side's
-first crop may have been trimmed by the turn before."""
-HEADING_NOISE_RAD = math.radians(2.5)
 SLIP_PER_M = 0.02
 """Lateral drift per metre travelled, standard deviation."""
 YAW_PER_RAD = 0.08
@@ -28,23 +25,20 @@ BIAS_SIGMA_1PM = 0.006
 """Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
 BIAS_PER_M = 0.0005
 """Its growth per square root of a metre."""
-GATE = (9.0, 11.8)
-"""Squared Mahalanobis distance beyond which a measurement is another edge's: three sigma of one
-component (offset) or of two (offset and heading)."""
 DOUBTED = np.array([1.03, 1.03, 1.0])
-"""Growth of the standard deviations with each contradiction (the bias has no part in it). A lane
-that a turn has left askew yields within half a metre; one that many pictures agreed on outlasts a
-patch of weeds or thin crop, whose border looks like the edge."""
+"""Growth of the standard deviations with each contradiction (the bias has no part in
+it). A lane that a turn has left askew yields within half a metre; one that many pictures agreed on
+outlasts a patch of weeds or thin crop, whose border looks like the edge."""
 
 
-class Lane:
+class Lane(Filter):
     """Vehicle pose against the lane. offset_m: rear axle left of the lane, positive; heading_rad:
     vehicle heading minus lane direction. `blade_x_m` is where vision measures the edge."""
 
     def __init__(self, blade_x_m: float) -> None:
+        sigmas = (0.1, math.radians(5), BIAS_SIGMA_1PM)
+        super().__init__(np.zeros(LANE_STATES), np.diag(np.square(sigmas)))
         self._blade_x = blade_x_m
-        self._x: NDArray[np.float64] = np.zeros(3)
-        self._p: NDArray[np.float64] = np.diag([0.1**2, math.radians(5) ** 2, BIAS_SIGMA_1PM**2])
         self._past: Motion | None = None
         self.contradicted = False
         """Whether the last measurement was refused."""
@@ -52,18 +46,19 @@ class Lane:
     @property
     def offset_m(self) -> float:
         """Rear axle left of the lane."""
-        return float(self._x[0])
+        return float(self._x[OFFSET])
 
     @property
     def heading_rad(self) -> float:
         """Vehicle heading minus lane direction."""
-        return float(self._x[1])
+        return float(self._x[HEADING])
 
     @property
     def offset_sigma_m(self) -> float:
-        """Standard deviation of the offset at the blade's line."""
+        """Standard deviation of the offset at the blade's line: the filter's, and what pictures
+        one after the other err alike, which no number of them takes away."""
         h = np.array([1.0, self._blade_x, 0.0])
-        return float(math.sqrt(h @ self._p @ h))
+        return math.hypot(math.sqrt(h @ self._p @ h), edge.LASTING_SIGMA_M)
 
     @property
     def blade_offset_m(self) -> float:
@@ -75,20 +70,20 @@ class Lane:
     ) -> None:
         """Starts over from a pose that is known by other means; the bias stays as it is known."""
         self.contradicted = False
-        self._x = np.array([offset_m, heading_rad, self._x[2]])
-        self._p = np.diag([offset_sd**2, heading_sd**2, self._p[2, 2]])
+        self._x = np.array([offset_m, heading_rad, self._x[BIAS]])
+        self._p = np.diag([offset_sd**2, heading_sd**2, self._p[BIAS, BIAS]])
 
     def bend(self, turn_rad: float, behind_m: float) -> None:
         """The lane bends turn_rad to the left, behind_m before the rear axle: from here on the
         filter speaks of the line beyond."""
         offset, heading = self.offset_m, self.heading_rad
         c, s = math.cos(turn_rad), math.sin(turn_rad)
-        self._x[0], self._x[1] = behind_m * s + offset * c, heading - turn_rad
+        self._x[OFFSET], self._x[HEADING] = behind_m * s + offset * c, heading - turn_rad
 
     def take_bias(self) -> float:
         """What is known of the bias since the last call, 1/m; whoever reckons the motion corrects
         it from here on."""
-        bias, self._x[2] = float(self._x[2]), 0.0
+        bias, self._x[BIAS] = float(self._x[BIAS]), 0.0
         return bias
 
     def predict(self, motion: Motion) -> None:
@@ -98,8 +93,8 @@ class Lane:
             return
         step = motion.distance_m - past.distance_m
         turn = motion.yaw_rad - past.yaw_rad
-        turn += float(self._x[2]) * step
-        middle = self._x[1] + turn / 2
+        turn += float(self._x[BIAS]) * step
+        middle = self._x[HEADING] + turn / 2
         self._x = self._x + np.array([step * math.sin(middle), turn, 0.0])
         along = step * math.cos(middle)
         jacobian = np.array([[1.0, along, along * step / 2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
@@ -109,16 +104,9 @@ class Lane:
         self._p = jacobian @ self._p @ jacobian.T + noise
 
     def correct_heading(self, heading_rad: float, sigma_rad: float, *, learn: bool = True) -> None:
-        """What dead reckoning in the field frame says of the heading: offsets alone, where vision
-        sees no direction, could be explained by any heading for a while. `learn` as in
-        `correct`."""
-        gain = self._p[:, 1] / (self._p[1, 1] + sigma_rad**2)
-        if not learn:
-            gain[2] = 0.0
-        self._x = self._x + gain * (heading_rad - self._x[1])
-        keep = np.eye(3)
-        keep[:, 1] -= gain
-        self._p = keep @ self._p @ keep.T + np.outer(gain, gain) * sigma_rad**2
+        """What dead reckoning in the field frame says of the heading. `learn` as in `correct`."""
+        seen = heading.heading(self._x, heading_rad, sigma_rad)
+        self.fuse(seen, frozen=None if learn else BIAS)
 
     def correct(
         self,
@@ -137,30 +125,10 @@ class Lane:
         is estimated too; not after a turn, whose errors it would take upon itself. Returns False
         where the measurement contradicts the prediction beyond the gate; it is then not used.
         """
-        step, turn = since
-        at = self._blade_x + ahead_m
-        heading = self._x[1] - turn
-        offset = self._x[0] - step * math.sin((heading + self._x[1]) / 2)
-        rows = [[1.0, at * math.cos(heading), 0.0]]
-        innovation = [-edge_offset_m * math.cos(heading) - offset - at * math.sin(heading)]
-        doubt = 1.0 + 3.0 * (1.0 - confidence)
-        variances = [(OFFSET_NOISE_M * doubt) ** 2 + (AHEAD_NOISE_RAD * ahead_m) ** 2]
-        if math.isfinite(edge_heading_rad):
-            rows.append([0.0, 1.0, 0.0])
-            innovation.append(-edge_heading_rad - heading)
-            variances.append((HEADING_NOISE_RAD * doubt) ** 2)
-        h = np.array(rows)
-        z = np.array(innovation)
-        s = h @ self._p @ h.T + np.diag(variances)
-        gain = np.linalg.solve(s, h @ self._p).T
-        if not learn:
-            gain[2] = 0.0
-        if float(z @ np.linalg.solve(s, z)) > GATE[len(z) - 1]:
+        seen = edge.edge(
+            self._x, self._blade_x, edge_offset_m, edge_heading_rad, confidence, since, ahead_m
+        )
+        self.contradicted = not self.fuse(seen, frozen=None if learn else BIAS)
+        if self.contradicted:
             self._p *= np.outer(DOUBTED, DOUBTED)
-            self.contradicted = True
-            return False
-        self.contradicted = False
-        self._x = self._x + gain @ z
-        keep = np.eye(3) - gain @ h
-        self._p = keep @ self._p @ keep.T + gain @ np.diag(variances) @ gain.T
-        return True
+        return not self.contradicted

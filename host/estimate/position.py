@@ -22,7 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate.odometry import DOPPLER_MPS, Motion
+from host.estimate.kalman import Filter
+from host.estimate.measurements import begin, course, end, line
+from host.estimate.odometry import Motion
+from host.estimate.place import Place
+from host.estimate.states import LANE, LANE_YAW, SLIP, STATES, YAW, X, Y
 from host.route.plan import Side
 
 START_SIGMA = (0.1, 0.1, math.radians(2))
@@ -32,38 +36,16 @@ RING_SIGMA = (0.02, math.radians(0.2))
 RING_ENDS_M = 0.1
 """What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
 so much."""
-FOLLOWED_SIGMA_M = 0.03
-"""Of the way driven beside the lane's line."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-COURSE_SHARE = 1.2
-"""A phone's course is smoothed: one fix errs much like the last, and each counts as one this much
-worse than its speed is."""
-BEGIN_SIGMA_M = 0.25
-END_SIGMA_M = 0.15
-"""Of a border across the side. Where it slants, a border that lies a little askew is met elsewhere
-by the square of 1/cos as much, and dust hides its last tip."""
-END_EARLY_M = 0.1
-"""The last crop before the blade is too shallow a strip to look like crop: vision loses it 0.14 m
-before its end from the mast, at 0.05 m from the low camera (docs/understand/vision.md)."""
-SLANT_SHARE = 0.7
-"""Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
-SLOPE_MOST = 2.2
-"""Of a slanting border, along the side for each metre across it: a corner of 155°."""
-STEP_SIGMA = (0.03, 0.02)
+STEP_SIGMA = (0.04, 0.025)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
 across."""
-SLIP_SIGMA = 0.015
+SLIP_SIGMA = 0.025
 """Of the share of their way that the driven wheels lose while they push the blade through crop,
 before anything is learned of it."""
-DOUBTED_SIGMAS = 2.0
-"""An end or beginning that is seen farther from where it is expected counts the less, the farther:
-weeds in the gap look like crop, and dust hides it."""
 YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
-X, Y, YAW, SLIP, LANE_OFFSET, LANE_YAW, PLAN_YAW = range(STATES := 7)
-"""Of the state."""
-LANE = slice(LANE_OFFSET, LANE_YAW + 1)
 
 
 class _Lane(NamedTuple):
@@ -75,13 +57,12 @@ class _Lane(NamedTuple):
     p: NDArray[np.float64]
 
 
-class Position:
+class Position(Filter):
     """Unknown until `place`."""
 
     def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(np.zeros(STATES), np.full((STATES, STATES), math.inf))
         self._vehicle = vehicle
-        self._x: NDArray[np.float64] = np.zeros(STATES)
-        self._p: NDArray[np.float64] = np.full((STATES, STATES), math.inf)
         self._past: Motion | None = None
         self._lanes: list[_Lane] = []
         self._lane_of: Side | None = None
@@ -91,6 +72,11 @@ class Position:
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, m and rad."""
         return float(self._x[X]), float(self._x[Y]), float(self._x[YAW])
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(3, 3) of the pose, m and rad."""
+        return self._p[: YAW + 1, : YAW + 1].copy()
 
     def covariance_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame: its direction's
@@ -171,71 +157,41 @@ class Position:
         noise[YAW, YAW] = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
         self._p = jacobian @ self._p @ jacobian.T + noise
 
+    def at(self, side: Side) -> Place:
+        """The place against a side."""
+        return Place(self._x, side, self._vehicle.blade_x_m, self._vehicle.inset_m)
+
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
-        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        dx, dy = self._x[X] - side.x_m, self._x[Y] - side.y_m
-        return float(dx * c + dy * s) + self._vehicle.blade_x_m
-
-    def across(self, side: Side) -> float:
-        """How far the rear axle is left of a side's lane."""
-        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        dx, dy = self._x[X] - side.x_m, self._x[Y] - side.y_m
-        return float(dy * c - dx * s) - self._vehicle.inset_m + side.shift_m
+        return self.at(side).blade_m
 
     def against_lane(self) -> tuple[float, float, float, float]:
         """The rear axle's place against the present lane as it lies, not as the plan has it: how
         far left (m) and how far turned left (rad), and their standard deviations."""
-        side = self._lane_of
-        assert side is not None
-        along = self.along(side) - self._vehicle.blade_x_m
-        offset = self.across(side) - self._lane_m(along)
-        heading = self._x[YAW] - side.heading_rad - self._x[LANE_YAW]
-        heading = math.remainder(heading, math.tau)
-        across = self._beside(side, along)
-        turned = np.zeros(STATES)
+        place = self._on_lane()
+        along = place.blade_m - self._vehicle.blade_x_m
+        offset = place.across_m - place.lane_at(along)
+        heading = math.remainder(place.turned_rad - self._x[LANE_YAW], math.tau)
+        across, turned = place.beside(along), np.zeros(STATES)
         turned[[YAW, LANE_YAW]] = 1.0, -1.0
         sigmas = (math.sqrt(across @ self._p @ across), math.sqrt(turned @ self._p @ turned))
         return offset, heading, *sigmas
 
-    def _lane_m(self, along_m: float) -> float:
-        """How far left of the plan's the present lane lies, along_m past its beginning."""
-        return float(self._x[LANE_OFFSET] + self._x[LANE_YAW] * along_m)
-
-    def _beside(self, side: Side, along_m: float) -> NDArray[np.float64]:
-        """The derivative of the rear axle's offset from the lane, along_m past its beginning."""
-        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        h = np.zeros(STATES)
-        h[[X, Y, LANE_OFFSET, LANE_YAW]] = -s, c, -1.0, -along_m
-        return h
+    def _on_lane(self) -> Place:
+        assert self._lane_of is not None
+        return self.at(self._lane_of)
 
     def follow(self, blade_offset_m: float, sigma_m: float) -> None:
-        """The lane filter's place of the blade's middle left of the present lane. A lane that goes
-        by dead reckoning alone is no measurement of its own: sigma_m is that filter's."""
-        side = self._lane_of
-        assert side is not None
-        ahead = self._vehicle.blade_x_m
-        turned = math.remainder(self._x[YAW] - side.heading_rad, math.tau)
-        along = self.along(side)
-        h = self._beside(side, along)
-        h[YAW] = ahead * math.cos(turned)
-        at_blade = self.across(side) + ahead * math.sin(turned)
-        expected = at_blade - self._lane_m(along)
-        sigma = math.hypot(FOLLOWED_SIGMA_M, sigma_m)
-        self._correct(h[np.newaxis], blade_offset_m - expected, sigma)
+        """The lane filter's place of the blade's middle left of the present lane."""
+        self.fuse(line.line(self._on_lane(), blade_offset_m, sigma_m))
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of the yaw, at that speed over ground."""
-        h = np.zeros((1, STATES))
-        h[0, [YAW, PLAN_YAW]] = 1.0
-        sigma = math.atan2(COURSE_SHARE * DOPPLER_MPS, abs(speed_mps))
-        self._correct(h, left_rad - float(self._x[PLAN_YAW]), sigma)
+        self.fuse(course.course(self._x, left_rad, speed_mps))
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
-        sigma = math.hypot(BEGIN_SIGMA_M, SLANT_SHARE * side.begin_seen_m)
-        slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
-        self._along(side, side.begin_seen_m + ago_m, sigma, slope)
+        self.fuse(begin.begin(self.at(side), self._p, ago_m))
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
@@ -243,26 +199,4 @@ class Position:
         along = np.zeros((1, STATES))
         along[0, :YAW] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
-        slope = min(SLOPE_MOST, side.edge_end_m / side.width_m)
-        sigma = math.hypot(END_SIGMA_M * (1 + slope**2), SLANT_SHARE * side.end_seen_m, doubt_m)
-        seen = side.length_m - side.end_seen_m - END_EARLY_M
-        self._along(side, seen + ago_m, sigma, -slope)
-
-    def _along(self, side: Side, blade_m: float, sigma_m: float, slope: float) -> None:
-        """The blade's line stands blade_m past the side's beginning, if it is on the lane. Of a
-        border that slants a machine left of the lane meets the beginning earlier by `slope` of how
-        far left it is."""
-        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        h = np.zeros((1, STATES))
-        h[0, :YAW] = c - slope * s, s + slope * c
-        innovation = blade_m - self.along(side) - slope * self.across(side)
-        expected = math.sqrt((h @ self._p @ h.T).item() + sigma_m**2)
-        doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
-        self._correct(h, innovation, sigma_m * doubt**2)
-
-    def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> None:
-        variance = (h @ self._p @ h.T).item() + sigma**2
-        gain = (self._p @ h.T) / variance
-        self._x = self._x + gain[:, 0] * innovation
-        keep = np.eye(STATES) - gain @ h
-        self._p = keep @ self._p @ keep.T + gain @ gain.T * sigma**2
+        self.fuse(end.end(self.at(side), self._p, ago_m, doubt_m))

@@ -13,6 +13,7 @@ from dataclasses import replace
 from host.core.messages import Command, Fix, Frame, Request, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import EndOfField
+from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
@@ -20,6 +21,7 @@ from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.context import Context
 from host.pilot.guard import watch
 from host.pilot.phase import Doing, Go, Phase, Transition
+from host.pilot.strip import Strip
 from host.route.plan import Plan
 from host.vision.view import CropView, Detector
 
@@ -66,6 +68,11 @@ class Pilot:
         return self._context.strip.index
 
     @property
+    def strip(self) -> Strip:
+        """The strip that is being cut, or turned to."""
+        return self._context.strip
+
+    @property
     def motion(self) -> Motion:
         """Dead reckoning since the start."""
         return self._context.motion
@@ -74,6 +81,10 @@ class Pilot:
     def trim_rad(self) -> float:
         """True steering angle minus the pot's, as learned."""
         return self._context.estimate.odometry.trim_rad
+
+    def take_innovations(self) -> list[Innovation]:
+        """What the estimator made of its measurements since the last call; for the record."""
+        return self._context.estimate.take_innovations()
 
     @property
     def lane(self) -> Lane:

@@ -82,6 +82,8 @@ class Strip:
     """From the beginning of the crop back to the boundary or a keep-out."""
     bent = False
     """Whether its edge bends on the way."""
+    shift_m = 0.0
+    """How far right of its usual place the lane lies."""
 
     def __init__(
         self, plan: Plan, index: int, vehicle: Vehicle, estimate: Estimator, ahead: Ahead
@@ -200,7 +202,7 @@ class PlannedStrip(Strip):
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
-        self.back_m = side.back_m
+        self.back_m, self.shift_m = side.back_m, side.shift_m
         self.clear_end_m = side.end_seen_m + max(0.0, side.fence_m - side.length_m)
         self.bent = bool(side.bends)
         self._pieces = side.pieces()

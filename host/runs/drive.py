@@ -214,6 +214,7 @@ class Drive:
             if self.pilot.view is not None:
                 recorder.view(frame.stamp, self.pilot.view)
             recorder.pilot(now, snapshot(self.pilot))
+            recorder.innovations(now, self.pilot.take_innovations())
         if fix is not None:
             recorder.fix(fix)
         recorder.command(now, self.command)

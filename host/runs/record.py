@@ -15,7 +15,7 @@ import itertools
 import json
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.estimate.kalman import Innovation
 from host.pilot.snapshot import Snapshot
 from host.vision.view import CropView
 
@@ -107,6 +108,12 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             phase=_TEXT,
             reason=_TEXT,
             **_numbers("turns", "offset_m", "heading_rad", "distance_m", "x_m", "y_m", "yaw_rad"),
+        ),
+    ),
+    "/innovation": (
+        "daranti.Innovation",
+        _schema(
+            name=_TEXT, **_numbers("value", "sigma", "nis", "dimensions"), used={"type": "boolean"}
         ),
     ),
     "/truth": (
@@ -244,6 +251,11 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
     def pilot(self, stamp: float, snapshot: Snapshot) -> None:
         """What the pilot is doing, and where it believes to be."""
         self.put("/pilot", stamp, asdict(snapshot))
+
+    def innovations(self, stamp: float, innovations: Iterable[Innovation]) -> None:
+        """What the estimator made of its measurements since the last call."""
+        for one in innovations:
+            self.put("/innovation", stamp, asdict(one))
 
     def view(self, stamp: float, view: CropView) -> None:
         """What vision made of the picture taken at `stamp`."""

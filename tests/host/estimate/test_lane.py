@@ -307,7 +307,7 @@ def test_a_slanting_border_met_late_or_early_tells_of_the_place_across_too(told:
         position = Position(VEHICLE)
         position.place(side, met_m, -right_m + wrong_m, 0.0)
         getattr(position, told)(side, 0.0)
-        moved = position.across(side) - (-right_m + wrong_m)
+        moved = position.at(side).across_m - (-right_m + wrong_m)
         assert moved == pytest.approx(0.0, abs=1e-6) if wrong_m == 0.0 else moved < -0.01
         if wrong_m == 0.0:
             assert position.along(side) == pytest.approx(met_m, abs=1e-6)

@@ -28,6 +28,7 @@ from host.core.errors import EXIT_USER, UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Frame, Request, Telemetry
 from host.core.vehicle import MAST, Vehicle
+from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.odometry import Odometry
 from host.estimate.position import Position
@@ -83,6 +84,9 @@ class Script:
     @property
     def done(self) -> bool:
         return self.phase in (Phase.FINISHED, Phase.FAULT)
+
+    def take_innovations(self) -> list[Innovation]:
+        return []
 
     def step(
         self, now: float, frame: Frame | None, fix: Fix | None, telemetry: Telemetry | None

@@ -1,0 +1,60 @@
+"""`daranti-hil consistency`: whether the estimator knows how well it knows."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from hil.scenario.random_fields import random_field
+from hil.scenario.scenario import changed
+from hil.studies.campaign import seeds_of
+from hil.studies.consistency import overview, watched
+from host.core.errors import UserError
+
+
+@click.command()
+@click.option("--seeds", default="1-8", show_default=True, metavar="1-30|1,4,9")
+@click.option("--eyes", type=click.Choice(["picture", "model"]), default="model", show_default=True)
+@click.option("--dust", type=click.FloatRange(0, 1), help="In all fields, instead of each its own.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/consistency.json"))
+def consistency(seeds: str, eyes: str, dust: float | None, out: Path) -> None:
+    """Harvests random fields and compares the estimator's errors with what it says of them. The
+    boundary is exact, so that there is one field frame; machine, mount and lens are as wrong as
+    an owner's values are."""
+    try:
+        numbers = seeds_of(seeds)
+    except ValueError as error:
+        raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
+    setting: dict[str, Any] = {"eyes": eyes, "belief": {"errors": {"walk_cep_m": None}}}
+    if dust is not None:
+        setting["weather"] = {"dust": dust}
+    console = Console()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    runs = []
+    for seed in numbers:
+        runs.append(watched(changed(random_field(seed), setting)))
+        out.write_text(json.dumps(runs), encoding="utf-8")
+        last = runs[-1]
+        console.print(
+            f"{seed}: {last['outcome']}, coverage {last['coverage']:.4f}, "
+            f"lateral {last['lateral_rms_m']:.3f} m"
+        )
+    table = Table("", "fields", "NEES, 1 is honest", "95 % of it", "median", "within 95 %", "rms",
+                  "worst")  # fmt: skip
+    for line in overview(runs):
+        table.add_row(
+            line.measure,
+            str(line.runs),
+            f"{line.nees:.2f}",
+            f"{line.nees_low:.2f} to {line.nees_high:.2f}",
+            f"{line.median:.2f}",
+            f"{line.within:.3f}",
+            f"{line.rms:.3f}",
+            f"{line.worst:.2f}",
+        )
+    console.print(table)

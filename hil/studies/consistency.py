@@ -1,0 +1,167 @@
+"""Whether the estimator knows how well it knows: its errors against the truth, in its own standard
+deviations.
+
+A normalised squared error (NEES, Bar-Shalom et al. 2001, 5.4) is the squared error over its
+covariance. Of a filter that knows its errors it is 1 on average for each dimension, and 95 % of all
+lie within the chi-squared distribution's 95 % quantile. Samples of one field are not independent,
+so the fields' means are what a confidence interval is taken of.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import chi2, t
+
+from hil.bench.harvest import Harvest
+from hil.judge.metrics import OVERLAP_M
+from hil.scenario.scenario import Scenario
+from host.field.areas import outline_of, placed
+from host.pilot.phase import Phase
+
+EVERY_S: Final = 1.0
+QUANTILE: Final = 0.95
+MEASURES: Final = {"position": 2, "direction": 1, "lane": 1, "outline": 2}
+"""Dimensions of what is compared: the rear axle's place; the yaw; the blade's offset from the
+crop's true edge; the worst corner of the machine, which the geofence stands on."""
+
+Row = tuple[str, float, float]
+"""Measure, normalised squared error over its dimensions, error in m or rad."""
+
+
+@dataclass
+class Samples:
+    """Of one run."""
+
+    rows: list[Row] = field(default_factory=list)
+
+    def add(self, measure: str, squared: float, error: float) -> None:
+        """One sample, where there is one."""
+        if math.isfinite(squared):
+            self.rows.append((measure, squared / MEASURES[measure], error))
+
+
+class Watcher:
+    """Compares once a second while a harvest runs; `enough` is the harvest's hook."""
+
+    def __init__(self, run: Harvest) -> None:
+        self._run = run
+        self._next_s = 0.0
+        self._corners = outline_of(run.scenario.told.vehicle)
+        self.samples = Samples()
+
+    def enough(self) -> bool:
+        """Looks; the run goes on."""
+        run = self._run
+        if run.bench.now >= self._next_s and run.pilot.phase in (Phase.FOLLOW, Phase.TURN):
+            self._next_s = run.bench.now + EVERY_S
+            self._look()
+        return False
+
+    def _look(self) -> None:
+        pilot, bench, samples = self._run.pilot, self._run.bench, self.samples
+        if pilot.position.known:
+            x, y, yaw = pilot.position.pose
+            tx, ty, tyaw = bench.pose
+            off = np.array([x - tx, y - ty, math.remainder(yaw - tyaw, math.tau)])
+            p = pilot.position.covariance
+            squared = float(off[:2] @ np.linalg.solve(p[:2, :2], off[:2]))
+            samples.add("position", squared, float(np.hypot(*off[:2])))
+            samples.add("direction", off[2] ** 2 / p[2, 2], abs(float(off[2])))
+            self._look_at_outline((x, y, yaw), (tx, ty, tyaw))
+        if pilot.phase is Phase.FOLLOW and pilot.cut_m > 0.0:
+            edge = self._run.truth.edge_offset(bench.pose) - OVERLAP_M - pilot.strip.shift_m
+            error = edge + pilot.lane.blade_offset_m
+            samples.add("lane", (error / pilot.lane.offset_sigma_m) ** 2, abs(error))
+
+    def _look_at_outline(
+        self, believed: tuple[float, float, float], true: tuple[float, float, float]
+    ) -> None:
+        here = placed(self._corners, *believed)
+        off = here - placed(self._corners, *true)
+        p = self._run.pilot.position.covariance_of(here)
+        squared = np.einsum("ni,nij,nj->n", off, np.linalg.inv(p), off)
+        worst = int(np.argmax(squared))
+        self.samples.add("outline", float(squared[worst]), float(np.hypot(*off[worst])))
+
+
+def watched(scenario: Scenario) -> dict[str, Any]:
+    """One harvest: its outcome, and per measure the mean, the share within the quantile, the root
+    mean square and the largest error, and the number of samples."""
+    with closing(Harvest(scenario)) as run:
+        watcher = Watcher(run)
+        run.run(enough=watcher.enough)
+        out: dict[str, Any] = {
+            "seed": scenario.seed,
+            "scenario": scenario.name,
+            "outcome": run.pilot.phase.value,
+            "reason": run.pilot.reason,
+            "coverage": run.bench.field.coverage(),
+            "outside_m": run.truth.outside_m,
+            "neighbour_cut_m2": run.bench.field.neighbour_cut_m2(),
+            "lateral_rms_m": float(np.sqrt(np.mean(np.square(run.truth.lateral or [math.nan])))),
+            "false_ends": run.truth.false_ends,
+            "time_s": run.bench.now,
+        }
+    for measure, count in MEASURES.items():
+        own = np.array([row[1:] for row in watcher.samples.rows if row[0] == measure])
+        if not own.size:
+            continue
+        out[measure] = {
+            "nees": float(own[:, 0].mean()),
+            "within": float((own[:, 0] * count < chi2.ppf(QUANTILE, count)).mean()),
+            "rms": float(np.sqrt(np.mean(own[:, 1] ** 2))),
+            "worst": float(own[:, 1].max()),
+            "samples": len(own),
+        }
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One measure over all runs."""
+
+    measure: str
+    runs: int
+    nees: float
+    """Mean of the runs' means: 1 where the filter knows its errors."""
+    nees_low: float
+    nees_high: float
+    """95 % confidence interval of it."""
+    median: float
+    """Of the runs' means."""
+    within: float
+    """Share of samples within the 95 % quantile, mean of the runs."""
+    rms: float
+    worst: float
+
+
+def overview(runs: list[dict[str, Any]]) -> list[Line]:
+    """Of every measure that the runs have."""
+    lines = []
+    for measure in MEASURES:
+        own = [run[measure] for run in runs if measure in run]
+        if not own:
+            continue
+        means = np.array([one["nees"] for one in own])
+        half = math.inf
+        if len(own) > 1:
+            half = float(t.ppf(0.975, len(own) - 1) * means.std(ddof=1) / math.sqrt(len(own)))
+        lines.append(
+            Line(
+                measure,
+                len(own),
+                float(means.mean()),
+                float(means.mean()) - half,
+                float(means.mean()) + half,
+                float(np.median(means)),
+                float(np.mean([one["within"] for one in own])),
+                float(np.sqrt(np.mean([one["rms"] ** 2 for one in own]))),
+                float(max(one["worst"] for one in own)),
+            )
+        )
+    return lines

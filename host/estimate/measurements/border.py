@@ -1,0 +1,33 @@
+"""A border across a side, for the position along it: what begin and end have in common."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from host.estimate.kalman import Array, Measurement
+from host.estimate.place import Place
+from host.estimate.states import STATES, YAW
+
+SLANT_SHARE = 0.7
+"""Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
+SLOPE_MOST = 2.2
+"""Of a slanting border, along the side for each metre across it: a corner of 155°."""
+DOUBTED_SIGMAS = 2.0
+"""A border that is seen farther from where it is expected counts the less, the farther: weeds in
+the gap look like crop, and dust hides it."""
+
+
+def border(
+    name: str, place: Place, p: Array, blade_m: float, sigma_m: float, slope: float
+) -> Measurement:
+    """The blade's line stands blade_m past the side's beginning, if it is on the lane. Of a border
+    that slants a machine left of the lane meets it earlier by `slope` of how far left it is."""
+    c, s = place.direction
+    h = np.zeros((1, STATES))
+    h[0, :YAW] = c - slope * s, s + slope * c
+    innovation = blade_m - place.blade_m - slope * place.across_m
+    expected = math.sqrt((h @ p @ h.T).item() + sigma_m**2)
+    doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
+    return Measurement(name, h, np.array([innovation]), np.array([(sigma_m * doubt**2) ** 2]))

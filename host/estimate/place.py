@@ -1,0 +1,65 @@
+"""The position against one side of the plan: what its measurements are made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.estimate.kalman import Array
+from host.estimate.states import LANE_OFFSET, LANE_YAW, STATES, YAW, X, Y
+from host.route.plan import Side
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Of a position's state `x` beside `side`; inset_m: the rear axle's usual distance from the
+    edge."""
+
+    x: Array
+    side: Side
+    blade_x_m: float
+    inset_m: float
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Cosine and sine of the side's."""
+        return math.cos(self.side.heading_rad), math.sin(self.side.heading_rad)
+
+    @property
+    def blade_m(self) -> float:
+        """How far the blade's line is past the side's beginning."""
+        c, s = self.direction
+        dx, dy = self.x[X] - self.side.x_m, self.x[Y] - self.side.y_m
+        return float(dx * c + dy * s) + self.blade_x_m
+
+    @property
+    def across_m(self) -> float:
+        """How far the rear axle is left of the lane as the plan has it."""
+        c, s = self.direction
+        dx, dy = self.x[X] - self.side.x_m, self.x[Y] - self.side.y_m
+        return float(dy * c - dx * s) - self.inset_m + self.side.shift_m
+
+    @property
+    def turned_rad(self) -> float:
+        """How far the vehicle is turned left of the side."""
+        return math.remainder(self.x[YAW] - self.side.heading_rad, math.tau)
+
+    @property
+    def lane_m(self) -> float:
+        """How far left of the plan's the lane lies at the blade's line."""
+        return self.lane_at(self.blade_m)
+
+    def lane_at(self, along_m: float) -> float:
+        """How far left of the plan's the lane lies, along_m past its beginning."""
+        return float(self.x[LANE_OFFSET] + self.x[LANE_YAW] * along_m)
+
+    def beside(self, along_m: float | None = None) -> Array:
+        """(states,) the derivative of the rear axle's offset from the lane where it lies along_m
+        past its beginning; at the blade's line."""
+        c, s = self.direction
+        h = np.zeros(STATES)
+        along = self.blade_m if along_m is None else along_m
+        h[[X, Y, LANE_OFFSET, LANE_YAW]] = -s, c, -1.0, -along
+        return h

@@ -1,0 +1,64 @@
+"""The account of the estimator's honesty, and of the constants."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.studies.consistency import overview
+from hil.studies.constants import Constant, Figures, found, varied
+
+
+def run(nees: float, rms: float) -> dict[str, object]:
+    figures = {"nees": nees, "within": 0.9, "rms": rms, "worst": 2 * rms, "samples": 9}
+    return {"seed": 1, "lane": figures}
+
+
+def test_an_overview_is_the_mean_of_the_fields_with_its_doubt() -> None:
+    [line] = overview([run(1.0, 0.03), run(3.0, 0.04)])
+    assert (line.measure, line.runs, line.nees, line.median) == ("lane", 2, 2.0, 2.0)
+    assert line.nees_high - line.nees == pytest.approx(12.706, abs=0.01), "Student's t, 1 degree"
+    assert line.rms == pytest.approx(math.sqrt((0.03**2 + 0.04**2) / 2))
+    assert line.worst == 0.08
+    assert overview([run(1.0, 0.03)])[0].nees_high == math.inf, "one field says nothing of others"
+
+
+def test_the_count_takes_numbers_in_capitals_with_the_text_below(tmp_path: Path) -> None:
+    room = tmp_path / "host" / "pilot"
+    room.mkdir(parents=True)
+    (room / "so.py").write_text(
+        'A_M = 0.3\n"""Of it."""\nB_RAD = math.radians(4)\nNAME = "no"\nx = 3\n'
+        "C_S: Final = 2.0\nD, E = 1, 2\nF = call(3)\n"
+    )
+    counted = {one.name: one.about for one in found(tmp_path)}
+    assert counted == {"A_M": "Of it.", "B_RAD": "", "C_S": "", "D": "", "E": ""}
+
+
+def test_a_constant_is_varied_wherever_it_was_taken_and_put_back() -> None:
+    from host.pilot import sight  # noqa: PLC0415
+    from host.pilot.behaviours import follow  # noqa: PLC0415
+
+    was = sight.STOP_AFTER_S
+    with varied(Constant("host/pilot/sight.py", "STOP_AFTER_S", ""), 1.5):
+        assert sight.STOP_AFTER_S == follow.STOP_AFTER_S == 1.5 * was
+    assert sight.STOP_AFTER_S == follow.STOP_AFTER_S == was
+    assert "host.pilot.sight" in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("figures", "knife"),
+    [
+        (Figures("finished", 0.999, 0.03, False, 900.0), False),
+        (Figures("fault", 0.999, 0.03, False, 100.0), True),
+        (Figures("finished", 0.97, 0.03, False, 100.0), True),
+        (Figures("finished", 0.999, 0.08, False, 100.0), True),
+        (Figures("finished", 0.999, 0.03, True, 100.0), True),
+    ],
+)
+def test_a_knifes_edge_costs_an_outcome_crop_straightness_or_harm(
+    figures: Figures, knife: bool
+) -> None:
+    assert figures.knife(Figures("finished", 0.999, 0.03, False, 100.0)) is knife

@@ -1,0 +1,212 @@
+"""The one update of every filter, and the measurements alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.estimate.estimator import Estimator
+from host.estimate.kalman import KEPT, Filter, Measurement
+from host.estimate.lane import Lane
+from host.estimate.measurements import begin, course, edge, end, heading, line
+from host.estimate.odometry import Motion
+from host.estimate.place import Place
+from host.estimate.states import (
+    HEADING,
+    LANE_OFFSET,
+    LANE_STATES,
+    OFFSET,
+    PLAN_YAW,
+    STATES,
+    YAW,
+    X,
+    Y,
+)
+from host.route.plan import Side
+
+VEHICLE = Vehicle()
+SIDE = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
+
+
+def measured(value: float, sigma: float, gate: float = math.inf) -> Measurement:
+    h = np.array([[1.0, 0.0]])
+    return Measurement("so", h, np.array([value]), np.array([sigma**2]), gate)
+
+
+def fresh() -> Filter:
+    return Filter(np.zeros(2), np.array([[4.0, 2.0], [2.0, 4.0]]))
+
+
+class Read(Filter):
+    """Shows its state."""
+
+    @property
+    def state(self) -> tuple[list[float], list[list[float]]]:
+        return self._x.tolist(), self._p.tolist()
+
+
+def read(x: list[float]) -> Read:
+    return Read(np.array(x), np.array([[4.0, 2.0], [2.0, 4.0]]))
+
+
+def test_a_measurement_moves_the_state_by_its_share_of_the_doubt() -> None:
+    one = read([0.0, 0.0])
+    assert one.fuse(measured(1.0, 2.0))
+    x, p = one.state
+    assert x == pytest.approx([0.5, 0.25])
+    assert np.array(p) == pytest.approx(np.array([[2.0, 1.0], [1.0, 3.5]]))
+
+
+def test_a_frozen_state_is_considered_and_not_changed() -> None:
+    one = read([0.0, 7.0])
+    one.fuse(measured(1.0, 2.0), frozen=1)
+    x, p = one.state
+    assert x == pytest.approx([0.5, 7.0])
+    assert p[1][1] == pytest.approx(4.0)
+    assert p[0][1] == pytest.approx(1.0), "what they have in common shrinks"
+
+
+def test_a_measurement_beyond_its_gate_is_refused_and_recorded() -> None:
+    one = read([0.0, 0.0])
+    before = one.state
+    assert not one.fuse(measured(10.0, 1.0, gate=9.0))
+    assert one.state == before
+    [innovation] = one.innovations
+    assert (innovation.used, innovation.dimensions, innovation.value) == (False, 1, 10.0)
+    assert innovation.sigma == pytest.approx(math.sqrt(5.0))
+    assert innovation.nis == pytest.approx(20.0)
+
+
+def test_innovations_that_nobody_reads_do_not_pile_up() -> None:
+    one = fresh()
+    for _ in range(2 * KEPT):
+        one.fuse(measured(0.0, 1.0))
+    assert len(one.innovations) == KEPT
+
+
+def test_the_estimator_hands_its_innovations_over_once() -> None:
+    estimate = Estimator(VEHICLE)
+    estimate.lane.correct(0.0, math.nan, 0.9, (0.0, 0.0))
+    assert [one.name for one in estimate.take_innovations()] == ["edge"]
+    assert estimate.take_innovations() == []
+
+
+# ---- the measurements ----------------------------------------------------------------------------
+
+
+def test_an_edge_is_expected_where_offset_and_heading_have_it() -> None:
+    x = np.zeros(LANE_STATES)
+    x[[OFFSET, HEADING]] = 0.2, 0.1
+    ahead = VEHICLE.blade_x_m + 0.5
+    seen = -(0.2 + ahead * math.sin(0.1)) / math.cos(0.1)
+    one = edge.edge(x, VEHICLE.blade_x_m, seen, -0.1, 1.0, (0.0, 0.0), 0.5)
+    assert one.innovation == pytest.approx([0.0, 0.0])
+    assert edge.edge(x, VEHICLE.blade_x_m, seen, math.nan, 1.0, (0.0, 0.0), 0.5).gate == 9.0
+
+
+def test_an_unsure_edge_and_a_far_one_count_less() -> None:
+    def variance(confidence: float, ahead_m: float) -> float:
+        x = np.zeros(LANE_STATES)
+        one = edge.edge(x, 1.5, 0.0, math.nan, confidence, (0.0, 0.0), ahead_m)
+        return float(one.variances[0])
+
+    assert variance(0.5, 0.0) > 2 * variance(1.0, 0.0)
+    assert variance(1.0, 1.0) > 2 * variance(1.0, 0.0)
+
+
+def test_a_heading_is_one() -> None:
+    x = np.zeros(LANE_STATES)
+    x[HEADING] = 0.1
+    assert heading.heading(x, 0.3, 0.1).innovation == pytest.approx([0.2])
+
+
+def place(x_m: float, y_m: float, yaw_rad: float = 0.0, side: Side = SIDE) -> Place:
+    x = np.zeros(STATES)
+    x[[X, Y, YAW]] = x_m, y_m + VEHICLE.inset_m, yaw_rad
+    return Place(x, side, VEHICLE.blade_x_m, VEHICLE.inset_m)
+
+
+def test_a_line_is_expected_beside_the_lane_as_it_lies() -> None:
+    here = place(2.0, 0.1, 0.05)
+    here.x[LANE_OFFSET] = 0.03
+    blade = 0.1 + VEHICLE.blade_x_m * math.sin(0.05) - 0.03
+    assert line.line(here, blade, 0.02).innovation == pytest.approx([0.0])
+    assert line.line(here, blade, 0.3).variances[0] > 0.3**2
+
+
+def test_a_course_tells_of_yaw_and_the_plans_direction() -> None:
+    x = np.zeros(STATES)
+    x[PLAN_YAW] = 0.02
+    slow, fast = course.course(x, 0.05, 0.3), course.course(x, 0.05, 1.0)
+    assert slow.innovation == pytest.approx([0.03])
+    assert slow.variances[0] > fast.variances[0]
+
+
+def test_a_begin_and_an_end_tell_how_far_along_it_is() -> None:
+    p = np.eye(STATES) * 0.01
+    at_begin = place(-VEHICLE.blade_x_m, 0.0)
+    assert begin.begin(at_begin, p, 0.0).innovation == pytest.approx([0.0])
+    at_end = place(10.0 - VEHICLE.blade_x_m, 0.0)
+    told = end.end(at_end, p, end.EARLY_M, 0.0)
+    assert told.innovation == pytest.approx([0.0])
+    assert end.end(at_end, p, end.EARLY_M, 0.5).variances[0] > told.variances[0]
+    far = begin.begin(at_begin, p, 2.0)
+    near = begin.begin(at_begin, p, 0.2)
+    assert far.variances[0] > 4 * near.variances[0], "what is far off is doubted"
+
+
+def test_a_slanting_border_is_met_earlier_farther_left() -> None:
+    slanting = replace(SIDE, edge_begin_m=VEHICLE.pass_m)
+    left = place(-VEHICLE.blade_x_m - 0.3, 0.3, side=slanting)
+    assert begin.begin(left, np.eye(STATES), 0.0).innovation == pytest.approx([0.0])
+
+
+# ---- what lasts ----------------------------------------------------------------------------------
+
+
+def at(distance_m: float) -> Motion:
+    return Motion(distance_m, 0.5, 0.0, distance_m, 0.0, distance_m, 0.0)
+
+
+def followed(rng: np.random.Generator, metres: float = 6.0, step_m: float = 0.05) -> Lane:
+    """A lane filter on a straight way whose pictures err as the detector's do, for half a metre
+    alike; the truth is 0."""
+    lane = Lane(VEHICLE.blade_x_m)
+    lane.predict(at(0.0))
+    lane.place(float(rng.normal(0.0, 0.1)), float(rng.normal(0.0, 0.03)), 0.1, 0.03)
+    keeps = math.exp(-step_m / 0.5)
+    lasting = float(rng.normal(0.0, 0.035))
+    for k in range(1, round(metres / step_m)):
+        lane.predict(at(k * step_m))
+        lasting = keeps * lasting + float(rng.normal(0.0, 0.035 * math.sqrt(1 - keeps**2)))
+        seen = lasting + float(rng.normal(0.0, 0.03))
+        lane.correct(-seen, math.nan, 1.0, (0.0, 0.0), learn=False)
+    return lane
+
+
+@pytest.mark.parametrize(("modelled", "low", "high"), [(True, 0.3, 1.2), (False, 1.3, 9.0)])
+def test_the_lane_knows_its_error_where_what_lasts_is_counted(
+    monkeypatch: pytest.MonkeyPatch, modelled: bool, low: float, high: float
+) -> None:
+    """The normalised squared error of the blade's offset; without it, pictures that err alike would
+    each count anew."""
+    if not modelled:
+        monkeypatch.setattr(edge, "LASTING_SIGMA_M", 0.0)
+    rng = np.random.default_rng(5)
+    squared = []
+    for _ in range(120):
+        lane = followed(rng)
+        squared.append((lane.blade_offset_m / lane.offset_sigma_m) ** 2)
+    assert low < float(np.mean(squared)) < high
+
+
+def test_a_picture_from_the_same_place_is_hardly_a_second_measurement() -> None:
+    lane = Lane(VEHICLE.blade_x_m)
+    lane.predict(at(0.0))
+    for _ in range(200):
+        lane.correct(0.0, math.nan, 1.0, (0.0, 0.0))
+    assert lane.offset_sigma_m >= edge.LASTING_SIGMA_M
