@@ -38,10 +38,10 @@ RING_ENDS_M = 0.1
 so much."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-STEP_SIGMA = (0.04, 0.025)
+STEP_SIGMA = (0.03, 0.02)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
 across."""
-SLIP_SIGMA = 0.025
+SLIP_SIGMA = 0.015
 """Of the share of their way that the driven wheels lose while they push the blade through crop,
 before anything is learned of it."""
 YAW_SIGMA_PER_M = math.radians(0.3)
