@@ -8,11 +8,13 @@ import math
 import shapely
 from rich.console import Console
 
+from host.commands.plan import table_of
+from host.commands.tune_follow import table_of as margins_table
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
+from host.route.field_plan import plan_field
 from host.route.plan import Plan, Side
-from host.route.preview import plan_field, preview, table_of
-from host.tune.follow_margins import table_of as margins_table
+from host.route.preview import preview
 
 VEHICLE = Vehicle()
 GAP_M = 2.0
