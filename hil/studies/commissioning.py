@@ -19,6 +19,7 @@ import yaml
 from numpy.typing import NDArray
 
 from hil.bench.lockstep import Bench
+from hil.firmware.provision import FITTED
 from hil.scenario.belief import (
     FIELD_FILE,
     PARAMETER_FILE,
@@ -328,7 +329,7 @@ def commission(
     values["pot_centre_counts"] = Value(
         counts, 4.5 * drive.steer_sigma_deg, steering.pot_centre_counts, "counts", "taped drive"
     )
-    parameters = {"hall_per_metre": round(drive.pulses_per_m, 2)}
+    parameters = FITTED | {"hall_per_metre": round(drive.pulses_per_m, 2)}
     if round(counts) != 512:
         parameters |= _pot(round(counts) - 512.0)
 

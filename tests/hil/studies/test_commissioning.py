@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from hil.bench.harvest import Harvest
 from hil.firmware import targets
 from hil.scenario.belief import Draw, Walk, in_words, wrong_by
 from hil.scenario.scenario import changed, load
 from hil.studies.beliefs import CASES, harmless, scenario_of
 from hil.studies.commissioning import commission, found_lens, found_mount
 from host.core.errors import UserError
+from host.pilot.phase import Phase
 
 needs_firmware = pytest.mark.skipif(
     not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
@@ -49,6 +51,14 @@ def test_what_commissioning_leaves_is_what_the_host_is_told(tmp_path: Path) -> N
     assert in_words(wrong).startswith("believed wrong: boundary 0.")
     page = (tmp_path / "commissioning.md").read_text()
     assert all(name in page for name in values)
+    # The board that it leaves arms: a firmware that has not been told its drivers would not.
+    brief = {"belief": {"folder": str(tmp_path)}, "eyes": "model", "limits": {"time_s": 6.0}}
+    run = Harvest(changed(scenario, brief))
+    try:
+        run.run()
+    finally:
+        run.close()
+    assert run.pilot.phase is not Phase.CONNECT
 
 
 def test_a_folder_without_commissioning_is_one_message(tmp_path: Path) -> None:
