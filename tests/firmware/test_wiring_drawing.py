@@ -1,0 +1,80 @@
+"""The wiring drawing (docs/build/wiring.yaml) and the builder's pin table against the pin headers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+ROOT: Final = Path(__file__).parents[2]
+BUILD: Final = ROOT / "docs" / "build"
+A0: Final = {"uno": 14, "mega2560": 54}
+"""The digital number of a board's first analog pin."""
+
+
+def header(board: str) -> dict[str, str]:
+    """What is printed beside the pin that each constant of a board's header names."""
+    text = (ROOT / "firmware" / "src" / "boards" / board / "pins.h").read_text(encoding="utf-8")
+    found = re.findall(r"constexpr uint8_t (k\w+) = (\d+);", text)
+    first = A0[board]
+    return {
+        name: f"A{number}"
+        if name.endswith("Channel")
+        else (f"A{int(number) - first}" if int(number) >= first else f"D{number}")
+        for name, number in found
+    }
+
+
+def drawn() -> tuple[dict[str, Any], dict[str, list[tuple[str, str]]]]:
+    """The drawing, and by constant the (pin of the board, cable) of each wire that is named so."""
+    drawing = yaml.safe_load((BUILD / "wiring.yaml").read_text(encoding="utf-8"))
+    wires: dict[str, list[tuple[str, str]]] = {}
+    for chain in drawing["connections"]:
+        (cable,) = [name for link in chain for name in link if name in drawing["cables"]]
+        (numbers,) = [link[cable] for link in chain if cable in link]
+        (pins,) = [link["Uno"] for link in chain if "Uno" in link]
+        labels = drawing["cables"][cable]["wirelabels"]
+        assert len(numbers) == len(pins) == len(labels)
+        for number, pin in zip(numbers, pins, strict=True):
+            for label in labels[number - 1].split():
+                wires.setdefault(label, []).append((pin, cable))
+    return drawing, wires
+
+
+def test_every_pin_of_the_header_is_drawn_where_it_is_and_no_other() -> None:
+    drawing, wires = drawn()
+    supply = {"5V", "GND", "8V"}
+    named = {name: {pin for pin, _ in ends} for name, ends in wires.items() if name not in supply}
+    lamp = re.findall(r"\bD\d+ is the lamp", drawing["connectors"]["Uno"]["notes"])
+    named["kLamp"] = {words.split()[0] for words in lamp}
+    assert named == {name: {pin} for name, pin in header("uno").items()}
+    used = {pin for ends in wires.values() for pin, _ in ends}
+    assert used == set(drawing["connectors"]["Uno"]["pins"])
+
+
+def test_every_output_is_drawn_with_a_pull_down() -> None:
+    _, wires = drawn()
+    outputs = {name for name in header("uno") if re.match(r"k(Steer|Drive)(L?[Pp]wm|In\d)", name)}
+    pulled = {name for name, ends in wires.items() if any(at == "pull_downs" for _, at in ends)}
+    assert pulled == outputs | {"kBlade", "GND"}
+    assert len(outputs) == 8
+
+
+def test_every_wire_of_a_device_is_joined_to_its_pin() -> None:
+    drawing, _ = drawn()
+    for chain in drawing["connections"]:
+        for link in chain:
+            ((name, pins),) = link.items()
+            known = drawing["connectors"].get(name)
+            if known is not None:
+                assert set(pins) <= set(known["pins"]), name
+                assert name == "Uno" or set(pins) == set(known["pins"]), name
+
+
+def test_the_builder_s_pin_table_is_the_headers() -> None:
+    text = (BUILD / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(k\w+)` \| (\w+) \| (\w+) \|", text, re.MULTILINE)
+    assert {name: pin for name, pin, _ in rows} == header("uno")
+    assert {name: pin for name, _, pin in rows} == header("mega2560")
