@@ -53,7 +53,7 @@ harvest: setup ## commissions the machine, then harvests the default field with 
 lint: setup ## formatting, style, types and layers
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/firmware/simavr/*.cpp' 'sim_plant/*.cpp' 'tools/*.h' 'tools/*.cpp')
-	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check && $(BIN)/python tools/figures.py write --check
+	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check && $(BIN)/python tools/safety_case.py --check && $(BIN)/python tools/figures.py write --check
 
 check: lint ## for the hand that changes a line: style, types, layers, the firmware's unit tests, the quick tests (a minute)
 	@$(BIN)/pio test -e native

@@ -1,4 +1,4 @@
-"""The wiring drawing (docs/build/wiring.yaml) and the builder's pin table against the pin headers."""
+"""The wiring drawing (docs/build/wiring.yaml) and the builder's pin table are the pin headers'."""
 
 from __future__ import annotations
 
