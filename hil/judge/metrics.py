@@ -1,4 +1,4 @@
-"""Figures of merit from the simulated truth; one meaning everywhere (design.md).
+"""Figures of merit from the simulated truth; one meaning everywhere.
 
 Nothing here reaches the host."""
 
@@ -19,7 +19,7 @@ from host.pilot.pilot import Pilot
 from sim_plant.field import Field
 
 OVERLAP_M = 0.08
-"""How far outside the crop's edge the blade's right end is to run (design.md: no sliver stays)."""
+"""How far outside the crop's edge the blade's right end is to run, so that no sliver stays."""
 PROBE_AHEAD_M = 0.1
 """The true edge is read this far before the blade, where the crop still stands."""
 FALSE_END_M = 0.5

@@ -2,7 +2,7 @@
 
 What is not given outright is what an owner would have found with a tape, a level, a phone and the
 calibration commands: the world's value with an error drawn by the scenario's seed, each error from
-numbers of its own. The sizes are docs/understand/world's.
+numbers of its own. docs/use/bench.md lists the sizes.
 """
 
 from __future__ import annotations

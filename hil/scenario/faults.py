@@ -2,8 +2,8 @@
 
 The vocabulary is PX4's: a component and one of {off, stuck, garbage, wrong, slow, delayed,
 intermittent}. PAIRS lists every supported pair with its meaning, and what the machine must do about
-it; any other pair is refused. Faults act at the seams only: wires (hil/wires.py), the plant's
-inputs, power, serial bytes, pictures, NMEA sentences, and whether the host gets to run.
+it; any other pair is refused. Faults act at the seams only: wires (hil/firmware/signal_wires.py),
+the plant's inputs, power, serial bytes, pictures, NMEA sentences, and whether the host gets to run.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The machine as the host believes it to be: one typed, validated file (design.md, "The machine").
+"""The machine as the host believes it to be: one typed, validated file.
 
-The simulated plant has a truth of its own, which `hil` derives from this file and then disturbs.
+The simulated plant has a truth of its own. `hil` derives this file from that, with the errors of an
+owner who measures.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Frames: the vehicle's own at the moment the blade's line met the end of the crop (origin below the
 rear axle, x along the old side, y left). A forward arc alone (paper, II) leaves the corner uncut,
 ring after ring; the three-point turn swings left forward, then reverses on the right lock, and
-ends behind the new side's beginning (design.md, "Where the paper needs mending", 6).
+ends behind the new side's beginning (docs/understand/navigation.md, "How does it turn?").
 """
 
 from __future__ import annotations

@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+ROOMS = ("docs", "firmware", "hil", "host", "sim_plant", "tests", "tools")
+SUFFIXES = (".py", ".h", ".cpp", ".toml")
+SOURCES = sorted(p for room in ROOMS for p in (ROOT / room).rglob("*") if p.suffix in SUFFIXES)
 PAGES = sorted([*ROOT.glob("docs/**/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 CODE = re.compile(r"```.*?```", re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+PAGE = re.compile(r"\bdocs/[\w/-]+\.md")
 QUOTED = re.compile(r"`([^`\n]+)`")
-ROOMS = ("docs", "firmware", "hil", "host", "sim_plant", "tests", "tools")
 NAMED = re.compile(rf"(?:{'|'.join(ROOMS)})/[\w./-]+")
 
 
@@ -59,6 +62,15 @@ def test_every_file_that_is_named_exists(page: Path) -> None:
     assert missing_files(page.read_text("utf-8")) == []
 
 
+def test_every_page_that_the_code_names_exists() -> None:
+    named = {
+        (str(p.relative_to(ROOT)), page)
+        for p in SOURCES
+        for page in re.findall(PAGE, p.read_text("utf-8"))
+    }
+    assert [(where, page) for where, page in sorted(named) if not (ROOT / page).exists()] == []
+
+
 def test_a_page_in_the_index_for_each_document() -> None:
     index = (ROOT / "docs" / "README.md").read_text("utf-8")
     linked = {(ROOT / "docs" / link.partition("#")[0]).resolve() for link in LINK.findall(index)}
@@ -69,8 +81,8 @@ def test_a_page_in_the_index_for_each_document() -> None:
 
 def test_what_is_not_there_is_found() -> None:
     page = ROOT / "README.md"
-    assert broken_links(page, "[a](docs/nowhere.md) [b](docs/README.md#nothing)") == [
-        "docs/nowhere.md",
+    assert broken_links(page, "[a](nowhere.md) [b](docs/README.md#nothing)") == [
+        "nowhere.md",
         "docs/README.md#nothing",
     ]
     assert missing_files("`host/nowhere.py`") == ["host/nowhere.py"]

@@ -1,4 +1,4 @@
-"""The steering's step response against actuators at their worst (design.md, "The machine").
+"""The steering's step response against actuators at their worst.
 
 "Worst" is stiction, backlash and noise at either end of their ranges and every lag, with a motor
 of 60 deg/s: 30 degrees in 0.8 s need about 50 deg/s and more. Slower motors must still settle,

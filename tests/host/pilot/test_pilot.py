@@ -249,7 +249,7 @@ def test_crop_behind_clear_ground_as_wide_as_a_gap_is_left_to_a_person() -> None
 
 
 def test_steering_in_the_papers_literal_sense_diverges() -> None:
-    """Paper, II, case 1: E_outer left of O_map, "vehicle moves towards right" (design.md, 1)."""
+    """Paper, II, case 1: E_outer left of O_map, "vehicle moves towards right"."""
 
     def final_offset(sense: float) -> float:
         offset, heading = 0.1, 0.0
