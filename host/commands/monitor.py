@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import time
 
 import click
@@ -11,7 +13,7 @@ from host.core.messages import Telemetry
 from host.core.terminal import echo
 from host.link import protocol
 from host.link.session import Link
-from host.link.words import as_json, greeting, line
+from host.link.words import as_json, greeting, line, sensors
 
 LINE_EVERY_S = 0.5
 POLL_S = 0.2
@@ -21,7 +23,8 @@ POLL_S = 0.2
 @port_option
 @click.option("--duration", type=click.FloatRange(0, min_open=True), help="Seconds; else Ctrl-C.")
 @click.option("--json", "every", is_flag=True, help="Every message as a line of JSON.")
-def monitor(port: str, duration: float | None, every: bool) -> None:
+@click.option("--readings", is_flag=True, help="What the sensors read instead, six times a second.")
+def monitor(port: str, duration: float | None, every: bool, readings: bool) -> None:
     """Shows the firmware's telemetry: twice a second, and at once when the state or a fault
     changes."""
     begun = time.monotonic()
@@ -34,9 +37,15 @@ def monitor(port: str, duration: float | None, every: bool) -> None:
         if not every:
             echo(greeting(version))
         shown: Telemetry | None = None
+        read: protocol.Readings | None = None
         while duration is None or clock() < duration:
             for telemetry in link.poll(POLL_S):
-                if every:
+                if readings:
+                    newest = link.session.readings
+                    if newest is not None and newest is not read:
+                        echo(json.dumps(dataclasses.asdict(newest)) if every else sensors(newest))
+                    read = newest
+                elif every:
                     echo(as_json(telemetry))
                 else:
                     shown = _show(telemetry, shown)

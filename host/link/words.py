@@ -37,6 +37,18 @@ def line(telemetry: Telemetry) -> str:
     )
 
 
+def sensors(readings: protocol.Readings) -> str:
+    """What the sensors read in one line: counts are of 1023 for 5 V."""
+    r = readings
+    return (
+        f"pot {r.pot:6.1f}  battery {r.battery:6.1f}  e-stop {r.estop:6.1f} counts"
+        f"  steering {r.steer_current:5.2f} A ({r.steer_sense:.1f})"
+        f"  drive {r.drive_current:5.2f} A ({r.drive_sense:.1f})"
+        f"  wheel {r.hall}  blade {r.blade_turns} pulses"
+        f"  late ticks {r.overruns}  line errors {r.line_errors}  stale {r.stale}"
+    )
+
+
 def as_json(telemetry: Telemetry) -> str:
     """One telemetry message as a JSON object, SI units, faults also in words."""
     fields = dataclasses.asdict(telemetry)

@@ -47,6 +47,7 @@ class FakeFirmware:
         self.received: list[protocol.Message] = []
         self.changed = threading.Condition()
         self.telemetry = RESTING
+        self.readings: protocol.Readings | None = None
         self.refuse: dict[type[protocol.Message], protocol.Result] = {}
         self.stale: protocol.Result | None = None
         """When set, late answers to the request before, with this result, surround each Ack."""
@@ -109,6 +110,8 @@ class FakeFirmware:
             if time.monotonic() >= due:
                 due += PERIOD_S
                 if not self._silent and not self.mute.is_set():
+                    if self.readings is not None:
+                        self._send(self.readings)
                     self._send(replace(self.telemetry, time=due - self._begun))
 
     def _take(self, seq: int, message: protocol.Message) -> None:

@@ -178,6 +178,17 @@ def test_monitor_gives_every_message_as_json(cli: Cli, board: FakeFirmware) -> N
     assert messages[0]["battery_v"] == 12.0
 
 
+def test_monitor_shows_what_the_sensors_read(cli: Cli, board: FakeFirmware) -> None:
+    board.readings = protocol.Readings(1.5, 7.0, 512.0, 613.0, 542.0, 569.0, 180.0, 42, 7, 0, 3, 0)
+    code, out, _ = cli("monitor", "--port", board.port, "--duration", "1", "--readings")
+    assert code == 0
+    first, *_ = (text for text in out.splitlines() if text.startswith("pot"))
+    for shown in ("pot  512.0", "e-stop  180.0", " 1.50 A (542.0)", "wheel 42", "line errors 3"):
+        assert shown in first
+    _, out, _ = cli("monitor", "--port", board.port, "--duration", "1", "--readings", "--json")
+    assert json.loads(out.splitlines()[0])["estop"] == 180.0
+
+
 # ---- flash ---------------------------------------------------------------------------------------
 
 
