@@ -171,12 +171,15 @@ def spoiled(jpeg: bytes, kind: str) -> bytes:
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert bgr is not None
     out: NDArray[Any]
-    if kind == "black":
-        out = np.zeros_like(bgr)
-    elif kind == "overexposed":
-        out = cv2.convertScaleAbs(bgr, alpha=3.0, beta=120.0)
-    else:
-        out = cv2.convertScaleAbs(cv2.blur(bgr, (151, 151)), alpha=0.25, beta=8.0)
+    match kind:
+        case "black":
+            out = np.zeros_like(bgr)
+        case "overexposed":
+            out = cv2.convertScaleAbs(bgr, alpha=3.0, beta=120.0)
+        case "covered":
+            out = cv2.convertScaleAbs(cv2.blur(bgr, (151, 151)), alpha=0.25, beta=8.0)
+        case _:
+            raise ValueError(f"no picture is known that is {kind}")
     return cv2.imencode(".jpg", out)[1].tobytes()
 
 

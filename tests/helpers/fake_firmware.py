@@ -5,6 +5,7 @@ Only for the host's own tests of its serial side; the real firmware is proven el
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pty
 import select
@@ -43,6 +44,7 @@ class FakeFirmware:
         """`silent`: hears and never answers; `babble`: somebody else's device, which answers so."""
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
         self.received: list[protocol.Message] = []
         self.changed = threading.Condition()
@@ -91,7 +93,8 @@ class FakeFirmware:
 
     def write(self, data: bytes) -> None:
         """Raw bytes to the host."""
-        os.write(self._master, data)
+        with contextlib.suppress(BlockingIOError):  # nobody reads: what does not fit is lost
+            os.write(self._master, data)
 
     def _send(self, message: protocol.Message) -> None:
         self.write(protocol.encode(message, self._seq))
