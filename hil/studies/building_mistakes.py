@@ -155,6 +155,9 @@ MISTAKES: Final = (
     Mistake(
         "e-stop's wire broken", ("faults.estop",), taps={Signal.ESTOP: (Mode.FIXED, ESTOP_OPEN_MV)}
     ),
+    Mistake(
+        "e-stop's wire on the chassis", ("faults.there",), taps={Signal.ESTOP: (Mode.FIXED, 0.0)}
+    ),
     Mistake("hall sensor dead", ("hall.dead",), taps={Signal.HALL: (Mode.FIXED, 0.0)}),
     Mistake(
         "hall's scale half", ("hall.scale",), {"machine": {"drive": {"hall_pulses_per_m": 25.0}}}
