@@ -322,7 +322,7 @@ def _unpacked(record: McapRecord) -> Iterator[McapRecord]:
         size = max(size, zstandard.frame_content_size(record.data))
     if size > LARGEST:
         raise ValueError(f"a chunk of {size / 1e6:.0f} MB")
-    yield from breakup_chunk(record)
+    yield from breakup_chunk(record, validate_crc=True)
 
 
 def about(path: Path) -> dict[str, str]:
@@ -341,7 +341,11 @@ def read(path: Path) -> Iterator[tuple[str, float, dict[str, Any]]]:
         if isinstance(record, Channel):
             channels[record.id] = record.topic
         elif isinstance(record, Message):
-            message = json.loads(record.data)
+            try:
+                message = json.loads(record.data)
+            except ValueError as error:
+                stamp = record.log_time / 1e9
+                raise UserError(f"{path} is damaged at {stamp:.2f} s: {error}") from error
             if isinstance(message.get("data"), str):
                 message["data"] = base64.b64decode(message["data"])
             yield channels[record.channel_id], record.log_time / 1e9, message

@@ -50,7 +50,8 @@ def test_a_side_is_cut_and_the_machine_turns(tmp_path: Path) -> None:
 def test_a_run_leaves_what_it_promises(tmp_path: Path) -> None:
     summary = harvest(quick(limits={"time_s": 2.0}), tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"summary.json", "map.png", "steering.png", "camera.mp4", "record.mcap"}
+    pictures = {"map.png", "steering.png", "camera.mp4"}
+    assert names == pictures | {"summary.json", "events.json", "record.mcap"}
     assert summary["simulated_s"] == 2.0
     assert {"coverage", "missed_m2", "neighbour_cut_m2", "outside_m", "false_ends"} <= set(summary)
 
