@@ -16,9 +16,8 @@ from hil.studies.campaign import badness, jobs_of, picked, with_files, with_pict
 
 TINY = """
 field: {size_m: [4.0, 3.0], neighbour_depth_m: 2.0}
-vehicle:
-  mounts:
-    mast: {x_m: 0.0, z_m: 1.6, pitch_deg: 28.0, width_px: 64, height_px: 48}
+lens: {x_m: 0.0, z_m: 1.6, pitch_deg: 28.0, width_px: 64, height_px: 48}
+belief: exact
 limits: {time_s: 0.3}
 """
 

@@ -393,20 +393,20 @@ def test_wheels_that_count_nonsense_are_found_by_the_pilot(situation: Situation)
 
 
 @needs_firmware
-def test_standing_by_chance_is_not_a_stop(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("host.estimate.odometry.TOO_FAST_S", 1e9)
-    verdict = tried("hall", "garbage", "turn")
+def test_standing_by_chance_is_not_a_stop() -> None:
+    """A turn stands wherever it changes direction, also one that is driven the wrong way."""
+    verdict = tried("drive_motor", "wrong", "turn")
     assert verdict.detected_by == "nobody", verdict
-    assert verdict.verdict.startswith("UNSAFE"), verdict
+    assert verdict.stop_latency_ms is None, verdict
+    assert not verdict.ok, verdict
 
 
 @needs_firmware
 def test_a_machine_that_drives_the_wrong_way_is_stopped() -> None:
     verdict = tried("drive_motor", "wrong")
-    # Turned round at speed the motor draws too much at once; from rest only the positions tell.
-    assert "other way" in verdict.detected_by or "OVERCURRENT" in verdict.detected_by, verdict
+    # Backing over what it has cut it sees clear ground and stands, before the positions can tell.
     assert verdict.stop_latency_ms is not None
-    assert verdict.stop_latency_ms < 4000, "a metre from wherever the fault struck, and two fixes"
+    assert verdict.stop_latency_ms < 3000, verdict
 
 
 @needs_firmware
@@ -486,15 +486,15 @@ def test_the_matrix_goes_on_where_it_was_killed(
     monkeypatch.setattr("hil.commands.faults.run_group", run)
     words = ["--only", "estop", "--workers", "1", "--out", str(tmp_path)]
     assert CliRunner().invoke(faults, words).exit_code == 0
-    assert len(ran) == 4
+    assert len(ran) == 6
     log = tmp_path / "verdicts.jsonl"
     lines = log.read_text().strip().splitlines(keepends=True)
     log.write_text("".join(lines[:2]) + lines[2][:40])  # killed while it wrote the third
     ran.clear()
     assert CliRunner().invoke(faults, words).exit_code == 0
-    assert len(ran) == 2
-    assert json.loads((tmp_path / "summary.json").read_text())["cases"] == 4
-    assert (tmp_path / "faults.md").read_text().count("| estop ") == 4
+    assert len(ran) == 4
+    assert json.loads((tmp_path / "summary.json").read_text())["cases"] == 6
+    assert (tmp_path / "faults.md").read_text().count("| estop ") == 6
     ran.clear()
     assert CliRunner().invoke(faults, words).exit_code == 0
     assert ran == []
