@@ -2,8 +2,9 @@
 
 Pictures say where crop ends before the blade; the way driven since then is counted by whichever of
 hall sensor and drive duty says more, so that neither alone can hide it. Clear ground that is longer
-than a patch may be a gap, whatever plan and odometer say: the machine stands, looks once more
-without the blade's dust, and goes no farther unless crop stands right at the blade.
+than a patch may be a gap: the machine stands, looks once more without the blade's dust, and goes no
+farther unless crop stands right at the blade. Only where the plan has crop by more than any belief
+errs does it go on, its blade off, and cuts again where the edge that it followed goes on in line.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ in crop."""
 DOUBTED: Final = 1.25
 """Times what the wheels' sensor counts: more is not laid to lost pulses, on the duty's word alone,
 as long as a slope may explain it."""
+IN_LINE_M: Final = 0.4
+"""Beside its place, at most, an edge is the one that was followed before the clear ground."""
 SETTLE_S: Final = 2.0
 """After the machine was told to stand, until its blade's dust has settled;"""
 LOOK_S: Final = 3.5
@@ -92,8 +95,10 @@ class CutGuard:
         most = max(abs(counted), min(high, max(low, DOUBTED * abs(counted))))
         return math.copysign(most, duty if duty != 0.0 else counted)
 
-    def take_picture(self, stamp: float, view: CropView) -> None:
-        """One along the side, taken at `stamp`."""
+    def take_picture(self, stamp: float, view: CropView, *, own: bool = False) -> None:
+        """One along the side, taken at `stamp`. `own`: the plan has crop here beyond doubt. Then
+        crop after long clear ground is the field's own where its edge goes on in line; a
+        neighbour's lies across."""
         if view.ahead_confidence < CONFIDENT or not view.usable:
             return
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
@@ -101,7 +106,8 @@ class CutGuard:
         if view.crop_ahead_m < AT_BLADE_M:
             self._crop_at_look = self._crop_at_look or looks
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
-            if patch and self._held_since is None:
+            in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
+            if (patch or (own and in_line)) and self._held_since is None:
                 self._cutting, self._clear_from_m = True, None
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
             self._clear_from_m = then_m
@@ -110,12 +116,15 @@ class CutGuard:
     def _allowed_m(self) -> float:
         return PATCH_M + self._slack_m
 
-    def limit(self, now: float, command: Command) -> Command:
-        """The command as it may be carried out."""
+    def limit(self, now: float, command: Command, *, own: bool = False) -> Command:
+        """The command as it may be carried out. Where the plan has crop beyond doubt (`own`), long
+        clear ground is crossed with the blade off."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
         if self._held_since is None:
-            if not forward or self.clear_m < self._allowed_m:
+            if self.clear_m < self._allowed_m:
                 return command
+            if own or not forward:
+                return replace(command, blade=False)
             self._held_since, self._crop_at_look = now, False
         if not forward:
             return command

@@ -134,7 +134,7 @@ class Pilot:
         command, go = self._behaviour.step(now)
         self._go(now, go)
         if self._behaviour.gaze.on_side:
-            command = context.estimate.cut.limit(now, command)
+            command = context.estimate.cut.limit(now, command, own=context.strip.surely_own)
         passed = context.guard.limit(self._explained(command))
         if isinstance(passed, Command):
             return passed
@@ -165,7 +165,8 @@ class Pilot:
             context.look.settled,
         )
         if self._behaviour.gaze.on_side and context.sight.view is not None:
-            context.estimate.cut.take_picture(context.sight.stamp, context.sight.view)
+            own = context.strip.surely_own
+            context.estimate.cut.take_picture(context.sight.stamp, context.sight.view, own=own)
 
     def _explained(self, command: Command) -> Command:
         return command if command.reason else replace(command, reason=self.reason)

@@ -47,6 +47,12 @@ TURN_LEAST_RAD = 0.5
 SHUTTLE_LEARN_M = 6.0
 """A shorter strip of a shuttle ends while it is being straightened still, and the next is begun by
 the same turn: strip after strip would teach the bias what that leaves."""
+SURE_M = 3.0
+"""Of a side that is left, by which crop before the blade is the field's own: three times what a
+corner of a walked boundary errs;"""
+SURE_SHARE = 0.4
+"""and the share of it, for an odometer that loses half of its pulses: at the true end it still has
+0.38 of the side to go."""
 BEND_AHEAD_M = 0.15
 """Before a bend of the edge the steering begins to follow it: half of what it takes to turn at
 cutting speed."""
@@ -120,6 +126,11 @@ class Strip:
     def left_m(self) -> float:
         """What the plan still has of it before the blade; 0 where it has nothing."""
         return 0.0
+
+    @property
+    def surely_own(self) -> bool:
+        """Whether the plan has crop before the blade by more than any belief errs."""
+        return False
 
     def to_blind_end_m(self) -> float:
         """From where the blade will stop to where the strip ends before a keep-out; inf: it does
@@ -239,6 +250,10 @@ class PlannedStrip(Strip):
         doubt = 2 * self.estimate.odometry.scale_sigma
         early = LAST_EARLY_M if self.last else EARLY_M + 2 * self.side.end_seen_m
         return self.along_m(motion) > max(0.0, (1 - doubt) * self.side.length_m - early)
+
+    @property
+    def surely_own(self) -> bool:
+        return self.left_m() > max(SURE_M, SURE_SHARE * self.side.length_m)
 
     def left_m(self) -> float:
         return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))

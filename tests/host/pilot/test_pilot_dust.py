@@ -280,12 +280,21 @@ def test_every_strip_of_a_shuttle_has_its_look_at_the_end() -> None:
 
 
 def test_where_the_crop_of_the_plan_is_gone_it_stops() -> None:
-    """As when it has left its lane: what is farther on may be the neighbour's."""
+    """As when it has left its lane: what is farther on may be the neighbour's. Over clear ground
+    that is longer than any patch the blade is off, and stays off."""
     world, _, pilot = cutting(metres=1.0)
     bare(world, 3.5)
-    drive(world, pilot, 90.0, until=lambda: pilot.done)
+    blades: list[bool] = []
+
+    def done() -> bool:
+        if world.y + VEHICLE.blade_x_m > 3.5 + 1.0:
+            blades.append(world.command.blade and world.speed > 0.05)
+        return pilot.done
+
+    drive(world, pilot, 90.0, until=done)
     assert pilot.phase is Phase.FAULT
-    assert "not to be found" in pilot.reason
+    assert "clear ground for" in pilot.reason
+    assert not any(blades)
     assert world.y + VEHICLE.blade_x_m < 7.5
 
 
@@ -295,17 +304,27 @@ def test_an_end_in_clear_air_needs_no_look() -> None:
     assert not [t for t in pilot.transitions if t.phase is Phase.HESITATE]
 
 
-@pytest.mark.parametrize(("begin_m", "end_m", "looked_at"), [(4.0, 6.0, False), (3.0, 7.0, True)])
-def test_a_bare_patch_is_crossed_and_a_long_one_looked_at(
-    begin_m: float, end_m: float, looked_at: bool
+def test_a_bare_patch_where_the_plan_surely_has_crop_is_crossed() -> None:
+    """And cut on behind it, where the edge goes on in line."""
+    world, _, pilot = cutting(metres=1.0)
+    bare(world, 4.0, 6.0)
+    drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
+    assert pilot.turns == 1, pilot.reason
+    assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.45)
+    assert not standing(world, 0.2, 9.8)
+
+
+@pytest.mark.parametrize(("begin_m", "end_m"), [(3.0, 7.0), (7.0, 9.0)])
+def test_clear_ground_that_reaches_near_the_plans_end_is_not_crossed(
+    begin_m: float, end_m: float
 ) -> None:
+    """It may be the gap of a field that is shorter than believed."""
     world, _, pilot = cutting(metres=1.0)
     bare(world, begin_m, end_m)
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
-    assert pilot.turns == 1, pilot.reason
-    assert any(t.reason == "bare ground" for t in pilot.transitions) is looked_at
-    assert world.y + VEHICLE.blade_x_m == pytest.approx(10.0, abs=0.45)
-    assert not standing(world, 0.2, 9.8)
+    assert pilot.phase is Phase.FAULT
+    assert "clear ground for" in pilot.reason
+    assert world.y + VEHICLE.blade_x_m < end_m
 
 
 def test_the_blade_raises_no_dust_on_the_way_to_a_sides_crop() -> None:
@@ -331,9 +350,9 @@ def test_the_blade_raises_no_dust_on_the_way_to_a_sides_crop() -> None:
 
 
 def test_a_machine_that_has_left_its_lane_finds_the_edge_beside_it() -> None:
-    """Nothing but stubble before the blade, and 0.7 m to the left, farther on, the crop."""
-    world, eyes, pilot = cutting(metres=2.0)
-    world.x += 0.75
+    """Nothing but stubble before the blade, and 0.5 m to the left, farther on, the crop."""
+    world, eyes, pilot = cutting(metres=0.5)
+    world.x += 0.55
     on_lane = 10.0 - VEHICLE.inset_m
 
     def aside(view: CropView) -> CropView:
@@ -354,14 +373,14 @@ def test_a_machine_that_has_left_its_lane_finds_the_edge_beside_it() -> None:
     assert world.x == pytest.approx(on_lane, abs=0.1)
 
 
-def test_where_the_crop_of_the_last_side_is_gone_the_field_is_finished() -> None:
+def test_where_the_crop_of_the_last_side_is_gone_a_person_must_see() -> None:
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:1]))
     drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
     bare(world, 3.5)
     drive(world, pilot, 90.0, until=lambda: pilot.done)
-    assert pilot.phase is Phase.FINISHED
-    assert "no crop left" in pilot.reason
+    assert pilot.phase is Phase.FAULT
+    assert "clear ground for" in pilot.reason
     assert world.y + VEHICLE.blade_x_m < 7.5
 
 
