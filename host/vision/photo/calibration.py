@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.errors import UserError
 from host.vision.photo.benchmark import Photo
 from host.vision.photo.confidence import REASONS, TOLERANCE, Weights
 from host.vision.photo.detector import RobustPhoto, trace
@@ -104,4 +105,7 @@ def write(path: Path, learnt: Weights, command: str) -> None:
         },
         "bias": round(learnt.bias, 6),
     }
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    try:
+        path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write the weights {path}: {error.strerror}") from error

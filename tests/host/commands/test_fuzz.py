@@ -117,6 +117,7 @@ def test_wrong_arguments_and_files_are_one_message(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DARANTI_DATA", str(tmp_path / "none"))  # nothing is learnt or scored here
     monkeypatch.setattr("host.runs.sources.FIRST_PICTURE_S", 0.1)
     monkeypatch.setattr("host.runs.errand.FIRST_FIX_S", 0.1)
     monkeypatch.setattr("host.tune.experiments.ARM_S", 0.1, raising=False)
