@@ -56,6 +56,8 @@ class CutGuard:
         self._clear_from_m: float | None = None
         self._held_since: float | None = None
         self._crop_at_look = False
+        self._crossing = False
+        """Whether it goes on over clear ground, its blade off, after such a look."""
         self.refused = False
         """Whether the machine has stood and looked, and what lies beyond must not be cut."""
 
@@ -70,6 +72,7 @@ class CutGuard:
         self._slack_m = slack_m
         self._cutting = False
         self._clear_from_m = self._held_since = None
+        self._crossing = False
         self.refused = False
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
@@ -108,7 +111,7 @@ class CutGuard:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
             if (patch or (own and in_line)) and self._held_since is None:
-                self._cutting, self._clear_from_m = True, None
+                self._cutting, self._clear_from_m, self._crossing = True, None, False
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
             self._clear_from_m = then_m
 
@@ -118,13 +121,15 @@ class CutGuard:
 
     def limit(self, now: float, command: Command, *, own: bool = False) -> Command:
         """The command as it may be carried out. Where the plan has crop beyond doubt (`own`), long
-        clear ground is crossed with the blade off."""
+        clear ground is crossed with the blade off, after the same look."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
         if self._held_since is None:
             if self.clear_m < self._allowed_m:
                 return command
-            if own or not forward:
+            if self._crossing and own:
                 return replace(command, blade=False)
+            if not forward:
+                return command
             self._held_since, self._crop_at_look = now, False
         if not forward:
             return command
@@ -132,5 +137,8 @@ class CutGuard:
             if self._crop_at_look:
                 self._held_since = self._clear_from_m = None
                 return command
+            if own:
+                self._held_since, self._crossing = None, True
+                return replace(command, blade=False)
             self.refused = True
         return replace(command, speed_mps=0.0, blade=False)
