@@ -361,3 +361,19 @@ def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None
         ]
         assert found == pytest.approx(np.cov(drawn), rel=0.05, abs=1e-4)
     assert stated[0] == pytest.approx(position._p[:2, :2])
+
+
+@pytest.mark.parametrize("turn_deg", [-40.0, -5.0, 12.0, 22.0])
+@pytest.mark.parametrize(("offset_m", "heading_deg"), [(0.0, 0.0), (0.2, -6.0), (-0.1, 4.0)])
+def test_at_a_bend_the_machine_stands_where_it_stood_against_the_line_beyond(
+    turn_deg: float, offset_m: float, heading_deg: float
+) -> None:
+    """The old line along x, the bend 1.4 m ahead of the axle at the origin's abscissa."""
+    turn, heading = math.radians(turn_deg), math.radians(heading_deg)
+    lane = Lane(1.5)
+    lane.place(offset_m, heading, 0.1, 0.1)
+    lane.bend(turn, 1.4)
+    # How far (0, offset_m) lies left of the line through (1.4, 0) in direction `turn`.
+    left_m = (0.0 - 1.4) * -math.sin(turn) + offset_m * math.cos(turn)
+    assert lane.offset_m == pytest.approx(left_m)
+    assert lane.heading_rad == pytest.approx(heading - turn)
