@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Limits
 
-from sim_plant import field as f
-from sim_plant import labels, noise, render, sky, texture
-from sim_plant.field import NotNegative, Positive, Share, Strict
+from sim_plant import ground, labels, noise, render, sky, texture
+from sim_plant.field import Field
 from sim_plant.sky import WeatherSpec
+from sim_plant.strict import NotNegative, Positive, Share, Strict
 
 
 class CameraSpec(Strict):
@@ -120,7 +120,7 @@ class Camera:
 
     def __init__(
         self,
-        field: f.Field,
+        field: Field,
         spec: CameraSpec | None = None,
         weather: WeatherSpec | None = None,
         seed: int = 0,
@@ -199,7 +199,7 @@ class Camera:
         self._sampled_vignette = self._vignette[::8, ::8] / np.float32(255)
 
     def _bind(
-        self, field: f.Field, panorama: NDArray[np.uint8], packs: NDArray[Any]
+        self, field: Field, panorama: NDArray[np.uint8], packs: NDArray[Any]
     ) -> render.Kernels:
         """All that stays the same from picture to picture, handed to the kernels."""
         s, scene, weather, spec = self.spec, self._scene, self.weather, field.spec
@@ -292,8 +292,8 @@ class Camera:
         a, b = max(0, j0 - 2 * pad), min(rows, j1 + 2 * pad)
         c, d = max(0, i0 - 2 * pad), min(columns, i1 + 2 * pad)
         fine = scene.kind[2 * a : 2 * b, 2 * c : 2 * d]
-        solid = (fine == f.OBSTACLE) | (fine == f.TRUNK)
-        crop: NDArray[Any] = ((fine == f.CROP) | (fine == f.NEIGHBOUR)).view(np.uint8)
+        solid = (fine == ground.OBSTACLE) | (fine == ground.TRUNK)
+        crop: NDArray[Any] = ((fine == ground.CROP) | (fine == ground.NEIGHBOUR)).view(np.uint8)
         # A strip left standing that is narrower than this is a row of stalks without a body.
         narrowest = max(2, round(0.25 / scene.cell))
         block = np.ones((narrowest, narrowest), np.uint8)

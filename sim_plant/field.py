@@ -1,4 +1,4 @@
-"""The field: what stands where on a grid, and the blade that cuts it.
+"""The field: what stands where on a grid, and what of it has been cut.
 
 Field frame: x east, y north, metres; grids are indexed [row j along y, column i along x] with cell
 (0, 0) at `Field.origin`. The cut is judged by cell centres.
@@ -8,133 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal
 
 import numpy as np
 import shapely
 from numba import njit
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, model_validator
-from pydantic import Field as Limits
 
-from sim_plant import noise
-
-SOIL: Final = 0
-CROP: Final = 1
-STUBBLE: Final = 2
-WINDROW: Final = 3
-"""Cut straw lying in a swath, over stubble or soil."""
-GRASS: Final = 4
-"""Weeds and grass on ground without crop."""
-NEIGHBOUR: Final = 5
-NEIGHBOUR_STUBBLE: Final = 6
-"""Crop of a neighbour that the blade has cut: must never exist."""
-OBSTACLE: Final = 7
-"""A house or a keep-out."""
-TRUNK: Final = 8
-"""Of a tree."""
-
-Share = Annotated[float, Limits(ge=0, le=1)]
-Positive = Annotated[float, Limits(gt=0)]
-NotNegative = Annotated[float, Limits(ge=0)]
-Point = tuple[float, float]
-Channel = Annotated[float, Limits(ge=0, le=255)]
-Colour = tuple[Channel, Channel, Channel]
-Side = Literal["south", "east", "north", "west"]
-
-
-class Strict(BaseModel):
-    """Unknown keys are errors, values are immutable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Tree(Strict):
-    """A tree: a trunk that stands in the way under a crown."""
-
-    x_m: float
-    y_m: float
-    height_m: Positive = 6.0
-    crown_radius_m: Positive = 1.8
-    trunk_radius_m: Positive = 0.2
-
-
-class House(Strict):
-    """A house: a box with its centre at (x, y)."""
-
-    x_m: float
-    y_m: float
-    width_m: Positive = 6.0
-    depth_m: Positive = 4.0
-    height_m: Positive = 3.0
-    yaw_deg: float = 0.0
-
-
-class FieldSpec(Strict):
-    """What a field is like. Either `polygon` (counter-clockwise or not, metres) or `size_m`, a
-    rectangle with its lower left corner at (0, 0). Shares are of the crop's area."""
-
-    size_m: tuple[Positive, Positive] = (10.0, 10.0)
-    polygon: tuple[Point, ...] | None = None
-    gap_m: NotNegative = 2.0
-    """Between the field's boundary and the neighbours' crop."""
-    neighbours: Literal["all", "none"] | tuple[Side, ...] = "all"
-    """Sides (by the outward normal of the nearest edge) with a neighbour's crop behind the gap."""
-    neighbour_depth_m: Positive = 6.0
-    cell_m: Annotated[float, Limits(ge=0.01, le=0.05)] = 0.025
-    crop_height_m: Positive = 0.9
-    crop_height_sd_m: NotNegative = 0.05
-    """Of the height over the field; single stalks vary by 6 % besides."""
-    stalks_per_m2: Annotated[float, Limits(ge=20, le=1500)] = 400.0
-    drilled: bool = False
-    """Rows 0.17 m apart along x instead of the broadcast crop of the paper."""
-    edge_wobble_m: NotNegative = 0.02
-    """Standard deviation of the crop's outline about the polygon."""
-    weeds: Share = 0.02
-    lodged: Share = 0.0
-    thin: Share = 0.03
-    green: Share = 0.03
-    bare: Share = 0.002
-    grass: Share = 0.3
-    """Of the ground outside the crop."""
-    crop_bgr: Colour = (92.0, 142.0, 196.0)
-    """Of the ripe crop in daylight, display-referred; likewise below."""
-    straw_bgr: Colour = (98.0, 150.0, 200.0)
-    soil_bgr: Colour = (82.0, 110.0, 142.0)
-    patch_m: Positive = 1.5
-    """Wavelength of the patches."""
-    windrow_m: tuple[float, NotNegative] = (0.1, 0.45)
-    """Where the reaper lays the straw: distance right of the blade's right end, and width."""
-    trees: tuple[Tree, ...] = ()
-    houses: tuple[House, ...] = ()
-    keep_outs: tuple[tuple[Point, ...], ...] = ()
-    side_slope_deg: float = 0.0
-    """The plane's slope: positive where the ground rises to the north."""
-    long_slope_deg: float = 0.0
-    """Positive where the ground rises to the east."""
-    bump_sd_deg: NotNegative = 0.6
-    """Of the vehicle's roll and pitch from uneven ground."""
-    bump_m: Positive = 1.2
-    """Wavelength of the unevenness."""
-
-    @model_validator(mode="after")
-    def _polygon_is_simple(self) -> FieldSpec:
-        for name, ring in (("polygon", self.polygon), *(("keep_outs", k) for k in self.keep_outs)):
-            if ring is None:
-                continue
-            if len(ring) < 3 or not shapely.Polygon(ring).is_valid:
-                raise ValueError(
-                    f"{name}: needs at least three corners and sides that do not cross"
-                )
-        return self
-
-    @property
-    def boundary(self) -> shapely.Polygon:
-        """The crop's nominal outline, counter-clockwise."""
-        if self.polygon is None:
-            w, h = self.size_m
-            return shapely.box(0, 0, w, h, ccw=True)
-        return shapely.geometry.polygon.orient(shapely.Polygon(self.polygon))
+from sim_plant import ground, noise
+from sim_plant.blade import cut_between
+from sim_plant.field_spec import FieldSpec, Point, Side
+from sim_plant.ground import CROP, GRASS, NEIGHBOUR, OBSTACLE, SOIL, STUBBLE, TRUNK
 
 
 @dataclass(slots=True)
@@ -172,92 +55,6 @@ class Watch:
         if box.empty:
             return None
         return box.j0, box.i0, self._kind[box.j0 : box.j1, box.i0 : box.i1].copy()
-
-
-@njit(cache=True, nogil=True)
-def _edge(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
-    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-
-
-@njit(cache=True, nogil=True)
-def _inside_triangle(
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    cx: float,
-    cy: float,
-    x: float,
-    y: float,
-) -> bool:
-    """Border included, either orientation; a degenerate triangle holds nothing but its border."""
-    eps = 1e-12
-    p = _edge(ax, ay, bx, by, x, y)
-    q = _edge(bx, by, cx, cy, x, y)
-    r = _edge(cx, cy, ax, ay, x, y)
-    if abs(_edge(ax, ay, bx, by, cx, cy)) < eps:
-        return False
-    return (p >= -eps and q >= -eps and r >= -eps) or (p <= eps and q <= eps and r <= eps)
-
-
-@njit(cache=True, nogil=True)
-def sweep(
-    kind: NDArray[np.uint8],
-    x0: float,
-    y0: float,
-    cell: float,
-    old: NDArray[np.float64],
-    new: NDArray[np.float64],
-    straw: bool,
-    seed: int,
-    counts: NDArray[np.int64],
-    box: NDArray[np.int64],
-) -> None:
-    """Cuts what the segment `old` = (left x, left y, right x, right y) sweeps on its way to `new`.
-
-    The swept quadrilateral is split into two triangles whose borders belong to it, so that nothing
-    is skipped between successive calls at any speed. Adds to `counts` (crop cells, neighbour cells)
-    and grows `box` (j0, j1, i0, i1) by the cells that changed. With `straw` the swept cells that
-    hold no crop become windrow at a seeded 85 % instead of being cut.
-    """
-    rows, columns = kind.shape
-    lo_x = min(old[0], old[2], new[0], new[2])
-    hi_x = max(old[0], old[2], new[0], new[2])
-    lo_y = min(old[1], old[3], new[1], new[3])
-    hi_y = max(old[1], old[3], new[1], new[3])
-    i0 = max(0, math.floor((lo_x - x0) / cell))
-    i1 = min(columns - 1, math.floor((hi_x - x0) / cell))
-    j0 = max(0, math.floor((lo_y - y0) / cell))
-    j1 = min(rows - 1, math.floor((hi_y - y0) / cell))
-    for j in range(j0, j1 + 1):
-        y = y0 + (j + 0.5) * cell
-        for i in range(i0, i1 + 1):
-            here = kind[j, i]
-            if straw:
-                if here not in (SOIL, STUBBLE, GRASS) or noise.mix(seed, i, j) > 3650722201:
-                    continue
-                into = WINDROW
-            elif here == CROP:
-                into = STUBBLE
-            elif here == NEIGHBOUR:
-                into = NEIGHBOUR_STUBBLE
-            else:
-                continue
-            x = x0 + (i + 0.5) * cell
-            if not (
-                _inside_triangle(old[0], old[1], old[2], old[3], new[2], new[3], x, y)
-                or _inside_triangle(old[0], old[1], new[2], new[3], new[0], new[1], x, y)
-            ):
-                continue
-            kind[j, i] = into
-            if into == STUBBLE:
-                counts[0] += 1
-            elif into == NEIGHBOUR_STUBBLE:
-                counts[1] += 1
-            box[0] = min(box[0], j)
-            box[1] = max(box[1], j + 1)
-            box[2] = min(box[2], i)
-            box[3] = max(box[3], i + 1)
 
 
 @njit(cache=True, nogil=True)
@@ -318,22 +115,17 @@ def _lateral_edge(
     reach: float,
     run: float,
 ) -> float:
-    rows, columns = kind.shape
     step = 0.2 * cell
     lx = -math.sin(yaw)
     ly = math.cos(yaw)
-    i = math.floor((x - x0) / cell)
-    j = math.floor((y - y0) / cell)
-    standing = 0 <= i < columns and 0 <= j < rows and kind[j, i] == CROP
+    standing = ground.kind_at(kind, x0, y0, cell, x, y) == CROP
     sign = -1.0 if standing else 1.0
     found = -1.0
     s = 0.0
     while s <= reach + run:
         px = x + sign * s * lx
         py = y + sign * s * ly
-        i = math.floor((px - x0) / cell)
-        j = math.floor((py - y0) / cell)
-        here = 0 <= i < columns and 0 <= j < rows and kind[j, i] == CROP
+        here = ground.kind_at(kind, x0, y0, cell, px, py) == CROP
         if here != standing:
             if found < 0.0:
                 found = s
@@ -463,10 +255,7 @@ class Field:
 
     def kind_at(self, x: float, y: float) -> int:
         """Kind of the cell that holds the point; SOIL outside the grid."""
-        j, i = self._index(x, y)
-        if 0 <= j < self.kind.shape[0] and 0 <= i < self.kind.shape[1]:
-            return int(self.kind[j, i])
-        return SOIL
+        return ground.kind_at(self.kind, *self.origin, self.cell, x, y)
 
     # ---- the blade ------------------------------------------------------------------------------
 
@@ -484,7 +273,7 @@ class Field:
         centimetres or degrees should be split by the caller: the path between is taken as straight.
         Returns the number of cells cut, the neighbours' included.
         """
-        cut = _cut_between(
+        cut = cut_between(
             self.kind, *self.origin, self.cell, old, new, ahead_m, width_m, *self.spec.windrow_m,
             self.seed, self._counts, self._box,
         )  # fmt: skip
@@ -591,45 +380,3 @@ def _slopes(
     up = math.radians(long) * c + math.radians(side) * s
     left_up = -math.radians(long) * s + math.radians(side) * c
     return left_up, -up
-
-
-@njit(cache=True, nogil=True)
-def blade_ends(
-    x: float, y: float, yaw: float, ahead_m: float, right_m: float, left_m: float
-) -> NDArray[np.float64]:
-    """(left x, left y, right x, right y) of a segment across the vehicle, y left positive."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    bx, by = x + ahead_m * c, y + ahead_m * s
-    return np.array([bx - left_m * s, by + left_m * c, bx - right_m * s, by + right_m * c])
-
-
-@njit(cache=True, nogil=True)
-def _cut_between(
-    kind: NDArray[np.uint8],
-    x0: float,
-    y0: float,
-    cell: float,
-    old: tuple[float, float, float],
-    new: tuple[float, float, float],
-    ahead_m: float,
-    width_m: float,
-    beside_m: float,
-    straw_m: float,
-    seed: int,
-    counts: NDArray[np.int64],
-    box: NDArray[np.int64],
-) -> int:
-    """`Field.cut`, the straw laid too; `box` becomes the cells that changed."""
-    before = counts[0] + counts[1]
-    box[0], box[1], box[2], box[3] = 1 << 30, 0, 1 << 30, 0
-    half = width_m / 2
-    a = blade_ends(old[0], old[1], old[2], ahead_m, -half, half)
-    b = blade_ends(new[0], new[1], new[2], ahead_m, -half, half)
-    sweep(kind, x0, y0, cell, a, b, False, seed, counts, box)
-    cut: int = counts[0] + counts[1] - before
-    if cut and straw_m > 0:
-        right = -half - beside_m
-        a = blade_ends(old[0], old[1], old[2], ahead_m - 0.4, right - straw_m, right)
-        b = blade_ends(new[0], new[1], new[2], ahead_m - 0.4, right - straw_m, right)
-        sweep(kind, x0, y0, cell, a, b, True, seed, counts, box)
-    return cut

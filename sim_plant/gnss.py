@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field as Limits
 
-from sim_plant.field import NotNegative, Positive, Share, Strict
+from sim_plant.strict import NotNegative, Positive, Share, Strict
 
 _CEP_PER_SIGMA = math.sqrt(2 * math.log(2))
 """Median of the distance of a circular normal error with unit standard deviation per axis."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import Field as Limits
 
 from sim_plant import noise
-from sim_plant.field import NotNegative, Positive, Strict
+from sim_plant.strict import NotNegative, Positive, Strict
 
 STEP_S: Final = 0.001
 """The step that the constants' accuracy was checked with; `step` takes any up to some 2 ms."""

@@ -24,7 +24,7 @@ from typing import Annotated, Final
 import numpy as np
 from pydantic import Field as Limits
 
-from sim_plant.field import NotNegative, Positive, Strict
+from sim_plant.strict import NotNegative, Positive, Strict
 
 BOUNDARY: Final = "Ba4oTvQMY8ew04N8dcnM"
 

@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_plant import field as f
 from sim_plant import native
+from sim_plant.field_spec import FieldSpec
 
 BLOCK_M: Final = 0.5
 """Side of a block of stalks."""
@@ -315,7 +315,7 @@ def smooth(seed: int, x: float, y: float) -> float:
     return float(call(c_int64(seed), c_double(x), c_double(y)))
 
 
-def bake_packs(rng: np.random.Generator, spec: f.FieldSpec) -> NDArray[Any]:
+def bake_packs(rng: np.random.Generator, spec: FieldSpec) -> NDArray[Any]:
     """(PACKS, stalks) of GROWN: the blocks that the field's spec asks for."""
     n = max(1, round(spec.stalks_per_m2 * BLOCK_M**2))
     shape = (PACKS, n)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Limits
 
-from sim_plant.field import NotNegative, Share, Strict
+from sim_plant.strict import NotNegative, Share, Strict
 
 PANORAMA_TOP: Final = 0.84
 """Tangent of the elevation of the panorama's first row."""

@@ -23,7 +23,8 @@ from host.core.errors import UserError
 from host.link import protocol
 from sim_plant import machine
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
 

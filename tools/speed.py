@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from host.core.vehicle import Mount, Vehicle
 from host.vision.mounted.detector import make_detector
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 
 BASELINE = Path(__file__).with_name("speed_baseline.json")
 PICTURES_PER_S = 10

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import LOW, MAST, Vehicle
 from sim_plant.camera import Camera, CameraSpec
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
 SIDE_M = 9.0

@@ -26,7 +26,7 @@ from host.core.frames import LocalFrame
 from host.core.vehicle_file import save_vehicle
 from host.pilot.phase import Phase
 from sim_plant.camera import Camera, Shot
-from sim_plant.field import FieldSpec
+from sim_plant.field_spec import FieldSpec
 from sim_plant.phone import Phone
 
 SLICE_S: Final = SLICE_US * 1e-6

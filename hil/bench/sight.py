@@ -12,7 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hil.bench.misread import Misreading
-from sim_plant import field as f
+from sim_plant.field import Field
+from sim_plant.ground import CROP, NEIGHBOUR, kind_at
 
 CUTTING_M: Final = 0.3
 """Crop nearer than this is being cut."""
@@ -56,14 +57,10 @@ class Sight:
 
 @njit(cache=True, nogil=True)
 def _standing(
-    kind: NDArray[np.uint8], x0: float, y0: float, per_m: float, x: float, y: float
+    kind: NDArray[np.uint8], x0: float, y0: float, cell: float, x: float, y: float
 ) -> bool:
-    i = math.floor((x - x0) * per_m)
-    j = math.floor((y - y0) * per_m)
-    if i < 0 or j < 0 or j >= kind.shape[0] or i >= kind.shape[1]:
-        return False
-    here = kind[j, i]
-    return here in (f.CROP, f.NEIGHBOUR)
+    here = kind_at(kind, x0, y0, cell, x, y)
+    return here in (CROP, NEIGHBOUR)
 
 
 @njit(cache=True, nogil=True)
@@ -71,7 +68,7 @@ def _right(
     kind: NDArray[np.uint8],
     x0: float,
     y0: float,
-    per_m: float,
+    cell: float,
     x: float,
     y: float,
     yaw: float,
@@ -88,7 +85,7 @@ def _right(
         count = 0
         for q in range(5):
             ahead = first_m + 0.04 + 0.05 * q
-            if _standing(kind, x0, y0, per_m, x + ahead * c - left * s, y + ahead * s + left * c):
+            if _standing(kind, x0, y0, cell, x + ahead * c - left * s, y + ahead * s + left * c):
                 count += 1
         if count >= 2:
             run += 1
@@ -115,7 +112,6 @@ def _look(
 ) -> None:
     c = math.cos(yaw)
     s = math.sin(yaw)
-    per_m = 1.0 / cell
     enough = max(1, round(NEAR_SHARE * COLUMNS))
     ahead = math.inf
     depth = 0.0
@@ -131,7 +127,7 @@ def _look(
                 continue
             left = width * ((k + 0.5) / COLUMNS - 0.5)
             fx = blade_x + d
-            if _standing(kind, x0, y0, per_m, x + fx * c - left * s, y + fx * s + left * c):
+            if _standing(kind, x0, y0, cell, x + fx * c - left * s, y + fx * s + left * c):
                 here += 1
                 if not hit[k]:
                     hit[k] = True
@@ -154,13 +150,13 @@ def _look(
     out[2] = math.nan
     out[3] = math.nan
     if ahead < math.inf:
-        out[2] = _right(kind, x0, y0, per_m, x, y, yaw, blade_x + ahead)
-        behind = _right(kind, x0, y0, per_m, x, y, yaw, blade_x + ahead + 0.4)
+        out[2] = _right(kind, x0, y0, cell, x, y, yaw, blade_x + ahead)
+        behind = _right(kind, x0, y0, cell, x, y, yaw, blade_x + ahead + 0.4)
         out[3] = (behind - out[2]) / 0.4
 
 
 def look(
-    field: f.Field,
+    field: Field,
     pose: tuple[float, float, float],
     blade_x_m: float,
     blade_width_m: float,

@@ -12,9 +12,9 @@ from dataclasses import astuple, dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from hil.firmware.targets import Board
+from host.core.strict import Strict
 
 Driver = Literal["l298n", "bts7960", "vnh5019"]
 
@@ -68,10 +68,8 @@ class Channel(enum.IntEnum):
     ESTOP = 4
 
 
-class Wiring(BaseModel):
+class Wiring(Strict):
     """A machine's drivers and loose ends."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     steering: Driver = "l298n"
     drive: Driver = "vnh5019"

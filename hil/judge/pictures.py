@@ -15,26 +15,27 @@ from numpy.typing import NDArray
 
 from host.pilot.phase import Phase
 from host.vision.view import CropView
-from sim_plant import field as f
+from sim_plant import ground
+from sim_plant.field import Field
 
 mpl.use("Agg")
 
 _GROUND = {
-    f.SOIL: (0.72, 0.62, 0.50),
-    f.CROP: (0.80, 0.16, 0.12),
-    f.STUBBLE: (0.95, 0.89, 0.70),
-    f.WINDROW: (0.90, 0.80, 0.52),
-    f.GRASS: (0.66, 0.68, 0.48),
-    f.NEIGHBOUR: (0.45, 0.58, 0.32),
-    f.NEIGHBOUR_STUBBLE: (0.55, 0.0, 0.6),
-    f.OBSTACLE: (0.25, 0.25, 0.25),
+    ground.SOIL: (0.72, 0.62, 0.50),
+    ground.CROP: (0.80, 0.16, 0.12),
+    ground.STUBBLE: (0.95, 0.89, 0.70),
+    ground.WINDROW: (0.90, 0.80, 0.52),
+    ground.GRASS: (0.66, 0.68, 0.48),
+    ground.NEIGHBOUR: (0.45, 0.58, 0.32),
+    ground.NEIGHBOUR_STUBBLE: (0.55, 0.0, 0.6),
+    ground.OBSTACLE: (0.25, 0.25, 0.25),
 }
 _NAMES = {
-    f.CROP: "missed",
-    f.STUBBLE: "cut",
-    f.WINDROW: "straw",
-    f.NEIGHBOUR: "neighbour's crop",
-    f.NEIGHBOUR_STUBBLE: "neighbour's crop CUT",
+    ground.CROP: "missed",
+    ground.STUBBLE: "cut",
+    ground.WINDROW: "straw",
+    ground.NEIGHBOUR: "neighbour's crop",
+    ground.NEIGHBOUR_STUBBLE: "neighbour's crop CUT",
 }
 _PATH = {
     Phase.FOLLOW: ("tab:blue", "follow"),
@@ -48,7 +49,7 @@ BEYOND_GAP_M = 2.0
 
 
 def draw_map(
-    path: Path, crop: f.Field, track: list[tuple[float, float, float, float, Phase]], title: str
+    path: Path, crop: Field, track: list[tuple[float, float, float, float, Phase]], title: str
 ) -> None:
     """map.png: what is cut, missed and the neighbour's, and the rear axle's path by phase."""
     colours = np.zeros((256, 3))

@@ -20,12 +20,13 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from hil.firmware.provision import FITTED, raw_values
 from hil.scenario.world import World
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
+from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
@@ -34,10 +35,10 @@ from host.field.walk import read_fixes, track_of
 from host.link import protocol
 from host.route.plan import Plan, spiral
 from host.sensors.nmea import Receiver
-from sim_plant.field import Point
+from sim_plant.field_spec import Point
 from sim_plant.gnss import Gnss, GnssSpec
+from sim_plant.strict import NotNegative
 
-NotNegative = Annotated[float, Field(ge=0)]
 Ring = tuple[Point, ...]
 WALK_MPS: Final = 1.3
 CORNER_PAUSE_S: Final = 2
@@ -48,10 +49,8 @@ VEHICLE_FILE, FIELD_FILE, PARAMETER_FILE = "vehicle.yaml", "field.geojson", "par
 """What commissioning leaves in its folder."""
 
 
-class Errors(BaseModel):
+class Errors(Strict):
     """How wrong the owner's values are: bounds of uniform draws, each to either side."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     tape_m: NotNegative = 0.01
     """Of every length of the machine."""
@@ -87,10 +86,8 @@ EXACT: Final[dict[str, Any]] = {
 """Errors of a host that knows the truth."""
 
 
-class Walk(BaseModel):
+class Walk(Strict):
     """The boundary as `daranti survey` makes it from a simulated walk."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     laps: Annotated[int, Field(ge=1)] = 1
     cep_m: NotNegative = 2.5
@@ -98,10 +95,8 @@ class Walk(BaseModel):
     """Of the phone's errors; None: by the scenario's."""
 
 
-class Belief(BaseModel):
+class Belief(Strict):
     """What a scenario says of the host's knowledge; what is None is drawn with `errors`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     errors: Errors = Errors()
     folder: str | None = None
@@ -112,9 +107,9 @@ class Belief(BaseModel):
     gap_m: NotNegative | None = None
     corner: Annotated[int, Field(ge=0)] | None = None
     """Of the boundary as believed; None: where the machine stands."""
-    vehicle: dict[str, Any] | str = {}
+    vehicle: dict[str, Any] | str = Field(default_factory=dict)
     """Fields of the vehicle file that are given outright, or the file."""
-    parameters: dict[str, float] = {}
+    parameters: dict[str, float] = Field(default_factory=dict)
     """The firmware's, by name and in their units, where the calibration has left others."""
 
     @model_validator(mode="before")

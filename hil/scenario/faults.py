@@ -12,9 +12,10 @@ import enum
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from hil.firmware import signal_wires
+from host.core.strict import Strict
 
 Component = Literal[
     "pot",
@@ -166,12 +167,6 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
     ("firmware", "stuck"): Pair("hangs: the watchdog must end it", _STOP),
     ("firmware", "intermittent"): Pair("reset every `value` s", _STOP, value=0.5),
 }
-
-
-class Strict(BaseModel):
-    """Unknown keys are errors, values are immutable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Place(Strict):

@@ -17,7 +17,7 @@ from shapely import affinity
 
 from hil.scenario.scenario import Scenario
 from hil.scenario.world import Start
-from sim_plant.field import FieldSpec, Point, Tree
+from sim_plant.field_spec import FieldSpec, Point, Tree
 from sim_plant.gnss import GnssSpec
 from sim_plant.sky import WeatherSpec
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from hil.firmware.provision import Firmware
 from hil.firmware.wiring import Wiring
@@ -20,10 +20,11 @@ from hil.scenario.belief import Belief, Told, corner_like, spelled_out, told
 from hil.scenario.faults import Fault
 from hil.scenario.world import Start, World
 from host.core.errors import UserError
+from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.route.plan import Plan
 from sim_plant.camera import MOUNTS, CameraSpec
-from sim_plant.field import FieldSpec
+from sim_plant.field_spec import FieldSpec
 from sim_plant.gnss import GnssSpec
 from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
@@ -31,19 +32,15 @@ from sim_plant.sky import WeatherSpec
 FOLDER = Path(__file__).parent / "files"
 
 
-class Limits(BaseModel):
+class Limits(Strict):
     """When a run is broken off."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     time_s: Annotated[float, Field(gt=0)] = 3600.0
     """Simulated time."""
 
 
-class Recording(BaseModel):
+class Recording(Strict):
     """What goes into the record besides messages."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     pictures_every: Annotated[int, Field(ge=0)] = 10
     """Every n-th picture; 1 keeps all (a replay through vision needs that), 0 none."""
@@ -56,10 +53,8 @@ class Recording(BaseModel):
     """Serve a live view for Foxglove there; 0 takes any free port."""
 
 
-class Scenario(BaseModel):
+class Scenario(Strict):
     """Everything that a run depends on, the seed included."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = "default"
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 1
@@ -74,7 +69,7 @@ class Scenario(BaseModel):
     machine: MachineSpec = MachineSpec()
     wiring: Wiring = Wiring()
     """The drivers behind the pins, and what holds these while nobody drives them."""
-    lens: dict[str, Any] = {}
+    lens: dict[str, Any] = Field(default_factory=dict)
     """Of CameraSpec, what is not as the mount's drawing has it."""
     field: FieldSpec = FieldSpec()
     weather: WeatherSpec = WeatherSpec()

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import shapely
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from shapely import affinity
 
 from hil.firmware.wiring import Wiring
+from host.core.strict import Strict
 from sim_plant.camera import CameraSpec
-from sim_plant.field import FieldSpec, Point
+from sim_plant.field_spec import FieldSpec, Point
 from sim_plant.gnss import GnssSpec
 from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
@@ -28,11 +29,9 @@ STRIP_LOW_M = 1e-3
 """Kept off the edge itself, where the strip's crop is looked for."""
 
 
-class Start(BaseModel):
+class Start(Strict):
     """How the operator puts the machine down: at a corner, the blade's right end just outside the
     crop's outer edge."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     corner: Annotated[int, Field(ge=0)] = 1
     """Index into the true boundary (counter-clockwise from the lower left); the first side runs on

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from sim_plant import labels
 from sim_plant.camera import Camera, CameraSpec
-from sim_plant.field import Field, FieldSpec, House, Tree
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec, House, Tree
 from sim_plant.sky import WeatherSpec
 
 Picture = NDArray[np.uint8]

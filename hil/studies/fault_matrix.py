@@ -38,7 +38,7 @@ from host.link.session import Session
 from host.pilot.phase import Phase
 from host.pilot.stop_and_look import LOOKING
 from host.vision.view import Detector
-from sim_plant.field import FieldSpec
+from sim_plant.field_spec import FieldSpec
 
 Result = TypeVar("Result")
 SETTLE_S = 3.0

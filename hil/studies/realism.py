@@ -28,7 +28,8 @@ from host.vision.photo.score import labelled_set, miou
 from host.vision.photo.split import Search, Side, best_line, whiten
 from sim_plant import labels
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
 Picture = NDArray[np.uint8]

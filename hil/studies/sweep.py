@@ -20,7 +20,7 @@ import numpy as np
 import optuna
 import pandas as pd
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 from scipy.stats import spearmanr
 
 from hil.firmware import targets
@@ -35,6 +35,7 @@ from hil.studies.actuators import (
 )
 from hil.studies.spread import client
 from host.core.errors import UserError
+from host.core.strict import Strict
 from host.link import protocol
 from host.tune.step_response import Step, cost, meets
 
@@ -48,10 +49,8 @@ WORST_SHARE: Final = 0.1
 PLANT_COLUMNS: Final = tuple(Plant.__slots__)
 
 
-class Axis(BaseModel):
+class Axis(Strict):
     """The range of one parameter, in its unit."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     low: float
     high: float
@@ -72,14 +71,14 @@ class Axis(BaseModel):
         return self.low + (self.high - self.low) * share
 
 
-class Space(BaseModel):
+class Space(Strict):
     """What is swept over what: the file that --space names."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     parameters: dict[str, Axis]
-    fixed: dict[str, float] = {}
-    plants: dict[str, tuple[float, float]] = {**NOMINAL_RANGES, **DAY_RANGES}
+    fixed: dict[str, float] = Field(default_factory=dict)
+    plants: dict[str, tuple[float, float]] = Field(
+        default_factory=lambda: {**NOMINAL_RANGES, **DAY_RANGES}
+    )
     """Range of each of a plant's properties (hil.studies.actuators.Plant)."""
     steps_deg: tuple[float, ...] = (30.0, 5.0)
 

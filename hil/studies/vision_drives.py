@@ -28,7 +28,8 @@ from host.estimate.odometry import Motion
 from host.vision.mounted.detector import make_detector
 from host.vision.view import CropView
 from sim_plant.camera import Camera
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
 Mode = Literal["paper", "robust"]

@@ -11,7 +11,8 @@ import pytest
 
 from sim_plant import labels, sky
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec, cells_to
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
 SPEC = FieldSpec(size_m=(8.0, 6.0), bare=0, thin=0, edge_wobble_m=0, crop_height_sd_m=0)

@@ -12,8 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_plant import field as f
-from sim_plant.field import Field, FieldSpec, Tree, blade_ends
+from sim_plant import ground
+from sim_plant.blade import blade_ends
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec, Tree
 
 PLAIN = FieldSpec(
     size_m=(4.0, 3.0),
@@ -32,16 +34,18 @@ PLAIN = FieldSpec(
 def test_the_crop_fills_the_polygon_and_the_neighbours_stand_behind_the_gap() -> None:
     field = Field(PLAIN)
     assert field.crop_area_m2 == pytest.approx(12.0)
-    assert field.kind_at(0.01, 0.01) == f.CROP
-    assert field.kind_at(-0.01, 0.01) == f.SOIL
-    assert field.kind_at(-0.98, 1.0) == f.SOIL
-    assert field.kind_at(-1.02, 1.0) == f.NEIGHBOUR
+    assert field.kind_at(0.01, 0.01) == ground.CROP
+    assert field.kind_at(-0.01, 0.01) == ground.SOIL
+    assert field.kind_at(-0.98, 1.0) == ground.SOIL
+    assert field.kind_at(-1.02, 1.0) == ground.NEIGHBOUR
 
 
 def test_only_the_sides_asked_for_have_neighbours() -> None:
     field = Field(PLAIN.model_copy(update={"neighbours": ("east",)}))
-    assert field.kind_at(5.5, 1.5) == f.NEIGHBOUR
-    assert {field.kind_at(-1.5, 1.5), field.kind_at(2, -1.5), field.kind_at(2, 4.5)} == {f.SOIL}
+    assert field.kind_at(5.5, 1.5) == ground.NEIGHBOUR
+    assert {field.kind_at(-1.5, 1.5), field.kind_at(2, -1.5), field.kind_at(2, 4.5)} == {
+        ground.SOIL
+    }
 
 
 def test_a_straight_swath_cuts_its_rectangle_exactly() -> None:
@@ -50,7 +54,7 @@ def test_a_straight_swath_cuts_its_rectangle_exactly() -> None:
     field.cut((-1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
     assert field.coverage() * field.crop_area_m2 == pytest.approx(2.0, abs=1e-9)
     assert field.missed_m2() == pytest.approx(10.0, abs=1e-9)
-    stubble = np.argwhere(field.kind == f.STUBBLE) * field.cell
+    stubble = np.argwhere(field.kind == ground.STUBBLE) * field.cell
     assert np.ptp(stubble, axis=0) == pytest.approx([1.0 - field.cell, 2.0 - field.cell])
 
 
@@ -111,7 +115,7 @@ def test_a_turning_blade_leaves_no_gap_in_its_wake(
         swept.append(shapely.make_valid(shapely.Polygon([a[:2], a[2:], b[2:], b[:2]])))
         pose = new
     wake = shapely.unary_union(swept).buffer(-1e-6)
-    j, i = np.nonzero(np.isin(field.kind, (f.CROP, f.NEIGHBOUR)))
+    j, i = np.nonzero(np.isin(field.kind, (ground.CROP, ground.NEIGHBOUR)))
     standing_x = field.origin[0] + (i + 0.5) * field.cell
     standing_y = field.origin[1] + (j + 0.5) * field.cell
     assert not shapely.contains_xy(wake, standing_x, standing_y).any()
@@ -119,12 +123,12 @@ def test_a_turning_blade_leaves_no_gap_in_its_wake(
 
 def test_counts_agree_with_the_grid_after_any_cut() -> None:
     field = Field(FieldSpec(size_m=(4, 4), windrow_m=(0.1, 0.4)), seed=5)
-    before = np.count_nonzero(field.kind == f.CROP)
+    before = np.count_nonzero(field.kind == ground.CROP)
     for k in range(100):
         field.cut((-2 + 0.05 * k, 0.5, 0.01 * k), (-2 + 0.05 * (k + 1), 0.5, 0.01 * (k + 1)))
-    left = np.count_nonzero(field.kind == f.CROP)
+    left = np.count_nonzero(field.kind == ground.CROP)
     assert field.coverage() == pytest.approx(1 - left / before)
-    assert np.count_nonzero(field.kind == f.WINDROW) > 100
+    assert np.count_nonzero(field.kind == ground.WINDROW) > 100
 
 
 def test_the_edge_offset_is_positive_where_the_edge_lies_to_the_left() -> None:
@@ -141,7 +145,7 @@ def test_a_bare_spot_is_not_an_edge() -> None:
     field = Field(PLAIN)
     field.cut((-1.5, 0.5, 0.0), (2.5, 0.5, 0.0))
     j, i = field._index(1.0, 1.1)
-    field.kind[j : j + 4, i - 20 : i + 20] = f.SOIL  # 0.1 m wide
+    field.kind[j : j + 4, i - 20 : i + 20] = ground.SOIL  # 0.1 m wide
     assert field.true_edge_offset(1.0, 1.4, 0.0) == pytest.approx(-0.4, abs=field.cell)
 
 
@@ -161,7 +165,9 @@ def test_a_watcher_gets_each_change_once() -> None:
     assert change is not None
     j, i, kinds = change
     assert np.array_equal(kinds, field.kind[j : j + kinds.shape[0], i : i + kinds.shape[1]])
-    assert np.count_nonzero(kinds == f.STUBBLE) == np.count_nonzero(field.kind == f.STUBBLE)
+    assert np.count_nonzero(kinds == ground.STUBBLE) == np.count_nonzero(
+        field.kind == ground.STUBBLE
+    )
     assert watch.take() is None
 
 

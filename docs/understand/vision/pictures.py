@@ -22,7 +22,8 @@ from host.vision.photo.score import labelled_set, miou
 from host.vision.photo.split import Side
 from sim_plant import labels
 from sim_plant.camera import Camera, CameraSpec
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
 HERE = Path(__file__).parent

@@ -7,7 +7,8 @@ import math
 import pytest
 
 from hil.bench.sight import look
-from sim_plant.field import Field, FieldSpec
+from sim_plant.field import Field
+from sim_plant.field_spec import FieldSpec
 
 BLADE_X_M, BLADE_WIDTH_M = 1.5, 1.0
 PLAIN = FieldSpec(size_m=(10.0, 10.0), edge_wobble_m=0.0, bare=0.0, thin=0.0, lodged=0.0)

@@ -12,7 +12,8 @@ from host.estimate.crop_ahead import EndOfField
 from host.estimate.odometry import Motion
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from sim_plant.field import CROP, Field
+from sim_plant.field import Field
+from sim_plant.ground import CROP
 from tests.helpers.oracle import quick
 
 LENGTH_M, WIDTH_M, GAP_M, STEP_M = 6.0, 4.0, 2.0, 0.02

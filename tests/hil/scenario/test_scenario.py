@@ -64,6 +64,8 @@ def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
         ("field:\n  size_m: [4, -4]\n", 2, "field.size_m"),
         ("weather:\n  hour: 11\n  wind: 3\n", 3, "weather.wind: no such field"),
         ("camera: nose\n", 1, "camera"),
+        ("field:\n  gap_m: .inf\n", 2, "field.gap_m"),
+        ("start: {lateral_error_m: .nan}\n", 1, "start.lateral_error_m"),
         ("belief:\n  parameters:\n    steer_kq: 3\n", 2, "no parameter 'steer_kq'"),
         ("belief: {parameters: {steer_kp: 1e6}}\n", 1, "steer_kp must be"),
         ("belief: {vehicle: {wheelbase: 1}}\n", 1, "wheelbase: no such field"),

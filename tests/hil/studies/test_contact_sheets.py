@@ -14,7 +14,8 @@ from hil.studies import contact_sheets, realism
 from host.core.errors import UserError
 from sim_plant import labels
 from sim_plant.camera import MAST
-from sim_plant.field import CROP, STUBBLE, FieldSpec
+from sim_plant.field_spec import FieldSpec
+from sim_plant.ground import CROP, STUBBLE
 
 
 def test_a_sheet_is_written_with_a_row_per_mount(

@@ -1,0 +1,78 @@
+"""Facts about the watched detector: it sees what the picture watch believes, and nothing else."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from host.core.vehicle import MAST
+from host.vision.view import CropView
+from host.vision.watched import WatchedDetector
+from tests.helpers.shots import Picture, scene, shot
+
+
+class Counting:
+    """A detector that says how often it was asked."""
+
+    def __init__(self) -> None:
+        self.seen = self.glances = 0
+        self.restarts: list[bool] = []
+
+    def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
+        del bgr, stages
+        self.seen += 1
+        return CropView(0.9, edge_offset_m=0.1)
+
+    def glance(self, bgr: Picture) -> CropView:
+        del bgr
+        self.glances += 1
+        return CropView(0.0)
+
+    def restart(self, *, turned: bool = True) -> None:
+        self.restarts.append(turned)
+
+
+def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
+    behind = Counting()
+    made, picture = WatchedDetector(behind, MAST), shot(scene())
+    first, second = made.see(picture), made.see(picture)
+    assert (first.usable, first.confidence) == (True, 0.9)
+    assert (second.usable, second.confidence, second.ahead_confidence) == (False, 0.0, 0.0)
+    assert "repeats" in second.reason
+    third = made.glance(picture)
+    assert (third.usable, behind.glances) == (False, 0)
+    made.restart()
+    made.restart(turned=False)
+    assert (behind.seen, behind.restarts) == (1, [True, False])
+
+
+def test_a_picture_of_quite_another_place_shows_nothing_but_that_the_camera_lives() -> None:
+    """Stalks right before the lens, in a turn: nothing is measured in them, but nothing stops."""
+    behind = Counting()
+    made = WatchedDetector(behind, MAST)
+    here, there = shot(scene(1)), cv2.bitwise_not(shot(scene(1))).astype(np.uint8)
+    assert made.see(here).confidence == 0.9
+    view = made.see(there)
+    assert (view.usable, view.confidence, view.ahead_confidence) == (True, 0.0, 0.0)
+    assert "another" in view.reason
+    assert behind.seen == 1
+    assert made.see(shot(255 - scene(1), 3)).usable
+
+
+def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> None:
+    made, view = WatchedDetector(Counting(), MAST), scene()
+    shots = [shot(view, k, k) for k in range(8)]
+    shots[1] = np.zeros_like(shots[1])
+    shots[4] = shots[3]
+    usable = [made.see(picture).usable for picture in shots]
+    assert usable == [True, False, False, False, False, False, False, True]
+
+
+def test_a_glance_counts_as_a_picture_and_measures_nothing() -> None:
+    behind, view = Counting(), scene()
+    made = WatchedDetector(behind, MAST)
+    shots = [shot(view, k, k) for k in range(6)]
+    shots[1] = np.zeros_like(shots[1])
+    usable = [made.glance(picture).usable for picture in shots]
+    assert usable == [True, False, False, False, True, True]
+    assert (behind.seen, behind.glances) == (0, 3)
