@@ -151,7 +151,15 @@ def _about(path: Path, about: Mapping[str, str]) -> About:
         corners = tuple((float(x), float(y)) for x, y in data.get("boundary", ()))
         sides = tuple(Side(**side) for side in data["sides"])
         outs = tuple(tuple((x, y) for x, y in ring) for ring in data.get("keep_outs", ()))
-        plan = Plan(sides, data["turn"], corners, data.get("gap_m"), outs, done=data.get("done", 0))
+        plan = Plan(
+            sides,
+            data["turn"],
+            corners,
+            data.get("gap_m"),
+            outs,
+            done=data.get("done", 0),
+            sigma_m=data.get("sigma_m", 0.0),
+        )
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])
     paper = PaperParams.model_validate_json(about["paper"]) if "paper" in about else None

@@ -177,6 +177,8 @@ class Plan:
     to be harvested after this one."""
     done: int = 0
     """Sides of the whole plan that were cut before; `sides` are those that are left."""
+    sigma_m: float = 0.0
+    """Standard deviation of each corner's place against the others, along x and along y."""
 
     def name(self, index: int) -> str:
         """Which side of the whole plan `sides[index]` is, in words that count from 1."""
@@ -353,11 +355,12 @@ def spiral(
     turn: str = "three_point",
     gap_m: float | None = None,
     keep_outs: list[list[tuple[float, float]]] | None = None,
+    sigma_m: float = 0.0,
 ) -> Plan:
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
     side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
     field it is one that leaves least standing, then one whose shuttles have room. UserError where
-    the boundary's sides cross."""
+    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`)."""
     width_m = vehicle.pass_m
     least_m = shuttle_length(vehicle, width_m, 0.0)
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
@@ -399,4 +402,4 @@ def spiral(
         raise UserError("boundary: no side of it has open ground at both ends; split the field")
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
     parts = tuple(tuple((x, y) for x, y in part.exterior.coords[:-1]) for part in rest)
-    return Plan(tuple(best[1]), turn, tuple(corners), gap_m, outs, best[2], parts=parts)
+    return Plan(tuple(best[1]), turn, tuple(corners), gap_m, outs, best[2], parts, 0, sigma_m)
