@@ -68,6 +68,8 @@ class Telemetry:
     frames_bad: int
     firmware_s: float = 0.0
     """When it was sent, on the firmware's clock, which wraps."""
+    refusal: str = ""
+    """Why the firmware refused the last request; empty where it took it."""
 
 
 class Request(enum.Enum):

@@ -126,6 +126,7 @@ class Session:
             last_seq=message.last_seq,
             frames_bad=message.frames_bad,
             firmware_s=message.time,
+            refusal=self.refusal,
         )
         return self.telemetry
 

@@ -79,6 +79,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("faults", "setpoint_rad", "angle_rad", "steer_duty", "drive_duty"),
             blade={"type": "boolean"},
             **_numbers("speed_mps", "distance_m", "battery_v", "last_seq", "frames_bad"),
+            refusal=_TEXT,
         ),
     ),
     "/command": (

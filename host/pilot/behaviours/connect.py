@@ -36,6 +36,8 @@ class Connect(Behaviour):
             return self.context.stop(), None
         if telemetry.state in (State.ARMED, State.RUNNING):
             return self.context.hold(), Why.ARMED.go()
+        if telemetry.refusal:
+            self.context.reason = telemetry.refusal
         if now - self._asked < ARM_RETRY_S:
             return self.context.hold(), None
         self._asked = now

@@ -116,7 +116,9 @@ def test_a_refused_request_is_said_in_words_until_one_is_taken() -> None:
     ack = protocol.Ack(protocol.Arm.ID, 0, protocol.Result.NOT_PLAUSIBLE)
     session.feed(0.0, protocol.encode(ack, 1))
     assert session.refusal.startswith("Arm refused: a precondition fails")
-    session.feed(0.0, protocol.encode(replace(ack, result=protocol.Result.OK), 2))
+    (telemetry,) = session.feed(0.0, protocol.encode(RESTING, 2))
+    assert telemetry.refusal == session.refusal
+    session.feed(0.0, protocol.encode(replace(ack, result=protocol.Result.OK), 3))
     assert session.refusal == ""
 
 

@@ -156,6 +156,14 @@ def test_connect_asks_to_arm_and_asks_again() -> None:
     assert is_for(connect.step(NOW + 2.0)[1], Connected.ARMED)
 
 
+def test_connect_says_why_the_firmware_does_not_arm() -> None:
+    context = standing()
+    refusal = "Arm refused: this machine is not set up"
+    context.telemetry = replace(told(state=State.SAFE), refusal=refusal)
+    Connect(context).step(NOW)
+    assert context.reason == refusal
+
+
 def test_connect_clears_a_fault_once() -> None:
     context = standing()
     connect = Connect(context)
