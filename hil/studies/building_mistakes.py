@@ -22,8 +22,8 @@ from hil.bench.rig import handouts
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
-from host.check.lines import Line, Question, Values, green
-from host.check.walk import Target, Walk
+from host.check.lines import Line, Question, Target, Values, green
+from host.check.walk import walk
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Telemetry
@@ -443,7 +443,7 @@ def inspect(
     target = Target(boundary, float(good["gap"]) if wrong.gap else None, corner)
     with Bench(world) as bench:
         hands = LockstepHands(bench, vehicle, good["mount"], "robust", mistake)
-        lines = Walk(hands, target).run()
+        lines = walk(hands, target)
         return Outcome(tuple(lines), bench.now, hands.armed_blade)
 
 

@@ -30,7 +30,7 @@ from host.core.errors import UserError
 from host.core.messages import Telemetry
 from host.link import protocol
 from host.link.session import Session
-from host.tune import closed_loop, experiments, pid_rules
+from host.tune import actuator_model, closed_loop, experiments, pid_rules
 from host.tune.step_response import Step, cost, meets
 
 POLL_S: Final = 0.001
@@ -71,7 +71,7 @@ def defaults() -> dict[str, float]:
 
 def identify_plant(
     plant: Plant, firmware: Firmware = "desk", say: Callable[[str], None] = lambda _: None
-) -> tuple[experiments.Findings, experiments.ActuatorModel, float]:
+) -> tuple[actuator_model.Findings, actuator_model.ActuatorModel, float]:
     """Experiments and fit on one plant. Also returns the largest angle that the wheel had, deg."""
     spec = plant.machine()
     with Stand(spec, seed=plant.seed, log_s=120.0, firmware=firmware) as stand:
@@ -82,7 +82,7 @@ def identify_plant(
             experimenter.say = say
             findings = experimenter.identify()
         largest = float(np.degrees(np.abs(stand.log()["steer_angle"]).max()))
-    return findings, experiments.fit(findings), largest
+    return findings, actuator_model.fit(findings), largest
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class Verdict:
         )
 
 
-def verdict(plant: Plant, model: experiments.ActuatorModel, largest_deg: float) -> Verdict:
+def verdict(plant: Plant, model: actuator_model.ActuatorModel, largest_deg: float) -> Verdict:
     """The model against the plant's physics."""
     spec = plant.machine()
     true = truth(spec)
@@ -125,7 +125,7 @@ def verdict(plant: Plant, model: experiments.ActuatorModel, largest_deg: float) 
 
 
 def compare(
-    plant: Plant, model: experiments.ActuatorModel, firmware: Firmware = "desk"
+    plant: Plant, model: actuator_model.ActuatorModel, firmware: Firmware = "desk"
 ) -> dict[str, Any]:
     """Every rule's gains, and the defaults, on the plant with the firmware in the loop: mean cost
     over STEPS, whether the first step meets the figures, and the tuned gains."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final, Literal, Protocol
 
 from host.core.messages import Command, Fix, Telemetry
@@ -46,6 +47,15 @@ NAMES: Final = (
     "blade",
 )
 """All lines, in their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Which field, from which corner."""
+
+    boundary: Path | None
+    gap_m: float | None
+    corner: int
 
 
 @dataclass(frozen=True, slots=True)

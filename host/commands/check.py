@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import click
 
-from host.check.lines import Line, Question, green
-from host.check.walk import Target, Walk
+from host.check.lines import Line, Question, Target, green
+from host.check.walk import walk
 from host.commands.cli import port_option
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Telemetry
@@ -220,7 +220,7 @@ def check(
         hands = TerminalHands(
             link, machine, mount_of(machine, mount), mode, pictures, fixes, language, clock
         )
-        lines = Walk(hands, Target(boundary, gap, corner)).run()
+        lines = walk(hands, Target(boundary, gap, corner))
     bad = sum(line.verdict == "bad" for line in lines)
     if not green(lines):
         raise UserError(text(language, "check.red", count=bad))

@@ -13,7 +13,7 @@ from host.commands.cli import port_option
 from host.core.terminal import PlainConsole, echo
 from host.link.params import read_all, save
 from host.link.session import connect
-from host.tune.experiments import ActuatorModel
+from host.tune.actuator_model import ActuatorModel
 from host.tune.on_machine import calibrate, measure
 from host.tune.pictures import draw_fit
 

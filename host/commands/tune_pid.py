@@ -16,7 +16,7 @@ from host.link import protocol
 from host.link.params import read_all, save
 from host.link.session import connect
 from host.tune import closed_loop
-from host.tune.experiments import ActuatorModel
+from host.tune.actuator_model import ActuatorModel
 from host.tune.on_machine import VERIFY_S, measure, write_verified
 from host.tune.pictures import draw_tuning
 from host.tune.pid_rules import RULES, gains, margins

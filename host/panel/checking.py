@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from host.check.lines import Line, Question, green
-from host.check.walk import Target, Walk
+from host.check.lines import Line, Question, Target, green
+from host.check.walk import walk
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Telemetry
 from host.core.strict import Strict
@@ -179,7 +179,7 @@ def check(machine: Machine, wish: Json) -> None:
     hands = MachineHands(machine)
     with machine.doing("check", dict):
         try:
-            Walk(hands, Target(what.boundary, what.gap_m, what.corner)).run()
+            walk(hands, Target(what.boundary, what.gap_m, what.corner))
         except (StoppedError, UserError):
             hands.lines.append(Line("check", "bad", "check.ended"))
             raise

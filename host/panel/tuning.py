@@ -15,7 +15,8 @@ from host.link.session import Session
 from host.panel.machine import Machine
 from host.panel.snapshot import Json, number
 from host.tune import closed_loop
-from host.tune.experiments import armed, fit
+from host.tune.actuator_model import fit
+from host.tune.experiments import armed
 from host.tune.on_machine import TELEMETRY_S, VERIFY_S, verify
 from host.tune.pid_rules import gains
 from host.tune.step_response import Step, deadline_s, meets

@@ -1,7 +1,7 @@
 """The firmware's steering loop closed round an identified actuator, in floating point.
 
-The law is that of firmware/src/steering.cpp and pid.cpp without their rounding; the bench compares
-the two. Used to choose gains on the machine, where there is no bench.
+The law is that of steering.cpp and pid.cpp (firmware/src/core) without their rounding; the bench
+compares the two. Used to choose gains on the machine, where there is no bench.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import numpy as np
 from numba import njit
 
 from host.link import protocol
-from host.tune.experiments import ActuatorModel, Estimate
+from host.tune.actuator_model import TICK_S, ActuatorModel, Estimate, next_speed
 from host.tune.step_response import Floats, Response, Step, judge
 
-TICK_S: Final = 0.005
 _SUB: Final = 5
 """Physics steps in a tick."""
 LAW: Final = (
@@ -112,18 +111,7 @@ def _loop(law: Floats, plant: Floats, noise: Floats, start: float, target: float
             head = (head + 1) % (delay + 1)
             u = queue[head] if delay > 0 else duty
             breakaway = min_left if u > 0 else min_right
-            if speed == 0.0:
-                if abs(u) <= breakaway:
-                    new = 0.0
-                else:
-                    new = gain * (u - math.copysign(friction, u)) * (1.0 - decay)
-            elif u == 0.0:
-                new = speed - math.copysign(gain * friction * h / lag, speed)
-            else:
-                final = gain * (u - math.copysign(friction, speed))
-                new = final + (speed - final) * decay
-            if speed * new < 0.0:
-                new = 0.0
+            new = next_speed(speed, u, gain, friction, breakaway, decay, h / lag)
             shaft += 0.5 * (speed + new) * h
             speed = new
             wheel = min(max(wheel, shaft - 0.5 * gap), shaft + 0.5 * gap)

@@ -1,44 +1,39 @@
-"""What the steering actuator is: bounded raw-PWM experiments, and the model that explains them.
+"""Bounded raw-PWM experiments on the steering actuator, which `host.tune.actuator_model` explains.
 
-The experiments speak to the machine through a `Wire` (a serial port, or the bench in lockstep) and
-use the firmware's identification mode alone, which bounds duty, angle and time on its own account.
-The fit is pure arithmetic on what they recorded.
-
-Model, with the duty u in counts, the motor's speed v and the wheel's angle behind the backlash:
-    moves off when |u| > min_duty;  lag_s * dv/dt = gain * (u - friction_duty * sign(v)) - v
-The motor coasts at zero duty, so runs are fitted from rest to their release only.
+They speak to the machine through a `Wire` (a serial port, or the bench in lockstep) and use the
+firmware's identification mode alone, which bounds duty, angle and time on its own account.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any, Final, Protocol
+from dataclasses import dataclass, field
+from typing import Final, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from host.core.errors import UserError
 from host.core.messages import State, Telemetry
 from host.link import protocol
 from host.link.session import Session
+from host.tune.actuator_model import TICK_S, Findings, Run, relay_figures, speed_of
 
 Floats = NDArray[np.float64]
 
-TICK_S: Final = 0.005
 REFRESH_S: Final = 0.05
 """Between repeated commands; the firmware's link watchdog takes 250 ms."""
 BYTE_S: Final = 10 / protocol.BAUD
+"""On the line: start bit, eight bits, stop bit."""
 CLEAR_S: Final = 0.5
+"""Time for the firmware to answer CLEAR, at 20 ms between telemetry."""
 OFFSETS: Final = 12
+"""Telemetry, a quarter of a second, whose quickest tells how host's and firmware's clock differ."""
 REST_S: Final = 0.2
+"""Motor off at least so long: twice the slowest motor's lag."""
 STILL_DEG: Final = 0.15
 """Between means of five samples: a wheel that coasts moves more."""
 STILL_SAMPLES: Final = 14
@@ -46,17 +41,20 @@ STILL_SAMPLES: Final = 14
 MOVED_DEG: Final = 0.14
 """Between two such means: more than the pot's noise, less than the slowest motion."""
 PULSE_S: Final = 0.5
+"""Of a try whether a duty moves the wheel: below the firmware's suspicion of a stall."""
 START_DEG: Final = 24.0
 """Runs begin here on one side ..."""
 TURN_DEG: Final = 14.0
 """... and are released here on the other, ..."""
-COAST_DEG: Final = 20.0
-"""Until it has been seen."""
 REACH_DEG: Final = 28.0
-"""... or earlier, where the motor would coast beyond this."""
+"""... or earlier, where the motor would coast beyond this: the firmware ends it at 35."""
+COAST_DEG: Final = 20.0
+"""How far a released motor is taken to coast until it has been seen."""
 RUN_S: Final = 1.0
+"""Of a step: over that range the slowest motor takes no longer."""
 RELAY_S: Final = 3.0
 RELAY_TURNS: Final = 9
+"""A relay's oscillation ends by time or after so many turns, of which the second half counts."""
 
 
 class Wire(Protocol):
@@ -79,101 +77,6 @@ class Wire(Protocol):
     def poll(self) -> list[Telemetry]:
         """Waits a few milliseconds at most; returns the telemetry that came."""
         ...
-
-
-# ---- what an experiment leaves -------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """One excitation from rest to its release. Times are the firmware's, from the first edge on."""
-
-    kind: str
-    edges_s: tuple[float, ...]
-    """When each duty began; the last entry is the release."""
-    duties: tuple[int, ...]
-    slack: bool
-    """Whether the backlash was open: the last motion went the other way."""
-    time_s: tuple[float, ...]
-    """Of the samples."""
-    angle_deg: tuple[float, ...]
-    start_deg: float
-    """Mean at rest before."""
-
-
-@dataclass(frozen=True, slots=True)
-class Findings:
-    """All that the experiments recorded."""
-
-    runs: tuple[Run, ...]
-    min_left: float
-    min_right: float
-    noise_deg: float
-    """Standard deviation of the resting angle."""
-    battery_v: float
-    relay_gain: float
-    """Duty per degree: describing-function estimate of the ultimate gain; 0 where it failed."""
-    relay_period_s: float
-    duration_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A value and its standard deviation."""
-
-    value: float
-    sd: float
-
-    def __format__(self, spec: str) -> str:
-        return f"{self.value:{spec}} ± {self.sd:{spec}}"
-
-
-@dataclass(frozen=True, slots=True)
-class ActuatorModel:
-    """The steering actuator. Duties in counts of 255."""
-
-    gain_degps: Estimate
-    """deg/s per count."""
-    lag_s: Estimate
-    """Time constant of the speed."""
-    dead_time_s: Estimate
-    """From the firmware's tick to the motor; the sampling of the angle counts against it."""
-    friction_duty: Estimate
-    """What friction costs in motion."""
-    backlash_deg: Estimate
-    min_left: float
-    """Duty that just moves the wheel, either way."""
-    min_right: float
-    noise_deg: float
-    battery_v: float
-    relay_gain: float
-    relay_period_s: float
-    fit_rms_deg: float
-    duration_s: float
-
-    @property
-    def slew_degps(self) -> float:
-        """At full duty: the actuator's rate limit."""
-        return self.gain_degps.value * (255.0 - self.friction_duty.value)
-
-    def save(self, path: Path) -> None:
-        """Writes JSON."""
-        path.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
-
-    @classmethod
-    def load(cls, path: Path) -> ActuatorModel:
-        """Reads what `save` wrote. Raises UserError where it is not that."""
-        try:
-            raw: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            pairs = {k: Estimate(**v) if isinstance(v, dict) else float(v) for k, v in raw.items()}
-            return cls(**pairs)  # type: ignore[arg-type]
-        except OSError as error:
-            raise UserError(f"{path}: {error.strerror}; run `daranti identify` first") from error
-        except (ValueError, TypeError, AttributeError) as error:
-            raise UserError(f"{path} is no actuator model: {error}") from error
-
-
-# ---- experiments ---------------------------------------------------------------------------------
 
 
 @dataclass
@@ -548,241 +451,6 @@ def _why(telemetry: Telemetry) -> str:
     return "; ".join(texts) if texts else f"it went to {telemetry.state.name}"
 
 
-def speed_of(run: Run) -> float:
-    """deg/s over the second half of a step, at least 1."""
-    half = len(run.time_s) // 2
-    slope = np.polyfit(run.time_s[half:], run.angle_deg[half:], 1)[0]
-    return max(1.0, abs(float(slope)))
-
-
 def _wire_s(kind: type[protocol.Message]) -> float:
     """How long a message takes on the line: payload, id, seq, CRC and COBS's two bytes."""
     return (kind.LAYOUT.size + 6) * BYTE_S
-
-
-def relay_figures(run: Run) -> tuple[float, float]:
-    """Ultimate gain (duty/deg) and period (s) by the relay's describing function (Åström and
-    Hägglund 1984) from the oscillation's second half; zeros where there is none."""
-    edges = np.array(run.edges_s[1:-1])
-    if len(edges) < 6:
-        return 0.0, 0.0
-    late = edges[len(edges) // 2 :]
-    period = 2 * float(np.mean(np.diff(late)))
-    time, angle = np.array(run.time_s), np.array(run.angle_deg)
-    tail = angle[time >= late[0]]
-    if len(tail) == 0:
-        return 0.0, 0.0
-    swing = float(np.percentile(tail, 97) - np.percentile(tail, 3)) / 2
-    if swing <= 0:
-        return 0.0, 0.0
-    return 4 * abs(run.duties[0]) / (math.pi * swing), period
-
-
-# ---- fit -----------------------------------------------------------------------------------------
-
-_STEP_S: Final = 0.001
-_STARTS: Final = ((0.05, 0.5), (0.05, 2.0), (0.1, 0.5), (0.1, 2.0))
-
-
-@njit(cache=True, nogil=True)
-def _simulate(
-    edges: Floats,
-    duties: Floats,
-    times: Floats,
-    gain: float,
-    lag: float,
-    dead: float,
-    friction: float,
-    breakaway: float,
-    gap: float,
-    slack: float,
-) -> Floats:
-    """The wheel's angle, from 0 at rest, at `times`. slack: how far the motor runs before it
-    carries the wheel the way of the first duty."""
-    out = np.zeros(len(times))
-    way = 1.0 if duties[0] > 0 else -1.0
-    shaft = 0.0
-    # The wheel stays between the shaft's two flanks, `low` and `high` from it.
-    low = -slack if way > 0 else -(gap - slack)
-    high = gap - slack if way > 0 else slack
-    wheel = 0.0
-    speed = 0.0
-    decay = math.exp(-_STEP_S / lag)
-    now = 0.0
-    row = 0
-    last_wheel = 0.0
-    edge = -1
-    while row < len(times) and now < 20.0:
-        # The step's mean duty: the model is smooth in the dead time.
-        duty = 0.0
-        begun = now
-        while edge + 1 < len(duties) and edges[edge + 1] + dead < now + _STEP_S:
-            changed = max(now, edges[edge + 1] + dead)
-            duty += (changed - begun) * (duties[edge] if edge >= 0 else 0.0)
-            begun = changed
-            edge += 1
-        duty += (now + _STEP_S - begun) * (duties[edge] if edge >= 0 else 0.0)
-        duty /= _STEP_S
-        while row < len(times) and times[row] <= now:
-            share = 1.0 - (now - times[row]) / _STEP_S
-            out[row] = last_wheel + max(0.0, share) * (wheel - last_wheel)
-            row += 1
-        if speed == 0.0:
-            drag = 0.0 if abs(duty) <= breakaway else math.copysign(friction, duty)
-            final = 0.0 if abs(duty) <= breakaway else gain * (duty - drag)
-        else:
-            final = gain * (duty - math.copysign(friction, speed))
-        new = final + (speed - final) * decay
-        if speed * new < 0.0:
-            new = 0.0
-        shaft += 0.5 * (speed + new) * _STEP_S
-        speed = new
-        last_wheel = wheel
-        wheel = min(max(wheel, shaft + low), shaft + high)
-        now += _STEP_S
-    return out
-
-
-def predict(run: Run, model: ActuatorModel) -> Floats:
-    """The angle that the model gives at the run's samples, degrees, less the run's start."""
-    values = (
-        model.gain_degps.value,
-        model.lag_s.value,
-        model.dead_time_s.value,
-        model.friction_duty.value,
-        model.backlash_deg.value,
-    )
-    return _predict(run, np.array(values), model.min_left, model.min_right)
-
-
-def _predict(run: Run, values: Floats, min_left: float, min_right: float) -> Floats:
-    gain, lag, dead, friction, gap = values.tolist()
-    breakaway = min_left if run.duties[0] > 0 else min_right
-    angles: Floats = _simulate(
-        np.array(run.edges_s[:-1]),
-        np.array(run.duties, float),
-        np.array(run.time_s),
-        gain,
-        lag,
-        dead,
-        friction,
-        breakaway,
-        gap,
-        gap if run.slack else 0.0,
-    )
-    return angles
-
-
-def fit(findings: Findings) -> ActuatorModel:
-    """Least squares over all runs at once. Raises UserError where the runs tell too little."""
-    runs = [run for run in findings.runs if len(run.time_s) >= 5]
-    if len(runs) < 4:
-        raise UserError(f"only {len(runs)} usable runs: too few to fit a model")
-    low = min(findings.min_left, findings.min_right)
-    lower = np.array([1e-3, 0.005, -0.01, 0.0, 0.0])
-    upper = np.array([5.0, 1.0, 0.1, max(2.0, low), 6.0])
-    scale = np.array([0.1, 0.05, 0.01, 20.0, 1.0])
-
-    def residuals(values: Floats) -> Floats:
-        parts = []
-        for run in runs:
-            error = _predict(run, values, findings.min_left, findings.min_right)
-            parts.append(error + run.start_deg - np.array(run.angle_deg))
-        return np.concatenate(parts)
-
-    def solve(lag: float, gap: float) -> Any:
-        start = np.array([_first_gain(runs, low), lag, 0.002, 0.8 * low, gap])
-        return least_squares(
-            residuals, np.clip(start, lower + 1e-4, upper - 1e-4), bounds=(lower, upper),
-            x_scale=scale, diff_step=1e-3, loss="soft_l1", f_scale=0.5,
-        )  # fmt: skip
-
-    # Lag and backlash delay alike: from one start only, one may be taken for the other.
-    best = min((solve(*start) for start in _STARTS), key=lambda solution: float(solution.cost))
-    errors = residuals(best.x)
-    variance = float(errors @ errors) / max(1, len(errors) - len(lower))
-    try:
-        sd = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)) * variance)
-    except np.linalg.LinAlgError as error:
-        raise UserError("the runs do not determine the model: the steering hardly moved") from error
-    gain, lag, dead, friction, gap = (
-        Estimate(float(value), float(error)) for value, error in zip(best.x, sd, strict=True)
-    )
-    return ActuatorModel(
-        gain_degps=gain,
-        lag_s=lag,
-        dead_time_s=dead,
-        friction_duty=friction,
-        backlash_deg=gap,
-        min_left=findings.min_left,
-        min_right=findings.min_right,
-        noise_deg=findings.noise_deg,
-        battery_v=findings.battery_v,
-        relay_gain=findings.relay_gain,
-        relay_period_s=findings.relay_period_s,
-        fit_rms_deg=math.sqrt(variance),
-        duration_s=findings.duration_s,
-    )
-
-
-def _first_gain(runs: Sequence[Run], friction: float) -> float:
-    """deg/s per count from the fastest stretch of each step."""
-    gains = []
-    for run in runs:
-        if run.kind == "step" and len(run.time_s) >= 8:
-            gains.append(speed_of(run) / max(10.0, abs(run.duties[0]) - 0.8 * friction))
-    return float(np.median(gains)) if gains else 0.2
-
-
-# ---- potentiometer -------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class PotCalibration:
-    """The potentiometer at both mechanical stops and half way between."""
-
-    left_counts: float
-    right_counts: float
-    stop_deg: float
-
-    @property
-    def centre_counts(self) -> float:
-        """Straight ahead, where the stops are symmetric."""
-        return (self.left_counts + self.right_counts) / 2
-
-    def params(self) -> dict[str, float]:
-        """As the firmware's parameters."""
-        return {
-            "pot_left": self.left_counts,
-            "pot_centre": self.centre_counts,
-            "pot_right": self.right_counts,
-            "angle_left": self.stop_deg,
-            "angle_right": -self.stop_deg,
-        }
-
-
-def counts_of(angle_deg: float, params: dict[str, float]) -> float:
-    """The potentiometer's counts where the firmware, with this calibration, reads an angle."""
-    side = "left" if angle_deg >= 0 else "right"
-    slope = (params[f"pot_{side}"] - params["pot_centre"]) / params[f"angle_{side}"]
-    return params["pot_centre"] + slope * angle_deg
-
-
-def calibrate_pot(
-    experimenter: Experimenter, params: dict[str, float], stop_deg: float
-) -> PotCalibration:
-    """Creeps into both stops, `stop_deg` from straight ahead, and reads the potentiometer there.
-
-    `params` holds the calibration that the firmware has now. It should give angles well below the
-    identification's limit at the stops, or that limit ends the search first.
-    """
-    scale = max(1.0, stop_deg / abs(params["angle_left"]))
-    moving = experimenter.find_direction(1.5 / scale)
-    duty = min(experimenter.duty_max, round(1.2 * moving) + 10)
-    ends = {way: counts_of(experimenter.find_stop(way, duty, scale), params) for way in (1, -1)}
-    if abs(ends[1] - ends[-1]) < 100:
-        raise UserError(
-            f"the potentiometer moved only {abs(ends[1] - ends[-1]):.0f} counts between the stops: "
-            "check its coupling to the steering rod"
-        )
-    return PotCalibration(ends[1], ends[-1], stop_deg)

@@ -13,15 +13,9 @@ from host.core.errors import UserError
 from host.core.messages import State, Telemetry
 from host.link import params, protocol
 from host.link.session import Link, Session
-from host.tune.experiments import (
-    ActuatorModel,
-    Findings,
-    PotCalibration,
-    Wire,
-    armed,
-    calibrate_pot,
-    fit,
-)
+from host.tune.actuator_model import ActuatorModel, Findings, fit
+from host.tune.experiments import Wire, armed
+from host.tune.pot_calibration import PotCalibration, calibrate_pot
 from host.tune.step_response import Floats, Response, Step, deadline_s, judge, meets
 
 POLL_S: Final = 0.002

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from host.tune import closed_loop
-from host.tune.experiments import ActuatorModel, Findings, predict
+from host.tune.actuator_model import TICK_S, ActuatorModel, Findings, predict
 from host.tune.on_machine import TELEMETRY_S
 from host.tune.pid_rules import loops
 from host.tune.step_response import Floats, Step
@@ -53,7 +53,7 @@ def draw_tuning(
     left, right = figure.subplots(1, 2)
     for name, law in laws.items():
         _, trace = closed_loop.respond(model, law, step)
-        time = np.arange(trace.shape[1]) * closed_loop.TICK_S
+        time = np.arange(trace.shape[1]) * TICK_S
         left.plot(time, trace[0], label=f"{name}, firmware's law on the model")
         opened, closed = loops(model, law)
         linear = control.step_response(closed, np.linspace(0, 1.5, 600))

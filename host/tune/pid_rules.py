@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from host.link import protocol
 from host.tune import closed_loop
-from host.tune.experiments import ActuatorModel
+from host.tune.actuator_model import TICK_S, ActuatorModel
 from host.tune.step_response import Floats, Step, cost, deadline_s, meets
 
 Gains = dict[str, float]
@@ -49,7 +49,7 @@ def ultimate(model: ActuatorModel) -> tuple[float, float]:
     """Ultimate gain (duty/deg) and period (s) of the model: gain, lag and dead time, with the
     firmware's tick as half a tick's delay."""
     k, lag = model.gain_degps.value, model.lag_s.value
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * closed_loop.TICK_S
+    delay = max(0.0, model.dead_time_s.value) + 1.5 * TICK_S
     low, high = 1e-3, math.pi / 2 / delay
     for _ in range(60):
         w = 0.5 * (low + high)
@@ -98,7 +98,7 @@ def lambda_tuning(model: ActuatorModel, factor: float = 2.0) -> Gains:
     """PD that cancels the lag and closes the loop with time constant `factor` times what delay
     allows; the small integral only carries what friction leaves."""
     k, lag = model.gain_degps.value, model.lag_s.value
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * closed_loop.TICK_S
+    delay = max(0.0, model.dead_time_s.value) + 1.5 * TICK_S
     spec = protocol.PARAMS["steer_d_filter"]
     closed = factor * (delay + spec.from_raw(spec.default_raw) * 1e-3)
     kp = 1.0 / (k * closed)
@@ -116,9 +116,9 @@ def agopen(model: ActuatorModel, hand_kp: float = 40.0) -> Gains:
 def sensitivity(model: ActuatorModel, law: Mapping[str, float]) -> float:
     """Largest |S| of the linear loop."""
     s = 1j * _FREQUENCIES
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * closed_loop.TICK_S
+    delay = max(0.0, model.dead_time_s.value) + 1.5 * TICK_S
     plant = model.gain_degps.value * np.exp(-s * delay) / (s * (model.lag_s.value * s + 1))
-    smooth = (law["steer_d_filter"] * 1e-3 + closed_loop.TICK_S) * s + 1
+    smooth = (law["steer_d_filter"] * 1e-3 + TICK_S) * s + 1
     law_s = law["steer_kp"] + law["steer_ki"] / s + law["steer_kd"] * s / smooth
     return float(np.max(np.abs(1 / (1 + plant * law_s))))
 
@@ -196,11 +196,11 @@ def loops(
 ) -> tuple[control.xferfcn, control.xferfcn]:
     """Open loop, and closed loop from setpoint to angle: the derivative is on the measurement."""
     k, lag = model.gain_degps.value, model.lag_s.value
-    delay = max(0.0, model.dead_time_s.value) + 1.5 * closed_loop.TICK_S
+    delay = max(0.0, model.dead_time_s.value) + 1.5 * TICK_S
     plant = control.tf([k], [lag, 1.0, 0.0]) * control.tf(*control.pade(delay, 3))
     kp, ki, kd = (law[f"steer_{name}"] for name in ("kp", "ki", "kd"))
     forward = control.tf([kp, ki], [1.0, 0.0]) if ki > 0 else control.tf([kp], [1.0])
-    damping = control.tf([kd, 0.0], [law["steer_d_filter"] * 1e-3 + closed_loop.TICK_S, 1.0])
+    damping = control.tf([kd, 0.0], [law["steer_d_filter"] * 1e-3 + TICK_S, 1.0])
     opened = control.minreal(plant * (forward + damping), verbose=False)
     inner = control.feedback(plant, damping)
     return opened, control.feedback(control.minreal(inner * forward, verbose=False), 1)

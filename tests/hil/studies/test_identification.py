@@ -21,7 +21,8 @@ from host.core.errors import UserError
 from host.core.messages import State
 from host.link import protocol
 from host.tune import closed_loop, experiments, on_machine
-from host.tune.experiments import ActuatorModel, Findings, calibrate_pot
+from host.tune.actuator_model import ActuatorModel, Findings
+from host.tune.pot_calibration import calibrate_pot
 from host.tune.step_response import Step
 
 PLANT = replace(population(1, 3, ranges=NOMINAL_RANGES)[0], slew_degps=55.0)

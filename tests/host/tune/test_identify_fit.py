@@ -15,17 +15,16 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.link import protocol
 from host.tune import closed_loop, pid_rules
-from host.tune.experiments import (
+from host.tune.actuator_model import (
     ActuatorModel,
     Estimate,
     Findings,
-    PotCalibration,
     Run,
-    counts_of,
     fit,
     predict,
     relay_figures,
 )
+from host.tune.pot_calibration import PotCalibration, counts_of
 from host.tune.step_response import Step
 
 
