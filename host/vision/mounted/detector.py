@@ -11,7 +11,8 @@ import numpy as np
 
 from host.core.vehicle import Mount, Vehicle
 from host.vision.geometry import Camera
-from host.vision.mounted.face import HIDDEN_DENSE, LOWEST_M, TRACK_M, Evidence, Face, FaceFinder
+from host.vision.mounted.evidence import Evidence
+from host.vision.mounted.face import HIDDEN_DENSE, LOWEST_M, Face, FaceFinder
 from host.vision.mounted.paper import (
     L_TOLERANCE,
     Chain,
@@ -19,6 +20,7 @@ from host.vision.mounted.paper import (
     l_height,
     staged_pictures,
 )
+from host.vision.mounted.profile import TRACK_M
 from host.vision.mounted.stems import FAINTER, Stems
 from host.vision.pictures import Picture
 from host.vision.view import NAN, CropView

@@ -11,22 +11,24 @@ import math
 from dataclasses import dataclass, replace
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
+from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
+from host.vision.mounted.feet import BLOCK_PX, block_sums, feet_of
+from host.vision.mounted.profile import (
+    BIN_M,
+    WINDOW_M,
+    profile,
+    right_end,
+    stems_beyond,
+    steps_beyond,
+)
 from host.vision.pictures import Mask, u8
 from host.vision.view import NAN
 
-Floats = NDArray[np.float32]
-Sums = NDArray[np.float64]
-
-LOGARITHM = np.round(255 * np.log1p(np.arange(256) / 10.0) / np.log1p(25.5)).astype(np.uint8)
-"""Brightness to its logarithm, both 0..255."""
-BIN_M = 0.005
-"""Across the face."""
 SPAN_M = (-1.6, 1.0)
 """Of the face that is looked at, from right to left of the vehicle."""
 LOWEST_M = 0.06
@@ -56,22 +58,8 @@ GAP_M = 2.0
 OWN_M = 0.2
 """While cutting, what ends further to the left is the border of the machine's own swath, where the
 crop beside it stands nearer than the face."""
-TRACK_M = 0.08
-"""The right end moves by a centimetre from picture to picture; what is this far from where it was
-is more likely something else, an end of dust for one."""
-ELSEWHERE = 0.35
-"""Factor on how much such a place differs, squared."""
 BORDER_M = 0.06
 """Crop that goes on to so near the picture's border ends there for the picture alone."""
-WINDOW_M = 0.3
-"""Looked at on either side of a possible right end."""
-NARROW_M = 0.12
-AROUND_M = 0.06
-"""Which of two grounds a place belongs to shows in a wide window, where exactly they meet in a
-narrow one: looked for so far around."""
-AGAIN_M = (0.05, 0.1)
-"""From the right end, and how wide: pieces of the face beside it."""
-AGAIN_PIXELS = 50.0
 DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
 OPEN, OPEN_PER_STEP = 1.1, 2.0
@@ -81,8 +69,6 @@ is at most the former less the latter times that share."""
 WITHIN_M = 0.2
 """That goes for an end so far inside the blade's: dust never makes it seem too far right, and
 beside a machine that is too far left uncut stalks stand before the ground."""
-BLOCK_PX = 16
-"""Columns that share a foot."""
 BESIDE_M = (0.05, 0.3)
 """Right and left of the right end, once crop is not being cut: the feet there tell how far away it
 is."""
@@ -122,18 +108,6 @@ counts by how far it differs in these units."""
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
-    """What a mode's own stages say of one picture; all (height, width)."""
-
-    upright: Mask
-    """255 on the standing crop's stems (VTSY)."""
-    steps: Mask
-    """255 on every step of brightness across the picture."""
-    grey: Mask
-    """Brightness, by its logarithm."""
-
-
-@dataclass(frozen=True, slots=True)
 class Face:
     """What was found; NaN and 0 where nothing was."""
 
@@ -152,203 +126,10 @@ class Face:
     """Rows between the horizon and the tops of what stands in the blade's way."""
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
-def _profile(
-    upright: Mask,
-    steps: Mask,
-    grey: Mask,
-    across: Floats,
-    upward: Floats,
-    reach: Floats,
-    scale: float,
-    origin: tuple[float, float],
-    bands: tuple[float, float, float, float],
-    right: float,
-    sums: Sums,
-) -> None:
-    """Per lateral bin of the face's two bands of height (lower from, to, upper from, to), from the
-    right end: pixels, stems, steps, grey (n, 4). `reach`: least and greatest `upward` of each row.
-
-    Counts share a word, three of 20 bits; the first and the last bin are for what is outside."""
-    height, width = upright.shape
-    bins = sums.shape[0]
-    low = np.float32((bands[0] - origin[1]) / scale), np.float32((bands[2] - origin[1]) / scale)
-    high = np.float32((bands[1] - origin[1]) / scale), np.float32((bands[3] - origin[1]) / scale)
-    first, per = np.float32((origin[0] - right) / BIN_M + 1.0), np.float32(scale / BIN_M)
-    none, last = np.float32(0.0), np.float32(bins + 1)
-    counts = np.zeros((bins + 2, 2), np.int64)
-    place, word = np.empty(width, np.int32), np.empty(width, np.int64)
-    for v in range(height):
-        least, most = reach[v]
-        if not ((least <= high[0] and most >= low[0]) or (least <= high[1] and most >= low[1])):
-            continue
-        stem, step, level, aside, z = upright[v], steps[v], grey[v], across[v], upward[v]
-        for u in range(width):
-            inside = ((low[0] <= z[u]) & (z[u] <= high[0])) | ((low[1] <= z[u]) & (z[u] <= high[1]))
-            b = min(last, max(none, first + per * aside[u]))
-            place[u] = np.int32(b) if inside else np.int32(0)
-        for u in range(width):
-            word[u] = 1 | np.int64(stem[u] & 1) << 20 | np.int64(step[u] & 1) << 40
-        for u in range(width):
-            counts[place[u], 0] += word[u]
-            counts[place[u], 1] += level[u]
-    field = (1 << 20) - 1
-    for b in range(bins):
-        pixels = counts[b + 1, 0]
-        sums[b, 0], sums[b, 1] = pixels & field, pixels >> 20 & field
-        sums[b, 2], sums[b, 3] = pixels >> 40, counts[b + 1, 1]
-
-
-@numba.njit(cache=True, nogil=True, boundscheck=False)
-def _blocks(steps: Mask, grey: Mask, sums: NDArray[np.int32]) -> None:
-    """Sums of steps and of grey per block of columns and row, running from the top:
-    (2, rows + 1, blocks)."""
-    for v in range(steps.shape[0]):
-        for b in range(sums.shape[2]):
-            step, level = np.int32(0), np.int32(0)
-            for u in range(b * BLOCK_PX, (b + 1) * BLOCK_PX):
-                step += np.int32(steps[v, u] & 1)
-                level += np.int32(grey[v, u])
-            sums[0, v + 1, b] = sums[0, v, b] + step
-            sums[1, v + 1, b] = sums[1, v, b] + level
-
-
-@numba.njit(cache=True, nogil=True)
-def _feet(
-    dense: Mask,
-    sums: NDArray[np.int32],
-    horizon: int,
-    limit: NDArray[np.int32],
-    windows: NDArray[np.int32],
-    spread: Sums,
-    feet: NDArray[np.int32],
-) -> None:
-    """Per block of columns the row of its foot, -1 without: below the lowest dense row, the
-    division of the rows above from those below with the greatest difference, at most down to
-    `limit` of the dense row."""
-    height = dense.shape[0]
-    for b in range(feet.shape[0]):
-        feet[b] = -1
-        middle = b * BLOCK_PX + BLOCK_PX // 2
-        rough = -1
-        for v in range(height - 1, horizon - 1, -1):
-            if dense[v, middle]:
-                rough = v
-                break
-        if rough < 0:
-            continue
-        best, at = -1.0, rough
-        for v in range(rough - windows[rough] // 2, min(height - 2, limit[rough]) + 1):
-            n = windows[v]
-            lo, hi = max(0, v - n), min(height, v + max(3, n // 2))
-            above, below = float((v - lo) * BLOCK_PX), float((hi - v) * BLOCK_PX)
-            if above <= 0.0 or below <= 0.0:
-                continue
-            score = 0.0
-            for k in range(2):
-                d = (sums[k, v, b] - sums[k, lo, b]) / above
-                d -= (sums[k, hi, b] - sums[k, v, b]) / below
-                if k == 0 and d < 0.0:
-                    d = 0.0
-                score += (d / spread[k + 1]) ** 2
-            if score > best:
-                best, at = score, v
-        feet[b] = at
-
-
-@numba.njit(cache=True, nogil=True)
-def _step(
-    sums: Sums, window: int, last: int, expected: float, spread: Sums
-) -> tuple[int, float, float, float]:
-    """The bin, before `last`, where the crop on the left (higher bins) ends towards the right, the
-    shares of stems on the crop's side and on the other, and by how many spreads the sides differ;
-    -1 without.
-
-    It is the division with the greatest difference of the windows on either side, or one as good
-    that lies wholly right of it: a stand beside the others is the outer one. What is far from the
-    bin that is `expected` (NaN: nowhere) must differ by more."""
-    n = sums.shape[0]
-    run = np.zeros((n + 1, 4))
-    for i in range(n):
-        for k in range(4):
-            run[i + 1, k] = run[i, k] + sums[i, k]
-    score = np.zeros(n)
-    inside = np.zeros(n)
-    outside = np.zeros(n)
-    at = -1
-    for i in range(4, min(n - 4, last)):
-        lo, hi = max(0, i - window), min(n, i + window)
-        below, above = run[i, 0] - run[lo, 0], run[hi, 0] - run[i, 0]
-        if above < 1.0 or below < 1.0:
-            continue
-        outside[i], inside[i] = (run[i, 1] - run[lo, 1]) / below, (run[hi, 1] - run[i, 1]) / above
-        if inside[i] < 0.03 or inside[i] <= 2.0 * outside[i]:
-            continue
-        total = 0.0
-        for k in range(1, 4):
-            d = (run[i, k] - run[lo, k]) / below - (run[hi, k] - run[i, k]) / above
-            total += (d / spread[k - 1]) ** 2
-        share = above / (above + below)
-        score[i] = total * 4.0 * share * (1.0 - share)
-        if abs(i - expected) > TRACK_M / BIN_M:
-            score[i] *= ELSEWHERE
-        if at < 0 or score[i] > score[at]:
-            at = i
-    if at < 0:
-        return -1, 0.0, 0.0, 0.0
-    further = at
-    for i in range(4, at - window):
-        if score[i] > 0.5 * score[at] and (further == at or score[i] > score[further]):
-            further = i
-    differ = score[further]
-    if abs(further - expected) > TRACK_M / BIN_M:
-        differ /= ELSEWHERE
-    return _meet(run, further, spread), inside[further], outside[further], math.sqrt(differ)
-
-
-@numba.njit(cache=True, nogil=True)
-def _meet(run: Sums, at: int, spread: Sums) -> int:
-    """The bin near `at` where narrow windows differ most; `run` are running sums."""
-    narrow, around = round(NARROW_M / BIN_M), round(AROUND_M / BIN_M)
-    best, found = 0.0, at
-    for i in range(max(narrow, at - around), min(run.shape[0] - narrow, at + around + 1)):
-        below = run[i, 0] - run[i - narrow, 0]
-        above = run[i + narrow, 0] - run[i, 0]
-        if below < 1.0 or above < 1.0:
-            continue
-        total = 0.0
-        for k in range(1, 4):
-            d = (run[i + narrow, k] - run[i, k]) / above - (run[i, k] - run[i - narrow, k]) / below
-            if k > 1 or d > 0.0:
-                total += (d / spread[k - 1]) ** 2
-        if total > best:
-            best, found = total, i
-    return found
-
-
 def _dense(seen: Evidence) -> Mask:
     """255 where stems are so many that crop stands."""
     near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
     return u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
-
-
-def _again(sums: Sums, at: int) -> float:
-    """The greatest share of stems right of an end: of a true one nothing stands there, but what
-    dust or weeds hide of a face goes on behind them."""
-    beyond, wide = (round(m / BIN_M) for m in AGAIN_M)
-    count = max(0, at - beyond) // wide
-    first = at - beyond - count * wide
-    pieces = sums[first : first + count * wide].reshape(count, wide, 4).sum(axis=1)
-    pieces = pieces[pieces[:, 0] > AGAIN_PIXELS]
-    return float((pieces[:, 1] / pieces[:, 0]).max(initial=0.0))
-
-
-def _steps_beyond(sums: Sums, at: int) -> float:
-    """The share of steps in the window right of a bin over that in the window left of it."""
-    window = round(WINDOW_M / BIN_M)
-    beyond, within = sums[max(0, at - window) : at].sum(0), sums[at : at + window].sum(0)
-    share = float(within[2]) / max(1.0, float(within[0]))
-    return float(beyond[2]) / max(1.0, float(beyond[0])) / max(share, 1e-3)
 
 
 class FaceFinder:
@@ -474,8 +255,8 @@ class FaceFinder:
         blocks = seen.upright.shape[1] // BLOCK_PX
         sums = np.zeros((2, seen.upright.shape[0] + 1, blocks), np.int32)
         feet = np.empty(blocks, np.int32)
-        _blocks(seen.steps, seen.grey, sums)
-        _feet(dense, sums, self._horizon, self._limit, self._windows, SPREAD, feet)
+        block_sums(seen.steps, seen.grey, sums)
+        feet_of(dense, sums, self._horizon, self._limit, self._windows, SPREAD, feet)
         columns = np.arange(blocks) * BLOCK_PX + BLOCK_PX // 2
         rows, columns = feet[feet >= 0], columns[feet >= 0]
         x = self._ground_x[rows, columns]
@@ -538,7 +319,7 @@ class FaceFinder:
                 border = z_c * dust / (face_x - x_c + dust)
                 bands = (min(border, bands[1] - 0.1), bands[1], bands[2], bands[3])
         sums = self._sums(seen, face_x, bands)
-        at, inside, outside, differ = _step(
+        at, inside, outside, differ = right_end(
             sums,
             round(WINDOW_M / BIN_M),
             round((left_m - SPAN_M[0]) / BIN_M),
@@ -550,11 +331,11 @@ class FaceFinder:
         contrast = (inside - outside) / (inside + outside)
         if (at - int(np.argmax(sums[:, 0] > 0.0))) * BIN_M < BORDER_M:
             return SPAN_M[0] + at * BIN_M, 0.0
-        again = _again(sums, at) / inside
+        again = stems_beyond(sums, at) / inside
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
         right = SPAN_M[0] + at * BIN_M
         if left_m == OWN_M and right > WITHIN_M - 0.5 * self._vehicle.blade_width_m:
-            sure = min(sure, OPEN - OPEN_PER_STEP * _steps_beyond(sums, at))
+            sure = min(sure, OPEN - OPEN_PER_STEP * steps_beyond(sums, at))
         return right, max(0.0, sure)
 
     def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:
@@ -573,7 +354,7 @@ class FaceFinder:
     ) -> Sums:
         x_c, y_c, z_c = (float(c) for c in self._camera.position)
         sums = np.zeros((round((SPAN_M[1] - SPAN_M[0]) / BIN_M), 4))
-        _profile(
+        profile(
             seen.upright,
             seen.steps,
             seen.grey,

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from host.core.strict import Strict
 from host.vision.geometry import Camera
-from host.vision.mounted.face import LOGARITHM
+from host.vision.mounted.evidence import LOGARITHM
 from host.vision.mounted.lines import LEAST_PX, least_length_px, rails, upright_pieces
 from host.vision.photo.score import edge_of
 from host.vision.photo.split import Line, Side, best_line, whiten

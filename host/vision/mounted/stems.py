@@ -13,7 +13,7 @@ import numpy as np
 
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
-from host.vision.mounted.face import LOGARITHM, Evidence
+from host.vision.mounted.evidence import LOGARITHM, Evidence
 from host.vision.mounted.lines import least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask, Picture, u8
 

@@ -139,7 +139,7 @@ def test_an_end_beyond_which_crop_shows_through_the_dust_is_none(
     thick: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By its steps alone, where no stem of it can be told."""
-    monkeypatch.setattr("host.vision.mounted.face._again", lambda sums, at: 0.0 * sums[at, 0])
+    monkeypatch.setattr("host.vision.mounted.face.stems_beyond", lambda sums, at: 0.0 * sums[at, 0])
     camera, vehicle = Camera(MAST), Vehicle()
     source, finder = RobustSource(camera, vehicle), FaceFinder(camera, vehicle)
     dim = half_veiled(field(MAST, right_m=-2.9, seed=9), thick)
