@@ -152,7 +152,7 @@ class Camera:
         ):
             stand[..., channel] = np.clip(grid / render.UNIT + 0.5, 0, 65535)
         self._tallest = float(stand[..., render.HEIGHT].max() * render.UNIT)
-        self._scene = render.Scene(
+        self.scene = render.Scene(
             kind=field.kind.copy(),
             marks=np.zeros(coarse, np.int32),
             looks=stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16,
@@ -162,6 +162,7 @@ class Camera:
             y0=float(field.origin[1]),
             cell=field.cell,
         )
+        """The grids that pictures are made from: the field as of the last shot developed."""
         self._coarse = field.coarse
         self._tallest_crop = field.tallest_crop_m
         crowns = [
@@ -181,7 +182,8 @@ class Camera:
         h, w = s.height_px, s.width_px
         tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
         self._noise = np.rint(tile).astype(np.int8).reshape(h + 128, -1)
-        self._rays = self._bake_rays()
+        self.rays = self._bake_rays()
+        """(height, width, 2): right and down per metre ahead of every pixel, undistorted."""
         self._image = np.zeros((h, w, 3), np.uint8)
         self._kernels = self._bind(field, panorama, packs)
         self._header = self._bake_header() if s.machine_in_view else None
@@ -193,7 +195,7 @@ class Camera:
             1.0,
             render.CLOUD_PX,
         )
-        radius = np.linalg.norm(self._rays, axis=2) / np.linalg.norm(self._rays[0, 0])
+        radius = np.linalg.norm(self.rays, axis=2) / np.linalg.norm(self.rays[0, 0])
         self._vignette = np.rint(255 * (1 - 0.22 * radius**2)).astype(np.uint8)[..., None]
         self._vignette = np.repeat(self._vignette, 3, axis=2)
         self._sampled_vignette = self._vignette[::8, ::8] / np.float32(255)
@@ -202,19 +204,19 @@ class Camera:
         self, field: Field, panorama: NDArray[np.uint8], packs: NDArray[Any]
     ) -> render.Kernels:
         """All that stays the same from picture to picture, handed to the kernels."""
-        s, scene, weather, spec = self.spec, self._scene, self.weather, field.spec
+        s, scene, weather, spec = self.spec, self.scene, self.weather, field.spec
         h, w = s.height_px, s.width_px
         crop, straw, green = np.array(spec.crop_bgr), spec.straw_bgr, np.array((56.0, 138.0, 118.0))
         tiles = texture.bake(self._seed, spec.soil_bgr, straw, spec.crop_bgr)
         light = sky.light_table(weather)
         bright = np.minimum(255, panorama * float(np.mean(light[255]))).astype(np.int32)
         # Azimuths reach past the picture's sides: pitch and roll spread them.
-        corner = float(np.linalg.norm(self._rays[-1, 0]))
+        corner = float(np.linalg.norm(self.rays[-1, 0]))
         tangent = math.tan(min(1.5, 1.25 * math.atan(corner) + 0.1))
         # Whole vectors of floats.
         stride = h + 16
         # As wide as two of the picture's columns.
-        bins = math.ceil(w / 2 * tangent / float(np.abs(self._rays[0, 0, 0])))
+        bins = math.ceil(w / 2 * tangent / float(np.abs(self.rays[0, 0, 0])))
         most = -(-packs.shape[1] // 16) * 16
         toward = math.radians(90 - weather.wind_from_deg + 180)
         sway = 0.012 * weather.wind_mps
@@ -275,7 +277,7 @@ class Camera:
     def _undistortion(self) -> NDArray[np.float64]:
         """The lens's inverse as a polynomial: undistorted radius over distorted less 1 is r² times
         these coefficients of 1, r², r⁴, r⁶, r being the distorted radius."""
-        ideal = np.linalg.norm(self._rays[0, : self.spec.width_px // 2 + 1], axis=1)
+        ideal = np.linalg.norm(self.rays[0, : self.spec.width_px // 2 + 1], axis=1)
         ideal = np.linspace(0.02, 1.0, 200) * float(ideal[0])
         r = ideal**2
         distorted = ideal * (1 + r * (self.spec.k1 + r * self.spec.k2))
@@ -284,7 +286,7 @@ class Camera:
 
     def _refresh(self, j0: int, j1: int, i0: int, i1: int) -> None:
         """Derived grids of the coarse cells [j0, j1) x [i0, i1), after `kind` changed there."""
-        scene = self._scene
+        scene = self.scene
         rows, columns = scene.clear.shape
         # Distances beyond this are capped, so that a change reaches no further than the cap.
         cap = 1.5
@@ -411,7 +413,8 @@ class Camera:
 
     # ---- rendering ------------------------------------------------------------------------------
 
-    def _view(self, shot: Shot) -> render.View:
+    def view(self, shot: Shot) -> render.View:
+        """Where the camera truly is at a shot, ground's slope and vibration included."""
         s = self.spec
         instant = round(shot.t * 1e6)
         shake = [s.vibration_deg * noise.normal(self._seed + k, instant, 0) for k in (3, 4)]
@@ -438,9 +441,9 @@ class Camera:
         if shot.change is not None:
             j0, i0, kinds = shot.change
             j1, i1 = j0 + kinds.shape[0], i0 + kinds.shape[1]
-            self._scene.kind[j0:j1, i0:i1] = kinds
+            self.scene.kind[j0:j1, i0:i1] = kinds
             self._refresh(j0 // 2, (j1 + 1) // 2, i0 // 2, (i1 + 1) // 2)
-        view = self._view(shot)
+        view = self.view(shot)
         kernels = self._kernels
         picture = kernels.picture
         picture.t = shot.t

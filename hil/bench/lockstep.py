@@ -93,6 +93,11 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         return self._state[0]
 
     @property
+    def params(self) -> Any:
+        """What the machine is made of: a record of sim_plant.machine.PARAMS."""
+        return self._params[0]
+
+    @property
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, truly."""
         x, y, yaw = self._place

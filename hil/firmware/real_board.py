@@ -79,7 +79,8 @@ class Board:
             self._link.close()
             raise
         self._link.tap = self._heard
-        self._wait_s = wait_s
+        self.wait_s = wait_s
+        """How long an answer is waited for."""
         self._from_host, self._from_board = Frames(), Frames()
         self._to_host = bytearray()
         self._outputs = np.zeros(3)
@@ -103,7 +104,7 @@ class Board:
             move(begin_us, end_us)
             self._link.request(self._report())
             before = self.answers
-            patience = time.monotonic() + self._wait_s
+            patience = time.monotonic() + self.wait_s
             self._link.poll()
             while self.answers == before and (left := patience - time.monotonic()) > 0:
                 self._link.poll(left)

@@ -176,11 +176,12 @@ class Stand(contextlib.AbstractContextManager["Stand"]):
         self.spec = spec
         self._state = machine.initial(spec)
         self._params = machine.parameters(spec, seed)
-        self._given = machine.inputs()
+        self.given = machine.inputs()
+        """What moves the machine besides the firmware: sim_plant.machine.INPUTS."""
         self._log = np.zeros(round(log_s / LOG_S), coupling.LOG)
         self._firmware = firmware
         self.target = provision.fitted(firmware)
-        self._run = coupling.bind(self.target, self._state, self._params, self._given, self._log)
+        self._run = coupling.bind(self.target, self._state, self._params, self.given, self._log)
         self._now_us = 0
 
     @property

@@ -391,11 +391,12 @@ def run_group(group: Group) -> list[Verdict]:
 def digest(case: Case) -> str:
     """Of everything that a verdict depends on: the scenario, the firmware and the programs."""
     chosen = scenario_of(case).model_dump_json().encode()
-    return hashlib.sha256(chosen + _programs(case.firmware)).hexdigest()
+    return hashlib.sha256(chosen + programs(case.firmware)).hexdigest()
 
 
 @cache
-def _programs(firmware: Firmware) -> bytes:
+def programs(firmware: Firmware) -> bytes:
+    """A digest of all that decides a verdict besides its case: sources and images."""
     images = {
         "desk": (targets.DESK_LIBRARY,),
         "avr": (targets.AVR_LIBRARY, targets.AVR_IMAGE),

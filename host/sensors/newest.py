@@ -47,6 +47,7 @@ class Feed(Generic[T]):
         self.name = name
         self.clock = clock
         self.silence_s = silence_s
+        self.retry_s = retry_s
         self.problem: str | None = "not connected yet"
         """Why nothing comes at present, None while it does."""
         self.count = 0
@@ -54,7 +55,6 @@ class Feed(Generic[T]):
         """The newest item, whether it was taken or not."""
         self._source = source
         self._report = report
-        self._retry_s = retry_s
         self._changed = threading.Condition()
         self._item: T | None = None
         self._stop = threading.Event()
@@ -109,7 +109,7 @@ class Feed(Generic[T]):
                         self._changed.notify_all()
             except Exception as error:  # a thread must not die unseen
                 self._lost(f"internal error: {type(error).__name__}: {error}")
-            self._stop.wait(self._retry_s)
+            self._stop.wait(self.retry_s)
 
     def _put(self, item: T) -> None:
         with self._changed:

@@ -84,10 +84,10 @@ def test_incremental_updates_give_the_picture_of_a_camera_that_saw_the_final_fie
         field.cut((1.5 + 0.05 * k, 1.5, 0.0), (1.5 + 0.05 * (k + 1), 1.5, 0.0))
         watching.capture(0.1 * k, 1.5 + 0.05 * k, 1.5, 0.0)
     late = Camera(field, MAST, seed=1)
-    assert np.array_equal(watching._scene.kind, late._scene.kind)
-    assert np.array_equal(watching._scene.stand, late._scene.stand)
+    assert np.array_equal(watching.scene.kind, late.scene.kind)
+    assert np.array_equal(watching.scene.stand, late.scene.stand)
     # The free distance may stay a lower bound.
-    assert (watching._scene.clear <= late._scene.clear + 1e-6).all()
+    assert (watching.scene.clear <= late.scene.clear + 1e-6).all()
     pose = (9.0, 2.0, 1.5, 0.0)
     differs = watching.labels(*pose) != late.labels(*pose)
     assert differs.mean() < 0.002
@@ -145,7 +145,7 @@ def test_a_pitched_camera_makes_verticals_at_the_side_lean() -> None:
     lean = math.degrees(math.atan2(high[0] - low[0], low[1] - high[1]))
     assert abs(lean) == pytest.approx(8.5, abs=0.3)
     camera = Camera(half_cut(), mount, seed=1)
-    view = camera._view(camera.shutter(*POSE))
+    view = camera.view(camera.shutter(*POSE))
     for (u, v), z in ((low, 0.0), (high, 0.9)):
         p = np.array([POSE[1] + ahead - view.x, POSE[2] + left - view.y, z - view.z])
         right, down, forward = view.axes @ p
@@ -177,7 +177,7 @@ def test_a_rolling_vehicle_turns_the_picture_about_the_ground_ahead_of_it(
     camera = Camera(Field(SPEC, 1), mount.model_copy(update={"vibration_deg": 0.0}))
     pixels = []
     for roll in (0.0, 0.05):
-        view = camera._view(camera.shutter(0.0, -3.0, 0.0, 0.0, roll=roll))
+        view = camera.view(camera.shutter(0.0, -3.0, 0.0, 0.0, roll=roll))
         ray = view.axes @ (np.array([-1.5, 0.0, 0.0]) - [view.x, view.y, view.z])
         pixels.append(ray[:2] / ray[2])
     assert pixels[1] == pytest.approx(pixels[0], abs=1e-9)
@@ -185,7 +185,7 @@ def test_a_rolling_vehicle_turns_the_picture_about_the_ground_ahead_of_it(
 
 def test_lens_distortion_moves_the_corner_as_its_polynomial_says() -> None:
     mount = MAST.model_copy(update={"k1": -0.1, "k2": 0.02})
-    rays = Camera(half_cut(), mount)._rays
+    rays = Camera(half_cut(), mount).rays
     a, b = (float(x) for x in rays[0, 0])
     r = a * a + b * b
     factor = mount.focal_px * (1 + mount.k1 * r + mount.k2 * r * r)
@@ -224,7 +224,7 @@ def test_the_sun_rises_in_the_east_and_culminates_at_latitude_less_declination()
 
 def test_shadows_fall_away_from_the_sun() -> None:
     """At 9 h the sun stands in the east: ground just west of the crop lies in shadow."""
-    scenes = {h: Camera(half_cut(), MAST, WeatherSpec(hour=h))._scene for h in (9.0, 15.0)}
+    scenes = {h: Camera(half_cut(), MAST, WeatherSpec(hour=h)).scene for h in (9.0, 15.0)}
 
     def shaded(hour: float, x: float, y: float) -> bool:
         s = scenes[hour]
@@ -260,7 +260,7 @@ def test_wind_moves_the_stalks() -> None:
 def test_the_engine_shakes_the_mount() -> None:
     mount = MAST.model_copy(update={"vibration_deg": 0.5})
     camera = Camera(half_cut(), mount, seed=1)
-    axes = [camera._view(camera.shutter(0.1 * k, *POSE[1:])).axes for k in range(400)]
+    axes = [camera.view(camera.shutter(0.1 * k, *POSE[1:])).axes for k in range(400)]
     pitch = np.degrees([-math.asin(a[2, 2]) for a in axes])
     assert pitch.mean() == pytest.approx(28.0, abs=0.1)
     assert pitch.std() == pytest.approx(0.5, abs=0.06)

@@ -144,7 +144,8 @@ def test_the_edge_offset_is_positive_where_the_edge_lies_to_the_left() -> None:
 def test_a_bare_spot_is_not_an_edge() -> None:
     field = Field(PLAIN)
     field.cut((-1.5, 0.5, 0.0), (2.5, 0.5, 0.0))
-    j, i = field._index(1.0, 1.1)
+    x0, y0 = field.origin
+    j, i = math.floor((1.1 - y0) / field.cell), math.floor((1.0 - x0) / field.cell)
     field.kind[j : j + 4, i - 20 : i + 20] = ground.SOIL  # 0.1 m wide
     assert field.true_edge_offset(1.0, 1.4, 0.0) == pytest.approx(-0.4, abs=field.cell)
 

@@ -111,10 +111,9 @@ def test_drop_outs_take_their_share_of_the_time() -> None:
     spec = PhoneSpec(http_port=0, nmea_port=0, dropouts_per_minute=6, dropout_s=2.0, seed=3)
     phone = Phone(spec, clock=lambda: now[0])
     served = []
-    for _ in range(60_000):
-        now[0] += 0.1
-        served.append(phone.online)
-    phone._http.server_close()
-    phone._tcp.server_close()
+    with phone:
+        for _ in range(60_000):
+            now[0] += 0.1
+            served.append(phone.online)
     # A drop-out of 2 s on average every 10 s of service: 2/12 of the time.
     assert 1 - sum(served) / len(served) == pytest.approx(2 / 12, abs=0.02)

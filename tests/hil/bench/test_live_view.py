@@ -23,32 +23,32 @@ class Viewer:
     """As much of a WebSocket client (RFC 6455) as a look needs."""
 
     def __init__(self, port: int) -> None:
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=60)
+        self.wire = socket.create_connection(("127.0.0.1", port), timeout=60)
         key = base64.b64encode(os.urandom(16)).decode()
-        self._socket.sendall(
+        self.wire.sendall(
             f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
             f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
             "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n".encode()
         )
-        self._file = self._socket.makefile("rb")
-        assert b"101" in self._file.readline()
-        while self._file.readline().strip():
+        self.stream = self.wire.makefile("rb")
+        assert b"101" in self.stream.readline()
+        while self.stream.readline().strip():
             pass
 
     def receive(self) -> tuple[int, bytes]:
         """(opcode, payload) of the next frame."""
-        first, length = self._file.read(2)
+        first, length = self.stream.read(2)
         if length == 126:
-            (length,) = struct.unpack(">H", self._file.read(2))
+            (length,) = struct.unpack(">H", self.stream.read(2))
         elif length == 127:
-            (length,) = struct.unpack(">Q", self._file.read(8))
-        return first & 15, self._file.read(length)
+            (length,) = struct.unpack(">Q", self.stream.read(8))
+        return first & 15, self.stream.read(length)
 
     def send(self, message: object) -> None:
         """A text frame, masked with zeros."""
         data = json.dumps(message).encode()
         size = bytes([0x80 | len(data)]) if len(data) < 126 else struct.pack(">BH", 0xFE, len(data))
-        self._socket.sendall(b"\x81" + size + bytes(4) + data)
+        self.wire.sendall(b"\x81" + size + bytes(4) + data)
 
     def texts(self, wanted: str) -> dict[str, object]:
         """The next text message of a kind."""
@@ -58,8 +58,8 @@ class Viewer:
                 return dict(message)
 
     def close(self) -> None:
-        self._file.close()
-        self._socket.close()
+        self.stream.close()
+        self.wire.close()
 
 
 def test_a_viewer_gets_what_the_record_gets(tmp_path: Path) -> None:
@@ -77,11 +77,11 @@ def test_a_viewer_gets_what_the_record_gets(tmp_path: Path) -> None:
             )
             for k in range(10_000):  # until the server has heard of the subscription
                 recorder.put("/pilot", 2.0 + k / 10, {"phase": "turn", "reason": str(k)})
-                viewer._socket.settimeout(0.01)
+                viewer.wire.settimeout(0.01)
                 try:
                     opcode, payload = viewer.receive()
                 except TimeoutError:
-                    viewer._file = viewer._socket.makefile("rb")
+                    viewer.stream = viewer.wire.makefile("rb")
                     continue
                 if opcode == 2:
                     break

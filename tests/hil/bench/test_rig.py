@@ -17,8 +17,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import serial
+from numpy.typing import NDArray
 
 from hil.bench.harvest import harvest
 from hil.bench.lockstep import SLICE_US, Bench
@@ -268,11 +270,11 @@ def test_a_camera_that_is_too_slow_skips_pictures_and_never_shows_them_late(
 ) -> None:
     slow = threading.Event()
 
-    def develop(_camera: Camera, _shot: Shot) -> bytes:
+    def develop(_camera: Camera, _shot: Shot) -> NDArray[np.uint8]:
         slow.wait(LIMIT_S)
-        return b"picture"
+        return np.zeros((480, 640, 3), np.uint8)
 
-    monkeypatch.setattr("hil.bench.rig._develop", develop)
+    monkeypatch.setattr(Camera, "develop", develop)
     with timed(bench, []) as (rig, _):
         rig.run(1.0)
         assert rig.deadlines.pictures_skipped == 10 - IN_THE_MAKING

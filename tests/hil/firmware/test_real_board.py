@@ -171,7 +171,7 @@ def test_a_board_that_falls_silent_is_one_message(image: Path) -> None:
         board = Board(behind.port.name, chosen.told.parameters, wait_s=WAIT_S)
         with Bench(chosen, board=board) as bench:
             bench.advance(0.2)
-            board._wait_s = 0.0
+            board.wait_s = 0.0
             behind.ended.set()
             behind.join()
             with pytest.raises(UserError, match="does not answer for 1 s"):

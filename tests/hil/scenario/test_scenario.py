@@ -51,7 +51,7 @@ def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
         with Bench(
             quick(belief={"errors": "exact", "parameters": {"steer_pwm_freq": hz}})
         ) as bench:
-            return float(bench._params[0]["st_dead"])
+            return float(bench.params["st_dead"])
 
     assert lost(25_000) == pytest.approx(5 * lost(5_000))
 

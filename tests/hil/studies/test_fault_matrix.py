@@ -508,7 +508,7 @@ def test_verdicts_of_other_programs_are_not_taken_over(
     log = tmp_path / "verdicts.jsonl"
     log.write_text(json.dumps({"digest": digest(case), "verdict": asdict(verdict)}) + "\n")
     assert kept(log, [case]) == {case: verdict}
-    monkeypatch.setattr("hil.studies.fault_matrix._programs", lambda _: b"changed")
+    monkeypatch.setattr("hil.studies.fault_matrix.programs", lambda _: b"changed")
     assert kept(log, [case]) == {}
 
 

@@ -109,7 +109,7 @@ def test_a_motor_wired_the_wrong_way_is_told_before_it_runs_far() -> None:
 
 def test_a_jammed_steering_is_told() -> None:
     with Stand(PLANT.machine(), log_s=20.0) as stand:
-        stand._given["steer_jam"] = 1
+        stand.given["steer_jam"] = 1
         wire = StandWire(stand)
         stand.advance(0.02)
         with (

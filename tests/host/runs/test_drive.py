@@ -6,12 +6,12 @@ import io
 import math
 import os
 import pty
+import queue
 import select
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -99,19 +99,26 @@ class Script:
         return command
 
 
-def feed_of(name: str, items: list[Any]) -> Feed[Any]:
-    """A started feed that has given all its items."""
+class Given(Feed[Any]):
+    """A started feed of what a test gives it."""
 
-    def source(feed: Feed[Any]) -> Iterator[Any]:
-        yield from items
-        gone.set()
-        feed.pause(LIMIT_S)
+    def __init__(self, name: str, items: Sequence[Any]) -> None:
+        self._items: queue.Queue[Any] = queue.Queue()
+        super().__init__(name, self._given, time.monotonic, lambda _: None)
+        self.start()
+        for item in items:
+            self.give(item)
 
-    gone = threading.Event()
-    feed = Feed(name, source, time.monotonic, lambda _: None)
-    feed.start()
-    assert gone.wait(LIMIT_S)
-    return feed
+    def give(self, item: Any) -> None:
+        """The next item; there to be taken when this returns."""
+        self._items.put(item)
+        self._items.join()
+
+    def _given(self, feed: Feed[Any]) -> Iterator[Any]:
+        while not feed.stopping:
+            with suppress(queue.Empty):
+                yield self._items.get(timeout=0.01)
+                self._items.task_done()
 
 
 @pytest.fixture
@@ -131,8 +138,8 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
         ) -> Drive:
             link = stack.enter_context(Link(board.port, time.monotonic))
             link.meet()
-            camera = feed_of("camera", pictures or [])
-            gnss = feed_of("GNSS", fixes or [])
+            camera = Given("camera", pictures or [])
+            gnss = Given("GNSS", fixes or [])
             stack.callback(camera.close)
             stack.callback(gnss.close)
             return Drive(
@@ -193,7 +200,7 @@ def test_a_picture_that_repeats_the_one_before_is_no_new_view(
     run = driven(script, [Picture(5.0, JPEG)])
 
     def again(_drive: Drive) -> None:
-        run.camera._put(Picture(6.0, JPEG))
+        cast(Given, run.camera).give(Picture(6.0, JPEG))
 
     run.run(again)
     assert [frame.stamp for _, frame, *_ in script.seen if frame is not None] == [
@@ -327,8 +334,7 @@ def test_positions_far_outside_the_boundary_stop_the_run(driven: Callable[..., D
     run = driven(Script([Command(Request.DRIVE)] * 1000), fixes=[far], fence=Fence(corners))
 
     def again(_drive: Drive) -> None:
-        assert run.gnss is not None
-        run.gnss._put(far)
+        cast(Given, run.gnss).give(far)
 
     with pytest.raises(UserError, match="outside the boundary"):
         run.run(again)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -162,20 +164,35 @@ def test_what_remains_ends_where_the_plan_does(side: int, share: float) -> None:
 # ---- a run that dies, and one that goes on -------------------------------------------------------
 
 
+class AtOnce(Executor):
+    """Does what it is given before it goes on."""
+
+    def __init__(self, *_: Any, **__: Any) -> None: ...
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+@pytest.fixture
+def a_quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here seconds pass faster than a disk writes."""
+    monkeypatch.setattr("host.runs.resume.ThreadPoolExecutor", AtOnce)
+
+
 def die_after(world: SimpleWorld, pilot: Pilot, keeper: Keeper, turns: int, cut_m: float) -> None:
     """Drives until so much is done, keeping progress; then the power is gone."""
 
     def noted() -> bool:
         assert not pilot.done
         keeper.note(pilot)
-        if keeper._writing is not None:  # here seconds pass faster than a disk writes
-            keeper._writing.result()
         return (pilot.turns, pilot.cut_m) >= (turns, cut_m)
 
     drive(world, pilot, 1500.0, until=noted, fixes=False)
-    keeper._writer.shutdown()
 
 
+@pytest.mark.usefixtures("a_quick_disk")
 @pytest.mark.parametrize("cut_m", [0.0, 4.3])
 def test_after_a_crash_the_field_is_finished(tmp_path: Path, cut_m: float) -> None:
     plan = spiral([(0, 0), (6, 0), (6, 6), (0, 6)], 1, VEHICLE, "three_point", 2.0)
@@ -268,14 +285,12 @@ def test_what_was_cut_before_counts_on_the_side_that_was_resumed_only(tmp_path: 
     assert (later.side, later.cut_m) == (3, 0.5)
 
 
+@pytest.mark.usefixtures("a_quick_disk")
 def test_a_change_of_phase_is_kept_at_once(tmp_path: Path) -> None:
     keeper = Keeper(tmp_path / PATH, PLAN, 1, print)
     for phase in (Phase.FOLLOW, Phase.HESITATE):
         keeper.note(cast(Pilot, Stub(phase=phase)))
-        assert keeper._writing is not None
-        keeper._writing.result()
-    assert load(tmp_path / PATH).phase is Phase.HESITATE
-    keeper._writer.shutdown()
+        assert load(tmp_path / PATH).phase is phase
 
 
 def test_a_run_that_never_took_a_step_leaves_what_was_there(tmp_path: Path) -> None:

@@ -279,7 +279,7 @@ def test_a_password_in_the_address_is_used() -> None:
 
 def test_a_lost_camera_is_reported_once_and_not_every_half_second() -> None:
     with running("http://127.0.0.1:1/video") as (feed, reports):
-        feed._retry_s = 0.001
+        feed.retry_s = 0.001
         tries = iter(range(50))
         assert until(lambda: next(tries, None) is None)
         assert len(reports) == 1

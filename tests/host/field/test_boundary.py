@@ -1,4 +1,4 @@
-"""Facts about boundary and vehicle files."""
+"""Facts about boundary files, the corner that a plan begins at, and the fence."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import pytest
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
-from host.core.vehicle import Mount, Vehicle
-from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
+from host.core.vehicle import Vehicle
 from host.field.boundary_file import Boundary, load_field
 from host.field.fence import FENCE_FIXES, FENCE_M, Fence, nearest_corner
 from host.route.field_plan import plan_of
@@ -76,9 +75,8 @@ def test_a_bad_boundary_is_one_message_that_names_the_file(
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
-    for load in (load_field, load_vehicle):
-        with pytest.raises(UserError, match="cannot read"):
-            load(tmp_path / "none")
+    with pytest.raises(UserError, match="cannot read"):
+        load_field(tmp_path / "none")
 
 
 @pytest.mark.parametrize("corner", range(4))
@@ -137,43 +135,3 @@ def test_the_fence_needs_several_fixes_in_a_row_far_outside() -> None:
 
 
 # ---- the vehicle file ----------------------------------------------------------------------------
-
-
-def test_a_vehicle_file_reads_back_as_written(tmp_path: Path) -> None:
-    vehicle = Vehicle(wheelbase_m=1.3, mounts={"roof": Mount(x_m=0.2, z_m=2.0, pitch_deg=30)})
-    path = tmp_path / "vehicle.yaml"
-    save_vehicle(path, vehicle)
-    assert load_vehicle(path) == vehicle
-    assert mount_of(load_vehicle(path), "roof").z_m == 2.0
-
-
-def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> None:
-    assert load_vehicle(None) == load_vehicle(written(tmp_path, "")) == Vehicle()
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("wheelbase_m: -1", "wheelbase_m: Input should be greater than 0"),
-        ("wheel_base: 1", "wheel_base: Extra inputs are not permitted"),
-        ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: up}}", "mounts.low.pitch_deg"),
-        ("cutting_speed_mps: .inf", "cutting_speed_mps: Input should be a finite number"),
-        ("wheelbase_m: .nan", "wheelbase_m: Input should be a finite number"),
-        ("cutting_speed_mps: 1000", "cutting_speed_mps: Input should be less than"),
-        ("overlap_m: 0.45\nblade_width_m: 0.45", "overlap_m 0.45 is more than half"),
-        ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: 400}}", "mounts.low.pitch_deg"),
-        ("- 1", "give fields"),
-        ("a: [", "is not YAML"),
-    ],
-)
-def test_a_bad_vehicle_file_names_file_and_field(tmp_path: Path, text: str, message: str) -> None:
-    path = written(tmp_path, text)
-    with pytest.raises(UserError, match=message) as error:
-        load_vehicle(path)
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-def test_an_unknown_mount_names_those_there_are() -> None:
-    with pytest.raises(UserError, match="no camera mount 'roof'; it has low, mast"):
-        mount_of(Vehicle(), "roof")
