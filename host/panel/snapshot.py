@@ -110,8 +110,7 @@ def of_plan(plan: Plan) -> Json:
             [
                 number(s.x_m, 2),
                 number(s.y_m, 2),
-                number(s.x_m + s.length_m * math.cos(s.heading_rad), 2),
-                number(s.y_m + s.length_m * math.sin(s.heading_rad), 2),
+                *(number(value, 2) for value in s.pose(s.length_m)[:2]),
                 number(s.width_m, 2),
             ]
             for s in plan.sides

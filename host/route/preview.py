@@ -19,11 +19,12 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as MplPath
 from numpy.typing import NDArray
 
+from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import Areas, Geofence, outline_of, placed
 from host.route.plan import Plan, Side
 from host.route.turn_choice import ROOM_M, next_turn, room_along, turn_origin
-from host.route.turn_legs import Follow, Goal, Turn
+from host.route.turn_legs import Turn, driven
 
 mpl.use("Agg")
 
@@ -31,7 +32,6 @@ STEER_DPS = 40.0
 """Slew of a usual steering actuator; each leg of a turn waits for it at standstill."""
 LOOK_S = 0.6
 """Standing still after a turn until the crop is seen."""
-STEP_M = 0.1
 SPECK_M2 = 0.01
 """Smaller pieces are rounding."""
 
@@ -73,52 +73,21 @@ class Preview:
 def lane_pose(side: Side, along_m: float, vehicle: Vehicle) -> Pose:
     """Of the rear axle when the blade's line is along_m past the side's beginning; in a bend the
     machine is taken to stand as the edge abreast of its blade runs."""
-    x, y, heading = side.pose(along_m, vehicle.inset_m - side.shift_m)
-    back = vehicle.blade_x_m
-    return x - back * math.cos(heading), y - back * math.sin(heading), heading
+    return Pose2(*side.pose(along_m, vehicle.inset_m - side.shift_m)).ahead(-vehicle.blade_x_m)
 
 
 def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float, float]:
-    """(poses (n, 3) in the turn's frame, way in m, time in s) of a turn driven without error. What
-    a leg that follows the new lane still has to shift sideways is spread over its length."""
-    x = y = heading = 0.0
-    poses = [(x, y, heading)]
-    way = seconds = 0.0
-    steered = 0.0
-    for leg in turn.legs:
-        seconds += abs(math.degrees(leg.steer_rad - steered)) / STEER_DPS
-        steered = leg.steer_rad
-        if leg.goal is Goal.HEADING:
-            radius = vehicle.wheelbase_m / math.tan(leg.steer_rad)
-            sweep = leg.value - heading
-            length = abs(sweep * radius)
-            for part in _parts(length):
-                h = heading + sweep * part
-                poses.append(
-                    (
-                        x + radius * (math.sin(h) - math.sin(heading)),
-                        y - radius * (math.cos(h) - math.cos(heading)),
-                        h,
-                    )
-                )
-        else:
-            here = x if leg.goal is Goal.X else turn.along(x, y)
-            c, s = math.cos(heading), math.sin(heading)
-            aside = -turn.offset(x, y) if leg.follow is Follow.NEW_LANE else 0.0
-            length = abs(leg.value - here)
-            for part in _parts(length):
-                ahead, left = (leg.value - here) * part, aside * part
-                poses.append((x + c * ahead - s * left, y + s * ahead + c * left, heading))
-        x, y, heading = poses[-1]
+    """(poses (n, 3) in the turn's frame, way in m, time in s) of a turn driven without error."""
+    poses = [Pose2(0.0, 0.0, 0.0)]
+    way = seconds = steered = 0.0
+    for leg, length, along in driven(vehicle, turn):
+        poses += along
         way += length
+        seconds += abs(math.degrees(leg.steer_rad - steered)) / STEER_DPS
         seconds += length / vehicle.manoeuvre_speed_mps
+        steered = leg.steer_rad
     seconds += math.degrees(abs(steered)) / STEER_DPS
     return np.array(poses), way, seconds
-
-
-def _parts(length_m: float) -> list[float]:
-    count = max(1, math.ceil(length_m / STEP_M))
-    return [k / count for k in range(1, count + 1)]
 
 
 def _placed_poses(poses: NDArray[np.float64], at: Pose) -> NDArray[np.float64]:

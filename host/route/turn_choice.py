@@ -3,9 +3,9 @@ and the preview that shows it."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
+from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import Geofence, outline_of, placed
 from host.route import turn_legs
@@ -42,29 +42,21 @@ def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn],
     return max(rooms, key=lambda pair: pair[0])[1]
 
 
-def turn_origin(this: Side, following: Side, vehicle: Vehicle) -> tuple[float, float, float]:
+def turn_origin(this: Side, following: Side, vehicle: Vehicle) -> Pose2:
     """The turn's frame: the rear axle's pose (field frame) when the blade stands at the end of
     `this`. A shuttle goes back along the lane and turns at its beginning, so a bent side counts as
     if it ran straight on from there."""
     left = vehicle.inset_m - this.shift_m
     if following.takes_again(this):
-        x, y, heading = this.pose(0.0, left)
-        ahead = this.length_m - vehicle.blade_x_m
-    else:
-        x, y, heading = this.pose(this.length_m, left)
-        ahead = -vehicle.blade_x_m
-    return x + ahead * math.cos(heading), y + ahead * math.sin(heading), heading
+        return Pose2(*this.pose(0.0, left)).ahead(this.length_m - vehicle.blade_x_m)
+    return Pose2(*this.pose(this.length_m, left)).ahead(-vehicle.blade_x_m)
 
 
 def _lane_of(this: Side, following: Side, corner_rad: float, vehicle: Vehicle) -> NewLane:
     """The lane beside a plan's following side, in the frame of the turn from this one's end."""
-    origin_x, origin_y, heading = turn_origin(this, following, vehicle)
-    c, s = math.cos(heading), math.sin(heading)
-    dx, dy = following.x_m - origin_x, following.y_m - origin_y
-    inside = vehicle.inset_m - following.shift_m
-    x = c * dx + s * dy - inside * math.sin(corner_rad)
-    y = c * dy - s * dx + inside * math.cos(corner_rad)
-    return NewLane(x, y, 0.0)
+    edge = turn_origin(this, following, vehicle).seen_from(following.x_m, following.y_m)
+    lane = Pose2(*edge, corner_rad).ahead(0.0, vehicle.inset_m - following.shift_m)
+    return NewLane(lane.x_m, lane.y_m, 0.0)
 
 
 def room_along(
@@ -72,10 +64,9 @@ def room_along(
 ) -> float:
     """The least clearance to the geofence along a turn that begins with the rear axle at `at`
     (x, y, heading in the field frame)."""
-    x, y, yaw = at
-    c, s = math.cos(yaw), math.sin(yaw)
-    outline = outline_of(vehicle)
-    return min(
-        fence.clearance(placed(outline, x + c * px - s * py, y + s * px + c * py, yaw + turned))
-        for px, py, turned in turn_legs.path(vehicle, turn)
-    )
+    begin, outline = Pose2(*at), outline_of(vehicle)
+    poses = turn_legs.path(vehicle, turn)
+    places = [
+        begin.ahead(*pose[:2])._replace(heading_rad=at[2] + pose.heading_rad) for pose in poses
+    ]
+    return min(fence.clearance(placed(outline, *place)) for place in places)

@@ -10,15 +10,18 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import GAP_MARGIN_M
 
 LOCK_MARGIN_DEG = 2.0
 """Arcs are driven this far inside the steering limit, so that the PID has room."""
-
+STEP_M = 0.1
+"""Between poses of a turn that is driven on paper."""
 GENTLE_SHUTTLE = 1.35
 """A shuttle's S, where there is room, over its shortest length."""
 SHUTTLE_CLEAR_M = 0.7
@@ -80,13 +83,15 @@ class Turn:
 
     def offset(self, x: float, y: float) -> float:
         """Signed distance of a point left of the lane."""
-        dx, dy = x - self.lane_x_m, y - self.lane_y_m
-        return -dx * math.sin(self.lane_rad) + dy * math.cos(self.lane_rad)
+        return self._lane.seen_from(x, y)[1]
 
     def along(self, x: float, y: float) -> float:
         """Distance of a point along the lane from its origin."""
-        dx, dy = x - self.lane_x_m, y - self.lane_y_m
-        return dx * math.cos(self.lane_rad) + dy * math.sin(self.lane_rad)
+        return self._lane.seen_from(x, y)[0]
+
+    @property
+    def _lane(self) -> Pose2:
+        return Pose2(self.lane_x_m, self.lane_y_m, self.lane_rad)
 
 
 def turning_radius(vehicle: Vehicle) -> tuple[float, float]:
@@ -193,19 +198,57 @@ def shuttle(
     return Turn(legs, 0.0, shift_m, 0.0, begins)
 
 
-def path(vehicle: Vehicle, turn: Turn, step_m: float = 0.1) -> list[tuple[float, float, float]]:
-    """Ideal poses (x, y, heading) of the rear axle along a turn, in its frame."""
-    x = y = heading = 0.0
-    poses = [(x, y, heading)]
+class Driven(NamedTuple):
+    """A leg driven without error: its way, and poses along it in the turn's frame, the last at its
+    end."""
+
+    leg: Leg
+    length_m: float
+    poses: list[Pose2]
+
+
+def driven(vehicle: Vehicle, turn: Turn, step_m: float = STEP_M) -> Iterator[Driven]:
+    """The legs one after the other, poses at most step_m apart. What a leg that follows the new
+    lane still has to shift sideways is spread over its length; one whose goal is reached already
+    is not driven."""
+    at = Pose2(0.0, 0.0, 0.0)
     for leg in turn.legs:
-        sign = -1.0 if leg.reverse else 1.0
-        curvature = math.tan(leg.steer_rad) / vehicle.wheelbase_m
-        for _ in range(round(30 / step_m)):
-            place = {Goal.X: x, Goal.HEADING: heading, Goal.ALONG: turn.along(x, y)}[leg.goal]
-            if place >= leg.value if leg.rises else place <= leg.value:
-                break
-            heading += sign * step_m * curvature
-            x += sign * step_m * math.cos(heading)
-            y += sign * step_m * math.sin(heading)
-            poses.append((x, y, heading))
-    return poses
+        here = {
+            Goal.X: at.x_m,
+            Goal.HEADING: at.heading_rad,
+            Goal.ALONG: turn.along(at.x_m, at.y_m),
+        }[leg.goal]
+        left = leg.value - here
+        if left == 0.0 or (left > 0.0) is not leg.rises:
+            continue
+        if leg.goal is Goal.HEADING:
+            radius = vehicle.wheelbase_m / math.tan(leg.steer_rad)
+            length = abs(left * radius)
+            poses = [_on_arc(at, radius, left * part) for part in _parts(length, step_m)]
+        else:
+            aside = -turn.offset(at.x_m, at.y_m) if leg.follow is Follow.NEW_LANE else 0.0
+            length = abs(left)
+            poses = [at.ahead(left * part, aside * part) for part in _parts(length, step_m)]
+        at = poses[-1]
+        yield Driven(leg, length, poses)
+
+
+def path(vehicle: Vehicle, turn: Turn, step_m: float = STEP_M) -> list[Pose2]:
+    """Poses of the rear axle along a turn driven without error, in its frame, from its origin."""
+    legs = driven(vehicle, turn, step_m)
+    return [Pose2(0.0, 0.0, 0.0), *(pose for leg in legs for pose in leg.poses)]
+
+
+def _on_arc(at: Pose2, radius_m: float, turned_rad: float) -> Pose2:
+    """Further along a circle, to the left where its radius is positive."""
+    heading = at.heading_rad + turned_rad
+    return Pose2(
+        at.x_m + radius_m * (math.sin(heading) - math.sin(at.heading_rad)),
+        at.y_m - radius_m * (math.cos(heading) - math.cos(at.heading_rad)),
+        heading,
+    )
+
+
+def _parts(length_m: float, step_m: float) -> list[float]:
+    count = max(1, math.ceil(length_m / step_m))
+    return [k / count for k in range(1, count + 1)]

@@ -137,8 +137,7 @@ def intention(boundary: Path | None, errand: Errand, vehicle: Vehicle) -> list[s
         ]
     index, cut_m = errand.begun
     side = errand.whole.sides[index]
-    x = side.x_m + cut_m * math.cos(side.heading_rad)
-    y = side.y_m + cut_m * math.sin(side.heading_rad)
+    x, y, _ = side.pose(cut_m)
     lat, lon = errand.frame.to_wgs84(x, y)
     where = f"at corner {errand.corner} of {boundary}"
     if (index, cut_m) != (0, 0.0):

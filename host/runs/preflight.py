@@ -120,9 +120,7 @@ def where_of(errand: Errand) -> tuple[float, float, float] | None:
     if not errand.whole.sides:
         return None
     index, cut_m = errand.begun
-    side = errand.whole.sides[index]
-    c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
-    return side.x_m + cut_m * c, side.y_m + cut_m * s, side.heading_rad
+    return errand.whole.sides[index].pose(cut_m)
 
 
 def place_problem(fixes: Sequence[Fix], errand: Errand, corners: Sequence[LatLon]) -> str:

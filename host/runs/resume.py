@@ -9,7 +9,6 @@ from __future__ import annotations
 import datetime
 import hashlib
 import json
-import math
 import os
 import tempfile
 from collections.abc import Callable
@@ -127,11 +126,13 @@ def resume_at(progress: Progress, plan: Plan, path: Path) -> tuple[int, float]:
 def remaining(plan: Plan, side: int, cut_m: float) -> Plan:
     """What is left of a plan from cut_m along a side on; areas and geofence stay the field's."""
     this = plan.sides[side]
-    c, s = math.cos(this.heading_rad), math.sin(this.heading_rad)
+    x, y, heading = this.pose(cut_m)
     rest = replace(
         this,
-        x_m=this.x_m + c * cut_m,
-        y_m=this.y_m + s * cut_m,
+        x_m=x,
+        y_m=y,
+        heading_rad=heading,
+        bends=tuple((at - cut_m, turn) for at, turn in this.bends if at >= cut_m),
         length_m=this.length_m - cut_m,
         fence_m=this.fence_m - cut_m,
         back_m=this.back_m + cut_m,

@@ -132,6 +132,16 @@ def test_a_keep_out_stops_and_is_named() -> None:
     assert before.clearance_m == pytest.approx(12 - 0.3 - 11.55)
 
 
+@pytest.mark.parametrize("heading_deg", [0, 90, 180, 270])
+def test_what_it_would_drive_into_slows_it_from_every_side(heading_deg: float) -> None:
+    heading = math.radians(heading_deg)
+    c, s = math.cos(heading), math.sin(heading)
+    away = 0.5 + 0.5 + 0.3 + 1.55  # free way, half the well, its margin, the blade before the axle
+    outline = placed(OUTLINE, 12.5 - away * c, 12.5 - away * s, heading)
+    levels = [FENCE.check(outline, CERTAIN, (v * c, v * s)).level for v in (0.5, 0.0, -0.5)]
+    assert levels == [Level.SLOW, Level.CLEAR, Level.CLEAR]
+
+
 def test_without_a_position_it_stops() -> None:
     for bad in (math.nan, math.inf):
         verdict = FENCE.check(placed(OUTLINE, 5, 5, 0), np.diag([bad, 1.0]))

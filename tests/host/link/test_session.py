@@ -106,9 +106,10 @@ def test_no_hall_sensor_is_no_speed() -> None:
     assert telemetry.speed_mps is None
 
 
-def test_another_protocol_version_is_one_clear_message() -> None:
-    with pytest.raises(UserError, match=r"protocol version 99.*daranti flash"):
-        Session().feed(0.0, protocol.encode(replace(VERSION, protocol_version=99), 0))
+@pytest.mark.parametrize("version", [protocol.VERSION - 1, protocol.VERSION + 1])
+def test_another_protocol_version_is_one_clear_message(version: int) -> None:
+    with pytest.raises(UserError, match=rf"protocol version {version}.*daranti flash"):
+        Session().feed(0.0, protocol.encode(replace(VERSION, protocol_version=version), 0))
 
 
 def test_a_refused_request_is_said_in_words_until_one_is_taken() -> None:

@@ -161,6 +161,14 @@ def test_what_remains_ends_where_the_plan_does(side: int, share: float) -> None:
     assert (rest.boundary, rest.gap_m) == (PLAN.boundary, PLAN.gap_m)
 
 
+@pytest.mark.parametrize("cut_m", [2.0, 5.0, 9.0])
+def test_what_is_left_of_a_bent_side_runs_where_it_ran(cut_m: float) -> None:
+    bent = replace(PLAN.sides[0], length_m=15.0, bends=((4.0, 0.3), (7.0, -0.5)))
+    (rest, *_) = remaining(replace(PLAN, sides=(bent,)), 0, cut_m).sides
+    for along in (0.1, 1.0, 3.0, 6.0):
+        assert rest.pose(along) == pytest.approx(bent.pose(cut_m + along), abs=1e-9)
+
+
 # ---- a run that dies, and one that goes on -------------------------------------------------------
 
 
