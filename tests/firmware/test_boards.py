@@ -197,6 +197,31 @@ def test_what_a_chip_does_not_do_ends_the_run(make: Maker) -> None:
         target.run_until(20_000)
 
 
+def test_a_tick_that_takes_longer_than_its_period_is_counted(make: Maker) -> None:
+    bench = Bench(make())
+    bench.run(100)
+    library = ctypes.CDLL(str(targets.AVR_LIBRARY))
+    library.probe_stall.argtypes = [ctypes.c_void_p, ctypes.c_uint32]
+    for late, stall_us in enumerate((3000, 6000), start=0):
+        library.probe_stall(bench.target.handle, stall_us)
+        bench.now_us += 20_000
+        bench.target.run_until(bench.now_us)
+        bench.run(300)
+        assert bench.readings[-1].overruns == late
+    assert bench.last.faults == 0
+
+
+def test_a_reset_while_the_eeprom_writes_waits_for_it(make: Maker) -> None:
+    """The byte is written whatever resets the chip; nothing can be read meanwhile."""
+    bench = Bench(make(eeprom=b"\xff" * 1024), cut_frames=9)
+    bench.run(10)
+    bench.send(protocol.ParamSave())
+    bench.run(30)
+    bench.target.reset(ResetCause.EXTERNAL)
+    bench.run(100)
+    assert bench.last.state in (State.SAFE, State.FAULT)
+
+
 @pytest.mark.parametrize(("board", "bootloader"), CHIPS)
 def test_behind_its_bootloader_a_board_starts_and_works(
     make: Maker, board: Board, bootloader: Path

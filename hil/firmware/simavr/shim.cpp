@@ -12,6 +12,8 @@
 //   each byte arrives at its exact cycle, into a two-byte hardware FIFO that overruns.
 // - Timers 1 and 2 do not run, except under a bootloader, which may wait for one: PWM duties are
 //   worked out from their registers, which costs nothing and is never older than the last write.
+// - A one that is written to the converter's flag takes the waiting interrupt back.
+// - The EEPROM finishes a byte over a reset, and is busy so long.
 // - A watchdog whose interrupt cannot run resets at its second time-out, as the datasheet has it
 //   (10.9.2).
 // - What a chip would not do, or what its datasheet rules out, ends the run (misused()).
@@ -64,6 +66,7 @@ enum Register : uint16_t {
   kOcr0a = 0x47,
   kOcr0b = 0x48,
   kGpior0 = 0x3E,
+  kEecr = 0x3F,
   kMcusr = 0x54,
   kWdtcsr = 0x60,
   kAdcsra = 0x7A,
@@ -88,7 +91,9 @@ constexpr uint16_t kWordRegisters[] = {kIcr1, kOcr1a, kOcr1b};
 constexpr uint8_t kRxc0 = 1 << 7, kFe0 = 1 << 4, kDor0 = 1 << 3, kU2x0 = 1 << 1;
 constexpr uint8_t kRxen0 = 1 << 4, kTxen0 = 1 << 3;
 constexpr uint8_t kWdie = 1 << 6;
-constexpr uint8_t kAden = 1 << 7;
+constexpr uint8_t kAden = 1 << 7, kAdsc = 1 << 6, kAdif = 1 << 4;
+constexpr uint8_t kEempe = 1 << 2, kEepe = 1 << 1, kEere = 1 << 0;
+constexpr uint64_t kEepromCycles = 3400 * kCyclesPerUs;  // erase and write (8.6.3)
 constexpr uint8_t kRjmpSelf[] = {0xFF, 0xCF};
 
 struct PinPlace {
@@ -124,14 +129,14 @@ struct Chip {
   uint8_t pins;
   uint8_t first_analog;  // A0's number
   uint8_t oc[6];         // pins of OC0A, OC0B, OC1A, OC1B, OC2A, OC2B
-  uint8_t rx_vector, watchdog_vector;
+  uint8_t rx_vector, watchdog_vector, adc_vector;
   uint8_t external_interrupts;
   uint16_t sram, sram_size;
   PinPlace capture;  // ICP1
 };
 constexpr Chip kChips[] = {
-    {"atmega328p", uno_pin, 20, 14, {6, 5, 9, 10, 11, 3}, 18, 6, 2, 0x100, 2048, {'B', 0}},
-    {"atmega2560", mega_pin, 70, 54, {13, 4, 11, 12, 10, 9}, 25, 12, 8, 0x200, 8192, {'D', 4}},
+    {"atmega328p", uno_pin, 20, 14, {6, 5, 9, 10, 11, 3}, 18, 6, 21, 2, 0x100, 2048, {'B', 0}},
+    {"atmega2560", mega_pin, 70, 54, {13, 4, 11, 12, 10, 9}, 25, 12, 29, 8, 0x200, 8192, {'D', 4}},
 };
 
 // A port's PIN register; DDR and PORT follow it.
@@ -183,6 +188,19 @@ int64_t load_hex(const char *path, avr_t *avr) {
   return lowest;
 }
 
+// What libsimavr does when a register is written.
+struct Hook {
+  avr_io_write_t write = nullptr;
+  void *param = nullptr;
+  void operator()(avr_t *avr, avr_io_addr_t address, uint8_t value) const {
+    if (write != nullptr) {
+      write(avr, address, value, param);
+    } else {
+      avr->data[address] = value;
+    }
+  }
+};
+
 struct TimedByte {
   uint64_t due;  // cycle of the target's clock
   uint8_t byte;
@@ -197,6 +215,7 @@ struct daranti_target {
   bool bootloader = false;
   uint32_t hang_at = 0;
   std::string misuse;
+  std::string noted;    // of it, what no register shows afterwards
   uint64_t origin = 0;  // target time of avr->cycle 0, in cycles; wraps below zero during boot
   uint64_t seen = 0;    // target time after the last instruction
   bool was_reset = false;
@@ -208,7 +227,9 @@ struct daranti_target {
   uint64_t host_free = 0;  // when the host's line is free again
   uint64_t line_free = 0;  // when the firmware's line is free again
   uint32_t host_baud = kUsbBaud;
-  uint8_t temp = 0;  // of timer 1's 16-bit registers
+  uint8_t temp = 0;            // of timer 1's 16-bit registers
+  uint64_t storing_until = 0;  // target time at which the EEPROM has its byte
+  Hook eecr, adcsra;           // libsimavr's own
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
@@ -308,8 +329,52 @@ struct daranti_target {
     static_cast<daranti_target *>(param)->temp = value;
   }
   static void on_low_byte(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    const uint8_t mode = self->mode_of(2);
+    if (address == kIcr1 && (mode < 8 || mode % 2 != 0)) {
+      self->note("ICR1: takes a value only in a mode that has it for its top (15.6)");
+      return;
+    }
     avr->data[address] = value;
-    avr->data[address + 1] = static_cast<daranti_target *>(param)->temp;
+    avr->data[address + 1] = self->temp;
+  }
+  static void on_eecr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    const bool storing = self->now() < self->storing_until;
+    if (storing && (value & (kEere | kEepe))) {
+      self->note("EECR: the EEPROM is used while it still writes a byte (8.6.3)");
+    }
+    const bool begins = (value & kEepe) && (avr->data[kEecr] & kEempe) && !storing;
+    if (begins) self->storing_until = self->now() + kEepromCycles;
+    self->eecr(avr, address, value);
+  }
+  static avr_cycle_count_t on_stored(avr_t *avr, avr_cycle_count_t, void *) {
+    avr->data[kEecr] &= static_cast<uint8_t>(~kEepe);
+    return 0;
+  }
+  static void on_adcsra(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    constexpr uint8_t kRuns = kAden | kAdsc;  // switched off, a conversion ends (23.9.2)
+    if ((value & kRuns) == kRuns && (avr->data[kAdcsra] & kRuns) == kRuns) {
+      self->note("ADCSRA: a conversion is asked for while another runs; it never starts (23.9.2)");
+    }
+    self->adcsra(avr, address, value);
+    // A one clears the flag, and with it the interrupt that waits (23.9.2).
+    if (value & kAdif) {
+      avr_clear_interrupt(avr, self->vector(self->chip->adc_vector));
+      avr->data[kAdcsra] &= static_cast<uint8_t>(~kAdif);
+    }
+  }
+  // Puts a function of ours before libsimavr's own.
+  void hook(uint16_t address, avr_io_write_t ours, Hook *theirs) {
+    auto &write = avr->io[AVR_DATA_TO_IO(address)].w;
+    if (write.c == ours) return;
+    *theirs = {write.c, write.param};
+    write.c = ours;
+    write.param = this;
+  }
+  void note(const char *what) {
+    if (noted.empty()) noted = what;
   }
   // The watchdog's interrupt waits: if it still does at the next time-out, that resets.
   static void on_watchdog(avr_irq_t *, uint32_t pending, void *param) {
@@ -367,6 +432,13 @@ struct daranti_target {
         high.c = on_high_byte;
         low.param = high.param = this;
       }
+    }
+    hook(kEecr, on_eecr, &eecr);
+    hook(kAdcsra, on_adcsra, &adcsra);
+    // The EEPROM finishes its byte, whatever resets the chip (8.6.3).
+    if (storing_until > now()) {
+      reg(kEecr) |= kEepe;
+      avr_cycle_timer_register(avr, storing_until - now(), on_stored, this);
     }
     avr->io[AVR_DATA_TO_IO(kUdr0)].r.c = on_udr_read;
     avr->io[AVR_DATA_TO_IO(kUdr0)].r.param = this;
@@ -450,8 +522,26 @@ struct daranti_target {
     return there;
   }
 
+  // The tick under way takes so much longer; interrupts go on.
+  void stall(uint64_t cycles) {
+    const auto limit = avr->run_cycle_limit;
+    avr->run_cycle_limit = avr->run_cycle_count = 1;
+    const auto go = [this](bool (*there)(const daranti_target &)) {
+      for (uint32_t i = 0; i < kBootLimit && !there(*this); ++i) step();
+    };
+    go([](const daranti_target &t) { return t.reg(kGpior0) != 0 && t.avr->sreg[S_I] != 0; });
+    const avr_flashaddr_t back = avr->pc;
+    avr->pc = hang_at;
+    const uint64_t until = now() + cycles;
+    while (now() < until) step();
+    go([](const daranti_target &t) { return t.avr->pc == t.hang_at; });
+    avr->pc = back;
+    avr->run_cycle_limit = limit;
+  }
+
   // What the chip does not do, or its datasheet rules out; empty where all is well.
   std::string misused() const {
+    if (!noted.empty()) return noted;
     if (reg(kAdcsra) & kAden) {
       const uint8_t prescaler = reg(kAdcsra) & 7;
       const uint32_t adc_hz = static_cast<uint32_t>(kHz >> (prescaler == 0 ? 1 : prescaler));
@@ -746,6 +836,9 @@ void probe_read(const daranti_target *target, uint64_t *tick, uint64_t *masked) 
   *tick = target->tick_worst;
   *masked = target->masked_worst;
 }
+
+// The next tick takes so much longer.
+void probe_stall(daranti_target *target, uint32_t us) { target->stall(us * kCyclesPerUs); }
 
 // The SRAM, as it is now, and a way to paint it; its address and size.
 uint8_t *probe_sram(daranti_target *target) { return &target->reg(target->chip->sram); }

@@ -109,7 +109,7 @@ bool bootloader_tells() { return false; }
 uint8_t cause_of(uint8_t mcusr, uint8_t r2) {
   const bool valid = kept.magic == kKept && static_cast<uint8_t>(kept.flags ^ kept.inverse) == 0xFF;
   const uint8_t flags = valid ? kept.flags : uint8_t{0};
-  const uint8_t armed = flags & kWasArmed ? uint8_t{protocol::WHILE_ARMED} : uint8_t{0};
+  const uint8_t armed = (flags & kWasArmed) ? uint8_t{protocol::WHILE_ARMED} : uint8_t{0};
   if (flags & kHung) return protocol::BY_WATCHDOG | armed;
   if (mcusr == 0 && bootloader_tells()) mcusr = r2;
   uint8_t found = 0;
@@ -327,6 +327,9 @@ void AtmegaBoard::begin() {
   ADCSRA |= _BV(ADIF) | _BV(ADIE);
   DIDR0 = _BV(ADC0D) | _BV(ADC1D) | _BV(ADC2D) | _BV(ADC3D);  // the e-stop's pin is read
 
+  // A byte that was being written goes on over a reset, and nothing can be read meanwhile (8.6.3).
+  loop_until_bit_is_clear(EECR, EEPE);
+
   wdt_reset();
   ATOMIC_BLOCK(ATOMIC_FORCEON) {  // 10.9.2: the change within four cycles
     WDTCSR = _BV(WDCE) | _BV(WDE);
@@ -341,6 +344,7 @@ void AtmegaBoard::wait_for_tick() {
     start_group(kStartAt[0]);
   }
   cli();
+  if (tick_due) count(overruns);
   while (!tick_due) {
     sleep_enable();
     sei();  // takes effect after the next instruction, so no interrupt can come between
@@ -408,11 +412,14 @@ void AtmegaBoard::set_bridge(Motor motor, const BridgeWires &wires) {
 }
 
 void AtmegaBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
-  // Timer 1: phase and frequency correct, top in ICR1 (15.9.5). 123 Hz and up fit 16 bits.
+  // Timer 1: phase and frequency correct, top in ICR1 (15.9.5), which takes a value only where the
+  // mode has it for its top (15.6). 123 Hz and up fit 16 bits.
   const uint32_t top = (F_CPU / 2 + steer_hz - 1) / steer_hz;
-  ICR1 = static_cast<uint16_t>(top > UINT16_MAX ? UINT16_MAX : top);
-  steer_scale_ = ((static_cast<uint32_t>(ICR1) << 16) + 254) / 255;
   TCCR1A = 0;
+  TCCR1B = _BV(WGM13);  // stopped, so that it cannot be beyond its new top
+  ICR1 = static_cast<uint16_t>(top > UINT16_MAX ? UINT16_MAX : top);
+  TCNT1 = 0;
+  steer_scale_ = ((static_cast<uint32_t>(ICR1) << 16) + 254) / 255;
   TCCR1B = _BV(WGM13) | _BV(CS10);
   // Timer 2: phase correct, top 255 (17.7.4): 16 MHz / 510 / prescaler.
   constexpr struct {
