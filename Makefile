@@ -11,7 +11,7 @@ SHIM := build/simavr/libdaranti_avr.so
 SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* firmware/scripts/*) platformio.ini
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test test-wallclock test-long lint mutants speed clean check
+.PHONY: help setup build harvest test test-wallclock test-long lint analyse mutants mutants-board speed clean check
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -55,11 +55,14 @@ lint: setup ## formatting, style, types and layers
 	@$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'firmware/*.h' 'firmware/*.cpp' 'hil/firmware/simavr/*.cpp' 'sim_plant/*.cpp' 'tools/*.h' 'tools/*.cpp')
 	@$(BIN)/python tools/protogen.py --check && $(BIN)/python tools/statechart.py --check && $(BIN)/python tools/safety_case.py --check && $(BIN)/python tools/figures.py write --check
 
+analyse: setup ## static analysis of the firmware: clang-tidy (CERT, bugprone), cppcheck with MISRA (half a minute)
+	@./tools/analyse.sh
+
 check: lint ## for the hand that changes a line: style, types, layers, the firmware's unit tests, the quick tests (a minute)
 	@$(BIN)/pio test -e native
 	@$(BIN)/python -m pytest -n 2 -q -m "not slow and not long and not wallclock"
 
-test: lint ## every test: firmware on the desk and in simavr, host, plant and bench
+test: lint analyse ## every test: firmware on the desk and in simavr, host, plant and bench, and static analysis
 	@$(BIN)/pio test -e native
 	@$(BIN)/pio run -e uno
 	@$(BIN)/python -m pytest -n 2 -q

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the Debian packages that the project needs and that are missing, or says which.
 set -eu
-packages="gcc-avr avr-libc arduino-core-avr avrdude libsimavr-dev libelf-dev doctest-dev chromium"
+packages="gcc-avr avr-libc arduino-core-avr avrdude libsimavr-dev libelf-dev doctest-dev clang-tidy cppcheck chromium"
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages="$packages python3-venv"
 command -v g++ >/dev/null || packages="$packages g++"
 missing=

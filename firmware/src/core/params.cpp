@@ -58,17 +58,13 @@ Result Params::set(uint8_t id, int16_t value) {
 void Params::set_defaults() {
   if (all_default_) return;
   all_default_ = true;
-  const int16_t *initial = kRanges[0];
-  for (int16_t &value : values_) {
-    value = flash_read(initial);
-    initial += 3;
-  }
+  for (uint8_t id = 0; id < protocol::kParams; ++id) values_[id] = flash_read(kRanges[id]);
 }
 
 bool Params::take(const Board &board, uint16_t from, uint8_t count) {
   set_defaults();
   bool whole = true;
-  for (uint8_t id = 0; id < least(count, protocol::kParams); ++id) {
+  for (uint8_t id = 0; id < protocol::kParams && id < count; ++id) {
     const uint16_t at = static_cast<uint16_t>(from + 2 + 2 * id);
     const uint16_t raw = static_cast<uint16_t>(
         board.load(at) | static_cast<uint16_t>(board.load(static_cast<uint16_t>(at + 1))) << 8);
@@ -96,8 +92,8 @@ uint8_t Params::block_byte(uint16_t at, uint16_t *crc) const {
   if (at == kCrcAt + 1) return static_cast<uint8_t>(*crc >> 8);
   uint8_t byte = at == 0 ? kMagic : protocol::kParams;
   if (at >= 2) {
-    const uint16_t value = static_cast<uint16_t>(values_[(at - 2) / 2]);
-    byte = static_cast<uint8_t>(at % 2 == 0 ? value : value >> 8);
+    const uint16_t word = static_cast<uint16_t>(values_[(at - 2) / 2]);
+    byte = static_cast<uint8_t>(at % 2 == 0 ? word : word >> 8);
   }
   *crc = crc16(at == 0 ? 0xFFFF : *crc, byte);
   return byte;
