@@ -65,7 +65,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         else:
             target = provision.target(scenario.firmware, self._told.parameters)
             self.target = target
-            layout = wiring.layout(world.wiring)
+            layout = wiring.layout(world.wiring, provision.BOARD[scenario.firmware])
             self._inner = coupling.bind(target, *records, wires=self.faults.taps, layout=layout)
 
     @cached_property

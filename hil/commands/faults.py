@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import get_args
 
 import click
 from rich.console import Console
@@ -39,11 +40,14 @@ def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:
 
 
 @click.command()
-@click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
+@click.option(
+    "--firmware", type=click.Choice(get_args(Firmware)), default="desk", show_default=True
+)
 @click.option("--only", multiple=True, metavar="COMPONENT[.FAILURE[.HOW]]", help="May be repeated.")
 @click.option("--while", "situation", type=click.Choice(["follow", "turn", "both"]), default="both")
 @click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
 @click.option("--camera", default="mast", show_default=True, metavar="low|mast")
+@click.option("--sensors", is_flag=True, help="With the optional sensors of wheel and blade.")
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--records", is_flag=True, help="Keep a record of every run.")
@@ -54,6 +58,7 @@ def faults(
     situation: str,
     mode: str,
     camera: str,
+    sensors: bool,
     workers: int,
     scheduler: str | None,
     records: bool,
@@ -68,7 +73,7 @@ def faults(
     out.mkdir(parents=True, exist_ok=True)
     keep = str((out / "records").resolve()) if records else None
     cases = [
-        Case(name, where, firmware, mode, camera, keep)
+        Case(name, where, firmware, mode, camera, keep, sensors)
         for name in _selected(only)
         for where in wheres
     ]
@@ -88,10 +93,13 @@ def faults(
             bar.update(task, completed=len(found), description=verdicts[-1].fault)
     verdicts = [found[case] for case in cases]
     title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
+    if sensors:
+        title += ", with the optional sensors"
     summary = {
         "firmware": firmware,
         "camera": camera,
         "mode": mode,
+        "sensors": sensors,
         "cases": len(verdicts),
         "bad": sum(not v.ok and not v.limit for v in verdicts),
         "limits": sum(v.limit for v in verdicts),

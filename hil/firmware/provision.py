@@ -7,16 +7,18 @@ from functools import cache
 from typing import Final, Literal
 
 from hil.firmware import targets
-from hil.firmware.targets import Target
+from hil.firmware.targets import Board, Target
 from host.core.errors import UserError
 from host.link import protocol
 from host.link.session import Session
 
-Firmware = Literal["desk", "avr"]
-_MAKERS: Final = {"desk": targets.desk, "avr": targets.avr}
-FITTED: Final = {"steer_driver": 1.0, "drive_driver": 3.0}
-"""What the owner of the default machine has told the firmware of its drivers: an L298N steers, a
-VNH5019 drives."""
+Firmware = Literal["desk", "avr", "mega2560"]
+"""The build for this machine, an Uno's binary in simavr, a Mega's."""
+BOARD: Final[dict[Firmware, Board]] = {"desk": "uno", "avr": "uno", "mega2560": "mega2560"}
+"""Whose pins it drives."""
+FITTED: Final = {"steer_driver": 1.0, "drive_driver": 3.0, "drive_current_cont": 25.0}
+"""What the owner of the default machine has told the firmware of its drivers: an L298N steers, and
+a bridge with a VNH5019's inputs drives that stands the 21 A which a slope of five degrees takes."""
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
 STEP_US: Final = 10_000
@@ -49,8 +51,8 @@ def pwm_hz(parameters: Mapping[str, float]) -> tuple[float, float]:
 def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) -> Target:
     """A fresh microcontroller that boots with these parameters, in their units; erased where none
     are given. Raises UserError where the firmware does not store them."""
-    make = _MAKERS[firmware]
-    return make(eeprom(tuple(sorted(parameters.items())))) if parameters else make()
+    stored = eeprom(tuple(sorted(parameters.items()))) if parameters else None
+    return targets.desk(stored) if firmware == "desk" else targets.avr(stored, BOARD[firmware])
 
 
 def fitted(firmware: Firmware) -> Target:

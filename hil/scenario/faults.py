@@ -59,8 +59,11 @@ class Pair:
     hows: tuple[str, ...] = ()
     """Which of several the failure is; the first is the default."""
     limit: str = ""
-    """Why nothing on board can notice it, and what reduces the harm: a bad outcome is then a known
-    limit of the machine, and never counts as a pass."""
+    """Why nothing on board can notice it without the optional sensors, and what reduces the harm:
+    on a machine without them a bad outcome is a known limit, and never counts as a pass."""
+    blade_stays: bool = False
+    """Whether the blade turns whatever the firmware does: it must name that, and stop the wheels.
+    """
 
 
 _STOP, _RIDE = Expect.STOP, Expect.RIDE
@@ -113,6 +116,7 @@ PAIRS: Final[dict[tuple[Component, Failure], Pair]] = {
         _STOP,
         0.5,
         limit=f"{_NO_BLADE_SENSOR}; the e-stop button must break the blade's own supply as well",
+        blade_stays=True,
     ),
     ("blade_relay", "delayed"): Pair("follows `value` s later", _RIDE, value=0.2),
     ("blade_relay", "intermittent"): Pair(

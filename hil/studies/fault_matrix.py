@@ -25,7 +25,7 @@ from dask.local import SynchronousExecutor
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import SLICE_US, Bench
 from hil.firmware import targets
-from hil.firmware.provision import Firmware
+from hil.firmware.provision import BOARD, Firmware
 from hil.firmware.signal_wires import Signal
 from hil.firmware.targets import ROOT
 from hil.judge.fault_verdict import Situation, Verdict
@@ -56,6 +56,11 @@ GROUP = 8
 """Cases that share what comes before their faults, at most."""
 LIMIT_S = 60.0
 _MOVERS = (Signal.DRIVE_DUTY, Signal.BLADE)
+BLADE_HZ = 40.0
+"""Pulses of the blade's optional sensor at full speed."""
+SENSORS = {"hall_phases": 2.0, "blade_turn_min": BLADE_HZ / 2, "blade_spin_time": 400.0}
+"""What the owner tells the firmware of the optional sensors. The world's blade stops in 0.4 s
+(sim_plant/machine.py, blade_spin_up_s), which is what docs/build has him measure."""
 
 
 class Watch:
@@ -178,7 +183,8 @@ class Watch:
         by, at = self._detection(begun)
         wires = self.run.bench.faults.taps
         # The pins were read as this millisecond began: by its end they were off.
-        last_on = max(float(wires[k]["alive_us"]) for k in _MOVERS) / 1e6
+        movers = _MOVERS[:1] if pair.blade_stays else _MOVERS
+        last_on = max(float(wires[k]["alive_us"]) for k in movers) / 1e6
         stopped = end - last_on > 0.5
         start_m = next((m for t, m in self.path if t >= since), 0.0)
         until_m = self.rest_m if stopped else self.path[-1][1]
@@ -194,7 +200,7 @@ class Watch:
         harm = self._harm(since + pair.bound_s if stops else begun)
 
         def bad(word: str, what: str) -> Verdict:
-            if pair.limit:
+            if pair.limit and not has_sensors(self.run.scenario):
                 return made(False, f"LIMIT: {what}; {pair.limit}", limit=True, **facts)
             return made(False, f"{word}: {what}", **facts)
 
@@ -210,14 +216,33 @@ class Watch:
         if latency is None:
             return bad("UNSAFE", "it goes on")
         if latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m:
-            return made(True, "ok: stopped", **facts)
+            stays = "; the blade turns until its supply is cut" if pair.blade_stays else ""
+            return made(True, f"ok: stopped{stays}", **facts)
         return bad("LATE", f"{latency:.0f} ms, {moved:.2f} m")
 
 
-def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: str) -> Scenario:
+def has_sensors(scenario: Scenario) -> bool:
+    """Whether the firmware has been told of the optional sensors."""
+    return SENSORS.keys() <= scenario.told.parameters.keys()
+
+
+def with_sensors(base: Scenario) -> Scenario:
+    """The machine with its optional sensors: a second one at the wheel, and one at the blade."""
+    told = base.belief.parameters | SENSORS
+    return base.model_copy(
+        update={
+            "machine": base.machine.model_copy(update={"blade_turn_hz": BLADE_HZ}),
+            "belief": base.belief.model_copy(update={"parameters": told}),
+        }
+    )
+
+
+def base_scenario(
+    situation: Situation, firmware: Firmware, mode: str, camera: str, *, sensors: bool = False
+) -> Scenario:
     """A small field; its first side is long enough, or short so that the turn comes soon."""
     size = (4.0, 5.0) if situation == "follow" else (4.0, 2.0)
-    return Scenario.model_validate(
+    base = Scenario.model_validate(
         {
             "name": f"fault-{situation}",
             "firmware": firmware,
@@ -229,6 +254,7 @@ def base_scenario(situation: Situation, firmware: Firmware, mode: str, camera: s
             "record": Recording(pictures_every=1).model_dump(),
         }
     )
+    return with_sensors(base) if sensors else base
 
 
 def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str]) -> Scenario:
@@ -266,6 +292,8 @@ class Case:
     camera: str
     record: str | None
     """Folder for the records; None: none are kept."""
+    sensors: bool = False
+    """Whether the optional ones are fitted."""
 
     @property
     def record_file(self) -> Path | None:
@@ -308,7 +336,9 @@ Group = tuple[Case, ...]
 
 def scenario_of(case: Case) -> Scenario:
     """What a case runs."""
-    base = base_scenario(case.situation, case.firmware, case.mode, case.camera)
+    base = base_scenario(
+        case.situation, case.firmware, case.mode, case.camera, sensors=case.sensors
+    )
     return with_fault(base, case.situation, case.name)
 
 
@@ -397,10 +427,9 @@ def digest(case: Case) -> str:
 @cache
 def programs(firmware: Firmware) -> bytes:
     """A digest of all that decides a verdict besides its case: sources and images."""
-    images = {
-        "desk": (targets.DESK_LIBRARY,),
-        "avr": (targets.AVR_LIBRARY, targets.AVR_IMAGE),
-    }[firmware]
+    images = [targets.DESK_LIBRARY]
+    if firmware != "desk":
+        images = [targets.AVR_LIBRARY, targets.image_of(BOARD[firmware])]
     sources = sorted(p for d in ("hil", "host", "sim_plant") for p in (ROOT / d).rglob("*.py"))
     found = hashlib.sha256()
     for path in (*sources, *(image for image in images if image.exists())):

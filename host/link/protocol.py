@@ -1106,11 +1106,11 @@ PARAMS: dict[str, ParamSpec] = {
         "drive_current_cont",
         44,
         0.01,
-        2500,
+        1000,
         50,
         3000,
         "A",
-        "mean over a second: the driver's rating",
+        "mean over a second: the driver's rating (a BTS7960 module about 10, a VNH5019 carrier 12, up to 30 with cooling)",
     ),
     "battery_scale": ParamSpec(
         "battery_scale",

@@ -19,8 +19,6 @@ constexpr uint8_t kReadingsTicks = 32;  // 6 Hz
 constexpr uint8_t kReadingsAt = 2;      // not in a tick with telemetry
 constexpr uint8_t kNewest = 127;        // a sequence number further ahead is behind
 
-uint16_t next(uint16_t count) { return static_cast<uint16_t>(least(count + int32_t{1}, 65535)); }
-
 }  // namespace
 
 void Controller::boot(Board &board) {
@@ -102,7 +100,7 @@ void Controller::tick(Board &board) {
 bool Controller::fresh(uint8_t seq) {
   const uint8_t ahead = static_cast<uint8_t>(seq - command_seq_);
   if (ahead == 0 || ahead > kNewest) {
-    stale_ = next(stale_);
+    if (stale_ != UINT16_MAX) ++stale_;
     return false;
   }
   command_seq_ = seq;

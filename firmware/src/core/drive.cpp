@@ -11,7 +11,8 @@ constexpr uint16_t kStandsTicks = 1000 / kTickMs;  // no pulse for so long: stan
 constexpr int32_t kTicksPerSecond = 1000 / kTickMs;
 constexpr int32_t kLostDistance = int32_t{250} * kTicksPerSecond;  // mm/s times ticks
 constexpr uint16_t kLostTicks = 900 / kTickMs;
-constexpr int32_t kWrongWay = 250;    // mm
+constexpr int32_t kWrongWay = 150;    // mm: a start on a slope of five degrees rolls back less
+constexpr int32_t kPulse = 10000;     // mm times per_metre
 constexpr int16_t kSlow = 100;        // mm/s: a machine in mud may stand still at less
 constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
@@ -31,6 +32,7 @@ void Hall::configure(const Params &params) {
   // A pulse is 10000 / per_metre_ mm.
   one_ = divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
   two_pulses_ = int32_t{20000} / per_metre_ * kTicksPerSecond;
+  wrong_way_ = clamp(kWrongWay * int32_t{per_metre_}, 3 * kPulse, INT32_MAX);
 }
 
 void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
@@ -46,7 +48,7 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
   if (!two_ || setpoint == 0 || (fresh != 0 && backward_ == (setpoint < 0))) {
     against_ = 0;
   } else {
-    against_ = least(against_ + fresh * int32_t{10000}, kWrongWay * int32_t{per_metre_});
+    against_ = least(against_ + fresh * kPulse, wrong_way_);
   }
   if (silent_ != UINT16_MAX) ++silent_;
   if (duty == 0 || fresh != 0) {
@@ -61,27 +63,25 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
     ++waited_;
   }
 
-  int32_t speed = magnitude(speed_ == kNone ? 0 : speed_);
+  int32_t size = magnitude(speed_ == kNone ? 0 : speed_);
   if (fresh != 0) {
     // The first pulse after standing tells nothing about the time since the one before.
-    speed = silent_ > kStandsTicks ? 0 : least(one_ * least(fresh, kFreshMax) / silent_, INT16_MAX);
+    size = silent_ > kStandsTicks ? 0 : least(one_ * least(fresh, kFreshMax) / silent_, INT16_MAX);
     interval_ = silent_;
     silent_ = 0;
-    remainder_ += fresh * int32_t{10000};
+    remainder_ += fresh * kPulse;
     const int32_t whole = remainder_ / per_metre_;
     remainder_ -= whole * per_metre_;
     distance_ += backward_ ? -whole : whole;
   } else if (silent_ >= kStandsTicks) {
-    speed = 0;
-  } else if (speed * silent_ > one_) {
-    speed = one_ / silent_;
+    size = 0;
+  } else if (size * silent_ > one_) {
+    size = one_ / silent_;
   }
-  speed_ = static_cast<int16_t>(backward_ ? -speed : speed);
+  speed_ = static_cast<int16_t>(backward_ ? -size : size);
 }
 
-bool Hall::wrong_way() const {
-  return two_ && per_metre_ != 0 && against_ >= kWrongWay * int32_t{per_metre_};
-}
+bool Hall::wrong_way() const { return per_metre_ != 0 && against_ >= wrong_way_; }
 
 bool Hall::lost() const {
   if (per_metre_ == 0) return false;

@@ -27,7 +27,7 @@ class Hall {
   bool fast(int16_t setpoint) const {
     return per_metre_ != 0 && magnitude(speed_) > magnitude(setpoint) + excess_;
   }
-  // Has gone 0.25 m against the direction asked; with two sensors only.
+  // Has gone 0.15 m, and three pulses, against the direction asked; with two sensors only.
   bool wrong_way() const;
 
   static constexpr int16_t kNone = INT16_MIN;
@@ -40,6 +40,7 @@ class Hall {
   int32_t awaited_ = 0;     // mm/s times ticks that should have been travelled since the last pulse
   int32_t two_pulses_ = 0;  // of them
   int32_t against_ = 0;     // pulses gone against the direction asked, in mm times per_metre_
+  int32_t wrong_way_ = 0;   // of them
   int32_t impossible_ = 0;  // mm/s
   int16_t excess_ = 0;      // mm/s
   Pulses last_{0, 0, 0};

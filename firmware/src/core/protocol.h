@@ -421,7 +421,7 @@ enum class Param : uint8_t {
   drive_current_zero,  // 1 mV; drive current sensor's output at no current
   drive_current_scale,  // 1 mV/A; drive current sensor (ACS758-050B 40, ACS712-30A 66); 0: none fitted
   steer_current_cont,  // 0.01 A; mean over a second: the driver's rating (an L298N's two channels in parallel 4, a BTS7960 or VNH5019 module up to 30 with cooling)
-  drive_current_cont,  // 0.01 A; mean over a second: the driver's rating
+  drive_current_cont,  // 0.01 A; mean over a second: the driver's rating (a BTS7960 module about 10, a VNH5019 carrier 12, up to 30 with cooling)
   battery_scale,  // 0.001 V; battery voltage that the divider makes 5 V of
   speed_excess,  // 0.001 m/s; wheels that turn faster than asked by more than this, for 0.4 s, run away; with a hall sensor only
   blade_rest,  // 1 ms; the blade stays off for at least this long
@@ -477,7 +477,7 @@ constexpr uint8_t kParams = 51;
   X(drive_current_zero, 2500, 0, 4000) \
   X(drive_current_scale, 40, 0, 1000) \
   X(steer_current_cont, 400, 50, 3000) \
-  X(drive_current_cont, 2500, 50, 3000) \
+  X(drive_current_cont, 1000, 50, 3000) \
   X(battery_scale, 20000, 6000, 32000) \
   X(speed_excess, 350, 100, 3000) \
   X(blade_rest, 500, 200, 10000) \

@@ -28,11 +28,12 @@ struct Rig {
     fit(board);
     if (boot) controller.boot(board);
   }
-  // An L298N steers, a VNH5019 drives.
+  // An L298N steers, a bridge of 25 A with a VNH5019's inputs drives.
   static void fit(FakeBoard &board) {
     Params params;
     params.set(static_cast<uint8_t>(Param::steer_driver), 1);
     params.set(static_cast<uint8_t>(Param::drive_driver), 3);
+    params.set(static_cast<uint8_t>(Param::drive_current_cont), 2500);
     params.begin_save();
     while (params.saving()) params.step_save(board);
   }
@@ -693,13 +694,57 @@ TEST_CASE("A repeated or old command is not taken and keeps nothing alive") {
     }
     CHECK(rig.faults() == protocol::LINK_LOST);
   }
+  for (const int ahead : {1, 127, 128, 255}) {
+    Rig rig;
+    rig.arm();
+    rig.board.next_seq = static_cast<uint8_t>(rig.board.next_seq - 1 + ahead);
+    rig.ask(500);
+    rig.drive_for(1);
+    CHECK((rig.state() == State::RUNNING) == (ahead <= 127));
+  }
+}
+
+TEST_CASE("Commands that are not taken are counted, and the count does not overflow") {
   Rig rig;
   rig.arm();
-  for (int i = 0; i < 60; ++i) {
-    rig.board.next_seq = static_cast<uint8_t>(rig.board.next_seq + 126);
+  const auto stale = [&rig] {
+    uint16_t found = 0;
+    for (int i = 0; i < 32; ++i) {
+      rig.drive_for(1);
+      for (const Answer &answer : rig.board.answers(true)) {
+        if (answer.id == protocol::Readings::kId) {
+          found = protocol::get<uint16_t>(answer.payload.data() + 22);
+        }
+      }
+    }
+    return found;
+  };
+  CHECK(stale() == 0);
+  for (int i = 0; i < 3; ++i) {
+    --rig.board.next_seq;
     rig.drive_for(1);
   }
-  CHECK(rig.faults() == 0);
+  CHECK(stale() == 3);
+  uint8_t frame[16];
+  const uint8_t seq = static_cast<uint8_t>(rig.board.next_seq - 1);
+  const uint8_t payload[protocol::Drive::kSize] = {};
+  const uint8_t count = encode(protocol::Drive::kId, seq, payload, sizeof payload, frame);
+  for (int i = 0; i < 65536; ++i)
+    rig.board.input.insert(rig.board.input.end(), frame, frame + count);
+  rig.tick();
+  CHECK(stale() == 65535);
+}
+
+TEST_CASE("The readings come in every 32nd tick, from the third on") {
+  Rig rig;
+  for (int tick = 0; tick < 100; ++tick) {
+    rig.tick();
+    int found = 0;
+    for (const Answer &answer : rig.board.answers(true)) {
+      found += answer.id == protocol::Readings::kId;
+    }
+    CHECK(found == (tick % 32 == 2));
+  }
 }
 
 TEST_CASE("A repeated identification is refused") {
@@ -793,7 +838,7 @@ TEST_CASE("With two hall sensors the wrong way latches") {
   rig.tick(2);
   rig.arm();
   rig.ask(300);
-  for (int i = 0; i < 160; ++i) {
+  for (int i = 0; i < 112; ++i) {
     if (i % 8 == 0) {
       ++rig.board.wheel;
       ++rig.board.backward;
@@ -801,7 +846,7 @@ TEST_CASE("With two hall sensors the wrong way latches") {
     rig.drive_for(1);
   }
   CHECK(rig.faults() == 0);
-  for (int i = 0; i < 80; ++i) {
+  for (int i = 0; i < 16; ++i) {
     if (i % 8 == 0) {
       ++rig.board.wheel;
       ++rig.board.backward;
@@ -809,7 +854,7 @@ TEST_CASE("With two hall sensors the wrong way latches") {
     rig.drive_for(1);
   }
   CHECK(rig.faults() == protocol::WRONG_WAY);
-  CHECK(protocol::get<int32_t>(rig.telemetry().data() + 20) < -200);
+  CHECK(protocol::get<int32_t>(rig.telemetry().data() + 20) < -100);
 }
 
 TEST_CASE("The blade's sensor shows a blade that does not turn, and one that does not stop") {
@@ -861,11 +906,13 @@ TEST_CASE("The readings say what the sensors read and what went wrong underneath
 
 TEST_CASE("Of many Hellos in a tick one is answered") {
   Rig rig;
-  rig.tick();
-  rig.board.answers();
-  for (int i = 0; i < 5; ++i) rig.board.type(protocol::Hello::kId, {protocol::kVersion});
-  rig.tick();
-  CHECK(rig.board.answers().size() == 1);
+  for (int round = 0; round < 3; ++round) {
+    for (int i = 0; i < 5; ++i) rig.board.type(protocol::Hello::kId, {protocol::kVersion});
+    rig.tick();
+    int found = 0;
+    for (const Answer &answer : rig.board.answers()) found += answer.id == protocol::Version::kId;
+    CHECK(found == 1);
+  }
 }
 
 TEST_CASE("A machine that a slope drives faster than it is told gets no duty, but is not braked") {
@@ -1308,4 +1355,81 @@ TEST_CASE("With two commands in its tick a parameter acts in that and the next")
   rig.board.type(protocol::Hello::kId, {1});
   rig.set(Param::steer_limit, 1000);
   rig.arm();
+}
+
+TEST_CASE("The steering's parameters act in the first tick, what else there is in the second") {
+  Rig rig;
+  rig.board.type(protocol::ParamSet::kId,
+                 {static_cast<uint8_t>(Param::steer_pwm_freq), 0x88, 0x13});
+  rig.tick();
+  CHECK(rig.board.steer_hz == 20000);
+  rig.tick();
+  CHECK(rig.board.steer_hz == 5000);
+  rig.board.type(protocol::ParamDefaults::kId);
+  rig.tick(2);
+  CHECK(rig.board.steer_hz == 20000);
+}
+
+TEST_CASE("Identification switches the blade off") {
+  Rig rig;
+  rig.arm();
+  rig.ask(0, 0, true);
+  rig.drive_for(2);
+  REQUIRE(rig.board.blade);
+  rig.ident(100, 20);
+  rig.tick();
+  CHECK(!rig.board.blade);
+}
+
+TEST_CASE("After STOP identification has all of its time again, and no more") {
+  for (const int ticks : {20, 21}) {
+    Rig rig;
+    rig.set(Param::ident_time_max, 100);
+    for (int round = 0; round < 2; ++round) {
+      rig.arm(false);
+      for (int i = 0; i < (round == 0 ? 5 : ticks); ++i) {
+        rig.ident(100, 100);
+        rig.tick();
+      }
+      CHECK((rig.state() == State::ARMED) == true);
+      rig.tick();
+      CHECK(rig.faults() == (round == 1 && ticks == 21 ? protocol::IDENT_LIMIT : 0U));
+      rig.board.type(protocol::Stop::kId);
+      rig.tick();
+    }
+  }
+}
+
+TEST_CASE("After STOP the blade wants to be asked anew") {
+  Rig rig;
+  rig.arm();
+  rig.ask(0, 0, true);
+  rig.drive_for(2);
+  rig.board.type(protocol::Stop::kId);
+  rig.tick();
+  rig.arm(false);
+  rig.drive_for(200);
+  CHECK(!rig.board.blade);
+}
+
+TEST_CASE("A blade that turns on after STOP is a fault, whatever the state") {
+  Rig rig;
+  rig.set(Param::blade_turn_min, 20);
+  rig.tick(2);
+  rig.arm();
+  rig.ask(0, 0, true);
+  rig.drive_for(2);
+  rig.board.type(protocol::Stop::kId);
+  for (int i = 0; i < 310; ++i) {
+    ++rig.board.blade_turns;
+    rig.tick();
+  }
+  CHECK(rig.faults() == protocol::BLADE_STUCK);
+}
+
+TEST_CASE("A driver's rating is its data sheet's; none has none") {
+  CHECK(bridge_rating(BridgeStyle::kL298n) == 400);
+  CHECK(bridge_rating(BridgeStyle::kBts7960) == 3000);
+  CHECK(bridge_rating(BridgeStyle::kVnh5019) == 3000);
+  CHECK(bridge_rating(BridgeStyle::kNotSet) == 0);
 }

@@ -493,3 +493,103 @@ TEST_CASE("Taking the sensor's parameter away takes the speed away") {
   hall.configure(with({}));
   CHECK(hall.speed() == Hall::kNone);
 }
+
+namespace {
+
+// A wheel with two sensors.
+struct TwoHalls {
+  Hall hall;
+  Pulses pulses{0, 0, 0};
+  explicit TwoHalls(int16_t tenths_per_metre) {
+    hall.configure(with({{Param::hall_per_metre, tenths_per_metre}, {Param::hall_phases, 2}}));
+  }
+  void step(int16_t setpoint, int forward, int backward) {
+    pulses.wheel = static_cast<uint16_t>(pulses.wheel + forward + backward);
+    pulses.backward = static_cast<uint16_t>(pulses.backward + backward);
+    hall.step(pulses, setpoint, setpoint);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("Of a tick's pulses the greater part tells the direction") {
+  struct Case {
+    int forward, backward;
+    bool back;
+  };
+  for (const Case &each : {Case{1, 1, false}, Case{2, 1, false}, Case{2, 2, false},
+                           Case{1, 2, true}, Case{0, 1, true}, Case{1, 0, false}}) {
+    TwoHalls two(1000);
+    two.step(500, 0, 5);
+    const int32_t before = two.hall.distance();
+    two.step(500, each.forward, each.backward);
+    CHECK((two.hall.distance() < before) == each.back);
+  }
+}
+
+TEST_CASE("The wrong way is 0.15 m against the direction asked, and at least three pulses") {
+  struct Case {
+    int16_t per_metre;
+    int pulses;
+  };
+  for (const Case &each : {Case{1000, 15}, Case{200, 3}, Case{100, 3}, Case{201, 4}}) {
+    for (const int16_t sign : {1, -1}) {
+      TwoHalls two(each.per_metre);
+      for (int k = 1; k <= each.pulses; ++k) {
+        CHECK(!two.hall.wrong_way());
+        two.step(static_cast<int16_t>(300 * sign), sign < 0, sign > 0);
+      }
+      CHECK(two.hall.wrong_way());
+    }
+  }
+}
+
+TEST_CASE("A stand that is asked, or a pulse the right way, forgives the wrong way") {
+  for (const bool stand : {true, false}) {
+    TwoHalls two(1000);
+    for (int half = 0; half < 2; ++half) {
+      for (int k = 0; k < 14; ++k) two.step(300, 0, 1);
+      two.step(stand ? 0 : 300, !stand, 0);
+    }
+    CHECK(!two.hall.wrong_way());
+    for (int k = 0; k < 15; ++k) two.step(300, 0, 1);
+    for (int k = 0; k < 20; ++k) two.step(300, 0, 0);
+    CHECK(two.hall.wrong_way());  // silence forgives nothing
+  }
+}
+
+TEST_CASE("Without a wheel sensor, or with one, no way is the wrong one") {
+  TwoHalls none(0);
+  none.step(300, 0, 30);
+  CHECK(!none.hall.wrong_way());
+  Hall one = hall_with(1000);
+  for (int k = 1; k < 40; ++k) {
+    one.step({static_cast<uint16_t>(k), static_cast<uint16_t>(k), 0}, 100, 300);
+  }
+  CHECK(!one.wrong_way());
+}
+
+TEST_CASE("Noise is faster than twice the largest speed and 1 m/s, and not just as fast") {
+  struct Case {
+    int16_t speed_max, per_metre;
+    int pulses;
+    bool noisy;
+  };
+  for (const Case &each : {Case{1000, 2000, 3, false}, Case{1500, 2000, 4, false},
+                           Case{1500, 2000, 5, true}, Case{1001, 1998, 3, true}}) {
+    Hall hall;
+    hall.configure(
+        with({{Param::hall_per_metre, each.per_metre}, {Param::speed_max, each.speed_max}}));
+    for (int k = 1; k <= 3; ++k) hall.step(at(k * each.pulses), 100, 100);
+    CHECK(hall.noisy() == each.noisy);
+  }
+}
+
+TEST_CASE("Too fast is above what is asked and its margin, and not just at them") {
+  Hall hall = hall_with(2000);
+  for (int k = 1; k <= 3; ++k) hall.step(at(k), 100, 100);
+  REQUIRE(hall.speed() == 1000);
+  CHECK(!hall.fast(650));
+  CHECK(hall.fast(649));
+  CHECK(!hall.fast(-650));
+}

@@ -295,3 +295,44 @@ TEST_CASE("Defaults come back after any change, as often as one is made") {
     CHECK(all_default(params));
   }
 }
+
+TEST_CASE("A copy of fewer values leaves the others at their defaults, whatever they were") {
+  FakeBoard board;
+  const uint8_t copy[] = {Params::kMagic, 1, 2, 0};
+  uint16_t crc = 0xFFFF;
+  for (uint8_t at = 0; at < sizeof copy; ++at) {
+    board.eeprom[at] = copy[at];
+    crc = crc16(crc, copy[at]);
+  }
+  board.eeprom[sizeof copy] = static_cast<uint8_t>(crc);
+  board.eeprom[sizeof copy + 1] = static_cast<uint8_t>(crc >> 8);
+  Params params;
+  params.set(static_cast<uint8_t>(Param::steer_kp), 123);
+  CHECK(params.load(board) == Loaded::kOneCopy);
+  CHECK(params[Param::steer_driver] == 2);
+  CHECK(params[Param::steer_kp] == param_range(static_cast<uint8_t>(Param::steer_kp)).initial);
+}
+
+TEST_CASE("Two copies of one checksum that hold more and fewer values differ") {
+  const auto write = [](FakeBoard &board, uint16_t from, std::vector<uint8_t> copy) {
+    uint16_t crc = 0xFFFF;
+    for (const uint8_t byte : copy) crc = crc16(crc, byte);
+    copy.push_back(static_cast<uint8_t>(crc));
+    copy.push_back(static_cast<uint8_t>(crc >> 8));
+    for (const uint8_t byte : copy) board.eeprom[from++] = byte;
+    return crc;
+  };
+  FakeBoard board;
+  const uint16_t crc = write(board, 0, {Params::kMagic, 2, 1, 0, 3, 0});
+  bool found = false;
+  for (int k = 0; k < 16 * 25000 && !found; ++k) {
+    const int hz = 123 + k / 16;  // of the third value's range
+    found = crc == write(board, Params::kSecond,
+                         {Params::kMagic, 3, static_cast<uint8_t>(k & 3), 0,
+                          static_cast<uint8_t>(k >> 2 & 3), 0, static_cast<uint8_t>(hz),
+                          static_cast<uint8_t>(hz >> 8)});
+  }
+  REQUIRE(found);
+  Params params;
+  CHECK(params.load(board) == Loaded::kOneCopy);
+}

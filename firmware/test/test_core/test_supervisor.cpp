@@ -263,6 +263,40 @@ TEST_CASE("Each measured limit latches after its time beyond it, and not at it")
   }
 }
 
+TEST_CASE("The e-stop's loop is open or shorted beyond its bounds, and not at them") {
+  struct Case {
+    uint16_t value;
+    uint32_t fault;
+  };
+  for (const Case &each : {Case{307 * 16, 0}, Case{307 * 16 + 1, protocol::ESTOP_OPEN},
+                           Case{102 * 16, 0}, Case{102 * 16 - 1, protocol::ESTOP_SHORT}}) {
+    Rig rig;
+    rig.run();
+    rig.seen.estop = each.value;
+    rig.live(5);
+    CHECK(rig.supervisor.faults() == each.fault);
+  }
+}
+
+TEST_CASE("A mean current at the driver's rating is none too much, beyond it is at once") {
+  struct Case {
+    int16_t Observation::*value;
+    int16_t rating;
+    uint32_t fault;
+  };
+  for (const Case &each : {Case{&Observation::steer_mean, 400, protocol::STEER_OVERCURRENT},
+                           Case{&Observation::drive_mean, 1000, protocol::DRIVE_OVERCURRENT}}) {
+    Rig rig;
+    rig.run();
+    rig.seen.*each.value = each.rating;
+    rig.live(5);
+    CHECK(rig.supervisor.faults() == 0);
+    ++(rig.seen.*each.value);
+    rig.live();
+    CHECK(rig.supervisor.faults() == each.fault);
+  }
+}
+
 TEST_CASE("A limit passed for a fifth of the time is forgiven, for more it is not") {
   for (const int good : {4, 3}) {
     Rig rig;

@@ -332,16 +332,8 @@ def tried(
 ) -> Verdict:
     """The verdict with small pictures and that detector. `sensors`: with a second hall sensor and
     the blade's."""
-    base = base_scenario(situation, "desk", "robust", "mast")
+    base = base_scenario(situation, "desk", "robust", "mast", sensors=sensors)
     base = base.model_copy(update={"lens": quick().lens})
-    if sensors:
-        told = base.belief.parameters | {"hall_phases": 2.0, "blade_turn_min": 20.0}
-        base = base.model_copy(
-            update={
-                "machine": base.machine.model_copy(update={"blade_turn_hz": 40.0}),
-                "belief": base.belief.model_copy(update={"parameters": told}),
-            }
-        )
     chosen = with_fault(base, situation, (component, failure, how))
     return watched(chosen, situation, None, watched_oracle)
 
@@ -412,15 +404,21 @@ def test_a_machine_that_drives_the_wrong_way_is_stopped() -> None:
 @needs_firmware
 @pytest.mark.parametrize(
     ("component", "failure", "by"),
-    [("blade_relay", "off", "BLADE_LOST"), ("drive_motor", "wrong", "firmware")],
+    [
+        ("blade_relay", "off", "firmware BLADE_LOST"),
+        ("blade_relay", "stuck", "firmware BLADE_STUCK"),
+        ("drive_motor", "wrong", "firmware WRONG_WAY"),
+    ],
 )
 def test_with_the_optional_sensors_the_firmware_finds_it(
     component: str, failure: str, by: str
 ) -> None:
-    verdict = tried(component, failure, sensors=True)
-    assert by in verdict.detected_by, verdict
-    assert verdict.stop_latency_ms is not None, verdict
-    assert verdict.stop_latency_ms < 2000, verdict
+    situation: Situation = "turn" if failure == "stuck" else "follow"
+    assert not tried(component, failure, situation).ok
+    verdict = tried(component, failure, situation, sensors=True)
+    assert verdict.detected_by == by, verdict
+    assert verdict.ok, verdict
+    assert not verdict.limit
 
 
 @needs_firmware

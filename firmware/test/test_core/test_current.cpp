@@ -1,0 +1,43 @@
+#include <doctest.h>
+
+#include <initializer_list>
+
+#include "board.h"
+#include "current.h"
+#include "fixed.h"
+
+using namespace daranti;
+
+TEST_CASE("A current counts as 100 A at most") {
+  Current current;
+  current.configure(0, 20);
+  current.step(kAnalogMax);
+  CHECK(current.now() == 10000);
+}
+
+TEST_CASE("A scale below 10 mV/A counts as 10") {
+  for (const int16_t scale : {10, 3}) {
+    Current current;
+    current.configure(0, scale);
+    current.step(kAnalogMax / 20);  // 0.25 V
+    CHECK(current.now() == doctest::Approx(2500).epsilon(0.01));
+  }
+}
+
+TEST_CASE("A second after a step the mean has come 63 % of the way, after three 95 %") {
+  Current current;
+  current.configure(0, 50);
+  for (int tick = 1; tick <= 600; ++tick) {
+    current.step(kAnalogMax);
+    // 1 - (1 - 0.005)^200 and ^600, with the share's 328 / 65536.
+    if (tick == 200) CHECK(magnitude(current.mean() - 6334) <= 4);
+    if (tick == 600) CHECK(magnitude(current.mean() - 9507) <= 4);
+  }
+}
+
+TEST_CASE("A sensor shows what its output can reach, to the last hundredth") {
+  Current current;
+  current.configure(0, 100);
+  CHECK(current.shows(4894));  // 4.895 V
+  CHECK(!current.shows(4895));
+}
