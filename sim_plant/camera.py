@@ -23,6 +23,21 @@ from sim_plant.sky import WeatherSpec
 from sim_plant.strict import NotNegative, Positive, Share, Strict
 
 
+def axes(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
+    """(3, 3): a camera's right, down and forward axes as rows; radians, yaw to the left, pitch
+    downward, roll clockwise."""
+    cp, sp, cy, sy, cr, sr = (g(a) for a in (pitch, yaw, roll) for g in (math.cos, math.sin))
+    level = (sy, -cy, 0.0)
+    under = (-cy * sp, -sy * sp, -cp)
+    return np.array(
+        [
+            [cr * a + sr * b for a, b in zip(level, under, strict=True)],
+            [cr * b - sr * a for a, b in zip(level, under, strict=True)],
+            [cy * cp, sy * cp, -sp],
+        ]
+    )
+
+
 class CameraSpec(Strict):
     """Where the camera sits in the vehicle frame, how it looks, its lens, sensor and file format.
 
@@ -64,6 +79,11 @@ class CameraSpec(Strict):
         """Focal length in pixels."""
         return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
 
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """`axes` of the mount, in the vehicle frame."""
+        return axes(*(math.radians(a) for a in (self.yaw_deg, self.pitch_deg, self.roll_deg)))
+
 
 _VEIL_SCALE: Final = 4
 """The blade's dust is drawn so much smaller."""
@@ -82,20 +102,6 @@ def cells_to(body: NDArray[np.bool_]) -> NDArray[np.float32]:
     distance between cells is a whole number."""
     cells = cv2.distanceTransform((~body).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.sqrt(np.rint(np.square(cells, dtype=np.float32)))
-
-
-def _axes(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
-    """Rows right, down, forward of a camera; pitch positive downward, roll clockwise."""
-    cp, sp, cy, sy, cr, sr = (g(a) for a in (pitch, yaw, roll) for g in (math.cos, math.sin))
-    level = (sy, -cy, 0.0)
-    under = (-cy * sp, -sy * sp, -cp)
-    return np.array(
-        [
-            [cr * a + sr * b for a, b in zip(level, under, strict=True)],
-            [cr * b - sr * a for a, b in zip(level, under, strict=True)],
-            [cy * cp, sy * cp, -sp],
-        ]
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -418,12 +424,12 @@ class Camera:
         s = self.spec
         instant = round(shot.t * 1e6)
         shake = [s.vibration_deg * noise.normal(self._seed + k, instant, 0) for k in (3, 4)]
-        mount = _axes(
+        mount = axes(
             *(math.radians(a) for a in (s.yaw_deg, s.pitch_deg + shake[0], s.roll_deg + shake[1]))
         )
         # The mount tips with the vehicle about its ground point: about the vehicle's axes, not the
         # camera's own, about which a roll would turn a pitched camera's view aside.
-        right, down, forward = _axes(shot.yaw, shot.pitch, shot.roll)
+        right, down, forward = axes(shot.yaw, shot.pitch, shot.roll)
         vehicle = np.stack([forward, -right, -down])
         at = np.array([s.x_m, s.y_m, s.z_m]) @ vehicle
         return render.View(
@@ -484,11 +490,6 @@ class Camera:
             if not helper.cancel():
                 helper.result()
 
-    def _mount_axes(self) -> NDArray[np.float64]:
-        """Right, down and forward of the camera in the vehicle frame."""
-        s = self.spec
-        return _axes(*(math.radians(a) for a in (s.yaw_deg, s.pitch_deg, s.roll_deg)))
-
     def _bake_header(self) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
         """The machine's own parts as the camera sees them, and where: blade bar, frame and the
         dividers at its ends. They keep their place in the picture."""
@@ -505,7 +506,7 @@ class Camera:
         ]  # fmt: skip
         picture = np.zeros((s.height_px, s.width_px, 3), np.uint8)
         drawn = np.zeros((s.height_px, s.width_px), np.uint8)
-        axes, place = self._mount_axes(), np.array([s.x_m, s.y_m, s.z_m])
+        axes, place = s.axes, np.array([s.x_m, s.y_m, s.z_m])
         for colour, corners in parts:
             right, down, ahead = axes @ (np.array(corners) - place).T
             if ahead.min() < 0.1:
@@ -521,7 +522,7 @@ class Camera:
 
     def _raise_dust(self, shot: Shot) -> None:
         s, weather = self.spec, self.weather
-        mount = np.vstack([self._mount_axes(), (s.x_m, s.y_m, s.z_m)])
+        mount = np.vstack([s.axes, (s.x_m, s.y_m, s.z_m)])
         toward = math.radians(90 - weather.wind_from_deg + 180) - shot.yaw
         wind = 0.4 * weather.wind_mps  # near the ground
         drift = (wind * math.cos(toward) - shot.v, wind * math.sin(toward))

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from host.core.vehicle import Mount, Vehicle
-from sim_plant.camera import CameraSpec
+from sim_plant.camera import CameraSpec, axes
 
 Floats = NDArray[np.float64]
 EDGE_HEIGHT_M: Final = 0.35
@@ -28,15 +28,8 @@ def _camera(
 ) -> Floats:
     """(17,): place, the axes right, down, forward (yaw, pitch, roll), focal length and centre in
     pixels, k1, k2."""
-    yaw, pitch, roll = (math.radians(a) for a in angles_deg)
-    forward = np.array(
-        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
-    )
-    level = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
-    below = np.cross(forward, level)
-    right = math.cos(roll) * level + math.sin(roll) * below
-    down = math.cos(roll) * below - math.sin(roll) * level
-    return np.concatenate([place, right, down, forward, lens])
+    rows = axes(*(math.radians(a) for a in angles_deg))
+    return np.concatenate([place, rows.ravel(), lens])
 
 
 @njit(cache=True, nogil=True)

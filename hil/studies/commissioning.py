@@ -126,19 +126,6 @@ def board_picture(
     return np.repeat(np.clip(noisy, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
-def _camera_axes(lens: CameraSpec) -> NDArray[np.float64]:
-    """Rows right, down, ahead in the vehicle frame."""
-    yaw, pitch, roll = (math.radians(a) for a in (lens.yaw_deg, lens.pitch_deg, lens.roll_deg))
-    ahead = np.array(
-        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
-    )
-    level = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
-    under = np.cross(ahead, level)
-    right = math.cos(roll) * level + math.sin(roll) * under
-    down = math.cos(roll) * under - math.sin(roll) * level
-    return np.stack([right, down, ahead])
-
-
 def found_lens(world: World, rng: np.random.Generator) -> Lens:
     """The lens, from pictures of a board held at many angles."""
     seen = []
@@ -173,7 +160,7 @@ def _ground_picture(world: World, ahead_m: float, rng: np.random.Generator) -> N
     c, s = math.cos(turned), math.sin(turned)
     # the board's columns run to the right, its rows towards the machine
     on_ground = np.array([[s, -c, 0.0], [-c, -s, 0.0], [0.0, 0.0, -1.0]]).T
-    axes = _camera_axes(world.lens)
+    axes = world.lens.axes
     position = np.array([world.lens.x_m, world.lens.y_m, world.lens.z_m])
     middle = 0.5 * GROUND_BOARD.square_m * np.array([8.0, 5.0, 0.0])
     rotation = axes @ on_ground

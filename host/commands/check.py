@@ -16,7 +16,14 @@ import click
 
 from host.check.lines import Line, Question, Target, green
 from host.check.walk import walk
-from host.commands.cli import port_option
+from host.commands.options import (
+    camera_option,
+    gnss_option,
+    mode_option,
+    mount_option,
+    port_option,
+    vehicle_option,
+)
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Telemetry
 from host.core.vehicle import Mount, Vehicle
@@ -178,11 +185,11 @@ class TerminalHands:
 
 @click.command()
 @port_option
-@click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
-@click.option("--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file.")
-@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
-@click.option("--mount", default="mast", show_default=True, help="Which of its camera mounts.")
-@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@camera_option
+@gnss_option
+@vehicle_option
+@mount_option
+@mode_option
 @click.option("--boundary", type=click.Path(path_type=Path), help="The field's file.")
 @click.option("--gap", type=click.FloatRange(0, 50), metavar="METRES", help="To the neighbour.")
 @click.option("--corner", type=click.IntRange(0), default=0, show_default=True)

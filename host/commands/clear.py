@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from host.commands.cli import port_option
+from host.commands.options import port_option
 from host.core.errors import FaultError
 from host.core.messages import State
 from host.core.terminal import echo

@@ -14,21 +14,6 @@ import click
 from host.core.errors import run
 from host.core.terminal import echo
 
-port_option = click.option(
-    "--port",
-    required=True,
-    envvar="DARANTI_PORT",
-    help="The firmware's serial port, or socket://HOST:PORT; DARANTI_PORT names a default.",
-)
-
-field_option = click.option(
-    "--field",
-    "chosen",
-    default="",
-    metavar="NAME",
-    help="Which of a file's fields, by its name or number.",
-)
-
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:

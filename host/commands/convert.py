@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from host.commands.cli import field_option
+from host.commands.options import field_option
 from host.core.terminal import echo
 from host.field.boundary_file import load_field, save_field
 

@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from host.commands.cli import field_option, port_option
+from host.commands.options import (
+    field_option,
+    gnss_option,
+    mode_option,
+    mount_option,
+    port_option,
+    vehicle_option,
+)
 from host.field.areas import MAX_GAP_M
 from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
@@ -17,10 +24,10 @@ from host.vision.tuning.profiles import DATABASE
 @click.command()
 @port_option
 @click.option("--camera", required=True, metavar="URL", help="http://..., video file, /dev/videoN.")
-@click.option("--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file.")
-@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
-@click.option("--mount", default="mast", show_default=True, help="Which of its camera mounts.")
-@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@gnss_option
+@vehicle_option
+@mount_option
+@mode_option
 @click.option(
     "--boundary",
     type=click.Path(path_type=Path),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from host.commands.cli import port_option
+from host.commands.options import port_option
 from host.core.terminal import echo
 from host.link.flash import check_image, check_port, find_image, write_image
 from host.link.session import Link

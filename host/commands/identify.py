@@ -9,7 +9,7 @@ import click
 from rich.status import Status
 from rich.table import Table
 
-from host.commands.cli import port_option
+from host.commands.options import port_option
 from host.core.terminal import PlainConsole, echo
 from host.link.params import read_all, save
 from host.link.session import connect

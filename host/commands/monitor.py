@@ -8,7 +8,7 @@ import time
 
 import click
 
-from host.commands.cli import port_option
+from host.commands.options import port_option
 from host.core.messages import Telemetry
 from host.core.terminal import echo
 from host.link import protocol

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import click
 
-from host.commands.cli import port_option
+from host.commands.options import (
+    camera_option,
+    gnss_option,
+    mode_option,
+    mount_option,
+    port_option,
+    vehicle_option,
+)
 from host.core.errors import UserError
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.panel.fields import FieldDesk
@@ -19,11 +26,11 @@ from host.panel.serving import serve_application
 
 @click.command()
 @port_option
-@click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
-@click.option("--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file.")
-@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
-@click.option("--mount", default="mast", show_default=True, help="Which of its camera mounts.")
-@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@camera_option
+@gnss_option
+@vehicle_option
+@mount_option
+@mode_option
 @click.option(
     "--folder",
     type=click.Path(path_type=Path, file_okay=False),

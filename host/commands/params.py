@@ -10,7 +10,7 @@ import click
 import yaml
 from rich.table import Table
 
-from host.commands.cli import port_option
+from host.commands.options import port_option
 from host.core.errors import UnfinishedError, UserError
 from host.core.terminal import PlainConsole, echo
 from host.link import protocol

@@ -10,7 +10,7 @@ import click
 import shapely
 from rich.table import Table
 
-from host.commands.cli import field_option
+from host.commands.options import field_option, vehicle_option
 from host.core.errors import UserError
 from host.core.terminal import PlainConsole
 from host.core.vehicle_file import load_vehicle
@@ -44,7 +44,7 @@ def table_of(previews: list[Preview]) -> Table:
 
 @click.command()
 @click.argument("field", type=click.Path(path_type=Path))
-@click.option("--vehicle", type=click.Path(path_type=Path), help="The machine's file.")
+@vehicle_option
 @click.option(
     "--corner",
     "--start",

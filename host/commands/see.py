@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from pydantic import ValidationError
 
+from host.commands.options import mode_option
 from host.core.errors import UnfinishedError, UserError
 from host.core.terminal import echo
 from host.core.vehicle import Vehicle
@@ -40,7 +41,7 @@ def _driver(path: Path) -> MountedDetector:
 
 @click.command()
 @click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|RECORD|URL...")
-@click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
+@mode_option
 @click.option(
     "--side",
     type=click.Choice(SIDES),

@@ -9,8 +9,8 @@ from typing import Final
 import click
 from rich.table import Table
 
-from host.commands.cli import port_option
 from host.commands.identify import telling
+from host.commands.options import port_option
 from host.core.terminal import PlainConsole, echo
 from host.link import protocol
 from host.link.params import read_all, save

@@ -1,0 +1,35 @@
+"""Options that several commands have alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+camera_option = click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
+gnss_option = click.option(
+    "--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file."
+)
+vehicle_option = click.option(
+    "--vehicle", type=click.Path(path_type=Path), help="The machine's file."
+)
+mount_option = click.option(
+    "--mount", default="mast", show_default=True, help="Which of its camera mounts."
+)
+mode_option = click.option(
+    "--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True
+)
+port_option = click.option(
+    "--port",
+    required=True,
+    envvar="DARANTI_PORT",
+    help="The firmware's serial port, or socket://HOST:PORT; DARANTI_PORT names a default.",
+)
+
+field_option = click.option(
+    "--field",
+    "chosen",
+    default="",
+    metavar="NAME",
+    help="Which of a file's fields, by its name or number.",
+)
