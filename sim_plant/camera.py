@@ -88,11 +88,14 @@ class CameraSpec(Strict):
 _VEIL_SCALE: Final = 4
 """The blade's dust is drawn so much smaller."""
 _DUST_BGR: Final = np.array([160.0, 182.0, 200.0])
+"""Of dry soil's dust in sunlight; by eye."""
 _GUSTS: Final = 0.35
 """Of the mean lean, what gusts add and take."""
 
 LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
+"""Below the crop's top, as the paper's rule needs."""
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
+"""Looking over the crop."""
 MOUNTS: Final = {"low": LOW, "mast": MAST}
 
 

@@ -25,9 +25,11 @@ from sim_plant.strict import NotNegative, Positive, Strict
 STEP_S: Final = 0.001
 """The step that the constants' accuracy was checked with; `step` takes any up to some 2 ms."""
 _GRAVITY: Final = 9.81
+"""m/s²."""
 
 
 STEER_PWM_HZ: Final = 20_000.0
+"""Of the bridges' PWM where a machine's parameters say nothing else."""
 DRIVE_PWM_HZ: Final = 3_922.0
 """The frequencies that the firmware's defaults give."""
 

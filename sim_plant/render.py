@@ -37,6 +37,7 @@ REACH_M: Final = 20.0
 GROWN_FIELDS: Final = 17
 """Floats that `render.cpp` keeps of a stalk where it stands."""
 LIGHT_TERMS: Final = 6
+"""Of the polynomial that gives a colour's light by its share of the sun: to a grey level."""
 MOST_BLOCKS: Final = 100 * 100
 """More than are ever in view."""
 MOST_ROWS: Final = 4096

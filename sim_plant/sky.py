@@ -18,6 +18,7 @@ PANORAMA_TOP: Final = 0.84
 """Tangent of the elevation of the panorama's first row."""
 PANORAMA_BOTTOM: Final = -0.04
 _GAMMA: Final = 1 / 2.2
+"""Of the display that pictures are made for."""
 
 
 class WeatherSpec(Strict):

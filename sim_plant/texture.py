@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 SIDE: Final = 1024
+"""Pixels of a texture, which repeats."""
 TEXEL_M: Final = 0.004
+"""Of the ground, a pixel's side."""
 SOIL, STUBBLE, STRAW, GRASS, TOP, WALL = range(6)
 
 Tile = NDArray[np.uint8]

@@ -37,7 +37,9 @@ HOST_HZ = 20
 record give exactly the same times again."""
 FIX_TICKS = HOST_HZ
 VIDEO_EVERY = 4
+"""Pictures, of which one goes into the film."""
 SWITCH_S = 0.0005
+"""How long Python lets one thread run, so that the camera's are not kept waiting."""
 LINGER_S = 1.0
 """Simulated time after the pilot is done, so that the outputs are seen to be off."""
 

@@ -23,6 +23,7 @@ BLOCKED_N: Final = 1e5
 
 
 MOVING_MPS: Final = 0.1
+"""From this speed on the machine counts as moving that way."""
 
 
 OUTAGE_S: Final = 0.3
@@ -70,6 +71,7 @@ _WIRES: Final[dict[tuple[str, str], tuple[Signal, Mode]]] = {
 
 
 _COUNT_MV: Final = 5000.0 / 1023.0
+"""A step of the board's converter."""
 
 
 _NOISE: Final = {

@@ -24,6 +24,7 @@ from sim_plant.gnss import Gnss
 SLICE_US: Final = 10_000
 """Serial bytes are stamped to this."""
 SLICES_PER_CUT: Final = 2
+"""The blade cuts every 10 ms: 5 mm of way."""
 
 
 class Bench(contextlib.AbstractContextManager["Bench"]):

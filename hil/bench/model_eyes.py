@@ -39,6 +39,7 @@ LAST_M: Final = 0.8
 SLANT: Final = 0.25
 """Of the right end, left per metre ahead: no edge along the way any more."""
 MOVING_MPS: Final = 0.05
+"""Slower is standing still: the rows of a drive differ from those of a halt."""
 NEXT_S: Final = 0.16
 """Between pictures that follow each other in the library."""
 BLOCK: Final = 60
@@ -48,6 +49,7 @@ KEPT_M: Final = (0.3, 0.4)
 NEAREST: Final = 8
 """One of so many likest situations is taken."""
 TRIED: Final = 1500
+"""Rows of which the likest are chosen, evenly spread over all."""
 SINCE: Final = 12
 """Pictures since the situation began, at most, that are told apart."""
 DONOR: Final = 1.0

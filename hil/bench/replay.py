@@ -39,7 +39,9 @@ from host.vision.watched import watched_detector
 TOLERANCE: Final = 1e-6
 """Of any number; a wall-clock record keeps its times to the nanosecond only."""
 NEVER_S: Final = 1e9
+"""After every record's end."""
 BLANK: Final = np.zeros((2, 2, 3), np.uint8)
+"""A picture for a detector that does not look."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,9 @@ from sim_plant.phone import Phone
 
 SLICE_S: Final = SLICE_US * 1e-6
 FIX_SLICES: Final = round(1.0 / SLICE_S)
+"""The phone's receiver speaks once a second."""
 TRACK_SLICES: Final = 10
+"""Between poses of the track, 50 ms."""
 BEHIND_S: Final = 0.05
 """Farther behind than this the rig does not catch up: its time slips. Caught up in a burst, a pause
 of the rig would be one of the host, whose commands of all that time arrive at once; the firmware's

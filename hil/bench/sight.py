@@ -20,6 +20,7 @@ CUTTING_M: Final = 0.3
 NEAR_SHARE: Final = 0.2
 """Of the blade's width that must be filled for crop to count as ahead."""
 REACH_M: Final = 8.0
+"""What lies farther ahead no detector tells apart."""
 COLUMNS: Final = 20
 """Across the blade's width."""
 SPAN_M: Final = (-1.6, 1.0)

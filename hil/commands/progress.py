@@ -13,6 +13,7 @@ from rich import progress
 from rich.console import Console
 
 LINE_EVERY_S = 30.0
+"""Between lines of progress where no terminal shows a bar."""
 
 
 def left(seconds: float) -> str:

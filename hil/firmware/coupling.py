@@ -20,6 +20,7 @@ from hil.firmware.targets import Target
 from sim_plant import machine
 
 PHYSICS_US: Final = 1000
+"""The plant's step; currents within it are solved exactly."""
 LOG_US: Final = 5000
 """Period of the log's rows: the firmware's tick."""
 
@@ -35,6 +36,7 @@ LOG: Final = np.dtype(
 """One row per LOG_US since the target's creation; row i is the state at (i + 1) * LOG_US."""
 
 NO_LOG: Final = np.zeros(0, LOG)
+"""For whoever needs none."""
 
 POT: Final = int(Signal.POT)
 BATTERY_SENSE: Final = int(Signal.BATTERY_SENSE)

@@ -22,6 +22,7 @@ a bridge with a VNH5019's inputs drives that stands the 21 A which a slope of fi
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
 STEP_US: Final = 10_000
+"""Between looks at the answers, while parameters are set."""
 TIMER_2_HZ: Final = (123.0, 246.0, 491.0, 981.0, 3922.0)
 """All that the drive bridge's timer can (ATmega328P, timer 2)."""
 

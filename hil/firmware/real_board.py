@@ -28,6 +28,7 @@ PREFIX: Final = "serial:"
 BUILD: Final = 2
 """Of `uno_hil` in Version."""
 SILENCE_US: Final = 1_000_000
+"""Of the simulated time, after which a board that does not answer is lost."""
 
 
 class Controller(Protocol):

@@ -21,6 +21,7 @@ DELAY_MS: Final = 1024
 FLICKER_US: Final = 20_000
 """A loose contact opens or closes this often, by chance."""
 NEVER: Final = -1
+"""No time."""
 
 
 class Signal(enum.IntEnum):

@@ -43,6 +43,7 @@ BOARDS: Final[tuple[Board, ...]] = ("uno", "nano", "mega2560")
 
 ABI = 2
 EEPROM_SIZE = 1024
+"""Bytes, of an ATmega328P (datasheet)."""
 
 
 class ResetCause(enum.IntFlag):
@@ -64,6 +65,7 @@ class Hang(enum.IntEnum):
 
 
 FLOATING: Final = -1
+"""An input that nobody drives."""
 PULLED_UP: Final = -2
 """What `output` gives for an input."""
 

@@ -21,6 +21,7 @@ Driver = Literal["l298n", "bts7960", "vnh5019"]
 ESTOP_CLOSED_MV: Final = 880.0
 """The loop: 2.2 kOhm to 5 V on the board, 470 Ohm to ground behind the button's contact."""
 ESTOP_OPEN_MV: Final = 5000.0
+"""Pulled up to the supply where the loop is open."""
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,11 @@ from host.core.errors import UserError
 from host.runs import record
 
 VIDEO_WIDTH = 320
+"""Pixels of the film in a report, which mail still carries."""
 VIDEO_FRAMES = 400
 """At most so many; a longer run is shown in steps."""
 VIDEO_FPS = 12.0
+"""Of that film."""
 WORST = 6
 """Maps shown of a campaign."""
 

@@ -41,7 +41,9 @@ from sim_plant.strict import NotNegative
 
 Ring = tuple[Point, ...]
 WALK_MPS: Final = 1.3
+"""A person's usual pace."""
 CORNER_PAUSE_S: Final = 2
+"""Seconds that a surveyor stands at each corner."""
 WALKS: Final = 5
 """How often an owner walks a field whose walk does not close, before giving up."""
 LEARNED_LENS: Final = ("k1", "k2")

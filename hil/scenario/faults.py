@@ -69,6 +69,7 @@ class Pair:
 _STOP, _RIDE = Expect.STOP, Expect.RIDE
 _NO_BLADE_SENSOR: Final = "not detectable: no sensor on the blade"
 _SLOW: Final = (1.0, 0.5)
+"""Bound in s, and in m of travel, of what only a motion that does not come can tell."""
 _STEERING: Final = (2.0, 0.5)
 """A turn's leg holds an angle for nearly two seconds, and so long a motor that does not turn makes
 no difference that could be seen."""

@@ -26,6 +26,7 @@ SHAPES: Final[tuple[Shape, ...]] = ("rectangle", "trapezoid", "L", "irregular")
 Ring = tuple[Point, ...]
 
 AREA_M2: Final = (100.0, 250.0)
+"""Small, so that hundreds run in a night."""
 MIN_SIDE_M: Final = 3.0
 """Twice the way from the rear axle to the blade: a shorter side ends before the machine is in line
 with it."""
@@ -35,7 +36,9 @@ CONVEX_DEG: Final = (50.0, 155.0)
 """Inside a corner. A sharper one needs more than a gap of 2 m for the turn, a blunter one bends the
 edge by less than the lane filter takes for the same edge."""
 REFLEX_DEG: Final = (205.0, 280.0)
+"""Inside angle of a corner that points inwards."""
 KEEP_OUT_SHARE: Final = 0.5
+"""Of the fields that have a pole or a tree."""
 KEEP_OUT_M: Final = (0.4, 0.8)
 """Across: a pole, a tree with its roots, a well."""
 KEEP_OUT_FREE_M: Final = 3.5

@@ -23,6 +23,7 @@ MARGIN_M = 0.2
 BLADE_REACH_M = (0.1, 0.05)
 """How far the blade's bar reaches behind and ahead of its line."""
 NEARER_M = 1.0
+"""At most so far, ..."""
 NEARER_STEP_M = 0.01
 """How an operator moves the machine up where there is no room behind it."""
 STRIP_LOW_M = 1e-3

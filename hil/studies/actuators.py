@@ -28,6 +28,7 @@ from sim_plant.machine import BatterySpec, BridgeSpec, MachineSpec, SteeringSpec
 
 Firmware = Literal["desk", "avr"]
 LOG_S: Final = coupling.LOG_US * 1e-6
+"""Between rows of the log."""
 KEEPALIVE_S: Final = 0.1
 """Between commands; the firmware's link watchdog takes 250 ms."""
 

@@ -17,7 +17,9 @@ from hil.scenario.scenario import Scenario, load, merge
 SIZE_M: Final = (9.0, 7.0)
 """Not a square: to be at another corner than said makes a difference."""
 SEED: Final = 7
+"""Of the world and of the wrong corners."""
 LIMIT_S: Final = 900.0
+"""Of one run."""
 FIGURES: Final = ("neighbour_cut_m2", "outside_m", "coverage", "outcome", "reason")
 HARM_M2, HARM_M = 0.0, 0.1
 """What is allowed of the first two, whatever is believed."""

@@ -43,7 +43,7 @@ FIELD: Final[Mapping[str, Any]] = {
 }
 """A field in which a wrong corner is farther away than a phone's position errs."""
 FREE_BYTES: Final = 50 * 10**9
-SHUT_S: Final = 20.0
+"""Of a laptop's disk with room."""
 ANSWER_S: Final = 3.0
 """How long a person takes."""
 

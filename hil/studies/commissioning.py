@@ -51,6 +51,7 @@ HAND_BOARD: Final = Board()
 GROUND_BOARD: Final = Board(square_m=0.08)
 """A printed sheet, and boards on the ground."""
 PICTURES: Final = 12
+"""Of the board held by hand: what the manual asks for."""
 GROUND_AHEAD_M: Final = (2.5, 2.0, 1.6, 1.3)
 """Where it is tried, until it is seen whole."""
 LAID_M, LAID_DEG = 0.01, 0.5
@@ -60,12 +61,19 @@ TAPE: Final = Errors(gap_m=0.05, crop_m=0.05)
 FINER: Final = 2
 """Pixels each way that are averaged into one."""
 DRIVE_M: Final = 10.0
+"""What the manual asks the owner to drive and tape."""
 DRIVE_MPS: Final = 0.3
+"""A pace to walk beside."""
 WEAVE_S: Final = 14.0
+"""How long the owner weaves for the camera's delay, ..."""
 WEAVE_RAD: Final = math.radians(25)
+"""... the wheel so far to either side ..."""
 WEAVE_PERIOD_S: Final = 5.0
+"""... and back in so long."""
 STEP_S: Final = 0.05
+"""Between commands: the host's period."""
 TAPE_SIGMA_M: Final = 0.02
+"""Of a tape over 10 m of stubble; by judgement."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,9 @@ from host.field.areas import outline_of, placed
 from host.pilot.phase import Phase
 
 EVERY_S: Final = 1.0
+"""Between samples of error and belief."""
 QUANTILE: Final = 0.95
+"""Share of the errors that ought to lie within what is believed."""
 MEASURES: Final = {"position": 2, "direction": 1, "lane": 1, "outline": 2}
 """Dimensions of what is compared: the rear axle's place; the yaw; the blade's offset from the
 crop's true edge; the worst corner of the machine, which the geofence stands on."""

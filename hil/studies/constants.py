@@ -22,6 +22,7 @@ from hil.scenario.scenario import Scenario
 ROOT: Final = Path(__file__).resolve().parents[2]
 ROOMS: Final = ("host/vision", "host/estimate", "host/pilot")
 SHARE: Final = 0.3
+"""By which each constant is varied, to either side."""
 UNIT: Final = re.compile(r"_(?:M|S|RAD|DEG|MPS|1PM|PX|MPS2|PER_M|PER_RAD|M2|HZ)$|SIGMA|SHARE|GAIN")
 """Of a name that says its unit, or that it has none."""
 KNIFE_COVERAGE, KNIFE_LATERAL_M = 0.01, 0.02

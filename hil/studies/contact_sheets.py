@@ -27,7 +27,9 @@ Picture = NDArray[np.uint8]
 Pose = tuple[float, float, float]
 
 BLADE_AHEAD: Final = 1.5
+"""Metres from the rear axle to the blade, as the default machine has it."""
 WIDTH: Final = 1.0
+"""Metres of its blade."""
 PALETTE: Final = {
     labels.BACKGROUND: ("background", (205, 180, 150)),
     labels.STANDING: ("standing crop", (40, 190, 250)),

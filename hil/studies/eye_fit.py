@@ -34,6 +34,7 @@ from host.vision.view import CropView
 SIDE_M: Final = (4.5, 6.5)
 """Of a field that is driven both ways: as many ends as a large one in a quarter of the time."""
 LIMIT_S: Final = 900.0
+"""Of one field's run."""
 BEGINNING_S: Final = 300.0
 """Of a random field: its first sides and their ends."""
 WRONG_M: Final = 0.1

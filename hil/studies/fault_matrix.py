@@ -55,6 +55,7 @@ AT_REST_MPS = 0.02
 GROUP = 8
 """Cases that share what comes before their faults, at most."""
 LIMIT_S = 60.0
+"""Of one case, should nothing end it."""
 _MOVERS = (Signal.DRIVE_DUTY, Signal.BLADE)
 BLADE_HZ = 40.0
 """Pulses of the blade's optional sensor at full speed."""

@@ -34,12 +34,17 @@ from host.tune import actuator_model, closed_loop, experiments, pid_rules
 from host.tune.step_response import Step, cost, meets
 
 POLL_S: Final = 0.001
+"""The stand advances so far at each look."""
 VERDICT: Final = Step(duration_s=3.0)
+"""The step by which gains pass or not."""
 STEPS: Final = (VERDICT, Step(size_deg=-30.0, duration_s=3.0), Step(size_deg=5.0))
 """What tuned and other gains are compared on; the figures are judged on the first."""
 MIN_DUTY_OFF: Final = 3.0
+"""Counts of 255 by which the minimum duties may be wrong, ..."""
 SHARE_OFF: Final = 0.1
+"""... and shares of gain and lag, ..."""
 DURATION_S: Final = 60.0
+"""... found within so long, for an identification to count as good."""
 
 
 class StandWire:

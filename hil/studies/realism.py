@@ -36,8 +36,11 @@ Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 WIDTH_PX: Final = 640
+"""At most, of photographs: as wide as the simulated pictures."""
 CELL_PX: Final = 10
+"""Side of the cells over which cues are averaged."""
 CAB: Final = CameraSpec(x_m=0.0, z_m=2.8, pitch_deg=32.0)
+"""As the photographs were taken, from a combine's cab."""
 MOUNTS: Final = {"cab": CAB, "mast": MAST, "low": LOW}
 CUES: Final = ("hue", "L", "Lab", "texture", "Lab and texture")
 QUANTITIES: Final = ("hue", "saturation", "gradient direction")

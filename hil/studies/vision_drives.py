@@ -40,6 +40,7 @@ STEP_M = 0.05
 CUT_STEPS = 2
 """Of the blade within one."""
 RINGS = 4
+"""Swaths already cut beside the one that is driven: up to three."""
 DEPTH_M = 7.0
 """Of the field behind the edge."""
 BEYOND_M = 1.6

@@ -15,6 +15,7 @@ from host.tune.camera import lens_fields, lens_of, mount_from
 from host.tune.checkerboard import Board
 
 DOUBTFUL_PX = 1.0
+"""Mean distance of the board's corners from where the lens has them."""
 
 
 @click.command()

@@ -14,6 +14,7 @@ from host.link.session import Link, connect
 SETTLE_S = 0.3
 """A fault whose cause is still there is back by then."""
 SILENT_S = 3.0
+"""Without telemetry, after which nobody is there."""
 
 
 @click.command()

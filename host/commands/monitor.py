@@ -16,7 +16,9 @@ from host.link.session import Link
 from host.link.words import as_json, greeting, line, sensors
 
 LINE_EVERY_S = 0.5
+"""Between lines where nothing changes."""
 POLL_S = 0.2
+"""Longest wait for telemetry."""
 
 
 @click.command()

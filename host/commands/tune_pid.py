@@ -23,6 +23,7 @@ from host.tune.pid_rules import RULES, gains, margins
 from host.tune.step_response import Step
 
 VERIFY_SIZE_DEG: Final = 30.0
+"""Of the step by which new gains are tried, where the limit leaves room for it."""
 
 
 def _shown(

@@ -34,6 +34,8 @@ EXIT_FAULT = 4
 EXIT_SOFTWARE = 70
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141
+"""Exit codes: 128 and the signal's number for the last two, sysexits.h's for an internal error; the
+others are explained in docs/use/drive.md."""
 
 
 class UserError(Exception):

@@ -21,6 +21,7 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2
 KEPT_WRITES = 2000
 """What a terminal that is not read may owe before the rest is left out."""
 LAST_WORDS_S = 1.0
+"""For a terminal that takes no more lines, before they are given up."""
 
 
 def plain(text: str) -> str:

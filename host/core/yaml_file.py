@@ -10,6 +10,7 @@ import yaml
 from host.core.errors import UserError
 
 MAX_BYTES = 1_000_000
+"""Of a machine's or a scenario's file: more is another file."""
 
 
 def load_yaml(path: Path, what: str) -> Any:

@@ -43,10 +43,13 @@ from host.field import isoxml_file
 from host.field.shapes import Shape, chosen
 
 MAX_AROUND_M = 20_000.0
+"""A field's length around, of a square of 25 km²: longer ones are a slip in the file."""
 MIN_AREA_M2 = 1.0
+"""Less is a slip of the hand, or degrees that were taken for metres."""
 MAX_LATITUDE_DEG = 72.0
 """No wheat grows beyond: coordinates that lie there have been swapped."""
 MAX_BYTES = 64 * 1024 * 1024
+"""Of a boundary's file: more is another file."""
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
 SUFFIXES = ".geojson, .json, .kml, .shp, .xml or .zip (ISOXML), .gpx, .csv, .txt"

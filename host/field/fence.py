@@ -14,6 +14,7 @@ from host.core.messages import Fix
 FENCE_M = 10.0
 """A phone's position errs by some metres: nearer to the boundary it proves nothing."""
 FENCE_FIXES = 3
+"""In a row: one reflection off a wall stops nothing."""
 
 
 def nearest_corner(corners: Sequence[LatLon], lat_deg: float, lon_deg: float) -> int:

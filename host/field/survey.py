@@ -43,7 +43,9 @@ mpl.use("Agg")
 CLOSE_M = 6.0
 """How far a phone's position drifts during a lap."""
 MAX_CORNERS = 12
+"""Of a field that is fitted by straight sides; with more it counts as irregular."""
 RING_POINTS = 240
+"""Of the ring that sides are fitted to, whatever the walk's length."""
 MIN_SIDE = 0.03
 """A side is at least this share of the way around,"""
 MIN_SIDE_M = 1.5
@@ -59,10 +61,13 @@ WOBBLE_M = 0.3
 STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
 SMOOTH_M = 5.0
+"""Window over which an irregular ring is smoothed: twice the CEP of a phone."""
 SIMPLIFY_M = 0.15
+"""Points that an irregular ring needs not: the machine steers no more exactly."""
 LAP_COLOURS = (4, 0, 1, 5)
 """Of matplotlib's cycle: those unlike the boundary's green and the keep-outs' red."""
 HUBER = 1.345
+"""Huber's constant: 95 % efficient where errors are normal (Huber, Robust Statistics, 1981)."""
 
 
 @dataclass(frozen=True)

@@ -33,16 +33,23 @@ PAUSE_S = 3.0
 SPIKE_FIXES = 10
 """A jump that another one undoes within so many fixes was a spike."""
 POOR_HDOP = 5.0
+"""Horizontal dilution of precision above which a fix is dropped: its error may be 10 m."""
 STEP_M = 0.5
 """Loops are looked for among points at least so far apart."""
 MAX_POINTS = 4000
+"""Among which loops are looked for: every pair is compared, so that time grows with the square."""
 MIN_COMPACT = 0.05
 """Area over that of a circle of the same length: a way there and back is below."""
 KEEP_OUT_COMPACT = 0.3
+"""A keep-out's loop is rounder than a boundary's may be: a walk there and back is none."""
 KEEP_OUT_M2 = 3.0
+"""Smaller loops are a receiver's wandering while the walker stands."""
 KEEP_OUT_AROUND_M = 8.0
+"""Shorter loops are a walker's turning on the spot."""
 SAME_SCORE = 0.8
+"""Share of the best loop's score above which another counts as a lap of the same field."""
 AS_GOOD = 0.97
+"""Share of the best later lap's score that a lap must reach to be taken instead of it."""
 SAME_PLACE = 0.6
 """Laps of one field overlap at least so much (intersection over union)."""
 GAP_PRICE = 3.0

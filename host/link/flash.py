@@ -14,9 +14,11 @@ CHECKOUT = Path(__file__).parents[2]
 BAUD = 115200
 """Of the Uno's boot loader (optiboot)."""
 TIMEOUT_S = 120.0
+"""Writing and verifying a Mega's 256 KiB at 115200 baud takes some 50 s."""
 ELF_AVR = 83
 """EM_AVR of the ELF specification."""
 ELF_HEAD = 64
+"""Bytes that hold an ELF file's magic number and machine."""
 
 
 def find_avrdude() -> list[str]:

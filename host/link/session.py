@@ -21,10 +21,13 @@ from host.core.messages import Command, Request, State, Telemetry
 from host.link import protocol
 
 HELLO_EVERY_S = 0.2
+"""Between greetings while the board does not answer."""
 HELLO_TIMEOUT_S = 5.0
 """A Uno's boot loader keeps the port for up to two seconds after opening it."""
 ANSWER_TIMEOUT_S = 1.0
+"""A board answers within a tick, and later only while it writes its EEPROM."""
 WRITE_TIMEOUT_S = 0.5
+"""A port that takes nothing for so long has no board that reads."""
 READ_S = 0.005
 """What a read waits for at most. Fixed: pyserial sets up the whole port again at each change."""
 FIRMWARE_CLOCK_S = 2**32 * 1e-6

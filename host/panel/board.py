@@ -20,7 +20,9 @@ from host.panel.snapshot import Json
 from host.panel.wire import Frames, WireError, packed
 
 START_S: Final = 20.0
+"""For a program of the board's to start and answer."""
 AGAIN_S: Final = 0.5
+"""Between tries to reach it."""
 
 
 def socket_path(settings: Settings) -> Path:

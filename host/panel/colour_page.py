@@ -40,6 +40,7 @@ Json = dict[str, Any]
 LONGEST_BODY = 10_000
 """Bytes of a request: parameters need a few hundred."""
 BODY_S: Final = 5.0
+"""For a request's body to come."""
 COLOUR_POLICY: Final = (
     b"default-src 'self'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     b"img-src 'self' data:; frame-ancestors 'none'"

@@ -20,12 +20,17 @@ from host.panel.tuning import tune
 COUNTDOWN_S: Final = 5.0
 """From the operator's start to the first motion, with a sound a second."""
 CLEAR_S: Final = 1.0
+"""For the board to answer CLEAR."""
 JOG_MPS: Final = 0.15
+"""Creeping at full deflection: a walking person keeps up."""
 JOG_HOLD_S: Final = 0.5
 """The finger that jogs is asked again so often; else the machine stands."""
 JOG_IDLE_S: Final = 20.0
+"""Without a touch, after which jogging ends."""
 AFTER_STOP_S: Final = 1.0
+"""After STOP, before jogging moves anything again."""
 STEP_S: Final = 0.05
+"""Between commands: the pilot's period."""
 
 
 def start(machine: Machine, wish: Json) -> None:

@@ -32,8 +32,11 @@ from host.route.preview import preview
 SHOWN: Final = 600
 """Points of a walk on the page."""
 MOST_CORNERS: Final = 200
+"""Of a keep-out that is drawn by hand."""
 GAP_M: Final = 50.0
+"""The widest gap that is believed."""
 CLOSE_M: Final = 6.0
+"""How far a walk's end may lie from its beginning: a phone's drift during a lap."""
 
 
 @dataclass

@@ -18,12 +18,15 @@ from urllib.parse import urlsplit
 ALPHABET: Final = "23456789ABCDEFGHJKMNPQRSTUVWXYZ"
 """Without what looks alike."""
 CODE_LETTERS: Final = 6
+"""Of the pairing code: 30 bits, read out across a field."""
 CODE_S: Final = 600.0
 """How long a code pairs."""
 GUESSES: Final = 5
 """Wrong codes after which the code is a new one, and nobody pairs for a while."""
 WAIT_S: Final = 30.0
+"""After too many wrong codes, doubled each time ..."""
 LONGEST_WAIT_S: Final = 3600.0
+"""... up to an hour."""
 PAIRED: Final = 8
 """Phones paired at a time; one more ends the oldest."""
 AWAY_S: Final = 4.0

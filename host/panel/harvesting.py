@@ -32,9 +32,13 @@ from host.vision.mounted.detector import make_detector
 from host.vision.watched import watched_detector
 
 SLOW_STEP_S: Final = 0.05
+"""A step that takes its whole period counts as slow."""
 TRAIL_M: Final = 0.2
+"""Between points of the trail on the map."""
 FIRST_PICTURE_S: Final = 10.0
+"""How long the first picture is waited for."""
 REHEARSED: Final = 30
+"""Steps: a second and a half, through all that is compiled at its first use."""
 
 
 class Order(Strict):

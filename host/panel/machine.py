@@ -33,17 +33,23 @@ from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
 
 SAY_EVERY_S: Final = 0.2
+"""Between states sent to the pages."""
 PICTURE_EVERY_S: Final = 0.4
+"""Between pictures sent to the driver's page."""
 PRESENCE_S: Final = 2.0
+"""Without a sign of the driver's page, after which the machine stands."""
 AGAIN_S: Final = 1.0
 """Between attempts to open the port."""
 SILENT_S: Final = 1.0
+"""Without telemetry, after which the board counts as gone."""
 STOP_EVERY_S: Final = 0.05
+"""Between repeated STOPs."""
 UNCONFIRMED_S: Final = 1.0
 """After so long without the board's word a STOP counts as not confirmed; it is sent on."""
 PANEL_LOST_S: Final = 120.0
 """A run that stands and hears of no panel for so long ends, its progress saved."""
 POLL_S: Final = 0.02
+"""Longest wait for telemetry: a message's distance."""
 
 
 class Settings(Strict):

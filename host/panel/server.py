@@ -47,17 +47,23 @@ TYPES: Final = {
 COOKIE: Final = "daranti"
 PAGES: Final = 12
 BODY_BYTES: Final = 10_000
+"""Of a wish's body."""
 BODY_S: Final = 5.0
+"""For a request's body to come."""
 WISHES_A_SECOND: Final = 40
+"""Of one page; more are refused."""
 HOLD_S: Final = 2.0
+"""How long start has to be held."""
 HOLD_SLACK_S: Final = 0.3
 """The page counts its own two seconds; the network may bring their ends a little closer."""
 CHECK_HOLDS_S: Final = 12 * 3600.0
+"""How long a check that was green holds: a working day."""
 FIELD_WISHES: Final = frozenset(
     {"open", "gap", "corner", "move_corner", "keep_out", "keep_out_drop"}
     | {"walk_begin", "walk_end", "walk_drop"}
 )
 RUNS: Final = 20
+"""Shown in the list of past runs, the latest."""
 
 
 class Page:

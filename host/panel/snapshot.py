@@ -17,6 +17,7 @@ from host.vision.view import CropView
 Json = dict[str, Any]
 
 EDGE_POINTS: Final = 24
+"""Of the edge in the driver's picture."""
 TURN_S: Final = 14.0
 """What a turn takes about, for the time that is left."""
 

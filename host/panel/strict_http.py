@@ -12,9 +12,11 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 HEAD_S: Final = 5.0
+"""For a request's head to come."""
 AN_ADDRESS: Final = 16
 """Connections that have not become a WebSocket, from one address."""
 IN_ALL: Final = 64
+"""Connections, of all addresses."""
 
 _open: Counter[str] = Counter()
 

@@ -22,7 +22,9 @@ from host.tune.pid_rules import gains
 from host.tune.step_response import Step, deadline_s, meets
 
 POLL_S: Final = 0.004
+"""Longest wait for telemetry: under the firmware's tick."""
 SIZE_DEG: Final = 30.0
+"""Of the step by which new gains are tried."""
 RULE: Final = "optimise"
 EVERY: Final = 2
 """Of the plot's points."""

@@ -31,17 +31,22 @@ two values."""
 MIN_STRIP_M2: Final = 0.02
 """What a strip must hold; smaller remains are nothing a camera could find."""
 NEAR_M: Final = 1e-3
+"""Two shapes that touch but for rounding."""
 DOUBLED_M: Final = 1e-6
+"""Nearer points of a ring are one."""
 MIN_EDGE_M: Final = 0.05
+"""Shorter edges are what rounding leaves of a cut."""
 SIMPLIFY_M: Final = 0.01
 """Points that lie so near to the line between their neighbours are rounding of the cutting."""
 OVERHANG: Final = 4.0
 """Widths of a strip that it may reach beyond its edge at a slanting corner: one that is no bend
 slants over 2.5 of them at most."""
 FAR_WIDTHS: Final = 20
+"""Strips beyond which their number need not come out even: a part of a per cent each."""
 AT_TIP_M: Final = 2.5
 """A strip's last piece, which shows its rows there: a bent strip's other end lies elsewhere."""
 SEEN_ROWS: Final = 9
+"""Rows of a strip that are looked at for where its crop begins and ends."""
 
 
 @dataclass(frozen=True, eq=False)

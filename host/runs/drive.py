@@ -26,8 +26,11 @@ from host.sensors.jpeg import JpegDecoder
 from host.sensors.newest import Feed
 
 PERIOD_S = 0.05
+"""Of the pilot's steps and the commands: a fifth of the firmware's 250 ms."""
 TELEMETRY_TIMEOUT_S = 1.0
+"""Fifty telemetry messages that did not come."""
 HALT_S = 0.5
+"""For the board to confirm STOP, repeated meanwhile."""
 AT_REST = (State.SAFE, State.FAULT)
 
 

@@ -20,7 +20,9 @@ from host.runs.resume import Progress, remaining, resume_at
 from host.sensors.newest import Feed
 
 FIRST_FIX_S = 10.0
+"""How long the first position is waited for."""
 FIRST_FIXES = 10
+"""Tries to read a fix that has a position."""
 UNSEEN = (
     "it does not see people, animals, posts or stones: whoever or whatever is in its way is driven "
     "over. Keep everybody 10 m away, walk the strip first, stay beside the machine with a hand at "

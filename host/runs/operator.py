@@ -22,14 +22,19 @@ Say = Callable[[str], None]
 WORD: Final = "start"
 JOG_WORD: Final = "jog"
 COUNTDOWN_S: Final = 5
+"""For the operator to step back."""
 BELL: Final = "\a"
 
 JOG_MPS: Final = 0.12
+"""Creeping: 6 cm until the held key's pause stops it."""
 JOG_STEP_RAD: Final = math.radians(5.0)
+"""Of the wheel for each press of a key."""
 HELD_S: Final = 0.5
 """A key that is held repeats within; what is let go of stops the machine after so long."""
 ARM_EVERY_S: Final = 0.5
+"""Between requests to arm."""
 ARM_S: Final = 5.0
+"""After which a board that does not arm is given up."""
 JOG_HELP: Final = (
     "jog, blade off: hold w or s to creep forward or back, a and d steer left and right, space "
     "straightens, q ends"

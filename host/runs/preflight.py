@@ -25,6 +25,7 @@ FREE_BYTES: Final = 500e6
 USUAL_S: Final = 3600.0
 """Taken for the length of a run without a plan."""
 TURN_S: Final = 30.0
+"""Of a usual turn, its waits included."""
 
 PLACE_M: Final = 8.0
 """A phone's position is rarely further off (2.5 m CEP, and the boundary was walked with one)."""
@@ -34,6 +35,7 @@ HEADING_DEG: Final = 15.0
 """A compass on a machine of steel errs by ten degrees; the pilot straightens the rest."""
 OFFSET_M: Final = 0.5
 SURE: Final = 0.5
+"""The edge must be seen so surely (0..1), and then lie no farther off the blade's right end."""
 
 Relation = Literal["equal", "at least"]
 

@@ -35,6 +35,7 @@ from host.vision.view import CropView
 PICTURES = "/camera"
 """The topic of the pictures."""
 CHUNK_BYTES = 64 * 1024
+"""What a crash may lose of a record: less than a second with pictures."""
 LARGEST = 64 * 1024 * 1024
 """Bytes of a chunk or a record in it; a picture takes a tenth of a megabyte."""
 INFINITE = 1e9

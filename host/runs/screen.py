@@ -25,6 +25,7 @@ from host.runs.drive import Drive
 from host.sensors.nmea import Receiver
 
 SHOW_S = 0.2
+"""Between drawings of the live screen."""
 
 _STYLES = {Phase.FOLLOW: "bold green", Phase.FINISHED: "bold green", Phase.FAULT: "bold red"}
 

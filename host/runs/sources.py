@@ -18,6 +18,7 @@ from host.vision.tuning.profiles import Circumstance
 from host.vision.tuning.search import first_params
 
 FIRST_PICTURE_S = 10.0
+"""How long the first picture is waited for."""
 
 
 def warm_up(

@@ -26,7 +26,9 @@ from host.sensors.jpeg import JpegDecoder
 from host.sensors.newest import Feed, SourceLostError
 
 MAX_JPEG_BYTES = 16 * 1024 * 1024
+"""Of one picture: more is no camera's stream."""
 READ_BYTES = 64 * 1024
+"""Taken from the network at once: a picture or two."""
 
 
 @dataclass(frozen=True, slots=True)

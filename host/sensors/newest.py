@@ -15,7 +15,9 @@ from host.core.terminal import plain
 T = TypeVar("T")
 
 RETRY_S = 0.5
+"""Before a lost source is tried again."""
 SILENCE_S = 3.0
+"""After which a source that is connected and gives nothing counts as lost."""
 
 
 class SourceLostError(Exception):

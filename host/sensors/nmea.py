@@ -23,6 +23,7 @@ from host.core.messages import Fix
 from host.sensors.newest import Feed, SourceLostError
 
 KNOT_MPS = 1852 / 3600
+"""A knot is a nautical mile, 1852 m, an hour."""
 COMPANION_S = 0.3
 """How long GGA waits for the RMC of its epoch, or RMC for GGA: a phone sends them in one burst."""
 QUALITIES = range(9)
@@ -184,8 +185,11 @@ class Receiver:
 
 
 READ_S = 0.1
+"""Longest wait for bytes, so that a feed that is closed ends soon."""
 CONNECT_S = 5.0
+"""Longest wait for the phone to take the connection."""
 BYTES_AT_ONCE = 4096
+"""Several epochs; a receiver sends 500 bytes a second."""
 
 
 def _serial_reader(path: str, baud: int) -> Iterator[bytes]:

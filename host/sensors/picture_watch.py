@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 GRID: Final = 8
 """Every so many pixels, a JPEG's block, one is compared."""
 THUMBNAIL: Final = (32, 24)
+"""Columns and rows of the small picture by which two are compared."""
 REPEATED_SHARE: Final = 0.01
 """Of the compared pixels that differ at least between two pictures. Pictures of the simulated
 sensor differ in 0.95 and more, at rest as well; a phone that smooths its noise away while nothing
@@ -31,6 +32,7 @@ FLAT_SHARE: Final = 0.15
 decoder fills in where a file's rest is lost, 0.38 and more of a halved one. Photographs have up to
 0.01 at this size, crop close before the lens 0.04."""
 WHITE: Final = 250
+"""Of 255, in every colour: burnt-out sky is no broken file."""
 
 
 class PictureWatch:

@@ -17,8 +17,11 @@ from host.vision.pictures import Picture
 
 Floats = NDArray[np.float64]
 LONGEST_S: Final = 0.6
+"""Of the delays tried."""
 STEP_S: Final = 0.005
+"""Between delays tried; the best is refined by a parabola."""
 LEAST_PICTURES: Final = 40
+"""Two seconds of weaving at 20 a second."""
 LEAST_TURN_RAD: Final = 0.2
 """Between the leftmost and the rightmost heading of the drive."""
 UPPER: Final = 0.6

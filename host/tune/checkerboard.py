@@ -19,7 +19,9 @@ from host.core.vehicle import Mount
 from host.vision.pictures import Picture
 
 LEAST_PICTURES = 5
+"""Fewer leave focal length and distortion undetermined."""
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
+"""When the refinement of a corner ends: 40 rounds, or less than a thousandth of a pixel."""
 
 
 @dataclass(frozen=True, slots=True)

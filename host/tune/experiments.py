@@ -53,6 +53,7 @@ COAST_DEG: Final = 20.0
 RUN_S: Final = 1.0
 """Of a step: over that range the slowest motor takes no longer."""
 RELAY_S: Final = 3.0
+"""Of the relay's oscillation, at the longest."""
 RELAY_TURNS: Final = 9
 """A relay's oscillation ends by time or after so many turns, of which the second half counts."""
 

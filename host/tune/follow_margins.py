@@ -24,10 +24,13 @@ LAWS: Final[tuple[Law, ...]] = get_args(Law)
 DEAD_TIME_S: Final = 0.1
 """From a decision to the steering motor: command period, serial line, firmware's tick."""
 PADE: Final = 3
+"""Order of the dead time's rational approximation."""
 STEP: Final = 1e-6
+"""Of the difference quotient that linearises the steering law."""
 PHASE_DEG: Final = 45.0
 """Less is too little for a machine on real ground."""
 SPEEDS_MPS: Final = (0.15, 0.3, 0.5, 0.8)
+"""At which margins are shown: creeping, turning, cutting, and faster."""
 
 Floats = NDArray[np.float64]
 

@@ -19,9 +19,13 @@ from host.tune.pot_calibration import PotCalibration, calibrate_pot
 from host.tune.step_response import Floats, Response, Step, deadline_s, judge, meets
 
 POLL_S: Final = 0.002
+"""Longest wait for telemetry: well under the firmware's tick."""
 KEEPALIVE_S: Final = 0.1
+"""Between repeated commands; the firmware's link watchdog takes 250 ms."""
 VERIFY_S: Final = 3.0
+"""Of each step by which the new gains are tried."""
 TELEMETRY_S: Final = 0.02
+"""Between telemetry messages: 50 Hz."""
 
 
 class LinkWire:

@@ -25,13 +25,17 @@ from host.tune.step_response import Floats, Step, cost, deadline_s, meets
 Gains = dict[str, float]
 
 PHASE_MARGIN_DEG: Final = 60.0
+"""Of the rule by Åström and Hägglund: 60 degrees give hardly any overshoot."""
 SENSITIVITY_MAX: Final = 1.8
 """Beyond it a loop is too lively for the next hot day."""
 _FREQUENCIES: Final = np.logspace(-0.5, 2.5, 150)
+"""rad/s at which margins are looked for."""
 AGOPEN_TAPER_DEG: Final = 3.0
+"""Error over which AgOpenGPS's steering reaches full duty."""
 DAYS: Final = ((1.0, 1.0, 1.0), (0.85, 1.15, 1.15), (1.15, 0.85, 0.9))
 """Factors on gain, friction and lag: low battery and load; full battery and warm grease."""
 STEPS: Final = (Step(), Step(size_deg=-5.0, start_deg=5.0))
+"""What gains are judged by: a large step and a small one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +142,7 @@ def figure(model: ActuatorModel, law: Mapping[str, float]) -> float:
 
 _LOW: Final = np.array([math.log(10.0), 0.0, 0.0, 15.0, 0.5])
 _HIGH: Final = np.array([math.log(100.0), 100.0, 6.0, 60.0, 1.05])
+"""Bounds of the search: logarithm of kp, then ki, kd, filter (ms) and share of the minimum duty."""
 
 
 def optimise(model: ActuatorModel, samples: int = 250, seed: int = 0) -> Gains:

@@ -14,7 +14,9 @@ Floats = NDArray[np.float64]
 STEADY_DEG: Final = 0.5
 """Steady error that the figures allow; what lies below is the potentiometer's noise."""
 OVERSHOOT: Final = 0.05
+"""Share of the step that a response may overshoot."""
 SETTLE_S: Final = 0.8
+"""Within which a quick actuator has settled."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Final
 from host.core.errors import UserError
 
 LEAST_M: Final = 3.0
+"""A tape's 2 cm are below a per cent of it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ BLUE = (235, 120, 30)
 YELLOW = (40, 220, 250)
 GREEN = (70, 200, 60)
 WHITE = (255, 255, 255)
+"""Colours of the drawings, blue, green, red (0..255)."""
 
 
 def _label(picture: Picture, text: str, at: tuple[int, int], colour: tuple[int, int, int]) -> None:

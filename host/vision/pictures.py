@@ -20,6 +20,7 @@ Mask = NDArray[np.uint8]
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
 LARGEST_SIDE_PX = 20_000
 SMALLEST_SIDE_PX = 16
+"""Sides of a picture that is read at all, greatest and least."""
 
 
 def u8(picture: NDArray[np.generic]) -> NDArray[np.uint8]:

@@ -73,6 +73,7 @@ BESIDE_M = (0.05, 0.3)
 """Right and left of the right end, once crop is not being cut: the feet there tell how far away it
 is."""
 BESIDE_BLOCKS = 3
+"""Blocks of columns with a foot, at least, for them to tell the distance."""
 ASKEW_M = 0.4
 """The right end's distance and the nearest one's differ by less, where both are the same face's."""
 FOOT_M = 0.5

@@ -18,6 +18,7 @@ LONGER = 1.7
 RAGGED_M = 0.02
 """Stubble stands this much above the blade's height."""
 LEAST_PX = 6.0
+"""A stem's line is at least so long, however far away: shorter ones are noise."""
 
 
 def least_length_px(camera: Camera, blade_height_m: float) -> NDArray[np.float32]:

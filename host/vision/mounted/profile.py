@@ -26,6 +26,7 @@ narrow one: looked for so far around."""
 AGAIN_M = (0.05, 0.1)
 """From the right end, and how wide: pieces of the face beside it."""
 AGAIN_PIXELS = 50.0
+"""A piece with fewer tells nothing."""
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)

@@ -23,9 +23,11 @@ CUT_QUANTILE = 0.72
 """A step counts where it is greater than this share of those on the ground that the machine is
 about to roll over, which is known to be cut: focus, noise and dust set the scale by themselves."""
 FAINTER = 0.7
+"""Factor on the least step while crop is being cut: dust dims it."""
 STEP_RANGE = (8.0, 11.0)
 """In 255ths of the logarithmic range."""
 GAP_PX = 2
+"""A stem that is interrupted by so much is one."""
 
 
 class Stems:

@@ -37,11 +37,14 @@ from host.vision.tuning.search import photo_contrast, tune
 from host.vision.view import CropView
 
 SURE = 0.5
+"""Confidence above which an answer counts as given."""
 WRONG = 0.10
 """Of the width."""
 TIMED_SIZE = (640, 480)
+"""Width and height at which times are taken: the machine's camera."""
 STRIPS = (0.08, 0.10, 0.12, 0.15)
 GAINS = (0.015, 0.02, 0.025, 0.03)
+"""Tried, as are the strips' widths: the best on all other scenes is used."""
 BASELINE_PX, BASELINE_CELL = 640, (5, 5)
 """Of the Lab-and-texture baseline, as data/README.md has it."""
 TUNED_ON = 3

@@ -20,7 +20,9 @@ from host.vision.pictures import Picture
 from host.vision.view import CropView
 
 SEED = 0
+"""Of the draws, so that figures repeat."""
 THRESHOLDS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+"""Of the confidence, at which share and error of the answers are shown."""
 
 
 @dataclass(frozen=True, slots=True)

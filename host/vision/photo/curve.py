@@ -41,6 +41,7 @@ SIGMAS = (0.8, 2.0)
 """Px: the scales of grain."""
 ALONG = np.array([1, 2, 1], np.float32) / 4
 ACROSS = np.array([1, 4, 6, 4, 1], np.float32) / 16
+"""Binomial weights by which neighbouring cells are averaged along and across."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,11 +23,13 @@ SEARCH_PX, EDGE_PX = 320, 448
 """Longer side of the picture in which the line is searched, and of that in which the edge is
 followed."""
 CELL_PX = 4
+"""Side of the cells over which features are averaged."""
 SIGMAS = (1.5, 3.6)
 """Px: the scales of grain."""
 SEARCH_SIGMA = 0.8
 """Cells over which texture is pooled."""
 LEAST_PX = 64
+"""A picture's shorter side."""
 LEAST_GRAIN = 0.8
 """Mean fine texture, of 255."""
 LEAST_YELLOW = 3.0

@@ -19,6 +19,7 @@ Rng = np.random.Generator
 LEAST_SHARE = 0.08
 """Of the picture that either kind must keep, for there to be an edge to find."""
 LONGER_PX = 448
+"""Of the disturbed copies: larger ones take longer and tell no more."""
 
 
 def _noise(size: tuple[int, int], n: int, rng: Rng) -> Values:

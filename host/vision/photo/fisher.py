@@ -16,6 +16,7 @@ RIDGE = 0.15
 """Of each feature's variance within the kinds, added to it: too few cells must not make a feature
 look sharp."""
 CELLS_PER_FEATURE = 3
+"""Of a kind of ground, for its covariance to be known."""
 ALIKE = 0.6
 """Weight of the two kinds' mean covariance in each one's own."""
 STRANGE = 0.5
@@ -26,6 +27,7 @@ WIDER = 3.0
 FLATTER = 0.7
 """Neighbouring cells tell the same thing: factor on the logarithm of the odds."""
 SUM_PER = 32
+"""Steps of the table of logarithms of sums, for each unit of the logarithm."""
 SUM = np.log1p(np.exp(-np.arange(0, 12, 1 / SUM_PER))).astype(np.float32)
 """What the logarithm of a sum is above that of its greater part, by how far their logarithms are
 apart, in steps of 1 / SUM_PER."""

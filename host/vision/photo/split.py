@@ -29,6 +29,7 @@ TOWARDS_CROP: dict[Side, float] = {"right": 0.0, "bottom": 90.0, "left": 180.0, 
 """Direction of the standing crop in degrees, from u towards v."""
 
 HALF_FAN_DEG = 65.0
+"""Lines that lean further from the vertical are no side of a swath."""
 LEAST_VARIANCE = 0.02
 """Directions in which the features vary less than this share are left small."""
 NEAR_SHARE = 0.12
