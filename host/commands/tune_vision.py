@@ -23,10 +23,6 @@ from host.vision.tuning.profiles import DATABASE, Circumstance, Profiles
 from host.vision.tuning.search import tune
 from host.vision.tuning.subject import subject_of
 
-LEAST_CONTRAST = 0.1
-"""Of 1: below it a profile would be worse than none."""
-
-
 def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
     """Parameters and contrast before and after."""
     table = Table("parameter", "before", "after")
@@ -95,12 +91,6 @@ def tune_vision(
         _serve(Tuner(taken, subject.eye, subject.contrast, start, db, where, _now), port)
         return
     params, reached = tune(subject.contrast, start)
-    if reached < LEAST_CONTRAST:
-        raise UserError(
-            f"no parameters tell crop from stubble on these pictures (contrast {reached:.3f}, at "
-            f"least {LEAST_CONTRAST:g} is needed); nothing was saved. Take pictures with the edge "
-            "in view, and say with --side where the crop stands"
-        )
     if save:
         with Profiles(db) as profiles:
             profiles.save(where, params, reached, now)

@@ -47,6 +47,20 @@ def test_distances_between_cells_are_those_of_whole_numbers_wherever_arrays_lie(
         assert np.array_equal(cells_to(body), np.sqrt(squares.min(-1)).astype(np.float32))
 
 
+def test_where_no_cell_is_solid_every_distance_is_just_beyond_any() -> None:
+    """OpenCV answers with a float whose square overflows on some machines."""
+    with np.errstate(all="raise"):
+        assert (cells_to(np.zeros((5, 7), np.bool_)) == 12).all()
+
+
+def test_a_field_cut_to_the_last_stalk_is_pictured_without_a_number_that_overflows() -> None:
+    field = Field(SPEC.model_copy(update={"neighbours": "none"}), 1)
+    with np.errstate(over="raise", invalid="raise"):
+        camera = Camera(field, LOW, seed=1)
+        field.clear(((-1, -1), (9, -1), (9, 7), (-1, 7)))
+        assert camera.capture(*POSE).any()
+
+
 def test_pictures_repeat_and_differ_by_seed_time_and_pose() -> None:
     def shot(seed: int, t: float, x: float) -> bytes:
         return Camera(half_cut(), MAST, seed=seed).capture(t, x, 1.5, 0.1).tobytes()

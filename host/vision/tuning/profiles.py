@@ -34,6 +34,8 @@ HOURS = 2.0
 """A difference of so many hours weighs as much as another terrain, crop or weather."""
 OTHER_MOUNT = 4.0
 """What another mount weighs: the picture is another one altogether."""
+LEAST_CONTRAST = 0.1
+"""Of 1: below it a profile would be worse than none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,14 @@ class Profiles(contextlib.AbstractContextManager["Profiles"]):
     def save(
         self, where: Circumstance, params: PaperParams, contrast: float, saved: datetime.datetime
     ) -> None:
-        """Adds a profile; older ones of the same circumstance stay for comparison."""
+        """Adds a profile; older ones of the same circumstance stay for comparison. UserError where
+        its contrast is less than LEAST_CONTRAST: it would be worse than none."""
+        if not contrast >= LEAST_CONTRAST:
+            raise UserError(
+                f"these parameters do not tell crop from stubble on these pictures (contrast "
+                f"{contrast:.3f}, at least {LEAST_CONTRAST:g} is needed); nothing was saved. Take "
+                "pictures with the edge in view, and say where the crop stands"
+            )
         with self._db:
             self._db.execute(
                 "INSERT INTO profile (saved, hour, terrain, crop, weather, mount, contrast, params)"

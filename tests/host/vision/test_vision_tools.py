@@ -65,6 +65,14 @@ def test_a_file_that_is_no_database_gives_one_clear_message(tmp_path: Path) -> N
         Profiles(path)
 
 
+def test_what_tells_nothing_apart_is_no_profile(tmp_path: Path) -> None:
+    with Profiles(tmp_path / "p.sqlite") as profiles:
+        for contrast in (0.0, 0.09, float("nan")):
+            with pytest.raises(UserError, match="nothing was saved"):
+                profiles.save(Circumstance(9), RIPE, contrast, NOW)
+        assert list(profiles.all()) == []
+
+
 CIRCUMSTANCES = st.builds(
     Circumstance, st.floats(0, 24), st.sampled_from("ab"), st.sampled_from("ab")
 )
@@ -301,6 +309,17 @@ def test_tune_vision_saves_what_it_found_and_shows_before_and_after(
     assert saved.circumstance == Circumstance(9.0)
     assert saved.contrast >= 0.5
     assert {p.name for p in out.iterdir()} == {"wheat.before.png", "wheat.after.png"}
+
+
+def test_tune_vision_on_black_masks_saves_nothing(tmp_path: Path) -> None:
+    path, db = tmp_path / "mask.png", tmp_path / "p.sqlite"
+    cv2.imwrite(str(path), np.zeros((60, 80, 3), np.uint8))
+    args = ("--side", "left", "--db", db, "--out", tmp_path / "out")
+    result = run(tune_vision, path, *args)
+    assert isinstance(result.exception, UserError)
+    assert "nothing was saved" in str(result.exception)
+    with Profiles(db) as profiles:
+        assert list(profiles.all()) == []
 
 
 def recorded(
