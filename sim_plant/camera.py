@@ -100,9 +100,10 @@ MOUNTS: Final = {"low": LOW, "mast": MAST}
 
 
 def cells_to(body: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(rows, columns): how far the nearest cell of `body`, of the same shape, is away, in cells; more
-    than any distance between two cells where there is none. The last bits of OpenCV's answer depend on where its arrays lie in memory; the square of a
-    distance between cells is a whole number."""
+    """(rows, columns): how far the nearest cell of `body`, of the same shape, is away, in cells;
+    more than any distance between two cells where there is none. The last bits of OpenCV's answer
+    depend on where its arrays lie in memory; the square of a distance between cells is a whole
+    number."""
     cells = cv2.distanceTransform((~body).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     # Without a cell of `body` OpenCV gives the largest float there is, whose square is none.
     cells = np.minimum(cells, np.float32(sum(body.shape)))

@@ -19,8 +19,9 @@ from host.vision.watched import watched_detector
 class Eyes(Protocol):
     """One camera of one run."""
 
-    instant: bool
-    """Whether to develop costs next to nothing, and no thread is worth its while."""
+    takes_pictures: bool
+    """Whether a shot becomes a picture that a person can look at. Where none does, to develop costs
+    next to nothing, and there is nothing to film or to keep."""
 
     def shutter(self) -> Any:
         """Freezes what the camera sees now; called on the bench's own thread."""
@@ -43,7 +44,7 @@ class PictureEyes:
     """The simulated camera, and the detector that the scenario names: of the bench it sees nothing
     but pictures."""
 
-    instant = False
+    takes_pictures = True
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench

@@ -97,7 +97,8 @@ class Harvest:
         eyes: Callable[[Bench], Eyes] | None = None,
     ) -> None:
         """`eyes`: what takes the pictures and makes the detector, as the scenario says where none
-        are given; `detector`: another one for the same pictures."""
+        are given; `detector`: another one for the same pictures. Eyes that take no pictures leave
+        none in record and film."""
         self.scenario = scenario
         self.bench = Bench(scenario, camera_threads=camera_threads)
         self.eyes: Eyes = (eyes or eyes_of)(self.bench)
@@ -127,7 +128,7 @@ class Harvest:
         self._late_s = lens.delay_s - self._told.vehicle.camera_delay_s
         """How much later than a picture's shutter the host believes that to have been."""
         self._frame_ticks = max(1, round(HOST_HZ / lens.fps))
-        if video is not None:
+        if video is not None and self.eyes.takes_pictures:
             fps = lens.fps / VIDEO_EVERY * 4
             self._video = pictures.Video(video, fps, lens.width_px, lens.height_px)
         self._record: Recorder | None = None
@@ -194,9 +195,9 @@ class Harvest:
         if tick % self._frame_ticks == 0:
             shot = self.eyes.shutter()
             work: Picture = (
-                _Developed(self.eyes.develop(shot))
-                if self.eyes.instant
-                else self._darkroom.submit(self.eyes.develop, shot)
+                self._darkroom.submit(self.eyes.develop, shot)
+                if self.eyes.takes_pictures
+                else _Developed(self.eyes.develop(shot))
             )
             self._due.append((now + self._delay_s - 1e-9, now, work))
         if tick % FIX_TICKS == 0:
@@ -287,7 +288,7 @@ class Harvest:
         data: bytes,
     ) -> None:
         pilot = self.pilot
-        every = self.scenario.record.pictures_every
+        every = self.scenario.record.pictures_every if self.eyes.takes_pictures else 0
         if frame is not None:
             if every and self.frames % every == 0:
                 record.picture(frame.stamp, jpeg)

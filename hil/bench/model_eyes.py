@@ -286,7 +286,7 @@ def library(path: Path = LIBRARY) -> Library:
 class ModelEyes:
     """In place of the camera: a picture is the number of its shot, and what was true then."""
 
-    instant = True
+    takes_pictures = False
 
     def __init__(
         self, bench: Bench, errors: Library | None = None, without: Collection[str] = ()

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from hil.studies.beliefs import CASES, harmless, run, table_of
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
 
 
 @click.command()
@@ -26,14 +27,16 @@ def beliefs(cases: tuple[str, ...], eyes: str, firmware: str, out: Path) -> None
         raise UserError(f"no case is named {unknown[0]!r}; there are: {'; '.join(CASES)}")
 
     def show(row: dict[str, Any]) -> None:
+        watch.step()
         end = f"{row['outcome']}: {row['reason']}"
-        click.echo(
+        echo(
             f"{row['belief']}: neighbour {row['neighbour_cut_m2']:g} m2, outside "
             f"{row['outside_m']:g} m, coverage {row['coverage']:.3f}, {end}"
         )
 
-    rows = run(cases or CASES, out, eyes, firmware, show)
-    Console().print(table_of(rows))
+    with Watch("beliefs", len(cases or CASES)) as watch:
+        rows = run(cases or CASES, out, eyes, firmware, show)
+    PlainConsole().print_table(table_of(rows))
     harm = [str(row["belief"]) for row in rows if not harmless(row)]
     if harm:
         raise UserError(f"{len(harm)} of {len(rows)} did harm: {', '.join(harm)}")

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
-from hil.commands.progress import Watch
 from hil.judge.causes import Cause, causes, circumstances, disagreements, hesitations
 from hil.judge.overview import overview, ranking, stopped_safely
 from hil.report import report
@@ -28,6 +26,8 @@ from hil.studies.campaign import (
     with_pictures,
 )
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
 
 REASONS = 40
 """Runs that did not finish whose reasons the command prints."""
@@ -105,22 +105,22 @@ def campaign(
         mapped = run(drawn, maps_in, "maps of the worst") if drawn else []
         keep = {(s["scenario"], s["seed"]): s["run"] for s in mapped}
         summaries = [s | {"map": keep.get((s["scenario"], s["seed"]), s["run"])} for s in summaries]
-    Console().print(_table(rows))
-    Console().print(_causes(found))
-    Console().print(_hesitations(summaries))
+    PlainConsole().print_table(_table(rows))
+    PlainConsole().print_table(_causes(found))
+    PlainConsole().print_table(_hesitations(summaries))
     if apart:
-        Console().print(_apart(apart))
+        PlainConsole().print_table(_apart(apart))
     report.campaign_report(out, summaries, rows, found, apart)
     if rank:
         for place, (name, mean, worst) in enumerate(ranking(summaries), 1):
-            click.echo(f"{place:3}. {name}: cost {mean:.3f}, worst {worst:.3f}")
-    click.echo(f"written to {out}: campaign.json, runs.parquet, events.parquet, report.html, runs/")
+            echo(f"{place:3}. {name}: cost {mean:.3f}, worst {worst:.3f}")
+    echo(f"written to {out}: campaign.json, runs.parquet, events.parquet, report.html, runs/")
     bad = [s for s in summaries if s["outcome"] != "finished"]
     for summary in bad[:REASONS]:
         how = "stopped safely" if stopped_safely(summary) else summary["outcome"]
-        click.echo(f"{how}: runs/{summary['run']}: {summary['reason']}")
+        echo(f"{how}: runs/{summary['run']}: {summary['reason']}")
     if len(bad) > REASONS:
-        click.echo(f"{len(bad) - REASONS} more that did not finish: see {out}/report.html")
+        echo(f"{len(bad) - REASONS} more that did not finish: see {out}/report.html")
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:

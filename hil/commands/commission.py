@@ -10,6 +10,8 @@ import click
 from hil.scenario.belief import Walk
 from hil.scenario.scenario import assigned, load, merge
 from hil.studies.commissioning import commission, page_of
+from host.core.progress import Watch
+from host.core.terminal import echo
 
 
 @click.command("commission")
@@ -28,6 +30,8 @@ def commission_command(
     overrides: dict[str, Any] = {k: v for k, v in options.items() if v is not None}
     for setting in settings:
         overrides = merge(overrides, assigned(setting))
-    values = commission(load(name, overrides), out, Walk(laps=laps, cep_m=cep), click.echo)
-    click.echo(page_of(values))
-    click.echo(f"written to {out}; harvest with it: daranti-hil harvest --belief {out}")
+    chosen = load(name, overrides)
+    with Watch("commission"):
+        values = commission(chosen, out, Walk(laps=laps, cep_m=cep), echo)
+    echo(page_of(values))
+    echo(f"written to {out}; harvest with it: daranti-hil harvest --belief {out}")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from hil.scenario.random_fields import random_field
@@ -15,6 +14,8 @@ from hil.scenario.scenario import changed
 from hil.studies.campaign import seeds_of
 from hil.studies.consistency import overview, watched
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole
 
 
 @click.command()
@@ -33,17 +34,19 @@ def consistency(seeds: str, eyes: str, dust: float | None, out: Path) -> None:
     setting: dict[str, Any] = {"eyes": eyes, "belief": {"errors": {"walk_cep_m": None}}}
     if dust is not None:
         setting["weather"] = {"dust": dust}
-    console = Console()
+    console = PlainConsole()
     out.parent.mkdir(parents=True, exist_ok=True)
     runs = []
-    for seed in numbers:
-        runs.append(watched(changed(random_field(seed), setting)))
-        out.write_text(json.dumps(runs), encoding="utf-8")
-        last = runs[-1]
-        console.print(
-            f"{seed}: {last['outcome']}, coverage {last['coverage']:.4f}, "
-            f"lateral {last['lateral_rms_m']:.3f} m"
-        )
+    with Watch("fields", len(numbers)) as watch:
+        for seed in numbers:
+            runs.append(watched(changed(random_field(seed), setting)))
+            out.write_text(json.dumps(runs), encoding="utf-8")
+            last = runs[-1]
+            console.print(
+                f"{seed}: {last['outcome']}, coverage {last['coverage']:.4f}, "
+                f"lateral {last['lateral_rms_m']:.3f} m"
+            )
+            watch.step()
     table = Table("", "fields", "NEES, 1 is honest", "95 % of it", "median", "within 95 %", "rms",
                   "worst")  # fmt: skip
     for line in overview(runs):
@@ -57,4 +60,4 @@ def consistency(seeds: str, eyes: str, dust: float | None, out: Path) -> None:
             f"{line.rms:.3f}",
             f"{line.worst:.2f}",
         )
-    console.print(table)
+    console.print_table(table)

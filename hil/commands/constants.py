@@ -6,11 +6,12 @@ from collections import Counter
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from hil.scenario.scenario import load
 from hil.studies.constants import ROOT, SHARE, Figures, driven, found, varied
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole
 
 
 @click.command()
@@ -22,7 +23,7 @@ from hil.studies.constants import ROOT, SHARE, Figures, driven, found, varied
 def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
     """Counts the numbers in capitals on the way from picture to steering. With --vary, drives a
     scenario with model eyes with each of them 30 % smaller and larger."""
-    console = Console()
+    console = PlainConsole()
     every = found(tree)
     if vary is None:
         table = Table("room", "constants", "without a text")
@@ -31,21 +32,22 @@ def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
         for room, count in rooms.items():
             table.add_row(room, str(count), str(bare[room]))
         table.add_row("all", str(len(every)), str(sum(bare.values())))
-        console.print(table)
+        console.print_table(table)
         return
     usual_one = load(scenario, {"seed": seed, "eyes": "model"})
     usual = driven(usual_one)
     table = Table("constant", "share", "outcome", "coverage", "lateral m", "time s", "")
     table.add_row("as they are", "", *_cells(usual), "")
-    for one in every:
-        if vary != "all" and vary not in f"{one.path}:{one.name}":
-            continue
-        for factor in (1 - SHARE, 1 + SHARE):
-            with varied(one, factor):
-                got = driven(usual_one)
-            mark = "knife's edge" if got.knife(usual) else ""
-            table.add_row(f"{one.path}:{one.name}", f"{factor:.1f}", *_cells(got), mark)
-    console.print(table)
+    chosen = [one for one in every if vary == "all" or vary in f"{one.path}:{one.name}"]
+    with Watch("constants", len(chosen)) as watch:
+        for one in chosen:
+            for factor in (1 - SHARE, 1 + SHARE):
+                with varied(one, factor):
+                    got = driven(usual_one)
+                mark = "knife's edge" if got.knife(usual) else ""
+                table.add_row(f"{one.path}:{one.name}", f"{factor:.1f}", *_cells(got), mark)
+            watch.step(one.name)
+    console.print_table(table)
 
 
 def _cells(figures: Figures) -> tuple[str, ...]:

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from hil.bench.model_eyes import LIBRARY
-from hil.commands.progress import Watch
 from hil.studies.campaign import seeds_of
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
 
 SEEDS = "9001-9030"
 
@@ -79,9 +79,10 @@ def fit_command(
     """Drives fields with pictures, or takes drives that are there, and keeps what the
     detector answered to each as the model eyes' library."""
     _drive(_seeds(seeds), folder, "picture", workers, scheduler)
-    made = fit(folder, library, datetime.datetime.now(datetime.UTC).date())
-    Console().print(fitted(made.about["figures"]))
-    click.echo(f"{made.size} pictures of {len(made.drives)} drives: {library}")
+    with Watch("fit"):
+        made = fit(folder, library, datetime.datetime.now(datetime.UTC).date())
+    PlainConsole().print_table(fitted(made.about["figures"]))
+    echo(f"{made.size} pictures of {len(made.drives)} drives: {library}")
 
 
 @eyes.command("judge")
@@ -109,10 +110,10 @@ def judge_command(
             f"{row['cliffs_delta']:+.2f}",
             "yes" if row["agrees"] else "NO",
         )
-    Console().print(table)
+    PlainConsole().print_table(table)
     for name, runs in (("pictures", pictures), ("model", models)):
         done = sum(run["outcome"] == "finished" for run in runs)
-        click.echo(f"by {name}: {done} of {len(runs)} fields finished")
+        echo(f"by {name}: {done} of {len(runs)} fields finished")
 
 
 def fitted(figures: dict[str, dict[str, Any]]) -> Table:

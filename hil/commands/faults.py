@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import get_args
 
 import click
-from rich.console import Console
-from rich.progress import Progress
 
 from hil.firmware.provision import Firmware
 from hil.judge.fault_verdict import Situation
@@ -20,6 +18,8 @@ from hil.report.fault_tables import markdown_of, table_of
 from hil.studies.fault_matrix import Case, all_faults, digest, grouped, kept, run_group
 from hil.studies.spread import spread
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
 
 
 def _selected(only: Sequence[str]) -> list[tuple[str, str, str]]:
@@ -80,9 +80,12 @@ def faults(
     log = out / "verdicts.jsonl"
     found = kept(log, cases)
     todo = [case for case in cases if case not in found]
-    with Progress(console=Console(stderr=True)) as bar, log.open("a", encoding="utf-8") as file:
+    with (
+        Watch(f"{len(cases)} faults", len(cases)) as watch,
+        log.open("a", encoding="utf-8") as file,
+    ):
         file.write("\n")  # a killed call may have left half a line
-        task = bar.add_task(f"{len(cases)} faults", total=len(cases), completed=len(found))
+        watch.reach(len(found))
         groups = grouped(todo)
         for group, verdicts in spread(run_group, groups, workers=workers, scheduler=scheduler):
             for case, verdict in zip(group, verdicts, strict=True):
@@ -90,7 +93,7 @@ def faults(
                 entry = {"digest": digest(case), "verdict": asdict(verdict)}
                 file.write(json.dumps(entry) + "\n")
             file.flush()
-            bar.update(task, completed=len(found), description=verdicts[-1].fault)
+            watch.reach(len(found), verdicts[-1].fault)
     verdicts = [found[case] for case in cases]
     title = f"faults, {firmware} firmware, {camera} camera, {mode} vision"
     if sensors:
@@ -106,13 +109,12 @@ def faults(
         "faults": [asdict(v) for v in verdicts],
     }
     (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    width = None if Console().is_terminal else 200
-    Console(width=width).print(table_of(verdicts, title))
+    PlainConsole().print_table(table_of(verdicts, title))
     (out / "faults.md").write_text(markdown_of(verdicts, title), encoding="utf-8")
     report.faults_report(out, title, verdicts)
     latencies = [v.stop_latency_ms for v in verdicts if v.stop_latency_ms is not None]
     worst = max(latencies, default=math.nan)
-    click.echo(
+    echo(
         f"{len(verdicts)} runs, {summary['limits']} known limits, worst stop_latency_ms "
         f"{worst:.0f}; written to {out}"
     )

@@ -10,16 +10,23 @@ from typing import Any
 
 import click
 import cv2
-from rich import progress
-from rich.console import Console
 from rich.table import Table
 
 from hil.bench.harvest import SWITCH_S, Progress, harvest
 from hil.bench.live_view import HOST
-from hil.commands.progress import Lines, written_since
+from hil.judge.figures import cells_of
 from hil.scenario.belief import in_words, wrong_by
 from hil.scenario.scenario import assigned, load, merge
-from host.core.errors import FaultError, UnfinishedError
+from host.core.errors import FaultError, UnfinishedError, UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
+
+
+def written_since(folder: Path, begun: float) -> list[str]:
+    """Names of what was written into a folder since `begun` (seconds of the system's clock): what
+    an earlier run has left is not announced as this one's."""
+    slack_s = 1.0  # some file systems keep whole seconds
+    return [each.name for each in folder.iterdir() if each.stat().st_mtime >= begun - slack_s]
 
 
 @click.command("harvest")
@@ -31,7 +38,7 @@ from host.core.errors import FaultError, UnfinishedError
 @click.option("--eyes", type=click.Choice(["picture", "model"]), help="Pictures, or their model.")
 @click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
-@click.option("--film/--no-film", default=None, help="Write camera.mp4.")
+@click.option("--film/--no-film", default=None, help="Write camera.mp4 (of pictures).")
 @click.option("--live", type=click.IntRange(1, 65535), help="Port of a live view for Foxglove.")
 @click.option("--belief", metavar="exact|FOLDER", help="What the host is told: a commissioned one.")
 @click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
@@ -57,41 +64,30 @@ def harvest_command(
         overrides["record"] = {"film": film}
     if live is not None:
         overrides = merge(overrides, {"record": {"live_port": live}})
-        click.echo(f"live view: open ws://{HOST}:{live} in Foxglove", err=True)
+        echo(f"live view: open ws://{HOST}:{live} in Foxglove", err=True)
     if belief is not None:
         overrides["belief"] = "exact" if belief == "exact" else {"folder": belief}
     for setting in settings:
         overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)
+    if film and chosen.eyes == "model":
+        raise UserError("--film: the model takes no pictures; leave it, or take --eyes picture")
     begun = time.time()
-    click.echo(in_words(wrong_by(chosen.told, chosen.world)))
-    console = Console(stderr=True)
-    columns = (
-        progress.TextColumn("coverage"),
-        progress.BarColumn(),
-        progress.TaskProgressColumn(),
-        progress.TextColumn("{task.fields[time]:6.0f} s  {task.description}"),
-    )
-    with progress.Progress(*columns, console=console) as bar:
-        task = bar.add_task("starting", total=1.0, time=0.0)
-
-        lines = Lines(console)
+    echo(in_words(wrong_by(chosen.told, chosen.world)))
+    with Watch("harvest", 1.0) as watch:
 
         def show(step: Progress) -> None:
-            lines.tell(step.coverage, f"{step.time_s:.0f} s simulated, {step.phase.value}")
-            bar.update(
-                task, completed=step.coverage, time=step.time_s, description=step.phase.value
-            )
+            watch.reach(step.coverage, f"{step.time_s:.0f} s simulated, {step.phase.value}")
 
         summary = harvest(chosen, out, show, camera_threads=os.cpu_count() or 1)
     table = Table(title=f"{summary['scenario']}: {summary['outcome']} ({summary['reason']})")
-    table.add_column("figure")
-    table.add_column("value", justify="right")
+    for heading in ("figure", "value", "unit", "must be"):
+        table.add_column(heading, justify="right" if heading == "value" else "left")
     for key, value in summary.items():
         if isinstance(value, int | float) and not isinstance(value, bool):
-            table.add_row(key, f"{value:g}")
-    Console().print(table)
-    click.echo(f"written to {out}: {', '.join(sorted(written_since(out, begun)))}")
+            table.add_row(*cells_of(key, value))
+    PlainConsole().print_table(table)
+    echo(f"written to {out}: {', '.join(sorted(written_since(out, begun)))}")
     if summary["outcome"] != "finished":
         kind = FaultError if summary["outcome"] == "fault" else UnfinishedError
         raise kind(

@@ -6,8 +6,6 @@ import json
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from hil.studies.actuators import (
@@ -18,6 +16,8 @@ from hil.studies.actuators import (
 )
 from hil.studies.identification import campaign, identify_plant, summary_of
 from host.commands.identify import table as table_of
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
 from host.tune.pictures import draw_fit
 
 
@@ -42,17 +42,10 @@ def command(
     findings, model, _ = identify_plant(plants[0], firmware)
     model.save(out / "model.json")
     draw_fit(findings, model, out / "fit.png")
-    console = Console()
-    console.print(table_of(model))
-    with Progress(console=Console(stderr=True)) as bar:
-        task = bar.add_task("actuators", total=count)
-        table = campaign(
-            plants,
-            tune=tune,
-            workers=workers,
-            firmware=firmware,
-            progress=lambda: bar.advance(task),
-        )
+    console = PlainConsole()
+    console.print_table(table_of(model))
+    with Watch("actuators", count) as watch:
+        table = campaign(plants, tune=tune, workers=workers, firmware=firmware, progress=watch.step)
     summary = summary_of(table)
     table.to_parquet(out / "plants.parquet", index=False)
     (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
@@ -61,8 +54,8 @@ def command(
     shown.add_column("value", justify="right")
     for key, value in summary.items():
         shown.add_row(key, f"{value:g}")
-    console.print(shown)
+    console.print_table(shown)
     for number, text in enumerate(table["error"]):
         if text:
             console.print(f"actuator {number}: {text}")
-    click.echo(f"written to {out}: plants.parquet, summary.json, model.json, fit.png")
+    echo(f"written to {out}: plants.parquet, summary.json, model.json, fit.png")

@@ -8,6 +8,8 @@ import click
 import numpy as np
 
 from hil.judge.plots import draw_path, draw_time, series
+from host.core.progress import Watch
+from host.core.terminal import echo
 from host.link import protocol
 
 
@@ -16,15 +18,16 @@ from host.link import protocol
 @click.option("--out", type=click.Path(path_type=Path), help="Folder; default beside the record.")
 def plot(path: Path, out: Path | None) -> None:
     """Draws a record: over time, and where the machine went."""
-    data = series(path)
-    folder = out or path.parent
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in (("time", draw_time(data)), ("path", draw_path(data))):
-        target = folder / f"{path.stem}-{name}.png"
-        figure.savefig(target, dpi=110)
-        click.echo(f"written: {target}")
+    with Watch(f"plot of {path}"):
+        data = series(path)
+        folder = out or path.parent
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, figure in (("time", draw_time(data)), ("path", draw_path(data))):
+            target = folder / f"{path.stem}-{name}.png"
+            figure.savefig(target, dpi=110)
+            echo(f"written: {target}")
     for stamp, phase, reason in data.phases:
-        click.echo(f"{stamp:8.1f} s  {phase}: {reason}")
+        echo(f"{stamp:8.1f} s  {phase}: {reason}")
     word = protocol.Fault(int(np.bitwise_or.reduce(data.telemetry[:, 6].astype(np.int64))))
     for text in protocol.fault_texts(word):
-        click.echo(f"fault reported: {text}")
+        echo(f"fault reported: {text}")

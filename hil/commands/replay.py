@@ -9,6 +9,8 @@ import click
 
 from hil.bench.replay import replay
 from host.core.errors import UnfinishedError, UserError
+from host.core.progress import Watch
+from host.core.terminal import echo
 from host.link.protocol import PARAMS
 
 
@@ -43,19 +45,20 @@ def command(
     unknown = [name for name in parameters if name not in PARAMS]
     if unknown:
         raise UserError(f"--param {unknown[0]}: the firmware has no such parameter")
-    outcome = replay(
-        path,
-        vehicle=_settings(vehicle, "--vehicle"),
-        parameters=parameters,
-        firmware=firmware,
-    )
+    with Watch(f"replay of {path}"):
+        outcome = replay(
+            path,
+            vehicle=_settings(vehicle, "--vehicle"),
+            parameters=parameters,
+            firmware=firmware,
+        )
     for note in outcome.notes:
-        click.echo(f"note: {note}")
+        echo(f"note: {note}")
     counts = f"{outcome.commands} commands, {outcome.views} views, {outcome.messages} messages"
     for who, differences in (("pilot", outcome.pilot), ("firmware", outcome.firmware)):
         for difference in differences if show_all else differences[:1]:
-            click.echo(f"{who}: {difference}")
+            echo(f"{who}: {difference}")
     total = len(outcome.pilot) + len(outcome.firmware)
     if total:
         raise UnfinishedError(f"{path}: {total} differences in {counts}")
-    click.echo(f"{path}: all the same: {counts}")
+    echo(f"{path}: all the same: {counts}")

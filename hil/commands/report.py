@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    pass
 from hil.report.report import report_of
+from host.core.progress import Watch
+from host.core.terminal import echo
 
 
 @click.command()
@@ -21,4 +20,6 @@ from hil.report.report import report_of
 )
 def report(folder: Path, against: Path | None) -> None:
     """Writes report.html, complete in itself, of a harvest, a campaign or a fault matrix."""
-    click.echo(f"written: {report_of(folder, against)}")
+    with Watch(f"report of {folder}"):
+        written = report_of(folder, against)
+    echo(f"written: {written}")

@@ -17,6 +17,7 @@ from hil.firmware.real_board import PREFIX, Board
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
+from host.core.terminal import echo
 from sim_plant.phone import Phone, PhoneSpec
 
 
@@ -113,9 +114,9 @@ def _announce(about: dict[str, str], out: Path) -> None:
     """Says, and writes to rig.json, how to reach the machine; the command comes last."""
     (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
     for key, value in about.items():
-        click.echo(f"{key:9} {value}")
+        echo(f"{key:9} {value}")
     line = " ".join(f"--{key} {value}" for key, value in about.items() if key not in NETWORK)
-    click.echo(f"drive it: daranti drive {line}")
+    echo(f"drive it: daranti drive {line}")
 
 
 def _report(machine: Rig, out: Path) -> None:
@@ -130,7 +131,7 @@ def _report(machine: Rig, out: Path) -> None:
         **machine.deadlines.summary(),
     }
     for key, value in summary.items():
-        click.echo(f"{key:18} {value}")
+        echo(f"{key:18} {value}")
     (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     if len(machine.track) > 1:
         title = f"rig: coverage {summary['coverage']:.3f}"

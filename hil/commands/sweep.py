@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.progress import Progress
 
 from hil.report import sweep_page
 from hil.studies.sweep import (
@@ -24,6 +23,8 @@ from hil.studies.sweep import (
     spot_check,
     summary_of,
 )
+from host.core.progress import Watch
+from host.core.terminal import echo
 
 
 @click.command()
@@ -56,29 +57,29 @@ def sweep(
     began = time.monotonic()
     with _spread(workers, scheduler) as spread:
         ready_s = time.monotonic() - began
-        with Progress() as bar:
-            task = bar.add_task("step responses", total=chosen.responses())
-            table = chosen.run(spread, lambda count: bar.update(task, completed=count))
+        with Watch("step responses", chosen.responses()) as watch:
+            table = chosen.run(spread, watch.reach)
         wall_s = time.monotonic() - began - ready_s
         summary: dict[str, Any] = summary_of(chosen, table)
         summary["wall_s"] = round(wall_s, 2)
         if check:
-            summary["spot_check"] = spot_check(chosen, table, check, spread)
+            with Watch("spot check"):
+                summary["spot_check"] = spot_check(chosen, table, check, spread)
     names = [*chosen.space.parameters, *chosen.space.fixed]
     ranked = candidates_of(table, names)
     table.to_parquet(out / "responses.parquet", index=False)
     ranked.to_parquet(out / "candidates.parquet")
     (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     sweep_page.write(out, chosen.space, table, ranked, summary)
-    click.echo(f"{len(table)} step responses in {wall_s:.1f} s on {_where(workers, scheduler)}")
-    click.echo(f"chosen: {_words(summary['chosen'])}")
-    click.echo(
+    echo(f"{len(table)} step responses in {wall_s:.1f} s on {_where(workers, scheduler)}")
+    echo(f"chosen: {_words(summary['chosen'])}")
+    echo(
         f"meets the figures in {summary['chosen_meets']:.1%} of its responses; "
         f"table sha256 {summary['table_sha256'][:16]}"
     )
     for key, value in summary.get("spot_check", {}).items():
-        click.echo(f"spot check on the Uno's binary: {key} {value}")
-    click.echo(f"written to {out}: report.html, summary.json, responses.parquet")
+        echo(f"spot check on the Uno's binary: {key} {value}")
+    echo(f"written to {out}: report.html, summary.json, responses.parquet")
 
 
 @contextmanager

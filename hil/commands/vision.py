@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from hil.studies.spread import spread
 from hil.studies.vision_drives import Drive, Mode, Outcome, run, summary
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import PlainConsole, echo
 
 
 def _figure(value: float | int | None, factor: float = 1.0, digits: int = 1) -> str:
@@ -79,14 +79,12 @@ def vision(
     make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust)
     drives = [make(number=n, mount=name) for n in range(count) for name in names]
     found: dict[str, list[Outcome]] = {name: [] for name in names}
-    console = Console()
-    with Progress(console=console) as progress:
-        task = progress.add_task(f"{len(drives)} edges of {length_m:g} m", total=len(drives))
+    with Watch(f"{len(drives)} edges of {length_m:g} m", len(drives)) as watch:
         for drive, outcome in spread(run, drives, workers=workers):
             found[drive.mount].append(outcome)
-            progress.advance(task)
+            watch.step()
     figures = {name: summary(outcomes) for name, outcomes in found.items()}
     record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures}
     (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    console.print(show(figures))
-    console.print(out / "summary.json")
+    PlainConsole().print_table(show(figures))
+    echo(f"written: {out / 'summary.json'}")

@@ -10,6 +10,8 @@ import cv2
 from hil.studies import realism
 from hil.studies.contact_sheets import SHEETS, _write_video, drive, sheet
 from host.core.errors import UserError
+from host.core.progress import Watch
+from host.core.terminal import echo
 from sim_plant.camera import LOW, MAST
 
 
@@ -33,7 +35,8 @@ from sim_plant.camera import LOW, MAST
 def world(out: Path, seed: int, names: tuple[str, ...], seconds: float, compare: bool) -> None:
     """Shows the simulated world: contact sheets and a drive, or figures against photographs."""
     if compare:
-        realism.report(seed)
+        with Watch("comparison"):
+            realism.report(seed)
         return
     mounts = {"low": LOW, "mast": MAST}
     try:
@@ -44,9 +47,9 @@ def world(out: Path, seed: int, names: tuple[str, ...], seconds: float, compare:
         path = out / f"{name}.jpg"
         if not cv2.imwrite(str(path), sheet(name, seed, mounts), [cv2.IMWRITE_JPEG_QUALITY, 82]):
             raise UserError(f"cannot write {path}; choose another --out")
-        click.echo(path)
+        echo(path)
     if seconds > 0 and not names:
         for mount_name, mount in mounts.items():
             path = out / f"drive-{mount_name}.mp4"
             _write_video(path, drive(seed, mount, seconds, 10.0), 10.0)
-            click.echo(path)
+            echo(path)

@@ -12,6 +12,7 @@ import numpy as np
 from rich.table import Table
 
 from hil.bench.harvest import harvest
+from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, load, merge
 
 SIZE_M: Final = (9.0, 7.0)
@@ -21,8 +22,6 @@ SEED: Final = 7
 LIMIT_S: Final = 900.0
 """Of one run."""
 FIGURES: Final = ("neighbour_cut_m2", "outside_m", "coverage", "outcome", "reason")
-HARM_M2, HARM_M = 0.0, 0.1
-"""What is allowed of the first two, whatever is believed."""
 
 
 def _ring(*, longer: float = 0.0, wider: float = 0.0) -> list[list[float]]:
@@ -172,7 +171,7 @@ def run(
 
 def harmless(row: Mapping[str, Any]) -> bool:
     """Whether nobody else's crop was cut and the machine stayed where it is permitted."""
-    return bool(row["neighbour_cut_m2"] <= HARM_M2 and row["outside_m"] <= HARM_M)
+    return all(MARKS[key].holds(row[key]) for key in ("neighbour_cut_m2", "outside_m"))
 
 
 def table_of(rows: Iterable[Mapping[str, Any]]) -> Table:

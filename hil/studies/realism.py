@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.terminal import PlainConsole, echo
 from host.vision.photo.score import labelled_set, miou
 from host.vision.photo.split import Search, Side, best_line, whiten
 from sim_plant import labels
@@ -222,7 +221,7 @@ def report(seed: int) -> None:
         raise UserError(
             f"no photographs at {folder}; set DARANTI_DATA to the folder that holds wheat-edge/"
         )
-    console = Console()
+    console = PlainConsole()
     photos = photographs(folder)
     views = {name: simulated(mount, seed) for name, mount in MOUNTS.items()}
     scenes = sorted({p.scene for p in photos})
@@ -244,7 +243,7 @@ def report(seed: int) -> None:
             weakest = min(weakest, *named)
             values.append(overlap(half[0][q], half[1][q]))
             table.add_row(f"{kind}: {q}", *(f"{v:.2f}" for v in values))
-    console.print(table)
+    console.print_table(table)
     console.print(f"weakest: {weakest[1]} ({weakest[0]:.2f})")
 
     table = Table(title="mean IoU of the best straight line by one cue, the side given")
@@ -255,5 +254,5 @@ def report(seed: int) -> None:
     for cue in CUES:
         means = [float(np.mean([divided(s, cue) for s in samples])) for samples in sets.values()]
         table.add_row(cue, *(f"{m:.3f}" for m in means))
-    console.print(table)
-    click.echo(f"photographs: {folder}")
+    console.print_table(table)
+    echo(f"photographs: {folder}")

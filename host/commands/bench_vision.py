@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.vision.photo import benchmark
 from host.vision.photo.comparison import Comparison, compare, data_folder, overlay
@@ -63,7 +64,8 @@ def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     and overlays of the worst pictures."""
     photos = photographs(data)
     out.mkdir(parents=True, exist_ok=True)
-    found = compare(photos)
+    with Watch(f"{len(photos)} photographs"):
+        found = compare(photos)
     table = Table(
         "mode",
         "mIoU",
@@ -85,13 +87,13 @@ def bench_vision(data: Path | None, out: Path, worst: int) -> None:
             f"{f['ms_median']:.1f}",
         )
     console = PlainConsole()
-    console.print(table)
+    console.print_table(table)
     times = Table("stage, 640x480, one thread", "ms")
     for name, ms in found.stages_ms.items():
         times.add_row(name, f"{ms:.2f}")
-    console.print(times)
-    console.print(_sure_table(found))
-    console.print(_disturbed_table(found))
+    console.print_table(times)
+    console.print_table(_sure_table(found))
+    console.print_table(_disturbed_table(found))
     record = {
         "curve": found.curve,
         "reliability": found.reliability,

@@ -26,6 +26,7 @@ from host.commands.options import (
 )
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Telemetry
+from host.core.terminal import echo
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.link import protocol
@@ -138,9 +139,9 @@ class TerminalHands:
     ) -> str | float | None:
         """Asks at the terminal; the board is listened to meanwhile."""
         say = self._text
-        click.echo("\n" + say(f"ask.{question.key}", **question.values))
+        echo("\n" + say(f"ask.{question.key}", **question.values))
         for at, choice in enumerate(question.choices, start=1):
-            click.echo(f"  {at}  {say(f'answer.{choice}')}")
+            echo(f"  {at}  {say(f'answer.{choice}')}")
         typed: deque[str] = deque()
         threading.Thread(
             target=lambda: typed.append(sys.stdin.readline()), daemon=True, name="answer"
@@ -167,14 +168,14 @@ class TerminalHands:
         known = texts(self._language)
         for line in lines[self._said :]:
             values = {key: self._words(value, known) for key, value in line.values.items()}
-            click.echo(f"{MARKS[line.verdict]} {self._text(f'line.{line.name}')}", nl=False)
+            echo(f"{MARKS[line.verdict]} {self._text(f'line.{line.name}')}", nl=False)
             seen = self._text(f"found.{line.finding}", **values) if line.finding else ""
-            click.echo(f": {seen}" if seen else "")
+            echo(f": {seen}" if seen else "")
             if line.verdict in ("bad", "warn"):
                 expected = self._text(f"expected.{line.name}", **values)
                 todo = self._text(f"todo.{line.finding}", **values)
-                click.echo(f"    {self._text('check.expected')} {expected}")
-                click.echo(f"    {self._text('check.todo')} {todo}")
+                echo(f"    {self._text('check.expected')} {expected}")
+                echo(f"    {self._text('check.todo')} {todo}")
         self._said = len(lines)
 
     def _words(self, value: Any, known: dict[str, str]) -> Any:
@@ -231,4 +232,4 @@ def check(
     bad = sum(line.verdict == "bad" for line in lines)
     if not green(lines):
         raise UserError(text(language, "check.red", count=bad))
-    click.echo(text(language, "check.green"))
+    echo(text(language, "check.green"))

@@ -80,5 +80,5 @@ def identify(port: str, stop_deg: float | None, keep: bool, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     model.save(out / "model.json")
     draw_fit(findings, model, out / "fit.png")
-    console.print(table(model))
+    console.print_table(table(model))
     echo(f"written to {out}: model.json, fit.png")

@@ -16,6 +16,7 @@ from host.commands.options import (
     vehicle_option,
 )
 from host.core.errors import UserError
+from host.core.terminal import echo
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.panel.fields import FieldDesk
 from host.panel.guard import Pairing
@@ -92,9 +93,9 @@ def panel(
     fields = FieldDesk(folder, machine, boundary, gap)
 
     def say(url: str) -> None:
-        click.echo(f"panel: {url}")
+        echo(f"panel: {url}")
         if lan:
-            click.echo(f"pair a phone with the code {pairing.code}")
+            echo(f"pair a phone with the code {pairing.code}")
 
     app = application(Panel(settings, pairing, fields))
     serve_application(app, "0.0.0.0" if lan else "127.0.0.1", web_port, "--web-port", say)

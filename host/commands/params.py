@@ -28,9 +28,6 @@ from host.link.params import (
 from host.link.protocol import ParamSpec
 from host.link.session import connect
 
-PIPE_WIDTH = 240
-"""Columns of a table that goes into a file or a pipe: one line a parameter."""
-
 
 def table(rows: Sequence[tuple[ParamSpec, float]]) -> Table:
     """Values beside their units, ranges and defaults; what differs from its default stands out."""
@@ -71,8 +68,7 @@ def list_(port: str) -> None:
     """All parameters with units, ranges and meanings."""
     with connect(port) as link:
         rows = [(spec, read(link, spec)) for spec in protocol.PARAMS.values()]
-    console = PlainConsole() if sys.stdout.isatty() else PlainConsole(width=PIPE_WIDTH)
-    console.print(table(rows))
+    PlainConsole().print_table(table(rows))
 
 
 @params.command()

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from host.commands.options import field_option, vehicle_option
 from host.core.errors import UserError
+from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.vehicle_file import load_vehicle
 from host.field.areas import MAX_GAP_M, areas_of
@@ -88,11 +89,12 @@ def plan(
     areas = areas_of(boundary.polygon(frame), gap, inset_m=inset)
     corner = frame.to_local(*boundary.crop[start])
     try:
-        sides = plan_field(areas, corner, machine, turn, gap)
-        previews = {
-            name: preview(replace(sides, turn=name), areas, machine)
-            for name in ("three_point", "arc")
-        }
+        with Watch(f"plan of {field}"):
+            sides = plan_field(areas, corner, machine, turn, gap)
+            previews = {
+                name: preview(replace(sides, turn=name), areas, machine)
+                for name in ("three_point", "arc")
+            }
     except UserError as error:
         raise UserError(f"{field}: {error}") from error
     shown = previews[turn]
@@ -107,7 +109,7 @@ def plan(
             f"left standing by choice (inset {inset:g} m, keep-outs' margin): "
             f"{areas.field.area - areas.crop.area:.1f} m2, {100 * areas.price:.2f} % of the crop"
         )
-    console.print(table_of(list(previews.values())))
+    console.print_table(table_of(list(previews.values())))
     first = shown.plan.sides[0]
     begins = min(
         range(len(boundary.crop)),

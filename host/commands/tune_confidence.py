@@ -8,6 +8,8 @@ import click
 import numpy as np
 
 from host.commands.bench_vision import photographs
+from host.core.progress import Watch
+from host.core.terminal import echo
 from host.vision.photo import calibration
 from host.vision.photo.confidence import REASONS, TOLERANCE, WEIGHTS
 
@@ -28,10 +30,11 @@ def tune_confidence(data: Path | None, seed: int, out: Path) -> None:
     disturbed pictures of them, and writes the weights.
 
     What is printed holds scenes out; what is written is learnt from all."""
-    samples = calibration.gather(photographs(data), seed)
-    sure = calibration.held_out(samples)
+    with Watch("photographs"):
+        samples = calibration.gather(photographs(data), seed)
+        sure = calibration.held_out(samples)
     right = samples.wrong <= TOLERANCE
-    click.echo(
+    echo(
         f"{len(right)} pictures of {len(np.unique(samples.scenes))} scenes; "
         f"right: at most {100 * TOLERANCE:.1f} % of the picture on the wrong side"
     )
@@ -39,9 +42,9 @@ def tune_confidence(data: Path | None, seed: int, out: Path) -> None:
         inside = (sure >= low) & (sure < low + 0.2)
         if inside.any():
             said, true = sure[inside].mean(), right[inside].mean()
-            click.echo(f"confidence {said:.2f}: {true:.2f} right, {inside.sum()} pictures")
+            echo(f"confidence {said:.2f}: {true:.2f} right, {inside.sum()} pictures")
     learnt = calibration.fit(samples, np.ones(len(right), np.bool_))
     for name, weight in zip(REASONS, learnt.weight, strict=True):
-        click.echo(f"{name:12} {weight:+.2f}")
+        echo(f"{name:12} {weight:+.2f}")
     calibration.write(out, learnt, f"daranti tune confidence --seed {seed}")
-    click.echo(f"written: {out}")
+    echo(f"written: {out}")

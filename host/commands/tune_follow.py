@@ -57,7 +57,7 @@ def follow(path: Path | None) -> None:
         f"frequency {vehicle.follow_frequency_1pm:g}/m, damping {vehicle.follow_damping:g}, "
         f"steering lag {vehicle.steer_lag_s:g} s, dead time {DEAD_TIME_S:g} s"
     )
-    console.print(table_of(vehicle))
+    console.print_table(table_of(vehicle))
     speed = vehicle.cutting_speed_mps
     feedback = gains(vehicle.steering_law, speed, vehicle)
     found = margins(opened(feedback, speed, vehicle.steer_lag_s), speed)

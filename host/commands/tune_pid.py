@@ -84,7 +84,7 @@ def pid(
         with console.status(f"choosing gains: {rule}"):
             after = gains(rule, model)
         for shown in _shown(model, before, after):
-            console.print(shown)
+            console.print_table(shown)
         size = min(VERIFY_SIZE_DEG, 2 * values["steer_limit"])
         step = Step(size_deg=size, start_deg=-size / 2, duration_s=VERIFY_S)
         laws = {"before": before, rule: after}

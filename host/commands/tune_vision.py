@@ -10,6 +10,7 @@ import click
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.panel.colour_page import Tuner, colour_application
 from host.panel.serving import serve_application
@@ -22,6 +23,7 @@ from host.vision.results import read_sides
 from host.vision.tuning.profiles import DATABASE, Circumstance, Profiles
 from host.vision.tuning.search import tune
 from host.vision.tuning.subject import subject_of
+
 
 def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float]) -> Table:
     """Parameters and contrast before and after."""
@@ -90,12 +92,13 @@ def tune_vision(
     if page:
         _serve(Tuner(taken, subject.eye, subject.contrast, start, db, where, _now), port)
         return
-    params, reached = tune(subject.contrast, start)
+    with Watch("search"):
+        params, reached = tune(subject.contrast, start)
     if save:
         with Profiles(db) as profiles:
             profiles.save(where, params, reached, now)
     console = PlainConsole()
-    console.print(show_change(start, params, (subject.contrast(start), reached)))
+    console.print_table(show_change(start, params, (subject.contrast(start), reached)))
     out.mkdir(parents=True, exist_ok=True)
     for name, bgr in taken:
         for when, used in (("before", start), ("after", params)):

@@ -15,6 +15,8 @@ from typing import Any, TextIO
 
 import click
 from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
 from rich.text import Text
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
@@ -22,6 +24,8 @@ KEPT_WRITES = 2000
 """What a terminal that is not read may owe before the rest is left out."""
 LAST_WORDS_S = 1.0
 """For a terminal that takes no more lines, before they are given up."""
+WIDEST = 100_000
+"""Columns of a file."""
 
 
 def plain(text: str) -> str:
@@ -29,9 +33,9 @@ def plain(text: str) -> str:
     return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
-def echo(text: str, *, err: bool = False) -> None:
-    """One line on stdout, or on stderr."""
-    click.echo(plain(text), err=err)
+def echo(text: object, *, err: bool = False, nl: bool = True) -> None:
+    """One line on stdout, or on stderr; without `nl` the next text goes on in it."""
+    click.echo(plain(str(text)), err=err, nl=nl)
 
 
 class PlainConsole(Console):
@@ -43,6 +47,34 @@ class PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """As Console's, control characters written out."""
         return super().render_str(plain(text), **options)
+
+    def print_table(self, table: Table) -> None:
+        """A table with every figure whole: as wide as it is into a file or a pipe; on a terminal
+        that is too narrow for it, row by row."""
+        options = self.options.update(width=WIDEST, max_width=WIDEST)
+        need = Measurement.get(self, options, table)
+        if not self.is_terminal:
+            usual, self.width = self.width, max(need.maximum, 1)
+            self.print(table)
+            self.width = usual
+        elif need.minimum <= self.width:
+            self.print(table)
+        else:
+            self.print(_upright(table), soft_wrap=True)
+
+
+def _upright(table: Table) -> Text:
+    """A table's rows as blocks, a line a column."""
+    heads = [str(column.header) for column in table.columns]
+    wide = max(map(len, heads), default=0)
+    out = Text()
+    if table.title:
+        out.append(f"{plain(str(table.title))}\n", "italic")
+    for cells in zip(*(column.cells for column in table.columns), strict=True):
+        out.append("\n")
+        for head, cell in zip(heads, map(str, cells), strict=True):
+            out.append(f"{plain(head):{wide}}  {plain(cell)}\n")
+    return out
 
 
 class Outlet:

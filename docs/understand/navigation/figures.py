@@ -6,10 +6,10 @@ from __future__ import annotations
 import math
 
 import shapely
-from rich.console import Console
 
 from host.commands.plan import table_of
 from host.commands.tune_follow import table_of as margins_table
+from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
 from host.route.field_plan import plan_field
@@ -55,7 +55,7 @@ def main() -> None:
             "{:.2f} | {:.1f} | {:.0f} | {:.2f}".format(*corner(inside, turn)) for turn in TURNS
         ]
         print(f"{inside} | " + " | ".join(cells))
-    console = Console(width=100)
+    console = PlainConsole(width=100)
     for name, field in FIELDS.items():
         areas = areas_of(field, GAP_M)
         start = field.exterior.coords[0]

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.terminal import echo
 from host.vision.figure import draw
 from host.vision.photo.detector import RobustPhoto
 from host.vision.photo.score import labelled_set, miou
@@ -106,7 +107,7 @@ def main(data: Path | None) -> None:
         shown[kind].append(picture)
     made = np.array(scores)
     sure, wrong = made[:, 1] >= 0.5, made[:, 0] < WRONG
-    click.echo(
+    echo(
         f"{len(made)} pictures: mIoU {made[:, 0].mean():.3f}, sure of {sure.mean():.0%}, wrong "
         f"{wrong.mean():.0%}, sure and wrong {(sure & wrong).mean():.0%}"
     )
@@ -114,7 +115,7 @@ def main(data: Path | None) -> None:
     out = Path("out") / "photographs.jpg" if data else HERE / "photo.jpg"
     out.parent.mkdir(exist_ok=True)
     cv2.imwrite(str(out), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 80])
-    click.echo(f"written: {out}")
+    echo(f"written: {out}")
 
 
 if __name__ == "__main__":

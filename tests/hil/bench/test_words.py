@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import socket
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from hil.bench.ports import Rfc2217Port, TcpPort
 from hil.bench.replay import replay
 from hil.commands.cli import cli
-from hil.commands.progress import Lines, written_since
+from hil.commands.harvest import written_since
 from host.core.errors import EXIT_USER, UserError, run
 from host.core.vehicle import Vehicle
 from host.runs.record import Recorder
@@ -97,16 +95,6 @@ def test_a_negotiation_that_is_none_hangs_up_and_the_next_may_come() -> None:
                     port.read()
     finally:
         port.close()
-
-
-def test_without_a_terminal_a_long_work_says_how_long_still() -> None:
-    now = [0.0]
-    out = io.StringIO()
-    lines = Lines(Console(file=out, width=200), every_s=10, clock=lambda: now[0])
-    for k in range(11):
-        now[0] = 10.0 * k
-        lines.tell(k / 40, "follow")
-    assert out.getvalue().splitlines()[-1] == "25 %: follow, 5 min left"
 
 
 def test_what_an_earlier_run_has_left_is_not_announced(tmp_path: Path) -> None:
