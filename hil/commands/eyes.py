@@ -29,11 +29,11 @@ def _seeds(text: str) -> list[int]:
 
 
 def _drive(
-    seeds: Sequence[int], folder: Path, eyes: Literal["picture", "model"], workers: int,
+    seeds: Sequence[int], out: Path, eyes: Literal["picture", "model"], workers: int,
     scheduler: str | None, library: Path | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
-    folder.mkdir(parents=True, exist_ok=True)
-    where = str(folder.resolve())
+    out.mkdir(parents=True, exist_ok=True)
+    where = str(out.resolve())
     used = str(library.resolve()) if library is not None else None
     tasks = [Task(seed, where, eyes, used) for seed in seeds]
     found: dict[int, dict[str, Any]] = {}
@@ -52,7 +52,7 @@ def eyes() -> None:
 _options = [
     click.option("--seeds", default=SEEDS, show_default=True, metavar="1-30|1,4,9"),
     click.option(
-        "--folder",
+        "--out",
         type=click.Path(path_type=Path, file_okay=False),
         default=Path("out/eyes"),
         show_default=True,
@@ -73,14 +73,12 @@ def _common(command: Any) -> Any:
 @_common
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="The file to write; default the bench's own.")  # fmt: skip
-def fit_command(
-    seeds: str, folder: Path, workers: int, scheduler: str | None, library: Path
-) -> None:
+def fit_command(seeds: str, out: Path, workers: int, scheduler: str | None, library: Path) -> None:
     """Drives fields with pictures, or takes drives that are there, and keeps what the
     detector answered to each as the model eyes' library."""
-    _drive(_seeds(seeds), folder, "picture", workers, scheduler)
+    _drive(_seeds(seeds), out, "picture", workers, scheduler)
     with Watch("fit"):
-        made = fit(folder, library, datetime.datetime.now(datetime.UTC).date())
+        made = fit(out, library, datetime.datetime.now(datetime.UTC).date())
     PlainConsole().print_table(fitted(made.about["figures"]))
     echo(f"{made.size} pictures of {len(made.drives)} drives: {library}")
 
@@ -90,13 +88,13 @@ def fit_command(
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="Of errors; default the bench's own.")  # fmt: skip
 def judge_command(
-    seeds: str, folder: Path, workers: int, scheduler: str | None, library: Path
+    seeds: str, out: Path, workers: int, scheduler: str | None, library: Path
 ) -> None:
     """Drives the same fields both ways and compares what came of it. By the model each field is
     driven without what it taught the model itself."""
     numbers = _seeds(seeds)
-    pictures = _drive(numbers, folder, "picture", workers, scheduler)
-    models = _drive(numbers, folder, "model", workers, scheduler, library)
+    pictures = _drive(numbers, out, "picture", workers, scheduler)
+    models = _drive(numbers, out, "model", workers, scheduler, library)
     rows = judge(pictures, models)
     table = Table(title=f"{len(numbers)} fields by pictures and by the model")
     for title in ("figure", "values", "median", "p90", "KS p", "Cliff's delta", "agrees"):

@@ -12,14 +12,15 @@ from host.core.terminal import echo
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("where", metavar="FOLDER|RECORD", type=click.Path(path_type=Path, exists=True))
 @click.option(
     "--against",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     help="Another of the same kind, to compare with.",
 )
-def report(folder: Path, against: Path | None) -> None:
-    """Writes report.html, complete in itself, of a harvest, a campaign or a fault matrix."""
-    with Watch(f"report of {folder}"):
-        written = report_of(folder, against)
+def report(where: Path, against: Path | None) -> None:
+    """Writes report.html, complete in itself, of a harvest, a rig, a drive's record, a campaign or
+    a fault matrix; of one that was broken off as much as there is."""
+    with Watch(f"report of {where}"):
+        written = report_of(where, against)
     echo(f"written: {written}")

@@ -13,9 +13,17 @@ _UNITS: Final = {
     "realtime_factor": "times",
     "deadlines_missed": "slices",
 }
-_SUFFIXES: Final = (
-    ("_m2", "m²"), ("_ms", "ms"), ("_mps", "m/s"), ("_deg", "°"), ("_m", "m"), ("_s", "s"),
-)  # fmt: skip
+_SUFFIXES: Final = {
+    "_per_deg": "1/°",
+    "_m2": "m²",
+    "_mps": "m/s",
+    "_degps": "°/s",
+    "_deg": "°",
+    "_ms": "ms",
+    "_m": "m",
+    "_s": "s",
+    "_j": "J",
+}
 
 HIGHER_IS_BETTER: Final = frozenset({"coverage", "finished", "realtime_factor"})
 LOWER_IS_BETTER: Final = frozenset(
@@ -34,6 +42,9 @@ LOWER_IS_BETTER: Final = frozenset(
         "bad",
     }
 )
+
+
+MISSED: Final = ": MISSED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +73,10 @@ MARKS: Final = {
 
 
 def _bare(key: str) -> str:
-    """The figure that an overview's column is of."""
-    return key.removesuffix(" median").removesuffix(" worst")
+    """The quantity that a statistic is of."""
+    for end in (" median", " worst", "_worst", "_mean"):
+        key = key.removesuffix(end)
+    return key
 
 
 def unit_of(key: str) -> str:
@@ -71,18 +84,18 @@ def unit_of(key: str) -> str:
     name = _bare(key)
     if name in _UNITS:
         return _UNITS[name]
-    return next((unit for end, unit in _SUFFIXES if name.endswith(end)), "")
+    return next((unit for end, unit in _SUFFIXES.items() if name.endswith(end)), "")
 
 
 def mark_of(key: str) -> Mark | None:
     """What a figure of that name has to keep; None where it may be anything. A median tells of half
     the runs only."""
-    return None if key.endswith(" median") else MARKS.get(_bare(key))
+    return None if key.endswith(" median") else MARKS.get(key.removesuffix(" worst"))
 
 
 def better(key: str, value: float, other: float) -> bool | None:
     """Whether a figure is better than another run's; None where neither is."""
-    name = _bare(key)
+    name = key.removesuffix(" median").removesuffix(" worst")
     if name in HIGHER_IS_BETTER and value != other:
         return value > other
     if name in LOWER_IS_BETTER and abs(value) != abs(other):
@@ -93,5 +106,5 @@ def better(key: str, value: float, other: float) -> bool | None:
 def cells_of(key: str, value: float) -> tuple[str, str, str, str]:
     """Name, value, unit and what it has to keep, which says so where it does not."""
     mark = mark_of(key)
-    must = "" if mark is None else f"{mark}{'' if mark.holds(value) else ': MISSED'}"
+    must = "" if mark is None else f"{mark}{'' if mark.holds(value) else MISSED}"
     return key, f"{value:g}", unit_of(key), must

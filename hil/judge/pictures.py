@@ -57,11 +57,16 @@ def draw_map(
         colours[kind] = colour
     rows, columns = crop.kind.shape
     x0, y0 = crop.origin
+    corners = np.array(crop.spec.corners)
+    zero = corners[0]  # where the pictures of plan and survey count from, too
+    x0, y0 = x0 - zero[0], y0 - zero[1]
     extent = (x0, x0 + columns * crop.cell, y0, y0 + rows * crop.cell)
     figure = Figure(figsize=(9, 9), layout="constrained")
     axes = figure.subplots()
     axes.imshow(colours[crop.kind], origin="lower", extent=extent, interpolation="nearest")
-    points = np.array([(x, y) for _, x, y, _, _ in track])
+    points = np.array([(x, y) for _, x, y, _, _ in track]).reshape(-1, 2) - zero
+    for number, corner in enumerate(corners - zero):
+        axes.annotate(str(number), corner, (5, 5), textcoords="offset points", weight="bold")
     phases = [phase for *_, phase in track]
     start = 0
     for end in range(1, len(track) + 1):
@@ -74,10 +79,11 @@ def draw_map(
     for kind, name in _NAMES.items():
         if kind in present:
             axes.scatter([], [], color=[_GROUND[kind]], marker="s", s=60, label=name)
-    for line, name in _PATH.values():
-        axes.plot([], [], color=line, label=name)
-    axes.set(xlabel="x east (m)", ylabel="y north (m)", title=title)
-    left, bottom, right, top = crop.spec.boundary.bounds
+    for phase, (line, name) in _PATH.items():
+        if phase in phases:
+            axes.plot([], [], color=line, label=name)
+    axes.set(xlabel="east of corner 0 (m)", ylabel="north of corner 0 (m)", title=title)
+    left, bottom, right, top = np.array(crop.spec.boundary.bounds) - np.tile(zero, 2)
     around = crop.spec.gap_m + BEYOND_GAP_M
     axes.set(
         xlim=(max(extent[0], left - around), min(extent[1], right + around)),
@@ -91,8 +97,10 @@ def draw_steering(path: Path, trace: NDArray[np.float64]) -> None:
     """steering.png from rows of (t s, setpoint rad, angle as reported rad, duty -255..255)."""
     figure = Figure(figsize=(12, 6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    upper.plot(trace[:, 0], np.degrees(trace[:, 1]), color="tab:orange", lw=0.8, label="setpoint")
-    upper.plot(trace[:, 0], np.degrees(trace[:, 2]), color="tab:blue", lw=0.8, label="angle")
+    # The setpoint is the thin line above: neither hides the other.
+    t, setpoint, angle = trace[:, 0], np.degrees(trace[:, 1]), np.degrees(trace[:, 2])
+    upper.plot(t, angle, color="tab:blue", lw=2.2, alpha=0.55, label="angle")
+    upper.plot(t, setpoint, color="tab:orange", lw=0.9, label="setpoint")
     upper.set(ylabel="steering angle (deg, left positive)", title="Steering")
     upper.legend(loc="upper right")
     upper.grid(alpha=0.3)

@@ -1,4 +1,5 @@
-"""`daranti-hil report`: report.html of a run, a campaign or a fault matrix, in one file.
+"""`daranti-hil report`: report.html of a run, a rig, a drive, a campaign or a fault matrix, in one
+file; of what was broken off as much as there is.
 
 Nothing is loaded from anywhere: pictures, plots and the video are inside. With `--against` another
 run or campaign stands beside it, figure by figure.
@@ -7,6 +8,7 @@ run or campaign stands beside it, figure by figure.
 from __future__ import annotations
 
 import base64
+import contextlib
 import io
 import json
 import math
@@ -27,8 +29,11 @@ from numpy.typing import NDArray
 from hil.judge import pictures, plots
 from hil.judge.causes import Cause
 from hil.judge.fault_verdict import Verdict
+from hil.judge.figures import MISSED, better, cells_of
 from hil.judge.overview import overview
+from hil.report.zoom import over_time, resources
 from host.core.errors import UserError
+from host.link import protocol
 from host.runs import record
 
 VIDEO_WIDTH = 320
@@ -40,25 +45,16 @@ VIDEO_FPS = 12.0
 WORST = 6
 """Maps shown of a campaign."""
 
+CAMPAIGN, VERDICTS, RIG = "campaign.json", "verdicts.jsonl", "rig.json"
+RECORD = "record.mcap"
+RUN_KEYS = ("run", "scenario", "outcome", "reason")
+ZOOM = (
+    "Turn the wheel to zoom, drag to move, click a name to hide its line; the round arrow shows "
+    "all again."
+)
+
 FIGURE = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?|–|same")
 """A cell that stands on the right of its column."""
-
-HIGHER_IS_BETTER = frozenset({"coverage", "finished", "realtime_factor"})
-LOWER_IS_BETTER = frozenset(
-    {
-        "missed_m2",
-        "neighbour_cut_m2",
-        "outside_m",
-        "lateral_rms_m",
-        "lateral_p95_m",
-        "lateral_mean_m",
-        "end_of_field_error_median_m",
-        "end_of_field_error_worst_m",
-        "false_ends",
-        "crashed",
-        "bad",
-    }
-)
 
 
 @dataclass(slots=True)
@@ -82,6 +78,8 @@ class Section:
     """Pictures below each other, not side by side."""
     video: str | None = None
     """Data URI."""
+    plot: str = ""
+    """HTML of `hil.report.zoom`, put in as it is."""
 
 
 def _uri(data: bytes, kind: str) -> str:
@@ -119,12 +117,14 @@ def render(title: str, sections: Sequence[Section]) -> str:
         lstrip_blocks=True,
     )
     environment.tests["figure"] = FIGURE.fullmatch
-    return environment.get_template("report.html.j2").render(title=title, sections=sections)
+    return environment.get_template("report.html.j2").render(
+        title=title, sections=sections, scripts=resources(section.plot for section in sections)
+    )
 
 
-def write(out: Path, title: str, sections: Sequence[Section]) -> Path:
-    """report.html in the folder."""
-    path = out / "report.html"
+def write(out: Path, title: str, sections: Sequence[Section], name: str = "report.html") -> Path:
+    """The page in the folder."""
+    path = out / name
     path.write_text(render(title, sections), encoding="utf-8")
     return path
 
@@ -133,22 +133,25 @@ def write(out: Path, title: str, sections: Sequence[Section]) -> Path:
 
 
 def compared(ours: dict[str, Any], theirs: dict[str, Any] | None, names: tuple[str, str]) -> Grid:
-    """The figures of two summaries side by side; marked where this one is better or worse."""
+    """A summary's figures with their units and what they have to keep; beside another's, marked
+    where this one is better or worse."""
     numbers = [k for k, v in ours.items() if isinstance(v, int | float) and not isinstance(v, bool)]
     if theirs is None:
-        return Grid(("figure", "value"), [("", [k, show(ours[k])]) for k in numbers])
-    grid = Grid(("figure", *names, "difference"))
+        grid = Grid(("figure", "value", "unit", "must be"))
+        for key in numbers:
+            cells = cells_of(key, ours[key])
+            grid.rows.append(("bad" if cells[3].endswith(MISSED) else "", list(cells)))
+        return grid
+    grid = Grid(("figure", *names, "unit", "difference", "must be"))
     for key in numbers:
         a, b = ours[key], theirs.get(key)
         mark, text = "", "–"
         if isinstance(b, int | float):
-            change = a - b
-            text = f"{change:+g}" if change else "same"
-            name = key.removesuffix(" median").removesuffix(" worst")
-            signed = change if name in HIGHER_IS_BETTER else abs(b) - abs(a)
-            if signed and name in HIGHER_IS_BETTER | LOWER_IS_BETTER:
-                mark = "good" if signed > 0 else "bad"
-        grid.rows.append((mark, [key, show(a), show(b), text]))
+            text = f"{a - b:+g}" if a != b else "same"
+            won = better(key, a, b)
+            mark = "" if won is None else "good" if won else "bad"
+        _, shown, unit, must = cells_of(key, a)
+        grid.rows.append((mark, [key, shown, show(b), unit, text, must]))
     return grid
 
 
@@ -169,9 +172,9 @@ def _frames_of_record(path: Path) -> Iterator[NDArray[np.uint8]]:
                 yield np.asarray(bgr, np.uint8)
 
 
-def small_video(folder: Path) -> str | None:
-    """The run's film, small enough to be carried in a page; None without pictures."""
-    film, kept = folder / "camera.mp4", folder / "record.mcap"
+def small_video(film: Path, kept: Path) -> str | None:
+    """A run's film, or the pictures of its record, small enough to be carried in a page; None
+    without pictures."""
     source = _frames_of_file if film.exists() else _frames_of_record
     path = film if film.exists() else kept
     if not path.exists():
@@ -195,7 +198,40 @@ def small_video(folder: Path) -> str | None:
         return _uri(target.read_bytes(), "video/mp4")
 
 
-# ---- the three kinds -----------------------------------------------------------------------------
+# ---- one run -------------------------------------------------------------------------------------
+
+
+def record_sections(kept: Path, against: Path | None = None) -> list[Section]:
+    """What a record shows, and over time that of another beside it."""
+    data = plots.series(kept)
+    sections = [Section("Over time", ZOOM, plot=over_time(data))]
+    if against is not None and against.exists():
+        theirs = over_time(plots.series(against))
+        sections.append(Section(f"Over time: {against.parent.name}", ZOOM, plot=theirs))
+    grid = Grid(("since", "state", "why"))
+    for since, phase, reason in data.phases:
+        mark = "bad" if phase in ("fault", "hesitate") else ""
+        grid.rows.append((mark, [f"{since:.1f} s", phase, reason]))
+    sections.append(Section("What the pilot did", grid=grid))
+    sections.append(Section("Where it went", pictures=[(_drawn(plots.draw_path(data)), "")]))
+    word = protocol.Fault(int(np.bitwise_or.reduce(data.telemetry[:, 6].astype(np.int64))))
+    texts = protocol.fault_texts(word)
+    if texts:
+        grid = Grid(("fault",), [("bad", [text]) for text in texts])
+        sections.append(Section("Faults that the firmware reported", grid=grid))
+    if data.faults:
+        rows = [("", [f"{t:.2f} s", n, "begins" if b else "ends"]) for t, n, b in data.faults]
+        sections.append(Section("Faults injected", grid=Grid(("at", "fault", ""), rows)))
+    film = small_video(kept.with_name("camera.mp4"), kept)
+    if film is not None:
+        sections.append(Section("What the camera saw", video=film))
+    about = record.about(kept)
+    for name in ("scenario", "vehicle", "plan"):
+        if name in about:
+            text = json.dumps(json.loads(about[name]), indent=1)
+            sections.append(Section(name.capitalize(), text=text))
+            break
+    return sections
 
 
 def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]]:
@@ -204,41 +240,57 @@ def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]
     other = plots.summary_beside(against) if against is not None else None
     if other is not None and "outcome" not in other:
         raise UserError(f"{against} is not the folder of a run: it has no summary.json of one")
-    title = f"{summary['scenario']}, seed {summary['seed']}: {summary['outcome']}"
+    try:
+        title = f"{summary['scenario']}, seed {summary['seed']}: {summary['outcome']}"
+        reason = str(summary["reason"])
+    except KeyError as error:
+        raise UserError(f"{folder / 'summary.json'}: it has no {error}") from error
     names = (folder.name, against.name if against is not None else "")
-    sections = [Section("Figures", summary["reason"], compared(summary, other, names))]
+    sections = [Section("Figures", reason, compared(summary, other, names))]
+    sections += _maps([folder, against])
+    kept = folder / RECORD
+    if kept.exists():
+        theirs = against / RECORD if against is not None else None
+        sections += record_sections(kept, theirs)
+    return title, sections
+
+
+def _maps(folders: Sequence[Path | None]) -> list[Section]:
     maps = [
-        (uri, name)
-        for name, place in ((folder.name, folder), (names[1], against))
+        (uri, place.name)
+        for place in folders
         if place is not None and (uri := _file(place / "map.png")) is not None
     ]
-    if maps:
-        sections.append(Section("Map", pictures=maps))
-    kept = folder / "record.mcap"
-    if kept.exists():
-        data = plots.series(kept)
-        drawn = [(_drawn(plots.draw_time(data)), folder.name)]
-        if against is not None and (against / "record.mcap").exists():
-            theirs = plots.series(against / "record.mcap")
-            drawn.append((_drawn(plots.draw_time(theirs)), against.name))
-        sections.append(Section("Over time", pictures=drawn, wide=True))
-        grid = Grid(("since", "state", "why"))
-        for since, phase, reason in data.phases:
-            mark = "bad" if phase in ("fault", "hesitate") else ""
-            grid.rows.append((mark, [f"{since:.1f} s", phase, reason]))
-        sections.append(Section("What the pilot did", grid=grid))
-        if data.faults:
-            rows = [("", [f"{t:.2f} s", n, "begins" if b else "ends"]) for t, n, b in data.faults]
-            sections.append(Section("Faults injected", grid=Grid(("at", "fault", ""), rows)))
-    film = small_video(folder)
-    if film is not None:
-        sections.append(Section("What the camera saw", video=film))
-    if kept.exists():
-        about = record.about(kept).get("scenario")
-        if about is not None:
-            text = json.dumps(json.loads(about), indent=1)
-            sections.append(Section("Scenario", text=text))
-    return title, sections
+    return [Section("Map", pictures=maps)] if maps else []
+
+
+def rig_sections(folder: Path) -> tuple[str, list[Section]]:
+    """Title and sections of what `daranti-hil rig` left, or has left so far."""
+    about = plots.json_of(folder / RIG)
+    grid = Grid(("", ""), [("", [str(key), str(value)]) for key, value in about.items()])
+    sections = [Section("How it was reached", grid=grid)]
+    summary = plots.summary_beside(folder)
+    if not summary:
+        why = "The rig has not ended, or was killed: it writes its figures when it ends."
+        return "rig, not ended", [Section("Figures", why), *sections]
+    figures = compared(summary, None, ("", ""))
+    injected = summary.get("faults_injected") or []
+    rows = [("", [str(cell) for cell in row]) for row in injected]
+    sections = [Section("Figures", grid=figures), *_maps([folder]), *sections]
+    if rows:
+        sections.append(Section("Faults injected", grid=Grid(("at", "fault", ""), rows)))
+    return f"rig: coverage {show(summary.get('coverage'))}", sections
+
+
+def drive_sections(kept: Path) -> tuple[str, list[Section]]:
+    """Title and sections of a record alone: a drive's, or that of a run that was killed."""
+    about = record.about(kept)
+    begun = about.get("begun", "").partition(".")[0].replace("T", " ")
+    title = f"{kept.stem}{', begun ' + begun if begun else ''}"
+    return title, record_sections(kept)
+
+
+# ---- many ----------------------------------------------------------------------------------------
 
 
 def _spread_of(summaries: Sequence[dict[str, Any]]) -> Figure:
@@ -379,35 +431,78 @@ def faults_report(folder: Path, title: str, verdicts: Sequence[Verdict]) -> Path
     return write(folder, title, faults_sections(verdicts))
 
 
-def report_of(folder: Path, against: Path | None = None) -> Path:
-    """report.html of any of the three kinds of folder. UserError where it is none of them."""
+def report_of(where: Path, against: Path | None = None) -> Path:
+    """The page of any kind of results, or of one record. UserError where it is none of them."""
+    if where.is_file():
+        return write(where.parent, *drive_sections(where), f"{where.stem}.report.html")
+    summaries = _campaign_of(where)
+    if summaries is not None:
+        others = _campaign_of(against) if against is not None else None
+        if against is not None and others is None:
+            raise UserError(f"{against} is not a campaign's folder: it has no campaign.json")
+        before = overview(others) if others is not None else None
+        sections = campaign_sections(where, summaries, overview(summaries), before)
+        cut = "" if (where / CAMPAIGN).exists() else ", broken off"
+        return write(where, f"{len(summaries)} runs{cut}", sections)
+    summary = plots.summary_beside(where)
+    if "faults" in summary or (where / VERDICTS).exists():
+        return _matrix_report(where, summary, against)
+    if (where / RIG).exists():
+        return write(where, *rig_sections(where))
+    if "outcome" in summary:
+        return write(where, *run_sections(where, against))
+    records = sorted(where.glob("*.mcap"))
+    if len(records) == 1:
+        return write(where, *drive_sections(records[0]))
+    if records:
+        names = ", ".join(path.name for path in records)
+        raise UserError(f"{where} holds {len(records)} records ({names}): give one of them")
+    raise UserError(
+        f"{where} holds no results: give the folder of a harvest, a rig, a campaign or a fault "
+        "matrix, or the record of a drive"
+    )
 
-    if (folder / "campaign.json").exists():
-        summaries = json.loads((folder / "campaign.json").read_text(encoding="utf-8"))
-        others = None
-        if against is not None:
-            if not (against / "campaign.json").exists():
-                raise UserError(f"{against} is not a campaign's folder: it has no campaign.json")
-            text = (against / "campaign.json").read_text(encoding="utf-8")
-            others = overview(json.loads(text))
-        sections = campaign_sections(folder, summaries, overview(summaries), others)
-        return write(folder, f"{len(summaries)} runs", sections)
-    summary = plots.summary_beside(folder)
-    if "faults" in summary:
-        verdicts = [Verdict(**v) for v in summary["faults"]]
-        title = f"faults, {summary['firmware']} firmware"
-        sections = faults_sections(verdicts)
-        if against is not None:
-            grid = _changed(verdicts, against)
-            text = "" if grid.rows else f"Every verdict is that of {against.name}."
-            sections.insert(0, Section("Against", text, grid if grid.rows else None))
-        return write(folder, title, sections)
-    if "outcome" not in summary:
-        raise UserError(
-            f"{folder} holds no results: give the folder of a harvest, a campaign or a fault matrix"
-        )
-    title, sections = run_sections(folder, against)
+
+def _campaign_of(folder: Path) -> list[dict[str, Any]] | None:
+    """The summaries of a campaign, or of as many runs as one that was broken off had finished; None
+    where it is none. UserError where they are not such."""
+    if (folder / CAMPAIGN).exists():
+        found = plots.json_of(folder / CAMPAIGN, list)
+        paths = [folder / CAMPAIGN] * len(found)
+    else:
+        paths = sorted(folder.glob("runs/*/summary.json"))
+        found = [plots.json_of(path) | {"run": path.parent.name} for path in paths]
+    for path, one in zip(paths, found, strict=True):
+        missing = [key for key in RUN_KEYS if not isinstance(one, dict) or key not in one]
+        if missing:
+            raise UserError(f"{path} is no campaign's: a run has no {', '.join(missing)}")
+    return found or None
+
+
+def _matrix_report(folder: Path, summary: dict[str, Any], against: Path | None) -> Path:
+    """Of a fault matrix, or of as much as one that was broken off had done."""
+    whole = "faults" in summary
+    entries = summary["faults"] if whole else _verdicts_of(folder / VERDICTS)
+    try:
+        verdicts = [Verdict(**v) for v in entries]
+    except TypeError as error:
+        raise UserError(f"{folder}: its verdicts are not those of today: {error}") from error
+    title = f"faults, {summary.get('firmware', '?')} firmware" if whole else "faults, broken off"
+    sections = faults_sections(verdicts)
+    if against is not None:
+        grid = _changed(verdicts, against)
+        text = "" if grid.rows else f"Every verdict is that of {against.name}."
+        sections.insert(0, Section("Against", text, grid if grid.rows else None))
     return write(folder, title, sections)
+
+
+def _verdicts_of(path: Path) -> list[dict[str, Any]]:
+    """A line that a killed call has left half is left out."""
+    found = []
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        with contextlib.suppress(ValueError, KeyError, TypeError):
+            found.append(json.loads(line)["verdict"])
+    return found
 
 
 def _changed(verdicts: Sequence[Verdict], against: Path) -> Grid:

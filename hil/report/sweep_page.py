@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,13 @@ import pandas as pd
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
+from hil.judge.figures import unit_of
+from hil.report import report
+from hil.report.report import Grid, Section
 from hil.studies import sweep as sweeps
+from host.link.protocol import PARAMS
 
 FRONT = ("error_s_mean", "energy_j_mean")
-_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em}
-table{border-collapse:collapse}
-td,th{padding:.2em .7em;border-bottom:1px solid #ddd;text-align:right}
-th:first-child,td:first-child{text-align:left}img{max-width:100%}"""
 
 
 def write(
@@ -43,36 +42,38 @@ def write(
     for name, data in pictures.items():
         (out / name).write_bytes(data)
     columns = [*swept, "cost", "meets", "settle_s_worst", "overshoot_worst", "energy_j_mean"]
-    worst = summary["worst_case"]
-    parts = [
-        f"<h1>Sweep: {summary['responses']} step responses</h1>",
-        f"<p>{summary['candidates']} candidates ({html.escape(str(summary['method']))}) on "
-        f"{summary['plants']} plants, steps of {summary['steps_deg']} degrees, seed "
-        f"{summary['seed']}; {summary.get('wall_s', '?')} s. Table sha256 "
-        f"<code>{summary['table_sha256'][:16]}</code>.</p>",
-        "<h2>Chosen</h2>",
-        _pairs(summary["chosen"]),
-        f"<p>Meets the step figures in {summary['chosen_meets']:.1%} of its responses. Its worst "
-        "case:</p>",
-        _pairs({k: v for k, v in worst.items() if k not in summary["chosen"]}),
-        "<h2>The best ten</h2>",
-        _table(ranked.head(10)[columns]),
-        "<h2>Cost over each pair of parameters</h2>",
-        "<p>The best candidate in each cell; dark is cheap.</p>",
-        _image(pictures["heatmaps.png"]),
-        "<h2>Tracking against energy</h2>",
-        _image(pictures["pareto.png"]),
-        _table(front.head(15)[columns]),
-        "<h2>The chosen parameters on each plant</h2>",
-        _image(pictures["plants.png"]),
+    chosen, worst = summary["chosen"], summary["worst_case"]
+    about = (
+        f"{summary['candidates']} candidates ({summary['method']}) on {summary['plants']} plants, "
+        f"steps of {summary['steps_deg']} degrees, seed {summary['seed']}; "
+        f"{summary.get('wall_s', '?')} s. Table sha256 {summary['table_sha256'][:16]}."
+    )
+    sections = [
+        Section("Chosen", about, _pairs(chosen)),
+        Section(
+            "Its worst case",
+            f"It meets the step figures in {summary['chosen_meets']:.1%} of its responses.",
+            _pairs({k: v for k, v in worst.items() if k not in chosen}),
+        ),
+        Section("The best ten", grid=_table(ranked.head(10)[columns])),
+        Section(
+            "Cost over each pair of parameters",
+            "The best candidate in each cell; dark is cheap.",
+            pictures=[(_image(pictures["heatmaps.png"]), "")],
+        ),
+        Section(
+            "Tracking against energy",
+            pictures=[(_image(pictures["pareto.png"]), "")],
+        ),
+        Section("The Pareto front", grid=_table(front.head(15)[columns])),
+        Section(
+            "The chosen parameters on each plant",
+            pictures=[(_image(pictures["plants.png"]), "")],
+        ),
     ]
     if "spot_check" in summary:
-        parts += ["<h2>On the Uno's binary</h2>", _pairs(summary["spot_check"])]
-    page = (
-        "<!doctype html><html lang=en><meta charset=utf-8><title>Daranti sweep</title>"
-        f"<style>{_STYLE}</style>{''.join(parts)}</html>"
-    )
-    (out / "report.html").write_text(page, encoding="utf-8")
+        sections.append(Section("On the Uno's binary", grid=_pairs(summary["spot_check"])))
+    report.write(out, f"Sweep: {summary['responses']} step responses", sections)
 
 
 def _png(figure: Any) -> bytes:
@@ -147,24 +148,21 @@ def _plants(table: pd.DataFrame, candidate: int) -> bytes:
 
 
 def _image(data: bytes) -> str:
-    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
+    return f"data:image/png;base64,{base64.b64encode(data).decode()}"
 
 
-def _pairs(values: Mapping[str, Any]) -> str:
-    rows = "".join(
-        f"<tr><td>{html.escape(str(k))}</td><td>{html.escape(_number(v))}</td></tr>"
-        for k, v in values.items()
-    )
-    return f"<table>{rows}</table>"
+def _pairs(values: Mapping[str, Any]) -> Grid:
+    units = {k: PARAMS[k].unit if k in PARAMS else unit_of(k) for k in values}
+    rows = [("", [k, _number(v), units[k]]) for k, v in values.items()]
+    return Grid(("", "value", "unit"), rows)
 
 
-def _table(frame: pd.DataFrame) -> str:
-    head: Sequence[str] = ["candidate", *(str(c) for c in frame.columns)]
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{_number(v)}</td>" for v in (number, *row)) + "</tr>"
+def _table(frame: pd.DataFrame) -> Grid:
+    rows = [
+        ("", [_number(v) for v in (number, *row)])
         for number, row in zip(frame.index, frame.to_numpy().tolist(), strict=True)
-    )
-    return f"<table><tr>{''.join(f'<th>{html.escape(h)}</th>' for h in head)}</tr>{rows}</table>"
+    ]
+    return Grid(("candidate", *(str(c) for c in frame.columns)), rows)
 
 
 def _number(value: Any) -> str:

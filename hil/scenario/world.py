@@ -76,11 +76,8 @@ class World:
 
     @property
     def corners(self) -> tuple[Point, ...]:
-        """Of the crop's nominal outline, counter-clockwise; a rectangle's from its lower left."""
-        if self.field.polygon is None:
-            width, height = self.field.size_m
-            return ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height))
-        return tuple((x, y) for x, y in list(self.field.boundary.exterior.coords)[:-1])
+        """Of the crop's nominal outline, as the field numbers them."""
+        return self.field.corners
 
     def side(self, corner: int) -> tuple[Point, float, float]:
         """(corner, heading_rad, length_m) of the side that leaves a corner."""

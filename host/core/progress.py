@@ -117,7 +117,7 @@ class Watch:
         return f"{at}, {self._text}" if self._text else at
 
     def _rest(self) -> str:
-        if self._total is None:
+        if self._total is None or self._done >= self._total:
             return ""
         own = self._done - (self._given or 0.0)
         spent = self._clock() - self._start

@@ -12,12 +12,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import shapely
+import shapely.affinity
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -428,7 +429,9 @@ def report(survey: Survey, receiver: Receiver) -> list[str]:
 
 
 def draw_survey(path: Path, survey: Survey, title: str) -> None:
-    """Left the whole walk, right the field: raw track, rejected points, laps, boundary, corners."""
+    """Left the whole walk, right the field: raw track, rejected points, laps, boundary, corners.
+    Distances count from corner 0, as in the plan's picture."""
+    survey = _from_corner_0(survey)
     figure = Figure(figsize=(15, 8), layout="constrained")
     whole, close = figure.subplots(1, 2)
     for axes in (whole, close):
@@ -450,6 +453,15 @@ def draw_survey(path: Path, survey: Survey, title: str) -> None:
     close.legend(loc="upper right", fontsize=8)
     figure.suptitle(title)
     figure.savefig(path, dpi=110)
+
+
+def _from_corner_0(survey: Survey) -> Survey:
+    """The same, its metres counted from the boundary's first corner."""
+    zero = np.array(survey.polygon.exterior.coords[0])
+    track = replace(survey.track, xy=survey.track.xy - zero, rejected=survey.track.rejected - zero)
+    laps = [replace(lap, xy=lap.xy - zero) for lap in survey.loops.laps]
+    polygon = shapely.affinity.translate(survey.polygon, *-zero)
+    return replace(survey, track=track, loops=replace(survey.loops, laps=laps), polygon=polygon)
 
 
 def _draw(axes: Axes, survey: Survey) -> None:
@@ -474,5 +486,5 @@ def _draw(axes: Axes, survey: Survey) -> None:
         label = "keep-out" if number == 0 else ""
         axes.fill(*np.array(hole.coords).T, color="tab:red", alpha=0.6, label=label)
     axes.set_aspect("equal")
-    axes.set(xlabel="east (m)", ylabel="north (m)")
+    axes.set(xlabel="east of corner 0 (m)", ylabel="north of corner 0 (m)")
     axes.grid(alpha=0.3)

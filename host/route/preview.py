@@ -261,7 +261,7 @@ def draw_preview(path: Path, shown: Preview, title: str) -> None:
         )
         axes.plot(x, y, "ko", ms=7, label="start")
     axes.set_aspect("equal")
-    axes.set(xlabel="east (m)", ylabel="north (m)", title=title)
+    axes.set(xlabel="east of corner 0 (m)", ylabel="north of corner 0 (m)", title=title)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     figure.savefig(path, dpi=110)
 
