@@ -19,14 +19,6 @@ from sim_plant.blade import cut_between
 from sim_plant.field_spec import FieldSpec, Point, Side
 from sim_plant.ground import CROP, GRASS, NEIGHBOUR, OBSTACLE, SOIL, STUBBLE, TRUNK
 
-    @property
-    def corners(self) -> tuple[tuple[float, float], ...]:
-        """Of that outline, counter-clockwise; a rectangle's from its lower left."""
-        if self.polygon is None:
-            width, height = self.size_m
-            return ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height))
-        return tuple((x, y) for x, y in list(self.boundary.exterior.coords)[:-1])
-
 
 @dataclass(slots=True)
 class Box:

@@ -102,3 +102,11 @@ class FieldSpec(Strict):
             w, h = self.size_m
             return shapely.box(0, 0, w, h, ccw=True)
         return shapely.geometry.polygon.orient(shapely.Polygon(self.polygon))
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Of that outline, counter-clockwise; a rectangle's from its lower left."""
+        if self.polygon is None:
+            width, height = self.size_m
+            return ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height))
+        return tuple((x, y) for x, y in list(self.boundary.exterior.coords)[:-1])
