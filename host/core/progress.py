@@ -16,6 +16,7 @@ from rich.markup import escape
 from host.core.terminal import PlainConsole, plain
 
 LINE_EVERY_S = 30.0
+"""Between lines of progress where no terminal shows a bar."""
 
 
 def left(seconds: float) -> str:
