@@ -11,12 +11,15 @@ from hil.bench.misread import Misreading
 from hil.scenario.scenario import Scenario
 
 
-def misreading(camera: str, **mount: Any) -> Misreading:
-    """Of a host that is wrong in nothing but the mount's fields that are named."""
+def misreading(camera: str, blade_m: float = 0.0, **mount: Any) -> Misreading:
+    """Of a host that is wrong in nothing but the mount's fields that are named, and in how far
+    ahead its blade is."""
     exact = Scenario(camera=camera, belief={"errors": "exact"})
     told, lens = exact.told, exact.world.lens
     believed = told.mount.model_copy(update=mount)
-    return Misreading(lens, exact.machine.blade_x_m, believed, told.vehicle)
+    ahead = told.vehicle.blade_ahead_m + blade_m
+    vehicle = told.vehicle.model_copy(update={"blade_ahead_m": ahead})
+    return Misreading(lens, exact.machine.blade_x_m, believed, vehicle)
 
 
 @pytest.mark.parametrize("camera", ["low", "mast"])
@@ -37,6 +40,12 @@ def test_a_camera_that_looks_lower_than_believed_sees_the_crop_further_away() ->
     near, far = (misreading("low", pitch_deg=5.0 + d).of(1.0, -0.42, cutting=False)[0]
                  for d in (0.5, -0.5))  # fmt: skip
     assert near < 1.0 < far
+
+
+@pytest.mark.parametrize("camera", ["low", "mast"])
+def test_a_blade_believed_further_ahead_has_less_way_to_the_crop(camera: str) -> None:
+    assert misreading(camera, 0.2).of(1.0, -0.42, cutting=False)[0] == pytest.approx(0.8, abs=1e-3)
+    assert misreading(camera, 0.2).of(0.1, -0.42, cutting=True)[0] == 0.1
 
 
 def test_a_camera_believed_further_left_reads_all_further_left() -> None:

@@ -147,6 +147,14 @@ def test_outside_is_how_far_any_part_of_the_machine_was_beyond_the_permitted_are
     assert ride.figures()["outside_m"] == pytest.approx(max(0.0, beyond_m), abs=STEP_M)
 
 
+def test_outside_is_the_worst_even_where_the_machine_came_back() -> None:
+    ride = Ride()
+    ride.to(LENGTH_M + GAP_M - MARGIN_M - 0.05 + 0.5, cut=False)
+    ride.x -= 0.3
+    ride.to(ride.blade_m + STEP_M, cut=False)
+    assert ride.figures()["outside_m"] == pytest.approx(0.5, abs=STEP_M)
+
+
 def test_a_keep_out_that_is_touched_is_said_how_deep() -> None:
     ride = Ride(1.5, keep_outs=[POND])
     ride.to(2.0, cut=False)

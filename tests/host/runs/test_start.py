@@ -281,6 +281,7 @@ def test_an_edge_that_is_not_at_the_blade_is_told() -> None:
     assert preflight.view_problem(CropView(0.9, edge_offset_m=0.1)) == ""
     assert preflight.view_problem(CropView(0.2, edge_offset_m=2.0)) == ""
     assert "0.8 m left" in preflight.view_problem(CropView(0.9, edge_offset_m=0.8))
+    assert "0.8 m right" in preflight.view_problem(CropView(0.9, edge_offset_m=-0.8))
     askew = CropView(0.9, edge_offset_m=0.0, edge_heading_rad=-0.6)
     assert "34 degrees to the right" in preflight.view_problem(askew)
 

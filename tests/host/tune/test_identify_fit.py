@@ -21,6 +21,7 @@ from host.tune.actuator_model import (
     Findings,
     Run,
     fit,
+    next_speed,
     predict,
     relay_figures,
 )
@@ -105,6 +106,11 @@ def test_a_run_waits_for_its_breakaway_and_its_backlash() -> None:
     closed = replace(strong, slack=False)
     assert predict(closed, model)[-1] - predict(strong, model)[-1] == pytest.approx(2.0, abs=0.01)
     assert predict(replace(strong, duties=(-200,)), model)[-1] < -10
+
+
+def test_friction_stops_a_motor_and_does_not_turn_it_back() -> None:
+    slowing = [next_speed(v, 0.0, 0.2, 30.0, 40.0, math.exp(-0.1), 0.1) for v in (5.0, 0.5, -0.5)]
+    assert slowing == [pytest.approx(5.0 - 0.2 * 30.0 * 0.1), 0.0, 0.0]
 
 
 def test_a_model_survives_its_file(tmp_path: Path) -> None:
