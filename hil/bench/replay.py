@@ -28,7 +28,8 @@ from host.core.messages import Command, Fix, Frame, Telemetry
 from host.core.vehicle import Vehicle
 from host.link import protocol
 from host.pilot.pilot import Pilot
-from host.route.plan import Plan, Side
+from host.route.plan import Plan
+from host.route.side import Side
 from host.runs import record
 from host.sensors.jpeg import JpegDecoder
 from host.vision.mounted.detector import Mode

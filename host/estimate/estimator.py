@@ -16,6 +16,7 @@ from host.estimate.last_round import Trails
 from host.estimate.odometry import Motion, Odometry
 from host.estimate.position import Position
 from host.estimate.speed_watch import SpeedWatch
+from host.route.plan import Plan
 
 DOPPLER_GAP_S = 2.0
 """A fix's speed speaks of the time since the one before, but of no more than this."""
@@ -24,10 +25,10 @@ DOPPLER_GAP_S = 2.0
 class Estimator:
     """`lane` steers; `position` is the place in the field frame, unknown until it is placed."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, plan: Plan) -> None:
         self.odometry = Odometry(vehicle)
         self.lane = Lane(vehicle.blade_x_m)
-        self.position = Position(vehicle)
+        self.position = Position(vehicle, plan.boundary, plan.sigma_m)
         self.trails = Trails(vehicle)
         self.direction = DirectionCheck()
         self.cut = CutGuard(vehicle)

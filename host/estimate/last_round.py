@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.estimate.odometry import Motion
-from host.route.plan import Side
+from host.route.side import Side
 
 MIN_M = 3.0
 """A shorter way has no shape besides its direction and bend."""
@@ -25,7 +25,7 @@ STEP_M = 0.05
 @dataclass(frozen=True, slots=True)
 class Trail:
     """`across_m[k]`: how far left of its own mean parabola the blade's left end was at `along_m[k]`
-    (ascending), measured along the side's direction from the field's origin."""
+    (ascending) past the side's beginning."""
 
     side: Side
     along_m: NDArray[np.float64]
@@ -61,7 +61,7 @@ class Trails:
         across = (points[:, 1:] - points[0, 1:]) @ (-s, c)
         # Offset and direction are for vision to see; a bend is what an unknown steering bias adds.
         across -= np.polyval(np.polyfit(run, across, 2), run)
-        trail = Trail(side, side.line[0] + points[:, 0], across)
+        trail = Trail(side, points[:, 0], across)
         self._left = [t for t in self._left if not self._beside_of(t, side)] + [trail]
 
     def begin(self, side: Side) -> None:
@@ -76,7 +76,7 @@ class Trails:
         trail = self._beside
         if trail is None:
             return 0.0
-        at = side.line[0] + along_m
+        at = side.begins_past(trail.side) + along_m
         if not trail.along_m[0] <= at <= trail.along_m[-1]:
             return 0.0
         return float(np.interp(at, trail.along_m, trail.across_m))

@@ -165,15 +165,17 @@ class Odometry:
         trim = self.trim_rad + math.atan(curvature_1pm * self._vehicle.wheelbase_m)
         self.trim_rad = min(TRIM_LIMIT_RAD, max(-TRIM_LIMIT_RAD, trim))
 
-    def turned(self, reckoned_rad: float, true_rad: float) -> None:
-        """Learns from a turn of which both are known, the reckoned one with the present gain."""
+    def turned(self, reckoned_rad: float, true_rad: float, sigma_rad: float = 0.0) -> None:
+        """Learns from a turn of which both are known, the reckoned one with the present gain, the
+        true one but for sigma_rad by which the corner's angle may be otherwise."""
         slope = reckoned_rad / self.yaw_gain
-        variance = (slope * self._yaw_gain_sigma) ** 2 + TURN_SIGMA_RAD**2
+        noise = TURN_SIGMA_RAD**2 + sigma_rad**2
+        variance = (slope * self._yaw_gain_sigma) ** 2 + noise
         blend = slope * self._yaw_gain_sigma**2 / variance
         low, high = YAW_GAIN_LIMITS
         gain = self.yaw_gain + blend * (true_rad - reckoned_rad)
         self.yaw_gain = min(high, max(low, gain))
-        self._yaw_gain_sigma *= TURN_SIGMA_RAD / math.sqrt(variance)
+        self._yaw_gain_sigma *= math.sqrt(noise / variance)
 
     def learn(self, fix: Fix, telemetry: Telemetry, dt: float) -> None:
         """Corrects the duty model's gain by a Doppler speed that lasted `dt` seconds."""

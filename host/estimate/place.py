@@ -8,19 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from host.estimate.kalman import Array
+from host.estimate.outline import Outline
 from host.estimate.states import LANE_OFFSET, LANE_YAW, STATES, YAW, X, Y
-from host.route.plan import Side
+from host.route.side import Side
+
+NO_OUTLINE = Outline()
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Of a position's state `x` beside `side`; inset_m: the rear axle's usual distance from the
-    edge."""
+    """Of a position's state `x` beside `side`, where it is found to lie; inset_m: the rear axle's
+    usual distance from the edge."""
 
     x: Array
     side: Side
     blade_x_m: float
     inset_m: float
+    outline: Outline = NO_OUTLINE
 
     @property
     def direction(self) -> tuple[float, float]:
@@ -59,7 +63,15 @@ class Place:
         """(states,) the derivative of the rear axle's offset from the lane where it lies along_m
         past its beginning; at the blade's line."""
         c, s = self.direction
-        h = np.zeros(STATES)
+        h = np.zeros(len(self.x))
         along = self.blade_m if along_m is None else along_m
         h[[X, Y, LANE_OFFSET, LANE_YAW]] = -s, c, -1.0, -along
+        h[STATES:] = -self.outline.along(self.side.edge, self.side.pose(along)[:2], (-s, c))
+        return h
+
+    def turned(self) -> Array:
+        """(states,) the derivative of `turned_rad`."""
+        h = np.zeros(len(self.x))
+        h[YAW] = 1.0
+        h[STATES:] = -self.outline.turning(self.side.edge)
         return h

@@ -3,19 +3,22 @@
 A phone's position is good to some 2.5 m, slowly wandering: no use beside a gap of 2 m. But the
 operator puts the blade on a known corner, every side lies along a known line, and every end of a
 side is a known place: those anchor an extended Kalman filter over (x, y, yaw, the wheels' slip
-while cutting, the lane's offset and direction against the plan's, the courses' direction against
-the plan's).
+while cutting, the lane's offset and direction against its edge, the courses' direction against the
+plan's, the boundary's corners).
 
 A line is known only as well as it was cut: strip after strip may lie a little askew of the one
 before. So each lane has an offset and a direction of its own, known from the lane whose cutting has
 left its edge, and the receiver's Doppler courses, which no strip turns, tell them from the
-machine's. A walked boundary is some degrees off: what the courses differ by along the outer edge is
-the plan's, and stays.
+machine's.
+
+A walked boundary is a metre off and some degrees. So its corners are landmarks: beside the first
+strips, and at their ends, the machine finds where the edges lie (host.estimate.outline).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +27,12 @@ from numpy.typing import NDArray
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Filter
 from host.estimate.measurements import begin, course, end, line
+from host.estimate.measurements.goes_on import goes_on, to_end
 from host.estimate.odometry import Motion
+from host.estimate.outline import Outline
 from host.estimate.place import Place
 from host.estimate.states import LANE, LANE_YAW, SLIP, STATES, YAW, X, Y
-from host.route.plan import Side
+from host.route.side import NO_EDGE, Side
 
 START_SIGMA = (0.1, 0.1, math.radians(2))
 LANE_SIGMA = (0.06, math.radians(0.5))
@@ -58,10 +63,20 @@ class _Lane(NamedTuple):
 
 
 class Position(Filter):
-    """Unknown until `place`."""
+    """Unknown until `place`. Sides are the plan's; where they are found to lie is known here."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__(np.zeros(STATES), np.full((STATES, STATES), math.inf))
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        boundary: Sequence[tuple[float, float]] = (),
+        sigma_m: float = 0.0,
+    ) -> None:
+        """`boundary`: its corners, counter-clockwise, each known to sigma_m; 0: they lie where it
+        says."""
+        self.outline = Outline(boundary if sigma_m > 0.0 else ())
+        self._sigma_m = sigma_m
+        states = STATES + self.outline.states
+        super().__init__(np.zeros(states), np.full((states, states), math.inf))
         self._vehicle = vehicle
         self._past: Motion | None = None
         self._lanes: list[_Lane] = []
@@ -79,15 +94,26 @@ class Position(Filter):
         return self._p[: YAW + 1, : YAW + 1].copy()
 
     def covariance_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame: its direction's
-        uncertainty moves them the more, the farther from the rear axle they are."""
+        """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame, against the border
+        nearest to each: the direction's uncertainty moves them the more, the farther from the rear
+        axle they are."""
         x, y, _ = self.pose
-        by_pose = np.zeros((len(points), 2, 3))
-        by_pose[:, 0, X] = by_pose[:, 1, Y] = 1.0
-        by_pose[:, 0, YAW], by_pose[:, 1, YAW] = y - points[:, 1], points[:, 0] - x
-        pose = self._p[: YAW + 1, : YAW + 1]
-        found: NDArray[np.float64] = by_pose @ pose @ by_pose.transpose(0, 2, 1)
+        by_state = np.zeros((len(points), 2, len(self._x)))
+        by_state[:, 0, X] = by_state[:, 1, Y] = 1.0
+        by_state[:, 0, YAW], by_state[:, 1, YAW] = y - points[:, 1], points[:, 0] - x
+        if self.outline.states:
+            near = self.outline.nearest(points)
+            by_state[:, 0, STATES::2] = by_state[:, 1, STATES + 1 :: 2] = -near
+        found: NDArray[np.float64] = by_state @ self._p @ by_state.transpose(0, 2, 1)
         return found
+
+    def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 2) points of the machine where they would lie if the border nearest to each lay as
+        the plan has it."""
+        if not self.outline.moved_m.any():
+            return points
+        moved: NDArray[np.float64] = points - self.outline.nearest(points) @ self.outline.moved_m
+        return moved
 
     def place(self, side: Side, along_m: float, offset_m: float, heading_rad: float) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
@@ -95,16 +121,20 @@ class Position(Filter):
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         back = along_m + side.begin_seen_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
+        x, y = side.x_m + c * back - s * inside, side.y_m + s * back + c * inside
+        corners = np.zeros(self.outline.states)
         self._x = np.array(
-            [
-                side.x_m + c * back - s * inside,
-                side.y_m + s * back + c * inside,
-                side.heading_rad + heading_rad,
-                *np.zeros(STATES - SLIP),
-            ]
+            [x, y, side.heading_rad + heading_rad, *np.zeros(STATES - SLIP), *corners]
         )
         sigmas = (*START_SIGMA, SLIP_SIGMA, *LANE_SIGMA, PLAN_SIGMA_RAD)
-        self._p = np.diag([sigma**2 for sigma in sigmas])
+        own = np.diag([*np.square(sigmas), *(corners + self._sigma_m**2)])
+        # Where the boundary's corner truly is, there the operator has put the machine.
+        with_corners = np.eye(len(own))
+        at = (side.x_m, side.y_m)
+        with_corners[X, STATES:] = self.outline.along(side.edge, at, (1.0, 0.0))
+        with_corners[Y, STATES:] = self.outline.along(side.edge, at, (0.0, 1.0))
+        with_corners[YAW, STATES:] = self.outline.turning(side.edge)
+        self._p = with_corners @ own @ with_corners.T
         self.known = True
         self._lane_of = side
 
@@ -121,7 +151,7 @@ class Position(Filter):
         lane, covariance = np.zeros(2), np.diag(LANE_SIGMA) ** 2
         if beside:
             last = beside[-1]
-            moved = np.array([[1.0, side.line[0] - last.side.line[0]], [0.0, 1.0]])
+            moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
             askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
             grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
             lane, covariance = moved @ last.x, moved @ last.p @ moved.T + grown
@@ -146,20 +176,22 @@ class Position(Filter):
         lost = step if cutting else 0.0
         step -= lost * float(self._x[SLIP])
         self._x[:SLIP] += step * c, step * s, turn
-        jacobian = np.eye(STATES)
+        moves = slice(0, SLIP + 1)
+        jacobian = np.eye(SLIP + 1)
         jacobian[:YAW, YAW] = -step * s, step * c
         jacobian[:YAW, SLIP] = -lost * c, -lost * s
         # Neighbouring steps err alike: their errors grow along a metre as one.
         run = abs(step)
         turned = np.array([[c, -s], [s, c]])
-        noise = np.zeros((STATES, STATES))
-        noise[:YAW, :YAW] = turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
-        noise[YAW, YAW] = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
-        self._p = jacobian @ self._p @ jacobian.T + noise
+        self._p[moves] = jacobian @ self._p[moves]
+        self._p[:, moves] = self._p[:, moves] @ jacobian.T
+        self._p[:YAW, :YAW] += turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
+        self._p[YAW, YAW] += YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
 
     def at(self, side: Side) -> Place:
         """The place against a side."""
-        return Place(self._x, side, self._vehicle.blade_x_m, self._vehicle.inset_m)
+        found, vehicle = self.outline.found(side), self._vehicle
+        return Place(self._x, found, vehicle.blade_x_m, vehicle.inset_m, self.outline)
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
@@ -172,8 +204,8 @@ class Position(Filter):
         along = place.blade_m - self._vehicle.blade_x_m
         offset = place.across_m - place.lane_at(along)
         heading = math.remainder(place.turned_rad - self._x[LANE_YAW], math.tau)
-        across, turned = place.beside(along), np.zeros(STATES)
-        turned[[YAW, LANE_YAW]] = 1.0, -1.0
+        across, turned = place.beside(along), place.turned()
+        turned[LANE_YAW] = -1.0
         sigmas = (math.sqrt(across @ self._p @ across), math.sqrt(turned @ self._p @ turned))
         return offset, heading, *sigmas
 
@@ -181,22 +213,74 @@ class Position(Filter):
         assert self._lane_of is not None
         return self.at(self._lane_of)
 
+    def end_sigma_m(self, side: Side) -> float:
+        """Standard deviation of how far the blade is before a side's end."""
+        if not self.known:
+            return 0.0
+        h = to_end(self.at(side))
+        return math.sqrt(h @ self._p @ h)
+
+    def corner_sigma_rad(self, past: Side, side: Side) -> float:
+        """Standard deviation of the boundary's angle between the edges of two sides."""
+        h = np.zeros(len(self._x))
+        h[STATES:] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
+        return math.sqrt(h @ self._p @ h)
+
     def follow(self, blade_offset_m: float, sigma_m: float) -> None:
         """The lane filter's place of the blade's middle left of the present lane."""
         self.fuse(line.line(self._on_lane(), blade_offset_m, sigma_m))
+        self._learn()
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of the yaw, at that speed over ground."""
         self.fuse(course.course(self._x, left_rad, speed_mps))
+        self._learn()
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
         self.fuse(begin.begin(self.at(side), self._p, ago_m))
+        self._learn()
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
         drift_m is what a wrong scale of the distances may have done along it."""
-        along = np.zeros((1, STATES))
+        along = np.zeros((1, len(self._x)))
         along[0, :YAW] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
         self.fuse(end.end(self.at(side), self._p, ago_m, doubt_m))
+        self._learn()
+
+    def goes_on(self, side: Side, seen_m: float) -> None:
+        """The crop that is being cut along a side goes on for seen_m before the blade."""
+        learned = goes_on(self.at(side), self._p, seen_m)
+        if learned is None:
+            return
+        h, more_m, variance = learned
+        ph = self._p @ h
+        before = float(h @ ph)
+        self._x = self._x + ph * (more_m / before)
+        self._p = self._p + np.outer(ph, ph) * ((variance - before) / before**2)
+        self._learn()
+
+    def laid_anew(self, boundary: Sequence[tuple[float, float]], side: Side) -> None:
+        """The plan has been laid out anew around the corners as they were found, and this is its
+        side that the machine is at."""
+        self.outline = Outline(boundary)
+        self._lane_of = side
+
+    def _learn(self) -> None:
+        """What was found of the corners is theirs from now on. Where the edge turns with them, all
+        that is known turns with it: that the machine goes where the edge goes was known in its old
+        direction, and how long the edge is would pass for a place beside it in the new one."""
+        if not self.outline.states:
+            return
+        edge = self._lane_of.edge if self._lane_of is not None else NO_EDGE
+        before = self.outline.heading_rad(edge)
+        self.outline.move(self._x[STATES:])
+        self._x[STATES:] = 0.0
+        turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
+        c, s = math.cos(turned), math.sin(turned)
+        turn = np.eye(len(self._x))
+        for k in (X, *range(STATES, len(self._x), 2)):
+            turn[k : k + 2, k : k + 2] = (c, -s), (s, c)
+        self._p = turn @ self._p @ turn.T

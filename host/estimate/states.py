@@ -10,6 +10,7 @@ pot does not show, 1/m."""
 
 X, Y, YAW, SLIP, LANE_OFFSET, LANE_YAW, PLAN_YAW = range(STATES := 7)
 """Of the position: pose in the field frame, m and rad; share of their way that the driven wheels
-lose while cutting; the present lane against the plan's, m and rad; the courses' direction against
-the plan's, rad."""
+lose while cutting; the present lane against the edge that it runs along, m and rad; the courses'
+direction against the plan's, rad. Behind them, two by two, how far the boundary's corners lie from
+where they are taken to be, m."""
 LANE: Final = slice(LANE_OFFSET, LANE_YAW + 1)

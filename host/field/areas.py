@@ -232,7 +232,7 @@ class Geofence:
         self._permitted = areas.permitted
         self._border = areas.permitted.exterior
         self._keep_outs = shapely.MultiPolygon(areas.keep_outs)
-        self._sigmas = sigmas
+        self.sigmas = sigmas
         self._stop_s, self._slow_s, self._slow_m = stop_s, slow_s, slow_m
         for geometry in (self._permitted, self._border, self._keep_outs):
             shapely.prepare(geometry)
@@ -254,7 +254,7 @@ class Geofence:
         `velocity`: m/s, field frame."""
         each = covariance if covariance.ndim == 3 else covariance[np.newaxis]
         if _sweep_is_free(
-            self._sides, outline, each, _OCTAGON, self._sigmas, self._slow_m,
+            self._sides, outline, each, _OCTAGON, self.sigmas, self._slow_m,
             velocity[0] * self._slow_s, velocity[1] * self._slow_s,
         ):  # fmt: skip
             return CLEAR
@@ -265,7 +265,7 @@ class Geofence:
         # The symmetric square root of 2x2 matrices in closed form.
         root = np.sqrt(np.maximum(0.0, root))
         spread = np.sqrt(np.maximum(0.0, xx + yy + 2 * root))
-        scale = np.divide(self._sigmas, spread, out=np.zeros_like(spread), where=spread > 0)
+        scale = np.divide(self.sigmas, spread, out=np.zeros_like(spread), where=spread > 0)
         half = np.stack([xx + root, xy, xy, yy + root], axis=-1) * scale[..., np.newaxis]
         half = half.reshape(*spread.shape, 2, 2)
         ellipse = _OCTAGON @ half

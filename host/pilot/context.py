@@ -5,17 +5,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from host.core.messages import Command, Request, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.pilot.guard import Guard
+from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, Sight
 from host.pilot.stop_and_look import Look
-from host.pilot.strip import PlannedStrip, Strip
+from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
-from host.route.plan import Plan
+from host.route.plan import Plan, laid_anew
 from host.vision.view import Detector
 
 SLOW_AFTER_S = 0.4
@@ -34,7 +37,7 @@ class Context:
     def __init__(self, vehicle: Vehicle, detector: Detector, plan: Plan) -> None:
         self.vehicle = vehicle
         self.plan = plan
-        self.estimate = Estimator(vehicle)
+        self.estimate = Estimator(vehicle, plan)
         self.sight = Sight(vehicle, detector, self.estimate)
         self.guard = Guard(plan, vehicle, self.estimate.position)
         self.telemetry: Telemetry | None = None
@@ -64,6 +67,17 @@ class Context:
         """The strip of the plan's side `index`; without a plan one that only pictures know."""
         kind = PlannedStrip if self.plan.sides else Strip
         return kind(self.plan, index, self.vehicle, self.estimate, self.sight.ahead)
+
+    def lay_anew(self) -> None:
+        """Lays the rest of the plan out around the corners as they have been found to lie."""
+        strip, outline = self.strip, self.estimate.position.outline
+        if not isinstance(strip, PlannedStrip) or not np.abs(outline.moved_m).max(initial=0) > 0.02:
+            return
+        plan = laid_anew(self.plan, outline.corners, strip.index, self.vehicle)
+        if plan is not None:
+            self.plan = plan
+            self.guard = Guard(plan, self.vehicle, self.estimate.position)
+            self.strip = strip.laid_anew(plan)
 
     # ---- what is known of the present side -------------------------------------------------------
 

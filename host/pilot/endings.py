@@ -51,6 +51,11 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
     seen = sight.ahead.entered and not context.by_plan
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
+    context.lay_anew()
+    strip = context.strip
+    if strip.last:
+        context.ends.append(end)
+        return SideEnd.LAST.go()
     if strip.bent and context.plan.corner_rad(strip.index) == 0.0:
         context.ends.append(end)
         return SideEnd.BESIDE_BENT.go(side=strip.name)

@@ -6,7 +6,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
@@ -90,30 +92,48 @@ class Guard:
             return ROOM_M
         return room_along(turn, at, self._vehicle, self._fence)
 
-    def limit(self, command: Command) -> Command | Verdict:
+    def limit(self, command: Command, sure_ahead_m: float = math.inf) -> Command | Verdict:
         """The command as the geofence lets it pass, whatever vision says, or why it does not. What
         leads away from the border (a clear place has no clearance, NaN) is let pass slowly: a
-        machine that stands too near must be able to leave."""
+        machine that stands too near must be able to leave. The field's end is no nearer than
+        sure_ahead_m before where it is taken to be: so far crop has been seen to go on."""
         if command.request is not Request.DRIVE or command.speed_mps == 0.0:
             return command
-        verdict = self._verdict(command.speed_mps)
+        verdict = self._verdict(command.speed_mps, sure_ahead_m)
         if verdict is None or verdict.level is Level.CLEAR:
             return command
         slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
         slowly = replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
-        creeping = self._verdict(slow) or verdict
+        creeping = self._verdict(slow, sure_ahead_m) or verdict
         if creeping.level is not Level.STOP:
             return slowly
-        later = self._verdict(command.speed_mps, ahead_s=LEADS_AWAY_S)
+        later = self._verdict(command.speed_mps, sure_ahead_m, LEADS_AWAY_S)
         if later is not None and not later.clearance_m <= verdict.clearance_m + LEADS_AWAY_M:
             return slowly
         return verdict
 
-    def _verdict(self, speed_mps: float, ahead_s: float = 0.0) -> Verdict | None:
+    def _verdict(
+        self, speed_mps: float, sure_ahead_m: float, ahead_s: float = 0.0
+    ) -> Verdict | None:
         """The geofence's answer for the place reached in ahead_s; None without fence or place."""
         if self._fence is None or not self._position.known:
             return None
         x, y, yaw = self._position.pose
         vx, vy = speed_mps * math.cos(yaw), speed_mps * math.sin(yaw)
         outline = placed(self._outline, x + vx * ahead_s, y + vy * ahead_s, yaw)
-        return self._fence.check(outline, self._position.covariance_of(outline), (vx, vy))
+        covariance = self._position.covariance_of(outline)
+        if math.isfinite(sure_ahead_m):
+            covariance = no_farther(covariance, yaw, sure_ahead_m / self._fence.sigmas)
+        return self._fence.check(self._position.as_planned(outline), covariance, (vx, vy))
+
+
+def no_farther(
+    covariance: NDArray[np.float64], heading_rad: float, sigma_m: float
+) -> NDArray[np.float64]:
+    """(n, 2, 2) covariances with no more than that standard deviation along a direction."""
+    way = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+    along = np.sqrt(np.einsum("i,nij,j->n", way, covariance, way))
+    share = np.minimum(1.0, np.divide(sigma_m, along, out=np.ones_like(along), where=along > 0))
+    squeeze = np.eye(2) - (1.0 - share)[:, np.newaxis, np.newaxis] * np.outer(way, way)
+    found: NDArray[np.float64] = squeeze @ covariance @ squeeze
+    return found

@@ -8,6 +8,7 @@ when it does something else, is in host.pilot.behaviours, one a file.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from host.core.messages import Command, Fix, Frame, Request, Telemetry
@@ -135,7 +136,8 @@ class Pilot:
         self._go(now, go)
         if self._behaviour.gaze.on_side:
             command = context.estimate.cut.limit(now, command, own=context.strip.surely_own)
-        passed = context.guard.limit(self._explained(command))
+        sure = context.strip.sure_ahead_m() if self._behaviour.gaze.on_side else math.inf
+        passed = context.guard.limit(self._explained(command), sure)
         if isinstance(passed, Command):
             return passed
         blocked = self._behaviour.blocked(now, passed.reason)

@@ -241,6 +241,8 @@ class Sight:
         if ends and self.ahead.follow(view, seen):
             ago = self._estimate.motion.distance_m - seen.motion.distance_m
             strip.met_begin(ago - view.crop_ahead_m)
+        if ends and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
+            strip.goes_on(seen.motion)
 
     def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
         """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""

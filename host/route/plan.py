@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,8 @@ import shapely
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
+from host.route.boundary_edges import BoundaryEdges
+from host.route.side import BENT_RAD, SAME_RAD, Side
 from host.route.standing import (
     MIN_EDGE_M,
     MIN_STRIP_M2,
@@ -41,121 +43,12 @@ APART_M2 = 25.0
 LARGE_M2, LEFT_SHARE = 1000.0, 0.005
 """Of a field larger than that, remains that differ by less than this share are alike."""
 STRAIGHT_RAD = 0.02
-BENT_RAD = math.radians(25.0)
-SAME_RAD = 1e-3
-BESIDE_RAD = math.radians(1.0)
-BESIDE_WIDTHS = (0.2, 1.5)
-"""Of the blade, between the lines of a side and of the one that has left its edge."""
 KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
 MAX_SHIFT_M = 0.35
 """Beyond it the edge would pass under the machine's body."""
 REACH = 2.75
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
-
-
-@dataclass(frozen=True, slots=True)
-class Side:
-    """One pass. The crop's outer edge runs from (x_m, y_m) in direction heading_rad (field frame)
-    for length_m; the strip is width_m wide, left of it. From the beginning of the crop it is
-    fence_m to the field's boundary or a keep-out: on inner sides, what has been cut lies
-    between."""
-
-    x_m: float
-    y_m: float
-    heading_rad: float
-    length_m: float
-    width_m: float
-    fence_m: float
-    back_m: float = 0.0
-    """From the beginning of the crop back to the boundary or a keep-out."""
-    shift_m: float = 0.0
-    """How far right of its usual place the lane lies, so that the blade's left end does not reach
-    over a strip that is narrow for the sake of a corner or a keep-out beside it."""
-    blind_end: bool = False
-    """The side ends in standing crop, before a keep-out: no picture shows where."""
-    begin_seen_m: float = 0.0
-    end_seen_m: float = 0.0
-    """From the crop's first and to its last tip, at slanting corners: where it fills enough of the
-    strip's width to be seen."""
-    edge_begin_m: float = 0.0
-    edge_end_m: float = 0.0
-    """From there the outer edge runs; what is seen before and behind it is a slanting border."""
-    bends: tuple[tuple[float, float], ...] = ()
-    """(how far along the side, by how much to the left in rad) its edge bends; `heading_rad` is the
-    direction in which it begins."""
-
-    @property
-    def line(self) -> tuple[float, float]:
-        """Where the edge begins, along the side's direction from the field's origin, and how far
-        left of that origin it runs."""
-        c, s = math.cos(self.heading_rad), math.sin(self.heading_rad)
-        return c * self.x_m + s * self.y_m, c * self.y_m - s * self.x_m
-
-    def edge_line(self) -> list[tuple[float, float]]:
-        """Where its outer edge runs: from the crop's first tip through the bends to the last."""
-        x, y, heading = self.x_m, self.y_m, self.heading_rad
-        points, past = [(x, y)], 0.0
-        for along, turn in (*self.bends, (self.length_m, 0.0)):
-            x += (along - past) * math.cos(heading)
-            y += (along - past) * math.sin(heading)
-            points.append((x, y))
-            past, heading = along, heading + turn
-        return points
-
-    @property
-    def end_heading_rad(self) -> float:
-        """The direction in which it ends."""
-        return self.heading_rad + sum(turn for _, turn in self.bends)
-
-    def pose(self, along_m: float, left_m: float = 0.0) -> tuple[float, float, float]:
-        """(x, y, direction) along_m along the edge and left_m left of it; straight on before the
-        beginning and beyond the end."""
-        x, y, heading, past = self.x_m, self.y_m, self.heading_rad, 0.0
-        for bend, turn in self.bends:
-            if along_m <= bend:
-                break
-            x += (bend - past) * math.cos(heading)
-            y += (bend - past) * math.sin(heading)
-            past, heading = bend, heading + turn
-        ahead = along_m - past
-        c, s = math.cos(heading), math.sin(heading)
-        return x + c * ahead - s * left_m, y + s * ahead + c * left_m, heading
-
-    def takes_again(self, past: Side) -> bool:
-        """Whether this is the next strip of the edge that `past` was cut along: a shuttle leads to
-        it, not a turn."""
-        turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))
-        if not (self.bends or past.bends):
-            return turned < SAME_RAD
-        here = (self.x_m, self.y_m)
-        beside = math.dist(here, past.pose(0.0)[:2]) < math.dist(here, past.pose(past.length_m)[:2])
-        return turned < BENT_RAD and beside
-
-    def pieces(self) -> list[tuple[float, Side]]:
-        """(where along the side it begins, the straight side) of each piece between its bends; the
-        first has the side's beginning, the last its end."""
-        if not self.bends:
-            return [(0.0, self)]
-        starts = [0.0, *(along for along, _ in self.bends)]
-        ends = [*starts[1:], self.length_m]
-        found = []
-        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            # A bend's own place counts to the piece before it.
-            x, y, heading = self.pose(start) if k == 0 else self.pose(start + 1e-9)
-            piece = replace(self, x_m=x, y_m=y, heading_rad=heading, length_m=end - start, bends=())
-            if k > 0:
-                piece = replace(piece, begin_seen_m=0.0, edge_begin_m=0.0)
-            if k + 1 < len(starts):
-                piece = replace(piece, end_seen_m=0.0, edge_end_m=0.0)
-            found.append((start, piece))
-        return found
-
-    def left_by(self, past: Side, blade_width_m: float) -> bool:
-        """Whether cutting `past` has left this side's edge."""
-        turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))
-        apart = (self.line[1] - past.line[1]) / blade_width_m
-        return turned < BESIDE_RAD and BESIDE_WIDTHS[0] < apart < BESIDE_WIDTHS[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +72,8 @@ class Plan:
     """Sides of the whole plan that were cut before; `sides` are those that are left."""
     sigma_m: float = 0.0
     """Standard deviation of each corner's place against the others, along x and along y."""
+    before: tuple[int, ...] = ()
+    """The boundary's edges of the sides that were cut before."""
 
     def name(self, index: int) -> str:
         """Which side of the whole plan `sides[index]` is, in words that count from 1."""
@@ -293,12 +188,19 @@ class _Rounds:
 
 
 def _walk(
-    field: shapely.Polygon, first: int, width_m: float, shuttle: bool, rounds: _Rounds | None = None
+    field: shapely.Polygon,
+    first: int,
+    width_m: float,
+    shuttle: bool,
+    rounds: _Rounds | None,
+    names: BoundaryEdges,
+    cut: Sequence[int],
 ) -> tuple[list[Side], list[shapely.Polygon]]:
     """Sides from the edge that leaves corner `first`, and the parts that the field falls into on
     the way and that no turn leads to. With `shuttle` an edge is taken again and again while an
     inner corner lies inside it, otherwise the next edge is preferred; `rounds` says what is
-    preferred where keep-outs lie inside."""
+    preferred where keep-outs lie inside. The first sides are along those edges of the boundary that
+    `cut` names; no sides where they cannot be."""
     standing = field
     apart: list[shapely.Polygon] = []
     edges = edges_of(standing)
@@ -344,8 +246,17 @@ def _walk(
         else:
             repeat = done is not None and shuttle and reflex
         choices = [again, onward] if repeat else [onward, again]
+        if len(sides) < len(cut):
+            wanted = cut[len(sides)]
+            choices = [e for e in edges if _edge_of(e, names) == wanted]
         edge = next((e for e in choices if e is not None and e.open_ends), None)
-    return sides, apart
+    return (sides, apart) if len(sides) >= len(cut) else ([], [])
+
+
+def _edge_of(edge: Edge, names: BoundaryEdges) -> int:
+    """Which of the boundary's edges an edge of what stands lies along."""
+    (ax, ay), (bx, by) = edge.points[:2]
+    return names.beside((ax + bx) / 2, (ay + by) / 2, edge.heading)
 
 
 def spiral(
@@ -356,11 +267,14 @@ def spiral(
     gap_m: float | None = None,
     keep_outs: list[list[tuple[float, float]]] | None = None,
     sigma_m: float = 0.0,
+    cut: Sequence[int] = (),
 ) -> Plan:
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
     side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
     field it is one that leaves least standing, then one whose shuttles have room. UserError where
-    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`)."""
+    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`).
+    `cut`: the boundary's edges, by the corner that each leaves, along which the first strips have
+    been cut already; UserError where these cannot have been."""
     width_m = vehicle.pass_m
     least_m = shuttle_length(vehicle, width_m, 0.0)
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
@@ -377,6 +291,7 @@ def spiral(
     def fits(back_m: float) -> bool:
         return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
 
+    names = BoundaryEdges(corners)
     edges = edges_of(field)
     corner = boundary[start % len(boundary)]
     first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
@@ -385,10 +300,13 @@ def spiral(
     alike_m2 = LEFT_SHARE * field.area if field.area > LARGE_M2 else 0.5
     ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
     for ahead, way in itertools.product(range(len(edges)), ways):
-        if not edges[(first + ahead) % len(edges)].open_ends:
+        begun = edges[(first + ahead) % len(edges)]
+        if not begun.open_ends or (cut and _edge_of(begun, names) != cut[0]):
             continue
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
-        sides, apart = _walk(field, first + ahead, width_m, way == "shuttle", rounds)
+        sides, apart = _walk(field, first + ahead, width_m, way == "shuttle", rounds, names, cut)
+        if cut and not sides:
+            continue
         left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(b.takes_again(a) and not fits(b.back_m) for a, b in itertools.pairwise(sides))
         left_m2 -= sum(part.area for part in apart)
@@ -399,7 +317,37 @@ def spiral(
         if rank[:3] == (0.0, 0, 0) or walked > MAX_WALKED:
             break
     if best is None:
-        raise UserError("boundary: no side of it has open ground at both ends; split the field")
+        why = "the strips that were cut do not fit it" if cut else "split the field"
+        raise UserError(f"boundary: no side of it has open ground at both ends; {why}")
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
     parts = tuple(tuple((x, y) for x, y in part.exterior.coords[:-1]) for part in rest)
-    return Plan(tuple(best[1]), turn, tuple(corners), gap_m, outs, best[2], parts, 0, sigma_m)
+    return Plan(names.named(best[1]), turn, tuple(corners), gap_m, outs, best[2], parts, 0, sigma_m)
+
+
+def laid_anew(
+    plan: Plan, boundary: list[tuple[float, float]], index: int, vehicle: Vehicle
+) -> Plan | None:
+    """The plan around a boundary whose corners were found to lie elsewhere once its sides up to
+    `index` were cut; its keep-outs go with them. None where no plan has these sides."""
+    cut = (*plan.before, *(side.edge for side in plan.sides[: index + 1]))
+    outs = [_moved_with(plan.boundary, boundary, ring) for ring in plan.keep_outs]
+    try:
+        whole = spiral(boundary, 0, vehicle, plan.turn, plan.gap_m, outs, plan.sigma_m, cut)
+    except UserError:
+        return None
+    if len(whole.sides) <= plan.done + index:
+        return None
+    return replace(whole, sides=whole.sides[plan.done :], done=plan.done, before=plan.before)
+
+
+def _moved_with(
+    corners: Sequence[tuple[float, float]],
+    found: Sequence[tuple[float, float]],
+    ring: Sequence[tuple[float, float]],
+) -> list[tuple[float, float]]:
+    """A ring moved and turned as corners were (Kabsch, Acta Crystallographica A32, 1976)."""
+    a, b = np.array(corners), np.array(found)
+    u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
+    turn = u @ np.diag([1.0, np.linalg.det(u @ v)]) @ v
+    moved = (np.array(ring) - a.mean(0)) @ turn + b.mean(0)
+    return [(float(x), float(y)) for x, y in moved]

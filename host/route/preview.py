@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import Areas, Geofence, outline_of, placed
-from host.route.plan import Plan, Side
+from host.route.plan import Plan
+from host.route.side import Side
 from host.route.turn_choice import ROOM_M, next_turn, room_along, turn_origin
 from host.route.turn_legs import Turn, driven
 

@@ -9,7 +9,8 @@ from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import Geofence, outline_of, placed
 from host.route import turn_legs
-from host.route.plan import Plan, Side
+from host.route.plan import Plan
+from host.route.side import Side
 from host.route.turn_legs import NewLane, Turn
 
 SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)

@@ -137,7 +137,9 @@ def remaining(plan: Plan, side: int, cut_m: float) -> Plan:
         fence_m=this.fence_m - cut_m,
         back_m=this.back_m + cut_m,
     )
-    return replace(plan, sides=(rest, *plan.sides[side + 1 :]), done=plan.done + side)
+    before = (*plan.before, *(cut.edge for cut in plan.sides[:side]))
+    sides = (rest, *plan.sides[side + 1 :])
+    return replace(plan, sides=sides, done=plan.done + side, before=before)
 
 
 class Keeper:

@@ -16,7 +16,7 @@ import shapely
 from host.core.messages import Command, Fix, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.pilot.pilot import Pilot
-from host.route.plan import Side
+from host.route.side import Side
 from host.vision.view import CropView
 
 CELL = 0.025

@@ -9,7 +9,7 @@ import pytest
 from host.commands.cli import daranti
 from host.core.errors import run
 from host.estimate.position import Position
-from host.route.plan import Side
+from host.route.side import Side
 from tests.helpers.console import Cli
 from tests.helpers.eyes import ToldEnd
 from tests.helpers.fake_firmware import FakeFirmware

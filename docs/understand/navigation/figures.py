@@ -13,8 +13,9 @@ from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
 from host.route.field_plan import plan_field
-from host.route.plan import Plan, Side
+from host.route.plan import Plan
 from host.route.preview import preview
+from host.route.side import Side
 
 VEHICLE = Vehicle()
 GAP_M = 2.0

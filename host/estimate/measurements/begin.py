@@ -16,4 +16,4 @@ def begin(place: Place, p: Array, ago_m: float) -> Measurement:
     side = place.side
     sigma = math.hypot(SIGMA_M, SLANT_SHARE * side.begin_seen_m)
     slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
-    return border("begin", place, p, side.begin_seen_m + ago_m, sigma, slope)
+    return border("begin", place, p, side.begin_seen_m + ago_m, sigma, slope, way=-1)

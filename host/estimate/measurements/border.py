@@ -20,13 +20,15 @@ the gap look like crop, and dust hides it."""
 
 
 def border(
-    name: str, place: Place, p: Array, blade_m: float, sigma_m: float, slope: float
+    name: str, place: Place, p: Array, blade_m: float, sigma_m: float, slope: float, *, way: int
 ) -> Measurement:
-    """The blade's line stands blade_m past the side's beginning, if it is on the lane. Of a border
-    that slants a machine left of the lane meets it earlier by `slope` of how far left it is."""
+    """The blade's line stands blade_m past the side's beginning, if it is on the lane; `way` -1:
+    the border is the side's beginning, 1: its end. Of a border that slants a machine left of the
+    lane meets it earlier by `slope` of how far left it is."""
     c, s = place.direction
-    h = np.zeros((1, STATES))
+    h = np.zeros((1, len(place.x)))
     h[0, :YAW] = c - slope * s, s + slope * c
+    h[0, STATES:] = -place.outline.end(place.side, way)
     innovation = blade_m - place.blade_m - slope * place.across_m
     expected = math.sqrt((h @ p @ h.T).item() + sigma_m**2)
     doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))

@@ -22,4 +22,4 @@ def end(place: Place, p: Array, ago_m: float, doubt_m: float) -> Measurement:
     slope = min(SLOPE_MOST, side.edge_end_m / side.width_m)
     sigma = math.hypot(SIGMA_M * (1 + slope**2), SLANT_SHARE * side.end_seen_m, doubt_m)
     seen = side.length_m - side.end_seen_m - EARLY_M
-    return border("end", place, p, seen + ago_m, sigma, -slope)
+    return border("end", place, p, seen + ago_m, sigma, -slope, way=1)

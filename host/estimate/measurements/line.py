@@ -8,7 +8,6 @@ import numpy as np
 
 from host.estimate.kalman import Measurement
 from host.estimate.place import Place
-from host.estimate.states import YAW
 
 NOISE_M = 0.03
 """Of the way driven beside the lane's line."""
@@ -18,8 +17,7 @@ def line(place: Place, blade_offset_m: float, sigma_m: float) -> Measurement:
     """The blade's middle blade_offset_m left of the present lane, by the lane filter. A lane that
     goes by dead reckoning alone is no measurement of its own: sigma_m is that filter's."""
     ahead, turned = place.blade_x_m, place.turned_rad
-    h = place.beside()
-    h[YAW] = ahead * math.cos(turned)
+    h = place.beside() + ahead * math.cos(turned) * place.turned()
     expected = place.across_m + ahead * math.sin(turned) - place.lane_m
     return Measurement(
         "line",

@@ -7,7 +7,7 @@ import math
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.phase import Doing, Phase, Reason
-from host.pilot.strip import PlannedStrip
+from host.pilot.planned_strip import PlannedStrip
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants

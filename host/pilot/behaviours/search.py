@@ -9,8 +9,8 @@ from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
 from host.pilot.endings import Blind, blind
 from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.planned_strip import NO_CROP_M
 from host.pilot.sight import Gaze
-from host.pilot.strip import NO_CROP_M
 
 PICTURES = 5
 """That show no crop, for there to be none; or an edge beside which the lane is not, to go on."""

@@ -26,7 +26,8 @@ from host.estimate.states import (
     X,
     Y,
 )
-from host.route.plan import Side
+from host.route.plan import Plan
+from host.route.side import Side
 
 VEHICLE = Vehicle()
 SIDE = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
@@ -89,7 +90,7 @@ def test_innovations_that_nobody_reads_do_not_pile_up() -> None:
 
 
 def test_the_estimator_hands_its_innovations_over_once() -> None:
-    estimate = Estimator(VEHICLE)
+    estimate = Estimator(VEHICLE, Plan())
     estimate.lane.correct(0.0, math.nan, 0.9, (0.0, 0.0))
     assert [one.name for one in estimate.take_innovations()] == ["edge"]
     assert estimate.take_innovations() == []

@@ -12,7 +12,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
-from host.route.plan import Side
+from host.route.side import Side
 
 VEHICLE = Vehicle()
 STEP_M = 0.05

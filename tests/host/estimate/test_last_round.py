@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from host.core.vehicle import Vehicle
 from host.estimate.last_round import Trails
 from host.estimate.odometry import Motion
-from host.route.plan import Side
+from host.route.side import Side
 
 VEHICLE = Vehicle()
 WIDTH = VEHICLE.pass_m

@@ -35,9 +35,9 @@ from host.pilot.behaviours.wait_for_camera import Why as Waited
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, STAND_S, Context
 from host.pilot.endings import GIVE_UP_S, Blind, Patience, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
-from host.pilot.strip import PlannedStrip
 from host.route.plan import Plan, spiral
 from host.vision.view import CropView
 

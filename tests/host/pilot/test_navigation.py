@@ -16,7 +16,8 @@ from host.core.vehicle import Vehicle
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion, Odometry
 from host.route import turn_legs
-from host.route.plan import KEEP_OUT_M, Plan, Side, spiral
+from host.route.plan import KEEP_OUT_M, Plan, spiral
+from host.route.side import Side
 from host.route.turn_legs import Follow, Goal
 
 VEHICLE = Vehicle(overlap_m=0.05)

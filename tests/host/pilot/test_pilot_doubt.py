@@ -20,8 +20,9 @@ from host.pilot.context import RESUME_AFTER_S
 from host.pilot.guard import CREEP_MPS
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.pilot.strip import END_PAST_M
-from host.route.plan import SEEN_SHARE, Plan, Side, spiral
+from host.pilot.planned_strip import END_PAST_M
+from host.route.plan import SEEN_SHARE, Plan, spiral
+from host.route.side import Side
 from host.route.turn_choice import next_turn, room_along
 from host.route.turn_legs import Turn
 from host.vision.view import CropView

@@ -10,8 +10,9 @@ import shapely
 
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
-from host.route.plan import KEEP_OUT_M, Plan, Side, spiral
+from host.route.plan import KEEP_OUT_M, Plan, spiral
 from host.route.preview import preview
+from host.route.side import Side
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
 VEHICLE = Vehicle()

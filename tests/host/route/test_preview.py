@@ -17,8 +17,9 @@ from host.core.vehicle import Vehicle
 from host.field.areas import Geofence, areas_of
 from host.field.boundary_file import boundary_of, save_field
 from host.route.field_plan import plan_field
-from host.route.plan import Plan, Side
+from host.route.plan import Plan
 from host.route.preview import Preview, drive_turn, lane_pose, preview
+from host.route.side import Side
 from host.route.turn_legs import arc, lane_beside, three_point, turning_radius
 from tests.helpers.console import Cli
 

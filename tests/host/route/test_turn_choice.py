@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from host.core.vehicle import Vehicle
 from host.field.areas import GAP_MARGIN_M, Geofence, areas_of
-from host.route.plan import Plan, Side
+from host.route.plan import Plan
+from host.route.side import Side
 from host.route.turn_choice import ROOM_M, SWINGS, next_turn, room_along
 from host.route.turn_legs import (
     SHUTTLE_CLEAR_M,

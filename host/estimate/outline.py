@@ -1,0 +1,188 @@
+"""The field's outline as it is found to lie: the corners of the boundary that was entered are
+landmarks of the position, and each side of the plan lies where they now are.
+
+A walked boundary says how many corners a field has and roughly where (docs/understand/navigation).
+What a machine that cuts along an edge learns of its place beside it, it learns of the edge as well:
+which of the two it is, their uncertainties decide. Each corner moves freely, an edge with the two
+that it lies between, and a side with its edge and with those that have left the borders at its
+ends.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from host.estimate.kalman import Array
+from host.route.boundary_edges import BoundaryEdges
+from host.route.side import NO_EDGE, Side
+
+BEYOND: Final = 0.5
+"""Of an edge's length: farther beyond a corner its line is taken to move as it does there."""
+PARALLEL: Final = 0.2
+"""Sine of the angle under which a border must cross a side to move its end."""
+
+
+class Outline:
+    """(n, 2) corners; without any nothing is ever moved."""
+
+    def __init__(self, ring: Sequence[tuple[float, float]] = ()) -> None:
+        self._planned = BoundaryEdges(ring)
+        self._edges = self._planned
+        """Where they are found to lie: a derivative against a direction of before would let what is
+        seen beside the lane move the corners along it."""
+        self.moved_m: Array = np.zeros_like(self._planned.corners)
+        """(n, 2) how far each corner lies from where the plan has it."""
+        self._found: dict[Side, Side] = {}
+
+    @property
+    def states(self) -> int:
+        """How many numbers its corners are."""
+        return self.moved_m.size
+
+    @property
+    def corners(self) -> list[tuple[float, float]]:
+        """Where they are found to lie."""
+        return [(float(x), float(y)) for x, y in self._planned.corners + self.moved_m]
+
+    def move(self, by_m: Array) -> None:
+        """Every corner by so much, (states,)."""
+        if by_m.any():
+            self.moved_m = self.moved_m + by_m.reshape(-1, 2)
+            self._edges = BoundaryEdges(self.corners)
+            self._found.clear()
+
+    def heading_rad(self, edge: int) -> float:
+        """The direction in which an edge is found to run; 0 for none."""
+        return 0.0 if edge == NO_EDGE else float(self._edges.headings[edge])
+
+    # ---- derivatives -----------------------------------------------------------------------------
+
+    @staticmethod
+    def _weights(e: BoundaryEdges, edge: int, x: float, y: float) -> Array:
+        """(n,) how much the line of an edge moves, where it is nearest to a place, with each
+        corner."""
+        out = np.zeros(len(e.corners))
+        if edge != NO_EDGE and len(out):
+            along = (np.array([x, y]) - e.corners[edge]) @ e.directions[edge] / e.lengths[edge]
+            share = min(1.0 + BEYOND, max(-BEYOND, float(along)))
+            out[edge] += 1.0 - share
+            out[(edge + 1) % len(out)] += share
+        return out
+
+    def along(self, edge: int, at: tuple[float, float], way: tuple[float, float]) -> Array:
+        """(states,) the derivative of how far, in direction `way`, that place of an edge moves."""
+        return np.outer(self._weights(self._edges, edge, *at), way).ravel()
+
+    def turning(self, edge: int) -> Array:
+        """(states,) the derivative of an edge's direction, 1/m."""
+        out = np.zeros_like(self.moved_m)
+        if edge != NO_EDGE and len(out):
+            e = self._edges
+            c, s = e.directions[edge] / e.lengths[edge]
+            out[edge] = s, -c
+            out[(edge + 1) % len(out)] = -s, c
+        return out.ravel()
+
+    def end(self, side: Side, way: int) -> Array:
+        """(states,) the derivative of how far along a side its end (way 1) or beginning (-1) lies,
+        seen from a place that stands still; the side where it is found."""
+        heading = side.heading_rad if way < 0 else side.end_heading_rad
+        u = (math.cos(heading), math.sin(heading))
+        border = side.begins_at if way < 0 else side.ends_at
+        at = side.pose(side.edge_begin_m if way < 0 else side.length_m - side.edge_end_m)[:2]
+        if border == NO_EDGE or not len(self.moved_m):
+            edge = side.edge if way < 0 or not side.edges else side.edges[-1]
+            return self.along(edge, at, u)
+        c, s = self._edges.directions[border]
+        across = c * u[1] - s * u[0]
+        if abs(across) < PARALLEL:
+            across = math.copysign(PARALLEL, across)
+        return self.along(border, at, (-s / across, c / across))
+
+    def nearest(self, places: Array) -> Array:
+        """(m, n) how much the border nearest to each of (m, 2) places moves with each corner."""
+        e = self._edges
+        away = places[:, np.newaxis] - (e.corners)
+        along = np.einsum("mnk,nk->mn", away, e.directions)
+        share = np.clip(along / e.lengths, 0.0, 1.0)
+        beside = away - share[..., np.newaxis] * (e.directions * e.lengths[:, np.newaxis])
+        edge = np.argmin(np.hypot(beside[..., 0], beside[..., 1]), axis=1)
+        rows = np.arange(len(places))
+        out = np.zeros((len(places), len(e.corners)))
+        out[rows, edge] = 1.0 - share[rows, edge]
+        out[rows, (edge + 1) % len(e.corners)] += share[rows, edge]
+        return out
+
+    # ---- sides as they lie -----------------------------------------------------------------------
+
+    def found(self, side: Side) -> Side:
+        """A side of the plan where it is found to lie."""
+        if not side.edges or not self.moved_m.any():
+            return side
+        if side not in self._found:
+            self._found[side] = self._moved(side)
+        return self._found[side]
+
+    def pieces(self, side: Side) -> list[tuple[float, Side]]:
+        """Its straight pieces (`Side.pieces`) where they are found to lie."""
+        pieces = [self.found(piece) for _, piece in side.pieces()]
+        starts = np.concatenate([[0.0], np.cumsum([piece.length_m for piece in pieces])])
+        return [(float(start), piece) for start, piece in zip(starts, pieces, strict=False)]
+
+    def _moved(self, side: Side) -> Side:
+        if side.bends:
+            pieces = self.pieces(side)
+            turns = [
+                math.remainder(b.heading_rad - a.heading_rad, math.tau)
+                for (_, a), (_, b) in itertools.pairwise(pieces)
+            ]
+            start, last = pieces[-1]
+            length = start + last.length_m
+            bends = tuple((at, turn) for (at, _), turn in zip(pieces[1:], turns, strict=True))
+            first = pieces[0][1]
+            x, y, heading = first.x_m, first.y_m, first.heading_rad
+        else:
+            bx, by = self._crossing(side, -1)
+            ex, ey = self._crossing(side, 1)
+            heading = math.atan2(ey - by, ex - bx)
+            turned = math.remainder(heading - side.heading_rad, math.tau)
+            heading = side.heading_rad + turned
+            length = math.hypot(ex - bx, ey - by) + side.edge_begin_m + side.edge_end_m
+            x = bx - side.edge_begin_m * math.cos(heading)
+            y = by - side.edge_begin_m * math.sin(heading)
+            bends = ()
+        longer = length - side.length_m
+        return replace(
+            side,
+            x_m=x,
+            y_m=y,
+            heading_rad=heading,
+            length_m=length,
+            fence_m=side.fence_m + longer,
+            bends=bends,
+        )
+
+    def _crossing(self, side: Side, way: int) -> tuple[float, float]:
+        """Where the outer edge of a straight side begins or ends: it has moved aside with its edge,
+        and along it to the border there."""
+        e, moved = self._planned, self.moved_m
+        along = side.edge_begin_m if way < 0 else side.length_m - side.edge_end_m
+        x, y, heading = side.pose(along)
+        c, s = math.cos(heading), math.sin(heading)
+        border = side.begins_at if way < 0 else side.ends_at
+        by_edge = self._weights(e, side.edge, x, y) @ moved
+        left, ahead = -s * by_edge[0] + c * by_edge[1], c * by_edge[0] + s * by_edge[1]
+        if border != NO_EDGE:
+            bc, bs = e.directions[border]
+            across = bc * s - bs * c
+            if abs(across) > PARALLEL:
+                by_border = self._weights(e, border, x, y) @ moved
+                out = bc * by_border[1] - bs * by_border[0]
+                ahead = (out - left * (bc * c + bs * s)) / across
+        return float(x + c * ahead - s * left), float(y + s * ahead + c * left)
