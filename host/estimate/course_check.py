@@ -54,7 +54,7 @@ class DirectionCheck:
 
     def contradicted(self, fix: Fix, motion: Motion, heading_rad: float) -> bool:
         """Whether this fix and the ones before it show the machine going the other way. The heading
-        is the vehicle's in the field frame."""
+        is the vehicle's as the receiver should show it."""
         self.off_rad = None
         if fix.speed_mps is None or fix.course_rad is None or fix.quality == 0:
             return False

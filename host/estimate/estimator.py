@@ -64,8 +64,8 @@ class Estimator:
     def take_fix(self, fix: Fix, telemetry: Telemetry, *, underway: bool) -> None:
         """The receiver's speed, and `underway` along a side or a turn its course."""
         if underway and self.position.known:
-            yaw = self.position.pose[2]
-            self.backwards = self.direction.contradicted(fix, self.motion, yaw)
+            expected = self.position.course_rad
+            self.backwards = self.direction.contradicted(fix, self.motion, expected)
             self.askew_rad = self.direction.askew_rad
             if self.direction.off_rad is not None:
                 self.position.course(self.direction.off_rad, self.motion.speed_mps)

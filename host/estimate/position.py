@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Filter
 from host.estimate.measurements import begin, course, end, line
-from host.estimate.measurements.goes_on import goes_on, to_end
+from host.estimate.measurements.goes_on import to_end
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
-from host.estimate.states import LANE, LANE_YAW, SLIP, STATES, YAW, X, Y
+from host.estimate.states import LANE, LANE_YAW, PLAN_YAW, SLIP, STATES, YAW, X, Y
 from host.route.side import NO_EDGE, Side
 
 START_SIGMA = (0.1, 0.1, math.radians(2))
@@ -87,6 +87,12 @@ class Position(Filter):
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, m and rad."""
         return float(self._x[X]), float(self._x[Y]), float(self._x[YAW])
+
+    @property
+    def course_rad(self) -> float:
+        """The course that the receiver should show, driving forward: the plan may lie some degrees
+        askew of it."""
+        return float(self._x[YAW] + self._x[PLAN_YAW])
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -232,8 +238,8 @@ class Position(Filter):
         self._learn()
 
     def course(self, left_rad: float, speed_mps: float) -> None:
-        """The receiver's course lies left_rad left of the yaw, at that speed over ground."""
-        self.fuse(course.course(self._x, left_rad, speed_mps))
+        """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""
+        self.fuse(course.course(len(self._x), left_rad, speed_mps))
         self._learn()
 
     def at_begin(self, side: Side, ago_m: float) -> None:
@@ -250,16 +256,15 @@ class Position(Filter):
         self.fuse(end.end(self.at(side), self._p, ago_m, doubt_m))
         self._learn()
 
-    def goes_on(self, side: Side, seen_m: float) -> None:
-        """The crop that is being cut along a side goes on for seen_m before the blade."""
-        learned = goes_on(self.at(side), self._p, seen_m)
-        if learned is None:
-            return
-        h, more_m, variance = learned
+    def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:
+        """A side's end is now taken to lie along_m past its beginning, with that variance against
+        the blade."""
+        place = self.at(side)
+        h = to_end(place)
         ph = self._p @ h
         before = float(h @ ph)
-        self._x = self._x + ph * (more_m / before)
-        self._p = self._p + np.outer(ph, ph) * ((variance - before) / before**2)
+        self._x = self._x + ph * ((along_m - place.side.length_m) / before)
+        self._p = self._p + np.outer(ph, ph) * ((variance_m2 - before) / before**2)
         self._learn()
 
     def laid_anew(self, boundary: Sequence[tuple[float, float]], side: Side) -> None:

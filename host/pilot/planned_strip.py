@@ -10,6 +10,7 @@ from typing import NamedTuple
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
+from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
@@ -56,6 +57,9 @@ SURE_SHARE = 0.4
 SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
+UNKNOWN_M = 0.3
+"""Standard deviation of a side's end from which on it is found by cutting towards it."""
+GOES_ON_M = 0.05
 UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
 LATE_SIGMAS = 4.0
@@ -106,8 +110,8 @@ class PlannedStrip(Strip):
         self._turned_from: _Before | None = None
         self._crop_to_m = 0.0
         """How far along the side crop has been seen to go on from what was cut."""
-        self._doubt_m = 0.0
-        """Standard deviation of where the side ends, before anything was seen of it."""
+        self._expected_m, self._doubt_m = side.length_m, 0.0
+        """Where the side was taken to end before anything was seen of it, and how surely."""
 
     @property
     def side(self) -> Side:
@@ -143,6 +147,7 @@ class PlannedStrip(Strip):
         position = self.estimate.position
         known = position.outline.states == 0
         self._doubt_m = 0.0 if known else position.end_sigma_m(self._straight[-1])
+        self._expected_m = self.side.length_m
 
     def along_m(self, motion: Motion) -> float:
         """By the position, in which what was seen of the beginning has its part."""
@@ -177,11 +182,14 @@ class PlannedStrip(Strip):
         return farthest > self._planned.fence_m + LATE_M + LATE_SIGMAS * self._doubt_m
 
     def goes_on(self, motion: Motion) -> None:
-        """Crop stood at the blade then."""
+        """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_to_m = max(self._crop_to_m, self.along_m(motion))
-        if self._doubt_m > 0.0:
-            ago = self.estimate.motion.distance_m - motion.distance_m
-            self.estimate.position.goes_on(self._straight[-1], -ago)
+        if self._doubt_m < UNKNOWN_M:
+            return
+        start, last = self._pieces[-1]
+        known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
+        if known is not None and known[0] > start + last.length_m + GOES_ON_M:
+            self.estimate.position.ends_at(self._straight[-1], known[0] - start, known[1])
 
     def sure_ahead_m(self) -> float:
         if self._doubt_m == 0.0:
@@ -312,6 +320,7 @@ class PlannedStrip(Strip):
         strip._at = min(self._at, len(strip._straight) - 1)
         strip._anchored, strip._turned_from = self._anchored, self._turned_from
         strip._crop_to_m, strip._doubt_m = self._crop_to_m, self._doubt_m
+        strip._expected_m = self._expected_m
         self.estimate.position.laid_anew(plan.boundary, strip.planned_piece)
         return strip
 

@@ -17,10 +17,10 @@ from host.estimate.kalman import Array
 from host.estimate.place import Place
 from host.estimate.states import STATES, YAW
 
-KNOWN_M: Final = 0.15
-"""Standard deviation of the end's distance below which nothing is to be learned."""
 LIKELY: Final = -2.0
 """The bound in standard deviations from the mean: farther before it cuts off next to nothing."""
+FARTHEST: Final = 6.0
+"""And after it: nothing is left of the distribution but its bound."""
 
 
 def to_end(place: Place) -> Array:
@@ -32,17 +32,16 @@ def to_end(place: Place) -> Array:
     return h
 
 
-def goes_on(place: Place, p: Array, seen_m: float) -> tuple[Array, float, float] | None:
-    """The end lies at least seen_m before the blade: (the derivative of its distance, by how much
-    that is more than was thought, its variance then); None where nothing is learned of it."""
-    h = to_end(place)
-    sigma = math.sqrt(h @ p @ h)
-    if sigma < KNOWN_M:
-        return None
-    bound = (seen_m - (place.side.length_m - place.blade_m)) / sigma
+def goes_on(bound_m: float, mean_m: float, sigma_m: float) -> tuple[float, float] | None:
+    """Mean (m) and variance (m²) of where a side ends that was taken to end at mean_m, give or take
+    sigma_m, before anything was seen of it, now that crop was seen to go on to bound_m along it;
+    None where that changes nothing. Each time from what was taken first: cut off step by step, the
+    normal distribution loses its tail."""
+    bound = (bound_m - mean_m) / sigma_m
     if bound < LIKELY:
         return None
+    bound = min(bound, FARTHEST)
     density = math.exp(-bound * bound / 2) / math.sqrt(math.tau)
-    beyond = max(math.erfc(bound / math.sqrt(2)) / 2, 1e-6)
-    hazard = max(density / beyond, bound)
-    return h, sigma * hazard, sigma**2 * max(0.05, 1.0 - hazard * (hazard - bound))
+    hazard = density / (math.erfc(bound / math.sqrt(2)) / 2)
+    mean = max(bound_m, mean_m + sigma_m * hazard)
+    return mean, sigma_m**2 * (1.0 - hazard * (hazard - bound))
