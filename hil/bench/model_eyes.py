@@ -71,6 +71,8 @@ SCALES: Final = np.array(
 )
 FEATURES: Final = len(SCALES)
 
+NO_RIGHT_END: Final = "the crop ahead has no clear right end"
+
 Cell = tuple[int, int, int, int]
 """Of a situation: zone, whether the blade spins, whether the machine moves, whether the detector
 was restarted."""
@@ -462,14 +464,17 @@ class ModelDetector:
         beyond = float(c["edge_ahead_m"][row])
         if math.isfinite(seen) and math.isfinite(ahead):
             beyond = max(0.0, beyond + ahead - seen)
+        # The library has hardly a picture whose crop goes on beyond what is seen to the right; of
+        # those that were looked at, the detector was sure of none.
+        sure = edge != 2 and math.isfinite(offset)
         return CropView(
-            float(c["confidence"][row]) if math.isfinite(offset) else 0.0,
+            float(c["confidence"][row]) if sure else 0.0,
             edge_offset_m=offset,
             edge_ahead_m=beyond,
             edge_heading_rad=NAN,
             crop_ahead_m=ahead,
             ahead_confidence=float(c["ahead_confidence"][row]),
             tip_share=float(c["tip_share"][row]),
-            reason=errors.reasons[int(c["reason"][row])],
+            reason=errors.reasons[int(c["reason"][row])] if sure else NO_RIGHT_END,
             usable=bool(c["usable"][row]),
         )

@@ -3,10 +3,14 @@ several behaviours share."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from host.estimate.crop_ahead import EndOfField
 from host.pilot.context import Context
 from host.pilot.phase import Doing, Go, Reason
+from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
+from host.route.plan import Plan
 from host.route.turn_choice import next_turn
 
 GIVE_UP_S = 60.0
@@ -62,8 +66,9 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
     following = context.planned(strip.index + 1)
     origin = strip.leave(following, end)
     room_from = strip.end_pose()
+    plan = outward(context.plan, following)
     turn = next_turn(
-        context.plan, strip.index, context.vehicle, lambda t: context.guard.room_m(t, room_from)
+        plan, strip.index, context.vehicle, lambda t: context.guard.room_m(t, room_from)
     )
     turning = context.turning = Turning(now, turn, origin)
     if seen:
@@ -75,6 +80,15 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
     if context.by_plan:
         return SideEnd.BY_PLAN.go(side=strip.name)
     return (SideEnd.KEEP_OUT if strip.blind_end else SideEnd.SEEN).go(side=strip.name)
+
+
+def outward(plan: Plan, following: Strip) -> Plan:
+    """The plan with the following strip's lane where the turn is to lead."""
+    if following.outward_m == 0.0:
+        return plan
+    sides, at = list(plan.sides), following.index
+    sides[at] = replace(sides[at], shift_m=sides[at].shift_m + following.outward_m)
+    return replace(plan, sides=tuple(sides))
 
 
 def gave_up(context: Context, now: float) -> Go | None:

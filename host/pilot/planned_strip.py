@@ -60,6 +60,9 @@ crop beyond as many may be the neighbour's."""
 UNKNOWN_M = 0.3
 """Standard deviation of a side's end from which on it is found by cutting towards it."""
 GOES_ON_M = 0.05
+OUTWARD_M = 0.4
+"""Most by which a turn leads the machine outside of an edge that it has not seen: from outside the
+crop's right end is in view, from inside nothing but crop."""
 UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
 LATE_SIGMAS = 4.0
@@ -263,6 +266,13 @@ class PlannedStrip(Strip):
         sigma = max(HEADING_SIGMA_RAD, sigma)
         self.estimate.lane.correct_heading(heading, sigma, learn=self.teaches)
 
+    def recall_lane(self) -> None:
+        lane = self.estimate.lane
+        offset, turned, *sigmas = self.estimate.position.against_lane()
+        sigma = math.hypot(sigmas[0], self.vehicle.blade_x_m * sigmas[1])
+        if lane.offset_sigma_m > sigma:
+            lane.place(offset, turned, *sigmas)
+
     def cut(self) -> None:
         """Its line is a known place, once per ANCHOR_EVERY_M; its way is the next round's edge; and
         once, where the lane is known again, it tells how far the turn to it has turned."""
@@ -289,7 +299,8 @@ class PlannedStrip(Strip):
     def begin_leg(self, turning: Turning) -> None:
         offset, turned, *sigmas = self.estimate.position.against_lane()
         known = zip(self.place_sigmas(turning), sigmas, strict=True)
-        self.estimate.lane.place(offset, turned, *(max(pair) for pair in known))
+        sigmas = [max(pair) for pair in known]
+        self.estimate.lane.place(offset + self.outward_m, turned, *sigmas)
 
     def leave(self, following: Strip, end: EndOfField) -> tuple[float, float, float]:
         """By the position, in which the end that was seen has its part."""
@@ -312,6 +323,13 @@ class PlannedStrip(Strip):
         self.estimate.trails.begin(self.planned_piece)
         self.estimate.position.begin(self.planned_piece)
         self._note_doubt()
+
+    @property
+    def outward_m(self) -> float:
+        if self._doubt_m < UNKNOWN_M:
+            return 0.0
+        _, _, sigma, _ = self.estimate.position.against_lane()
+        return min(OUTWARD_M, sigma)
 
     def laid_anew(self, plan: Plan) -> PlannedStrip:
         """The same strip in the plan as it has been laid out anew around what was found."""

@@ -188,6 +188,8 @@ class Sight:
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
         self._estimate.odometry.turn_trim(lane.take_bias())
+        if lane.contradicted:
+            strip.recall_lane()
         if moved and not lane.contradicted:
             strip.believe_heading()
             strip.seen_beside(view, then)

@@ -89,6 +89,11 @@ class Strip:
         where nothing has been seen of it yet; inf: it is known."""
         return math.inf
 
+    @property
+    def outward_m(self) -> float:
+        """How far outside of its lane a turn is to lead, as nobody has seen its edge yet."""
+        return 0.0
+
     def left_m(self) -> float:
         """What the plan still has of it before the blade; 0 where it has nothing."""
         return 0.0
@@ -132,6 +137,9 @@ class Strip:
 
     def believe_heading(self) -> None:
         """The position's heading, for the lane filter where vision sees no direction."""
+
+    def recall_lane(self) -> None:
+        """Pictures contradict the lane: no more is unknown of it than of the place in the field."""
 
     def cut(self) -> None:
         """The blade is cutting: what the way along the strip teaches."""
