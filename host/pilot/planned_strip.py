@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import NEAR_CROP_M, Ahead, EndOfField
+from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
@@ -250,7 +250,7 @@ class PlannedStrip(Strip):
         first = self.ahead.seems_clear_since or end.motion
         ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
         doubt = 0.0
-        if looked:
+        if looked and self.ahead.in_dust(*END_SURE):
             # Somewhere between where dust began to look like clear ground and here.
             doubt = (here.distance_m - ended_m) / 2
         ago = here.distance_m - ended_m - doubt
@@ -355,9 +355,11 @@ class PlannedStrip(Strip):
         self._turned_from = None
 
     def end_pose(self) -> tuple[float, float, float] | None:
-        side = self._pieces[-1][1]
+        side, position = self._pieces[-1][1], self.estimate.position
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         along = side.length_m - self.vehicle.blade_x_m
+        if position.outline.states:
+            along += SIGMAS * position.end_sigma_m(self._straight[-1])
         inside = self.vehicle.inset_m - side.shift_m
         x, y = side.x_m + c * along - s * inside, side.y_m + s * along + c * inside
         return x, y, side.heading_rad

@@ -158,7 +158,8 @@ class Strip:
         return end.motion.x_m, end.motion.y_m, here.yaw_rad - self.estimate.lane.heading_rad
 
     def end_pose(self) -> tuple[float, float, float] | None:
-        """(x, y, heading) of the rear axle on the lane at the strip's end, in the field frame."""
+        """(x, y, heading) of the rear axle on the lane at the strip's end, in the field frame, as
+        far on as that may be: where a turn must find room."""
         return None
 
     def place_sigmas(self, turning: Turning) -> tuple[float, float]:
