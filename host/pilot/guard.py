@@ -4,7 +4,7 @@ must not be."""
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -67,6 +67,18 @@ def watch(state: State, estimate: Estimator) -> Go | None:
     return None
 
 
+@dataclass(frozen=True, slots=True)
+class SeenFree:
+    """What pictures say of the way ahead."""
+
+    crop_m: float = math.inf
+    """The field's end is no nearer than so far before where it is taken to be: that far, the crop
+    that is being cut was seen to go on. inf: nothing is known of that."""
+    clear_m: float = math.inf
+    """On the ground around the field: how far before the blade the next crop stands; inf: nothing
+    is known of that."""
+
+
 class Guard:
     """The geofence of a plan with boundary and gap; without them everything passes."""
 
@@ -92,29 +104,27 @@ class Guard:
             return ROOM_M
         return room_along(turn, at, self._vehicle, self._fence)
 
-    def limit(self, command: Command, sure_ahead_m: float = math.inf) -> Command | Verdict:
+    def limit(self, command: Command, seen: SeenFree = SeenFree()) -> Command | Verdict:
         """The command as the geofence lets it pass, whatever vision says, or why it does not. What
         leads away from the border (a clear place has no clearance, NaN) is let pass slowly: a
-        machine that stands too near must be able to leave. The field's end is no nearer than
-        sure_ahead_m before where it is taken to be: so far crop has been seen to go on."""
+        machine that stands too near must be able to leave. What was `seen` makes the border no
+        wider, only the position against it surer."""
         if command.request is not Request.DRIVE or command.speed_mps == 0.0:
             return command
-        verdict = self._verdict(command.speed_mps, sure_ahead_m)
+        verdict = self._verdict(command.speed_mps, seen)
         if verdict is None or verdict.level is Level.CLEAR:
             return command
         slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
         slowly = replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
-        creeping = self._verdict(slow, sure_ahead_m) or verdict
+        creeping = self._verdict(slow, seen) or verdict
         if creeping.level is not Level.STOP:
             return slowly
-        later = self._verdict(command.speed_mps, sure_ahead_m, LEADS_AWAY_S)
+        later = self._verdict(command.speed_mps, seen, LEADS_AWAY_S)
         if later is not None and not later.clearance_m <= verdict.clearance_m + LEADS_AWAY_M:
             return slowly
         return verdict
 
-    def _verdict(
-        self, speed_mps: float, sure_ahead_m: float, ahead_s: float = 0.0
-    ) -> Verdict | None:
+    def _verdict(self, speed_mps: float, seen: SeenFree, ahead_s: float = 0.0) -> Verdict | None:
         """The geofence's answer for the place reached in ahead_s; None without fence or place."""
         if self._fence is None or not self._position.known:
             return None
@@ -122,9 +132,14 @@ class Guard:
         vx, vy = speed_mps * math.cos(yaw), speed_mps * math.sin(yaw)
         outline = placed(self._outline, x + vx * ahead_s, y + vy * ahead_s, yaw)
         covariance = self._position.covariance_of(outline)
-        if math.isfinite(sure_ahead_m):
-            covariance = no_farther(covariance, yaw, sure_ahead_m / self._fence.sigmas)
-        return self._fence.check(self._position.as_planned(outline), covariance, (vx, vy))
+        as_planned = self._position.as_planned(outline)
+        nearer_m = seen.crop_m
+        if math.isfinite(seen.clear_m) and speed_mps > 0.0:
+            clear = self._fence.clearance(as_planned)
+            nearer_m = min(nearer_m, max(0.0, clear - (seen.clear_m - GAP_MARGIN_M)))
+        if math.isfinite(nearer_m):
+            covariance = no_farther(covariance, yaw, nearer_m / self._fence.sigmas)
+        return self._fence.check(as_planned, covariance, (vx, vy))
 
 
 def no_farther(

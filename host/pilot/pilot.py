@@ -8,7 +8,6 @@ when it does something else, is in host.pilot.behaviours, one a file.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from host.core.messages import Command, Fix, Frame, Request, Telemetry
@@ -136,8 +135,7 @@ class Pilot:
         self._go(now, go)
         if self._behaviour.gaze.on_side:
             command = context.estimate.cut.limit(now, command, own=context.strip.surely_own)
-        sure = context.strip.sure_ahead_m() if self._behaviour.gaze.on_side else math.inf
-        passed = context.guard.limit(self._explained(command), sure)
+        passed = context.guard.limit(self._explained(command), self._behaviour.seen_free(now))
         if isinstance(passed, Command):
             return passed
         blocked = self._behaviour.blocked(now, passed.reason)

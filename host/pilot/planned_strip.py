@@ -187,7 +187,7 @@ class PlannedStrip(Strip):
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_to_m = max(self._crop_to_m, self.along_m(motion))
-        if self._doubt_m < UNKNOWN_M:
+        if not self.new:
             return
         start, last = self._pieces[-1]
         known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
@@ -325,8 +325,12 @@ class PlannedStrip(Strip):
         self._note_doubt()
 
     @property
+    def new(self) -> bool:
+        return self._doubt_m >= UNKNOWN_M
+
+    @property
     def outward_m(self) -> float:
-        if self._doubt_m < UNKNOWN_M:
+        if not self.new:
             return 0.0
         _, _, sigma, _ = self.estimate.position.against_lane()
         return min(OUTWARD_M, sigma)

@@ -144,8 +144,9 @@ class Sight:
             self._detector.restart(turned=not gaze.on_side)
         in_leg = turning is not None and turning.leg is not None
         backing = turning is not None and turning.backing
-        # a turn is driven by dead reckoning until it backs along the next side
-        glances = in_leg and not backing
+        # A turn is driven by dead reckoning until it backs along the next side; but round a corner
+        # that was found just now the machine looks where it goes.
+        glances = in_leg and not backing and not strip.new
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)

@@ -90,6 +90,11 @@ class Strip:
         return math.inf
 
     @property
+    def new(self) -> bool:
+        """Whether nobody has seen it yet, nor where it begins and ends."""
+        return False
+
+    @property
     def outward_m(self) -> float:
         """How far outside of its lane a turn is to lead, as nobody has seen its edge yet."""
         return 0.0

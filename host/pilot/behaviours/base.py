@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from host.core.messages import Command
 from host.pilot.context import Context
-from host.pilot.guard import Watched
+from host.pilot.guard import SeenFree, Watched
 from host.pilot.phase import Go, Phase, Reason
 from host.pilot.sight import Gaze
 
@@ -42,6 +42,13 @@ class Behaviour(ABC):
     def paused(self, now: float) -> None:
         """The operator has paused the machine: nothing runs out."""
         self.context.since = self.context.sight.seen.stamp = now
+
+    def seen_free(self, now: float) -> SeenFree:
+        """What pictures say of the way ahead."""
+        del now
+        return (
+            SeenFree(crop_m=self.context.strip.sure_ahead_m()) if self.gaze.on_side else SeenFree()
+        )
 
     def blocked(self, now: float, why: str) -> Go | None:
         """The geofence lets the last command not pass. Without a transition the machine stands and

@@ -6,7 +6,9 @@ import math
 
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import SLOW_AFTER_S
 from host.pilot.endings import Blind, blind
+from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import Turning
 from host.route.turn_legs import Follow as Along
@@ -16,6 +18,8 @@ STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
+FARTHEST_M = 2.5
+"""Crop farther ahead is not surely seen."""
 ALIGN_ROOM_M = (0.5, 1.0)
 """How much farther than planned the vehicle may back to get into line with the edge: into the gap,
 and at most, over what has been cut."""
@@ -66,6 +70,15 @@ class DriveTurn(Behaviour):
             turning.running = True
         speed = context.vehicle.manoeuvre_speed_mps
         return context.drive(steer, -speed if leg.reverse else speed, blade=False), None
+
+    def seen_free(self, now: float) -> SeenFree:
+        """Beyond an end that has just been found for the first time, the next crop ahead."""
+        sight, motion = self.context.sight, self.context.motion
+        view = sight.view
+        if view is None or not sight.sees_ahead() or now - sight.stamp > SLOW_AFTER_S:
+            return SeenFree()
+        since = motion.distance_m - self.context.estimate.odometry.at(sight.stamp).distance_m
+        return SeenFree(clear_m=min(view.crop_ahead_m, FARTHEST_M) - max(0.0, since))
 
     def paused(self, now: float) -> None:
         super().paused(now)
