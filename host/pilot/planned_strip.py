@@ -262,6 +262,8 @@ class PlannedStrip(Strip):
         self.estimate.position.at_end(as_seen, ago, drift, doubt)
 
     def believe_heading(self) -> None:
+        if self.new:
+            return  # the edge's direction is what is to be found: told once, with the turn
         _, heading, _, sigma = self.estimate.position.against_lane()
         sigma = max(HEADING_SIGMA_RAD, sigma)
         self.estimate.lane.correct_heading(heading, sigma, learn=self.teaches)
