@@ -90,9 +90,9 @@ class Position(Filter):
 
     @property
     def course_rad(self) -> float:
-        """The course that the receiver should show, driving forward: the plan may lie some degrees
-        askew of it."""
-        return float(self._x[YAW] + self._x[PLAN_YAW])
+        """The course that the receiver should show, driving forward. Where the boundary is still to
+        be found, it may lie some degrees askew of the courses; one that is known may not."""
+        return float(self._x[YAW] + (self._x[PLAN_YAW] if self.outline.states else 0.0))
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -239,7 +239,7 @@ class Position(Filter):
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""
-        self.fuse(course.course(len(self._x), left_rad, speed_mps))
+        self.fuse(course.course(self._x, left_rad + self.course_rad - self._x[YAW], speed_mps))
         self._learn()
 
     def at_begin(self, side: Side, ago_m: float) -> None:

@@ -269,6 +269,8 @@ class PlannedStrip(Strip):
         self.estimate.lane.correct_heading(heading, sigma, learn=self.teaches)
 
     def recall_lane(self) -> None:
+        if not self.new:
+            return
         lane = self.estimate.lane
         offset, turned, *sigmas = self.estimate.position.against_lane()
         sigma = math.hypot(sigmas[0], self.vehicle.blade_x_m * sigmas[1])

@@ -144,7 +144,8 @@ class Strip:
         """The position's heading, for the lane filter where vision sees no direction."""
 
     def recall_lane(self) -> None:
-        """Pictures contradict the lane: no more is unknown of it than of the place in the field."""
+        """Pictures contradict the lane: of one that nobody has seen before no more is unknown than
+        of the place in the field."""
 
     def cut(self) -> None:
         """The blade is cutting: what the way along the strip teaches."""

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from host.estimate.kalman import Measurement
+from host.estimate.kalman import Array, Measurement
 from host.estimate.odometry import DOPPLER_MPS
 from host.estimate.states import PLAN_YAW, YAW
 
@@ -17,9 +17,9 @@ SHARE = 1.2
 worse than its speed is."""
 
 
-def course(states: int, left_rad: float, speed_mps: float) -> Measurement:
-    """The course lies left_rad left of where it should, at that speed over ground."""
-    h = np.zeros((1, states))
+def course(x: Array, left_rad: float, speed_mps: float) -> Measurement:
+    """The course lies left_rad left of the yaw, at that speed over ground."""
+    h = np.zeros((1, len(x)))
     h[0, [YAW, PLAN_YAW]] = 1.0
     sigma = math.atan2(SHARE * DOPPLER_MPS, abs(speed_mps))
-    return Measurement("course", h, np.array([left_rad]), np.array([sigma**2]))
+    return Measurement("course", h, np.array([left_rad - x[PLAN_YAW]]), np.array([sigma**2]))
