@@ -1,4 +1,4 @@
-"""Writes the firmware onto an Uno with avrdude."""
+"""Writes the firmware onto a board with avrdude, by way of its bootloader."""
 
 from __future__ import annotations
 
@@ -6,19 +6,42 @@ import re
 import shutil
 import stat
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from host.core.errors import UserError
 
 CHECKOUT = Path(__file__).parents[2]
-BAUD = 115200
-"""Of the Uno's boot loader (optiboot)."""
 TIMEOUT_S = 120.0
 """Writing and verifying a Mega's 256 KiB at 115200 baud takes some 50 s."""
 ELF_AVR = 83
 """EM_AVR of the ELF specification."""
 ELF_HEAD = 64
 """Bytes that hold an ELF file's magic number and machine."""
+
+
+@dataclass(frozen=True)
+class Loader:
+    """How a board's bootloader is spoken to (arduino-core-avr, boards.txt)."""
+
+    build: str
+    """The PlatformIO environment whose image it takes."""
+    part: str
+    programmer: str
+    baud: int
+    elf_kind: int
+    """The architecture in an ELF's flags: 5 for 128 KiB of flash and less, 6 for more."""
+
+
+LOADERS: Final = {
+    "uno": Loader("uno", "atmega328p", "arduino", 115200, 5),
+    "uno_hil": Loader("uno_hil", "atmega328p", "arduino", 115200, 5),
+    "nano": Loader("nano", "atmega328p", "arduino", 115200, 5),
+    "nano_old": Loader("nano", "atmega328p", "arduino", 57600, 5),
+    "mega2560": Loader("mega2560", "atmega2560", "wiring", 115200, 6),
+}
+"""By the board's name. A Nano sold before 2018, and many a copy, has the old bootloader."""
 
 
 def find_avrdude() -> list[str]:
@@ -43,20 +66,22 @@ def find_image(build: str) -> Path:
     raise UserError(f"the firmware is not built ({folder} is empty): `pio run -e {build}`")
 
 
-def check_image(path: Path) -> None:
-    """Raises UserError unless the file is an image for the Uno's ATmega328P: Intel HEX, or an ELF
-    file for the AVR."""
+def check_image(path: Path, board: str) -> None:
+    """Raises UserError unless the file can be an image for the board (of LOADERS): Intel HEX, or an
+    ELF file for its chip."""
+    loader = LOADERS[board]
     try:
         head = path.open("rb").read(ELF_HEAD)
     except OSError as error:
         raise UserError(f"cannot read the image {path}: {error.strerror}") from error
     machine = int.from_bytes(head[18:20], "little")
-    elf = head.startswith(b"\x7fELF") and machine == ELF_AVR
+    kind = int.from_bytes(head[36:40], "little") & 0x7F
+    elf = head.startswith(b"\x7fELF") and machine == ELF_AVR and kind == loader.elf_kind
     hex_ = re.match(rb":[0-9A-Fa-f]{10,}\s", head) is not None
     if not (elf if path.suffix == ".elf" else hex_):
         raise UserError(
             f"{path} is no image for the board: give the firmware.hex or firmware.elf that "
-            "`pio run -e uno` builds"
+            f"`pio run -e {loader.build}` builds"
         )
 
 
@@ -73,11 +98,13 @@ def check_port(port: str) -> None:
         raise UserError(f"{port} is not a serial port")
 
 
-def write_image(port: str, image: Path) -> None:
-    """Runs avrdude, which verifies what it wrote. UserError with its own last words."""
+def write_image(port: str, image: Path, board: str) -> None:
+    """Runs avrdude on a board of LOADERS; it verifies what it wrote. UserError with its own last
+    words."""
+    loader = LOADERS[board]
     kind = "i" if image.suffix == ".hex" else "e"
-    command = [*find_avrdude(), "-p", "atmega328p", "-c", "arduino", "-P", port, "-b", str(BAUD)]
-    command += ["-D", "-U", f"flash:w:{image}:{kind}"]
+    command = [*find_avrdude(), "-p", loader.part, "-c", loader.programmer]
+    command += ["-P", port, "-b", str(loader.baud), "-D", "-U", f"flash:w:{image}:{kind}"]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
@@ -87,4 +114,8 @@ def write_image(port: str, image: Path) -> None:
     if done.returncode != 0:
         words = [text for text in done.stderr.splitlines() if text.strip()]
         last = "; ".join(words[-3:]) or f"exit code {done.returncode}"
-        raise UserError(f"avrdude could not write {port}: {last}. Is it an Uno, and not in use?")
+        other = {"nano": " A Nano's old bootloader wants `--board nano_old`."}.get(board, "")
+        raise UserError(
+            f"avrdude could not write {port}: {last}. Is it the board that --board names "
+            f"({board}), and not in use?{other}"
+        )

@@ -250,11 +250,24 @@ def test_avrdude_is_asked_to_write_and_verify_the_image(
 ) -> None:
     fake_avrdude(tmp_path, monkeypatch, f'echo "$@" > {tmp_path}/asked')
     image = tmp_path / f"firmware{suffix}"
-    flash.write_image("/dev/ttyACM0", image)
+    flash.write_image("/dev/ttyACM0", image, "uno")
     asked = (tmp_path / "asked").read_text()
     assert f"-p atmega328p -c arduino -P /dev/ttyACM0 -b 115200 -D -U flash:w:{image}:{kind}" in (
         asked
     )
+
+
+def test_an_image_for_another_chip_is_refused(tmp_path: Path) -> None:
+    """The architecture stands in an ELF's flags; 5 is the ATmega328P's, 6 the ATmega2560's."""
+    image = tmp_path / "firmware.elf"
+    for kind, board, other in ((5, "nano_old", "mega2560"), (6, "mega2560", "uno")):
+        head = bytearray(64)
+        head[:4], head[18], head[36] = b"\x7fELF", flash.ELF_AVR, kind
+        image.write_bytes(head)
+        flash.check_image(image, board)
+        build = flash.LOADERS[other].build
+        with pytest.raises(UserError, match=f"no image for the board.*pio run -e {build}"):
+            flash.check_image(image, other)
 
 
 def test_avrdudes_failure_is_told_in_its_own_words(
@@ -262,7 +275,9 @@ def test_avrdudes_failure_is_told_in_its_own_words(
 ) -> None:
     fake_avrdude(tmp_path, monkeypatch, "echo 'stk500_getsync: not in sync' >&2; exit 1")
     with pytest.raises(UserError, match="could not write /dev/ttyACM0: stk500_getsync"):
-        flash.write_image("/dev/ttyACM0", tmp_path / "firmware.hex")
+        flash.write_image("/dev/ttyACM0", tmp_path / "firmware.hex", "uno")
+    with pytest.raises(UserError, match="old bootloader wants `--board nano_old`"):
+        flash.write_image("/dev/ttyUSB0", tmp_path / "firmware.hex", "nano")
 
 
 def test_the_real_avrdude_knows_the_part_and_the_options(tmp_path: Path) -> None:
@@ -273,8 +288,10 @@ def test_the_real_avrdude_knows_the_part_and_the_options(tmp_path: Path) -> None
     image = tmp_path / "firmware.hex"
     image.write_text(":00000001FF\n")
     # -n: without writing; the missing port is what it has to complain about.
-    asked = [*command, "-n", "-p", "atmega328p", "-c", "arduino", "-P", "/dev/no-such-port"]
-    asked += ["-b", "115200", "-D", "-U", f"flash:w:{image}:i"]
+    loader = flash.LOADERS["uno"]
+    asked = [*command, "-n", "-p", loader.part, "-c", loader.programmer]
+    asked += ["-P", "/dev/no-such-port", "-b", str(loader.baud)]
+    asked += ["-D", "-U", f"flash:w:{image}:i"]
     done = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode != 0
     assert "/dev/no-such-port" in done.stderr
