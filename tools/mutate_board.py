@@ -1,7 +1,9 @@
-"""Mutation testing of the boards' code: each change below, compiled for the Uno and run in simavr.
+"""Mutation testing of the boards' code and of the simulator's shim, and the first firmware's twelve
+mistakes brought back: every change of firmware/test/board_mutants.toml, built and tested.
 
-The tests of tests/firmware run once for each, in a copy of the checkout; one that no test notices
-survives and makes this fail, unless it says why nobody could. Some ten seconds to a minute each.
+The tests run once for each change in a copy of the checkout. One that no test notices survives
+and makes this fail, unless the list says why nobody could. Some ten seconds to a minute each;
+`--twelve` and NAME choose among them.
 """
 
 from __future__ import annotations
@@ -11,57 +13,64 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 ROOT = Path(__file__).resolve().parent.parent
-SOURCE = Path("firmware") / "src" / "boards" / "atmega" / "atmega.cpp"
-TESTS = ("tests/firmware/test_boards.py", "tests/firmware/test_behaviour.py")
-NOT_NEEDED = "not mega2560 and not nano and not desk-"
-COPIED = ("firmware", "hil", "host", "sim_plant", "tests", "tools", ".pio", ".platformio", "build")
+LIST = ROOT / "firmware" / "test" / "board_mutants.toml"
+SOURCE = "firmware/src/boards/atmega/atmega.cpp"
+TESTS: Final = ("tests/firmware/test_boards.py", "not mega2560 and not nano")
+COPIED = (
+    "docs",
+    "firmware",
+    "hil",
+    "host",
+    "sim_plant",
+    "tests",
+    "tools",
+    ".pio",
+    ".platformio",
+    "build",
+)
+SHIM = "shim"
+"""In place of a PlatformIO environment: hil/firmware/simavr."""
 
 
-class Mutant(NamedTuple):
-    """One change of the source."""
+@dataclass(frozen=True)
+class Mutant:
+    """One change."""
 
     name: str
     original: str
     mutated: str
-    equivalent: str = ""
+    file: str = SOURCE
+    build: str = "uno"
+    tests: tuple[str, ...] = TESTS
+    """A file, and which of its tests (pytest's -k)."""
+    item: int = 0
+    """Of the twelve mistakes; 0: none of them."""
+    reason: str = ""
     """Why no test can notice it."""
 
+    def changed(self, text: str) -> str:
+        """The file with the change. ValueError where it does not have just one such place."""
+        if text.count(self.original) != 1:
+            raise ValueError(f"{self.name}: {self.file} has not just one {self.original!r}")
+        return text.replace(self.original, self.mutated)
 
-MUTANTS: Final = (
-    Mutant(
-        "baud divisor not rounded",
-        "(F_CPU / 4 / protocol::kBaud + 1) / 2 - 1;",
-        "F_CPU / 8 / protocol::kBaud;",
-    ),
-    Mutant(
-        "watchdog kicked in the timer's interrupt",
-        "  sample();\n  if (++samples",
-        "  wdt_reset();\n  sample();\n  if (++samples",
-    ),
-    Mutant("one stage of watchdog", "WDTCSR = _BV(WDIE) | _BV(WDE);", "WDTCSR = _BV(WDE);"),
-    Mutant("not remembered that it was armed", "flags & kWasArmed ?", "flags & 0 ?"),
-    Mutant("converter at 1 MHz", "_BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);", "_BV(ADPS2);"),
-    Mutant("converter's reference", "(_BV(REFS0) | kGroups", "(kGroups"),
-    Mutant(
-        "steering's PWM inverted",
-        "connect(TCCR1A, _BV(COM1A1), true);",
-        "connect(TCCR1A, _BV(COM1A1) | _BV(COM1A0), true);",
-    ),
-    Mutant("drive's PWM mode", "TCCR2A = _BV(WGM20);", "TCCR2A = _BV(WGM20) | _BV(WGM21);"),
-    Mutant("seven data bits", "_BV(UCSZ01) | _BV(UCSZ00);", "_BV(UCSZ01);"),
-    Mutant(
-        "outputs left on at a hang",
-        "  daranti::all_off();\n  wdt_disable();",
-        "  wdt_disable();",
-        "the program that starts anew puts them off some microseconds later",
-    ),
-    Mutant("e-stop's pin not readable", "_BV(ADC3D);", "_BV(ADC3D) | _BV(ADC4D);"),
-    Mutant("no pull-up", "  write(pins::kHall, true);", "  write(pins::kHall, false);"),
-)
+
+def listed() -> list[Mutant]:
+    """All of them, in the list's order."""
+
+    def one(entry: dict[str, Any]) -> Mutant:
+        values: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()
+        }
+        return Mutant(**values)
+
+    return [one(entry) for entry in tomllib.loads(LIST.read_text(encoding="utf-8"))["mutant"]]
 
 
 def run(folder: Path, *command: str) -> bool:
@@ -70,13 +79,47 @@ def run(folder: Path, *command: str) -> bool:
     return done.returncode == 0
 
 
+def built(folder: Path, build: str) -> bool:
+    """Whether what the tests run could be built."""
+    if build == SHIM:
+        return run(folder, "make", "-s", "-C", "hil/firmware/simavr")
+    command = (sys.executable, "-m", "platformio", "run", "--silent", "-e", build)
+    return not build or run(folder, *command)
+
+
+def passes(folder: Path, tests: tuple[str, ...]) -> bool:
+    """Whether the tests pass."""
+    file, chosen = tests
+    options = ("-q", "-x", "-n0", "-p", "no:cacheprovider")
+    return run(folder, sys.executable, "-m", "pytest", *options, file, "-k", chosen)
+
+
+def survives(folder: Path, mutant: Mutant) -> bool:
+    """Whether its tests pass with the change, which is taken back."""
+    path = folder / mutant.file
+    text = path.read_text(encoding="utf-8")
+    path.write_text(mutant.changed(text), encoding="utf-8")
+    try:
+        return built(folder, mutant.build) and passes(folder, mutant.tests)
+    finally:
+        path.write_text(text, encoding="utf-8")
+        built(folder, mutant.build)
+
+
 def main() -> int:
-    """Builds and tests every mutant, prints a line each."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
-    text = (ROOT / SOURCE).read_text(encoding="utf-8")
-    python = sys.executable
-    build = (python, "-m", "platformio", "run", "--silent", "-e", "uno")
-    test = (python, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *TESTS, "-k", NOT_NEEDED)
+    """Builds and tests the mutants, prints a line each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--twelve", action="store_true", help="the first firmware's mistakes alone")
+    parser.add_argument("name", nargs="*", help="of mutants, or a part of it; all where none is")
+    arguments = parser.parse_args()
+    chosen = [
+        mutant
+        for mutant in listed()
+        if (mutant.item or not arguments.twelve)
+        and (not arguments.name or any(part in mutant.name for part in arguments.name))
+    ]
+    if not chosen:
+        parser.error(f"{LIST.name} has no such mutant")
     unexplained = 0
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -84,19 +127,20 @@ def main() -> int:
             shutil.copytree(ROOT / name, folder / name, symlinks=True)
         for name in ("platformio.ini", "pyproject.toml"):
             shutil.copy(ROOT / name, folder / name)
-        if not (run(folder, *build) and run(folder, *test)):
-            print("the tests fail without any mutant: mend them first", file=sys.stderr)
-            return 1
-        for mutant in MUTANTS:
-            if text.count(mutant.original) != 1:
-                print(f"{mutant.name}: {SOURCE} has not just one such place", file=sys.stderr)
+        for tests in dict.fromkeys(mutant.tests for mutant in chosen):
+            if not passes(folder, tests):
+                print(f"{tests} fails without any mutant: mend it first", file=sys.stderr)
                 return 1
-            changed = text.replace(mutant.original, mutant.mutated)
-            (folder / SOURCE).write_text(changed, encoding="utf-8")
-            survives = run(folder, *build) and run(folder, *test)
-            verdict = f"survives: {mutant.equivalent or 'NOBODY NOTICES'}" if survives else "killed"
-            print(f"{mutant.name:<44}{verdict}", flush=True)
-            unexplained += survives and not mutant.equivalent
+        for mutant in chosen:
+            try:
+                alive = survives(folder, mutant)
+            except ValueError as error:
+                print(error, file=sys.stderr)
+                return 1
+            verdict = f"survives: {mutant.reason or 'NOBODY NOTICES'}" if alive else "killed"
+            mark = f"{mutant.item:>2}" if mutant.item else "  "
+            print(f"{mark} {mutant.name:<78}{verdict}", flush=True)
+            unexplained += alive and not mutant.reason
     return 1 if unexplained else 0
 
 

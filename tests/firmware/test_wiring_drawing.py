@@ -55,7 +55,9 @@ def test_every_pin_of_the_header_is_drawn_where_it_is_and_no_other() -> None:
 
 
 def test_every_output_is_drawn_with_a_pull_down() -> None:
-    _, wires = drawn()
+    drawing, wires = drawn()
+    (ends,) = [c[-1]["PullDowns"] for c in drawing["connections"] if "PullDowns" in c[-1]]
+    assert ends == drawing["connectors"]["PullDowns"]["pins"]
     outputs = {name for name in header("uno") if re.match(r"k(Steer|Drive)(L?[Pp]wm|In\d)", name)}
     pulled = {name for name, ends in wires.items() if any(at == "pull_downs" for _, at in ends)}
     assert pulled == outputs | {"kBlade", "GND"}

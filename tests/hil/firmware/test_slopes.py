@@ -1,0 +1,78 @@
+"""A machine on a slope, up and down: the firmware holds its speed there, and finds it out where
+nothing does. Firmware and machine alone, without a pilot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import pytest
+
+from hil.firmware import coupling, provision, signal_wires, targets
+from hil.firmware.signal_wires import Mode, Signal
+from host.core.messages import Command, Request, State
+from host.link.protocol import Fault
+from host.link.session import Session
+from sim_plant import machine
+
+pytestmark = pytest.mark.skipif(
+    not targets.DESK_LIBRARY.exists(), reason="the firmware is not built: make build"
+)
+
+TOLD = provision.FITTED | {"hall_per_metre": 50.0, "hall_phases": 2.0}
+SLICE_US = 5_000
+COMMAND_US = 20_000
+
+
+@dataclass
+class Drive:
+    """What became of one."""
+
+    fault: Fault
+    fastest_mps: float
+    at_end_mps: float
+
+
+def driven(nose_down_deg: float, speed_mps: float, *, motor_open_at_s: float = math.inf) -> Drive:
+    """Eight seconds of a speed that is asked for, from a stand."""
+    spec = machine.MachineSpec()
+    state, given = machine.initial(spec), machine.inputs()
+    given["pitch"] = math.radians(nose_down_deg)
+    wires = signal_wires.honest()
+    session = Session()
+    found, fastest = Fault(0), 0.0
+    with provision.target("desk", TOLD) as target:
+        run = coupling.bind(target, state, machine.parameters(spec), given, wires=wires)
+        for now_us in range(0, 8_000_000, SLICE_US):
+            now = now_us / 1e6
+            if now_us % COMMAND_US == 0:
+                told = session.telemetry
+                request = Request.ARM if told is None or told.state is State.SAFE else Request.DRIVE
+                target.write(session.encode(now, Command(request, speed_mps=speed_mps)))
+            if now >= motor_open_at_s:
+                wires[Signal.DRIVE_DUTY]["mode"] = Mode.FIXED
+            run(now_us, now_us + SLICE_US)
+            for telemetry in session.feed(now, target.read()):
+                found |= Fault(telemetry.faults)
+            fastest = max(fastest, float(state["v"][0]) * math.copysign(1.0, speed_mps))
+        return Drive(found, fastest, float(state["v"][0]))
+
+
+@pytest.mark.parametrize("speed_mps", [0.5, -0.3])
+@pytest.mark.parametrize("nose_down_deg", [6.0, 3.0, -5.0])
+def test_up_and_down_a_slope_the_speed_is_held_without_a_fault(
+    nose_down_deg: float, speed_mps: float
+) -> None:
+    drive = driven(nose_down_deg, speed_mps)
+    assert drive.fault == Fault(0)
+    assert drive.at_end_mps == pytest.approx(speed_mps, abs=0.05)
+    assert drive.fastest_mps < abs(speed_mps) + 0.2
+
+
+def test_a_machine_that_rolls_downhill_unheld_is_a_runaway() -> None:
+    """Its motor's wire breaks on the way down: the wheels turn faster than asked."""
+    assert driven(5.0, 0.5, motor_open_at_s=4.0).fault == Fault.WHEEL_RUNAWAY
+
+
+def test_a_machine_that_rolls_back_down_a_slope_it_cannot_climb_goes_the_wrong_way() -> None:
+    assert Fault.WRONG_WAY in driven(-8.0, 0.3, motor_open_at_s=2.0).fault
