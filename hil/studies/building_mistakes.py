@@ -175,6 +175,8 @@ MISTAKES: Final = (
     Mistake("camera upside down", ("picture.upside_down",), {"lens": {"roll_deg": 176.0}}),
     Mistake("camera mirrored", ("picture.mirrored", "picture.no_edge"), picture=_mirrored),
     Mistake("camera 5 degrees too low", ("mount.tilted",), {"lens": {"pitch_deg": 33.0}}),
+    Mistake("camera 5 degrees to the left", ("mount.tilted",), {"lens": {"yaw_deg": 5.0}}),
+    Mistake("camera 5 degrees to the right", ("mount.tilted",), {"lens": {"yaw_deg": -5.0}}),
     Mistake("camera 8 degrees to the left", ("mount.tilted",), {"lens": {"yaw_deg": 8.0}}),
     Mistake("camera 0.5 s late", ("delay.other",), delay_s=0.5),
     Mistake("camera covered", ("picture.bad",), picture=_dark),

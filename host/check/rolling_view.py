@@ -1,9 +1,13 @@
 """What the camera shows while the machine rolls straight on: how it is really mounted, and how late
 its pictures come.
 
-Stubble beside the crop is a plane. Points on it, tracked from one picture to another, must move as
-the mount's angles and the distance rolled say; the angles that explain their movement best are the
-camera's. Lucas-Kanade tracks, least squares with a robust loss.
+Everything that stands flows away from one point of the picture: the one towards which the camera
+moves. Where it lies tells pitch and yaw, whatever the distance and the height of what is seen. Two
+things besides the way forward move a camera on a machine: the body rolls and pitches over uneven
+ground, and swings the camera with it (1 degree on a mast of 1.6 m is 3 cm, as much as 6 degrees of
+yaw over 0.25 m); and a wheel that is meant to stand straight leads a little aside. Both turn the
+picture as well, and are estimated with it. What is left, the roll, the ground beside the crop tells:
+it is a plane. Lucas-Kanade tracks, least squares with a robust loss.
 """
 
 from __future__ import annotations
@@ -21,8 +25,21 @@ from scipy.optimize import least_squares
 from host.core.vehicle import Mount
 from host.vision.geometry import Camera
 
-APART_M: Final = (0.08, 0.3)
-"""Distance rolled between the two pictures of a pair."""
+Pixels = NDArray[np.float64]
+
+WAY_M: Final = 0.25
+"""Rolled between the two pictures of a pair."""
+PAIRS: Final = 6
+CORNERS: Final = 700
+"""Points that are followed from the first picture of a pair on."""
+BACK_PX: Final = 0.5
+"""A point that is followed there and back again ends so near to where it began, or is dropped."""
+FOCUS_RAD: Final = 0.02
+"""Nearer to the point that everything flows away from, a movement has no direction."""
+SWAY_DEG: Final = (0.5, 0.5, 0.3)
+"""Roll, pitch and yaw of the body over a pair's way, commonly."""
+CURVED_1PM: Final = 0.03
+"""Curvature of a way that is meant to be straight: 2 degrees at the front wheel."""
 NEAR_M: Final = 3.6
 """Ground farther ahead moves too little, and a gap's far side bears crop."""
 BESIDE_M: Final = (0.9, 2.6)
@@ -30,11 +47,8 @@ BESIDE_M: Final = (0.9, 2.6)
 POINTS: Final = 150
 TRACKED: Final = 25
 """Fewer points say nothing."""
-PAIRS: Final = 5
 SHARE: Final = 0.15
 """How well the way between two pictures is known, as a share of it."""
-CURVED_1PM: Final = 0.05
-"""Curvature of a way that is meant to be straight: 3 degrees at the front wheel."""
 ROLL_DEG: Final = 1.0
 """How much a camera is tilted sideways, commonly: ground on one side tells little of it."""
 FEW_PICTURES: Final = 8
@@ -66,7 +80,7 @@ class Mounted:
 
 def _follow(a: NDArray[np.uint8], b: NDArray[np.uint8], points: Any) -> Any:
     lucas_kanade: Any = cv2.calcOpticalFlowPyrLK
-    return lucas_kanade(a, b, points, None, winSize=(21, 21), maxLevel=4)
+    return lucas_kanade(a, b, points, None, winSize=(15, 15), maxLevel=3)
 
 
 def _tracks(
@@ -90,64 +104,122 @@ def _tracks(
     return corners.reshape(-1, 2)[fine].astype(float), found.reshape(-1, 2)[fine].astype(float)
 
 
-def mounted(pictures: Sequence[Rolled], mount: Mount) -> Mounted | None:
-    """The camera's angles against the mount's. None where too little of the ground was tracked."""
-    camera = Camera(mount)
-    pairs: list[tuple[NDArray[np.float64], NDArray[np.float64], float]] = []
-    for k, second in enumerate(pictures):
-        first = next(
-            (
-                p
-                for p in pictures[:k]
-                if APART_M[0] <= second.distance_m - p.distance_m <= APART_M[1]
-            ),
-            None,
-        )
-        if first is None:
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Pixels of the same points in two pictures, and the way rolled between them."""
+
+    a: Pixels
+    b: Pixels
+    way_m: float
+
+
+def _followed(greys: Sequence[NDArray[np.uint8]]) -> tuple[Pixels, Pixels]:
+    """Points of the first picture, followed through all the others to the last."""
+    corners: Any = cv2.goodFeaturesToTrack(greys[0], CORNERS, 0.003, 5)
+    if corners is None:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    fine = np.ones(len(corners), bool)
+    points = corners
+    for first, second in itertools.pairwise(greys):
+        found, status, _ = _follow(first, second, points)
+        back, again, _ = _follow(second, first, found)
+        same = np.hypot(*(back - points).reshape(-1, 2).T) < BACK_PX
+        fine &= (status.ravel() == 1) & (again.ravel() == 1) & same
+        points = found
+    return corners.reshape(-1, 2)[fine].astype(float), points.reshape(-1, 2)[fine].astype(float)
+
+
+def _pairs(pictures: Sequence[Rolled]) -> list[_Pair]:
+    """From the beginning of the way to its end."""
+    ways = np.array([picture.distance_m for picture in pictures])
+    if not len(ways) or ways[-1] < WAY_M:
+        return []
+    found = []
+    for begin in np.linspace(ways[0], ways[-1] - WAY_M, PAIRS):
+        first = int(np.searchsorted(ways, begin, "right")) - 1
+        last = int(np.searchsorted(ways, ways[first] + WAY_M))
+        if last >= len(ways):
             continue
-        a, b = _tracks(first.grey, second.grey, camera)
+        a, b = _followed([picture.grey for picture in pictures[first : last + 1]])
         if len(a) >= TRACKED:
-            pairs.append((a, b, second.distance_m - first.distance_m))
-    pairs = pairs[:: max(1, len(pairs) // PAIRS)]
-    if not pairs:
-        return None
+            found.append(_Pair(a, b, float(ways[last] - ways[first])))
+    return found
 
-    count = len(pairs)
 
-    def view_of(off: NDArray[np.float64]) -> Camera:
-        return Camera(
-            mount.model_copy(
-                update={
-                    "pitch_deg": mount.pitch_deg + off[0],
-                    "yaw_deg": mount.yaw_deg + off[1],
-                    "roll_deg": mount.roll_deg + off[2],
-                }
-            )
-        )
+def _turned(mount: Mount, pitch_deg: float, yaw_deg: float, roll_deg: float) -> Camera:
+    """The camera so much farther round."""
+    off = {"pitch_deg": pitch_deg, "yaw_deg": yaw_deg, "roll_deg": roll_deg}
+    return Camera(mount.model_copy(update={k: getattr(mount, k) + v for k, v in off.items()}))
 
-    def misses(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
-        view = view_of(unknown[:3])
+
+def _unit(rays: Pixels) -> Pixels:
+    return np.asarray(rays / np.linalg.norm(rays, axis=1)[:, None])
+
+
+def _flow(pairs: Sequence[_Pair], camera: Camera) -> tuple[Pixels, Pixels, float]:
+    """(pitch and yaw that the camera is off by (rad), how the body turned over each pair (pairs, 3)
+    (rad), the median miss in pixels)."""
+    rays = [(_unit(camera.rays(pair.a)), _unit(camera.rays(pair.b))) for pair in pairs]
+    focal, count = camera.mount.focal, len(pairs)
+    up = np.array([0.0, 0.0, 1.0])
+
+    def sways(unknown: Pixels) -> Pixels:
+        ways = np.array([pair.way_m for pair in pairs])
+        return np.asarray(unknown[3:].reshape(-1, 3) + np.outer(ways * unknown[2], up))
+
+    def misses(unknown: Pixels) -> Pixels:
         out = []
-        for (a, b, distance), share in zip(pairs, unknown[4:], strict=True):
-            ground = view.on_height(a, 0.0)
-            way = distance * share
-            turned = unknown[3] * way
-            x, y = ground[:, 0] - way, ground[:, 1] - turned * way / 2
-            ahead = np.column_stack([x + turned * y, y - turned * x, np.zeros(len(a))])
+        for (a, b), pair, sway in zip(rays, pairs, sways(unknown), strict=True):
+            way = np.array([1.0, -unknown[1], unknown[0]])
+            way = way + np.cross(sway, camera.position) / pair.way_m
+            still = a - np.cross(sway, a)
+            across = np.cross(way / np.linalg.norm(way), still)
+            out.append((b * across).sum(1) / np.maximum(np.linalg.norm(across, axis=1), FOCUS_RAD))
+        return np.concatenate(out) * focal
+
+    def residuals(unknown: Pixels) -> Pixels:
+        known = unknown[3:].reshape(-1, 3) / np.radians(SWAY_DEG)
+        return np.concatenate([misses(unknown), known.ravel(), unknown[2:3] / CURVED_1PM])
+
+    fit = least_squares(residuals, np.zeros(3 + 3 * count), loss="soft_l1", f_scale=0.5, ftol=1e-4)
+    return fit.x[:2], sways(fit.x), float(np.median(np.abs(misses(fit.x))))
+
+
+def _roll_deg(pairs: Sequence[_Pair], mount: Mount, off_deg: Pixels, sways: Pixels) -> float:
+    """How much the camera is tilted sideways, from the ground at the right."""
+    camera = _turned(mount, *off_deg, 0.0)
+    lying = []
+    for pair, sway in zip(pairs, sways, strict=True):
+        ground = camera.on_height(pair.a, 0.0)
+        x, y = ground[:, 0], ground[:, 1]
+        beside = np.isfinite(x) & (x < NEAR_M) & (y < -BESIDE_M[0]) & (y > -BESIDE_M[1])
+        lying.append((pair.a[beside], pair.b[beside], pair.way_m, sway))
+
+    def residuals(unknown: Pixels) -> Pixels:
+        view = _turned(mount, *off_deg, unknown[0])
+        out = [unknown[:1] / ROLL_DEG, (unknown[1:] - 1) / SHARE]
+        for (a, b, way, sway), share in zip(lying, unknown[1:], strict=True):
+            if not len(a):
+                continue
+            seen = view.on_height(a, 0.0)
+            there = np.column_stack([seen, np.zeros(len(seen))]) - np.array([way * share, 0, 0])
+            ahead = there - np.cross(sway, there)
             out.append(np.nan_to_num(view.project(ahead) - b, nan=50.0).ravel())
         return np.concatenate(out)
 
-    def residuals(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
-        # A picture comes late by more or less: the way between two is known roughly only.
-        # And a wheel that stands straight by its pot leads a little aside.
-        known = [(unknown[4:] - 1) / SHARE, unknown[2:3] / ROLL_DEG, unknown[3:4] / CURVED_1PM]
-        return np.concatenate([misses(unknown), *known])
+    begin = np.concatenate([np.zeros(1), np.ones(len(pairs))])
+    return float(least_squares(residuals, begin, loss="soft_l1", ftol=1e-4).x[0])
 
-    begin = np.concatenate([np.zeros(4), np.ones(count)])
-    fit = least_squares(residuals, begin, loss="soft_l1", f_scale=1.0, max_nfev=60)
-    away = np.abs(misses(fit.x))
-    pitch, yaw, roll = (float(value) for value in fit.x[:3])
-    return Mounted(pitch, yaw, roll, float(np.median(away)), sum(len(a) for a, _, _ in pairs))
+
+def mounted(pictures: Sequence[Rolled], mount: Mount) -> Mounted | None:
+    """The camera's angles against the mount's. None where too little was tracked."""
+    pairs = _pairs(pictures)
+    if not pairs:
+        return None
+    off, sways, miss = _flow(pairs, Camera(mount))
+    pitch, yaw = np.degrees(off)
+    roll = _roll_deg(pairs, mount, np.array([pitch, yaw]), sways)
+    return Mounted(float(pitch), float(yaw), roll, miss, sum(len(pair.a) for pair in pairs))
 
 
 def delay_s(

@@ -4,7 +4,9 @@ It outlives a panel that dies, and ends when the panel asks it to or stays away.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import sys
 import time
@@ -15,6 +17,10 @@ from host.panel.deeds import DEEDS
 from host.panel.machine import Machine, Settings, listen
 
 
+PRIORITY = -15
+"""Before browser and panel, where the system lets its user ask for that."""
+
+
 def main(settings_file: str, socket_file: str) -> None:
     """Runs the machine until it is told to end."""
     settings = Settings.model_validate(json.loads(Path(settings_file).read_text(encoding="utf-8")))
@@ -23,6 +29,8 @@ def main(settings_file: str, socket_file: str) -> None:
     def clock() -> float:
         return time.monotonic() - begun
 
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
     path = Path(socket_file)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the panel's Ctrl-C; the panel says when to end
     machine = Machine(settings, listen(path), clock)

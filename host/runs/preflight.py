@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
@@ -125,67 +125,115 @@ def where_of(errand: Errand) -> tuple[float, float, float] | None:
     return errand.whole.sides[index].pose(cut_m)
 
 
-def place_problem(fixes: Sequence[Fix], errand: Errand, corners: Sequence[LatLon]) -> str:
-    """Why the positions cannot be those of a machine that stands where it has to; empty where they
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Why the machine must not start from where it stands. `code` and `values` name the same for a
+    page that says it in its own language."""
+
+    code: str
+    text: str
+    values: Mapping[str, float | str] = field(default_factory=dict)
+
+
+def start_problem(
+    errand: Errand,
+    corners: Sequence[LatLon],
+    fixes: Sequence[Fix],
+    view: CropView | None,
+    heading_deg: float | None,
+) -> Problem | None:
+    """Why the machine must not start from where it stands, as far as receiver, compass and picture
+    tell; None where it may. `corners`: of the field's boundary, `heading_deg`: by the compass."""
+    found = place_problem(fixes, errand, corners)
+    if found is None and heading_deg is not None:
+        found = heading_problem(errand, heading_deg)
+    if found is None and view is not None:
+        found = view_problem(view)
+    if found is not None:
+        return found
+    resumed = errand.begun != (0, 0.0)
+    if resumed and heading_deg is None and (view is None or not direction_seen(view)):
+        return Problem(
+            "direction",
+            "nothing tells which way the machine heads: give --heading, what a compass on it shows",
+        )
+    return None
+
+
+def place_problem(
+    fixes: Sequence[Fix], errand: Errand, corners: Sequence[LatLon]
+) -> Problem | None:
+    """Why the positions cannot be those of a machine that stands where it has to; None where they
     can, or nothing is known."""
     goal, frame = where_of(errand), errand.frame
     places = [fix for fix in fixes if fix.quality > 0]
     if goal is None or frame is None or not places:
-        return ""
+        return None
     at = _middle(places, frame)
     away = math.dist(at, goal[:2])
     if errand.begun == (0, 0.0) and errand.corner is not None:
         apart = [math.dist(at, frame.to_local(*corner)) for corner in corners]
         nearest = apart.index(min(apart))
         if nearest != errand.corner and apart[errand.corner] - apart[nearest] > CORNERS_M:
-            return (
+            return Problem(
+                "corner",
                 f"the receiver has the machine {apart[nearest]:.0f} m from corner {nearest} and "
                 f"{apart[errand.corner]:.0f} m from corner {errand.corner}, where it has to stand: "
-                "move it there, or give the corner at which it stands"
+                "move it there, or give the corner at which it stands",
+                {"nearest": nearest + 1, "asked": errand.corner + 1},
             )
     if away > PLACE_M:
-        return (
+        way = _bearing(at, goal)
+        return Problem(
+            "place",
             f"the receiver has the machine {away:.0f} m from where it has to stand; move it "
-            f"there ({_bearing(at, goal)}), or wait for a better position"
+            f"there ({way:.0f} degrees by the compass), or wait for a better position",
+            {"metres": round(away), "bearing": round(way)},
         )
-    return ""
+    return None
 
 
-def heading_problem(errand: Errand, heading_deg: float) -> str:
-    """Why a machine that heads so by the compass cannot begin; empty where it can."""
+def heading_problem(errand: Errand, heading_deg: float) -> Problem | None:
+    """Why a machine that heads so by the compass cannot begin; None where it can."""
     goal = where_of(errand)
     if goal is None:
-        return ""
+        return None
     wanted = compass_deg(goal[2])
     off = math.remainder(heading_deg - wanted, 360)
     if abs(off) <= HEADING_DEG:
-        return ""
-    return (
+        return None
+    side = "left" if off > 0 else "right"
+    return Problem(
+        "heading",
         f"the machine heads {heading_deg:.0f} degrees by the compass and has to head {wanted:.0f}: "
-        f"turn it {abs(off):.0f} degrees to the {'left' if off > 0 else 'right'}"
+        f"turn it {abs(off):.0f} degrees to the {side}",
+        {"wanted": round(wanted) % 360, "degrees": round(abs(off)), "side": f"word.{side}"},
     )
 
 
-def view_problem(view: CropView) -> str:
-    """Why what the camera sees is not the edge at the blade's right end; empty where it is, or
+def view_problem(view: CropView) -> Problem | None:
+    """Why what the camera sees is not the edge at the blade's right end; None where it is, or
     nothing sure is seen."""
     if view.confidence < SURE:
-        return ""
-    if math.isfinite(view.edge_heading_rad) and (
-        abs(math.degrees(view.edge_heading_rad)) > HEADING_DEG
-    ):
-        return (
-            "in the picture the crop's edge runs "
-            f"{abs(math.degrees(view.edge_heading_rad)):.0f} degrees to the "
-            f"{'left' if view.edge_heading_rad > 0 else 'right'}: turn the machine along it"
+        return None
+    askew = math.degrees(view.edge_heading_rad)
+    if math.isfinite(askew) and abs(askew) > HEADING_DEG:
+        side = "left" if askew > 0 else "right"
+        return Problem(
+            "askew",
+            f"in the picture the crop's edge runs {abs(askew):.0f} degrees to the {side}: turn the "
+            "machine along it",
+            {"degrees": round(abs(askew)), "side": f"word.{side}"},
         )
     if abs(view.edge_offset_m) > OFFSET_M:
-        return (
-            f"in the picture the crop's edge is {abs(view.edge_offset_m):.1f} m "
-            f"{'left' if view.edge_offset_m > 0 else 'right'} of the blade's right end: move the "
-            "machine sideways"
+        side = "left" if view.edge_offset_m > 0 else "right"
+        return Problem(
+            "beside",
+            f"in the picture the crop's edge is {abs(view.edge_offset_m):.1f} m {side} of the "
+            "blade's right end: move the machine sideways",
+            {"metres": round(abs(view.edge_offset_m), 1), "side": f"word.{side}"},
         )
-    return ""
+    return None
 
 
 def direction_seen(view: CropView) -> bool:
@@ -200,6 +248,6 @@ def _middle(fixes: Sequence[Fix], frame: LocalFrame) -> tuple[float, float]:
     return xs[len(xs) // 2], ys[len(ys) // 2]
 
 
-def _bearing(at: tuple[float, float], goal: tuple[float, float, float]) -> str:
-    way = compass_deg(math.atan2(goal[1] - at[1], goal[0] - at[0]))
-    return f"{way:.0f} degrees by the compass"
+def _bearing(at: tuple[float, float], goal: tuple[float, float, float]) -> float:
+    """By the compass."""
+    return compass_deg(math.atan2(goal[1] - at[1], goal[0] - at[0]))

@@ -36,13 +36,10 @@ from host.runs.errand import (
 from host.runs.operator import COUNTDOWN_S, JOG_WORD, WORD, Operator
 from host.runs.preflight import (
     PAIRS,
-    direction_seen,
     disagreements,
-    heading_problem,
     length_s,
-    place_problem,
     room_for,
-    view_problem,
+    start_problem,
 )
 from host.runs.record import Recorder, unused
 from host.runs.resume import Keeper, Progress, load, remaining, resume_at
@@ -272,21 +269,9 @@ def _asked_heading(machine: _Machine) -> float | None:
 
 def _problem(machine: _Machine, errand: Errand, heading_deg: float | None) -> str:
     """Why it must not start from where it stands, as far as receiver, compass and picture tell."""
-    if machine.given.field is not None:
-        found = place_problem(_some_fixes(machine), errand, machine.given.field.crop)
-        if found:
-            return found
-    if heading_deg is not None and (found := heading_problem(errand, heading_deg)):
-        return found
-    view = _look(machine)
-    if view is not None and (found := view_problem(view)):
-        return found
-    resumed = errand.begun != (0, 0.0)
-    if resumed and heading_deg is None and (view is None or not direction_seen(view)):
-        return (
-            "nothing tells which way the machine heads: give --heading, what a compass on it shows"
-        )
-    return ""
+    corners = machine.given.field.crop if machine.given.field is not None else ()
+    found = start_problem(errand, corners, _some_fixes(machine), _look(machine), heading_deg)
+    return "" if found is None else found.text
 
 
 def _some_fixes(machine: _Machine) -> list[Fix]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import os
 import sys
 import threading
 import time
@@ -98,6 +99,7 @@ class MannedRig(Rig):
             "angle_deg": math.degrees(float(state["steer_angle"])),
             "distance_m": float(state["distance"]),
             "driven": self._driven,
+            "rolls_or_cuts": abs(float(state["v"])) > 0.03 or bool(state["blade_spinning"]),
             "off_at": self.off_at,
             "blade_seen": self.blade_seen,
             "coverage": float(self.bench.field.coverage()),
@@ -121,6 +123,8 @@ def around(corners: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
 
 def main(name: str, out: Path) -> None:
     """Serves until `end`."""
+    with suppress(PermissionError):  # a late rig is a board that falls silent
+        os.setpriority(os.PRIO_PROCESS, 0, -15)
     chosen = scenario.load(name)
     rehearse(chosen)
     deeds: Queue[dict[str, Any]] = Queue()

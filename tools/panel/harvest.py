@@ -1,0 +1,307 @@
+"""A day from the page alone: pairing, walk, plan, check, harvest to FINISHED, with pause, a page
+that is closed, a camera that is lost, STOP, a machine led away and back, resume.
+
+    python -m tools.panel.harvest --out out/day [--size 7 6] [--shots docs/use/panel]
+
+Takes as long as it takes, for the rig runs in wall-clock time. Prints a table and writes it to
+OUT/summary.json; exits with 1 where the field was not finished.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import yaml
+from playwright.sync_api import BrowserContext
+
+from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_phone, table
+
+RUN_S = 1500.0
+
+
+def scenario_of(out: Path, size: tuple[float, float], seed: int, cep_m: float) -> Path:
+    """A small field with room around it."""
+    path = out / "day.yaml"
+    text = {
+        "seed": seed,
+        "field": {"size_m": list(size), "gap_m": 4.0},
+        "start": {"before_m": 1.0},
+        "gnss": {"cep_m": cep_m, "jumps_per_hour": 0.0, "outages_per_hour": 0.0},
+    }
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    return path
+
+
+class Day:
+    """What is done, in order, and what was seen of it."""
+
+    def __init__(self, rig: Rig, panel: Panel, context: BrowserContext, shots: Path | None) -> None:
+        self.rig, self.panel, self.context, self.shots = rig, panel, context, shots
+        self.screen = Screen(context, panel, shots)
+        self.rows: list[tuple[str, Any]] = []
+
+    def note(self, what: str, seen: Any) -> None:
+        """A row."""
+        print(f"{time.strftime('%H:%M:%S')}  {what}: {seen}", flush=True)
+        self.rows.append((what, seen))
+
+    def stands(self, seconds: float = 10.0) -> float:
+        """How long until drive and blade are truly off; a person sees the wheels stand."""
+        begin = time.monotonic()
+        self.screen.until(lambda: not self.rig.do()["rolls_or_cuts"], seconds, 20)
+        return round(time.monotonic() - begin, 2)
+
+    def phase(self, *names: str) -> bool:
+        """Whether the pilot is in one of these phases, and not paused."""
+        now = self.screen.last()
+        return (now.get("pilot") or {}).get("phase") in names and not now.get("paused")
+
+    def wait(self, *names: str, seconds: float = 180.0) -> None:
+        """For a phase. RuntimeError where the run ends before."""
+        ok = self.screen.until(
+            lambda: self.phase(*names) or self.screen.last().get("mode") == "idle", seconds
+        )
+        if not ok or not self.phase(*names):
+            raise RuntimeError(f"no {names}: {self.why()}")
+
+    def why(self) -> Json:
+        """What the page knows."""
+        now, ended = self.screen.last(), self.screen.last("ended")
+        return {
+            "mode": now.get("mode"),
+            "pilot": now.get("pilot"),
+            "paused": now.get("paused_why"),
+            "ended": ended,
+            "failed": self.screen.last("failed"),
+            "refused": self.screen.last("refused"),
+        }
+
+    # ---- before it moves -------------------------------------------------------------------------
+
+    def pair(self) -> None:
+        """The phone, by the code."""
+        screen = self.screen
+        screen.page.locator("#page-pair").wait_for(state="visible")
+        screen.shot("pair")
+        screen.pair()
+        screen.until(lambda: screen.last().get("link", {}).get("problem") == "", 60)
+        self.note("paired with the code", bool(screen.last()))
+
+    def walk(self, gap_m: str) -> None:
+        """Around the field with the phone in the hand; then the gap and the corner."""
+        screen, rig = self.screen, self.rig
+        screen.tab("field")
+        screen.page.click("#walk-begin")
+        begin = time.monotonic()
+        rig.do("walk")
+        screen.page.wait_for_timeout(9000)
+        screen.shot("walk")
+        while rig.do()["walking"]:
+            screen.page.wait_for_timeout(500)
+        screen.page.click("#walk-end")
+        screen.until(lambda: (screen.last("field").get("boundary") or []) != [], 30)
+        screen.page.fill("#field-gap", gap_m)
+        screen.page.press("#field-gap", "Enter")
+        screen.page.locator("#field-gap").blur()
+        screen.until(lambda: screen.last("field").get("gap_m") is not None, 20)
+        screen.until(lambda: screen.last("field").get("here") is not None, 20)
+        found = screen.last("field")
+        here = found["here"]
+        away = [math.dist(corner, here) for corner in found["boundary"]]
+        screen.page.select_option("#field-corner", str(away.index(min(away))))
+        screen.until(lambda: screen.last("field")["corner"] == away.index(min(away)), 20)
+        found = screen.last("field")
+        screen.shot("field")
+        self.note("walk, two laps (s)", round(time.monotonic() - begin))
+        self.note("corners understood", len(found["boundary"]))
+        self.note("area understood (m2)", found["area_m2"])
+        self.note("plan", found["summary"] and {k: found["summary"][k] for k in ("sides", "turns")})
+        self.note("field's problem", found["problem"] or "none")
+
+    def check(self) -> Json:
+        """The list."""
+        begin = time.monotonic()
+        person = Person(self.rig, self.screen)
+        found = person.through_the_check()
+        self.screen.shot("checked")
+        bad = [line["finding"] for line in found["lines"] if line["verdict"] in ("bad", "skipped")]
+        self.note("check (s)", round(time.monotonic() - begin))
+        self.note("questions answered", len(person.asked))
+        self.note("check green", bool(found["green"]))
+        self.note("check says", bad or "all well")
+        return found
+
+    def start(self, button: str = "#start") -> None:
+        """Holds the button; the countdown, then it drives."""
+        screen = self.screen
+        screen.drive_from_here()
+        screen.page.wait_for_timeout(1000)
+        screen.hold(button)
+        screen.page.wait_for_timeout(1500)
+        screen.shot("countdown", top=False)
+        if not screen.until(lambda: screen.last().get("mode") == "drive", 60):
+            raise RuntimeError(f"not started: {self.why()}")
+
+    # ---- while it drives -------------------------------------------------------------------------
+
+    def pause(self) -> None:
+        """And on again."""
+        page = self.screen.page
+        page.click("#pause")
+        self.note("pause until it stands (s)", self.stands())
+        self.screen.shot("paused")
+        page.wait_for_timeout(2000)
+        page.click("#pause")
+        self.screen.until(lambda: not self.screen.last()["paused"], 10)
+
+    def lose_the_page(self) -> None:
+        """Closes the page in full drive; opens another one and goes on."""
+        self.screen.page.close()
+        begin = time.monotonic()
+        while self.rig.do()["rolls_or_cuts"] and time.monotonic() - begin < 15:
+            time.sleep(0.02)
+        self.note("page closed until it stands (s)", round(time.monotonic() - begin, 2))
+        time.sleep(3)
+        self.screen = Screen(self.context, self.panel, self.shots)
+        self.screen.until(lambda: self.screen.last().get("paused"), 20)
+        self.screen.drive_from_here()
+        self.screen.shot("lost-page")
+        self.note("the new page says why", self.screen.last().get("paused_why"))
+        self.screen.page.wait_for_timeout(700)
+        self.screen.page.click("#pause")
+        self.screen.until(lambda: not self.screen.last()["paused"], 10)
+
+    def lose_the_camera(self) -> None:
+        """Pulls its plug for a few seconds."""
+        self.rig.do("blind")
+        self.note("camera lost until it stands (s)", self.stands())
+        self.screen.page.wait_for_timeout(2500)
+        self.screen.shot("lost-camera")
+        self.note("it says", (self.screen.last().get("pilot") or {}).get("reason"))
+        self.rig.do("see")
+        back = self.screen.until(lambda: self.rig.do()["rolls_or_cuts"], 40)
+        self.note("camera back, goes on by itself", back)
+
+    def stop(self) -> None:
+        """In full drive."""
+        screen = self.screen
+        screen.page.evaluate("delete document.body.dataset.stopMs")
+        tapped = time.time()
+        screen.page.locator("#stop").dispatch_event("pointerdown")
+        screen.until(lambda: screen.page.evaluate("document.body.dataset.stopMs"), 10, 20)
+        shown = screen.page.evaluate("document.body.dataset.stopMs")
+        off = (self.rig.do()["off_at"] - tapped) * 1e3
+        self.note("STOP, tap to outputs off (ms)", round(off))
+        self.note("STOP, tap to the page's word (ms)", shown and int(shown))
+        screen.shot("stopped")
+
+    def jog(self, speed_steer: str, seconds: float) -> None:
+        """A finger on a jog key."""
+        page = self.screen.page
+        if not page.evaluate("document.getElementById('jog').open"):
+            page.click("#jog summary")
+        key = page.locator(f"#jog-keys button[data-jog='{speed_steer}']")
+        key.scroll_into_view_if_needed()
+        key.dispatch_event("pointerdown")
+        page.wait_for_timeout(seconds * 1000)
+        key.dispatch_event("pointerup")
+        page.wait_for_timeout(1000)
+
+    def to_the_end(self, seconds: float) -> str:
+        """Until the run has ended."""
+        screen = self.screen
+        screen.until(lambda: screen.last().get("mode") == "idle", seconds, 500)
+        return str(screen.last("ended").get("outcome"))
+
+
+def day(arguments: argparse.Namespace) -> int:
+    """All of it."""
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    shots: Path | None = arguments.shots
+    if shots is not None:
+        shots.mkdir(parents=True, exist_ok=True)
+    scenario = scenario_of(out, tuple(arguments.size), arguments.seed, arguments.cep)
+    rig = Rig(str(scenario), out)
+    folder = out / f"panel-{time.strftime('%H%M%S')}"
+    folder.mkdir()
+    panel = Panel(rig, folder, "--lan")
+    begin = time.monotonic()
+    try:
+        with a_browser() as browser:
+            whole = Day(rig, panel, a_phone(browser), shots)
+            try:
+                drive(whole, rig)
+            except RuntimeError as error:
+                whole.note("broken off", str(error))
+            outcome = str(whole.screen.last("ended").get("outcome"))
+            whole.note("outcome", outcome)
+            whole.note("it says", whole.screen.last("ended").get("reason"))
+            whole.screen.shot("finished")
+            whole.screen.tab("runs")
+            whole.screen.page.wait_for_timeout(700)
+            whole.screen.shot("runs")
+            truth = rig.do()
+            whole.note("coverage, truly", round(truth["coverage"], 4))
+            whole.note("neighbour's crop cut (m2)", round(truth["neighbour_cut_m2"], 4))
+            whole.note("rig's time given up (s)", round(truth["rig_slipped_s"], 2))
+            whole.note("wall time (min)", round((time.monotonic() - begin) / 60, 1))
+            whole.note("errors of the page's scripts", len(whole.screen.errors))
+            (out / "summary.json").write_text(json.dumps(dict(whole.rows), indent=1))
+            print(table(whole.rows))
+            return 0 if outcome == "finished" else 1
+    finally:
+        panel.close()
+        rig.close()
+
+
+def drive(whole: Day, rig: Rig) -> None:
+    """From the pairing to the end."""
+    whole.pair()
+    whole.walk(rig.about["gap"])
+    whole.check()
+    whole.start()
+    whole.wait("follow")
+    whole.screen.page.wait_for_timeout(3000)
+    whole.screen.shot("cutting")
+    whole.pause()
+    whole.wait("turn")
+    whole.wait("follow")
+    whole.screen.page.wait_for_timeout(2500)
+    whole.lose_the_page()
+    whole.wait("turn")
+    whole.wait("follow")
+    whole.screen.page.wait_for_timeout(1500)
+    whole.lose_the_camera()
+    whole.wait("turn")
+    whole.wait("follow")
+    whole.screen.page.wait_for_timeout(2500)
+    whole.stop()
+    whole.start("#resume")
+    whole.wait("follow")
+    ended = whole.to_the_end(RUN_S)
+    steps = whole.screen.last("ended")
+    whole.note("steps of the last run, above 50 ms", f"{steps['slow_steps']} of {steps['steps']}")
+    whole.note("steps begun late", steps["late_steps"])
+    whole.note("ended", ended)
+
+
+def main() -> int:
+    """The command."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out/panel-day"))
+    parser.add_argument("--size", type=float, nargs=2, default=(7.0, 6.0), metavar="METRES")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cep", type=float, default=0.8, help="of the phone's positions (m)")
+    parser.add_argument("--shots", type=Path, help="folder for screenshots")
+    return day(parser.parse_args())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
