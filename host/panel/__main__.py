@@ -16,7 +16,6 @@ from host.core.errors import UserError
 from host.panel.deeds import DEEDS
 from host.panel.machine import Machine, Settings, listen
 
-
 PRIORITY = -15
 """Before browser and panel, where the system lets its user ask for that."""
 
