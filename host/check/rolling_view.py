@@ -6,8 +6,8 @@ moves. Where it lies tells pitch and yaw, whatever the distance and the height o
 things besides the way forward move a camera on a machine: the body rolls and pitches over uneven
 ground, and swings the camera with it (1 degree on a mast of 1.6 m is 3 cm, as much as 6 degrees of
 yaw over 0.25 m); and a wheel that is meant to stand straight leads a little aside. Both turn the
-picture as well, and are estimated with it. What is left, the roll, the ground beside the crop tells:
-it is a plane. Lucas-Kanade tracks, least squares with a robust loss.
+picture as well, and are estimated with it. The roll is told by the ground beside the crop, a plane.
+Lucas-Kanade tracks, least squares with a robust loss.
 """
 
 from __future__ import annotations
