@@ -146,9 +146,9 @@ def _pairs(pictures: Sequence[Rolled]) -> list[_Pair]:
     return found
 
 
-def _turned(mount: Mount, pitch_deg: float, yaw_deg: float, roll_deg: float) -> Camera:
-    """The camera so much farther round."""
-    off = {"pitch_deg": pitch_deg, "yaw_deg": yaw_deg, "roll_deg": roll_deg}
+def _turned(mount: Mount, off_deg: Pixels, roll_deg: float) -> Camera:
+    """The camera so much farther round; `off_deg`: pitch and yaw."""
+    off = {"pitch_deg": off_deg[0], "yaw_deg": off_deg[1], "roll_deg": roll_deg}
     return Camera(mount.model_copy(update={k: getattr(mount, k) + v for k, v in off.items()}))
 
 
@@ -187,7 +187,7 @@ def _flow(pairs: Sequence[_Pair], camera: Camera) -> tuple[Pixels, Pixels, float
 
 def _roll_deg(pairs: Sequence[_Pair], mount: Mount, off_deg: Pixels, sways: Pixels) -> float:
     """How much the camera is tilted sideways, from the ground at the right."""
-    camera = _turned(mount, *off_deg, 0.0)
+    camera = _turned(mount, off_deg, 0.0)
     lying = []
     for pair, sway in zip(pairs, sways, strict=True):
         ground = camera.on_height(pair.a, 0.0)
@@ -196,7 +196,7 @@ def _roll_deg(pairs: Sequence[_Pair], mount: Mount, off_deg: Pixels, sways: Pixe
         lying.append((pair.a[beside], pair.b[beside], pair.way_m, sway))
 
     def residuals(unknown: Pixels) -> Pixels:
-        view = _turned(mount, *off_deg, unknown[0])
+        view = _turned(mount, off_deg, unknown[0])
         out = [unknown[:1] / ROLL_DEG, (unknown[1:] - 1) / SHARE]
         for (a, b, way, sway), share in zip(lying, unknown[1:], strict=True):
             if not len(a):

@@ -12,7 +12,7 @@ from typing import Final
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.panel.checking import check
-from host.panel.harvesting import Order, harvest
+from host.panel.harvesting import Order, harvest, prepare
 from host.panel.machine import PRESENCE_S, Machine
 from host.panel.snapshot import Json, number
 from host.panel.tuning import tune
@@ -34,24 +34,27 @@ STEP_S: Final = 0.05
 
 
 def start(machine: Machine, wish: Json) -> None:
-    """Harvests, after a countdown that STOP or an absent driver ends."""
+    """Harvests, after a look at place and direction, and a countdown that STOP or an absent driver
+    ends."""
     try:
         order = Order.model_validate(wish.get("order", {}))
     except ValueError as error:
         machine.post({"kind": "failed", "what": "start", "why": str(error)})
         return
-    until = machine.clock() + COUNTDOWN_S
 
     def more() -> Json:
         return {"countdown_s": number(until - machine.clock(), 1)}
 
-    with machine.doing("countdown", more):
+    with machine.doing("prepare", dict):
         _ready(machine)
+        errand = prepare(machine, order)
+        until = machine.clock() + COUNTDOWN_S
+        machine.mode, machine.more = "countdown", more
         while machine.clock() < until:
             machine.pump(STEP_S)
             if machine.settings.presence and machine.driver_away_s > PRESENCE_S:
                 raise UserError("the page that started it is gone: not started")
-        harvest(machine, order)
+        harvest(machine, order, errand)
 
 
 def _ready(machine: Machine) -> None:

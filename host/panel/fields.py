@@ -28,6 +28,9 @@ from host.panel.snapshot import Json, number
 from host.route.field_plan import plan_of
 from host.route.plan import Plan
 from host.route.preview import preview
+from host.runs.errand import compass_deg, errand_of
+from host.runs.preflight import where_of
+from host.runs.resume import load
 
 SHOWN: Final = 600
 """Points of a walk on the page."""
@@ -232,6 +235,33 @@ class FieldDesk:
             "warnings": shown.warnings,
         }
         self.problem = "; ".join(shown.warnings)
+
+    def goal(self, resume: Path) -> Json | None:
+        """Where the machine has to stand for the run that left `resume` to go on; None where that
+        is not known."""
+        if self.boundary is None:
+            return None
+        with contextlib.suppress(UserError):
+            errand = errand_of(
+                self.boundary,
+                self.corner,
+                self._vehicle,
+                "three_point",
+                self.gap_m,
+                load(resume),
+                resume,
+            )
+            place = where_of(errand)
+            if place is not None:
+                x, y, heading = place
+                return {
+                    "kind": "goal",
+                    "place": [number(x, 2), number(y, 2), number(heading, 4)],
+                    "compass_deg": round(compass_deg(heading)) % 360,
+                    "side": errand.begun[0] + 1,
+                    "along_m": number(errand.begun[1], 1),
+                }
+        return None
 
     def about(self, here: Fix | None) -> Json:
         """The message to the pages."""

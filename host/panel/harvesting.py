@@ -10,25 +10,35 @@ from collections import deque
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
 
 from host.core.errors import UserError
-from host.core.messages import Frame, State
+from host.core.messages import Fix, Frame, State
 from host.core.strict import Strict
 from host.field.boundary_file import load_field
 from host.link import protocol
 from host.panel import snapshot
-from host.panel.machine import PANEL_LOST_S, PRESENCE_S, Machine, StoppedError
+from host.panel.machine import (
+    PANEL_LOST_S,
+    PRESENCE_S,
+    Machine,
+    NotYetError,
+    StoppedError,
+)
 from host.panel.snapshot import Json, number
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 from host.runs.drive import PERIOD_S, Drive, fits, fitted
-from host.runs.errand import errand_of
+from host.runs.errand import Errand, errand_of
+from host.runs.preflight import start_problem
 from host.runs.record import Recorder
 from host.runs.resume import Keeper, load
 from host.sensors.jpeg import JpegDecoder
 from host.vision.mounted.detector import make_detector
+from host.vision.view import CropView
 from host.vision.watched import watched_detector
 
 SLOW_STEP_S: Final = 0.05
@@ -38,6 +48,10 @@ TRAIL_M: Final = 0.2
 FIRST_PICTURE_S: Final = 10.0
 """How long the first picture is waited for."""
 REHEARSED: Final = 30
+FIXES: Final = (3, 4.0)
+"""Positions that tell where it stands, and how long they are waited for (s)."""
+PICTURES: Final = (4, 3.0)
+"""Likewise."""
 """Steps: a second and a half, through all that is compiled at its first use."""
 
 
@@ -49,6 +63,8 @@ class Order(Strict):
     corner: int = 0
     turn: Literal["three_point", "arc"] = "three_point"
     resume: Path | None = None
+    heading_deg: Annotated[float, Field(ge=0, le=360)] | None = None
+    """Where the machine heads by a compass on it."""
 
 
 @dataclass
@@ -99,24 +115,66 @@ class Operator:
         self.machine.serve()
 
 
-def harvest(machine: Machine, order: Order) -> None:
-    """Runs to the field's end. Raises StoppedError or UserError where something ends it before."""
-    camera, gnss, link = machine.camera, machine.gnss, machine.link
-    vehicle, mount, clock = machine.vehicle, machine.mount, machine.clock
-    if camera is None or gnss is None or link is None:
+def prepare(machine: Machine, order: Order) -> Errand:
+    """What is to be driven, once place and direction fit and the first steps are rehearsed. Raises
+    NotYetError where the machine stands wrong, UserError where something is missing."""
+    if machine.camera is None or machine.gnss is None or machine.link is None:
         raise UserError("a harvest needs a board, a camera and a receiver")
-    machine.more = lambda: {"preparing": True}
     boundary = load_field(order.boundary)
     saved = load(order.resume) if order.resume is not None else None
     errand = errand_of(
-        boundary, order.corner, vehicle, order.turn, order.gap_m, saved, order.resume
+        boundary, order.corner, machine.vehicle, order.turn, order.gap_m, saved, order.resume
     )
+    problem = start_problem(
+        errand, boundary.crop, _some_fixes(machine), _look(machine), order.heading_deg
+    )
+    if problem is not None:
+        raise NotYetError(problem)
+    warm_up(machine, errand.plan)
+    machine.pump(0.2)  # what the page said meanwhile: that it is there, or STOP
+    return errand
+
+
+def _some_fixes(machine: Machine) -> list[Fix]:
+    """The next positions."""
+    assert machine.gnss is not None
+    count, patience_s = FIXES
+    found: list[Fix] = []
+    end = machine.clock() + patience_s
+    while len(found) < count and machine.clock() < end:
+        machine.pump(PERIOD_S)
+        fix = machine.gnss.take()
+        if fix is not None:
+            found.append(fix)
+    return found
+
+
+def _look(machine: Machine) -> CropView | None:
+    """What a new detector makes of the next pictures; None where none comes."""
+    assert machine.camera is not None
+    eye = watched_detector(machine.settings.mode, machine.vehicle, machine.mount, None)
+    decoder, view = JpegDecoder(), None
+    count, patience_s = PICTURES
+    end = machine.clock() + patience_s
+    while count > 0 and machine.clock() < end:
+        machine.pump(PERIOD_S)
+        picture = machine.camera.take()
+        if picture is not None:
+            view = eye.see(fitted(picture, decoder, machine.mount, 0.0).bgr)
+            count -= 1
+    return view
+
+
+def harvest(machine: Machine, order: Order, errand: Errand) -> None:
+    """Runs to the field's end. Raises StoppedError or UserError where something ends it before."""
+    camera, gnss, link = machine.camera, machine.gnss, machine.link
+    vehicle, mount, clock = machine.vehicle, machine.mount, machine.clock
+    if camera is None or link is None:
+        raise UserError("a harvest needs a board, a camera and a receiver")
     plan, frame = errand.plan, errand.frame
     folder = machine.settings.folder
     now = datetime.datetime.now(tz=datetime.UTC)
     path = folder / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
-    warm_up(machine, plan)
-    machine.pump(0.2)  # what the page said meanwhile: that it is there, or STOP
     detector = watched_detector(machine.settings.mode, vehicle, mount, None)
     pilot = Pilot(vehicle, detector, plan)
     operator = Operator(machine)
@@ -230,6 +288,7 @@ def _summary(
     return {
         "outcome": outcome,
         "reason": pilot.reason,
+        **snapshot.of_reason(pilot),
         "phase": pilot.phase.value,
         "faults": [bit.name for bit in protocol.Fault if bit in faults],
         "record": str(path),

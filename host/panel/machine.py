@@ -27,6 +27,7 @@ from host.panel import snapshot
 from host.panel.snapshot import Json, number
 from host.panel.wire import Peer, WireError, frame, packed
 from host.runs.drive import AT_REST
+from host.runs.preflight import Problem
 from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
@@ -67,6 +68,14 @@ class Settings(Strict):
 
 class StoppedError(Exception):
     """The operator has pressed STOP: whatever was going on ends."""
+
+
+class NotYetError(UserError):
+    """The machine must not start from where it stands."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.text)
+        self.problem = problem
 
 
 class Machine:
@@ -383,7 +392,10 @@ class Machine:
         except StoppedError:
             pass
         except UserError as error:
-            self.post({"kind": "failed", "what": mode, "why": str(error)})
+            failed: Json = {"kind": "failed", "what": self.mode, "why": str(error)}
+            if isinstance(error, NotYetError):
+                failed |= {"code": error.problem.code, "values": dict(error.problem.values)}
+            self.post(failed)
             self.events.append(str(error))
         finally:
             self.mode = "idle"

@@ -62,6 +62,8 @@ FIELD_WISHES: Final = frozenset(
     {"open", "gap", "corner", "move_corner", "keep_out", "keep_out_drop"}
     | {"walk_begin", "walk_end", "walk_drop"}
 )
+PLACED: Final = ("field", "harvest")
+"""Pages with a map that shows where the phone is."""
 RUNS: Final = 20
 """Shown in the list of past runs, the latest."""
 
@@ -139,6 +141,7 @@ class Panel:
         self.trail: list[Any] = []
         self.ended: Json | None = None
         self.check: Json | None = None
+        self.goal: Json | None = None
         self.field: Json | None = None
         self._count = 0
         vehicle = load_vehicle(settings.vehicle)
@@ -171,6 +174,7 @@ class Panel:
                 self.trail += message["places"]
             case "ended":
                 self.ended = message
+                self._find_goal(message.get("resume"))
             case "check":
                 self.check = message | {"at": time.monotonic()}
         for page in self.pages.values():
@@ -194,7 +198,7 @@ class Panel:
         walk = self.fields.walk
         if walk is not None and walk.on:
             walk.fixes.append(fix)
-        if message["mode"] == "idle" and any(page.tab == "field" for page in self.pages.values()):
+        if message["mode"] == "idle" and any(page.tab in PLACED for page in self.pages.values()):
             self._later(None, fix)
 
     def _later(self, wish: Json | None, fix: Fix | None = None) -> None:
@@ -210,7 +214,22 @@ class Panel:
 
         if fix is not None and self._work.locked():
             return
-        task = asyncio.create_task(work())
+        self._keep_task(asyncio.create_task(work()))
+
+    def _find_goal(self, resume: str | None) -> None:
+        """Where the machine has to stand to go on, to all pages."""
+
+        async def work() -> None:
+            self.goal = None
+            if resume is not None:
+                async with self._work:
+                    self.goal = await asyncio.to_thread(self.fields.goal, Path(resume))
+            for page in self.pages.values():
+                page.tell(self.goal or {"kind": "goal", "place": None})
+
+        self._keep_task(asyncio.create_task(work()))
+
+    def _keep_task(self, task: asyncio.Task[None]) -> None:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -226,9 +245,7 @@ class Panel:
             finally:
                 self._colour_busy = False
 
-        task = asyncio.create_task(work())
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._keep_task(asyncio.create_task(work()))
 
     def _for(self, page: Page) -> Json:
         return self.now | {
@@ -267,7 +284,7 @@ class Panel:
         self._count += 1
         page = Page(socket, f"page-{self._count}")
         self.pages[page.name] = page
-        for message in (self.plan, self._trail(), self.check, self.ended, self.field):
+        for message in (self.plan, self._trail(), self.check, self.ended, self.goal, self.field):
             if message is not None:
                 page.tell(message)
         if self.now:
@@ -352,7 +369,11 @@ class Panel:
             page.tell({"kind": "refused", "what": "check"})
         else:
             resume = (self.ended or {}).get("resume") if wish.get("resume") else None
-            self.line.ask({"do": "start", "order": self.order() | {"resume": resume}})
+            heading = wish.get("heading_deg")
+            if not isinstance(heading, int | float) or not 0 <= heading <= 360:
+                heading = None
+            order = self.order() | {"resume": resume, "heading_deg": heading}
+            self.line.ask({"do": "start", "order": order})
 
     def order(self) -> Json:
         """Which field, from where."""

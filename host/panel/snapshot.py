@@ -6,10 +6,15 @@ Lengths in metres, angles in degrees, times in seconds of the machine process's 
 from __future__ import annotations
 
 import math
+import re
+from functools import cache
 from typing import Any, Final
 
 from host.core.messages import Fix, State, Telemetry
 from host.link import protocol
+from host.pilot.behaviours import BEHAVIOURS
+from host.pilot.guard import Watched
+from host.pilot.phase import Reason
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 from host.vision.view import CropView
@@ -79,6 +84,43 @@ def of_view(view: CropView) -> Json:
     }
 
 
+@cache
+def reasons() -> tuple[Reason, ...]:
+    """All that the pilot may say of why it does something."""
+    kinds: list[type[Reason]] = [Watched]
+    kinds += [kind for behaviour in BEHAVIOURS.values() for kind in behaviour.reasons]
+    return tuple(dict.fromkeys(reason for kind in kinds for reason in kind))
+
+
+def code_of(reason: Reason) -> str:
+    """Names a reason's text: a behaviour's own by its name, a shared one with its class's."""
+    shared = type(reason).__name__
+    return reason.name if shared == "Why" else f"{shared}.{reason.name}"
+
+
+@cache
+def _pattern(reason: Reason) -> re.Pattern[str]:
+    """A reason's text with what it speaks of as groups."""
+    parts = re.split(r"\{(\w+)\}", reason.text)
+    return re.compile(
+        "".join(f"(?P<{part}>.*)" if k % 2 else re.escape(part) for k, part in enumerate(parts)),
+        re.DOTALL,
+    )
+
+
+def of_reason(pilot: Pilot) -> Json:
+    """Why the pilot does what it does: the reason's code and what it speaks of."""
+    if not pilot.transitions:
+        return {"code": "", "words": {}}
+    last = pilot.transitions[-1]
+    name = last.code.rpartition(": ")[2]
+    for reason in reasons():
+        found = _pattern(reason).fullmatch(last.reason) if reason.name == name else None
+        if found is not None:
+            return {"code": code_of(reason), "words": found.groupdict()}
+    return {"code": "", "words": {}}
+
+
 def of_pilot(pilot: Pilot, plan: Plan, speed_mps: float) -> Json:
     """The harvest: what the pilot does and why, where it is, what is left."""
     side = min(pilot.turns, max(0, len(plan.sides) - 1))
@@ -90,6 +132,7 @@ def of_pilot(pilot: Pilot, plan: Plan, speed_mps: float) -> Json:
     return {
         "phase": pilot.phase.value,
         "reason": pilot.reason,
+        **of_reason(pilot),
         "side": plan.done + side + 1 if lengths else pilot.turns + 1,
         "sides": plan.done + len(lengths),
         "done": number(1 - left / whole, 3) if left is not None and whole > 0 else None,

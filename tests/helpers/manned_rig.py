@@ -4,8 +4,8 @@ the field with the phone, sees what the machine does, and pulls the camera's plu
     python -m tests.helpers.manned_rig SCENARIO FOLDER
 
 Lines of JSON on stdin are deeds, each answered by a line on stdout: {"do": "press"}, "release",
-"walk", "look", "blind", "see", "end". `look` tells the truth: the wheel's angle, the way rolled,
-what the outputs drive, and when (time.time()) they last went off.
+"walk", "look", "put" (at x, y, yaw), "blind", "see", "end". `look` tells the truth: the wheel's
+angle, the way rolled, what the outputs drive, and when (time.time()) they last went off.
 """
 
 from __future__ import annotations
@@ -73,6 +73,9 @@ class MannedRig(Rig):
                 self._blind = True
             case "see":
                 self._blind = False
+            case "put":
+                for name in ("x", "y", "yaw"):
+                    self.bench.state[name] = deed[name]
             case "end":
                 raise KeyboardInterrupt
             case _:

@@ -1,5 +1,5 @@
 // The list that the machine walks itself: what was seen, what was expected, what to do.
-import { t, has, said } from "./texts.js";
+import { t, filled } from "./texts.js";
 
 const $ = (id) => document.getElementById(id);
 let ask = () => {};
@@ -10,33 +10,26 @@ export function bind(asker) {
   $("check-go").addEventListener("click", () => { ask({ do: "take" }); ask({ do: "check" }); });
 }
 
-// A value that is a name of texts is said in the page's language; the rest is a figure.
-function values(line) {
-  return Object.fromEntries(Object.entries(line.values ?? {}).map(([key, value]) => [key, Array.isArray(value) ? value.map(words).join("; ") : words(value)]));
-}
-const words = (value) => (typeof value !== "string" ? value : has(value) ? t(value) : said(value));
-
 function row(line) {
   const item = document.createElement("li");
   item.dataset.verdict = line.verdict;
   item.dataset.line = line.name;
   item.dataset.finding = line.finding;
-  const filled = values(line);
   const head = document.createElement("b");
   head.append(t(`line.${line.name}`), " ", t(`verdict.${line.verdict}`));
   item.append(head);
   if (line.finding) {
     const seen = document.createElement("span");
-    seen.textContent = t(`found.${line.finding}`, filled);
+    seen.textContent = filled(`found.${line.finding}`, line.values);
     item.append(seen);
   }
   const expected = document.createElement("small");
-  expected.textContent = `${t("check.expected")} ${t(`expected.${line.name}`, filled)}`;
+  expected.textContent = `${t("check.expected")} ${filled(`expected.${line.name}`, line.values)}`;
   item.append(expected);
   if (line.verdict === "bad" || line.verdict === "warn") {
     const todo = document.createElement("span");
     todo.className = "todo";
-    todo.textContent = `${t("check.todo")} ${t(`todo.${line.finding}`, filled)}`;
+    todo.textContent = `${t("check.todo")} ${filled(`todo.${line.finding}`, line.values)}`;
     item.append(todo);
   }
   return item;

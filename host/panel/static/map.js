@@ -96,6 +96,17 @@ export function drawMap(canvas, world) {
     const [x0, y0, x1, y1] = plan.sides[index];
     arrow(context, view.at([x0, y0]), view.at([x1, y1]));
   }
+  const idle = !pilot;
+  if (idle && world.goal && world.ended?.resume) goalAt(context, view, world.goal.place);
+  if (idle && world.field?.here) {
+    context.beginPath();
+    context.arc(...view.at(world.field.here), 12, 0, 7);
+    context.fillStyle = "#0a58ff";
+    context.fill();
+    context.lineWidth = 4;
+    context.strokeStyle = "#fff";
+    context.stroke();
+  }
   if (pilot?.place) machine(context, view, pilot.place);
 }
 
@@ -108,6 +119,16 @@ function arrow(context, [u0, v0], [u1, v1]) {
   context.lineTo(u + 14 * Math.cos(angle - 2.4), v + 14 * Math.sin(angle - 2.4));
   context.fillStyle = "#000";
   context.fill();
+}
+
+// Where the machine has to stand to go on: its outline, the blade's right end on the crop's edge.
+function goalAt(context, view, [x, y, yaw]) {
+  const point = (forward, left) => view.at([x + (forward - BLADE_AHEAD_M) * Math.cos(yaw) - (left + BLADE_M / 2) * Math.sin(yaw), y + (forward - BLADE_AHEAD_M) * Math.sin(yaw) + (left + BLADE_M / 2) * Math.cos(yaw)]);
+  context.beginPath();
+  [point(-0.3, 0.45), point(1.1, 0.45), point(BLADE_AHEAD_M, 0), point(1.1, -0.45), point(-0.3, -0.45)].forEach(([u, v], k) => (k ? context.lineTo(u, v) : context.moveTo(u, v)));
+  context.closePath();
+  for (const [style, width] of [["#fff", 9], ["#b8001c", 5]]) { context.setLineDash([12, 7]); context.strokeStyle = style; context.lineWidth = width; context.stroke(); }
+  context.setLineDash([]);
 }
 
 function machine(context, view, [x, y, yaw]) {

@@ -1,5 +1,5 @@
 // The page: one socket, one state, five tabs. STOP is bound before anything else can fail.
-import { load, t, said, has, language, LANGUAGES } from "./texts.js";
+import { load, t, said, has, reason, filled, language, LANGUAGES } from "./texts.js";
 import * as sound from "./sound.js";
 import { drawMap, mapSaid } from "./map.js";
 import { drawPicture } from "./picture.js";
@@ -13,7 +13,7 @@ const TABS = ["check", "field", "harvest", "tune", "runs"];
 const SILENT_MS = 1500;
 const HERE_MS = 500;
 
-export const world = { now: null, plan: null, trail: [], ended: null, check: null, field: null, paired: true };
+export const world = { now: null, plan: null, trail: [], ended: null, goal: null, check: null, field: null, paired: true };
 let socket = null;
 let heardAt = 0;
 let tab = "check";
@@ -103,12 +103,13 @@ function hear(message) {
     case "plan": world.plan = message; world.trail = []; break;
     case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
     case "ended": world.ended = message; break;
+    case "goal": world.goal = message.place ? message : null; break;
     case "check": world.check = message; check.hear(message); break;
     case "field": world.field = message; field.hear(message); break;
     case "colour": tune.hear(message); break;
     case "pid": tune.hearPid(message); break;
     case "runs": runs.hear(message); break;
-    case "failed": notice(`${has(`failed.${message.what}`) ? t(`failed.${message.what}`) : message.what}: ${said(message.why)}`); break;
+    case "failed": notice(`${has(`failed.${message.what}`) ? t(`failed.${message.what}`) : message.what}: ${message.code ? filled(`problem.${message.code}`, message.values) : said(message.why)}`); break;
     case "refused": notice(t(`refused.${message.what}`)); break;
     default: return;
   }
@@ -182,18 +183,19 @@ function state(now) {
   const board = now.board;
   const faults = board ? board.faults : [];
   if (now.link.problem) return ["bad", t("state.no_board"), now.link.problem === "silent" ? t("link.silent") : said(now.link.problem)];
-  if (now.mode === "countdown") return ["wait", t("state.countdown"), now.preparing ? t("harvest.preparing") : ""];
+  if (now.mode === "prepare") return ["wait", t("state.prepare"), t("harvest.preparing")];
+  if (now.mode === "countdown") return ["wait", t("state.countdown"), ""];
   if (faults.length) return ["bad", t("state.fault"), faults.map((name) => t(`fault.${name}`)).join("; ")];
   if (now.mode === "drive") {
     if (now.paused) return ["wait", t("state.paused"), t(`paused.${now.paused_why || "asked"}`)];
     const pilot = now.pilot;
     const kind = { follow: "go", turn: "go", align: "go", finished: "go", fault: "bad" }[pilot.phase] ?? "wait";
-    return [kind, t(`phase.${pilot.phase}`), said(pilot.reason)];
+    return [kind, t(`phase.${pilot.phase}`), reason(pilot)];
   }
   if (now.mode === "check") return ["wait", t("state.check"), ""];
   if (now.mode === "jog") return ["wait", t("state.jog"), ""];
   if (now.mode === "pid") return ["wait", t("state.pid"), ""];
-  if (world.ended?.outcome === "finished") return ["go", t("state.finished"), said(world.ended.reason)];
+  if (world.ended?.outcome === "finished") return ["go", t("state.finished"), reason(world.ended)];
   return ["idle", t("state.idle"), ""];
 }
 
@@ -210,7 +212,7 @@ function show() {
   if ($("state-word").textContent !== word) $("state-word").textContent = word;
   if ($("state-why").textContent !== why) $("state-why").textContent = why;
   $("page-pair").hidden = world.paired;
-  $("tabs").hidden = !world.paired;
+  for (const id of ["tabs", "signals", "pause"]) $(id).hidden = !world.paired;
   if (!world.paired) { for (const one of TABS) $(`page-${one}`).hidden = true; return; }
   if ($(`page-${tab}`).hidden) $(`page-${tab}`).hidden = false;
   const linked = Boolean(socket) && fresh();
@@ -229,7 +231,7 @@ function show() {
   document.body.dataset.mode = now.mode;
   document.body.dataset.phase = now.pilot?.phase ?? "";
   document.body.dataset.paused = now.paused ? "1" : "0";
-  const counting = now.mode === "countdown" && !now.preparing;
+  const counting = now.mode === "countdown";
   $("countdown").hidden = !counting;
   if (counting) $("countdown-number").textContent = String(Math.max(0, Math.ceil(now.countdown_s ?? 0)));
   if (tab === "harvest") showHarvest(now);
@@ -270,7 +272,7 @@ function showHarvest(now) {
     }));
   }
   const faults = (now.board?.faults ?? []).map((name) => [t(`fault.${name}`), t(`remedy.${name}`)]);
-  if (!faults.length && now.mode === "idle" && world.ended?.outcome === "fault") faults.push([t("harvest.ended_by"), said(world.ended.reason)]);
+  if (!faults.length && now.mode === "idle" && world.ended?.outcome === "fault") faults.push([t("harvest.ended_by"), reason(world.ended)]);
   if ($("faults").dataset.shown !== JSON.stringify(faults)) {
     $("faults").dataset.shown = JSON.stringify(faults);
     $("faults").replaceChildren(...faults.map(([what, todo]) => {
@@ -286,7 +288,9 @@ function showHarvest(now) {
   $("take").textContent = t(now.driven ? "harvest.watching" : "harvest.take");
   const resumable = idle && world.ended?.resume && world.ended.outcome !== "finished";
   $("start").hidden = !idle;
-  $("resume").hidden = !resumable;
+  for (const id of ["resume", "compass", "compass-label"]) $(id).hidden = !resumable;
+  const goal = resumable ? world.goal : null;
+  $("goal-said").textContent = goal ? t("harvest.goal", { side: goal.side, along: goal.along_m, compass: goal.compass_deg }) : "";
   const ready = now.driver && now.green && Boolean(world.field?.plan) && !(now.board?.faults.length);
   $("start").disabled = $("resume").disabled = !ready;
   $("start-why").textContent = !idle || ready ? "" : t(!now.driver ? "why.not_driver" : now.board?.faults.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check");
@@ -317,7 +321,7 @@ function hold(id, order) {
     sound.wake();
     ask({ do: "hold" });
     button.classList.add("down");
-    timer = setTimeout(() => { timer = 0; button.classList.remove("down"); ask({ do: "start", resume: order }); }, 2050);
+    timer = setTimeout(() => { timer = 0; button.classList.remove("down"); ask({ do: "start", resume: order, heading_deg: order && $("compass").value !== "" ? Number($("compass").value) : null }); }, 2050);
   };
   const end = () => {
     if (!timer) return;

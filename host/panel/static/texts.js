@@ -26,6 +26,13 @@ export function t(key, values = {}) {
 const isolate = (value) => (language === "ur" ? `\u2068${show(value)}\u2069` : show(value));
 const show = (value) => (typeof value === "number" ? String(Math.round(value * 1000) / 1000) : String(value ?? "?"));
 
+// A value that is a name of texts is said in the page's language; the rest is a figure or a sentence.
+export const words = (value) => (Array.isArray(value) ? value.map(words).join("; ") : typeof value !== "string" ? value : has(value) ? t(value) : said(value));
+export const filled = (key, values) => t(key, Object.fromEntries(Object.entries(values ?? {}).map(([name, value]) => [name, words(value)])));
+
+// Why the pilot does what it does, by the reason's code.
+export const reason = (of) => (of.code && has(`reason.${of.code}`) ? filled(`reason.${of.code}`, of.words) : said(of.reason ?? ""));
+
 // What the pilot says is English; where the language knows the sentence, it is said in it.
 export function said(sentence) {
   const key = `said.${sentence}`;

@@ -9,11 +9,13 @@ import pytest
 
 from host.check.lines import NAMES
 from host.link import protocol
+from host.panel.snapshot import code_of, reasons
 from host.panel.texts import LANGUAGES, text, texts
 
 HOST = Path(__file__).parents[3] / "host"
 STATIC = HOST / "panel" / "static"
 PLACE = re.compile(r"\{(\w+)\}")
+WRITTEN_FOR_ENGINEERS = {"parameters are one JSON object"}
 SAME_IN_ALL = 12
 """Texts of figures and signs only."""
 
@@ -40,7 +42,7 @@ def test_what_the_page_says_is_there(language: str) -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_finding_of_the_check_has_its_words_and_its_remedy(language: str) -> None:
     known = texts(language)
-    source = (HOST / "check" / "walk.py").read_text(encoding="utf-8")
+    source = "".join(map(read, (HOST / "check").glob("*.py")))
     found = set(re.findall(rf'"((?:{"|".join(NAMES)})\.\w+)"', source))
     assert len(found) > 70
     good = {
@@ -51,9 +53,41 @@ def test_every_finding_of_the_check_has_its_words_and_its_remedy(language: str) 
     for key in found - {"picture.turned_left"}:
         assert f"found.{key}" in known
         assert key in good or f"todo.{key}" in known, key
-    asked = set(re.findall(r'_ask\(\s*"(\w+)"', source))
+    asked = set(re.findall(r'ask\(\s*"(\w+)"', source))
     assert len(asked) > 8
     assert {f"ask.{key}" for key in asked} <= set(known)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_reason_of_the_pilot_and_every_problem_at_the_start_has_its_words(
+    language: str,
+) -> None:
+    known = texts(language)
+    assert len(reasons()) > 30
+    for reason in reasons():
+        words = set(PLACE.findall(known[f"reason.{code_of(reason)}"]))
+        assert words <= set(PLACE.findall(reason.text)), reason
+    source = (HOST / "runs" / "preflight.py").read_text(encoding="utf-8")
+    problems = set(re.findall(r'return Problem\(\s*"(\w+)"', source))
+    assert len(problems) > 5
+    assert {f"problem.{code}" for code in problems} <= set(known)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_whole_sentence_of_panel_and_picture_is_known(language: str) -> None:
+    known = texts(language)
+    whole = [
+        *re.findall(r'UserError\("([^"]+)"\)', "".join(map(read, (HOST / "panel").glob("*.py")))),
+        *re.findall(r'return "(the [^"]+)"', read(HOST / "sensors" / "picture_watch.py")),
+        *re.findall(r'return "([^"]+)"', read(HOST / "vision" / "mounted" / "detector.py")),
+    ]
+    whole = [one for one in whole if one not in WRITTEN_FOR_ENGINEERS]
+    assert len(whole) > 15
+    assert {f"said.{sentence}" for sentence in whole} - set(known) == set()
+
+
+def read(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
 
 
 def test_all_languages_say_the_same_things() -> None:
