@@ -14,15 +14,23 @@ import json
 import math
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import yaml
 from playwright.sync_api import BrowserContext
 
+from host.core.frames import LocalFrame
+from host.field.boundary_file import load_field
 from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_phone, table
 
 RUN_S = 1500.0
+MOST_RESUMES = 40
+ORIGIN = (31.5, 74.3)
+"""Of the rig's field."""
+BLADE_M = (1.5, 0.5)
+"""From the rear axle to the blade's right end: ahead, and to the right."""
 
 
 def scenario_of(out: Path, size: tuple[float, float], seed: int, cep_m: float) -> Path:
@@ -45,6 +53,9 @@ class Day:
         self.rig, self.panel, self.context, self.shots = rig, panel, context, shots
         self.screen = Screen(context, panel, shots)
         self.rows: list[tuple[str, Any]] = []
+        self.resumed: list[str] = []
+        """Why, each time that the operator cleared and went on."""
+        self.pushed = 0
 
     def note(self, what: str, seen: Any) -> None:
         """A row."""
@@ -62,13 +73,57 @@ class Day:
         now = self.screen.last()
         return (now.get("pilot") or {}).get("phase") in names and not now.get("paused")
 
-    def wait(self, *names: str, seconds: float = 180.0) -> None:
-        """For a phase. RuntimeError where the run ends before."""
-        ok = self.screen.until(
-            lambda: self.phase(*names) or self.screen.last().get("mode") == "idle", seconds
-        )
-        if not ok or not self.phase(*names):
-            raise RuntimeError(f"no {names}: {self.why()}")
+    def wait(self, *names: str, seconds: float = 240.0) -> None:
+        """For a phase; after a fault the operator clears it and goes on. RuntimeError where the
+        field is finished before, or the phase does not come."""
+        end = time.monotonic() + seconds
+        while not self.phase(*names):
+            left = end - time.monotonic()
+            self.screen.until(lambda: self.phase(*names) or self.idle(), max(0.0, left))
+            if self.phase(*names):
+                return
+            if left <= 0 or self.screen.last("ended").get("outcome") == "finished":
+                raise RuntimeError(f"no {names}: {self.why()}")
+            self.go_on()
+
+    def idle(self) -> bool:
+        """Whether nothing goes on."""
+        return bool(self.screen.last().get("mode") == "idle")
+
+    def go_on(self) -> None:
+        """After a fault: clears it and goes on where it ended. Where the machine is told to stand
+        elsewhere, the person pushes it there."""
+        screen = self.screen
+        faults = screen.last()["board"]["faults"]
+        self.resumed.append(", ".join(faults) or str(screen.last("ended").get("code")))
+        if len(self.resumed) > MOST_RESUMES:
+            raise RuntimeError(f"resumed {MOST_RESUMES} times: {self.resumed}")
+        screen.drive_from_here()
+        if faults:
+            screen.shot("fault")
+            screen.page.click("#clear")
+            screen.until(lambda: not screen.last()["board"]["faults"], 10)
+        for _ in range(3):
+            refused = screen.last("failed")
+            screen.page.wait_for_timeout(500)
+            screen.hold("#resume")
+            screen.until(
+                lambda: screen.last().get("mode") == "drive" or screen.last("failed") != refused, 60
+            )
+            if screen.last().get("mode") == "drive":
+                return
+            said = screen.last("failed")
+            self.note("not gone on", said.get("code") or said.get("why"))
+            screen.shot("not-yet")
+            goal = screen.last("goal").get("place")
+            if said.get("code") and goal:
+                self.pushed += 1
+                field = load_field(self.panel.folder / str(screen.last("field")["name"])).frame
+                x, y = LocalFrame(*ORIGIN).to_local(*field.to_wgs84(goal[0], goal[1]))
+                c, s = math.cos(goal[2]), math.sin(goal[2])
+                x, y = x - BLADE_M[0] * c - BLADE_M[1] * s, y - BLADE_M[0] * s + BLADE_M[1] * c
+                self.rig.do("put", x=x, y=y, yaw=goal[2])
+                screen.page.wait_for_timeout(1500)
 
     def why(self) -> Json:
         """What the page knows."""
@@ -214,9 +269,13 @@ class Day:
         page.wait_for_timeout(1000)
 
     def to_the_end(self, seconds: float) -> str:
-        """Until the run has ended."""
-        screen = self.screen
-        screen.until(lambda: screen.last().get("mode") == "idle", seconds, 500)
+        """Until the field is finished, or the time is over."""
+        screen, end = self.screen, time.monotonic() + seconds
+        while time.monotonic() < end:
+            screen.until(self.idle, max(0.0, end - time.monotonic()), 500)
+            if not self.idle() or screen.last("ended").get("outcome") == "finished":
+                break
+            self.go_on()
         return str(screen.last("ended").get("outcome"))
 
 
@@ -290,6 +349,9 @@ def drive(whole: Day, rig: Rig) -> None:
     whole.note("steps of the last run, above 50 ms", f"{steps['slow_steps']} of {steps['steps']}")
     whole.note("steps begun late", steps["late_steps"])
     whole.note("ended", ended)
+    causes = dict(Counter(whole.resumed))
+    whole.note("faults cleared and gone on", causes or "none")
+    whole.note("pushed to its place by hand", whole.pushed)
 
 
 def main() -> int:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections import defaultdict
@@ -24,10 +25,10 @@ import yaml
 
 from host.core.frames import LocalFrame
 from host.field.boundary_file import load_field
+from tools.panel.harvest import BLADE_M, ORIGIN
 from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_phone
 
 BOUND_MS = 300.0
-ORIGIN = (31.5, 74.3)
 STATES = ("jog", "countdown", "connect", "align", "follow", "pause", "hesitate", "turn", "search")
 BEGIN_S, REACH_S = 40.0, 60.0
 
@@ -107,6 +108,8 @@ class Taps:
         if goal is None or not self.screen.last("ended").get("resume"):
             return
         x, y = self._world.to_local(*self._frame.to_wgs84(goal[0], goal[1]))
+        c, s = math.cos(goal[2]), math.sin(goal[2])
+        x, y = x - BLADE_M[0] * c - BLADE_M[1] * s, y - BLADE_M[0] * s + BLADE_M[1] * c
         self.rig.do("put", x=x, y=y, yaw=goal[2])
         self.screen.page.wait_for_timeout(1500)
 

@@ -147,10 +147,12 @@ export function show(world) {
   const mine = !world.now?.driven || world.now.driver;
   const walk = field?.walk;
   $("walk-begin").disabled = !mine || walk?.on || !world.now?.gnss.there || world.now.mode !== "idle";
-  $("walk-end").disabled = $("walk-drop").disabled = !mine || !walk?.on;
+  $("walk-end").disabled = $("walk-drop").disabled = !mine;
+  $("walk-end").hidden = $("walk-drop").hidden = !walk?.on;
   for (const id of ["field-move", "field-keep-out", "field-keep-out-drop", "field-gap", "field-corner"]) $(id).disabled = !mine || !field?.boundary || walk?.on;
-  set("walk-said", walk?.on ? t("field.walk.now", { fixes: walk.fixes, length: Math.round(walk.length_m), back: Math.round(walk.back_m), laps: walk.laps }) : walk?.said ? said(walk.said) : "");
-  set("field-said", field?.problem ? said(field.problem) : field?.boundary ? t("field.said", { corners: field.boundary.length, area: Math.round(field.area_m2), keep_outs: field.keep_outs.length }) : "");
+  const walked = walk?.on ? t("field.walk.now", { fixes: walk.fixes, length: Math.round(walk.length_m), back: Math.round(walk.back_m), laps: walk.laps }) : "";
+  set("walk-said", !walk?.on && walk?.said ? said(walk.said) : "");
+  set("field-said", walked || (field?.problem ? said(field.problem) : field?.boundary ? t("field.said", { corners: field.boundary.length, area: Math.round(field.area_m2), keep_outs: field.keep_outs.length }) : ""));
   const sum = field?.summary;
   set("plan-said", sum ? t("plan.said", { sides: sum.sides, turns: sum.turns, minutes: Math.max(1, Math.round(sum.seconds / 60)), length: Math.round(sum.length_m), left: sum.leftover_m2 }) : t("plan.none"));
   $("field-map").setAttribute("aria-label", t("map.label"));
