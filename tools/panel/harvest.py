@@ -86,6 +86,17 @@ class Day:
                 raise RuntimeError(f"no {names}: {self.why()}")
             self.go_on()
 
+    def begun(self, button: str) -> bool:
+        """Holds a button; whether it drives then, or is told why not."""
+        screen = self.screen
+        before = screen.last("failed")
+        screen.page.wait_for_timeout(500)
+        screen.hold(button)
+        screen.until(
+            lambda: screen.last().get("mode") == "drive" or screen.last("failed") != before, 60
+        )
+        return bool(screen.last().get("mode") == "drive")
+
     def idle(self) -> bool:
         """Whether nothing goes on."""
         return bool(self.screen.last().get("mode") == "idle")
@@ -104,13 +115,7 @@ class Day:
             screen.page.click("#clear")
             screen.until(lambda: not screen.last()["board"]["faults"], 10)
         for _ in range(3):
-            refused = screen.last("failed")
-            screen.page.wait_for_timeout(500)
-            screen.hold("#resume")
-            screen.until(
-                lambda: screen.last().get("mode") == "drive" or screen.last("failed") != refused, 60
-            )
-            if screen.last().get("mode") == "drive":
+            if self.begun("#resume"):
                 return
             said = screen.last("failed")
             self.note("not gone on", said.get("code") or said.get("why"))
