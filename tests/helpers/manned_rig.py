@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import sys
 import threading
 import time
@@ -126,8 +125,6 @@ def around(corners: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
 
 def main(name: str, out: Path) -> None:
     """Serves until `end`."""
-    with suppress(PermissionError):  # a late rig is a board that falls silent
-        os.setpriority(os.PRIO_PROCESS, 0, -15)
     chosen = scenario.load(name)
     rehearse(chosen)
     deeds: Queue[dict[str, Any]] = Queue()

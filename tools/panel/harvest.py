@@ -15,31 +15,35 @@ import math
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import yaml
 from playwright.sync_api import BrowserContext
+from playwright.sync_api import Error as PlaywrightError
 
 from host.core.frames import LocalFrame
 from host.field.boundary_file import load_field
 from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_phone, table
 
 RUN_S = 1500.0
-MOST_RESUMES = 40
+MOST_RESUMES = 60
+TRIES = 8
 ORIGIN = (31.5, 74.3)
 """Of the rig's field."""
 BLADE_M = (1.5, 0.5)
 """From the rear axle to the blade's right end: ahead, and to the right."""
 
 
-def scenario_of(out: Path, size: tuple[float, float], seed: int, cep_m: float) -> Path:
-    """A small field with room around it."""
+def scenario_of(out: Path, size: tuple[float, float], seed: int, cep_m: float, width: int) -> Path:
+    """A small field with room around it; `width`: of the picture in pixels."""
     path = out / "day.yaml"
     text = {
         "seed": seed,
         "field": {"size_m": list(size), "gap_m": 4.0},
         "start": {"before_m": 1.0},
+        "lens": {"width_px": width, "height_px": width * 3 // 4},
         "gnss": {"cep_m": cep_m, "jumps_per_hour": 0.0, "outages_per_hour": 0.0},
     }
     path.write_text(yaml.safe_dump(text), encoding="utf-8")
@@ -210,14 +214,29 @@ class Day:
 
     # ---- while it drives -------------------------------------------------------------------------
 
+    def once(self, trouble: Callable[[], None]) -> None:
+        """While it follows an edge; again where the run ended meanwhile."""
+        for _ in range(TRIES):
+            self.wait("turn", "follow")
+            self.wait("follow")
+            self.screen.page.wait_for_timeout(1500)
+            if self.phase("follow"):
+                try:
+                    trouble()
+                except PlaywrightError as error:
+                    self.note("again", str(error).splitlines()[0])
+                    continue
+                return
+        raise RuntimeError(f"no chance in {TRIES} tries for {trouble.__name__}")
+
     def pause(self) -> None:
         """And on again."""
         page = self.screen.page
-        page.click("#pause")
+        page.click("#pause", timeout=3000)
         self.note("pause until it stands (s)", self.stands())
         self.screen.shot("paused")
         page.wait_for_timeout(2000)
-        page.click("#pause")
+        page.click("#pause", timeout=3000)
         self.screen.until(lambda: not self.screen.last()["paused"], 10)
 
     def lose_the_page(self) -> None:
@@ -234,7 +253,7 @@ class Day:
         self.screen.shot("lost-page")
         self.note("the new page says why", self.screen.last().get("paused_why"))
         self.screen.page.wait_for_timeout(700)
-        self.screen.page.click("#pause")
+        self.screen.page.click("#pause", timeout=3000)
         self.screen.until(lambda: not self.screen.last()["paused"], 10)
 
     def lose_the_camera(self) -> None:
@@ -291,7 +310,9 @@ def day(arguments: argparse.Namespace) -> int:
     shots: Path | None = arguments.shots
     if shots is not None:
         shots.mkdir(parents=True, exist_ok=True)
-    scenario = scenario_of(out, tuple(arguments.size), arguments.seed, arguments.cep)
+    scenario = scenario_of(
+        out, tuple(arguments.size), arguments.seed, arguments.cep, arguments.width
+    )
     rig = Rig(str(scenario), out)
     folder = out / f"panel-{time.strftime('%H%M%S')}"
     folder.mkdir()
@@ -302,7 +323,7 @@ def day(arguments: argparse.Namespace) -> int:
             whole = Day(rig, panel, a_phone(browser), shots)
             try:
                 drive(whole, rig)
-            except RuntimeError as error:
+            except (RuntimeError, PlaywrightError) as error:
                 whole.note("broken off", str(error))
             outcome = str(whole.screen.last("ended").get("outcome"))
             whole.note("outcome", outcome)
@@ -334,21 +355,9 @@ def drive(whole: Day, rig: Rig) -> None:
     whole.wait("follow")
     whole.screen.page.wait_for_timeout(3000)
     whole.screen.shot("cutting")
-    whole.pause()
-    whole.wait("turn")
-    whole.wait("follow")
-    whole.screen.page.wait_for_timeout(2500)
-    whole.lose_the_page()
-    whole.wait("turn")
-    whole.wait("follow")
-    whole.screen.page.wait_for_timeout(1500)
-    whole.lose_the_camera()
-    whole.wait("turn")
-    whole.wait("follow")
-    whole.screen.page.wait_for_timeout(2500)
-    whole.stop()
+    for trouble in (whole.pause, whole.lose_the_page, whole.lose_the_camera, whole.stop):
+        whole.once(trouble)
     whole.start("#resume")
-    whole.wait("follow")
     ended = whole.to_the_end(RUN_S)
     steps = whole.screen.last("ended")
     whole.note("steps of the last run, above 50 ms", f"{steps['slow_steps']} of {steps['steps']}")
@@ -366,6 +375,7 @@ def main() -> int:
     parser.add_argument("--size", type=float, nargs=2, default=(7.0, 6.0), metavar="METRES")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cep", type=float, default=0.8, help="of the phone's positions (m)")
+    parser.add_argument("--width", type=int, default=640, help="of the picture (px)")
     parser.add_argument("--shots", type=Path, help="folder for screenshots")
     return day(parser.parse_args())
 
