@@ -29,7 +29,7 @@ from host.core.frames import LocalFrame
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
-from host.field.boundary_file import load_field
+from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
 from host.field.survey import survey_track
 from host.field.walk import read_fixes, track_of
 from host.link import protocol
@@ -44,6 +44,10 @@ WALK_MPS: Final = 1.3
 """A person's usual pace."""
 CORNER_PAUSE_S: Final = 2
 """Seconds that a surveyor stands at each corner."""
+WOBBLE_M: Final = 0.1
+"""How far a walker strays from the edge (standard deviation),"""
+WOBBLE_LENGTH_M: Final = 5.0
+"""and over how much way that changes."""
 WALKS: Final = 5
 """How often an owner walks a field whose walk does not close, before giving up."""
 LEARNED_LENS: Final = ("k1", "k2")
@@ -105,6 +109,8 @@ class Belief(Strict):
     """Of `daranti-hil commission`: vehicle, field and parameters come from there."""
     boundary: Ring | Walk | str | None = None
     """Corners in metres of the world's frame, a walk, or a file that `daranti` reads."""
+    boundary_sigma_m: NotNegative | None = None
+    """How surely corners given in place are known; None: not said, and 0 where errors are exact."""
     keep_outs: tuple[Ring, ...] | None = None
     gap_m: NotNegative | None = None
     corner: Annotated[int, Field(ge=0)] | None = None
@@ -156,6 +162,8 @@ class Told:
     camera: str
     boundary: Ring
     """Counter-clockwise, metres of the world's frame."""
+    boundary_sigma_m: float
+    """Standard deviation per axis of a corner against the others."""
     keep_outs: tuple[Ring, ...]
     gap_m: float
     corner: int
@@ -178,7 +186,15 @@ class Told:
     def plan(self, turn: str) -> Plan:
         """As `daranti plan` lays it out."""
         holes = [list(ring) for ring in self.keep_outs]
-        return spiral(list(self.boundary), self.corner, self.vehicle, turn, self.gap_m, holes)
+        return spiral(
+            list(self.boundary),
+            self.corner,
+            self.vehicle,
+            turn,
+            self.gap_m,
+            holes,
+            sigma_m=self.boundary_sigma_m,
+        )
 
 
 def told(belief: Belief, world: World, camera: str) -> Told:
@@ -201,13 +217,16 @@ def told(belief: Belief, world: World, camera: str) -> Told:
     outs = None
     if given is None:
         walk = drawn_walk(belief.errors, draw)
-        ring = world.corners if walk is None else walked(world, walk)
+        ring, sigma = (world.corners, 0.0) if walk is None else walked(world, walk)
     elif isinstance(given, Walk):
-        ring = walked(world, given)
+        ring, sigma = walked(world, given)
     elif isinstance(given, str):
-        ring, outs = _read(Path(given), world.gnss)
+        ring, outs, sigma = _read(Path(given), world.gnss)
     else:
         ring = given
+        sigma = 0.0 if belief.errors.walk_cep_m is None else UNKNOWN_SIGMA_M
+    if belief.boundary_sigma_m is not None:
+        sigma = belief.boundary_sigma_m
     gap = belief.gap_m
     if gap is None and folder is not None:
         gap = _gap_of(folder)
@@ -225,7 +244,7 @@ def told(belief: Belief, world: World, camera: str) -> Told:
         corner = corner_like(world.corners, world.start.corner, ring)
     if corner >= len(ring):
         raise UserError(f"belief.corner: the boundary has {len(ring)} corners, numbered from 0")
-    return Told(vehicle, camera, ring, outs, gap, corner, parameters | belief.parameters)
+    return Told(vehicle, camera, ring, sigma, outs, gap, corner, parameters | belief.parameters)
 
 
 class Draw:
@@ -329,15 +348,16 @@ def drawn_walk(errors: Errors, draw: Draw) -> Walk | None:
     return Walk(laps=int(rng.integers(low, high + 1)), cep_m=cep)
 
 
-def walked(world: World, walk: Walk) -> Ring:
-    """The boundary that the host's own survey makes of a walk around the true one."""
-    phone = world.gnss.model_copy(update={"cep_m": walk.cep_m, "first_fix_s": 0.0, "lag_s": 0.0})
+def walked(world: World, walk: Walk) -> tuple[Ring, float]:
+    """The boundary that the host's own survey makes of a walk around the true one with the world's
+    phone, and how surely it knows the corners."""
+    phone = world.gnss.model_copy(update={"cep_m": walk.cep_m, "first_fix_s": 0.0})
     seed = world.seed if walk.seed is None else walk.seed
     return _walked(world.corners, phone, walk.laps, seed)
 
 
 @lru_cache(maxsize=256)
-def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> Ring:
+def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, float]:
     home = LocalFrame(phone.lat_deg, phone.lon_deg)
     problem: UserError | None = None
     for attempt in range(WALKS):
@@ -346,12 +366,13 @@ def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> Ring:
         if track is None:
             continue
         try:
-            found = survey_track(track, corners=len(ring)).polygon
+            found = survey_track(track, corners=len(ring))
         except UserError as error:
             problem = error
             continue
         local, home_of = track.frame, home.to_local
-        return tuple(home_of(*local.to_wgs84(x, y)) for x, y in ccw(found.exterior.coords)[:-1])
+        corners = ccw(found.polygon.exterior.coords)[:-1]
+        return tuple(home_of(*local.to_wgs84(x, y)) for x, y in corners), found.sigma_m
     raise UserError(f"belief.boundary: {WALKS} walks around the field gave none: {problem}")
 
 
@@ -364,16 +385,29 @@ def ccw(coords: Any) -> list[Point]:
 
 def walk_lines(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> list[str]:
     """NMEA of a phone carried `laps` times around, with a pause at each corner."""
-    gnss = Gnss(phone, int(np.random.default_rng([seed, 0x3A1C]).integers(2**31)))
+    rng = np.random.default_rng([seed, 0x3A1C])
+    gnss = Gnss(phone, int(rng.integers(2**31)))
     way = [*ring * laps, ring[0]]
-    steps: list[tuple[float, float, float, float]] = []
-    for (ax, ay), (bx, by) in pairwise(way):
-        seconds = max(1, round(math.dist((ax, ay), (bx, by)) / WALK_MPS))
-        vx, vy = (bx - ax) / seconds, (by - ay) / seconds
-        steps += [(ax, ay, 0.0, 0.0)] * CORNER_PAUSE_S
-        steps += [(ax + vx * k, ay + vy * k, vx, vy) for k in range(seconds)]
-    steps += [(*way[-1], 0.0, 0.0)] * CORNER_PAUSE_S
-    return [line for t, step in enumerate(steps) for line in gnss.epoch(float(t), *step)]
+    legs = [np.array([way[0]], float)]
+    for a, b in pairwise(way):
+        seconds = max(1, round(math.dist(a, b) / WALK_MPS))
+        legs += [np.tile(a, (CORNER_PAUSE_S, 1)), np.linspace(a, b, seconds + 1)[1:]]
+    legs.append(np.tile(way[-1], (CORNER_PAUSE_S, 1)))
+    places = np.concatenate(legs)
+    keep = math.exp(-WALK_MPS / WOBBLE_LENGTH_M)
+    pushes = rng.normal(0.0, WOBBLE_M * math.sqrt(1 - keep**2), places.shape)
+    moving = np.hypot(*np.diff(places, axis=0, prepend=places[:1]).T) > 0
+    strayed = np.zeros(2)
+    for k in range(len(places)):
+        strayed = keep * strayed + pushes[k] if moving[k] else strayed
+        places[k] += strayed
+    # Doppler of a second is the way of that second: positions and velocities agree.
+    steps = np.diff(places, axis=0, prepend=places[:1])
+    return [
+        line
+        for t, ((x, y), (vx, vy)) in enumerate(zip(places.tolist(), steps.tolist(), strict=True))
+        for line in gnss.epoch(float(t), x, y, vx, vy)
+    ]
 
 
 def _midpoints(ring: Ring) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -461,11 +495,12 @@ def taped_keep_outs(world: World, ring: Ring, errors: Errors, draw: Draw) -> tup
     return tuple(outs)
 
 
-def _read(path: Path, gnss: GnssSpec) -> tuple[Ring, tuple[Ring, ...]]:
-    """A boundary file's ring and keep-outs in the world's frame."""
-    polygon = load_field(path).polygon(LocalFrame(gnss.lat_deg, gnss.lon_deg))
+def _read(path: Path, gnss: GnssSpec) -> tuple[Ring, tuple[Ring, ...], float]:
+    """A boundary file's ring and keep-outs in the world's frame, and how surely it knows them."""
+    boundary = load_field(path)
+    polygon = boundary.polygon(LocalFrame(gnss.lat_deg, gnss.lon_deg))
     holes = tuple(tuple(ccw(hole.coords)[:-1]) for hole in polygon.interiors)
-    return tuple(ccw(polygon.exterior.coords)[:-1]), holes
+    return tuple(ccw(polygon.exterior.coords)[:-1]), holes, boundary.known_to_m
 
 
 def _parameters_of(folder: Path) -> dict[str, float]:

@@ -284,9 +284,9 @@ def commission(
     values: dict[str, Value] = {}
 
     say(f"walk around the field, {walk.laps} laps")
-    ring = walked(world, walk)
+    ring, ring_sigma = walked(world, walk)
     values["boundary_m"] = Value(
-        boundary_off_m(ring, world), walk.cep_m / 1.1774 / math.sqrt(walk.laps), 0.0, "m",
+        boundary_off_m(ring, world), math.hypot(ring_sigma, ring_sigma), 0.0, "m",
         f"{walk.laps} laps with a phone of {walk.cep_m:g} m CEP; rms over the sides' places",
     )  # fmt: skip
     say("tape: machine, gap, crop")
@@ -339,7 +339,7 @@ def commission(
             "mounts": known.mounts | {camera: mount},
         }
     )
-    _write(out, scenario, vehicle, ring, parameters, values, draw)
+    _write(out, scenario, vehicle, ring, ring_sigma, parameters, values, draw)
     return values
 
 
@@ -348,6 +348,7 @@ def _write(
     scenario: Scenario,
     vehicle: Vehicle,
     ring: tuple[tuple[float, float], ...],
+    ring_sigma: float,
     parameters: dict[str, float],
     values: dict[str, Value],
     draw: Draw,
@@ -356,7 +357,10 @@ def _write(
     world = scenario.world
     outs = taped_keep_outs(world, ring, TAPE, draw)
     frame = LocalFrame(world.gnss.lat_deg, world.gnss.lon_deg)
-    save_field(out / FIELD_FILE, boundary_of(shapely.Polygon(ring, outs), frame, "commissioned"))
+    save_field(
+        out / FIELD_FILE,
+        boundary_of(shapely.Polygon(ring, outs), frame, "commissioned", ring_sigma),
+    )
     (out / PARAMETER_FILE).write_text(yaml.safe_dump(parameters), encoding="utf-8")
     data = {name: asdict(value) | {"off": value.off} for name, value in values.items()}
     (out / "commissioning.json").write_text(json.dumps(data, indent=1), encoding="utf-8")

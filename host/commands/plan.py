@@ -90,7 +90,7 @@ def plan(
     corner = frame.to_local(*boundary.crop[start])
     try:
         with Watch(f"plan of {field}"):
-            sides = plan_field(areas, corner, machine, turn, gap)
+            sides = plan_field(areas, corner, machine, turn, gap, boundary.known_to_m)
             previews = {
                 name: preview(replace(sides, turn=name), areas, machine)
                 for name in ("three_point", "arc")
@@ -104,6 +104,8 @@ def plan(
         f"{name}: {areas.field.area:.0f} m2, {len(boundary.crop)} corners, "
         f"{len(boundary.keep_outs)} keep-outs, start at corner {start}"
     )
+    said = "" if boundary.sigma_m is not None else "; the file does not say it, as walked once"
+    console.print(f"corners known to {boundary.known_to_m:.2f} m{said}")
     if areas.price > 0:
         console.print(
             f"left standing by choice (inset {inset:g} m, keep-outs' margin): "
@@ -127,7 +129,7 @@ def plan(
     for number, ring in enumerate(shown.plan.parts, start=1):
         part = shapely.Polygon(ring)
         rest = field.with_suffix(f".part{number}.geojson")
-        save_field(rest, boundary_of(part, frame, f"{name}, part {number}"))
+        save_field(rest, boundary_of(part, frame, f"{name}, part {number}", boundary.sigma_m))
         console.print(
             f"the field parts: {part.area:.0f} m2 are left that no turn leads to; harvest them "
             f"after the rest, as a field of their own: {rest}"

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -50,6 +50,14 @@ MAX_LATITUDE_DEG = 72.0
 """No wheat grows beyond: coordinates that lie there have been swapped."""
 MAX_BYTES = 64 * 1024 * 1024
 """Of a boundary's file: more is another file."""
+UNKNOWN_SIGMA_M = 1.5
+"""Of corners from a file that does not say it, standard deviation per axis against each other. As
+if walked once with a phone of 2.5 m CEP by positions alone: such a phone errs by 2.5 / 1.1774 m per
+axis, and what corners of one lap share of it is no error of the field's form."""
+SIGMA = "sigma_m"
+"""The property of a GeoJSON feature that says it."""
+MOST_SIGMA_M = 100.0
+"""A larger one is no field's: a slip of the pen."""
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
 SUFFIXES = ".geojson, .json, .kml, .shp, .xml or .zip (ISOXML), .gpx, .csv, .txt"
@@ -63,6 +71,13 @@ class Boundary:
     crop: tuple[LatLon, ...]
     keep_outs: tuple[tuple[LatLon, ...], ...] = ()
     name: str = ""
+    sigma_m: float | None = None
+    """Standard deviation per axis of a corner against the others; None: nobody has said it."""
+
+    @property
+    def known_to_m(self) -> float:
+        """`sigma_m`, or what a corner is worth that nobody has said anything of."""
+        return UNKNOWN_SIGMA_M if self.sigma_m is None else self.sigma_m
 
     @property
     def frame(self) -> LocalFrame:
@@ -77,11 +92,13 @@ class Boundary:
         )
 
 
-def boundary_of(polygon: shapely.Polygon, frame: LocalFrame, name: str = "") -> Boundary:
+def boundary_of(
+    polygon: shapely.Polygon, frame: LocalFrame, name: str = "", sigma_m: float | None = None
+) -> Boundary:
     """From metres of a frame. UserError where it cannot be a field."""
     rings = [polygon.exterior, *polygon.interiors]
     places = [[frame.to_wgs84(x, y) for x, y, *_ in ring.coords] for ring in rings]
-    return _checked(places[0], places[1:], name)
+    return _checked(places[0], places[1:], name, sigma_m)
 
 
 def load_field(path: Path, field: str = "") -> Boundary:
@@ -140,7 +157,10 @@ def _open(ring: Iterable[Sequence[float]]) -> list[LatLon]:
 
 
 def _checked(
-    crop: Iterable[Sequence[float]], holes: Iterable[Iterable[Sequence[float]]], name: str
+    crop: Iterable[Sequence[float]],
+    holes: Iterable[Iterable[Sequence[float]]],
+    name: str,
+    sigma_m: float | None = None,
 ) -> Boundary:
     rings = [_open(crop), *map(_open, holes)]
     for number, ring in enumerate(rings):
@@ -173,7 +193,7 @@ def _checked(
         tuple(ring if line.is_ccw else [ring[0], *ring[:0:-1]])
         for ring, line in zip(rings, local, strict=True)
     ]
-    return Boundary(ccw[0], tuple(ccw[1:]), plain(name))
+    return Boundary(ccw[0], tuple(ccw[1:]), plain(name), sigma_m)
 
 
 def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
@@ -188,6 +208,7 @@ def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
         [(y, x) for x, y, *_ in shape.polygon.exterior.coords],
         [[(y, x) for x, y, *_ in hole.coords] for hole in shape.polygon.interiors],
         shape.name or path.stem,
+        shape.sigma_m,
     )
 
 
@@ -239,11 +260,12 @@ def _read_geojson(path: Path) -> list[Shape]:
             ) from error
         kinds.add(made.geom_type)
         name = _name(feature.get("properties")) if whole else ""
-        shapes += [Shape(polygon, name) for polygon in _polygons(made)]
+        sigma_m = _sigma(feature.get("properties")) if whole else None
+        shapes += [Shape(polygon, name, sigma_m) for polygon in _polygons(made)]
     if kinds and not shapes:
         raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
     polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
-    return [Shape(p, shape.name) for p, shape in zip(polygons, shapes, strict=True)]
+    return [replace(shape, polygon=p) for p, shape in zip(polygons, shapes, strict=True)]
 
 
 def _name(properties: Any) -> str:
@@ -253,6 +275,18 @@ def _name(properties: Any) -> str:
     low = {str(key).casefold(): value for key, value in properties.items()}
     found = next((low[key] for key in ("name", "field", "title", "id") if low.get(key)), "")
     return found if isinstance(found, str) else str(found) if isinstance(found, int) else ""
+
+
+def _sigma(properties: Any) -> float | None:
+    """Of a feature: how surely its corners are known. UserError where that is no length."""
+    value = properties.get(SIGMA) if isinstance(properties, dict) else None
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UserError(f"its {SIGMA} is {value!r}, no number of metres")
+    if not 0 <= value <= MOST_SIGMA_M:
+        raise UserError(f"its {SIGMA} is {value:g}; give 0 to {MOST_SIGMA_M:g} metres")
+    return float(value)
 
 
 def _crs(data: dict[str, Any]) -> str:
@@ -360,12 +394,16 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
         path.suffix.lower(),
         ("GeoJSON", {"RFC7946": "YES", "COORDINATE_PRECISION": str(GEOJSON_DIGITS)}),
     )
+    fields, values = ["Name"], [np.array([boundary.name], dtype=object)]
+    if driver == "GeoJSON" and boundary.sigma_m is not None:
+        fields.append(SIGMA)
+        values.append(np.array([round(boundary.sigma_m, 3)]))
     try:
         pyogrio.raw.write(
             path,
             geometry=np.array([shapely.to_wkb(polygon)], dtype=object),
-            field_data=[np.array([boundary.name], dtype=object)],
-            fields=np.array(["Name"], dtype=object),
+            field_data=values,
+            fields=np.array(fields, dtype=object),
             geometry_type="Polygon",
             crs="EPSG:4326",
             driver=driver,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 
@@ -16,6 +16,8 @@ class Shape:
 
     polygon: shapely.Polygon
     name: str = ""
+    sigma_m: float | None = None
+    """Standard deviation per axis of a corner against the others, where the file says it."""
 
 
 def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
@@ -43,7 +45,7 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
         for k in range(len(shapes))
         if k not in outer and own.contains(outlines[k])
     ]
-    return Shape(shapely.Polygon(own.exterior, holes), shapes[outer[index]].name)
+    return replace(shapes[outer[index]], polygon=shapely.Polygon(own.exterior, holes))
 
 
 def _holds(other: shapely.Polygon, outline: shapely.Polygon, earlier: bool) -> bool:

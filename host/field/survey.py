@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from host.core.errors import UserError
-from host.field.boundary_file import Boundary, boundary_of
+from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
+from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
     Loops,
     Points,
@@ -65,6 +66,8 @@ SMOOTH_M = 5.0
 """Window over which an irregular ring is smoothed: twice the CEP of a phone."""
 SIMPLIFY_M = 0.15
 """Points that an irregular ring needs not: the machine steers no more exactly."""
+EDGE_POINTS = 16
+"""Places along a lap whose error against each other is that of an irregular edge."""
 LAP_COLOURS = (4, 0, 1, 5)
 """Of matplotlib's cycle: those unlike the boundary's green and the keep-outs' red."""
 HUBER = 1.345
@@ -85,11 +88,14 @@ class Survey:
     """rms distance of the walk from the boundary."""
     laps_apart_m: float
     """rms distance of the laps from their average; 0 for one lap."""
+    sigma_m: float
+    """Standard deviation per axis of a corner (of the edge, where the field is irregular) against
+    the others; a common shift is none. By phones in general where the receiver said no velocity."""
     warnings: list[str] = field(default_factory=list)
 
     def boundary(self, name: str) -> Boundary:
         """As it goes into a file."""
-        return boundary_of(self.polygon, self.track.frame, name)
+        return boundary_of(self.polygon, self.track.frame, name, self.sigma_m)
 
 
 # ---- straight sides ------------------------------------------------------------------------------
@@ -269,6 +275,9 @@ def survey_track(
 ) -> Survey:
     """The boundary from a walk. `lap` (from 1): take only this one. UserError where the walk does
     not close a loop or the loop does not have the form that was asked for."""
+    smoother = Smoother(track) if smoothable(track) else None
+    if smoother is not None:
+        track = smoother.smoothed()
     loops = find_loops(track, close_m)
     if loops is None:
         raise UserError(
@@ -293,6 +302,14 @@ def survey_track(
     rings = [loop.xy for loop in laps]
     mean, apart = mean_ring(rings, _even(rings[0]))
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
+    sigma_m = UNKNOWN_SIGMA_M
+    if smoother is not None:
+        sigma_m = smoother.sigma_m(
+            np.linspace(laps[0].first, laps[0].last, EDGE_POINTS, endpoint=False).astype(int)
+        )
+        sides = None if irregular else smoother.sides(outline, [(k.first, k.last) for k in laps])
+        if sides is not None and _same_form(outline, sides.corners):
+            outline, sigma_m = sides.corners, relative_sigma_m(sides.covariance)
     outline = _from(outline, laps[0].begin)
     line = shapely.LinearRing(outline)
     away = np.concatenate([shapely.distance(line, shapely.points(ring)) for ring in rings])
@@ -311,14 +328,21 @@ def survey_track(
         else:
             warnings.append("a loop that crosses the field's edge was left aside")
     number_of = None if irregular else len(outline)
-    return Survey(
-        track, loops, shapely.Polygon(outline, holes), number_of, residual, apart, warnings
-    )
+    polygon = shapely.Polygon(outline, holes)
+    return Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
+
+
+def _same_form(before: Points, after: Points) -> bool:
+    """Whether corners that moved still make the same field."""
+    near = float(np.hypot(*(after - before).T).max()) < CLOSE_M
+    return near and bool(shapely.LinearRing(after).is_simple)
 
 
 def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOSE_M) -> Survey:
     """The survey with one more hole, walked by itself. UserError names the walk where it closes no
     loop or does not lie inside the field."""
+    if smoothable(track):
+        track = Smoother(track).smoothed()
     loops = find_loops(track, close_m)
     if loops is None:
         raise UserError(f"{name}: no closed loop; walk around the keep-out back to where you began")
@@ -331,15 +355,10 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
         raise UserError(f"{name}: the keep-out does not lie inside the field")
     holes = [shapely.Polygon(hole) for hole in survey.polygon.interiors]
     together = shapely.union_all([*holes, keep_out])
-    return Survey(
-        survey.track,
-        survey.loops,
-        shapely.Polygon(field_.exterior, [part.exterior for part in shapely.get_parts(together)]),
-        survey.corners,
-        survey.residual_m,
-        survey.laps_apart_m,
-        survey.warnings,
+    whole = shapely.Polygon(
+        field_.exterior, [part.exterior for part in shapely.get_parts(together)]
     )
+    return replace(survey, polygon=whole)
 
 
 # ---- from a receiver ----------------------------------------------------------------------------
@@ -420,7 +439,8 @@ def report(survey: Survey, receiver: Receiver) -> list[str]:
         + (f", {survey.laps_apart_m:.2f} m rms apart" if len(laps) > 1 else ""),
         f"boundary: {form}, {survey.polygon.exterior.length:.1f} m around, "
         f"{survey.polygon.area:.0f} m2, {len(survey.polygon.interiors)} keep-outs; the walk lies "
-        f"{survey.residual_m:.2f} m rms from it",
+        f"{survey.residual_m:.2f} m rms from it; its corners are known to {survey.sigma_m:.2f} m "
+        "(standard deviation along each axis, against each other)",
     ]
     return lines + [f"warning: {text}" for text in survey.warnings]
 

@@ -28,6 +28,8 @@ JUMP_M = 3.0
 """Further than its own speed takes it, a position does not go from one fix to the next."""
 WALKING_MPS = 2.0
 """Taken for the speed where the receiver does not say it."""
+STANDING_MPS = 0.3
+"""A course means nothing at a lower speed."""
 PAUSE_S = 3.0
 """What was walked while the receiver was silent for longer is not known: it counts as a jump."""
 SPIKE_FIXES = 10
@@ -67,6 +69,10 @@ class Track:
     rejected: Points = field(default_factory=lambda: np.empty((0, 2)))
     dropped: Counter[str] = field(default_factory=Counter)
     """Fixes left out, by reason."""
+    stamps: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """(n,), seconds."""
+    velocities: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    """(n, 2), m/s, by the receiver's speed and course over ground; NaN where it said none."""
 
     @property
     def length_m(self) -> float:
@@ -137,7 +143,18 @@ def track_of(fixes: Iterable[Fix]) -> Track | None:
             k = back + 1
     if spikes:
         dropped["spike"] += len(spikes)
-    return Track(frame, xy[kept], np.array(jumps), xy[spikes], dropped)
+    stamps = np.array([fix.stamp for fix in good])[kept]
+    velocities = np.array([_velocity(fix) for fix in good])[kept]
+    return Track(frame, xy[kept], np.array(jumps), xy[spikes], dropped, stamps, velocities)
+
+
+def _velocity(fix: Fix) -> tuple[float, float]:
+    """East and north (m/s). Who stands needs no course."""
+    if fix.speed_mps is None:
+        return math.nan, math.nan
+    if fix.course_rad is None:
+        return (0.0, 0.0) if fix.speed_mps < STANDING_MPS else (math.nan, math.nan)
+    return fix.speed_mps * math.cos(fix.course_rad), fix.speed_mps * math.sin(fix.course_rad)
 
 
 def _jumps(fixes: list[Fix], xy: Points, a: int, b: int, pause_s: float = PAUSE_S) -> bool:

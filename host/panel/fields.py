@@ -174,7 +174,8 @@ class FieldDesk:
             raise UserError("there is no field yet")
         if not polygon.is_valid:
             raise UserError("the field's sides would cross")
-        self.boundary = boundary_of(polygon, self.boundary.frame, self.boundary.name)
+        was = self.boundary
+        self.boundary = boundary_of(polygon, was.frame, was.name, was.sigma_m)
         save_field(self._folder / self.name, self.boundary)
         self._plan()
 

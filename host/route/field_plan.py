@@ -23,7 +23,7 @@ def plan_of(
     frame = field.frame
     ring = [frame.to_local(*corner) for corner in field.crop]
     holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
-    plan = spiral(ring, start, vehicle, turn, gap_m, holes)
+    plan = spiral(ring, start, vehicle, turn, gap_m, holes, sigma_m=field.known_to_m)
     first = plan.sides[0]
     begins = min(range(len(ring)), key=lambda k: math.dist(ring[k], (first.x_m, first.y_m)))
     if begins != start:
@@ -40,12 +40,13 @@ def plan_field(
     vehicle: Vehicle,
     turn: str,
     gap_m: float | None = None,
+    sigma_m: float = 0.0,
 ) -> Plan:
     """The plan of the crop to be cut that begins at the crop's corner nearest to `corner`, or at
-    the next that it can be begun at."""
+    the next that it can be begun at. sigma_m: how surely its corners are known."""
     inset = shapely.Polygon(areas.crop.exterior)
     ring = shapely.geometry.polygon.orient(inset)
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
     start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner))
     holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
-    return spiral(corners, start, vehicle, turn, gap_m, holes)
+    return spiral(corners, start, vehicle, turn, gap_m, holes, sigma_m=sigma_m)

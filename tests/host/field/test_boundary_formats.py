@@ -21,7 +21,14 @@ from pyproj import CRS, Transformer
 
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
-from host.field.boundary_file import Boundary, LatLon, boundary_of, load_field, save_field
+from host.field.boundary_file import (
+    UNKNOWN_SIGMA_M,
+    Boundary,
+    LatLon,
+    boundary_of,
+    load_field,
+    save_field,
+)
 from tests.helpers.console import Cli
 
 SUFFIXES = (".geojson", ".kml", ".shp", ".xml")
@@ -452,3 +459,28 @@ def test_a_name_from_outside_cannot_command_the_terminal(tmp_path: Path, cli: Cl
     assert code == 0, err
     assert "\x1b" not in out
     assert "\\x1b[2J[/nope]\\x07North" in out
+
+
+# ---- how surely its corners are known ------------------------------------------------------------
+
+
+def test_geojson_says_how_surely_its_corners_are_known(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    save_field(path, boundary_of(POND, FRAME, "Pond", 0.27))
+    assert load_field(path).sigma_m == 0.27
+    save_field(path, boundary_of(POND, FRAME, "Pond"))
+    assert load_field(path).sigma_m is None
+    assert load_field(path).known_to_m == UNKNOWN_SIGMA_M
+
+
+@pytest.mark.parametrize("value", ["0.3 m", -1, 1e9, True])
+def test_a_file_whose_corners_are_known_to_no_length_is_refused(
+    tmp_path: Path, value: object
+) -> None:
+    path = tmp_path / "field.geojson"
+    save_field(path, boundary_of(POND, FRAME, "Pond", 0.27))
+    data = json.loads(path.read_text())
+    data["features"][0]["properties"]["sigma_m"] = value
+    path.write_text(json.dumps(data))
+    with pytest.raises(UserError, match="sigma_m"):
+        load_field(path)
