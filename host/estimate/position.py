@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Filter
 from host.estimate.measurements import begin, course, end, line
-from host.estimate.measurements.goes_on import to_end
+from host.estimate.measurements.goes_on import to_border
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
@@ -219,11 +219,12 @@ class Position(Filter):
         assert self._lane_of is not None
         return self.at(self._lane_of)
 
-    def end_sigma_m(self, side: Side) -> float:
-        """Standard deviation of how far the blade is before a side's end."""
+    def end_sigma_m(self, side: Side, way: int = 1) -> float:
+        """Standard deviation of how far the blade is before a side's end, or past its beginning
+        (way -1)."""
         if not self.known:
             return 0.0
-        h = to_end(self.at(side))
+        h = to_border(self.at(side), way)
         return math.sqrt(h @ self._p @ h)
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
@@ -260,7 +261,7 @@ class Position(Filter):
         """A side's end is now taken to lie along_m past its beginning, with that variance against
         the blade."""
         place = self.at(side)
-        h = to_end(place)
+        h = to_border(place, 1)
         ph = self._p @ h
         before = float(h @ ph)
         self._x = self._x + ph * ((along_m - place.side.length_m) / before)

@@ -83,12 +83,14 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
 
 
 def outward(plan: Plan, following: Strip) -> Plan:
-    """The plan with the following strip's lane where the turn is to lead."""
-    if following.outward_m == 0.0:
+    """The plan as the turn to the following strip has to take it: its lane where the turn is to
+    lead, and no more room at its beginning than is sure."""
+    if following.outward_m == 0.0 and following.begin_doubt_m == 0.0:
         return plan
     sides, at = list(plan.sides), following.index
     sides[at] = replace(sides[at], shift_m=sides[at].shift_m + following.outward_m)
-    return replace(plan, sides=tuple(sides))
+    gap_m = None if plan.gap_m is None else max(0.0, plan.gap_m - following.begin_doubt_m)
+    return replace(plan, sides=tuple(sides), gap_m=gap_m)
 
 
 def gave_up(context: Context, now: float) -> Go | None:

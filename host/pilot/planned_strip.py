@@ -63,6 +63,8 @@ GOES_ON_M = 0.05
 OUTWARD_M = 0.4
 """Most by which a turn leads the machine outside of an edge that it has not seen: from outside the
 crop's right end is in view, from inside nothing but crop."""
+FOUND_RAD = math.radians(3)
+"""Standard deviation of the heading against a new edge with which its direction is found."""
 UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
 LATE_SIGMAS = 4.0
@@ -262,9 +264,9 @@ class PlannedStrip(Strip):
         self.estimate.position.at_end(as_seen, ago, drift, doubt)
 
     def believe_heading(self) -> None:
-        if self.new:
-            return  # the edge's direction is what is to be found: told once, with the turn
         _, heading, _, sigma = self.estimate.position.against_lane()
+        if self.new and sigma > FOUND_RAD:
+            return  # the edge's direction is what is to be found: told once, with the turn
         sigma = max(HEADING_SIGMA_RAD, sigma)
         self.estimate.lane.correct_heading(heading, sigma, learn=self.teaches)
 
@@ -338,6 +340,13 @@ class PlannedStrip(Strip):
             return 0.0
         _, _, sigma, _ = self.estimate.position.against_lane()
         return min(OUTWARD_M, sigma)
+
+    @property
+    def begin_doubt_m(self) -> float:
+        position = self.estimate.position
+        if not position.outline.states:
+            return 0.0
+        return SIGMAS * position.end_sigma_m(self._straight[0], -1)
 
     def laid_anew(self, plan: Plan) -> PlannedStrip:
         """The same strip in the plan as it has been laid out anew around what was found."""

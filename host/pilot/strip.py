@@ -81,6 +81,11 @@ class Strip:
         """Whether the blade has passed the field's boundary, whatever vision says."""
         return False
 
+    @property
+    def begin_doubt_m(self) -> float:
+        """By how much the place against its beginning may be wrong."""
+        return 0.0
+
     def goes_on(self, motion: Motion) -> None:
         """Crop that goes on from what is being cut stood at the blade at a motion."""
 

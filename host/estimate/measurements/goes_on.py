@@ -23,12 +23,13 @@ FARTHEST: Final = 6.0
 """And after it: nothing is left of the distribution but its bound."""
 
 
-def to_end(place: Place) -> Array:
-    """(states,) the derivative of how far the blade is before the side's end."""
+def to_border(place: Place, way: int) -> Array:
+    """(states,) the derivative of how far the blade is before the side's end (way 1) or its
+    beginning (-1)."""
     c, s = place.direction
     h = np.zeros(len(place.x))
     h[:YAW] = -c, -s
-    h[STATES:] = place.outline.end(place.side, 1)
+    h[STATES:] = place.outline.end(place.side, way)
     return h
 
 
