@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
@@ -12,6 +13,12 @@ from host.pilot.planned_strip import PlannedStrip
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants
 across the strip, what is seen is not the edge, and that holds at once."""
+NO_END: Final = 0.05
+"""Confidence of an edge that is made up: the crop goes on to the right."""
+NO_END_REASON: Final = (
+    "the crop ahead has no end to the right: put the machine at the field's corner, facing along "
+    "its side, the blade's right end on the crop's edge"
+)
 SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
 TRUSTED_SIGMA = (0.05, math.radians(2))
@@ -35,6 +42,10 @@ class Align(Behaviour):
         context = self.context
         view = context.sight.view
         if view is None or not context.sight.sees_ahead():
+            return context.hold(), None
+        if not view.confidence > NO_END:
+            # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
+            context.reason = NO_END_REASON
             return context.hold(), None
         strip = context.planned(0)
         slanting = strip.begins_slanting

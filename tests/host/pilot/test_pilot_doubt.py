@@ -722,7 +722,7 @@ def test_where_the_blade_meets_crop_and_where_it_leaves_it_the_position_is_told(
 
 def test_an_edge_that_stays_hidden_is_where_the_operator_put_the_blade() -> None:
     world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, lambda view: replace(view, confidence=0.0))
+    eyes = Eyes(world, lambda view: replace(view, confidence=0.2))
     for plan, phase in ((PLAN, Phase.FOLLOW), (Plan(), Phase.ALIGN)):
         pilot = Pilot(VEHICLE, eyes, plan)
         world.command = Command(Request.STOP)
@@ -730,6 +730,16 @@ def test_an_edge_that_stays_hidden_is_where_the_operator_put_the_blade() -> None
         assert pilot.phase is Phase.ALIGN
         drive(world, pilot, 1.5)
         assert pilot.phase is phase, "without a plan it takes no place for granted"
+
+
+def test_crop_without_an_end_to_the_right_is_no_field_to_begin() -> None:
+    """So the neighbour's looks to a machine that was put the wrong way round."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, Eyes(world, lambda view: replace(view, confidence=0.0)), PLAN)
+    drive(world, pilot, 30.0)
+    assert pilot.phase is Phase.ALIGN
+    assert "no end to the right" in pilot.reason
+    assert world.speed == 0.0
 
 
 def test_a_slanting_border_that_goes_on_a_little_is_still_no_edge() -> None:
@@ -867,7 +877,7 @@ def test_a_short_side_does_not_end_before_it_begins() -> None:
     def flickering(view: CropView) -> CropView:
         blade = world.y + VEHICLE.blade_x_m
         if not -0.27 < blade < -0.05:
-            return view
+            return replace(view, confidence=max(0.2, view.confidence))
         return replace(view, crop_ahead_m=0.0 if blade < -0.22 else 0.9)
 
     short = replace(FIRST, length_m=0.3)
