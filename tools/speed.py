@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,6 +24,8 @@ from bench_plant import WEATHER, with_firmware
 from numba import njit
 from numpy.typing import NDArray
 
+from hil.bench.harvest import Harvest
+from hil.scenario.scenario import load
 from host.core.vehicle import Mount, Vehicle
 from host.vision.mounted.detector import make_detector
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
@@ -101,6 +104,30 @@ def firmware(name: str, seconds: float) -> float:
     return 1.0 / with_firmware(name, seconds)
 
 
+class Loop:
+    """A harvest by the model of the eyes, which leaves out pictures and vision: what is left is
+    firmware, machine, field, link and pilot."""
+
+    def __init__(self) -> None:
+        self.run = Harvest(load("default", {"eyes": "model"}))
+        self.pilot_s = 0.0
+        step = self.run.pilot.step
+
+        def timed(*args: Any) -> Any:
+            begin = time.process_time()
+            command = step(*args)
+            self.pilot_s += time.process_time() - begin
+            return command
+
+        self.run.pilot.step = timed  # type: ignore[method-assign]
+
+    def drive(self, seconds: float) -> tuple[float, float]:
+        """Processor seconds per simulated second: of it all, and of the pilot."""
+        until, pilot_s = self.run.bench.now + seconds, self.pilot_s
+        whole = spent(lambda: self.run.run(enough=lambda: self.run.bench.now >= until))
+        return whole / seconds, (self.pilot_s - pilot_s) / seconds
+
+
 def spent(work: Callable[[], object]) -> float:
     """Processor seconds of one call."""
     begin = time.process_time()
@@ -125,6 +152,14 @@ def measure(rounds: int, avr: bool) -> dict[str, tuple[float, float]]:
         for name, (per_s, work) in each.items():
             before = spent(kernel)
             note(name, per_s * spent(work), before)
+    loop = Loop()
+    loop.drive(10.0)
+    for _ in range(5):
+        before = spent(kernel)
+        whole, pilot = loop.drive(20.0)
+        note("host, without pictures", whole, before)
+        note("pilot", pilot, before)
+    loop.run.close()
     for name, seconds in (("desk", 60.0), ("avr", 3.0)):
         if name == "desk" or avr:
             firmware(name, 1.0)

@@ -168,6 +168,8 @@ class Library:
     def __init__(self, columns: dict[str, NDArray[Any]], about: dict[str, Any]) -> None:
         self.about = about
         self.columns = columns
+        # Single values are read several times as fast from lists as from arrays.
+        self.values = {name: column.tolist() for name, column in columns.items()}
         self.drives: list[dict[str, Any]] = about["drives"]
         self.reasons: list[str] = about["reasons"]
         self.size = len(columns["drive"])
@@ -175,7 +177,7 @@ class Library:
         self._prepare()
 
     def _prepare(self) -> None:
-        c, n = self.columns, self.size
+        c, n = self.values, self.size
         self.zone = np.empty(n, np.int8)
         self.edge = np.empty(n, np.int8)
         self.kind = np.empty(n, np.int8)
@@ -414,7 +416,7 @@ class ModelDetector:
         return self._view(row, sight, edge)
 
     def _fits(self, row: int, sight: Sight, cell: Cell, edge: int) -> bool:
-        errors, c = self._library, self._library.columns
+        errors, c = self._library, self._library.values
         zone, blade, moving, fresh = cell
         return bool(
             errors.follows[row]
@@ -448,7 +450,7 @@ class ModelDetector:
         raise UserError("the library of the detector's errors is empty for this mount")
 
     def _view(self, row: int, sight: Sight, edge: int) -> CropView:
-        errors, c = self._library, self._library.columns
+        errors, c = self._library, self._library.values
         self._kind = int(errors.kind[row])
         error = float(errors.error[row])
         offset = float(c["edge_offset_m"][row])

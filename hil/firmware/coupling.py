@@ -7,12 +7,15 @@ wiring.py.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from typing import Any, Final
 
 import numba
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.core.typing import ctypes_utils
+from numba.extending import typeof_impl
 
 from hil.firmware import signal_wires, wiring
 from hil.firmware.signal_wires import Signal, tap
@@ -50,6 +53,24 @@ ESTOP_WIRE: Final = int(Signal.ESTOP)
 HALL_B_WIRE: Final = int(Signal.HALL_B)
 BLADE_TURN_WIRE: Final = int(Signal.BLADE_TURN)
 ESTOP_CLOSED_MV: Final = wiring.ESTOP_CLOSED_MV
+
+
+class _Native:
+    """A function of a shared library for the compiled loop. Numba asks a ctypes pointer for its
+    address at every call, which takes as long as three simulated milliseconds."""
+
+    def __init__(self, function: Any) -> None:
+        self.address = ctypes.cast(function, ctypes.c_void_p).value or 0
+        self.signature = ctypes_utils.make_function_type(function).sig  # type: ignore[no-untyped-call]
+
+
+def _address(native: _Native) -> int:
+    return native.address
+
+
+@typeof_impl.register(_Native)
+def _type_of(native: _Native, _: Any) -> Any:
+    return types.ExternalFunctionPointer(native.signature, get_pointer=_address)
 
 
 @njit(cache=True, nogil=True)
@@ -244,7 +265,7 @@ def bind(
     simulated milliseconds; the compiled entry point is called directly.
     """
     f = target.pointers
-    functions = (f.run_until, f.set_analog_mv, f.set_pin, f.output)
+    functions = tuple(_Native(k) for k in (f.run_until, f.set_analog_mv, f.set_pin, f.output))
     handle = target.handle
     taps = signal_wires.honest() if wires is None else wires
     records = (state, params, given, taps, log, wiring.layout() if layout is None else layout)
