@@ -98,10 +98,13 @@ class CutGuard:
         most = max(abs(counted), min(high, max(low, DOUBTED * abs(counted))))
         return math.copysign(most, duty if duty != 0.0 else counted)
 
-    def take_picture(self, stamp: float, view: CropView, *, own: bool = False) -> None:
+    def take_picture(
+        self, stamp: float, view: CropView, *, own: bool = False, dusty: bool = False
+    ) -> None:
         """One along the side, taken at `stamp`. `own`: the plan has crop here beyond doubt. Then
         crop after long clear ground is the field's own where its edge goes on in line; a
-        neighbour's lies across."""
+        neighbour's lies across. `dusty`: crop at the blade may be its dust, and ends no clear
+        ground before it was looked at."""
         if view.ahead_confidence < CONFIDENT or not view.usable:
             return
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
@@ -110,7 +113,8 @@ class CutGuard:
             self._crop_at_look = self._crop_at_look or looks
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
-            if (patch or (own and in_line)) and self._held_since is None:
+            ends_it = self._clear_from_m is None or not dusty
+            if (patch or (own and in_line)) and ends_it and self._held_since is None:
                 self._cutting, self._clear_from_m, self._crossing = True, None, False
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
             self._clear_from_m = then_m

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from host.core.messages import Command, Fix, Frame, Request, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import EndOfField
+from host.estimate.crop_ahead import EDGE_SURE, EndOfField
 from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
@@ -164,9 +164,12 @@ class Pilot:
             context.since,
             context.look.settled,
         )
-        if self._behaviour.gaze.on_side and context.sight.view is not None:
-            own = context.strip.surely_own
-            context.estimate.cut.take_picture(context.sight.stamp, context.sight.view, own=own)
+        strip, sight = context.strip, context.sight
+        if self._behaviour.gaze.on_side and sight.view is not None:
+            dusty = strip.new and self._behaviour.gaze.cutting and sight.ahead.in_dust(*EDGE_SURE)
+            context.estimate.cut.take_picture(
+                sight.stamp, sight.view, own=strip.surely_own, dusty=dusty
+            )
 
     def _explained(self, command: Command) -> Command:
         return command if command.reason else replace(command, reason=self.reason)

@@ -67,7 +67,7 @@ FOUND_RAD = math.radians(3)
 """Standard deviation of the heading against a new edge with which its direction is found."""
 UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
-LATE_SIGMAS = 4.0
+LATE_SIGMAS = 3.0
 """Crop that goes on farther than so many is not the side's: something else is wrong."""
 BEND_AHEAD_M = 0.15
 """Before a bend of the edge the steering begins to follow it: half of what it takes to turn at

@@ -43,12 +43,12 @@ class Align(Behaviour):
         view = context.sight.view
         if view is None or not context.sight.sees_ahead():
             return context.hold(), None
-        if not view.confidence > NO_END:
+        strip = context.planned(0)
+        slanting = strip.begins_slanting
+        if not (slanting or view.confidence > NO_END):
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
             context.reason = NO_END_REASON
             return context.hold(), None
-        strip = context.planned(0)
-        slanting = strip.begins_slanting
         seen = view.confidence >= CONFIDENT and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
         if not (seen or slanting or trusted):

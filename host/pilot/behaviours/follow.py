@@ -54,7 +54,7 @@ class Follow(Behaviour):
 
     def step(self, now: float) -> Step:
         context = self.context
-        go = self._left_alone() or self._ends(now) or self._needs_a_look(now)
+        go = self._left_alone(now) or self._ends(now) or self._needs_a_look(now)
         if go is not None:
             return context.hold(), go
         stops = self._nothing_to_cut(now)
@@ -67,12 +67,17 @@ class Follow(Behaviour):
             return context.hold(), doubt
         return self._drive(now), None
 
-    def _left_alone(self) -> Go | None:
+    def _left_alone(self, now: float) -> Go | None:
         """Clear ground longer than a patch, after a look: what comes next may be somebody else's,
-        and a person must see. The last side ends there if the plan has next to nothing more."""
+        and a person must see. The last side ends there if the plan has next to nothing more, and
+        so does one whose end is still to be found, where it may be."""
         context, guard = self.context, self.context.estimate.cut
         if not guard.refused:
             return None
+        if context.strip.new and context.strip.end_due(context.motion):
+            here = EndOfField(now, context.motion, context.strip.index)
+            context.by_plan = False
+            return end_side(context, now, here, looked=True)
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
             return Why.LAST_CLEAR.go()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from host.estimate.crop_ahead import EndOfField
+from host.estimate.cut_guard import CLEAR_M
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import STAND_S, Context
-from host.pilot.phase import Doing, Phase, Reason
+from host.pilot.endings import SideEnd, end_side
+from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import UNSEEN_M, Gaze
 
 
@@ -13,6 +16,7 @@ class Why(Reason):
 
     SEEN = Doing.FOLLOW, "the edge is in view again"
     NO_CLEARER = Doing.FOLLOW, "no clearer view: by dead reckoning"
+    STILL_TO_FIND = Doing.BACK_OFF, "no clearer view of a side that is still to be found: {why}"
 
 
 def rolls_on(context: Context, now: float) -> bool:
@@ -26,7 +30,7 @@ class LookAtEdge(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(on_side=True, hesitates=True, settles=True)
-    reasons = (Why,)
+    reasons = (Why, SideEnd)
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -34,4 +38,20 @@ class LookAtEdge(Behaviour):
             return context.hold(blade=True), None
         if context.sight.unseen_m(context.motion) < UNSEEN_M:
             return context.hold(), Why.SEEN.go()
-        return context.hold(), Why.NO_CLEARER.go() if context.look.over(now) else None
+        return context.hold(), self._go_on(now) if context.look.over(now) else None
+
+    def _go_on(self, now: float) -> Go | None:
+        """After a look that showed no edge. Where nobody has seen the side's end before, only crop
+        at the blade leads on: what stands beyond clear ground is somebody else's."""
+        context = self.context
+        view, strip = context.sight.view, context.strip
+        if not strip.new or view is None:
+            return Why.NO_CLEARER.go()
+        if not context.sight.sees_ahead():
+            return Why.STILL_TO_FIND.go(why=context.why_unseen("nothing sure"))
+        if view.crop_ahead_m < CLEAR_M:
+            return Why.NO_CLEARER.go()
+        if strip.end_due(context.motion):
+            here = EndOfField(now, context.motion, strip.index)
+            return end_side(context, now, here, looked=True)
+        return Why.STILL_TO_FIND.go(why=f"clear ground for {view.crop_ahead_m:.1f} m")
