@@ -25,6 +25,7 @@ from host.core.strict import Strict
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
+from host.route.side import NO_EDGE
 
 EVERY_M = 0.5
 """What is lost at most: so much of a side may be driven again over stubble."""
@@ -127,6 +128,11 @@ def remaining(plan: Plan, side: int, cut_m: float) -> Plan:
     """What is left of a plan from cut_m along a side on; areas and geofence stay the field's."""
     this = plan.sides[side]
     x, y, heading = this.pose(cut_m)
+    passed = [at for at, _ in this.bends if at < cut_m]
+    places = [*this.places_m[len(passed) :]]
+    if places:
+        along, inside = places[0]
+        places[0] = along + cut_m - (passed[-1] if passed else 0.0), inside
     rest = replace(
         this,
         x_m=x,
@@ -136,6 +142,10 @@ def remaining(plan: Plan, side: int, cut_m: float) -> Plan:
         length_m=this.length_m - cut_m,
         fence_m=this.fence_m - cut_m,
         back_m=this.back_m + cut_m,
+        edges=this.edges[len(passed) :],
+        places_m=tuple(places),
+        # Where it was left, no border of the field is met.
+        begins_at=this.begins_at if cut_m == 0.0 else NO_EDGE,
     )
     before = (*plan.before, *(cut.edge for cut in plan.sides[:side]))
     sides = (rest, *plan.sides[side + 1 :])

@@ -21,6 +21,7 @@ from host.estimate.position import Position
 from host.pilot.phase import Phase
 from host.pilot.pilot import PAUSED, Pilot
 from host.route.plan import Plan, spiral
+from host.route.side import NO_EDGE
 from host.runs import resume
 from host.runs.resume import (
     BEFORE_M,
@@ -167,6 +168,25 @@ def test_what_is_left_of_a_bent_side_runs_where_it_ran(cut_m: float) -> None:
     (rest, *_) = remaining(replace(PLAN, sides=(bent,)), 0, cut_m).sides
     for along in (0.1, 1.0, 3.0, 6.0):
         assert rest.pose(along) == pytest.approx(bent.pose(cut_m + along), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cut_m", "edge", "along_m"), [(2.0, 0, 3.0), (5.0, 1, 1.5), (9.0, 2, 2.25)]
+)
+def test_what_is_left_of_a_side_begins_at_no_border_and_along_its_own_edge(
+    cut_m: float, edge: int, along_m: float
+) -> None:
+    bends = ((4.0, 0.3), (7.0, -0.5))
+    places = ((1.0, 0.9), (0.5, 0.9), (0.25, 0.9))
+    whole = replace(
+        PLAN.sides[0], length_m=15.0, bends=bends, edges=(0, 1, 2), places_m=places, begins_at=3
+    )
+    plan = replace(PLAN, sides=(whole,))
+    (rest, *_) = remaining(plan, 0, cut_m).sides
+    assert (rest.edge, rest.places_m[0]) == (edge, pytest.approx((along_m, 0.9)))
+    assert len(rest.edges) == len(rest.places_m) == len(rest.bends) + 1
+    assert rest.begins_at == NO_EDGE
+    assert remaining(plan, 0, 0.0).sides[0] == whole
 
 
 # ---- a run that dies, and one that goes on -------------------------------------------------------

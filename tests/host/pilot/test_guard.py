@@ -1,0 +1,126 @@
+"""The geofence where the boundary is to be found: what pictures of the way ahead change, and what
+they never change."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from host.core.messages import Command, Request
+from host.core.vehicle import Vehicle
+from host.estimate.odometry import Motion
+from host.estimate.position import Position
+from host.field.areas import Verdict
+from host.pilot.guard import CREEP_MPS, Guard, SeenFree, no_farther
+from host.route.plan import Plan, spiral
+
+VEHICLE = Vehicle()
+RING = [(0.0, 0.0), (9.0, 0.0), (9.0, 7.0), (0.0, 7.0)]
+GAP_M = 2.0
+ON = Command(Request.DRIVE, 0.0, 0.5, True)
+BACK = Command(Request.DRIVE, 0.0, -0.5, False)
+FREE = SeenFree(crop_m=0.0, clear_m=2.5)
+
+
+@cache
+def plan() -> Plan:
+    return spiral(RING, 0, VEHICLE, gap_m=GAP_M, sigma_m=1.0)
+
+
+def guard_at(before_end_m: float, sigma_m: float = 1.0) -> Guard:
+    """The blade so far before where the first side's end is taken to be, along which the machine
+    has come."""
+    side = plan().sides[0]
+    position = Position(VEHICLE, plan().boundary, sigma_m)
+    position.place(side, 0.0, 0.0, 0.0)
+    for distance_m in np.linspace(0.0, side.length_m - before_end_m, 15):
+        motion = Motion(0.0, 0.5, 0.0, float(distance_m), 0.0, 0.0, 0.0)
+        position.predict(motion, cutting=False)
+        position.follow(0.0, 0.02)
+    return Guard(plan(), VEHICLE, position)
+
+
+def passes(answer: Command | Verdict, command: Command = ON) -> bool:
+    return isinstance(answer, Command) and answer.speed_mps == command.speed_mps
+
+
+def test_where_the_end_may_be_anywhere_the_machine_does_not_drive_on_unseeing() -> None:
+    answer = guard_at(0.3).limit(ON)
+    assert not passes(answer)
+    assert passes(guard_at(0.3, 0.0).limit(ON)), "where the boundary is known it may"
+
+
+def test_crop_that_was_seen_to_go_on_lets_it_cut_on() -> None:
+    assert passes(guard_at(0.3).limit(ON, SeenFree(crop_m=0.0)))
+    assert not passes(guard_at(0.3).limit(ON, SeenFree(crop_m=3.0)))
+
+
+def test_ground_that_was_seen_clear_lets_it_turn() -> None:
+    assert passes(guard_at(0.3).limit(ON, SeenFree(clear_m=2.5)))
+    assert not passes(guard_at(0.3).limit(ON, SeenFree(clear_m=0.5)))
+
+
+def test_clear_ground_ahead_says_nothing_of_what_lies_behind() -> None:
+    side = plan().sides[0]
+    position = Position(VEHICLE, plan().boundary, 1.0)
+    position.place(side, VEHICLE.blade_x_m - 0.5, 0.0, 0.0)
+    guard = Guard(plan(), VEHICLE, position)
+    without = guard.limit(BACK)
+    assert not passes(without, BACK)
+    assert guard.limit(BACK, SeenFree(clear_m=2.5)) == without
+
+
+@pytest.mark.parametrize("sigma_m", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("seen", [SeenFree(), SeenFree(crop_m=0.0), SeenFree(clear_m=2.5), FREE])
+def test_a_border_that_is_surely_crossed_stays_refused(sigma_m: float, seen: SeenFree) -> None:
+    for beyond_m in (GAP_M - 0.1, GAP_M, 2 * GAP_M):
+        assert isinstance(guard_at(-beyond_m, sigma_m).limit(ON, seen), Verdict)
+
+
+@given(st.floats(-3.0, 2.0), st.floats(0.0, 3.0), st.floats(0.0, 3.0))
+def test_a_machine_is_never_let_nearer_the_border_than_one_that_knows_its_place(
+    before_end_m: float, crop_m: float, clear_m: float
+) -> None:
+    """What is seen makes the position surer, and the border no wider."""
+    known = guard_at(before_end_m, 0.0).limit(ON, FREE)
+    if isinstance(known, Verdict):
+        answer = guard_at(before_end_m).limit(ON, SeenFree(crop_m, clear_m))
+        assert isinstance(answer, Verdict)
+
+
+def test_away_from_the_border_it_creeps_whatever_is_seen() -> None:
+    answer = guard_at(-GAP_M).limit(BACK, FREE)
+    assert isinstance(answer, Command)
+    assert answer.speed_mps == -CREEP_MPS
+
+
+# ---- no_farther ----------------------------------------------------------------------------------
+
+
+@given(
+    st.floats(0.01, 2.0), st.floats(0.01, 2.0), st.floats(-3.0, 3.0), st.floats(-3.2, 3.2),
+    st.floats(0.0, 2.0),
+)  # fmt: skip
+def test_along_a_direction_no_more_is_left_than_is_said_and_across_nothing_grows(
+    one_m: float, other_m: float, askew_rad: float, heading_rad: float, sigma_m: float
+) -> None:
+    c, s = math.cos(askew_rad), math.sin(askew_rad)
+    turn = np.array([[c, -s], [s, c]])
+    whole = (turn @ np.diag([one_m**2, other_m**2]) @ turn.T)[np.newaxis]
+    [found] = no_farther(whole, heading_rad, sigma_m)
+    way = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+    across = np.array([-way[1], way[0]])
+    before = math.sqrt(way @ whole[0] @ way)
+    assert math.sqrt(max(0.0, way @ found @ way)) == pytest.approx(min(before, sigma_m), abs=1e-6)
+    assert across @ found @ across == pytest.approx(across @ whole[0] @ across)
+    assert np.linalg.eigvalsh(found).min() > -1e-9
+
+
+def test_what_is_known_well_enough_stays_as_it_is() -> None:
+    whole = np.array([[[0.04, 0.01], [0.01, 0.09]], [[0.0, 0.0], [0.0, 0.0]]])
+    assert np.array_equal(no_farther(whole, 0.7, 5.0), whole)
