@@ -31,6 +31,7 @@ SLOW = (
     "host/commands/test_fuzz.py",
     "host/field/test_survey.py",
     "host/panel",
+    "host/pilot/test_first_round.py",
     "host/pilot/test_irregular_fields.py",
     "host/pilot/test_learning.py",
     "host/pilot/test_navigation.py",

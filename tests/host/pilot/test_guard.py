@@ -32,7 +32,7 @@ def plan() -> Plan:
     return spiral(RING, 0, VEHICLE, gap_m=GAP_M, sigma_m=1.0)
 
 
-def guard_at(before_end_m: float, sigma_m: float = 1.0) -> Guard:
+def driven(before_end_m: float, sigma_m: float) -> Position:
     """The blade so far before where the first side's end is taken to be, along which the machine
     has come."""
     side = plan().sides[0]
@@ -42,7 +42,11 @@ def guard_at(before_end_m: float, sigma_m: float = 1.0) -> Guard:
         motion = Motion(0.0, 0.5, 0.0, float(distance_m), 0.0, 0.0, 0.0)
         position.predict(motion, cutting=False)
         position.follow(0.0, 0.02)
-    return Guard(plan(), VEHICLE, position)
+    return position
+
+
+def guard_at(before_end_m: float, sigma_m: float = 1.0) -> Guard:
+    return Guard(plan(), VEHICLE, driven(before_end_m, sigma_m))
 
 
 def passes(answer: Command | Verdict, command: Command = ON) -> bool:
@@ -66,13 +70,21 @@ def test_ground_that_was_seen_clear_lets_it_turn() -> None:
 
 
 def test_clear_ground_ahead_says_nothing_of_what_lies_behind() -> None:
-    side = plan().sides[0]
-    position = Position(VEHICLE, plan().boundary, 1.0)
-    position.place(side, VEHICLE.blade_x_m - 0.5, 0.0, 0.0)
+    """Of a machine that has turned round on the spot and backs to an end that nobody has seen."""
+    position = driven(-0.8, 1.0)
+    axle_m = plan().sides[0].length_m + 0.8
+    position.predict(Motion(0.0, 0.0, 0.0, axle_m, math.pi, 0.0, 0.0), cutting=False)
     guard = Guard(plan(), VEHICLE, position)
     without = guard.limit(BACK)
     assert not passes(without, BACK)
     assert guard.limit(BACK, SeenFree(clear_m=2.5)) == without
+
+
+def test_an_edge_that_was_found_farther_out_has_its_gap_there() -> None:
+    position = driven(-0.8, 1.0)
+    position.at_end(plan().sides[0], 0.0)
+    assert passes(Guard(plan(), VEHICLE, position).limit(ON))
+    assert not passes(guard_at(-0.8, 0.0).limit(ON)), "where it is known to lie nearer"
 
 
 @pytest.mark.parametrize("sigma_m", [0.0, 0.3, 1.0])
