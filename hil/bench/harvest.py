@@ -399,6 +399,7 @@ def harvest(
         if run.pilot.done
         else f"at {simulated:g} s, limits.time_s, in {run.pilot.phase.value}: {run.pilot.reason}",
         **run.truth.summary(),
+        "believed_wrong": run.pilot.believed_wrong,
         "turns": run.pilot.turns,
         "simulated_s": round(simulated, 2),
         "frames": run.frames,

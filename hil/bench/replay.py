@@ -162,6 +162,8 @@ def _about(path: Path, about: Mapping[str, str]) -> About:
             outs,
             done=data.get("done", 0),
             sigma_m=data.get("sigma_m", 0.0),
+            before=tuple(data.get("before", ())),
+            way=data.get("way", "onward"),
         )
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])

@@ -227,6 +227,18 @@ class Position(Filter):
         h = to_border(self.at(side), way)
         return math.sqrt(h @ self._p @ h)
 
+    @property
+    def corners_sigma_m(self) -> float:
+        """Of the corner whose place is known least, the standard deviation along x or y against the
+        machine; 0 where the boundary is known."""
+        if not self.known or not self.outline.states:
+            return 0.0
+        worst = 0.0
+        for k in range(STATES, len(self._x)):
+            own = X if (k - STATES) % 2 == 0 else Y
+            worst = max(worst, self._p[k, k] + self._p[own, own] - 2 * self._p[k, own])
+        return math.sqrt(worst)
+
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""
         h = np.zeros(len(self._x))
@@ -271,7 +283,9 @@ class Position(Filter):
     def laid_anew(self, boundary: Sequence[tuple[float, float]], side: Side) -> None:
         """The plan has been laid out anew around the corners as they were found, and this is its
         side that the machine is at."""
+        found = np.array(self.outline.corners)
         self.outline = Outline(boundary)
+        self.outline.move((found - np.array(boundary)).ravel())
         self._lane_of = side
 
     def _learn(self) -> None:

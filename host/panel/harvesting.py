@@ -180,7 +180,7 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
     operator = Operator(machine)
     progress = order.resume or path.with_suffix(".progress.json")
     with ExitStack() as stack:
-        keeper = Keeper(progress, errand.whole, order.corner, machine.events.append, errand.begun)
+        keeper = Keeper(progress, errand.entered, order.corner, machine.events.append, errand.begun)
         stack.callback(keeper.close, pilot)
         about = {"begun": now.isoformat(), "mount": machine.settings.mount}
         about |= {"mode": machine.settings.mode, "turn": order.turn}

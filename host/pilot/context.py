@@ -4,6 +4,7 @@ the side that is being cut."""
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +19,12 @@ from host.pilot.sight import STOP_AFTER_S, Sight
 from host.pilot.stop_and_look import Look
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
-from host.route.plan import Plan, laid_anew
+from host.route.anew import Anew
+from host.route.plan import Plan
 from host.vision.view import Detector
 
+MOVED_M = 0.02
+"""Corners that are found to lie no farther from the plan's leave the plan as it is."""
 SLOW_AFTER_S = 0.4
 """Without the edge for so long the machine drives slowly, and no sight counts as one of now."""
 RESUME_AFTER_S = 0.5
@@ -29,6 +33,14 @@ STOPPED_MPS = 0.03
 CREEPING_MPS = 0.12
 STAND_S = 1.5
 """On a slope a braked machine creeps: after so long told to stand, that counts as standing."""
+
+
+class Ended(NamedTuple):
+    """A side that has ended."""
+
+    end: EndOfField
+    seen: bool
+    """Whether a picture showed it."""
 
 
 class Context:
@@ -48,6 +60,10 @@ class Context:
         self.strip = Strip(plan, 0, vehicle, self.estimate, self.sight.ahead)
         self.turning: Turning | None = None
         """The turn that is being driven, or whose end is being looked at."""
+        self.anew: Anew | None = None
+        """The plan around what was found of the boundary, while not all of it is laid out."""
+        self.ended: Ended | None = None
+        """The side at whose end the machine stands while that is done."""
         self.look = Look()
         self.ends: list[EndOfField] = []
         """Where sides were declared ended, by pictures."""
@@ -68,16 +84,28 @@ class Context:
         kind = PlannedStrip if self.plan.sides else Strip
         return kind(self.plan, index, self.vehicle, self.estimate, self.sight.ahead)
 
-    def lay_anew(self) -> None:
-        """Lays the rest of the plan out around the corners as they have been found to lie."""
+    def to_lay_anew(self) -> bool:
+        """Whether the rest of the plan is to be laid out around the corners as they have been found
+        to lie, or on from where that has got to, before the machine leaves the present side."""
         strip, outline = self.strip, self.estimate.position.outline
-        if not isinstance(strip, PlannedStrip) or not np.abs(outline.moved_m).max(initial=0) > 0.02:
-            return
-        plan = laid_anew(self.plan, outline.corners, strip.index, self.vehicle)
+        if isinstance(strip, PlannedStrip) and np.abs(outline.moved_m).max(initial=0.0) > MOVED_M:
+            cut = self.plan.cut_along(strip.index + 1)
+            self.anew = Anew(self.plan, outline.corners, cut, self.vehicle)
+        return self.anew is not None and not self.anew.enough(self.plan, strip.index)
+
+    def take_anew(self) -> None:
+        """Drives by what has been laid out. Where no plan has the sides that were cut, the old one
+        stays, each side where its edges are found."""
+        strip, anew = self.strip, self.anew
+        assert anew is not None and isinstance(strip, PlannedStrip)
+        plan = anew.plan(self.plan, strip.index)
         if plan is not None:
-            self.plan = plan
-            self.guard = Guard(plan, self.vehicle, self.estimate.position)
-            self.strip = strip.laid_anew(plan)
+            if not anew.taken:
+                self.guard = Guard(plan, self.vehicle, self.estimate.position)
+            self.plan, self.strip = plan, strip.laid_anew(plan)
+        anew.taken = True
+        if anew.over:
+            self.anew = None
 
     # ---- what is known of the present side -------------------------------------------------------
 

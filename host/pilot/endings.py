@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from host.estimate.crop_ahead import EndOfField
-from host.pilot.context import Context
+from host.pilot.context import Context, Ended
 from host.pilot.phase import Doing, Go, Reason
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
@@ -31,6 +31,12 @@ class SideEnd(Reason):
     BY_PLAN = Doing.TURN, "end of {side}: the plan's, which vision has not seen"
 
 
+class Elsewhere(Reason):
+    """A side is cut, and the boundary was found to lie elsewhere."""
+
+    FOUND = Doing.LAY_OUT, "end of {side}: laying out the rest around the boundary as found"
+
+
 class Patience(Reason):
     """A hesitation has lasted too long."""
 
@@ -46,7 +52,7 @@ class Blind(Reason):
 
 
 def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = False) -> Go:
-    """Ends the present side and lays out the turn to the next; `looked`: the end was seen after the
+    """Ends the present side, and lays out what comes next; `looked`: the end was seen after the
     machine had stopped to look."""
     strip, sight = context.strip, context.sight
     if strip.last:
@@ -55,8 +61,15 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
     seen = sight.ahead.entered and not context.by_plan
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
-    context.lay_anew()
-    strip = context.strip
+    if context.to_lay_anew():
+        context.ended = Ended(end, seen)
+        return Elsewhere.FOUND.go(side=strip.name)
+    return turn_on(context, now, Ended(end, seen))
+
+
+def turn_on(context: Context, now: float, ended: Ended) -> Go:
+    """Lays out the turn from the side that has ended to the next."""
+    strip, sight, end = context.strip, context.sight, ended.end
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()
@@ -71,7 +84,7 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
         plan, strip.index, context.vehicle, lambda t: context.guard.room_m(t, room_from)
     )
     turning = context.turning = Turning(now, turn, origin)
-    if seen:
+    if ended.seen:
         context.ends.append(end)
     context.strip = following
     if turning.backing:

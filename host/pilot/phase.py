@@ -40,6 +40,7 @@ class Doing(enum.Enum):
     LOOK_AT_EDGE = "look at the edge"
     LOOK_AT_END = "look at the end"
     BACK_OFF = "back off"
+    LAY_OUT = "lay out"
     TURN = "turn"
     SEARCH = "search"
     FINISH = "finish"

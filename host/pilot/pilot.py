@@ -22,10 +22,13 @@ from host.pilot.context import Context
 from host.pilot.guard import watch
 from host.pilot.phase import Doing, Go, Phase, Transition
 from host.pilot.strip import Strip
+from host.route.anew import displaced
 from host.route.plan import Plan
 from host.vision.view import CropView, Detector
 
 PAUSED = "paused by the operator"
+WORTH_SAYING_M = 0.1
+"""A boundary that errs by less was right."""
 
 
 class Pilot:
@@ -33,6 +36,7 @@ class Pilot:
 
     def __init__(self, vehicle: Vehicle, detector: Detector, plan: Plan | None = None) -> None:
         self._context = Context(vehicle, detector, plan or Plan())
+        self._believed = self._context.plan.boundary
         self.doing = Doing.CONNECT
         """The behaviour that is active."""
         self._behaviour = BEHAVIOURS[self.doing](self._context)
@@ -95,6 +99,24 @@ class Pilot:
     def position(self) -> Position:
         """Where the machine is in the field frame, once the plan's first corner is known."""
         return self._context.estimate.position
+
+    @property
+    def plan(self) -> Plan:
+        """What is left of the field, as it is laid out now."""
+        return self._context.plan
+
+    @property
+    def believed_wrong(self) -> str:
+        """What driving along it has shown of the boundary that was entered, in words; empty where
+        nothing has. A field that lies or is turned elsewhere as a whole is none: only the phone's
+        positions speak of that."""
+        found = self.position.outline
+        if not len(self._believed) or not found.states:
+            return ""
+        corner, off_m = displaced(self._believed, found.corners)
+        if off_m < WORTH_SAYING_M:
+            return ""
+        return f"the boundary was wrong by up to {off_m:.1f} m (corner {corner}); found on the way"
 
     @property
     def cut_m(self) -> float:

@@ -80,6 +80,8 @@ class Gaze:
 
     looks: bool = True
     """Pictures are looked at at all."""
+    lane: bool = True
+    """An edge may be the lane's."""
     cutting: bool = False
     """The machine drives along a side, its blade's dust in the air."""
     on_side: bool = False
@@ -161,7 +163,7 @@ class Sight:
         moved = self.unseen_m(then) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         due = moved or estimate.lane.contradicted
-        if sure and due and (not gaze.settles or settled(frame.stamp)):
+        if gaze.lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(strip, turning, then):
                 if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
                     self._take_edge(view, strip, then, since_shutter, moved=moved)

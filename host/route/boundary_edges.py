@@ -4,7 +4,7 @@ is learned of a place on the way is learned of the field's outline."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -47,14 +47,12 @@ class BoundaryEdges:
         best = int(np.argmin(price))
         return best if np.isfinite(price[best]) else NO_EDGE
 
-    def named(self, sides: Sequence[Side]) -> tuple[Side, ...]:
-        """The sides of a plan, in their order, with their edges."""
-        if len(self.corners) < 3:
-            return tuple(sides)
+    def namer(self) -> Callable[[Side], Side]:
+        """What gives the sides of a plan their edges, one after the other in the plan's order."""
         cut_m = np.zeros(len(self.corners))
         """How deep the strips before have cut from each edge."""
-        out = []
-        for side in sides:
+
+        def name(side: Side) -> Side:
             pieces = [piece for _, piece in side.pieces()]
             edges = [self.beside(*piece.pose(piece.length_m / 2)) for piece in pieces]
             begun = [self._against(piece.x_m, piece.y_m) for piece in pieces]
@@ -70,11 +68,12 @@ class BoundaryEdges:
                 begins_at=self._border(first, -1, cut_m),
                 ends_at=self._border(last, 1, cut_m),
             )
-            out.append(named)
             for edge, (_, inside_m) in zip(edges, places, strict=True):
                 if edge != NO_EDGE:
                     cut_m[edge] = max(cut_m[edge], inside_m + side.width_m)
-        return tuple(out)
+            return named
+
+        return name
 
     def _border(self, at: tuple[float, float, float], way: int, cut_m: NDArray[np.float64]) -> int:
         """The edge whose border crosses the outer edge at a pose; `way` 1 where the side ends there

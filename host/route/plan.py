@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -26,13 +27,13 @@ from host.route.standing import (
     MIN_EDGE_M,
     MIN_STRIP_M2,
     Edge,
-    corridor,
     edges_of,
     parts_of,
     strip_along,
 )
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
+Result = TypeVar("Result")
 SEEN_SHARE = 0.22
 """Vision sees crop where it fills this share of the blade's width."""
 MAX_SIDES = 4000
@@ -47,6 +48,9 @@ KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
 MAX_SHIFT_M = 0.35
 """Beyond it the edge would pass under the machine's body."""
+WAYS = ("onward", "shuttle", "rounds")
+"""What is preferred where there is a choice: the next edge, the same one again while an inner
+corner lies inside it, or what brings all edges to the keep-outs together."""
 REACH = 2.75
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
 
@@ -74,11 +78,17 @@ class Plan:
     """Standard deviation of each corner's place against the others, along x and along y."""
     before: tuple[int, ...] = ()
     """The boundary's edges of the sides that were cut before."""
+    way: str = "onward"
+    """Which of WAYS the field is cut in."""
 
     def name(self, index: int) -> str:
         """Which side of the whole plan `sides[index]` is, in words that count from 1."""
         number = self.done + index + 1
         return f"side {number} of {self.done + len(self.sides)}" if self.sides else f"side {number}"
+
+    def cut_along(self, count: int) -> tuple[int, ...]:
+        """The boundary's edges of all that is cut once `count` of `sides` are."""
+        return (*self.before, *(side.edge for side in self.sides[:count]))
 
     def corner_rad(self, index: int) -> float:
         """The left turn from side `index` to the next; 0 where the same edge is taken again."""
@@ -130,11 +140,6 @@ def _follow(edges: list[Edge], past: Edge, x: float, y: float) -> Edge | None:
     ]
     point = shapely.Point(x, y)
     return min(same, key=lambda e: e.line.distance(point), default=None)
-
-
-def _strip(side: Side) -> shapely.Polygon:
-    """What a side takes off, its slanting ends filled up."""
-    return corridor(shapely.LineString(side.edge_line()), side.width_m)
 
 
 class _Rounds:
@@ -195,13 +200,16 @@ def _walk(
     rounds: _Rounds | None,
     names: BoundaryEdges,
     cut: Sequence[int],
-) -> tuple[list[Side], list[shapely.Polygon]]:
-    """Sides from the edge that leaves corner `first`, and the parts that the field falls into on
-    the way and that no turn leads to. With `shuttle` an edge is taken again and again while an
-    inner corner lies inside it, otherwise the next edge is preferred; `rounds` says what is
-    preferred where keep-outs lie inside. The first sides are along those edges of the boundary that
-    `cut` names; no sides where they cannot be."""
+) -> Generator[list[Side], None, tuple[list[Side], list[shapely.Polygon], float]]:
+    """Sides from the edge that leaves corner `first`, the parts that the field falls into on the
+    way and that no turn leads to, and what no side reaches, m². With `shuttle` an edge is taken
+    again and again while an inner corner lies inside it, otherwise the next edge is preferred;
+    `rounds` says what is preferred where keep-outs lie inside. The first sides are along those
+    edges of the boundary that `cut` names; no sides where they cannot be. Yields after each strip
+    the sides so far: as much work as is done at a time."""
     standing = field
+    dropped_m2 = 0.0
+    name = names.namer()
     apart: list[shapely.Polygon] = []
     edges = edges_of(standing)
     edge: Edge | None = edges[first % len(edges)]
@@ -220,8 +228,10 @@ def _walk(
             parts.sort(key=lambda part: part.distance(ends) > REACH * width_m)
             standing = parts[0] if parts else shapely.Polygon()
             apart += [part for part in parts[1:] if part.area > APART_M2]
-            sides.append(side)
+            dropped_m2 += sum(part.area for part in parts[1:] if part.area <= APART_M2)
+            sides.append(name(side))
             idle = 0
+        yield sides
         if standing.area < MIN_STRIP_M2:
             break
         edges = edges_of(standing)
@@ -250,7 +260,9 @@ def _walk(
             wanted = cut[len(sides)]
             choices = [e for e in edges if _edge_of(e, names) == wanted]
         edge = next((e for e in choices if e is not None and e.open_ends), None)
-    return (sides, apart) if len(sides) >= len(cut) else ([], [])
+    if len(sides) < len(cut):
+        return [], [], field.area
+    return sides, apart, standing.area + dropped_m2
 
 
 def _edge_of(edge: Edge, names: BoundaryEdges) -> int:
@@ -267,26 +279,45 @@ def spiral(
     gap_m: float | None = None,
     keep_outs: list[list[tuple[float, float]]] | None = None,
     sigma_m: float = 0.0,
-    cut: Sequence[int] = (),
 ) -> Plan:
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
     side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
     field it is one that leaves least standing, then one whose shuttles have room. UserError where
-    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`).
-    `cut`: the boundary's edges, by the corner that each leaves, along which the first strips have
-    been cut already; UserError where these cannot have been."""
-    width_m = vehicle.pass_m
+    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`)."""
+    blank = Plan((), turn, gap_m=gap_m, sigma_m=sigma_m)
+    steps = strip_by_strip(boundary, start, vehicle, blank, keep_outs or [])
+    while True:
+        try:
+            next(steps)
+        except StopIteration as whole:
+            plan: Plan = whole.value
+            return plan
+
+
+def strip_by_strip(
+    boundary: list[tuple[float, float]],
+    start: int,
+    vehicle: Vehicle,
+    like: Plan,
+    keep_outs: Sequence[Sequence[tuple[float, float]]],
+    cut: Sequence[int] = (),
+) -> Generator[list[Side], None, Plan]:
+    """`spiral`, which yields after each strip the sides so far of the first way that is tried, of
+    the others none, and returns the plan. Turn, gap and sigma are those of `like`, whose way is
+    tried first. `cut`: the boundary's edges, by the corner that each leaves, along which the first
+    strips have been cut already; UserError where these cannot have been."""
+    width_m, gap_m = vehicle.pass_m, like.gap_m
     least_m = shuttle_length(vehicle, width_m, 0.0)
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
     if not ring.is_valid or ring.area <= 0:
         raise UserError("boundary: its sides cross; walk it again or correct its corners")
     corners = list(ring.exterior.coords)[:-1]
-    holes = [shapely.Polygon(k) for k in keep_outs or []]
+    holes = [shapely.Polygon(k) for k in keep_outs]
     away = [hole.buffer(KEEP_OUT_M, join_style="mitre") for hole in holes]
     field = ring.difference(shapely.unary_union(away)) if holes else ring
     if not isinstance(field, shapely.Polygon):
         raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
-    best: tuple[tuple[float, int, int, int], list[Side], float] | None = None
+    best: tuple[tuple[float, int, int, int], Plan] | None = None
 
     def fits(back_m: float) -> bool:
         return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
@@ -296,58 +327,39 @@ def spiral(
     corner = boundary[start % len(boundary)]
     first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
     walked = 0
-    rest: list[shapely.Polygon] = []
+    outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
     alike_m2 = LEFT_SHARE * field.area if field.area > LARGE_M2 else 0.5
-    ways = ("onward", "shuttle", "rounds") if away else ("onward", "shuttle")
+    ways = sorted(WAYS if away else WAYS[:2], key=lambda way: way != like.way)
     for ahead, way in itertools.product(range(len(edges)), ways):
         begun = edges[(first + ahead) % len(edges)]
         if not begun.open_ends or (cut and _edge_of(begun, names) != cut[0]):
             continue
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
-        sides, apart = _walk(field, first + ahead, width_m, way == "shuttle", rounds, names, cut)
+        steps = _walk(field, first + ahead, width_m, way == "shuttle", rounds, names, cut)
+        sides, apart, left_m2 = yield from (steps if best is None else _quietly(steps))
         if cut and not sides:
             continue
-        left_m2 = field.difference(shapely.union_all([_strip(s) for s in sides])).area
         cramped = sum(b.takes_again(a) and not fits(b.back_m) for a, b in itertools.pairwise(sides))
-        left_m2 -= sum(part.area for part in apart)
         rank = (max(0, round(left_m2 / alike_m2)), cramped, ahead, len(sides))
         if best is None or rank < best[0]:
-            best, rest = (rank, sides, left_m2), apart
+            parts = tuple(tuple((x, y) for x, y in p.exterior.coords[:-1]) for p in apart)
+            found = Plan(tuple(sides), like.turn, tuple(corners), gap_m, outs, left_m2, parts)
+            best = rank, replace(found, sigma_m=like.sigma_m, way=way)
         walked += len(sides)
         if rank[:3] == (0.0, 0, 0) or walked > MAX_WALKED:
             break
     if best is None:
         why = "the strips that were cut do not fit it" if cut else "split the field"
         raise UserError(f"boundary: no side of it has open ground at both ends; {why}")
-    outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
-    parts = tuple(tuple((x, y) for x, y in part.exterior.coords[:-1]) for part in rest)
-    return Plan(names.named(best[1]), turn, tuple(corners), gap_m, outs, best[2], parts, 0, sigma_m)
+    return best[1]
 
 
-def laid_anew(
-    plan: Plan, boundary: list[tuple[float, float]], index: int, vehicle: Vehicle
-) -> Plan | None:
-    """The plan around a boundary whose corners were found to lie elsewhere once its sides up to
-    `index` were cut; its keep-outs go with them. None where no plan has these sides."""
-    cut = (*plan.before, *(side.edge for side in plan.sides[: index + 1]))
-    outs = [_moved_with(plan.boundary, boundary, ring) for ring in plan.keep_outs]
-    try:
-        whole = spiral(boundary, 0, vehicle, plan.turn, plan.gap_m, outs, plan.sigma_m, cut)
-    except UserError:
-        return None
-    if len(whole.sides) <= plan.done + index:
-        return None
-    return replace(whole, sides=whole.sides[plan.done :], done=plan.done, before=plan.before)
-
-
-def _moved_with(
-    corners: Sequence[tuple[float, float]],
-    found: Sequence[tuple[float, float]],
-    ring: Sequence[tuple[float, float]],
-) -> list[tuple[float, float]]:
-    """A ring moved and turned as corners were (Kabsch, Acta Crystallographica A32, 1976)."""
-    a, b = np.array(corners), np.array(found)
-    u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
-    turn = u @ np.diag([1.0, np.linalg.det(u @ v)]) @ v
-    moved = (np.array(ring) - a.mean(0)) @ turn + b.mean(0)
-    return [(float(x), float(y)) for x, y in moved]
+def _quietly(steps: Generator[list[Side], None, Result]) -> Generator[list[Side], None, Result]:
+    """The same steps, which show no sides."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as stop:
+            found: Result = stop.value
+            return found
+        yield []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from host.core.errors import UserError
@@ -16,7 +16,7 @@ from host.field.boundary_file import Boundary
 from host.field.fence import Fence, nearest_corner
 from host.route.field_plan import plan_of
 from host.route.plan import Plan
-from host.runs.resume import Progress, remaining, resume_at
+from host.runs.resume import Progress, laid_out, remaining, resume_at
 from host.sensors.newest import Feed
 
 FIRST_FIX_S = 10.0
@@ -37,6 +37,9 @@ class Errand:
     plan: Plan
     """What is left of the whole."""
     whole: Plan
+    """As it is laid out: around the corners as an earlier run found them."""
+    entered: Plan
+    """The whole as the boundary's file has it."""
     corner: int | None = None
     """Of the boundary, where the whole begins."""
     begun: tuple[int, float] = (0, 0.0)
@@ -58,12 +61,17 @@ def errand_of(
     it. Without a field: no plan."""
     if field is None or start is None:
         bare = Plan(turn=turn)
-        return Errand(bare, bare)
+        return Errand(bare, bare, bare)
     frame, whole = plan_of(field, start, vehicle, turn, gap_m)
-    begun = (0, 0.0)
-    if saved is not None and source is not None:
-        begun = resume_at(saved, whole, source)
-    return Errand(remaining(whole, *begun), whole, start, begun, frame, Fence(field.crop))
+    errand = Errand(whole, whole, whole, start, (0, 0.0), frame, Fence(field.crop))
+    return errand if saved is None or source is None else going_on(errand, saved, source, vehicle)
+
+
+def going_on(errand: Errand, saved: Progress, source: Path, vehicle: Vehicle) -> Errand:
+    """What the progress `saved` (read from `source`) leaves of an errand."""
+    whole = laid_out(saved, errand.entered, source, vehicle)
+    begun = resume_at(saved, whole, source)
+    return replace(errand, plan=remaining(whole, *begun), whole=whole, begun=begun)
 
 
 def chosen_corner(

@@ -16,14 +16,16 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
 from host.core.errors import UserError
 from host.core.strict import Strict
+from host.core.vehicle import Vehicle
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
+from host.route.anew import around
 from host.route.plan import Plan
 from host.route.side import NO_EDGE
 
@@ -47,6 +49,13 @@ class Progress(Strict):
     cut_m: Annotated[float, Field(ge=0)] = 0.0
     pose: tuple[float, float, float] | None = None
     """x, y (m) and heading (rad) in the field frame, where known."""
+    corners: tuple[tuple[float, float], ...] = ()
+    """Where the boundary's were found to lie, metres of the field frame, and"""
+    sigma_m: Annotated[float, Field(ge=0)] = 0.0
+    """how surely; none: where the boundary's file has them."""
+    cut: tuple[int, ...] = ()
+    """Edges of the boundary along which strips were cut, in their order: with the corners they tell
+    how the plan was laid out."""
     phase: Phase
     reason: str = ""
     written: str = ""
@@ -106,14 +115,32 @@ def load(path: Path) -> Progress:
 # ---- going on ------------------------------------------------------------------------------------
 
 
-def resume_at(progress: Progress, plan: Plan, path: Path) -> tuple[int, float]:
-    """(side, cut_m) of the whole plan to go on with. UserError where `path`'s progress belongs to
-    another plan or nothing is left."""
-    if progress.plan != digest(plan) or progress.side >= len(plan.sides):
+def laid_out(progress: Progress, entered: Plan, path: Path, vehicle: Vehicle) -> Plan:
+    """The whole plan as it was laid out when the run ended: `entered`, the boundary's own, or
+    around its corners as that run found them. UserError where `path`'s progress belongs to another
+    plan."""
+    fits = len(progress.corners) in (0, len(entered.boundary))
+    if progress.plan != digest(entered) or not fits:
         raise UserError(
             f"{path} belongs to another plan: the boundary, the corner or the machine's file "
             "differ from that run's"
         )
+    if not progress.corners:
+        return entered
+    whole = around(entered, list(progress.corners), progress.cut, vehicle)
+    if whole is None:
+        raise UserError(
+            f"{path}: the boundary that was found there does not fit the strips that were cut; "
+            "survey what still stands and harvest it as a field of its own"
+        )
+    return replace(whole, sigma_m=progress.sigma_m)
+
+
+def resume_at(progress: Progress, plan: Plan, path: Path) -> tuple[int, float]:
+    """(side, cut_m) of the whole plan, as it was laid out, to go on with. UserError where nothing
+    is left."""
+    if progress.side >= len(plan.sides):
+        raise UserError(f"{path} belongs to another plan: this one has {len(plan.sides)} sides")
     if progress.phase is Phase.FINISHED:
         raise UserError(f"{path}: that run finished the field; there is nothing to resume")
     side, cut_m = progress.side, max(0.0, progress.cut_m - BEFORE_M)
@@ -164,8 +191,8 @@ class Keeper:
         say: Callable[[str], None],
         begun: tuple[int, float] = (0, 0.0),
     ) -> None:
-        """`plan` is the whole one, `begun` what `resume_at` gave. What cannot be written is said
-        once and stops nothing."""
+        """`plan` is the whole one as it was entered, `begun` what `resume_at` gave. What cannot be
+        written is said once and stops nothing."""
         self.path = path
         self._plan = digest(plan)
         self._corner = corner
@@ -199,7 +226,17 @@ class Keeper:
         side, cut_m = self._begun
         if pilot.turns > 0:
             cut_m = 0.0
+        found: dict[str, Any] = {}
+        position = pilot.position
+        if position.outline.states:
+            count = pilot.turns + (pilot.cut_m > 0.0)
+            found = {
+                "corners": tuple(position.outline.corners),
+                "sigma_m": min(position.corners_sigma_m, pilot.plan.sigma_m),
+                "cut": pilot.plan.cut_along(count),
+            }
         return Progress(
+            **found,
             plan=self._plan,
             corner=self._corner,
             side=side + pilot.turns,

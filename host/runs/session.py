@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +42,7 @@ from host.runs.preflight import (
     start_problem,
 )
 from host.runs.record import Recorder, unused
-from host.runs.resume import Keeper, Progress, load, remaining, resume_at
+from host.runs.resume import Keeper, Progress, load
 from host.runs.screen import Keyboard, Screen
 from host.runs.sources import paper_params, warm_up
 from host.sensors.camera_stream import Picture, camera_feed
@@ -213,8 +213,7 @@ def _until_done(machine: _Machine, errand: Errand) -> None:
         _clear(machine, why)
         if keeper is not None:
             saved = load(keeper.path)
-            begun = resume_at(saved, errand.whole, keeper.path)
-            errand = replace(errand, plan=remaining(errand.whole, *begun), begun=begun)
+            errand = going_on(errand, saved, keeper.path, machine.given.vehicle)
             keeper = _keeper(machine, errand, keeper.path)
 
 
@@ -371,7 +370,7 @@ def _keeper(machine: _Machine, errand: Errand, path: Path | None = None) -> Keep
     progress = path or machine.order.resume
     progress = progress or machine.recorder.path.with_suffix(".progress.json")
     progress.parent.mkdir(parents=True, exist_ok=True)
-    return Keeper(progress, errand.whole, errand.corner, machine.say_later, errand.begun)
+    return Keeper(progress, errand.entered, errand.corner, machine.say_later, errand.begun)
 
 
 def _drive(run: Drive, machine: _Machine) -> None:
@@ -399,7 +398,9 @@ def _drive(run: Drive, machine: _Machine) -> None:
 
 
 def _report(run: Drive, screen: Screen) -> None:
-    """How quick the run was."""
+    """What was believed wrong, and how quick the run was."""
+    if run.pilot.believed_wrong:
+        screen.say(run.pilot.believed_wrong)
     late = 1e3 * np.array(run.latencies_s)
     if late.size:
         screen.say(

@@ -11,6 +11,7 @@ from host.pilot.behaviours.connect import Connect
 from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
 from host.pilot.behaviours.follow import Follow
+from host.pilot.behaviours.lay_out import LayOut
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_end import LookAtEnd
 from host.pilot.behaviours.search import Search
@@ -25,6 +26,7 @@ BEHAVIOURS: Mapping[Doing, type[Behaviour]] = {
     Doing.LOOK_AT_EDGE: LookAtEdge,
     Doing.LOOK_AT_END: LookAtEnd,
     Doing.BACK_OFF: BackOff,
+    Doing.LAY_OUT: LayOut,
     Doing.TURN: DriveTurn,
     Doing.WAIT_FOR_CAMERA: WaitForCamera,
     Doing.SEARCH: Search,

@@ -7,7 +7,7 @@ from host.estimate.crop_ahead import END_CLEAR_M, END_SURE, EndOfField
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
-from host.pilot.endings import SideEnd, end_side
+from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
@@ -50,7 +50,7 @@ class Follow(Behaviour):
 
     phase = Phase.FOLLOW
     gaze = Gaze(cutting=True, on_side=True, ends=True)
-    reasons = (Why, SideEnd)
+    reasons = (Why, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context

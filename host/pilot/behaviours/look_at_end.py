@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.look_at_edge import rolls_on
-from host.pilot.endings import SideEnd, end_side
+from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import Gaze
 from host.pilot.stop_and_look import LOOKING
@@ -32,7 +32,7 @@ class LookAtEnd(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(on_side=True, hesitates=True, ends=True, settles=True)
-    reasons = (Why, SideEnd)
+    reasons = (Why, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context

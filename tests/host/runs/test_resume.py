@@ -30,6 +30,7 @@ from host.runs.resume import (
     Keeper,
     Progress,
     digest,
+    laid_out,
     load,
     remaining,
     resume_at,
@@ -132,11 +133,16 @@ def test_one_goes_on_a_little_before_where_it_ended_or_with_the_next_side(
         (at(len(PLAN.sides) - 1, 9.9), "the last side was cut to its end"),
         (at(len(PLAN.sides), 0.0), "belongs to another plan"),
         (at(3, 1.0).model_copy(update={"plan": digest(Plan())}), "belongs to another plan"),
+        (at(3, 1.0).model_copy(update={"corners": ((0.0, 0.0),)}), "belongs to another plan"),
+        (
+            at(3, 1.0).model_copy(update={"corners": tuple(SQUARE), "cut": (1, 1, 1, 1, 1, 0)}),
+            "does not fit the strips",
+        ),
     ],
 )
 def test_what_cannot_be_resumed_is_said(kept: Progress, message: str) -> None:
     with pytest.raises(UserError, match=message):
-        resume_at(kept, PLAN, PATH)
+        resume_at(kept, laid_out(kept, PLAN, PATH, VEHICLE), PATH)
 
 
 def test_a_plan_is_named_by_its_sides() -> None:

@@ -1,0 +1,116 @@
+"""The rest of a plan, laid out anew around a boundary whose corners were found to lie elsewhere.
+
+A pilot has 250 ms between two commands and no thread, and the strips of a large field take seconds
+to compute. So they are laid out some at a time, while the machine stands. Of a field that would
+keep it standing for long, they are laid out only as far as the machine gets before it stands at an
+end again; from there on the plan is as it was until then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from host.core.errors import UserError
+from host.core.vehicle import Vehicle
+from host.route.plan import Plan, strip_by_strip
+from host.route.side import Side
+
+ENOUGH_STRIPS: Final = 300
+"""Laid out in one go at most, where more are not needed: with three in each 50 ms, the machine
+stands for 5 s."""
+AHEAD: Final = 2
+"""Sides that are needed after the one that was just cut: to turn to the next is to know where that
+one ends and which way it goes on."""
+
+
+class Anew:
+    """One laying out. `boundary`: where the corners were found to lie, metres, once the strips of
+    the field along its edges `cut` were cut; the keep-outs go with them."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        boundary: list[tuple[float, float]],
+        cut: Sequence[int],
+        vehicle: Vehicle,
+    ) -> None:
+        self._outs = [moved_with(plan.boundary, boundary, ring) for ring in plan.keep_outs]
+        self._boundary = tuple(boundary)
+        self._steps = strip_by_strip(boundary, 0, vehicle, plan, self._outs, cut)
+        self._sides: Sequence[Side] = ()
+        self._whole: Plan | None = None
+        self._strips = 0
+        self.over = False
+        """Whether nothing is left to lay out."""
+        self.taken = False
+        """Whether the machine drives by it already."""
+
+    def enough(self, plan: Plan, index: int) -> bool:
+        """Whether the machine can go on from the end of `plan.sides[index]`."""
+        known = len(self._sides) > plan.done + index + AHEAD
+        return self.over or (known and self._strips >= ENOUGH_STRIPS)
+
+    def lay(self, strips: int) -> None:
+        """So many strips more, at most."""
+        for _ in range(strips):
+            if self.over:
+                return
+            try:
+                self._sides = next(self._steps)
+            except StopIteration as whole:
+                self.over, self._whole = True, whole.value
+            except UserError:
+                self.over = True
+            self._strips += 1
+
+    def plan(self, old: Plan, index: int) -> Plan | None:
+        """`old` with what has been laid out, as far as that goes; None where no plan has the sides
+        up to `index` that were cut."""
+        if self.over and self._whole is None:
+            return None
+        if self._whole is not None:
+            sides = self._whole.sides[old.done :]
+            found = replace(self._whole, done=old.done, before=old.before)
+        else:
+            sides = tuple(self._sides[old.done :])
+            sides += old.sides[len(sides) :]
+            outs = tuple(map(tuple, self._outs))
+            found = replace(old, boundary=self._boundary, keep_outs=outs)
+        return replace(found, sides=sides) if len(sides) > index else None
+
+
+def around(
+    plan: Plan, boundary: list[tuple[float, float]], cut: Sequence[int], vehicle: Vehicle
+) -> Plan | None:
+    """The whole of a plan anew, in one go."""
+    anew = Anew(plan, boundary, cut, vehicle)
+    while not anew.over:
+        anew.lay(ENOUGH_STRIPS)
+    return anew.plan(plan, len(cut) - 1)
+
+
+def moved_with(
+    corners: Sequence[tuple[float, float]],
+    found: Sequence[tuple[float, float]],
+    ring: Sequence[tuple[float, float]],
+) -> list[tuple[float, float]]:
+    """A ring moved and turned as corners were (Kabsch, Acta Crystallographica A32, 1976)."""
+    a, b = np.array(corners), np.array(found)
+    u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
+    turn = u @ np.diag([1.0, np.linalg.det(u @ v)]) @ v
+    moved = (np.array(ring) - a.mean(0)) @ turn + b.mean(0)
+    return [(float(x), float(y)) for x, y in moved]
+
+
+def displaced(
+    corners: Sequence[tuple[float, float]], found: Sequence[tuple[float, float]]
+) -> tuple[int, float]:
+    """(k, m): the corner that lies farthest, against the others, from where it was believed: the
+    ring as a whole may have been moved and turned."""
+    off = np.hypot(*(np.array(found) - moved_with(corners, found, corners)).T)
+    worst = int(np.argmax(off))
+    return worst, float(off[worst])
