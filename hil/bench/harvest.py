@@ -107,6 +107,7 @@ class Harvest:
         self._plan = scenario.plan()
         self.session = Session()
         self.pilot = self._new_pilot()
+        self._recorded = self._plan
         self.truth = Truth(self.bench.world, self.bench.field)
         self.steering: list[tuple[float, float, float, float]] = []
         self.frames = 0
@@ -296,6 +297,9 @@ class Harvest:
                 record.view(frame.stamp, pilot.view)
             record.pilot(now, snapshot(pilot))
             record.innovations(now, pilot.take_innovations())
+            if pilot.plan is not self._recorded:
+                self._recorded = pilot.plan
+                record.plan(now, pilot.plan)
             state = self.bench.state
             x, y, yaw = self.bench.pose
             field = self.bench.field

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Fix, Frame, State
 from host.core.strict import Strict
 from host.field.boundary_file import load_field
@@ -79,7 +80,15 @@ class Operator:
     longest_ms: float = 0.0
     trail: deque[list[float]] = field(default_factory=lambda: deque(maxlen=20_000))
     """New places of the blade's middle where it cut, since the last snapshot."""
+    shown: Plan | None = None
+    """What the pages have."""
     cut_from: tuple[float, float] = (math.nan, math.nan)
+
+    def show_plan(self, plan: Plan, frame: LocalFrame | None) -> None:
+        """The map's still part, and again when it has been laid out anew."""
+        about = {"anew": self.shown is not None, "origin": frame and list(frame.origin)}
+        self.machine.post({"kind": "plan", **snapshot.of_plan(plan), **about})
+        self.shown = plan
 
     def wants_pause(self) -> bool:
         """Asked before every step of the loop."""
@@ -203,15 +212,9 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
             operator.wants_pause,
             keeper,
         )
-        machine.post(
-            {
-                "kind": "plan",
-                **snapshot.of_plan(plan),
-                "origin": None if frame is None else list(frame.origin),
-            }
-        )
+        operator.show_plan(plan, frame)
         machine.mode = "drive"
-        machine.more = lambda: _about(run, operator, plan)
+        machine.more = lambda: _about(run, operator, frame)
         outcome = "stopped"
         try:
             run.run(operator.after_step)
@@ -256,7 +259,10 @@ def warm_up(machine: Machine, plan: Plan) -> None:
         pilot.step(now, Frame(now, frame.bgr), None, replace(armed, state=State.ARMED, faults=0))
 
 
-def _about(run: Drive, operator: Operator, plan: Plan) -> Json:
+def _about(run: Drive, operator: Operator, frame: LocalFrame | None) -> Json:
+    plan = run.pilot.plan
+    if plan is not operator.shown:
+        operator.show_plan(plan, frame)
     trail = list(operator.trail)
     operator.trail.clear()
     if trail:
@@ -289,6 +295,7 @@ def _summary(
         "outcome": outcome,
         "reason": pilot.reason,
         **snapshot.of_reason(pilot),
+        "believed_wrong": pilot.believed_wrong,
         "phase": pilot.phase.value,
         "faults": [bit.name for bit in protocol.Fault if bit in faults],
         "record": str(path),

@@ -169,7 +169,9 @@ class Panel:
             return
         match kind:
             case "plan":
-                self.plan, self.trail = message, []
+                self.plan = message
+                if not message["anew"]:
+                    self.trail = []
             case "trail":
                 self.trail += message["places"]
             case "ended":

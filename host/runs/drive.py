@@ -101,6 +101,7 @@ class Drive:
         self.step_s = 0.0
         """How long the longest step since the last look took; the looker sets it back."""
         self._jpeg: bytes | None = None
+        self._recorded = pilot.plan
         self._mount = mount
         self._delay_s = vehicle.camera_delay_s
         self._clock = clock
@@ -218,6 +219,9 @@ class Drive:
                 recorder.view(frame.stamp, self.pilot.view)
             recorder.pilot(now, snapshot(self.pilot))
             recorder.innovations(now, self.pilot.take_innovations())
+        if self.pilot.plan is not self._recorded:
+            self._recorded = self.pilot.plan
+            recorder.plan(now, self._recorded)
         if fix is not None:
             recorder.fix(fix)
         recorder.command(now, self.command)

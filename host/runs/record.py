@@ -30,6 +30,7 @@ from host.core.errors import UserError
 from host.core.messages import Command, Fix, Request, State, Telemetry
 from host.estimate.kalman import Innovation
 from host.pilot.snapshot import Snapshot
+from host.route.plan import Plan
 from host.vision.view import CropView
 
 PICTURES = "/camera"
@@ -112,6 +113,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("turns", "offset_m", "heading_rad", "distance_m", "x_m", "y_m", "yaw_rad"),
         ),
     ),
+    "/plan": ("daranti.Plan", _schema(text=_TEXT)),
     "/innovation": (
         "daranti.Innovation",
         _schema(
@@ -253,6 +255,10 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
     def pilot(self, stamp: float, snapshot: Snapshot) -> None:
         """What the pilot is doing, and where it believes to be."""
         self.put("/pilot", stamp, asdict(snapshot))
+
+    def plan(self, stamp: float, plan: Plan) -> None:
+        """The plan as it has been laid out anew, in JSON: `boundary` has the corners as found."""
+        self.put("/plan", stamp, {"text": json.dumps(asdict(plan))})
 
     def innovations(self, stamp: float, innovations: Iterable[Innovation]) -> None:
         """What the estimator made of its measurements since the last call."""

@@ -30,6 +30,7 @@ from host.runs.errand import (
     chosen_corner,
     corner_at,
     errand_of,
+    going_on,
     intention,
     warnings,
 )

@@ -100,7 +100,7 @@ async function checkPairing(code) {
 function hear(message) {
   switch (message.kind) {
     case "now": world.now = message; hearStop(message); hearSounds(message); break;
-    case "plan": world.plan = message; world.trail = []; break;
+    case "plan": world.plan = message; if (!message.anew) world.trail = []; break;
     case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
     case "ended": world.ended = message; break;
     case "goal": world.goal = message.place ? message : null; break;

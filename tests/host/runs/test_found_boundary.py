@@ -1,0 +1,113 @@
+"""Facts about a boundary that was wrong: the first round finds it, the machine stands while the
+rest is laid out, and a run that died goes on around what was found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.pilot.behaviours.lay_out import STRIPS, LayOut
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
+from host.route.anew import Anew, displaced
+from host.route.plan import Plan, spiral
+from host.runs.resume import Keeper, laid_out, load, remaining, resume_at
+from tests.helpers.simple_world import SimpleWorld, drive, harvest
+from tests.host.runs.test_resume import AtOnce
+
+VEHICLE = Vehicle()
+TRUE = [(0.0, 0.0), (7.0, 0.0), (7.0, 7.0), (0.0, 7.0)]
+SAID = [(0.0, 0.0), (7.4, 0.0), (7.0, 6.6), (0.0, 7.0)]
+SIGMA_M = 0.5
+START = spiral(TRUE, 0, VEHICLE, "three_point", 2.0).sides[0]
+
+
+def world() -> SimpleWorld:
+    found = SimpleWorld(VEHICLE, width=7.0, height=7.0)
+    found.stand_at(START)
+    return found
+
+
+def entered() -> Plan:
+    return spiral(SAID, 0, VEHICLE, "three_point", 2.0, sigma_m=SIGMA_M)
+
+
+def test_the_worst_corner_is_that_against_the_others() -> None:
+    turned = [(-y + 3.0, x - 2.0) for x, y in TRUE]
+    assert displaced(TRUE, turned)[1] < 1e-9
+    turned[2] = (turned[2][0] + 1.0, turned[2][1])
+    corner, off_m = displaced(TRUE, turned)
+    assert corner == 2
+    assert 0.4 < off_m < 1.0
+
+
+def test_strips_are_laid_out_a_few_at_a_time_and_make_the_same_plan() -> None:
+    plan = entered()
+    slowly, at_once = (Anew(plan, TRUE, plan.cut_along(4), VEHICLE) for _ in range(2))
+    steps = 0
+    while not slowly.over:
+        slowly.lay(STRIPS)
+        steps += 1
+    at_once.lay(10_000)
+    assert steps > 3
+    assert slowly.plan(plan, 3) == at_once.plan(plan, 3)
+
+
+def test_of_a_large_field_no_more_is_laid_out_than_is_needed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("host.route.anew.ENOUGH_STRIPS", 1)
+    plan = entered()
+    anew = Anew(plan, TRUE, plan.cut_along(1), VEHICLE)
+    while not anew.enough(plan, 0):
+        anew.lay(1)
+    assert not anew.over
+    found = anew.plan(plan, 0)
+    assert found is not None
+    whole = spiral(TRUE, 0, VEHICLE, "three_point", 2.0, sigma_m=SIGMA_M)
+    assert found.sides[:3] == whole.sides[:3]
+    assert found.sides[3:] == plan.sides[3:]
+
+
+@pytest.fixture
+def a_quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("host.runs.resume.ThreadPoolExecutor", AtOnce)
+
+
+@pytest.mark.usefixtures("a_quick_disk")
+def test_a_run_that_found_its_boundary_dies_and_goes_on_around_it(tmp_path: Path) -> None:
+    path, plan, before = tmp_path / "run.progress.json", entered(), world()
+    pilot, keeper = Pilot(VEHICLE, before, plan), Keeper(path, plan, 0, print)
+
+    def killed() -> bool:
+        assert not pilot.done, pilot.reason
+        keeper.note(pilot)
+        return (pilot.turns, pilot.cut_m) >= (5, 1.5)
+
+    drive(before, pilot, 1500.0, until=killed)
+    assert any("laying out" in t.reason for t in pilot.transitions)
+    assert pilot.believed_wrong.startswith("the boundary was wrong by up to 0.")
+    saved = load(path)
+    assert displaced(TRUE, saved.corners)[1] < 0.5 * displaced(TRUE, SAID)[1]
+
+    whole = laid_out(saved, plan, path, VEHICLE)
+    rest = remaining(whole, *resume_at(saved, whole, path))
+    after = SimpleWorld(VEHICLE, width=7.0, height=7.0)
+    after.crop, after.neighbour = before.crop, before.neighbour
+    after.stand_at(rest.sides[0])
+    again = Pilot(VEHICLE, after, rest)
+    harvest(after, again)
+    assert again.phase is Phase.FINISHED, again.reason
+    assert after.coverage > 0.97
+    assert after.neighbour_cut == 0
+
+
+def test_a_boundary_that_is_known_is_never_laid_out_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LayOut, "step", lambda *_: pytest.fail("laid out"))
+    field = world()
+    pilot = Pilot(VEHICLE, field, spiral(TRUE, 0, VEHICLE, "three_point", 2.0))
+    harvest(field, pilot)
+    assert pilot.phase is Phase.FINISHED
+    assert pilot.believed_wrong == ""
