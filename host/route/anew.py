@@ -90,7 +90,7 @@ def around(
     anew = Anew(plan, boundary, cut, vehicle)
     while not anew.over:
         anew.lay(ENOUGH_STRIPS)
-    return anew.plan(plan, len(cut) - 1)
+    return anew.plan(plan, len(cut) - plan.done - 1)
 
 
 def moved_with(

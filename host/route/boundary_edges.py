@@ -53,6 +53,8 @@ class BoundaryEdges:
         """How deep the strips before have cut from each edge."""
 
         def name(side: Side) -> Side:
+            if len(self.corners) < 3:
+                return side
             pieces = [piece for _, piece in side.pieces()]
             edges = [self.beside(*piece.pose(piece.length_m / 2)) for piece in pieces]
             begun = [self._against(piece.x_m, piece.y_m) for piece in pieces]

@@ -18,11 +18,12 @@ from host.route.side import Side
 VEHICLE = Vehicle()
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
 WIDTH = VEHICLE.pass_m
-FIRST, SECOND = BoundaryEdges(RING).named(
+FIRST, SECOND = map(
+    BoundaryEdges(RING).namer(),
     [
         Side(0.0, 0.0, 0.0, 14.0, WIDTH, 14.0),
         Side(14.0, WIDTH, math.pi / 2, 10.0 - WIDTH, WIDTH, 10.0 - WIDTH),
-    ]
+    ],
 )
 STEP_M = 0.1
 

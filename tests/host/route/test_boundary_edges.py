@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
+from host.route.anew import around
 from host.route.boundary_edges import BoundaryEdges
-from host.route.plan import KEEP_OUT_M, Plan, laid_anew, spiral
+from host.route.plan import KEEP_OUT_M, Plan, spiral, strip_by_strip
 from host.route.side import NO_EDGE, Side
 
 VEHICLE = Vehicle()
@@ -103,7 +104,7 @@ def test_a_strips_edge_is_found_however_the_field_lies(
 
 def test_without_a_boundary_no_side_has_an_edge() -> None:
     side = Side(0.0, 0.0, 0.0, 5.0, WIDTH, 5.0)
-    assert BoundaryEdges([]).named([side]) == (side,)
+    assert BoundaryEdges([]).namer()(side) == side
     assert side.edge == NO_EDGE
 
 
@@ -123,7 +124,8 @@ def test_what_lies_beside_is_told_by_the_edge_where_plans_were_laid_out_anew() -
 def test_sides_that_were_cut_stay_and_the_rest_lies_around_the_moved_corners() -> None:
     plan = plan_of("rectangle")
     cut = tuple(side.edge for side in plan.sides[:3])
-    anew = spiral(MOVED, 0, VEHICLE, cut=cut)
+    anew = around(spiral(RECTANGLE, 0, VEHICLE), MOVED, cut, VEHICLE)
+    assert anew is not None
     assert tuple(side.edge for side in anew.sides[:3]) == cut
     assert anew.sides[3].edge == 3
     for k, side in enumerate(anew.sides[:3]):
@@ -142,13 +144,13 @@ def test_sides_that_were_cut_stay_and_the_rest_lies_around_the_moved_corners() -
 @pytest.mark.parametrize("cut", [(0,) * 9, (7,)], ids=["more than it holds", "no such edge"])
 def test_strips_that_cannot_have_been_cut_are_refused(cut: tuple[int, ...]) -> None:
     with pytest.raises(UserError, match="strips that were cut"):
-        spiral(RECTANGLE, 0, VEHICLE, cut=cut)
+        list(strip_by_strip(RECTANGLE, 0, VEHICLE, Plan(), [], cut))
 
 
 def test_a_plan_laid_out_anew_counts_on_where_the_old_one_was() -> None:
     whole = replace(plan_of("rectangle"), gap_m=2.0, sigma_m=1.0)
     rest = replace(whole, sides=whole.sides[2:], done=2, before=(0, 1))
-    anew = laid_anew(rest, MOVED, 1, VEHICLE)
+    anew = around(rest, MOVED, rest.cut_along(2), VEHICLE)
     assert anew is not None
     assert [side.edge for side in anew.sides[:3]] == [2, 3, 0]
     assert (anew.done, anew.before) == (2, (0, 1))
@@ -161,8 +163,8 @@ def test_where_no_plan_has_the_sides_that_were_cut_none_is_laid_out() -> None:
     plan = plan_of("rectangle")
     small: Ring = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.5), (0.0, 1.5)]
     crossed: Ring = [RECTANGLE[0], RECTANGLE[2], RECTANGLE[1], RECTANGLE[3]]
-    assert laid_anew(plan, small, 9, VEHICLE) is None
-    assert laid_anew(plan, crossed, 0, VEHICLE) is None
+    assert around(plan, small, plan.cut_along(10), VEHICLE) is None
+    assert around(plan, crossed, plan.cut_along(1), VEHICLE) is None
 
 
 @pytest.mark.parametrize("by_rad", [0.0, 0.05, -0.08])
@@ -172,7 +174,7 @@ def test_keep_outs_move_and_turn_with_the_corners(by_rad: float) -> None:
     first = Side(0.0, 0.0, 0.0, 9.0, WIDTH, 9.0, edges=(0,), places_m=((0.0, 0.0),))
     plan = Plan((first,), boundary=tuple(ring), gap_m=2.0, keep_outs=(tuple(well),))
     found = turned(ring, by_rad, 0.7, -0.4)
-    anew = laid_anew(plan, found, 0, VEHICLE)
+    anew = around(plan, found, plan.cut_along(1), VEHICLE)
     assert anew is not None
     [out] = anew.keep_outs
     true = shapely.Polygon(turned(well, by_rad, 0.7, -0.4))
