@@ -60,6 +60,9 @@ crop beyond as many may be the neighbour's."""
 UNKNOWN_M = 0.3
 """Standard deviation of a side's end from which on it is found by cutting towards it."""
 GOES_ON_M = 0.05
+BLIND_M = 0.6
+"""Where a new side may end, the way in dust after which it is looked for: half of the narrowest
+gap that is harvested beside."""
 OUTWARD_M = 0.4
 """Most by which a turn leads the machine outside of an edge that it has not seen: from outside the
 crop's right end is in view, from inside nothing but crop."""
@@ -192,9 +195,13 @@ class PlannedStrip(Strip):
         if not self.new:
             return
         start, last = self._pieces[-1]
-        known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
-        if known is not None and known[0] > start + last.length_m + GOES_ON_M:
-            self.estimate.position.ends_at(self._straight[-1], known[0] - start, known[1])
+        end = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
+        if end is not None and end > start + last.length_m + GOES_ON_M:
+            self.estimate.position.ends_at(self._straight[-1], end - start)
+
+    def blind(self) -> bool:
+        here = self.estimate.motion
+        return self.new and self.along_m(here) - self._crop_to_m > BLIND_M and self.end_due(here)
 
     def sure_ahead_m(self) -> float:
         if self._doubt_m == 0.0:

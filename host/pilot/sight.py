@@ -246,7 +246,9 @@ class Sight:
         if ends and self.ahead.follow(view, seen):
             ago = self._estimate.motion.distance_m - seen.motion.distance_m
             strip.met_begin(ago - view.crop_ahead_m)
-        if ends and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
+        # In dust before the blade, which shows no edge either, crop seems to stand for ever.
+        clear = view.confidence >= CONFIDENT or not gaze.cutting
+        if ends and clear and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
             strip.goes_on(seen.motion)
 
     def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:

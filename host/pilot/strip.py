@@ -89,6 +89,10 @@ class Strip:
     def goes_on(self, motion: Motion) -> None:
         """Crop that goes on from what is being cut stood at the blade at a motion."""
 
+    def blind(self) -> bool:
+        """Whether its end, which nobody has seen before, may have been passed in the dust."""
+        return False
+
     def sure_ahead_m(self) -> float:
         """How far before the last crop that was seen at the blade the strip's end is taken to be,
         where nothing has been seen of it yet; inf: it is known."""

@@ -11,6 +11,7 @@ BESIDE_RAD = math.radians(1.0)
 BESIDE_WIDTHS = (0.2, 1.5)
 """Of the blade, between the lines of a side and of the one that has left its edge."""
 NO_EDGE = -1
+"""Index for "none of the boundary's edges"."""
 
 
 @dataclass(frozen=True, slots=True)

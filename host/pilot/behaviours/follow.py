@@ -34,6 +34,7 @@ class Why(Reason):
     EDGE_LOST = Doing.BACK_OFF, "the edge is lost: {why}"
     EDGE_UNSURE = Doing.LOOK_AT_EDGE, f"the edge is unsure: {LOOKING}"
     SEEMS_TO_END = Doing.LOOK_AT_END, f"the crop seems to end: {LOOKING}"
+    IN_DUST = Doing.LOOK_AT_END, f"the side may end in the dust: {LOOKING}"
     TOO_LONG = Doing.FAULT, "the side is longer than the boundary allows"
     REMNANT_GONE = Doing.FINISH, "nothing found of the plan's last remnant"
     LAST_CLEAR = Doing.FINISH, "no crop left on the last side"
@@ -100,6 +101,9 @@ class Follow(Behaviour):
         some."""
         context = self.context
         clear = context.sight.ahead.end
+        if clear is None and context.strip.blind() and context.sight.ahead.entered:
+            context.look.begin(now, context.motion.distance_m, LONG_LOOK_S)
+            return Why.IN_DUST.go()
         if clear is None:
             return None
         due = context.strip.end_due(clear.motion)

@@ -6,6 +6,7 @@ of a look. Where the plan has no end it is a bare patch, or no lane at all.
 
 from __future__ import annotations
 
+from host.estimate.crop_ahead import EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.look_at_edge import rolls_on
 from host.pilot.endings import Elsewhere, SideEnd, end_side
@@ -42,10 +43,14 @@ class LookAtEnd(Behaviour):
 
     def _judge(self, now: float) -> Go | None:
         context, ahead = self.context, self.context.sight.ahead
+        over = context.look.over(now)
+        if ahead.clear_since is None and context.strip.blind():
+            # Nothing is believed of a new side's end but what shows without dust.
+            here = EndOfField(now, context.motion, context.strip.index)
+            return end_side(context, now, here, looked=True) if over else None
         if ahead.clear_since is None:
             context.bare = 0
             return Why.CROP_GOES_ON.go()
-        over = context.look.over(now)
         if not over and ahead.end is None:
             return None
         if context.strip.end_due(ahead.clear_since.motion):
