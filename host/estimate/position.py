@@ -269,13 +269,17 @@ class Position(Filter):
         self.fuse(end.end(self.at(side), self._p, ago_m, doubt_m))
         self._learn()
 
-    def ends_at(self, side: Side, along_m: float) -> None:
-        """A side's end is now taken to lie along_m past its beginning. The corners give way and not
-        the machine, and nothing is any surer: no place was measured."""
+    def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:
+        """A side's end is now taken to lie along_m past its beginning, with that variance against
+        the blade."""
         place = self.at(side)
-        h = to_border(place, 1)[STATES:]
-        gain = self._p[STATES:, STATES:] @ h
-        self._x[STATES:] += gain * ((along_m - place.side.length_m) / (h @ gain))
+        h = to_border(place, 1)
+        ph = self._p @ h
+        before = float(h @ ph)
+        # The corners give way and not the machine: its place was not measured.
+        gain = np.where(np.arange(len(ph)) < STATES, 0.0, ph)
+        self._x = self._x + gain * ((along_m - place.side.length_m) / float(h @ gain))
+        self._p = self._p + np.outer(ph, ph) * ((variance_m2 - before) / before**2)
         self._learn()
 
     def laid_anew(self, boundary: Sequence[tuple[float, float]], side: Side) -> None:

@@ -195,9 +195,9 @@ class PlannedStrip(Strip):
         if not self.new:
             return
         start, last = self._pieces[-1]
-        end = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
-        if end is not None and end > start + last.length_m + GOES_ON_M:
-            self.estimate.position.ends_at(self._straight[-1], end - start)
+        known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
+        if known is not None and known[0] > start + last.length_m + GOES_ON_M:
+            self.estimate.position.ends_at(self._straight[-1], known[0] - start, known[1])
 
     def blind(self) -> bool:
         here = self.estimate.motion

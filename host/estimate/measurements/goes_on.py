@@ -33,15 +33,16 @@ def to_border(place: Place, way: int) -> Array:
     return h
 
 
-def goes_on(bound_m: float, mean_m: float, sigma_m: float) -> float | None:
-    """Mean of where a side ends, m, that was taken to end at mean_m, give or take sigma_m, before
-    anything was seen of it, now that crop was seen to go on to bound_m along it; None where that
-    changes nothing. Each time from what was taken first: cut off step by step, the normal
-    distribution loses its tail."""
+def goes_on(bound_m: float, mean_m: float, sigma_m: float) -> tuple[float, float] | None:
+    """Mean (m) and variance (m²) of where a side ends that was taken to end at mean_m, give or take
+    sigma_m, before anything was seen of it, now that crop was seen to go on to bound_m along it;
+    None where that changes nothing. Each time from what was taken first: cut off step by step, the
+    normal distribution loses its tail."""
     bound = (bound_m - mean_m) / sigma_m
     if bound < LIKELY:
         return None
     bound = min(bound, FARTHEST)
     density = math.exp(-bound * bound / 2) / math.sqrt(math.tau)
     hazard = density / (math.erfc(bound / math.sqrt(2)) / 2)
-    return max(bound_m, mean_m + sigma_m * hazard)
+    mean = max(bound_m, mean_m + sigma_m * hazard)
+    return mean, sigma_m**2 * (1.0 - hazard * (hazard - bound))
