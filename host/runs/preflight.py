@@ -10,12 +10,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
+import numpy as np
+
 from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
 from host.core.messages import Fix
-from host.core.vehicle import Vehicle
+from host.core.vehicle import Mount, Vehicle
 from host.route.plan import Plan
 from host.runs.errand import Errand, compass_deg
+from host.sensors.jpeg import Bgr
 from host.vision.view import CropView
 
 RECORD_BPS: Final = 2.4e9 / 3600
@@ -36,6 +39,18 @@ HEADING_DEG: Final = 15.0
 OFFSET_M: Final = 0.5
 SURE: Final = 0.5
 """The edge must be seen so surely (0..1), and then lie no farther off the blade's right end."""
+
+SKY_WARMTH: Final = 15
+"""Red less blue, of 255: sky has less in any weather of the bench, crop and ground more."""
+SKY_BRIGHT: Final = 120
+"""Of 255, the brightest colour of sky."""
+MOSTLY: Final = 0.5
+ALL_BUT: Final = 0.95
+"""Shares of the picture's upper border that make it sky, or ground."""
+HORIZON_IN: Final = 0.15
+HORIZON_OUT: Final = -0.05
+"""Where the horizon lies, as a share of the picture's height from above, for a mount to see sky, or
+surely none."""
 
 Relation = Literal["equal", "at least"]
 
@@ -234,6 +249,35 @@ def view_problem(view: CropView) -> Problem | None:
             {"metres": round(abs(view.edge_offset_m), 1), "side": f"word.{side}"},
         )
     return None
+
+
+def mount_problem(bgr: Bgr, name: str, vehicle: Vehicle) -> str:
+    """Why a picture cannot be from the mount of that name, where another of the vehicle file's fits
+    it: the one sees the sky above the horizon, the other the ground alone. Empty where nothing
+    contradicts."""
+    wanted = _sees_sky(vehicle.mounts[name])
+    top = bgr[: max(1, bgr.shape[0] // 16)].astype(np.int16)
+    warm = top[..., 2] - top[..., 0]
+    sky = float(((warm < SKY_WARMTH) & (top.max(axis=2) > SKY_BRIGHT)).mean())
+    ground = float((warm >= SKY_WARMTH).mean())
+    seen = True if sky > MOSTLY else False if ground > ALL_BUT else None
+    if wanted is None or seen is None or wanted == seen:
+        return ""
+    others = [other for other, mount in vehicle.mounts.items() if _sees_sky(mount) == seen]
+    if not others:
+        return ""
+    what = "sky" if seen else "ground or crop and no sky"
+    return (
+        f"the upper border of the picture shows {what}, which a camera on the mount {name} does "
+        f"not: give --mount {' or '.join(others)}, or set the camera as the vehicle file has it"
+    )
+
+
+def _sees_sky(mount: Mount) -> bool | None:
+    """Whether the horizon lies well inside the picture, or well above it; None between."""
+    row = mount.centre[1] - mount.focal * math.tan(math.radians(mount.pitch_deg))
+    share = row / mount.height_px
+    return True if share > HORIZON_IN else False if share < HORIZON_OUT else None
 
 
 def direction_seen(view: CropView) -> bool:

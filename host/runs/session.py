@@ -39,6 +39,7 @@ from host.runs.preflight import (
     PAIRS,
     disagreements,
     length_s,
+    mount_problem,
     room_for,
     start_problem,
 )
@@ -47,7 +48,7 @@ from host.runs.resume import Keeper, Progress, load
 from host.runs.screen import Keyboard, Screen
 from host.runs.sources import paper_params, warm_up
 from host.sensors.camera_stream import Picture, camera_feed
-from host.sensors.jpeg import JpegDecoder
+from host.sensors.jpeg import Bgr, JpegDecoder
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
@@ -269,8 +270,13 @@ def _asked_heading(machine: _Machine) -> float | None:
 
 def _problem(machine: _Machine, errand: Errand, heading_deg: float | None) -> str:
     """Why it must not start from where it stands, as far as receiver, compass and picture tell."""
+    view, bgr = _look(machine)
+    if bgr is not None and (
+        other := mount_problem(bgr, machine.order.mount, machine.given.vehicle)
+    ):
+        return other
     corners = machine.given.field.crop if machine.given.field is not None else ()
-    found = start_problem(errand, corners, _some_fixes(machine), _look(machine), heading_deg)
+    found = start_problem(errand, corners, _some_fixes(machine), view, heading_deg)
     return "" if found is None else found.text
 
 
@@ -286,9 +292,10 @@ def _some_fixes(machine: _Machine) -> list[Fix]:
     return found
 
 
-def _look(machine: _Machine) -> CropView | None:
-    """What a new detector makes of the newest pictures; None where none comes."""
-    eye, view = _eye(machine), None
+def _look(machine: _Machine) -> tuple[CropView | None, Bgr | None]:
+    """What a new detector makes of the newest pictures, and the last of them; None where none
+    comes."""
+    eye, view, bgr = _eye(machine), None, None
     end = machine.clock() + PICTURES_S
     decoder, count = JpegDecoder(), 0
     while count < PICTURES and machine.clock() < end:
@@ -297,8 +304,9 @@ def _look(machine: _Machine) -> CropView | None:
         if picture is not None:
             frame = fitted(picture, decoder, machine.given.mount, 0.0)
             view = eye.see(frame.bgr)
+            bgr = frame.bgr if frame.bgr.size else bgr
             count += 1
-    return view
+    return view, bgr
 
 
 def _clear(machine: _Machine, why: str) -> None:

@@ -280,6 +280,26 @@ def test_a_machine_that_stands_askew_is_told_which_way_to_turn(
     assert (found is not None) == bool(turn)
 
 
+def test_pictures_of_another_mount_are_told_before_anything_moves() -> None:
+    """The upper border: sky (blue, grey, or white with haze), crop, or a dark nothing."""
+
+    def picture(blue: int, green: int, red: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        made = np.full((480, 640, 3), (40, 90, 120), np.uint8)
+        made[:30] = blue, green, red
+        return made
+
+    for sky in ((210, 180, 160), (190, 185, 180), (150, 150, 160)):
+        assert "--mount low" in preflight.mount_problem(picture(*sky), "mast", VEHICLE)
+        assert preflight.mount_problem(picture(*sky), "low", VEHICLE) == ""
+    for crop in ((80, 140, 180), (120, 140, 150)):
+        assert "--mount mast" in preflight.mount_problem(picture(*crop), "low", VEHICLE)
+        assert preflight.mount_problem(picture(*crop), "mast", VEHICLE) == ""
+    for name in ("low", "mast"):
+        assert preflight.mount_problem(picture(40, 40, 40), name, VEHICLE) == ""
+    alone = VEHICLE.model_copy(update={"mounts": {"mast": MAST}})
+    assert preflight.mount_problem(picture(210, 180, 160), "mast", alone) == ""
+
+
 def test_an_edge_that_is_not_at_the_blade_is_told() -> None:
     assert preflight.view_problem(CropView(0.9, edge_offset_m=0.1)) is None
     assert preflight.view_problem(CropView(0.2, edge_offset_m=2.0)) is None
