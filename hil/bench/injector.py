@@ -227,6 +227,29 @@ class Injector:
             raise ValueError("only faults that have not begun, by others that begin alike")
         self.faults = faults
 
+    def add(self, fault: Fault) -> None:
+        """One fault more, while it runs."""
+        self._rng.append(np.random.default_rng([self._seed, 0xFA17, len(self.faults)]))
+        self.faults = (*self.faults, fault)
+        self._since.append(None)
+        self._begun.append(None)
+        self._ended.append(False)
+
+    @property
+    def active(self) -> list[Fault]:
+        """What is broken now."""
+        begun = zip(self.faults, self._begun, self._ended, strict=True)
+        return [fault for fault, since, ended in begun if since is not None and not ended]
+
+    def end_all(self, now: float) -> None:
+        """All that has begun is over, and what has not begun never does."""
+        for index, fault in enumerate(self.faults):
+            if self._begun[index] is not None and not self._ended[index]:
+                self.events.append(Event(now, index, False))
+                self._end(fault)
+            self._begun[index] = now if self._begun[index] is None else self._begun[index]
+            self._ended[index] = True
+
     def step(
         self,
         now: float,

@@ -90,8 +90,10 @@ class Rig:
         factor: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
         wait: Callable[[float], None] = time.sleep,
+        tend: Callable[[], None] = lambda: None,
     ) -> None:
-        """`factor`: simulated seconds per second."""
+        """`factor`: simulated seconds per second; `tend` is called ten times in one of them."""
+        self._tend = tend
         self.bench = bench
         self.deadlines = Deadlines()
         self.track: list[tuple[float, float, float, float, Phase]] = []
@@ -140,6 +142,7 @@ class Rig:
         if number % FIX_SLICES == 0:
             self._phone.say(bench.fix())
         if number % TRACK_SLICES == 0:
+            self._tend()
             self.track.append((bench.now, *bench.pose, Phase.CONNECT))
         due = None
         if self._pictures and self._pictures[0][0] <= now and self._pictures[0][2].done():

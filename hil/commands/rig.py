@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO, cast
 
 import click
 
 from hil.bench.lockstep import Bench
 from hil.bench.ports import NETWORK, Port, PseudoTerminal, Rfc2217Port, TcpPort
 from hil.bench.rig import Rig, _develop, handouts, rehearse
+from hil.bench.typed_faults import USAGE, TypedFaults
 from hil.firmware.real_board import PREFIX, Board
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
-from host.core.terminal import echo
+from host.core.progress import Watch
+from host.core.terminal import Outlet, PlainConsole, echo
 from sim_plant.phone import Phone, PhoneSpec
 
 
@@ -65,7 +68,8 @@ def rig(
     """The whole machine behind a serial port and a phone, in wall-clock time.
 
     Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
-    and how well the clock was kept."""
+    and how well the clock was kept. Faults can be typed while it runs, such as `pot off for=3`;
+    `list` says what is broken, `end` mends it."""
     real = firmware.removeprefix(PREFIX) if firmware and firmware.startswith(PREFIX) else None
     if real is None and firmware not in (None, "desk", "avr"):
         raise UserError(f"--firmware {firmware}: give desk, avr or serial:PORT of a real board")
@@ -89,15 +93,31 @@ def rig(
                     served = ports[kind.SCHEME] = kind(number, host)
                     plugged.callback(served.close)
             phone = plugged.enter_context(_phone(host, http_port, nmea_port))
-            machine = Rig(bench, list(ports.values()), phone, factor=factor)
+            typed = TypedFaults(sys.stdin, echo)
+            watch = plugged.enter_context(_watch(duration))
+
+            def tend() -> None:
+                typed.poll(bench.now, bench.faults, real is not None)
+                watch.reach(bench.now, f"{100 * bench.field.coverage():.1f} % cut")
+
+            machine = Rig(bench, list(ports.values()), phone, factor=factor, tend=tend)
             plugged.callback(machine.close)
             phone.show(_develop(bench.camera, bench.shutter()))
             addresses = {kind: port.name for kind, port in ports.items()}
             addresses |= {"camera": phone.camera_url, "gnss": phone.gnss_url}
             _announce(addresses | handouts(chosen, out), out)
+            echo(f"faults may be typed here while it runs: {USAGE}")
             with contextlib.suppress(KeyboardInterrupt):  # the way to end it
                 machine.run(duration)
         _report(machine, out)
+
+
+def _watch(duration: float | None) -> Watch:
+    """A line now and then, on a terminal too, where faults are typed; it never waits for it."""
+    console = PlainConsole(
+        file=cast(TextIO, Outlet(sys.stderr)), force_terminal=False, soft_wrap=True
+    )
+    return Watch("rig", round(duration) if duration is not None else None, console)
 
 
 def _phone(host: str, http_port: int, nmea_port: int) -> Phone:
@@ -130,8 +150,15 @@ def _report(machine: Rig, out: Path) -> None:
         "pose": [round(value, 3) for value in machine.bench.pose],
         **machine.deadlines.summary(),
     }
+    faults = machine.bench.faults
+    injected = [
+        (f"{event.stamp:.2f} s", faults.faults[event.index].name,
+         "begins" if event.begins else "ends")
+        for event in faults.events
+    ]  # fmt: skip
     for key, value in summary.items():
         echo(f"{key:18} {value}")
+    summary["faults_injected"] = injected
     (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     if len(machine.track) > 1:
         title = f"rig: coverage {summary['coverage']:.3f}"

@@ -113,3 +113,28 @@ def test_a_view_changes_nothing_of_the_record(tmp_path: Path) -> None:
         run.close()
         records.append(list(record.read(path)))
     assert records[0] == records[1]
+
+
+LAYOUT = Path(__file__).parents[3] / "docs" / "use" / "foxglove.json"
+
+
+def test_what_the_layout_shows_is_in_a_record() -> None:
+    """Every topic and every field that a panel names has its schema; every panel has its place."""
+    layout = json.loads(LAYOUT.read_text(encoding="utf-8"))
+    panels = layout["configById"]
+    named = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
+    for panel in panels.values():
+        named += [panel[key] for key in ("topicPath", "followTopic") if key in panel]
+        named += [panel["imageMode"]["imageTopic"]] if "imageMode" in panel else []
+    assert len(named) > 10
+    for name in named:
+        topic, _, field = name.partition(".")
+        assert topic in record.SCHEMAS, name
+        assert not field or field in record.SCHEMAS[topic][1]["properties"], name
+
+    def placed(part: object) -> list[str]:
+        if isinstance(part, dict):
+            return placed(part["first"]) + placed(part["second"])
+        return [str(part)]
+
+    assert sorted(placed(layout["layout"])) == sorted(panels)
