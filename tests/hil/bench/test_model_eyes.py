@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from hil.bench.eyes import PerfectEye
-from hil.bench.harvest import Harvest
+from hil.bench.harvest import Harvest, harvest
 from hil.bench.lockstep import Bench
 from hil.bench.model_eyes import ModelEyes, library
 from hil.firmware import targets
-from hil.scenario.scenario import Scenario
+from hil.scenario.scenario import Scenario, load
 from host.core.errors import UserError
+from host.runs.record import read
 from host.sensors.jpeg import NOTHING
 from host.vision.view import CropView, Detector
 
@@ -114,3 +115,21 @@ def test_the_library_says_what_it_was_fitted_to() -> None:
     for name, figures in about["figures"].items():
         assert figures["pictures"] > 0, name
         assert math.isfinite(figures["offset_sd_m"]), name
+
+
+def test_eyes_that_take_no_pictures_leave_none_in_film_and_record(tmp_path: Path) -> None:
+    chosen = scenario(limits={"time_s": 2.0}, record={"film": True, "pictures_every": 1})
+    harvest(chosen, tmp_path)
+    assert not (tmp_path / "camera.mp4").exists()
+    topics = {topic for topic, _, _ in read(tmp_path / "record.mcap")}
+    assert "/view" in topics
+    assert "/camera" not in topics
+
+
+def test_a_post_that_nobody_surveyed_is_driven_over_and_counted() -> None:
+    """The machine sees neither posts nor people: the bench says so, whoever looks away."""
+    run = Harvest(load("post", {"eyes": "model", "limits": {"time_s": 25.0}}))
+    assert not run.bench.scenario.told.keep_outs
+    run.run()
+    run.close()
+    assert run.truth.summary()["keep_out_m"] > 0.1
