@@ -11,7 +11,7 @@ SHIM := build/simavr/libdaranti_avr.so
 SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* firmware/scripts/*) platformio.ini
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test test-wallclock test-long lint analyse mutants mutants-board speed clean check
+.PHONY: help setup build harvest test test-wallclock test-long lint analyse mutants mutants-python mutants-board speed clean check
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -73,6 +73,9 @@ speed: setup ## what each part of the bench costs, against the stored baseline
 
 mutants: setup ## mutation testing of the firmware core (a few minutes)
 	@$(BIN)/python tools/mutate.py
+
+mutants-python: setup ## breaks the Python code, one line a time, and runs the tests that must notice (ten minutes)
+	@$(BIN)/python tools/mutate_python.py
 
 mutants-board: setup ## mutation testing of the boards' code in simavr (ten minutes)
 	@$(BIN)/python tools/mutate_board.py

@@ -157,6 +157,14 @@ def test_the_crop_ahead_is_seen_over_the_blades_width() -> None:
     assert field.crop_ahead(-1.0, -0.6, 0.0) == math.inf
 
 
+def test_the_straw_is_laid_right_of_the_blade() -> None:
+    field = Field(PLAIN.model_copy(update={"windrow_m": (0.1, 0.45)}))
+    field.cut((-1.5, 0.5, 0.0), (2.5, 0.5, 0.0))  # the blade's right end runs along y = 0
+    rows = np.flatnonzero((field.kind == ground.WINDROW).any(axis=1))
+    y = field.origin[1] + (rows + 0.5) * field.cell
+    assert (y.min(), y.max()) == pytest.approx((-0.55, -0.1), abs=field.cell)
+
+
 def test_a_watcher_gets_each_change_once() -> None:
     field = Field(PLAIN)
     watch = field.watch()

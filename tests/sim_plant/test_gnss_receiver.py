@@ -44,6 +44,13 @@ def test_without_error_the_fix_is_the_truth_to_the_format_s_resolution() -> None
         assert _metres(gnss, gnss.epoch(0, x, y, 0, 0)) == pytest.approx((x, y), abs=0.003)
 
 
+def test_a_receiver_that_lags_says_where_it_was() -> None:
+    gnss = Gnss(GnssSpec(cep_m=0, white_m=0, lag_s=2.0, **CALM))
+    assert _metres(gnss, gnss.epoch(0, 10.0, 4.0, 1.0, -0.5)) == pytest.approx(
+        (8.0, 5.0), abs=0.003
+    )
+
+
 @pytest.mark.parametrize("cep", [0.5, 2.5])
 def test_half_the_fixes_lie_within_the_cep(cep: float) -> None:
     distances = []

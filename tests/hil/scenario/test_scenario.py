@@ -77,6 +77,7 @@ def test_the_plant_s_bridges_follow_the_firmware_s_parameters() -> None:
             3,
             "estop can be: off, stuck, intermittent",
         ),
+        ("faults:\n  - {component: pot, failure: off, at: {}}\n", 2, "exactly one of"),
         ("faults:\n  - component: pot\n    failure: off\n    at: {time_s: 1, state: turn}\n", 4,
          "exactly one of"),
     ],
