@@ -14,6 +14,7 @@ from rich.table import Table
 from hil.bench.harvest import harvest
 from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, load, merge
+from host.field.boundary_file import UNKNOWN_SIGMA_M
 
 SIZE_M: Final = (9.0, 7.0)
 """Not a square: to be at another corner than said makes a difference."""
@@ -71,8 +72,9 @@ def _gap(true_m: float, said_m: float) -> dict[str, Any]:
     return {"field": {"gap_m": true_m}, "belief": {"gap_m": said_m}}
 
 
-def _boundary(ring: list[list[float]]) -> dict[str, Any]:
-    return {"belief": {"boundary": ring, "corner": 1}}
+def _boundary(ring: list[list[float]], sigma_m: float = UNKNOWN_SIGMA_M) -> dict[str, Any]:
+    """As a file has it that does not say how surely its corners are known."""
+    return {"belief": {"boundary": ring, "corner": 1, "boundary_sigma_m": sigma_m}}
 
 
 CASES: Final[Mapping[str, dict[str, Any]]] = {
@@ -92,6 +94,8 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "said 2 m longer": _boundary(_ring(longer=2.0)),
     "said 3 m longer": _boundary(_ring(longer=3.0)),
     "said 2 m wider": _boundary(_ring(wider=2.0)),
+    "said 2 m longer, surely": _boundary(_ring(longer=2.0), 0.0),
+    "said 2 m short, surely": _boundary(_ring(longer=-2.0), 0.0),
     "said 1 m short": _boundary(_ring(longer=-1.0)),
     "said 2 m short": _boundary(_ring(longer=-2.0)),
     "said 3 m short": _boundary(_ring(longer=-3.0)),
@@ -115,6 +119,7 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
             _SAID,
             {
                 "boundary": _scattered(0.5),
+                "boundary_sigma_m": UNKNOWN_SIGMA_M,
                 "corner": 1,
                 "vehicle": {
                     "mounts": {"mast": {"hfov_deg": 62.0, "distortion": [0.0, 0.0, 0.0, 0.0, 0.0]}}

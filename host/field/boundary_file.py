@@ -50,10 +50,10 @@ MAX_LATITUDE_DEG = 72.0
 """No wheat grows beyond: coordinates that lie there have been swapped."""
 MAX_BYTES = 64 * 1024 * 1024
 """Of a boundary's file: more is another file."""
-UNKNOWN_SIGMA_M = 1.5
-"""Of corners from a file that does not say it, standard deviation per axis against each other. As
-if walked once with a phone of 2.5 m CEP by positions alone: such a phone errs by 2.5 / 1.1774 m per
-axis, and what corners of one lap share of it is no error of the field's form."""
+UNKNOWN_SIGMA_M = 1.0
+"""Of corners from a file that does not say it, standard deviation per axis against each other: as
+if walked once with a phone of 2.5 m CEP by positions alone, whose corners err by 1.27 m, 0.9 m per
+axis (hil.studies.walks)."""
 SIGMA = "sigma_m"
 """The property of a GeoJSON feature that says it."""
 MOST_SIGMA_M = 100.0
