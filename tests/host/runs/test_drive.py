@@ -75,6 +75,7 @@ class Script:
         self.paused = False
         self.turns = 0
         self.cut_m = 0.0
+        self.plan = Plan()
         self.position = Position(Vehicle())
         self.lane = Lane(Vehicle().blade_x_m)
         self.motion = Odometry(Vehicle()).now
