@@ -276,9 +276,12 @@ class Position(Filter):
         h = to_border(place, 1)
         ph = self._p @ h
         before = float(h @ ph)
-        # The corners give way and not the machine: its place was not measured.
-        gain = np.where(np.arange(len(ph)) < STATES, 0.0, ph)
-        self._x = self._x + gain * ((along_m - place.side.length_m) / float(h @ gain))
+        step = ph * ((along_m - place.side.length_m) / before)
+        # Seen from the machine, whose place was not measured: with it stays what is tied to it, as
+        # the side's beginning is.
+        step[STATES:] -= np.tile(step[[X, Y]], self.outline.states // 2)
+        step[:STATES] = 0.0
+        self._x = self._x + step
         self._p = self._p + np.outer(ph, ph) * ((variance_m2 - before) / before**2)
         self._learn()
 

@@ -55,6 +55,8 @@ def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = Fa
     """Ends the present side, and lays out what comes next; `looked`: the end was seen after the
     machine had stopped to look."""
     strip, sight = context.strip, context.sight
+    if looked:
+        context.by_plan = False
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()

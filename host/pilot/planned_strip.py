@@ -60,6 +60,7 @@ crop beyond as many may be the neighbour's."""
 UNKNOWN_M = 0.3
 """Standard deviation of a side's end from which on it is found by cutting towards it."""
 GOES_ON_M = 0.05
+"""By which an end must give way at least, for the plan's sides to be moved."""
 BLIND_M = 0.6
 """Where a new side may end, the way in dust after which it is looked for: half of the narrowest
 gap that is harvested beside."""

@@ -77,7 +77,6 @@ class Follow(Behaviour):
             return None
         if context.strip.new and context.strip.end_due(context.motion):
             here = EndOfField(now, context.motion, context.strip.index)
-            context.by_plan = False
             return end_side(context, now, here, looked=True)
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:

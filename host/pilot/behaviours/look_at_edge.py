@@ -6,7 +6,7 @@ from host.estimate.crop_ahead import EndOfField
 from host.estimate.cut_guard import CLEAR_M
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import STAND_S, Context
-from host.pilot.endings import SideEnd, end_side
+from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import UNSEEN_M, Gaze
 
@@ -30,7 +30,7 @@ class LookAtEdge(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(on_side=True, hesitates=True, settles=True)
-    reasons = (Why, SideEnd)
+    reasons = (Why, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context

@@ -54,7 +54,6 @@ class LookAtEnd(Behaviour):
         if not over and ahead.end is None:
             return None
         if context.strip.end_due(ahead.clear_since.motion):
-            context.by_plan = False
             return end_side(context, now, ahead.clear_since, looked=True)
         if over or not context.estimate.lane.contradicted:
             return self._go_on_beyond()

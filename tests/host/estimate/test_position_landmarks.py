@@ -142,13 +142,14 @@ def test_beside_a_border_the_machine_knows_its_place_though_not_in_the_field() -
 
 def test_the_end_is_taken_to_lie_exactly_where_it_is_said_to() -> None:
     position = Driven(Position(VEHICLE, RING, 1.0)).position
-    left, before = FIRST.length_m - position.along(FIRST), position.end_sigma_m(FIRST)
-    pose = position.pose
+    left = FIRST.length_m - position.along(FIRST)
+    pose, along = position.pose, position.along(FIRST)
     position.ends_at(FIRST, 15.3, 0.4**2)
+    assert position.along(FIRST) == pytest.approx(along, abs=0.05), "nor the side's beginning"
     place = position.at(FIRST)
     assert place.side.length_m - place.blade_m == pytest.approx(left + 1.3, abs=0.02)
     assert position.pose == pose, "the corners give way and not the machine"
-    assert position.end_sigma_m(FIRST) < before
+    assert position.end_sigma_m(FIRST) == pytest.approx(0.4, abs=0.02)
     eigenvalues = np.linalg.eigvalsh(position.covariance)
     assert eigenvalues.min() > 0.0
 

@@ -1,0 +1,234 @@
+"""Facts about a side that nobody has seen before: what leads the machine on, what ends it, and what
+the lane and the turn make of how little is known of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import END_SURE, EndOfField
+from host.estimate.cut_guard import PATCH_M, CutGuard
+from host.estimate.odometry import Odometry
+from host.pilot.behaviours.follow import Follow
+from host.pilot.behaviours.follow import Why as Followed
+from host.pilot.behaviours.look_at_edge import LookAtEdge
+from host.pilot.behaviours.look_at_edge import Why as EdgeLook
+from host.pilot.behaviours.look_at_end import LookAtEnd
+from host.pilot.behaviours.look_at_end import Why as EndLook
+from host.pilot.context import Context
+from host.pilot.endings import Elsewhere, SideEnd, end_side, outward
+from host.pilot.phase import Phase
+from host.pilot.pilot import Pilot
+from host.pilot.planned_strip import BLIND_M, OUTWARD_M, PlannedStrip
+from host.pilot.stop_and_look import LONG_LOOK_S
+from host.route.plan import Plan, spiral
+from host.vision.view import CropView
+from tests.helpers.eyes import Eyes
+from tests.helpers.simple_world import SimpleWorld, drive
+from tests.host.pilot.test_behaviours import CUTTING, NOW, is_for, moved, on_side, seeing
+
+VEHICLE = Vehicle()
+SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+NEW = spiral(SQUARE, 1, VEHICLE, gap_m=2.0, sigma_m=0.5)
+KNOWN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
+CLEAR = replace(CUTTING, confidence=0.0, crop_ahead_m=1.5)
+
+
+def strip_of(context: Context) -> PlannedStrip:
+    assert isinstance(context.strip, PlannedStrip)
+    return context.strip
+
+
+def along(cut_m: float, plan: Plan = NEW) -> Context:
+    """On the first side, its crop met cut_m ago and none seen since."""
+    return on_side(plan=plan, cut_m=cut_m)
+
+
+# ---- what leads on, what ends --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("believed_m", [4.0, 5.0, 6.0])
+def test_dust_that_looks_like_crop_leads_nobody_through_a_gap(believed_m: float) -> None:
+    """While the machine drives, the last metre and all beyond looks like crop at the blade, as
+    pictures at a low camera do."""
+    true = [(0.0, 0.0), (6.0, 0.0), (6.0, 5.0), (0.0, 5.0)]
+    said = [(0.0, 0.0), (6.0, 0.0), (6.0, believed_m), (0.0, believed_m)]
+    world = SimpleWorld(VEHICLE, width=6.0, height=5.0, polygon=true)
+    world.stand_at(spiral(true, 1, VEHICLE).sides[0])
+
+    def dusty(view: CropView) -> CropView:
+        if abs(world.speed) < 0.02 or world.y + VEHICLE.blade_x_m < 4.0:
+            return view
+        return replace(view, confidence=0.0, crop_ahead_m=0.0, ahead_confidence=0.95)
+
+    plan = spiral(said, 1, VEHICLE, gap_m=world.gap, sigma_m=0.5)
+    pilot = Pilot(VEHICLE, Eyes(world, dusty), plan)
+    drive(world, pilot, 90.0, until=lambda: pilot.phase in (Phase.TURN, Phase.FAULT))
+    assert pilot.phase is Phase.TURN, pilot.reason
+    assert world.neighbour_cut == 0
+    assert world.y + VEHICLE.blade_x_m < 5.0 + 1.2
+
+
+def test_a_new_side_is_looked_at_where_it_may_have_ended_in_the_dust() -> None:
+    context = along(9.0)
+    assert is_for(Follow(context).step(NOW)[1], Followed.IN_DUST)
+    strip_of(context).goes_on(context.motion)
+    assert not is_for(Follow(context).step(NOW)[1], Followed.IN_DUST)
+    moved(context, 9.0 + 0.9 * BLIND_M)
+    assert not is_for(Follow(context).step(NOW)[1], Followed.IN_DUST)
+
+
+def test_neither_a_known_side_nor_the_middle_of_a_new_one_is_looked_at() -> None:
+    assert not strip_of(along(9.0, KNOWN)).blind()
+    assert not strip_of(along(3.0)).blind()
+
+
+def test_a_look_in_which_nothing_shows_ends_a_new_side() -> None:
+    context = along(9.0)
+    context.look.begin(NOW, 9.0, LONG_LOOK_S)
+    assert is_for(LookAtEnd(context).step(NOW + 1.6)[1], None)
+    go = LookAtEnd(context).step(NOW + LONG_LOOK_S + 0.1)[1]
+    assert go is not None and go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+
+
+def test_a_look_that_shows_crop_at_the_blade_leads_on() -> None:
+    context = along(9.0)
+    context.look.begin(NOW, 9.0, LONG_LOOK_S)
+    strip_of(context).goes_on(context.motion)
+    assert is_for(LookAtEnd(context).step(NOW + 1.6)[1], EndLook.CROP_GOES_ON)
+
+
+@pytest.mark.parametrize(
+    ("cut_m", "view", "reason"),
+    [
+        (5.0, replace(CUTTING, confidence=0.0), EdgeLook.NO_CLEARER),
+        (5.0, CLEAR, EdgeLook.STILL_TO_FIND),
+        (5.0, replace(CLEAR, ahead_confidence=0.2), EdgeLook.STILL_TO_FIND),
+        (9.5, CLEAR, SideEnd),
+    ],
+)
+def test_after_a_look_at_the_edge_only_crop_at_the_blade_leads_on(
+    cut_m: float, view: CropView, reason: object
+) -> None:
+    context = along(cut_m)
+    context.sight.edge_at_m = 0.0
+    context.look.begin(NOW, cut_m)
+    seeing(context, view, stamp=NOW + 4.0)
+    go = LookAtEdge(context).step(NOW + 4.0)[1]
+    assert go is not None
+    if reason is SideEnd:
+        assert go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+    else:
+        assert go.reason is reason
+
+
+def test_on_a_known_side_dead_reckoning_leads_on_after_a_look() -> None:
+    context = along(5.0, KNOWN)
+    context.sight.edge_at_m = 0.0
+    context.look.begin(NOW, 5.0)
+    seeing(context, CLEAR, stamp=NOW + 4.0)
+    assert is_for(LookAtEdge(context).step(NOW + 4.0)[1], EdgeLook.NO_CLEARER)
+
+
+def test_an_end_that_was_looked_at_is_no_longer_the_plans_alone() -> None:
+    """Twice in a row an end by the plan is a fault; a look between them is none."""
+    context = along(9.5)
+    context.by_plan = True
+    end_side(context, NOW, EndOfField(NOW, context.motion, 0), looked=True)
+    assert not context.by_plan
+
+
+@pytest.mark.parametrize("dusty", [True, False])
+def test_crop_in_the_dust_ends_no_clear_ground(dusty: bool) -> None:
+    guard, stamp = CutGuard(VEHICLE), 0.0
+    guard.begin()
+
+    def picture(ahead_m: float) -> None:
+        view = CropView(0.9, crop_ahead_m=ahead_m, ahead_confidence=0.9)
+        guard.take_picture(stamp, view, dusty=dusty)
+
+    context = on_side()
+    assert context.telemetry is not None
+    for k in range(60):
+        stamp = 0.05 * k
+        moving = replace(context.telemetry, stamp=stamp, speed_mps=0.5, drive_duty=120)
+        guard.take_telemetry(moving)
+        picture(1.5 if k == 20 else 0.0)
+    assert (guard.clear_m > PATCH_M) is dusty
+
+
+# ---- what is known of the lane, the end and the turn ---------------------------------------------
+
+
+def test_an_end_is_no_nearer_than_the_crop_that_was_seen_and_gives_way_to_it() -> None:
+    context = along(8.0)
+    strip = strip_of(context)
+    assert strip.sure_ahead_m() == pytest.approx(strip.side.length_m)
+    strip.goes_on(context.motion)
+    assert strip.sure_ahead_m() == pytest.approx(strip.left_m())
+    moved(context, 12.0)
+    strip.goes_on(context.motion)
+    assert strip.side.length_m > 12.0
+    assert strip_of(along(8.0, KNOWN)).sure_ahead_m() == math.inf
+
+
+def test_a_contradicted_lane_of_a_new_side_is_the_place_in_the_field_again() -> None:
+    for plan, recalled in ((NEW, True), (KNOWN, False)):
+        context = along(5.0, plan)
+        lane = context.estimate.lane
+        lane.place(1.0, 0.5, 2.0, 1.0)
+        strip_of(context).recall_lane()
+        assert (abs(lane.offset_m) < 0.2) is recalled
+        lane.place(0.3, 0.0, 0.01, 0.01)
+        strip_of(context).recall_lane()
+        assert lane.offset_m == pytest.approx(0.3), "what is surer than the place stays"
+
+
+def test_a_turn_leads_outside_of_an_edge_that_nobody_has_seen() -> None:
+    context = along(10.0)
+    following = context.planned(1)
+    assert isinstance(following, PlannedStrip)
+    following.arrive(None, None)
+    assert 0.0 < following.outward_m <= OUTWARD_M
+    assert following.begin_doubt_m > 0.0
+    plan = outward(NEW, following)
+    assert plan.sides[1].shift_m == pytest.approx(NEW.sides[1].shift_m + following.outward_m)
+    assert plan.gap_m == pytest.approx(2.0 - following.begin_doubt_m)
+    known = on_side(plan=KNOWN, cut_m=10.0).planned(1)
+    assert outward(KNOWN, known) is KNOWN
+
+
+def test_a_corner_that_may_be_otherwise_teaches_the_steering_less() -> None:
+    def learned(sigma_rad: float) -> float:
+        odometry = Odometry(VEHICLE)
+        odometry.turned(1.5, 1.6, sigma_rad)
+        return odometry.yaw_gain - 1.0
+
+    assert learned(0.0) > 4 * learned(0.2) > 0.0
+
+
+def test_the_corners_angle_between_two_sides_is_as_unsure_as_the_corners() -> None:
+    sure = on_side(plan=KNOWN).estimate.position
+    unsure = on_side(plan=NEW).estimate.position
+    first, second = NEW.sides[:2]
+    assert sure.corner_sigma_rad(first, second) == 0.0
+    # Each edge turns by the difference of its corners, and the middle corner turns both.
+    expected = 0.5 * math.sqrt(2 + 2) / 10.0
+    assert unsure.corner_sigma_rad(first, second) == pytest.approx(expected, rel=0.6)
+
+
+def test_only_a_look_without_dust_makes_an_end_unsure() -> None:
+    """In dust it lies somewhere between where clear ground first showed and the machine."""
+    spreads = []
+    for sure in (True, False):
+        context = along(9.5)
+        context.sight.ahead.sure.extend([sure] * END_SURE[1])
+        end = EndOfField(NOW, context.motion, 0)
+        moved(context, 9.9, stamp=NOW + 1.0)
+        context.strip.met_end(end, None, looked=True)
+        spreads.append(context.estimate.position.end_sigma_m(NEW.sides[0]))
+    assert np.diff(spreads)[0] > 0.02
