@@ -39,6 +39,7 @@ SETTLE_S: Final = 2.0
 LOOK_S: Final = 3.5
 """and until that look is over."""
 HISTORY_S: Final = 2.0
+"""Of the way driven, kept for pictures that come late: more than any camera's delay."""
 
 
 class CutGuard:

@@ -20,6 +20,7 @@ from host.route.side import Side
 MIN_M = 3.0
 """A shorter way has no shape besides its direction and bend."""
 STEP_M = 0.05
+"""Between two points of a trail."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,7 @@ STOPS_S = 0.3
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
+"""For so long: one pulse too many is noise."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,6 +51,8 @@ SLIP_SIGMA = 0.015
 before anything is learned of it."""
 YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
+"""Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
+(the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
 
 
 class _Lane(NamedTuple):

@@ -9,6 +9,8 @@ from host.estimate.measurements.border import SLANT_SHARE, SLOPE_MOST, border
 from host.estimate.place import Place
 
 SIGMA_M = 0.25
+"""Of the beginning by the first picture that shows crop at the blade: the detector's own promise
+(`CropView.ahead_confidence`)."""
 
 
 def begin(place: Place, p: Array, ago_m: float) -> Measurement:

@@ -10,6 +10,7 @@ from host.pilot.context import Context
 from host.pilot.phase import Doing, Phase, Reason
 
 ARM_RETRY_S = 0.5
+"""Between two requests: ten of the firmware's telemetry frames and more, to see the answer."""
 
 
 class Why(Reason):

@@ -9,8 +9,8 @@ from host.pilot.phase import Phase
 from host.pilot.sight import Gaze
 
 STRIPS = 3
-"""At each step. On a field of 60 ha with 162 corners one strip takes 2.8 ms on an ordinary laptop
-(docs/understand/navigation.md), a step then 8 ms of its 50."""
+"""At each step. On a field of 57 ha with 162 corners a step of three took 6.5 ms of its 50 in the
+median and 9.5 ms at most, on one core of a server."""
 
 
 class LayOut(Behaviour):
