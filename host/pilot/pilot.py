@@ -86,6 +86,11 @@ class Pilot:
         """True steering angle minus the pot's, as learned."""
         return self._context.estimate.odometry.trim_rad
 
+    @property
+    def yaw_gain(self) -> float:
+        """True yaw over what the steering angle and the way say, as learned."""
+        return self._context.estimate.odometry.yaw_gain
+
     def take_innovations(self) -> list[Innovation]:
         """What the estimator made of its measurements since the last call; for the record."""
         return self._context.estimate.take_innovations()

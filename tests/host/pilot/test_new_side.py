@@ -19,13 +19,16 @@ from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as EdgeLook
 from host.pilot.behaviours.look_at_end import LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
+from host.pilot.behaviours.turn import DriveTurn
 from host.pilot.context import Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side, outward
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.pilot.planned_strip import BLIND_M, OUTWARD_M, PlannedStrip
+from host.pilot.planned_strip import BLIND_M, OUTWARD_M, SIGMAS, TURN_KNOWN_M, PlannedStrip
 from host.pilot.stop_and_look import LONG_LOOK_S
+from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
+from host.route.turn_legs import lane_beside, three_point
 from host.vision.view import CropView
 from tests.helpers.eyes import Eyes
 from tests.helpers.simple_world import SimpleWorld, drive
@@ -232,3 +235,83 @@ def test_only_a_look_without_dust_makes_an_end_unsure() -> None:
         context.strip.met_end(end, None, looked=True)
         spreads.append(context.estimate.position.end_sigma_m(NEW.sides[0]))
     assert np.diff(spreads)[0] > 0.02
+
+
+@pytest.mark.parametrize("believed_m", [9.0, 10.0])
+def test_a_glimpse_of_clear_ground_in_the_dust_is_not_forgotten(believed_m: float) -> None:
+    """Long before the side may end, one picture in twenty shows that it has."""
+    true = [(0.0, 0.0), (6.0, 0.0), (6.0, 5.0), (0.0, 5.0)]
+    said = [(0.0, 0.0), (6.0, 0.0), (6.0, believed_m), (0.0, believed_m)]
+    world = SimpleWorld(VEHICLE, width=6.0, height=5.0, polygon=true)
+    world.stand_at(spiral(true, 1, VEHICLE).sides[0])
+    pictures = 0
+
+    def dusty(view: CropView) -> CropView:
+        nonlocal pictures
+        pictures += 1
+        if abs(world.speed) < 0.02 or world.y + VEHICLE.blade_x_m < 4.0 or pictures % 20 == 0:
+            return view
+        return replace(view, confidence=0.0, crop_ahead_m=0.0, ahead_confidence=0.95)
+
+    plan = spiral(said, 1, VEHICLE, gap_m=world.gap, sigma_m=0.3)
+    pilot = Pilot(VEHICLE, Eyes(world, dusty), plan)
+    drive(world, pilot, 60.0, until=lambda: pilot.done)
+    assert world.neighbour_cut == 0
+    assert world.y + VEHICLE.blade_x_m < 5.0 + world.gap
+
+
+def test_a_stop_at_clear_ground_ends_a_new_side_where_it_may_end() -> None:
+    context = along(9.5)
+    context.estimate.cut.refused = True
+    go = Follow(context).step(NOW)[1]
+    assert go is not None and go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+    for cut_m, plan in ((5.0, NEW), (9.5, KNOWN)):
+        context = along(cut_m, plan)
+        context.estimate.cut.refused = True
+        assert is_for(Follow(context).step(NOW)[1], Followed.CLEAR_GROUND)
+
+
+def test_a_turn_sees_how_far_the_next_crop_is_and_what_was_driven_since() -> None:
+    context = along(10.0)
+    go = end_side(context, NOW, EndOfField(NOW, context.motion, 0))
+    assert go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+    turn = DriveTurn(context)
+    moved(context, 10.0, stamp=NOW)
+    seeing(context, replace(CLEAR, crop_ahead_m=1.4), stamp=NOW)
+    moved(context, 10.2, stamp=NOW + 0.2)
+    assert turn.seen_free(NOW + 0.2).clear_m == pytest.approx(1.2)
+    assert turn.seen_free(NOW + 2.0).clear_m == math.inf, "that was long ago"
+    seeing(context, replace(CLEAR, ahead_confidence=0.2), stamp=NOW + 0.2)
+    assert turn.seen_free(NOW + 0.2).clear_m == math.inf
+
+
+def test_the_last_leg_of_a_turn_leads_outside_too() -> None:
+    context = along(10.0)
+    following = context.planned(1)
+    assert isinstance(following, PlannedStrip)
+    following.arrive(None, None)
+    lane, position = context.estimate.lane, context.estimate.position
+    legs = three_point(VEHICLE, math.pi / 2, lane_beside(VEHICLE, math.pi / 2))
+    following.begin_leg(Turning(NOW, legs, (0.0, 0.0, 0.0)))
+    offset = position.against_lane()[0]
+    assert lane.offset_m == pytest.approx(offset + following.outward_m)
+
+
+def test_a_turn_must_find_room_where_the_end_may_lie_farther_on() -> None:
+    sure, unsure = along(9.5, KNOWN), along(9.5)
+    near, far = sure.strip.end_pose(), unsure.strip.end_pose()
+    assert near is not None and far is not None
+    sigma = unsure.estimate.position.end_sigma_m(NEW.sides[0])
+    assert far[1] - near[1] == pytest.approx(SIGMAS * sigma, abs=0.05)
+
+
+def test_a_turn_round_a_corner_of_unknown_angle_teaches_the_steering_little() -> None:
+    """The boundary says 100 degrees where 90 are turned."""
+    true = [(0.0, 0.0), (8.0, 0.0), (8.0, 7.0), (0.0, 7.0)]
+    said = [(0.0, 0.0), (8.0, 0.0), (8.0, 7.0), (0.0, 5.6)]
+    world = SimpleWorld(VEHICLE, width=8.0, height=7.0, polygon=true)
+    world.stand_at(spiral(true, 1, VEHICLE).sides[0])
+    pilot = Pilot(VEHICLE, world, spiral(said, 1, VEHICLE, gap_m=world.gap, sigma_m=1.0))
+    drive(world, pilot, 120.0, until=lambda: pilot.turns == 1 and pilot.cut_m > TURN_KNOWN_M + 1.0)
+    assert pilot.turns == 1, pilot.reason
+    assert pilot.yaw_gain == pytest.approx(1.0, abs=0.02)
