@@ -79,6 +79,14 @@ class Outline:
         """(states,) the derivative of how far, in direction `way`, that place of an edge moves."""
         return np.outer(self._weights(self._edges, edge, *at), way).ravel()
 
+    def of_corner(self, edge: int, way: tuple[float, float]) -> Array:
+        """(states,) the derivative of how far, in direction `way`, the corner that an edge leaves
+        moves."""
+        out = np.zeros_like(self.moved_m)
+        if edge != NO_EDGE and len(out):
+            out[edge] = way
+        return out.ravel()
+
     def turning(self, edge: int) -> Array:
         """(states,) the derivative of an edge's direction, 1/m."""
         out = np.zeros_like(self.moved_m)
@@ -97,8 +105,12 @@ class Outline:
         border = side.begins_at if way < 0 else side.ends_at
         at = side.pose(side.edge_begin_m if way < 0 else side.length_m - side.edge_end_m)[:2]
         if border == NO_EDGE or not len(self.moved_m):
-            edge = side.edge if way < 0 or not side.edges else side.edges[-1]
-            return self.along(edge, at, u)
+            # What was cut begins as far past its edge's corner as it did.
+            return (
+                self.of_corner(side.edge, u)
+                if way < 0
+                else self.along(side.edges[-1] if side.edges else NO_EDGE, at, u)
+            )
         c, s = self._edges.directions[border]
         across = c * u[1] - s * u[0]
         if abs(across) < PARALLEL:
@@ -178,6 +190,8 @@ class Outline:
         border = side.begins_at if way < 0 else side.ends_at
         by_edge = self._weights(e, side.edge, x, y) @ moved
         left, ahead = -s * by_edge[0] + c * by_edge[1], c * by_edge[0] + s * by_edge[1]
+        if border == NO_EDGE and way < 0 and side.edge != NO_EDGE:
+            ahead = c * moved[side.edge][0] + s * moved[side.edge][1]
         if border != NO_EDGE:
             bc, bs = e.directions[border]
             across = bc * s - bs * c

@@ -136,11 +136,12 @@ class Position(Filter):
         )
         sigmas = (*START_SIGMA, SLIP_SIGMA, *LANE_SIGMA, PLAN_SIGMA_RAD)
         own = np.diag([*np.square(sigmas), *(corners + self._sigma_m**2)])
-        # Where the boundary's corner truly is, there the operator has put the machine.
+        # Where the edge truly is, there the operator has put the machine: so far past its corner.
         with_corners = np.eye(len(own))
-        at = (side.x_m, side.y_m)
-        with_corners[X, STATES:] = self.outline.along(side.edge, at, (1.0, 0.0))
-        with_corners[Y, STATES:] = self.outline.along(side.edge, at, (0.0, 1.0))
+        ahead = self.outline.of_corner(side.edge, (c, s))
+        left = self.outline.along(side.edge, (side.x_m, side.y_m), (-s, c))
+        with_corners[X, STATES:] = c * ahead - s * left
+        with_corners[Y, STATES:] = s * ahead + c * left
         with_corners[YAW, STATES:] = self.outline.turning(side.edge)
         self._p = with_corners @ own @ with_corners.T
         self.known = True
@@ -232,9 +233,11 @@ class Position(Filter):
     @property
     def corners_sigma_m(self) -> float:
         """Of the corner whose place is known least, the standard deviation along x or y against the
-        machine; 0 where the boundary is known."""
-        if not self.known or not self.outline.states:
+        machine, or before it has a place as it was given; 0 where the boundary is known."""
+        if not self.outline.states:
             return 0.0
+        if not self.known:
+            return self._sigma_m
         worst = 0.0
         for k in range(STATES, len(self._x)):
             own = X if (k - STATES) % 2 == 0 else Y

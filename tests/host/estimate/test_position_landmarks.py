@@ -13,7 +13,9 @@ from host.estimate.measurements.end import EARLY_M
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.route.boundary_edges import BoundaryEdges
+from host.route.plan import Plan
 from host.route.side import Side
+from host.runs.resume import remaining
 
 VEHICLE = Vehicle()
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
@@ -195,3 +197,24 @@ def test_laid_out_anew_the_corners_lie_where_the_plan_has_them() -> None:
     assert position.outline.corners == corners
     assert position.pose == pose
     assert position.end_sigma_m(FIRST) == pytest.approx(end_sigma, rel=0.05)
+
+
+def test_a_side_taken_up_again_near_its_end_stretches_by_no_more_than_its_end_gives_way() -> None:
+    """The machine stands as far past the corner as it had cut, not at a share of an edge."""
+    whole = Plan((FIRST, SECOND), boundary=tuple(RING), sigma_m=1.0)
+    rest = remaining(whole, 0, 12.8).sides[0]
+    position = Position(VEHICLE, RING, 1.0)
+    position.place(rest, 0.0, 0.0, 0.0)
+    along = position.along(rest)
+    assert position.end_sigma_m(rest) == pytest.approx(math.sqrt(2.0), abs=0.05)
+    position.ends_at(rest, rest.length_m + 0.5, 0.5**2)
+    moved = found(position) - np.array(RING)
+    assert moved[1][0] - moved[0][0] == pytest.approx(0.5, abs=0.05)
+    assert np.abs(moved).max() < 0.6
+    assert position.along(rest) == pytest.approx(along, abs=0.05)
+    assert position.outline.found(rest).length_m == pytest.approx(rest.length_m + 0.5, abs=0.05)
+
+
+def test_before_it_has_a_place_its_corners_are_as_unsure_as_they_were_given() -> None:
+    assert Position(VEHICLE, RING, 0.7).corners_sigma_m == 0.7
+    assert Position(VEHICLE, RING, 0.0).corners_sigma_m == 0.0
