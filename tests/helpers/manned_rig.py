@@ -44,6 +44,7 @@ class MannedRig(Rig):
         self.off_at = time.time()
         self.blade_seen = 0
         self._steps: Iterator[tuple[float, float]] | None = None
+        self._carried_at: tuple[float, float] | None = None
         self._blind = False
         self.ended = False
 
@@ -89,7 +90,9 @@ class MannedRig(Rig):
         except StopIteration:
             self.bench.faults.antenna = self._bench_antenna  # type: ignore[method-assign]
             x, y = self.bench.pose[:2]
-        return x, y, 0.5, 0.5
+        past, self._carried_at = self._carried_at or (x, y), (x, y)
+        # What Doppler shows at an epoch is the way since the last one, a second ago.
+        return x, y, x - past[0], y - past[1]
 
     def _shoot(self, now: float) -> None:
         if not self._blind:
