@@ -161,6 +161,12 @@ LOADS: dict[str, tuple[int, Callable[[int], bytes]]] = {
     ),
     "ParamSet among Hello": (300, flood(PARAM_SET, PARAM_SET, *[protocol.Hello(1)] * 5)),
     "ParamSet and ParamDefaults": (300, flood(protocol.ParamDefaults(), PARAM_SET)),
+    "line full of LogGet": (300, flood(protocol.LogGet(0))),
+    "LogGet among ParamSet and ParamDefaults": (
+        300,
+        flood(protocol.ParamDefaults(), PARAM_SET, protocol.LogGet(0)),
+    ),
+    "line full of LogClear": (300, flood(protocol.LogClear())),
     "line full of HilSensors": (300, flood(HIL_SENSORS)),
     "line full of STOP": (300, flood(protocol.Stop())),
     "line full of zeros": (300, filler(bytes(1200))),
@@ -239,9 +245,9 @@ def budget(board: Board) -> bool:
     target.run_until(0)
     probe.paint()
     found = loads(Run(target, PINS[board]), probe)
-    print(f"{board + ', load':<36}{'worst tick':>12}{'':>9}")
+    print(f"{board + ', load':<40}{'worst tick':>12}{'':>9}")
     for name, (cycles, _) in found.items():
-        print(f"{name:<36}{cycles:>12}{100 * cycles / TICK_CYCLES:>7.1f} %")
+        print(f"{name:<40}{cycles:>12}{100 * cycles / TICK_CYCLES:>7.1f} %")
     print()
     tick = max(cycles for cycles, _ in found.values())
     masked = max(cycles for _, cycles in found.values())

@@ -37,6 +37,8 @@ FILES = (
     "current.cpp",
     "drive.cpp",
     "drive.h",
+    "fault_log.cpp",
+    "fault_log.h",
     "fixed.h",
     "frame.cpp",
     "params.cpp",

@@ -21,6 +21,8 @@ FITTED: Final = {"steer_driver": 1.0, "drive_driver": 3.0, "drive_current_cont":
 a bridge with a VNH5019's inputs drives that stands the 21 A which a slope of five degrees takes."""
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
+FAULT_LOG_BYTES: Final = 192
+"""At the end of the memory. The workshop empties the log: there the board has no sensors."""
 STEP_US: Final = 10_000
 """Between looks at the answers, while parameters are set."""
 TIMER_2_HZ: Final = (123.0, 246.0, 491.0, 981.0, 3922.0)
@@ -81,4 +83,5 @@ def eeprom(parameters: tuple[tuple[str, float], ...]) -> bytes:
             )
         if not saved:
             raise UserError(f"the firmware did not store {dict(parameters)}")
-        return workshop.eeprom()
+        memory = workshop.eeprom()
+    return memory[:-FAULT_LOG_BYTES] + b"\xff" * FAULT_LOG_BYTES

@@ -101,6 +101,10 @@ daranti = LazyGroup(
             "host.commands.clear:clear",
             "Clear the firmware's latched faults, once their cause is gone.",
         ),
+        "faultlog": (
+            "host.commands.faultlog:faultlog",
+            "Show and empty the board's log of faults.",
+        ),
         "completion": (
             "host.commands.completion:completion",
             "Print the shell's completion of names and options.",

@@ -606,6 +606,59 @@ class HilSensors(Message):
 
 
 @dataclass(frozen=True, slots=True)
+class LogGet(Message):
+    """To the firmware: Asks for an entry of the fault log; answered by LogEntry, or by Ack UNKNOWN. One a tick is answered, the last that came."""
+
+    index: int
+    """0 the newest, 15 the oldest that may be there"""
+
+    ID: ClassVar[int] = 12
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("index", None, None, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LogClear(Message):
+    """To the firmware: Makes the fault log empty, in SAFE or FAULT only; answered by Ack when done."""
+
+    ID: ClassVar[int] = 13
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry(Message):
+    """To the host: Answer to LogGet: faults that latched, as the EEPROM keeps them."""
+
+    index: int
+    """as asked for"""
+    number: int
+    """counts the entries, modulo 65536"""
+    faults: Fault
+    """those that came together; 0: there is no such entry"""
+    uptime: int
+    """s; from that start to the first of them, saturating"""
+    reset_cause: ResetCause
+    """of that start"""
+    state: State
+    """before the first of them"""
+
+    ID: ClassVar[int] = 71
+    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BHIHBB")
+    CODECS: ClassVar[tuple[Codec, ...]] = (
+        Codec("index", None, None, None),
+        Codec("number", None, None, None),
+        Codec("faults", None, Fault, None),
+        Codec("uptime", None, None, None),
+        Codec("reset_cause", None, ResetCause, None),
+        Codec("state", None, State, None),
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class ParamValue(Message):
     """To the host: Answer to ParamGet."""
 
@@ -657,6 +710,9 @@ MESSAGES: tuple[type[Message], ...] = (
     ParamDefaults,
     Ident,
     HilSensors,
+    LogGet,
+    LogClear,
+    LogEntry,
     ParamValue,
     HilOutputs,
 )

@@ -34,7 +34,7 @@ FIRMWARE_CLOCK_S = 2**32 * 1e-6
 """The firmware's microseconds wrap here, which is no reset."""
 
 Direction = Literal["to_firmware", "to_host"]
-Answer = protocol.Ack | protocol.ParamValue | protocol.HilOutputs
+Answer = protocol.Ack | protocol.ParamValue | protocol.LogEntry | protocol.HilOutputs
 
 
 class Session:
@@ -80,7 +80,7 @@ class Session:
             elif isinstance(message, protocol.Ack):
                 self.refusal = _refusal(message)
                 self.answers.append(message)
-            elif isinstance(message, protocol.ParamValue | protocol.HilOutputs):
+            elif isinstance(message, protocol.ParamValue | protocol.LogEntry | protocol.HilOutputs):
                 self.answers.append(message)
         return arrived
 
@@ -321,6 +321,8 @@ def _answers(answer: Answer, message: protocol.Message, seq: int) -> bool:
         return answer.request_id == message.ID and answer.request_seq == seq
     if isinstance(answer, protocol.ParamValue):
         return isinstance(message, protocol.ParamGet) and answer.param == message.param
+    if isinstance(answer, protocol.LogEntry):
+        return isinstance(message, protocol.LogGet) and answer.index == message.index
     return isinstance(message, protocol.HilSensors)
 
 

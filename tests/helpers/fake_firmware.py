@@ -58,6 +58,10 @@ class FakeFirmware:
         self.params = {spec.id: spec.default_raw for spec in protocol.PARAMS.values()}
         hall = protocol.PARAMS["hall_per_metre"]
         self.params[hall.id] = hall.to_raw(Vehicle().hall_pulses_per_m)  # as the workshop set it
+        self.log: list[protocol.LogEntry] = []
+        """The fault log, newest first."""
+        self.minor = 1
+        """Of the firmware's version 2."""
         self._version = version
         self._silent = silent or bool(babble)
         self._babble = babble
@@ -131,12 +135,17 @@ class FakeFirmware:
         result = self.refuse.get(type(message), protocol.Result.OK)
         match message:
             case protocol.Hello():
-                self._send(protocol.Version(self._version, 1, 0, 1, 1, 0, 0))
+                self._send(protocol.Version(self._version, 2, self.minor, 1, 1, 0, 0))
             case protocol.ParamGet(param):
                 if param in self.params:
                     self._send(protocol.ParamValue(param, self.params[param]))
                 else:
                     self._send(protocol.Ack(message.ID, seq, protocol.Result.UNKNOWN))
+            case protocol.LogGet(index):
+                none = protocol.LogEntry(
+                    index, 0, protocol.Fault(0), 0, protocol.ResetCause(0), protocol.State.SAFE
+                )
+                self._send(self.log[index] if index < len(self.log) else none)
             case protocol.Drive():
                 pass
             case _:
@@ -145,6 +154,8 @@ class FakeFirmware:
                 if isinstance(message, protocol.ParamDefaults) and result is protocol.Result.OK:
                     for spec in protocol.PARAMS.values():
                         self.params[spec.id] = spec.default_raw
+                if isinstance(message, protocol.LogClear) and result is protocol.Result.OK:
+                    self.log.clear()
                 late = self.stale
                 for asked, answer in ((seq - 1, late), (seq, result), (seq - 1, late)):
                     if answer is not None:

@@ -26,6 +26,7 @@ void Controller::boot(Board &board) {
   const Params::Loaded loaded = params_.load(board);
   params_bad_ = loaded == Params::Loaded::kDamaged;
   supervisor_.boot(board.reset_cause(), loaded == Params::Loaded::kOneCopy);
+  log_.boot(board);
   configure_steering();
   configure_rest(board);
 }
@@ -83,14 +84,21 @@ void Controller::tick(Board &board) {
     }
     --unconfigured_;
   }
+  if (log_wanted_ != kNoEntry && !board.storing()) {
+    answer(board, log_.read(board, log_wanted_));
+    log_wanted_ = kNoEntry;
+  }
   const Params::Saving saving = params_.step_save(board);
   if (saving == Params::Saving::kDone || saving == Params::Saving::kFailed) {
     const bool done = saving == Params::Saving::kDone;
     params_bad_ = !done;
     acknowledge(board, save_request_, done ? Result::OK : Result::STORE_FAILED);
   }
+  const State before = supervisor_.state();
   observe(board);
   actuate(board);
+  log_.note(supervisor_.faults(), before);
+  if (!params_.saving() && log_.step(board)) acknowledge(board, save_request_, Result::OK);
   show_state(board);
   report(board);
   board.remember_armed(supervisor_.live());
@@ -110,7 +118,7 @@ bool Controller::fresh(uint8_t seq) {
 void Controller::take(Board &board, const Command &command) {
   using namespace protocol;
   last_seq_ = command.seq;
-  const bool idle = !supervisor_.live() && !params_.saving();
+  const bool idle = !supervisor_.live() && !params_.saving() && !log_.clearing();
   switch (command.id) {
     case Hello::kId:
       if (greeted_) break;  // a line full of them would take too long
@@ -180,6 +188,23 @@ void Controller::take(Board &board, const Command &command) {
         unconfigured_ = kParts;
       }
       acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
+      break;
+    case LogGet::kId: {
+      const LogGet get = LogGet::read(command.payload);
+      if (get.index < FaultLog::kEntries) {
+        log_wanted_ = get.index;
+      } else {
+        acknowledge(board, command, Result::UNKNOWN);
+      }
+      break;
+    }
+    case LogClear::kId:
+      if (idle) {
+        save_request_ = command;
+        log_.begin_clear();
+      } else {
+        acknowledge(board, command, Result::WRONG_STATE);
+      }
       break;
     default:  // HilSensors: the parser lets no other id through
       hil_ = board.inject(HilSensors::read(command.payload));

@@ -7,6 +7,7 @@
 #include "bridge.h"
 #include "current.h"
 #include "drive.h"
+#include "fault_log.h"
 #include "frame.h"
 #include "params.h"
 #include "steering.h"
@@ -15,7 +16,7 @@
 namespace daranti {
 
 constexpr uint8_t kFirmwareMajor = 2;
-constexpr uint8_t kFirmwareMinor = 0;
+constexpr uint8_t kFirmwareMinor = 1;
 
 class Controller {
  public:
@@ -37,6 +38,8 @@ class Controller {
     uint16_t ident_left = 0;  // ticks
   };
 
+  static constexpr uint8_t kNoEntry = UINT8_MAX;
+
   void take(Board &board, const Command &command);
   bool fresh(uint8_t seq);
   protocol::Result take_ident(const Command &command);
@@ -56,6 +59,7 @@ class Controller {
   void answer(Board &board, const Message &message);
 
   Params params_;
+  FaultLog log_;
   Parser parser_;
   Supervisor supervisor_;
   Pot pot_;
@@ -64,14 +68,15 @@ class Controller {
   Hall hall_;
   Pulses pulses_{0, 0, 0};
   Asked asked_;
-  Command save_request_{};  // answered when the save is done
+  Command save_request_{};  // answered when the save, or the clearing of the log, is done
   Blade blade_;
   Current steer_current_;
   Current drive_current_;
   BridgeStyle steer_style_ = BridgeStyle::kNotSet;
   BridgeStyle drive_style_ = BridgeStyle::kNotSet;
-  uint8_t unconfigured_ = 0;  // parts that have not heard of changed parameters
-  bool greeted_ = false;      // Hello was answered in this tick
+  uint8_t unconfigured_ = 0;       // parts that have not heard of changed parameters
+  bool greeted_ = false;           // Hello was answered in this tick
+  uint8_t log_wanted_ = kNoEntry;  // index of the log's entry to be answered
   bool params_bad_ = false;
   bool ident_limit_ = false;
   bool hil_ = false;  // HilSensors came in this tick

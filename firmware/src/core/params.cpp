@@ -1,5 +1,6 @@
 #include "params.h"
 
+#include "fault_log.h"
 #include "fixed.h"
 #include "flash.h"
 #include "frame.h"
@@ -16,7 +17,9 @@ const int16_t kRanges[protocol::kParams][3] DARANTI_FLASH = {DARANTI_PARAMS(DARA
 
 constexpr uint16_t kCrcAt = Params::kBlock - 2;
 constexpr uint8_t kAtOnce = 4;  // bytes looked at in a tick
-constexpr uint8_t kMost = 250;  // values in a copy of any version
+// Values in a copy of any version: the fault log lies behind the second copy.
+constexpr uint8_t kMost = (FaultLog::kAddress - Params::kSecond - 4) / 2;
+static_assert(protocol::kParams <= kMost, "the second copy ends before the fault log");
 
 // What stands at one of the two places.
 struct Copy {

@@ -47,7 +47,7 @@ class Params {
   static constexpr uint8_t kMagic = 0xDB;
   static constexpr uint16_t kBlock = 2 + 2 * protocol::kParams + 2;  // bytes
   static constexpr uint16_t kSecond = 512;
-  static_assert(kBlock <= kSecond, "two copies in 1024 bytes");
+  static_assert(kBlock <= kSecond, "the copies do not overlap");
 
  private:
   static constexpr uint8_t kNotSaving = 4;  // passes: write, read back, of either copy

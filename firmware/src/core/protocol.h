@@ -315,6 +315,44 @@ struct HilSensors {
   }
 };
 
+// To the firmware: Asks for an entry of the fault log; answered by LogEntry, or by Ack UNKNOWN. One a tick is answered, the last that came.
+struct LogGet {
+  static constexpr uint8_t kId = 12;
+  static constexpr uint8_t kSize = 1;
+  uint8_t index;  // 0 the newest, 15 the oldest that may be there
+  static LogGet read(const uint8_t *payload) {
+    LogGet m;
+    m.index = get<uint8_t>(payload);
+    return m;
+  }
+};
+
+// To the firmware: Makes the fault log empty, in SAFE or FAULT only; answered by Ack when done.
+struct LogClear {
+  static constexpr uint8_t kId = 13;
+  static constexpr uint8_t kSize = 0;
+};
+
+// To the host: Answer to LogGet: faults that latched, as the EEPROM keeps them.
+struct LogEntry {
+  static constexpr uint8_t kId = 71;
+  static constexpr uint8_t kSize = 11;
+  uint8_t index;  // as asked for
+  uint16_t number;  // counts the entries, modulo 65536
+  uint32_t faults;  // bits Fault; those that came together; 0: there is no such entry
+  uint16_t uptime;  // 1 s; from that start to the first of them, saturating
+  uint8_t reset_cause;  // bits ResetCause; of that start
+  uint8_t state;  // enum State; before the first of them
+  void write(uint8_t *payload) const {
+    put<uint8_t>(payload, index);
+    put<uint16_t>(payload + 1, number);
+    put<uint32_t>(payload + 3, faults);
+    put<uint16_t>(payload + 7, uptime);
+    put<uint8_t>(payload + 9, reset_cause);
+    put<uint8_t>(payload + 10, state);
+  }
+};
+
 // To the host: Answer to ParamGet.
 struct ParamValue {
   static constexpr uint8_t kId = 68;
@@ -366,6 +404,10 @@ inline int8_t command_size(uint8_t id) {
       return Ident::kSize;
     case HilSensors::kId:
       return HilSensors::kSize;
+    case LogGet::kId:
+      return LogGet::kSize;
+    case LogClear::kId:
+      return LogClear::kSize;
     default:
       return -1;
   }

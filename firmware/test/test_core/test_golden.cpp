@@ -56,7 +56,7 @@ TEST_CASE(
       CHECK(std::vector<uint8_t>(command.payload, command.payload + body.size()) == body);
     }
   }
-  CHECK(frames == 27);
-  CHECK(taken == 18);
+  CHECK(frames == 32);
+  CHECK(taken == 21);
   CHECK(parser.bad() == 0);
 }

@@ -134,6 +134,57 @@ def test_clear_clears_what_can_be_cleared_and_names_the_rest(cli: Cli, board: Fa
     assert cli("clear", "--port", board.port)[:2] == (0, "cleared; the firmware is SAFE\n")
 
 
+POT_AND_LINK = protocol.LogEntry(
+    index=0,
+    number=7,
+    faults=protocol.Fault.POT_FROZEN | protocol.Fault.LINK_LOST,
+    uptime=3725,
+    reset_cause=protocol.ResetCause.BY_RESET_PIN,
+    state=protocol.State.RUNNING,
+)
+HUNG = protocol.LogEntry(
+    index=1,
+    number=6,
+    faults=protocol.Fault.WATCHDOG,
+    uptime=0,
+    reset_cause=protocol.ResetCause.BY_WATCHDOG | protocol.ResetCause.WHILE_ARMED,
+    state=protocol.State.FAULT,
+)
+
+
+def test_the_fault_log_is_shown_in_words(cli: Cli, board: FakeFirmware) -> None:
+    board.log = [POT_AND_LINK, HUNG]
+    code, out, _ = cli("faultlog", "list", "--port", board.port)
+    assert code == 0
+    assert [line.strip() for line in out.splitlines()] == [
+        "7  1:02:05 after the start by reset button, or the port was opened, RUNNING",
+        *protocol.fault_texts(POT_AND_LINK.faults),
+        "6  at the start by watchdog and while it was armed",
+        *protocol.fault_texts(HUNG.faults),
+    ]
+    board.log = []
+    assert cli("faultlog", "list", "--port", board.port)[:2] == (0, "the log is empty\n")
+
+
+def test_the_fault_log_is_not_emptied_without_consent(cli: Cli, board: FakeFirmware) -> None:
+    board.log = [POT_AND_LINK]
+    code, _, err = cli("faultlog", "clear", "--port", board.port)
+    assert code == EXIT_USER
+    assert "1 entry would be lost" in err
+    assert board.log == [POT_AND_LINK]
+    code, out, _ = cli("faultlog", "clear", "--yes", "--port", board.port)
+    assert (code, out) == (0, "emptied: 1 entry\n")
+    assert board.log == []
+
+
+def test_a_firmware_without_a_fault_log_is_named(cli: Cli, board: FakeFirmware) -> None:
+    board.minor = 0
+    for verb in ("list", "clear"):
+        code, _, err = cli("faultlog", verb, "--port", board.port)
+        assert code == EXIT_USER
+        assert "keeps no fault log" in err
+
+
 def test_a_refusal_is_one_message(cli: Cli, board: FakeFirmware) -> None:
     board.refuse[protocol.ParamSave] = protocol.Result.STORE_FAILED
     code, _, err = cli("params", "save", "--port", board.port)
@@ -163,7 +214,7 @@ def test_monitor_says_faults_in_words(cli: Cli, board: FakeFirmware) -> None:
     board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=faults)
     code, out, _ = cli("monitor", "--port", board.port, "--duration", "1")
     assert code == 0
-    assert "firmware 1.0 (desk), protocol 2, started by power-on" in out
+    assert "firmware 2.1 (desk), protocol 2, started by power-on" in out
     assert "FAULT" in out
     for text in protocol.fault_texts(faults):
         assert f"fault: {text}\n" in out
