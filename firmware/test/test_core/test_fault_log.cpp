@@ -218,6 +218,7 @@ TEST_CASE("An entry in another's place is none") {
          rig.board.eeprom + FaultLog::kAddress, FaultLog::kSize);
   memset(rig.board.eeprom + FaultLog::kAddress, 0xFF, FaultLog::kSize);
   rig = rig.again();
+  for (uint8_t k = 0; k < FaultLog::kEntries; ++k) CHECK(rig.read(k).faults == 0);
   rig.entry(6);
   CHECK(rig.read(0).number == 0);
   CHECK(rig.read(0).faults == 6);
@@ -245,6 +246,21 @@ TEST_CASE(
   while (!rig.log.step(rig.board)) CHECK(++ticks < 50);
   CHECK(rig.board.stores - begun > FaultLog::kEntries);
   CHECK(rig.read(0).faults == 0);
+}
+
+TEST_CASE("An entry whose checksum's bytes are each other's complement is cleared as well") {
+  bool found = false;
+  for (uint32_t faults = 1; faults < 1000 && !found; ++faults) {
+    Log rig;
+    rig.entry(faults);
+    const uint8_t *crc = rig.board.eeprom + FaultLog::kAddress + FaultLog::kSize - 2;
+    if (static_cast<uint8_t>(crc[0] ^ crc[1]) != 0xFF) continue;
+    found = true;
+    rig.log.begin_clear();
+    rig.tick(50);
+    CHECK(rig.read(0).faults == 0);
+  }
+  CHECK(found);
 }
 
 TEST_CASE("What latches while the log is cleared, or was being written, comes behind") {

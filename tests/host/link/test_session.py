@@ -22,7 +22,7 @@ from host.link.session import HELLO_EVERY_S, Link, Session, _why_not
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 
 LIMIT_S = 10.0
-VERSION = protocol.Version(protocol.VERSION, 1, 0, 1, 1, 0, 0)
+VERSION = protocol.Version(protocol.VERSION, 2, 1, 1, 1, 0, 0)
 
 
 def sent(data: bytes) -> list[protocol.Message]:
