@@ -10,6 +10,7 @@ from host.check.notes import Notes
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link import protocol
+from host.runs.preflight import differing
 
 BOARD_S: Final = 8.0
 """A board that resets on opening its port has answered by then: its bootloader waits up to 2 s."""
@@ -22,8 +23,6 @@ ROOM_HIGH_V: Final = 0.3
 """And so far below the upper limit, which charging reaches."""
 POT_COUNTS: Final = 60.0
 """ADC counts from the centre to either calibration point, at least: 12 degrees of a common pot."""
-SAME: Final = 0.02
-"""Share by which board and vehicle file may differ in pulses a metre: twice what a tape errs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,32 +81,9 @@ def _parameters(notes: Notes, held: dict[str, float]) -> bool:
             held[name] = spec.from_raw(answer.value)
     except UserError as error:
         return notes.note("parameters", "bad", "parameters.unread", why=str(error))
-    vehicle = notes.hands.vehicle
     differ = [
-        f"{name} {held[name]:g} / {believed:g}"
-        for name, believed, fine in (
-            (
-                "hall_per_metre",
-                vehicle.hall_pulses_per_m,
-                math.isclose(held["hall_per_metre"], vehicle.hall_pulses_per_m, rel_tol=SAME),
-            ),
-            (
-                "steer_limit",
-                vehicle.steer_limit_deg,
-                held["steer_limit"] >= vehicle.steer_limit_deg - 0.5,
-            ),
-            (
-                "speed_max",
-                vehicle.cutting_speed_mps,
-                held["speed_max"] >= vehicle.cutting_speed_mps,
-            ),
-            (
-                "battery_nominal",
-                vehicle.nominal_battery_v,
-                held["battery_nominal"] in (0.0, vehicle.nominal_battery_v),
-            ),
-        )
-        if not fine
+        f"{pair.parameter} {value:g} / {wanted:g}"
+        for pair, value, wanted in differing(notes.hands.vehicle, held)
     ]
     if differ:
         return notes.note("parameters", "bad", "parameters.differ", pairs=differ)

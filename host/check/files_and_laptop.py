@@ -8,7 +8,7 @@ from host.check.lines import Target
 from host.check.notes import Notes
 from host.core.errors import UserError
 from host.field.boundary_file import Boundary, load_field
-from host.route.field_plan import plan_of
+from host.route.field_plan import plan_of, told
 
 BYTES_AN_HOUR: Final = 2.4e9
 """What a record takes, pictures included, as the default harvest's does."""
@@ -24,8 +24,12 @@ def field(notes: Notes, target: Target) -> Boundary | None:
         notes.note("field", "bad", "field.none")
         return None
     try:
-        boundary = load_field(target.boundary)
-        _, plan = plan_of(boundary, target.corner, notes.hands.vehicle, "three_point", target.gap_m)
+        boundary = load_field(target.boundary, target.field)
+        vehicle, gap_m = notes.hands.vehicle, target.gap_m
+        with told(f"plan of {target.boundary}") as tell:
+            _, plan = plan_of(
+                boundary, target.corner, vehicle, "three_point", gap_m, target.inset_m, tell
+            )
     except UserError as error:
         notes.note("field", "bad", "field.unusable", why=str(error))
         return None

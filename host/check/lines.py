@@ -56,6 +56,9 @@ class Target:
     boundary: Path | None
     gap_m: float | None
     corner: int
+    inset_m: float = 0.0
+    field: str = ""
+    """Which of the boundary's fields."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,10 @@ from host.check.lines import Line, Question, Target, green
 from host.check.walk import walk
 from host.commands.options import (
     camera_option,
+    field_option,
+    gap_option,
     gnss_option,
+    inset_option,
     mode_option,
     mount_option,
     port_option,
@@ -192,7 +195,9 @@ class TerminalHands:
 @mount_option
 @mode_option
 @click.option("--boundary", type=click.Path(path_type=Path), help="The field's file.")
-@click.option("--gap", type=click.FloatRange(0, 50), metavar="METRES", help="To the neighbour.")
+@field_option
+@gap_option
+@inset_option
 @click.option("--corner", type=click.IntRange(0), default=0, show_default=True)
 @click.option("--language", type=click.Choice(LANGUAGES), default="en", show_default=True)
 def check(
@@ -203,7 +208,9 @@ def check(
     mount: str,
     mode: Mode,
     boundary: Path | None,
+    chosen: str,
     gap: float | None,
+    inset: float,
     corner: int,
     language: str,
 ) -> None:
@@ -228,7 +235,7 @@ def check(
         hands = TerminalHands(
             link, machine, mount_of(machine, mount), mode, pictures, fixes, language, clock
         )
-        lines = walk(hands, Target(boundary, gap, corner))
+        lines = walk(hands, Target(boundary, gap, corner, inset, chosen))
     bad = sum(line.verdict == "bad" for line in lines)
     if not green(lines):
         raise UserError(text(language, "check.red", count=bad))

@@ -8,13 +8,14 @@ import click
 
 from host.commands.options import (
     field_option,
+    gap_option,
     gnss_option,
+    inset_option,
     mode_option,
     mount_option,
     port_option,
     vehicle_option,
 )
-from host.field.areas import MAX_GAP_M
 from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
 from host.vision.mounted.detector import Mode
@@ -34,12 +35,8 @@ from host.vision.tuning.profiles import DATABASE
     help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML or latitude,longitude lines.",
 )
 @click.option("--corner", type=click.IntRange(0), help="Where it stands; default the nearest.")
-@click.option(
-    "--gap",
-    type=click.FloatRange(0, MAX_GAP_M),
-    metavar="METRES",
-    help="To the neighbour's crop: the geofence.",
-)
+@gap_option
+@inset_option
 @click.option(
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
@@ -85,6 +82,7 @@ def drive(
     boundary: Path | None,
     corner: int | None,
     gap: float | None,
+    inset: float,
     turn: str,
     record: Path | None,
     resume: Path | None,
@@ -114,6 +112,7 @@ def drive(
             boundary=boundary,
             corner=corner,
             gap_m=gap,
+            inset_m=inset,
             turn=turn,
             record=record,
             resume=resume,

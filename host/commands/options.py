@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from host.field.areas import MAX_GAP_M, MAX_INSET_M
+
 camera_option = click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
 gnss_option = click.option(
     "--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file."
@@ -26,6 +28,19 @@ port_option = click.option(
     help="The firmware's serial port, or socket://HOST:PORT; DARANTI_PORT names a default.",
 )
 
+gap_option = click.option(
+    "--gap",
+    type=click.FloatRange(0, MAX_GAP_M),
+    metavar="METRES",
+    help="To the neighbour's crop: the geofence.",
+)
+inset_option = click.option(
+    "--inset",
+    type=click.FloatRange(0, MAX_INSET_M),
+    default=0.0,
+    metavar="METRES",
+    help="So far inside the boundary the crop begins: a border that is cut by hand, or left.",
+)
 field_option = click.option(
     "--field",
     "chosen",

@@ -9,7 +9,10 @@ import click
 
 from host.commands.options import (
     camera_option,
+    field_option,
+    gap_option,
     gnss_option,
+    inset_option,
     mode_option,
     mount_option,
     port_option,
@@ -40,9 +43,9 @@ from host.panel.serving import serve_application
     help="Where fields and records go.",
 )
 @click.option("--boundary", type=click.Path(path_type=Path), help="The field, if there is a file.")
-@click.option(
-    "--gap", type=click.FloatRange(0, 50), metavar="METRES", help="To the neighbour's crop."
-)
+@field_option
+@gap_option
+@inset_option
 @click.option("--lan", is_flag=True, help="For phones on the same network: they pair by a code.")
 @click.option(
     "--no-presence",
@@ -63,7 +66,9 @@ def panel(
     mode: str,
     folder: Path,
     boundary: Path | None,
+    chosen: str,
     gap: float | None,
+    inset: float,
     lan: bool,
     presence: bool,
     web_port: int,
@@ -90,7 +95,7 @@ def panel(
         }
     )
     pairing = Pairing(time.monotonic, needed=lan)
-    fields = FieldDesk(folder, machine, boundary, gap)
+    fields = FieldDesk(folder, machine, boundary, gap, inset, chosen)
 
     def say(url: str) -> None:
         echo(f"panel: {url}")

@@ -10,14 +10,13 @@ import click
 import shapely
 from rich.table import Table
 
-from host.commands.options import field_option, vehicle_option
+from host.commands.options import field_option, gap_option, inset_option, vehicle_option
 from host.core.errors import UserError
-from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.vehicle_file import load_vehicle
-from host.field.areas import MAX_GAP_M, areas_of
+from host.field.areas import areas_of
 from host.field.boundary_file import boundary_of, load_field, save_field
-from host.route.field_plan import plan_field
+from host.route.field_plan import plan_field, told
 from host.route.preview import Preview, draw_preview, hours, preview
 
 
@@ -55,10 +54,8 @@ def table_of(previews: list[Preview]) -> Table:
     show_default=True,
     help="Where it begins; the survey's picture numbers the corners.",
 )
-@click.option("--inset", default=0.0, show_default=True, help="Metres to stay inside the field.")
-@click.option(
-    "--gap", type=click.FloatRange(0, MAX_GAP_M), metavar="METRES", help="To the neighbour's crop."
-)
+@inset_option
+@gap_option
 @click.option(
     "--turn", type=click.Choice(["three_point", "arc"]), default="three_point", show_default=True
 )
@@ -89,8 +86,8 @@ def plan(
     areas = areas_of(boundary.polygon(frame), gap, inset_m=inset)
     corner = frame.to_local(*boundary.crop[start])
     try:
-        with Watch(f"plan of {field}"):
-            sides = plan_field(areas, corner, machine, turn, gap, boundary.known_to_m)
+        with told(f"plan of {field}") as tell:
+            sides = plan_field(areas, corner, machine, turn, gap, boundary.known_to_m, inset, tell)
             previews = {
                 name: preview(replace(sides, turn=name), areas, machine)
                 for name in ("three_point", "arc")

@@ -23,6 +23,8 @@ GAP_MARGIN_M = 0.2
 """The permitted area ends this far before the neighbour's crop."""
 MAX_GAP_M = 100.0
 """Nobody has measured more to a neighbour's crop: a larger gap is a slip."""
+MAX_INSET_M = 20.0
+"""Nobody cuts a wider border by hand."""
 KEEP_OUT_MARGIN_M = 0.3
 """Around a tree, a well or a pole as it was walked."""
 BLADE_DEPTH_M = 0.05

@@ -32,6 +32,7 @@ class What(Strict):
 
     boundary: Path | None = None
     gap_m: float | None = None
+    inset_m: float = 0.0
     corner: int = 0
 
 
@@ -179,7 +180,7 @@ def check(machine: Machine, wish: Json) -> None:
     hands = MachineHands(machine)
     with machine.doing("check", dict):
         try:
-            walk(hands, Target(what.boundary, what.gap_m, what.corner))
+            walk(hands, Target(what.boundary, what.gap_m, what.corner, what.inset_m))
         except (StoppedError, UserError):
             hands.lines.append(Line("check", "bad", "check.ended"))
             raise

@@ -19,7 +19,7 @@ import shapely
 from host.core.errors import UserError
 from host.core.messages import Fix
 from host.core.vehicle import Vehicle
-from host.field.areas import areas_of
+from host.field.areas import MAX_GAP_M, areas_of
 from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
 from host.field.survey import survey_track
 from host.field.walk import find_loops, track_of
@@ -36,8 +36,6 @@ SHOWN: Final = 600
 """Points of a walk on the page."""
 MOST_CORNERS: Final = 200
 """Of a keep-out that is drawn by hand."""
-GAP_M: Final = 50.0
-"""The widest gap that is believed."""
 CLOSE_M: Final = 6.0
 """How far a walk's end may lie from its beginning: a phone's drift during a lap."""
 
@@ -70,13 +68,23 @@ class Walk:
 class FieldDesk:
     """The field that is chosen, and what was understood of it."""
 
-    def __init__(self, folder: Path, vehicle: Vehicle, given: Path | None, gap_m: float | None):
-        """`given`: a boundary file from elsewhere, copied into the folder."""
+    def __init__(
+        self,
+        folder: Path,
+        vehicle: Vehicle,
+        given: Path | None,
+        gap_m: float | None,
+        inset_m: float = 0.0,
+        chosen: str = "",
+    ) -> None:
+        """`given`: a boundary file from elsewhere, copied into the folder; `chosen`: which of its
+        fields. `inset_m`: how far inside a boundary the crop begins."""
         self._folder = folder
         self._vehicle = vehicle
         self.name: str | None = None
         self.boundary: Boundary | None = None
         self.gap_m: float | None = None
+        self.inset_m = inset_m
         self.corner = 0
         self.plan: Plan | None = None
         self.walk: Walk | None = None
@@ -84,7 +92,7 @@ class FieldDesk:
         self._summary: Json | None = None
         self._remember()
         if given is not None:
-            boundary = load_field(given)
+            boundary = load_field(given, chosen)
             self.name = f"{given.stem}.geojson"
             save_field(folder / self.name, boundary)
         if gap_m is not None:
@@ -98,7 +106,7 @@ class FieldDesk:
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             kept = json.loads((self._folder / "panel.json").read_text(encoding="utf-8"))
             gap, corner = kept["gap_m"], kept["corner"]
-            if (gap is None or 0 <= gap <= GAP_M) and corner >= 0:
+            if (gap is None or 0 <= gap <= MAX_GAP_M) and corner >= 0:
                 self.gap_m, self.corner = gap, int(corner)
             if kept["name"] in self.files():
                 self.name = kept["name"]
@@ -134,8 +142,8 @@ class FieldDesk:
                 self.open(str(wish["name"]))
             case "gap":
                 gap = float(wish["gap_m"])
-                if not 0 <= gap <= GAP_M:
-                    raise UserError(f"a gap is 0 to {GAP_M:g} m wide")
+                if not 0 <= gap <= MAX_GAP_M:
+                    raise UserError(f"a gap is 0 to {MAX_GAP_M:g} m wide")
                 self.gap_m = gap
                 self._plan()
             case "corner":
@@ -224,8 +232,10 @@ class FieldDesk:
             return
         self.corner = self.corner if self.corner < len(boundary.crop) else 0
         self._keep()
-        frame, plan = plan_of(boundary, self.corner, self._vehicle, "three_point", self.gap_m)
-        shown = preview(plan, areas_of(boundary.polygon(frame), self.gap_m), self._vehicle)
+        gap_m, inset_m = self.gap_m, self.inset_m
+        frame, plan = plan_of(boundary, self.corner, self._vehicle, "three_point", gap_m, inset_m)
+        areas = areas_of(boundary.polygon(frame), gap_m, inset_m=inset_m)
+        shown = preview(plan, areas, self._vehicle)
         self.plan = plan
         self._summary = {
             "sides": len(plan.sides),
@@ -251,6 +261,7 @@ class FieldDesk:
                 self.gap_m,
                 load(resume),
                 resume,
+                self.inset_m,
             )
             place = where_of(errand)
             if place is not None:

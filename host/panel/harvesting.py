@@ -7,6 +7,7 @@ import datetime
 import json
 import math
 from collections import deque
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -15,8 +16,8 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field
 
 from host.core.errors import UserError
-from host.core.frames import LocalFrame
-from host.core.messages import Fix, Frame, State
+from host.core.frames import LatLon, LocalFrame
+from host.core.messages import Frame, State
 from host.core.strict import Strict
 from host.field.boundary_file import load_field
 from host.link import protocol
@@ -32,14 +33,21 @@ from host.panel.snapshot import Json, number
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
+from host.runs.at_the_start import look, some_fixes
 from host.runs.drive import PERIOD_S, Drive, fits, fitted
 from host.runs.errand import Errand, errand_of
-from host.runs.preflight import start_problem
+from host.runs.preflight import (
+    Problem,
+    agree,
+    length_s,
+    mount_problem,
+    room_for,
+    start_problem,
+)
 from host.runs.record import Recorder
 from host.runs.resume import Keeper, load
 from host.sensors.jpeg import JpegDecoder
 from host.vision.mounted.detector import make_detector
-from host.vision.view import CropView
 from host.vision.watched import watched_detector
 
 SLOW_STEP_S: Final = 0.05
@@ -49,10 +57,6 @@ TRAIL_M: Final = 0.2
 FIRST_PICTURE_S: Final = 10.0
 """How long the first picture is waited for."""
 REHEARSED: Final = 30
-FIXES: Final = (3, 4.0)
-"""Positions that tell where it stands, and how long they are waited for (s)."""
-PICTURES: Final = (4, 3.0)
-"""Likewise."""
 """Steps: a second and a half, through all that is compiled at its first use."""
 
 
@@ -61,6 +65,7 @@ class Order(Strict):
 
     boundary: Path
     gap_m: float | None = None
+    inset_m: float = 0.0
     corner: int = 0
     turn: Literal["three_point", "arc"] = "three_point"
     resume: Path | None = None
@@ -132,11 +137,20 @@ def prepare(machine: Machine, order: Order) -> Errand:
     boundary = load_field(order.boundary)
     saved = load(order.resume) if order.resume is not None else None
     errand = errand_of(
-        boundary, order.corner, machine.vehicle, order.turn, order.gap_m, saved, order.resume
+        boundary,
+        order.corner,
+        machine.vehicle,
+        order.turn,
+        order.gap_m,
+        saved,
+        order.resume,
+        order.inset_m,
     )
-    problem = start_problem(
-        errand, boundary.crop, _some_fixes(machine), _look(machine), order.heading_deg
-    )
+    room = room_for(machine.settings.folder / "record", length_s(errand.plan, machine.vehicle))
+    if room:
+        machine.events.append(room)
+    agree(machine.link, machine.vehicle)
+    problem = _problem(machine, errand, boundary.crop, order.heading_deg)
     if problem is not None:
         raise NotYetError(problem)
     warm_up(machine, errand.plan)
@@ -144,34 +158,19 @@ def prepare(machine: Machine, order: Order) -> Errand:
     return errand
 
 
-def _some_fixes(machine: Machine) -> list[Fix]:
-    """The next positions."""
-    assert machine.gnss is not None
-    count, patience_s = FIXES
-    found: list[Fix] = []
-    end = machine.clock() + patience_s
-    while len(found) < count and machine.clock() < end:
-        machine.pump(PERIOD_S)
-        fix = machine.gnss.take()
-        if fix is not None:
-            found.append(fix)
-    return found
-
-
-def _look(machine: Machine) -> CropView | None:
-    """What a new detector makes of the next pictures; None where none comes."""
+def _problem(
+    machine: Machine, errand: Errand, corners: Sequence[LatLon], heading_deg: float | None
+) -> Problem | None:
     assert machine.camera is not None
     eye = watched_detector(machine.settings.mode, machine.vehicle, machine.mount, None)
-    decoder, view = JpegDecoder(), None
-    count, patience_s = PICTURES
-    end = machine.clock() + patience_s
-    while count > 0 and machine.clock() < end:
-        machine.pump(PERIOD_S)
-        picture = machine.camera.take()
-        if picture is not None:
-            view = eye.see(fitted(picture, decoder, machine.mount, 0.0).bgr)
-            count -= 1
-    return view
+    view, bgr = look(machine.camera, eye, machine.mount, machine.pump, machine.clock)
+    found = None
+    if bgr is not None:
+        found = mount_problem(bgr, machine.settings.mount, machine.vehicle)
+    if found is None:
+        fixes = some_fixes(machine.gnss, machine.pump, machine.clock)
+        found = start_problem(errand, corners, fixes, view, heading_deg)
+    return found
 
 
 def harvest(machine: Machine, order: Order, errand: Errand) -> None:

@@ -383,6 +383,7 @@ class Panel:
         return {
             "boundary": None if path is None else str(path),
             "gap_m": self.fields.gap_m,
+            "inset_m": self.fields.inset_m,
             "corner": self.fields.corner,
         }
 

@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 
 import shapely
 
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
+from host.core.progress import Watch
 from host.core.vehicle import Vehicle
-from host.field.areas import Areas
+from host.field.areas import Areas, areas_of
 from host.field.boundary_file import Boundary
-from host.route.plan import Plan, spiral
+from host.route.plan import Plan, Tell, spiral
+
+
+@contextlib.contextmanager
+def told(what: str) -> Iterator[Tell]:
+    """For plans that take long: how far they are, on the terminal."""
+    with Watch(what, 1.0) as watch:
+        yield lambda strips, most: watch.reach(
+            min(1.0, strips / most), f"{strips} of at most {most} strips"
+        )
 
 
 def plan_of(
-    field: Boundary, start: int, vehicle: Vehicle, turn: str, gap_m: float | None = None
+    field: Boundary,
+    start: int,
+    vehicle: Vehicle,
+    turn: str,
+    gap_m: float | None = None,
+    inset_m: float = 0.0,
+    tell: Tell | None = None,
 ) -> tuple[LocalFrame, Plan]:
     """The field frame (origin at the first corner) and the plan that begins at corner `start`. With
-    a gap of `gap_m` between field and neighbour's crop the pilot has a geofence. UserError where
-    the field cannot be begun there: a strip's both ends must be open ground."""
+    a gap of `gap_m` between field and neighbour's crop the pilot has a geofence. The crop begins
+    `inset_m` inside the field's corners. UserError where the field cannot be begun there: a strip's
+    both ends must be open ground."""
     frame = field.frame
     ring = [frame.to_local(*corner) for corner in field.crop]
-    holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
-    plan = spiral(ring, start, vehicle, turn, gap_m, holes, sigma_m=field.known_to_m)
+    if inset_m > 0.0:
+        areas = areas_of(field.polygon(frame), gap_m, inset_m=inset_m)
+        plan = plan_field(areas, ring[start], vehicle, turn, gap_m, field.known_to_m, inset_m, tell)
+    else:
+        holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
+        plan = spiral(ring, start, vehicle, turn, gap_m, holes, field.known_to_m, tell)
     first = plan.sides[0]
     begins = min(range(len(ring)), key=lambda k: math.dist(ring[k], (first.x_m, first.y_m)))
     if begins != start:
@@ -41,12 +64,16 @@ def plan_field(
     turn: str,
     gap_m: float | None = None,
     sigma_m: float = 0.0,
+    inset_m: float = 0.0,
+    tell: Tell | None = None,
 ) -> Plan:
     """The plan of the crop to be cut that begins at the crop's corner nearest to `corner`, or at
-    the next that it can be begun at. sigma_m: how surely its corners are known."""
+    the next that it can be begun at. sigma_m: how surely its corners are known. The ground of the
+    areas' inset is the machine's to turn on, as the gap is."""
     inset = shapely.Polygon(areas.crop.exterior)
     ring = shapely.geometry.polygon.orient(inset)
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
     start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner))
     holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
-    return spiral(corners, start, vehicle, turn, gap_m, holes, sigma_m=sigma_m)
+    room_m = None if gap_m is None else gap_m + inset_m
+    return spiral(corners, start, vehicle, turn, room_m, holes, sigma_m, tell)

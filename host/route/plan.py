@@ -34,11 +34,15 @@ from host.route.standing import (
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
 Result = TypeVar("Result")
+Tell = Callable[[int, int], None]
+"""Is told how many strips have been laid out, and how many it will be at most or little more."""
 SEEN_SHARE = 0.22
 """Vision sees crop where it fills this share of the blade's width."""
 MAX_SIDES = 4000
 MAX_WALKED = 2000
 """Sides after which no further way to cut a field is tried."""
+USUAL_POINTS = 500
+"""Corners of field and keep-outs; of more, each strip takes longer, and so much fewer are tried."""
 APART_M2 = 25.0
 """A part that the field falls into is worth a harvest of its own from this size on."""
 LARGE_M2, LEFT_SHARE = 1000.0, 0.005
@@ -150,7 +154,7 @@ class _Rounds:
     def __init__(
         self, holes: list[shapely.Polygon], width_m: float, fits: Callable[[float], bool]
     ) -> None:
-        self._holes = holes
+        self._places = np.concatenate([shapely.get_coordinates(hole.exterior) for hole in holes])
         self._fits = fits
         self._width = width_m
         self._left = 0
@@ -162,8 +166,7 @@ class _Rounds:
 
     def _need(self, edge: Edge) -> int:
         """Strips from an edge to the nearest keep-out."""
-        places = [place for hole in self._holes for place in hole.exterior.coords]
-        near = min(edge.depth_of((x, y)) for x, y in places)
+        near = float(edge.depths_of(self._places).min())
         return max(0, math.ceil((near - MIN_EDGE_M) / self._width))
 
     def arrive(self, edge: Edge, edges: list[Edge]) -> bool:
@@ -271,6 +274,14 @@ def _edge_of(edge: Edge, names: BoundaryEdges) -> int:
     return names.beside((ax + bx) / 2, (ay + by) / 2, edge.heading)
 
 
+def most_strips(
+    boundary: Sequence[tuple[float, float]], keep_outs: Sequence[Sequence[tuple[float, float]]]
+) -> int:
+    """Sides after which no further way to cut a field is tried."""
+    points = len(boundary) + sum(map(len, keep_outs))
+    return math.ceil(MAX_WALKED / max(1.0, points / USUAL_POINTS))
+
+
 def spiral(
     boundary: list[tuple[float, float]],
     start: int,
@@ -279,6 +290,7 @@ def spiral(
     gap_m: float | None = None,
     keep_outs: list[list[tuple[float, float]]] | None = None,
     sigma_m: float = 0.0,
+    tell: Tell | None = None,
 ) -> Plan:
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
     side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
@@ -286,12 +298,17 @@ def spiral(
     the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`)."""
     blank = Plan((), turn, gap_m=gap_m, sigma_m=sigma_m)
     steps = strip_by_strip(boundary, start, vehicle, blank, keep_outs or [])
+    most = most_strips(boundary, keep_outs or [])
+    strips = 0
     while True:
         try:
             next(steps)
         except StopIteration as whole:
             plan: Plan = whole.value
             return plan
+        strips += 1
+        if tell is not None:
+            tell(strips, most)
 
 
 def strip_by_strip(
@@ -326,7 +343,7 @@ def strip_by_strip(
     edges = edges_of(field)
     corner = boundary[start % len(boundary)]
     first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
-    walked = 0
+    walked, most = 0, most_strips(boundary, keep_outs)
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
     alike_m2 = LEFT_SHARE * field.area if field.area > LARGE_M2 else 0.5
     ways = sorted(WAYS if away else WAYS[:2], key=lambda way: way != like.way)
@@ -346,7 +363,7 @@ def strip_by_strip(
             found = Plan(tuple(sides), like.turn, tuple(corners), gap_m, outs, left_m2, parts)
             best = rank, replace(found, sigma_m=like.sigma_m, way=way)
         walked += len(sides)
-        if rank[:3] == (0.0, 0, 0) or walked > MAX_WALKED:
+        if rank[:3] == (0.0, 0, 0) or walked > most:
             break
     if best is None:
         why = "the strips that were cut do not fit it" if cut else "split the field"

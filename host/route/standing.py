@@ -92,13 +92,21 @@ class Edge:
         last = (bx + by_m * math.cos(on), by + by_m * math.sin(on))
         return shapely.LineString([first, *self.points, last])
 
-    def depth_of(self, place: Point) -> float:
-        """How far left of the prolonged chain a place lies, m; negative right of it."""
+    def depths_of(self, places: Points) -> NDArray[np.float64]:
+        """(n,) how far left of the prolonged chain places (n, 2) lie, m; negative right of it."""
         line = self.prolonged(1e4)
-        along = line.project(shapely.Point(place))
-        (ax, ay), (bx, by) = (line.interpolate(a).coords[0] for a in (along - 0.05, along + 0.05))
-        left = (bx - ax) * (place[1] - ay) - (by - ay) * (place[0] - ax)
-        return math.copysign(line.distance(shapely.Point(place)), left)
+        points = shapely.points(places)
+        along = shapely.line_locate_point(line, points)
+        chain = shapely.get_coordinates(line)
+        ends = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(chain, axis=0).T))])
+        a, b = (
+            np.column_stack([np.interp(along + d, ends, chain[:, k]) for k in (0, 1)])
+            for d in (-0.05, 0.05)
+        )
+        way, to = b - a, places - a
+        left = way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]
+        depths: NDArray[np.float64] = np.copysign(shapely.distance(line, points), left)
+        return depths
 
 
 def _directions(ring: shapely.LinearRing) -> tuple[Points, NDArray[np.float64]]:
@@ -128,12 +136,12 @@ def edges_of(standing: shapely.Polygon) -> list[Edge]:
     return edges
 
 
-def inner_corners(standing: shapely.Polygon) -> list[Point]:
+def inner_corners(standing: shapely.Polygon) -> Points:
     """Those of the outer ring that no machine follows, and every corner of the holes."""
     oriented = shapely.geometry.polygon.orient(standing)
     points, turns = _directions(oriented.exterior)
-    found = [(float(x), float(y)) for x, y in points[turns < -BEND_RAD[1]]]
-    return found + [(x, y) for ring in oriented.interiors for x, y in ring.coords[:-1]]
+    holes = (shapely.get_coordinates(ring)[:-1] for ring in oriented.interiors)
+    return np.concatenate([points[turns < -BEND_RAD[1]], *holes])
 
 
 def parts_of(shape: shapely.Geometry) -> list[shapely.Polygon]:
@@ -191,8 +199,8 @@ def strip_along(
     standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
 ) -> Strip | None:
     """The strip along an edge of what stands; None for a sliver."""
-    depths = [edge.depth_of(corner) for corner in inner_corners(standing)]
-    depth = min((d for d in depths if d > MIN_EDGE_M), default=math.inf)
+    depths = edge.depths_of(inner_corners(standing))
+    depth = float(depths[depths > MIN_EDGE_M].min(initial=math.inf))
     # A strip ends exactly where an inner corner begins, so that no strip ends inside the crop.
     width = depth / math.ceil(depth / width_m - 1e-9) if depth < FAR_WIDTHS * width_m else width_m
     over_m = OVERHANG * width_m

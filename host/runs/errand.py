@@ -15,7 +15,7 @@ from host.field.areas import areas_of
 from host.field.boundary_file import Boundary
 from host.field.fence import Fence, nearest_corner
 from host.route.field_plan import plan_of
-from host.route.plan import Plan
+from host.route.plan import Plan, Tell
 from host.runs.resume import Progress, laid_out, remaining, resume_at
 from host.sensors.newest import Feed
 
@@ -56,13 +56,15 @@ def errand_of(
     gap_m: float | None,
     saved: Progress | None,
     source: Path | None,
+    inset_m: float = 0.0,
+    tell: Tell | None = None,
 ) -> Errand:
     """The plan from corner `start` on, or what the progress `saved` (read from `source`) leaves of
     it. Without a field: no plan."""
     if field is None or start is None:
         bare = Plan(turn=turn)
         return Errand(bare, bare, bare)
-    frame, whole = plan_of(field, start, vehicle, turn, gap_m)
+    frame, whole = plan_of(field, start, vehicle, turn, gap_m, inset_m, tell)
     errand = Errand(whole, whole, whole, start, (0, 0.0), frame, Fence(field.crop))
     return errand if saved is None or source is None else going_on(errand, saved, source, vehicle)
 
@@ -79,6 +81,7 @@ def chosen_corner(
     path: Path | None,
     corner: int | None,
     gap: float | None,
+    inset_m: float,
     saved: Progress | None,
 ) -> int | None:
     """The corner that the plan begins at, None where the position has to tell. UserError where the
@@ -86,6 +89,7 @@ def chosen_corner(
     for given, name, what in (
         (corner, "--corner", "names a corner"),
         (gap, "--gap", "is measured from the edge"),
+        (inset_m or None, "--inset", "is measured from the edge"),
         (saved, "--resume", "goes on with the plan"),
     ):
         if given is not None and field is None:
@@ -94,7 +98,7 @@ def chosen_corner(
         return None
     if corner is not None and corner >= len(field.crop):
         raise UserError(f"--corner {corner}: {path} has the corners 0 to {len(field.crop) - 1}")
-    areas_of(field.polygon(field.frame), gap)
+    areas_of(field.polygon(field.frame), gap, inset_m=inset_m)
     if saved is None:
         return corner
     if corner is not None and corner != saved.corner:

@@ -16,6 +16,8 @@ from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
 from host.core.messages import Fix
 from host.core.vehicle import Mount, Vehicle
+from host.link import params, protocol
+from host.link.session import Link
 from host.route.plan import Plan
 from host.runs.errand import Errand, compass_deg
 from host.sensors.jpeg import Bgr
@@ -84,21 +86,30 @@ PAIRS: Final = (
 )
 
 
-def disagreements(vehicle: Vehicle, held: Mapping[str, float]) -> list[str]:
-    """Where the firmware's parameters `held` and the vehicle file say different things, and what to
-    do about each."""
+def differing(vehicle: Vehicle, held: Mapping[str, float]) -> list[tuple[Pair, float, float]]:
+    """Where the firmware's parameters `held` and the vehicle file say different things: (which, the
+    firmware's value, the file's)."""
     found = []
     for pair in PAIRS:
         value, wanted = held[pair.parameter], float(getattr(vehicle, pair.field))
         if pair.parameter == "battery_nominal" and value == 0.0:
             continue  # the scaling is switched off
         if pair.differs(value, wanted):
-            found.append(
-                f"{pair.why} {pair.parameter} = {value:g} in the firmware, {pair.field} = "
-                f"{wanted:g} in the vehicle file: correct the one that is wrong (`daranti params "
-                f"set {pair.parameter} {wanted:g} --save`, or the file)"
-            )
+            found.append((pair, value, wanted))
     return found
+
+
+def agree(link: Link, vehicle: Vehicle) -> None:
+    """UserError where firmware and vehicle file contradict each other, with what to do about it."""
+    held = {name: params.read(link, protocol.PARAMS[name]) for name in {p.parameter for p in PAIRS}}
+    found = [
+        f"{pair.why} {pair.parameter} = {value:g} in the firmware, {pair.field} = {wanted:g} in "
+        f"the vehicle file: correct the one that is wrong (`daranti params set {pair.parameter} "
+        f"{wanted:g} --save`, or the file)"
+        for pair, value, wanted in differing(vehicle, held)
+    ]
+    if found:
+        raise UserError("firmware and vehicle file differ: " + "; ".join(found))
 
 
 def length_s(plan: Plan, vehicle: Vehicle) -> float:
@@ -251,9 +262,9 @@ def view_problem(view: CropView) -> Problem | None:
     return None
 
 
-def mount_problem(bgr: Bgr, name: str, vehicle: Vehicle) -> str:
+def mount_problem(bgr: Bgr, name: str, vehicle: Vehicle) -> Problem | None:
     """Why a picture cannot be from the mount of that name, where another of the vehicle file's fits
-    it: the one sees the sky above the horizon, the other the ground alone. Empty where nothing
+    it: the one sees the sky above the horizon, the other the ground alone. None where nothing
     contradicts."""
     wanted = _sees_sky(vehicle.mounts[name])
     top = bgr[: max(1, bgr.shape[0] // 16)].astype(np.int16)
@@ -262,14 +273,16 @@ def mount_problem(bgr: Bgr, name: str, vehicle: Vehicle) -> str:
     ground = float((warm >= SKY_WARMTH).mean())
     seen = True if sky > MOSTLY else False if ground > ALL_BUT else None
     if wanted is None or seen is None or wanted == seen:
-        return ""
+        return None
     others = [other for other, mount in vehicle.mounts.items() if _sees_sky(mount) == seen]
     if not others:
-        return ""
+        return None
     what = "sky" if seen else "ground or crop and no sky"
-    return (
+    return Problem(
+        "mount",
         f"the upper border of the picture shows {what}, which a camera on the mount {name} does "
-        f"not: give --mount {' or '.join(others)}, or set the camera as the vehicle file has it"
+        f"not: give --mount {' or '.join(others)}, or set the camera as the vehicle file has it",
+        {"mount": name, "others": ", ".join(others)},
     )
 
 

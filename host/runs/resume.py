@@ -122,8 +122,8 @@ def laid_out(progress: Progress, entered: Plan, path: Path, vehicle: Vehicle) ->
     fits = len(progress.corners) in (0, len(entered.boundary))
     if progress.plan != digest(entered) or not fits:
         raise UserError(
-            f"{path} belongs to another plan: the boundary, the corner or the machine's file "
-            "differ from that run's"
+            f"{path} belongs to another plan: the boundary, the corner, the inset or the "
+            "machine's file differ from that run's"
         )
     if not progress.corners:
         return entered

@@ -9,7 +9,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -20,11 +20,13 @@ from host.core.messages import Fix, Frame, State
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import Boundary, load_field
-from host.link import params, protocol
+from host.link import protocol
 from host.link.session import Link
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.runs.drive import PERIOD_S, Drive, fitted, halt
+from host.route.field_plan import told
+from host.runs.at_the_start import look, some_fixes
+from host.runs.drive import PERIOD_S, Drive, halt
 from host.runs.errand import (
     Errand,
     chosen_corner,
@@ -36,8 +38,7 @@ from host.runs.errand import (
 )
 from host.runs.operator import COUNTDOWN_S, JOG_WORD, WORD, Operator
 from host.runs.preflight import (
-    PAIRS,
-    disagreements,
+    agree,
     length_s,
     mount_problem,
     room_for,
@@ -48,17 +49,13 @@ from host.runs.resume import Keeper, Progress, load
 from host.runs.screen import Keyboard, Screen
 from host.runs.sources import paper_params, warm_up
 from host.sensors.camera_stream import Picture, camera_feed
-from host.sensors.jpeg import Bgr, JpegDecoder
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
 from host.vision.mounted.paper import PaperParams
 from host.vision.tuning.profiles import DATABASE
-from host.vision.view import CropView
 from host.vision.watched import WatchedDetector, watched_detector
 
-FIXES, FIXES_S = 3, 4.0
-PICTURES, PICTURES_S = 4, 2.0
 CLEARED_S = 0.3
 """A fault whose cause is still there is back by then."""
 
@@ -78,6 +75,8 @@ class Order:
     """Which of the boundary's fields."""
     corner: int | None = None
     gap_m: float | None = None
+    inset_m: float = 0.0
+    """How far inside the boundary the crop begins."""
     turn: str = "three_point"
     record: Path | None = None
     resume: Path | None = None
@@ -104,7 +103,7 @@ def _read(order: Order) -> _Given:
     vehicle = load_vehicle(order.vehicle)
     field = load_field(order.boundary, order.field) if order.boundary is not None else None
     saved = load(order.resume) if order.resume is not None else None
-    corner = chosen_corner(field, order.boundary, order.corner, order.gap_m, saved)
+    corner = chosen_corner(field, order.boundary, order.corner, order.gap_m, order.inset_m, saved)
     return _Given(vehicle, mount_of(vehicle, order.mount), field, saved, corner)
 
 
@@ -147,7 +146,7 @@ def harvest(order: Order) -> None:
         link = stack.enter_context(Link(order.port, clock))
         version = link.meet()
         screen.say(f"firmware {version.firmware_major}.{version.firmware_minor} on {order.port}")
-        _agree(link, given.vehicle)
+        agree(link, given.vehicle)
         for feed in (pictures, fixes):
             if feed is not None:
                 stack.callback(feed.close)
@@ -219,14 +218,6 @@ def _until_done(machine: _Machine, errand: Errand) -> None:
             keeper = _keeper(machine, errand, keeper.path)
 
 
-def _agree(link: Link, vehicle: Vehicle) -> None:
-    """UserError where firmware and vehicle file contradict each other."""
-    held = {name: params.read(link, protocol.PARAMS[name]) for name in {p.parameter for p in PAIRS}}
-    found = disagreements(vehicle, held)
-    if found:
-        raise UserError("firmware and vehicle file differ: " + "; ".join(found))
-
-
 def _eye(machine: _Machine) -> WatchedDetector:
     given = machine.given
     return watched_detector(machine.order.mode, given.vehicle, given.mount, machine.colours)
@@ -270,43 +261,16 @@ def _asked_heading(machine: _Machine) -> float | None:
 
 def _problem(machine: _Machine, errand: Errand, heading_deg: float | None) -> str:
     """Why it must not start from where it stands, as far as receiver, compass and picture tell."""
-    view, bgr = _look(machine)
-    if bgr is not None and (
-        other := mount_problem(bgr, machine.order.mount, machine.given.vehicle)
-    ):
-        return other
-    corners = machine.given.field.crop if machine.given.field is not None else ()
-    found = start_problem(errand, corners, _some_fixes(machine), view, heading_deg)
+    given, wait, clock = machine.given, machine.link.poll, machine.clock
+    view, bgr = look(machine.pictures, _eye(machine), given.mount, wait, clock)
+    found = None
+    if bgr is not None:
+        found = mount_problem(bgr, machine.order.mount, given.vehicle)
+    if found is None:
+        corners = given.field.crop if given.field is not None else ()
+        fixes = some_fixes(machine.fixes, wait, clock)
+        found = start_problem(errand, corners, fixes, view, heading_deg)
     return "" if found is None else found.text
-
-
-def _some_fixes(machine: _Machine) -> list[Fix]:
-    """The next positions, a few seconds' worth."""
-    found: list[Fix] = []
-    end = machine.clock() + FIXES_S
-    while machine.fixes is not None and len(found) < FIXES and machine.clock() < end:
-        machine.link.poll(PERIOD_S)
-        fix = machine.fixes.take()
-        if fix is not None:
-            found.append(fix)
-    return found
-
-
-def _look(machine: _Machine) -> tuple[CropView | None, Bgr | None]:
-    """What a new detector makes of the newest pictures, and the last of them; None where none
-    comes."""
-    eye, view, bgr = _eye(machine), None, None
-    end = machine.clock() + PICTURES_S
-    decoder, count = JpegDecoder(), 0
-    while count < PICTURES and machine.clock() < end:
-        machine.link.poll(PERIOD_S)
-        picture = machine.pictures.take()
-        if picture is not None:
-            frame = fitted(picture, decoder, machine.given.mount, 0.0)
-            view = eye.see(frame.bgr)
-            bgr = frame.bgr if frame.bgr.size else bgr
-            count += 1
-    return view, bgr
 
 
 def _clear(machine: _Machine, why: str) -> None:
@@ -340,9 +304,19 @@ def _errand(order: Order, given: _Given, fixes: Feed[Fix] | None) -> Errand:
     start = given.corner
     if start is None and given.field is not None:
         start = corner_at(given.field.crop, fixes)
-    return errand_of(
-        given.field, start, given.vehicle, order.turn, order.gap_m, given.saved, order.resume
-    )
+    long = told(f"plan of {order.boundary}") if given.field is not None else nullcontext()
+    with long as tell:
+        return errand_of(
+            given.field,
+            start,
+            given.vehicle,
+            order.turn,
+            order.gap_m,
+            given.saved,
+            order.resume,
+            order.inset_m,
+            tell,
+        )
 
 
 def _paper(order: Order, given: _Given, first: Frame | None, screen: Screen) -> PaperParams | None:

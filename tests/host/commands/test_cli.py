@@ -104,3 +104,25 @@ def test_an_unknown_command_is_a_usage_error(capsys: pytest.CaptureFixture[str])
         run(daranti, "daranti", ["fly"])
     assert exit_.value.code == EXIT_USER
     assert "No such command 'fly'" in capsys.readouterr().err
+
+
+ALIKE = ("boundary", "gap", "inset", "field", "vehicle", "mount", "mode", "camera", "gnss", "port")
+
+
+def options(name: str) -> dict[str, click.Option]:
+    command = daranti.get_command(click.Context(daranti), name)
+    assert command is not None
+    made = [each for each in command.params if isinstance(each, click.Option)]
+    return {opt.removeprefix("--"): each for each in made for opt in each.opts}
+
+
+@pytest.mark.parametrize("name", ["plan", "drive", "panel", "check"])
+def test_what_is_called_alike_takes_the_same(name: str) -> None:
+    """Of the commands that work on a field: each takes what is asked of it elsewhere."""
+    of_all = options("drive")
+    own = options(name)
+    for option in ALIKE:
+        if option in own:
+            assert own[option].type.to_info_dict() == of_all[option].type.to_info_dict(), option
+    assert own.keys() >= {"gap", "inset", "field", "vehicle"}
+    assert "boundary" in own or name == "plan"

@@ -7,11 +7,13 @@ import math
 from pathlib import Path
 
 import pytest
+import shapely
 
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.core.vehicle import Vehicle
+from host.field.areas import areas_of
 from host.field.boundary_file import Boundary, load_field
 from host.field.fence import FENCE_FIXES, FENCE_M, Fence, nearest_corner
 from host.route.field_plan import plan_of
@@ -135,3 +137,24 @@ def test_the_fence_needs_several_fixes_in_a_row_far_outside() -> None:
 
 
 # ---- the vehicle file ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_with_an_inset_the_crop_begins_inside_and_the_machine_may_go_as_far_as_before(
+    corner: int,
+) -> None:
+    field, vehicle = Boundary(tuple(SQUARE)), Vehicle()
+    frame, plan = plan_of(field, corner, vehicle, "three_point", 2.0, inset_m=1.0)
+    inner = ((1, 1), (19, 1), (19, 9), (1, 9))[corner]
+    assert (plan.sides[0].x_m, plan.sides[0].y_m) == pytest.approx(inner, abs=0.01)
+    areas = areas_of(field.polygon(frame), 2.0)
+    crop = shapely.Polygon(plan.boundary)
+    assert crop.area == pytest.approx(18 * 8, abs=0.1)
+    allowed = areas_of(crop, plan.gap_m).permitted
+    assert allowed is not None
+    assert allowed.symmetric_difference(areas.permitted).area < 0.1
+
+
+def test_an_inset_that_leaves_nothing_is_refused() -> None:
+    with pytest.raises(UserError, match="inset of 6 m nothing is left"):
+        plan_of(Boundary(tuple(SQUARE)), 0, Vehicle(), "three_point", 2.0, inset_m=6.0)

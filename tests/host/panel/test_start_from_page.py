@@ -6,34 +6,53 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
+from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.core.vehicle import MAST, Vehicle
 from host.field.boundary_file import Boundary, save_field
+from host.link import protocol
 from host.panel import harvesting, snapshot
 from host.panel.harvesting import Order, prepare
 from host.panel.machine import NotYetError
 from host.panel.texts import LANGUAGES, text
 from host.pilot.phase import Phase, Transition
+from host.runs import preflight
+from host.sensors.camera_stream import Picture
 
 FRAME = LocalFrame(31.5, 74.3)
 CORNERS = ((0, 0), (30, 0), (30, 25), (0, 25))
 
 
-def machine_at(x: float, y: float) -> Any:
-    """A machine whose receiver says so, and whose camera shows nothing."""
+class Board:
+    """Answers what it is asked for a parameter: what the vehicle file says, but for one."""
+
+    def __init__(self, **held: float) -> None:
+        self._held = {p.parameter: getattr(Vehicle(), p.field) for p in preflight.PAIRS[::-1]}
+        self._held |= held
+
+    def ask(self, message: protocol.ParamGet) -> protocol.ParamValue:
+        spec = next(spec for spec in protocol.PARAMS.values() if spec.id == message.param)
+        return protocol.ParamValue(spec.id, spec.to_raw(self._held[spec.name]))
+
+
+def machine_at(x: float, y: float, shown: Picture | None = None) -> Any:
+    """A machine whose receiver says so, and whose camera shows a picture again and again."""
     now = iter(range(10**6))
     lat, lon = FRAME.to_wgs84(x, y)
     fix = Fix(0.0, lat, lon, 1, 1.0, 9, 0.0)
     return SimpleNamespace(
-        camera=SimpleNamespace(take=lambda: None),
+        camera=SimpleNamespace(take=lambda: shown),
         gnss=SimpleNamespace(take=lambda: fix),
-        link=object(),
+        link=Board(),
+        events=[],
         vehicle=Vehicle(),
         mount=MAST,
-        settings=SimpleNamespace(mode="robust"),
+        settings=SimpleNamespace(mode="robust", mount="mast", folder=Path()),
         clock=lambda: 0.05 * next(now),
         pump=lambda _: [],
     )
@@ -57,6 +76,32 @@ def test_a_machine_at_another_corner_is_not_started_and_told_so(
     said = text(language, f"problem.{problem.code}", **problem.values)
     assert "{" not in said
     assert "2" in said
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_pictures_of_another_mount_start_nothing(order: Order, language: str) -> None:
+    """The mount's name is the mast's, the picture has sky in it."""
+    sky = np.full((MAST.height_px, MAST.width_px, 3), (210, 180, 160), np.uint8)
+    picture = Picture(0.0, cv2.imencode(".jpg", sky)[1].tobytes())
+    with pytest.raises(NotYetError) as refused:
+        prepare(machine_at(-1.0, 1.0, picture), order)
+    problem = refused.value.problem
+    assert problem.code == "mount"
+    assert "--mount low" in text(language, "problem.mount", **problem.values)
+
+
+def test_a_board_of_another_machine_starts_nothing(order: Order) -> None:
+    machine = machine_at(-1.0, 1.0)
+    machine.link = Board(hall_per_metre=25.0)
+    with pytest.raises(UserError, match=r"hall_per_metre = 25 in the firmware"):
+        prepare(machine, order)
+
+
+def test_a_full_disk_starts_nothing(order: Order, monkeypatch: pytest.MonkeyPatch) -> None:
+    full = SimpleNamespace(free=1e6)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: full)
+    with pytest.raises(UserError, match=r"has 1 MB left"):
+        prepare(machine_at(-1.0, 1.0), order)
 
 
 def test_a_machine_at_its_corner_is_rehearsed(

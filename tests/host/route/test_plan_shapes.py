@@ -5,14 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 
+import numpy as np
 import pytest
 import shapely
 
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
-from host.route.plan import KEEP_OUT_M, Plan, spiral
+from host.route.plan import KEEP_OUT_M, MAX_WALKED, Plan, spiral
 from host.route.preview import preview
 from host.route.side import Side
+from host.route.standing import Edge
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
 VEHICLE = Vehicle()
@@ -149,3 +151,32 @@ def test_a_field_that_falls_apart_says_what_no_turn_leads_to() -> None:
     )
     left = shapely.Polygon(field).difference(cut)
     assert left.area == pytest.approx(apart, abs=0.02 * shapely.Polygon(field).area)
+
+
+def test_of_a_field_of_many_points_fewer_strips_are_tried_and_each_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each strip takes longer the more corners field and keep-outs have."""
+    monkeypatch.setattr("host.route.plan.USUAL_POINTS", 2)
+    centres = itertools.product(range(4, 20, 6), repeat=2)
+    wells = [[(x, y), (x + 0.5, y), (x + 0.5, y + 0.5), (x, y + 0.5)] for x, y in centres]
+    said: list[tuple[int, int]] = []
+    square = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]
+    plan = spiral(square, 0, VEHICLE, gap_m=2.0, keep_outs=wells, tell=lambda *so: said.append(so))
+    most = MAX_WALKED * 2 // (4 + 9 * 4)
+    assert said == [(number, most) for number in range(1, len(said) + 1)]
+    assert most < len(said) < most + 2 * len(plan.sides)
+
+
+def test_a_place_lies_as_far_left_of_an_edge_as_its_distance_says() -> None:
+    edge = Edge(((0.0, 0.0), (10.0, 0.0), (20.0, 3.0)), True)
+    places = np.array(
+        [(5.0, 2.0), (5.0, -2.0), (-50.0, 1.0), (20.0, 3.5), (20.0, 2.5), (60.0, 0.0)]
+    )
+    depths = edge.depths_of(places)
+    assert np.sign(depths).tolist() == [1, -1, 1, 1, -1, -1]
+    assert depths[:3] == pytest.approx([2.0, -2.0, 1.0])
+    assert abs(depths) == pytest.approx(
+        [edge.prolonged(1e4).distance(p) for p in shapely.points(places)]
+    )
+    assert len(edge.depths_of(np.empty((0, 2)))) == 0

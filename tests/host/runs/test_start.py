@@ -237,9 +237,9 @@ def test_a_firmware_that_was_set_back_to_defaults_is_refused_with_what_to_do(
 def test_every_pair_is_compared(pair: preflight.Pair) -> None:
     held = {each.parameter: float(getattr(VEHICLE, each.field)) for each in preflight.PAIRS[::-1]}
     held["speed_max"] = 1.0
-    assert preflight.disagreements(VEHICLE, held) == []
-    held[pair.parameter] = 0.5 * float(getattr(VEHICLE, pair.field))
-    assert any(pair.field in text for text in preflight.disagreements(VEHICLE, held))
+    assert preflight.differing(VEHICLE, held) == []
+    half = held[pair.parameter] = 0.5 * float(getattr(VEHICLE, pair.field))
+    assert (pair, half, 2 * half) in preflight.differing(VEHICLE, held)
 
 
 def said(problem: preflight.Problem | None) -> str:
@@ -289,15 +289,15 @@ def test_pictures_of_another_mount_are_told_before_anything_moves() -> None:
         return made
 
     for sky in ((210, 180, 160), (190, 185, 180), (150, 150, 160)):
-        assert "--mount low" in preflight.mount_problem(picture(*sky), "mast", VEHICLE)
-        assert preflight.mount_problem(picture(*sky), "low", VEHICLE) == ""
+        assert "--mount low" in said(preflight.mount_problem(picture(*sky), "mast", VEHICLE))
+        assert preflight.mount_problem(picture(*sky), "low", VEHICLE) is None
     for crop in ((80, 140, 180), (120, 140, 150)):
-        assert "--mount mast" in preflight.mount_problem(picture(*crop), "low", VEHICLE)
-        assert preflight.mount_problem(picture(*crop), "mast", VEHICLE) == ""
+        assert "--mount mast" in said(preflight.mount_problem(picture(*crop), "low", VEHICLE))
+        assert preflight.mount_problem(picture(*crop), "mast", VEHICLE) is None
     for name in ("low", "mast"):
-        assert preflight.mount_problem(picture(40, 40, 40), name, VEHICLE) == ""
+        assert preflight.mount_problem(picture(40, 40, 40), name, VEHICLE) is None
     alone = VEHICLE.model_copy(update={"mounts": {"mast": MAST}})
-    assert preflight.mount_problem(picture(210, 180, 160), "mast", alone) == ""
+    assert preflight.mount_problem(picture(210, 180, 160), "mast", alone) is None
 
 
 def test_an_edge_that_is_not_at_the_blade_is_told() -> None:
