@@ -201,20 +201,31 @@ def _warnings(
                     f"at the start the machine stands {beyond:.2f} m outside the permitted area; "
                     "move it up, or choose another corner"
                 )
-    for number, keep_out in enumerate(areas.keep_outs, start=1):
-        shapely.prepare(keep_out)
-        hit = [k for k, swath in enumerate(swaths, start=1) if keep_out.intersects(swath)]
-        if hit:
-            warnings.append(f"side {hit[0]} would cut into keep-out {number}")
-        touched = [
-            k
-            for k, swept in enumerate(outlines, start=1)
-            if keep_out.intersects(shapely.convex_hull(shapely.multipoints(swept))).any()
-        ]
-        if touched:
+    return warnings + _at_keep_outs(areas.keep_outs, swaths, outlines)
+
+
+def _at_keep_outs(
+    keep_outs: tuple[shapely.Polygon, ...],
+    swaths: list[shapely.Polygon],
+    outlines: list[NDArray[np.float64]],
+) -> list[str]:
+    """What of `_warnings` is about keep-outs."""
+    if not keep_outs:
+        return []
+    tree = shapely.STRtree(keep_outs)
+    sides, cut = tree.query(swaths, predicate="intersects")
+    hulls = [shapely.convex_hull(shapely.multipoints(swept)) for swept in outlines]
+    turns = np.repeat(np.arange(len(hulls)), list(map(len, hulls)))
+    poses, met = tree.query([hull for turn in hulls for hull in turn], predicate="intersects")
+    warnings: list[str] = []
+    for number in range(len(keep_outs)):
+        hit, touched = sides[cut == number], np.unique(turns[poses[met == number]])
+        if len(hit):
+            warnings.append(f"side {hit.min() + 1} would cut into keep-out {number + 1}")
+        if len(touched):
             warnings.append(
-                f"{len(touched)} turns would touch keep-out {number}, first at the end of side "
-                f"{touched[0]}: the geofence would stop the machine there"
+                f"{len(touched)} turns would touch keep-out {number + 1}, first at the end of side "
+                f"{touched.min() + 1}: the geofence would stop the machine there"
             )
     return warnings
 
