@@ -213,10 +213,11 @@ def _at_keep_outs(
     if not keep_outs:
         return []
     tree = shapely.STRtree(keep_outs)
-    sides, cut = tree.query(swaths, predicate="intersects")
+    sides, cut = tree.query(np.array(swaths, object), predicate="intersects")
     hulls = [shapely.convex_hull(shapely.multipoints(swept)) for swept in outlines]
-    turns = np.repeat(np.arange(len(hulls)), list(map(len, hulls)))
-    poses, met = tree.query([hull for turn in hulls for hull in turn], predicate="intersects")
+    turns = np.repeat(np.arange(len(hulls)), np.array([len(turn) for turn in hulls], int))
+    every = np.array([hull for turn in hulls for hull in turn], object)
+    poses, met = tree.query(every, predicate="intersects")
     warnings: list[str] = []
     for number in range(len(keep_outs)):
         hit, touched = sides[cut == number], np.unique(turns[poses[met == number]])

@@ -21,6 +21,10 @@ NOTHING: Final[Bgr] = np.zeros((0, 0, 3), np.uint8)
 MAX_PIXELS: Final = 4096 * 2160
 """More takes longer to decode than the machine may wait (50 megapixels 1.5 s, these 0.1 s): a phone
 is set to a small picture, and a header that says more may be spoiled."""
+MAX_SCANS: Final = 40
+"""Passes over the picture in a progressive file: cameras write one, programs 10. A small file may
+ask for thousands of them, each of which takes 0.2 ms of 640x480."""
+SCAN: Final = b"\xff\xda"
 
 
 def size_of(jpeg: bytes) -> tuple[int, int] | None:
@@ -53,6 +57,8 @@ class JpegDecoder:
 
 
 def _decode(jpeg: bytes, *, strict: bool) -> Bgr:
+    if jpeg.count(SCAN) > MAX_SCANS:
+        return NOTHING
     try:
         height, width, *_ = simplejpeg.decode_jpeg_header(jpeg, strict=strict)
         if height * width > MAX_PIXELS:

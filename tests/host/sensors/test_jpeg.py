@@ -76,3 +76,11 @@ def test_no_bytes_do_harm(data: bytes, headed: bool) -> None:
 def test_a_header_of_terabytes_allocates_nothing() -> None:
     at = JPEG.index(b"\xff\xc0") + 5
     assert JpegDecoder().decode(JPEG[:at] + b"\xff\xff\xff\xff" + JPEG[at + 4 :]).size == 0
+
+
+def test_a_small_file_of_many_passes_has_no_pixels() -> None:
+    """Each takes as long as the whole of an ordinary picture."""
+    file = cv2.imencode(".jpg", BGR, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
+    assert JpegDecoder().decode(file).shape == BGR.shape
+    last = file[file.rindex(b"\xff\xda") : -2]
+    assert JpegDecoder().decode(file[:-2] + 100 * last + file[-2:]).size == 0
