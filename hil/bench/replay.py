@@ -134,7 +134,14 @@ def about_of(path: Path) -> About:
     about = record.about(path)
     try:
         return _about(path, about)
-    except (ValidationError, KeyError, TypeError, ValueError) as error:
+    except (
+        ValidationError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        RecursionError,
+    ) as error:
         words = _words(error) if isinstance(error, ValidationError) else repr(error)
         raise UserError(
             f"{path}: what the record says of its run is not understood ({words}); it was written "
@@ -209,7 +216,7 @@ class _PilotReplay:
             detector = watched_detector(about.mode, about.vehicle, mount, about.paper)
         self._pilot = Pilot(about.vehicle, detector, about.plan)
 
-    def take(self, topic: str, stamp: float, message: Mapping[str, Any]) -> None:
+    def take(self, topic: str, stamp: float, message: record.Message) -> None:
         """The next message of the record."""
         match topic:
             case "/telemetry":

@@ -14,6 +14,7 @@ from hil.scenario.scenario import changed
 from hil.studies.campaign import seeds_of
 from hil.studies.consistency import overview, watched
 from host.core.errors import UserError
+from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 
@@ -21,7 +22,7 @@ from host.core.terminal import PlainConsole
 @click.command()
 @click.option("--seeds", default="1-8", show_default=True, metavar="1-30|1,4,9")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="model", show_default=True)
-@click.option("--dust", type=click.FloatRange(0, 1), help="In all fields, instead of each its own.")
+@click.option("--dust", type=NumberRange(0, 1), help="In all fields, instead of each its own.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/consistency.json"))
 def consistency(seeds: str, eyes: str, dust: float | None, out: Path) -> None:
     """Harvests random fields and compares the estimator's errors with what it says of them. The

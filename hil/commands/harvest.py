@@ -18,6 +18,7 @@ from hil.judge.figures import cells_of
 from hil.scenario.belief import in_words, wrong_by
 from hil.scenario.scenario import assigned, load, merge
 from host.core.errors import FaultError, UnfinishedError, UserError
+from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -36,7 +37,7 @@ def written_since(folder: Path, begun: float) -> list[str]:
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
 @click.option("--mode", type=click.Choice(["paper", "robust"]), help="Which vision steers.")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), help="Pictures, or their model.")
-@click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Solar time of day.")
+@click.option("--hour", type=NumberRange(0, 24, max_open=True), help="Solar time of day.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
 @click.option("--film/--no-film", default=None, help="Write camera.mp4 (of pictures).")
 @click.option("--live", type=click.IntRange(1, 65535), help="Port of a live view for Foxglove.")

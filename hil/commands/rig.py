@@ -19,6 +19,7 @@ from hil.firmware.real_board import PREFIX, Board
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
+from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import Outlet, PlainConsole, echo
 from sim_plant.phone import Phone, PhoneSpec
@@ -29,11 +30,11 @@ from sim_plant.phone import Phone, PhoneSpec
 @click.option("--firmware", metavar="desk|avr|serial:PORT", help="A build, or a real board.")
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
-@click.option("--duration", type=click.FloatRange(0, min_open=True), help="Seconds; else Ctrl-C.")
+@click.option("--duration", type=NumberRange(0, min_open=True), help="Seconds; else Ctrl-C.")
 @click.option(
     "--realtime-factor",
     "factor",
-    type=click.FloatRange(0, min_open=True),
+    type=NumberRange(0, min_open=True),
     default=1.0,
     show_default=True,
 )

@@ -12,6 +12,7 @@ from rich.table import Table
 from hil.studies.spread import spread
 from hil.studies.vision_drives import Drive, Mode, Outcome, run, summary
 from host.core.errors import UserError
+from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -43,14 +44,14 @@ def show(figures: dict[str, dict[str, float | int | None]]) -> Table:
 
 
 @click.command()
-@click.option("--km", type=click.FloatRange(0.01, 100), default=0.2, show_default=True,
+@click.option("--km", type=NumberRange(0.01, 100), default=0.2, show_default=True,
               help="Of edges, over all mounts.")  # fmt: skip
 @click.option("--mount", "mounts", multiple=True, type=click.Choice(["low", "mast"]),
               help="Only this one; default both.")  # fmt: skip
 @click.option("--mode", type=click.Choice(["robust", "paper"]), default="robust", show_default=True)
-@click.option("--length", "length_m", type=click.FloatRange(5, 200), default=20.0,
+@click.option("--length", "length_m", type=NumberRange(5, 200), default=20.0,
               show_default=True, help="Of one edge, m.")  # fmt: skip
-@click.option("--dust", type=click.FloatRange(0, 1),
+@click.option("--dust", type=NumberRange(0, 1),
               help="Instead of a random one between 0 and 0.6.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)

@@ -10,6 +10,7 @@ import cv2
 from hil.studies import realism
 from hil.studies.contact_sheets import SHEETS, _write_video, drive, sheet
 from host.core.errors import UserError
+from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import echo
 from sim_plant.camera import LOW, MAST
@@ -27,7 +28,7 @@ from sim_plant.camera import LOW, MAST
 @click.option(
     "--sheet", "names", multiple=True, type=click.Choice(sorted(SHEETS)), help="Only these."
 )
-@click.option("--drive", "seconds", type=click.FloatRange(0, 600), default=15.0, show_default=True,
+@click.option("--drive", "seconds", type=NumberRange(0, 600), default=15.0, show_default=True,
               help="Length of drive-*.mp4 in s; 0 writes none.")  # fmt: skip
 @click.option(
     "--compare", is_flag=True, help="Compare with the photographs of DARANTI_DATA instead."

@@ -35,6 +35,7 @@ from hil.report.zoom import over_time, resources
 from host.core.errors import UserError
 from host.link import protocol
 from host.runs import record
+from host.sensors.jpeg import JpegDecoder
 
 VIDEO_WIDTH = 320
 """Pixels of the film in a report, which mail still carries."""
@@ -165,11 +166,12 @@ def _frames_of_file(path: Path) -> Iterator[NDArray[np.uint8]]:
 
 
 def _frames_of_record(path: Path) -> Iterator[NDArray[np.uint8]]:
+    decoder = JpegDecoder()
     for topic, _, message in record.read(path):
         if topic == "/camera":
-            bgr = cv2.imdecode(np.frombuffer(message["data"], np.uint8), cv2.IMREAD_COLOR)
-            if bgr is not None:
-                yield np.asarray(bgr, np.uint8)
+            bgr = decoder.decode(message["data"])
+            if bgr.size:
+                yield bgr
 
 
 def small_video(film: Path, kept: Path) -> str | None:

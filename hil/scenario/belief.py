@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -29,6 +28,7 @@ from host.core.frames import LocalFrame
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
+from host.core.yaml_file import load_yaml
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
 from host.field.survey import survey_track
 from host.field.walk import read_fixes, track_of
@@ -506,9 +506,9 @@ def _read(path: Path, gnss: GnssSpec) -> tuple[Ring, tuple[Ring, ...], float]:
 def _parameters_of(folder: Path) -> dict[str, float]:
     path = folder / PARAMETER_FILE
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        data = load_yaml(path, "belief.folder:") or {}
         return {str(name): float(value) for name, value in data.items()}
-    except (OSError, ValueError, AttributeError, yaml.YAMLError) as error:
+    except (ValueError, TypeError, AttributeError) as error:
         raise UserError(f"belief.folder: cannot read {path}: {error}") from error
 
 
@@ -519,5 +519,5 @@ def _gap_of(folder: Path) -> float | None:
         return float(data["gap_m"]["found"])
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UserError(f"belief.folder: cannot read {path}: {error}") from error

@@ -188,7 +188,7 @@ def assigned(setting: str) -> dict[str, Any]:
         raise UserError(f"{setting!r}: say FIELD=VALUE, such as weather.hour=9.5")
     try:
         nested: Any = yaml.safe_load(value)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise UserError(f"{setting!r}: {value!r} is not YAML") from error
     for name in reversed(path.split(".")):
         nested = {name: nested}
@@ -221,13 +221,14 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read the scenario {path}: {error}") from error
     try:
-        data = yaml.safe_load(text) or {}
+        data = yaml.safe_load(text)
         lines = _lines(yaml.compose(text, Loader=yaml.SafeLoader))
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "not readable"
         raise UserError(f"{path}{where}: not YAML: {problem}") from error
+    data = {} if data is None else data
     if not isinstance(data, dict):
         raise UserError(f"{path}: a scenario is a mapping of fields, such as 'seed: 1'")
     data.setdefault("name", path.stem)

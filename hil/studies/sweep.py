@@ -19,7 +19,6 @@ from typing import Any, Final, Literal
 import numpy as np
 import optuna
 import pandas as pd
-import yaml
 from pydantic import Field, ValidationError, model_validator
 from scipy.stats import spearmanr
 
@@ -36,6 +35,7 @@ from hil.studies.actuators import (
 from hil.studies.spread import client
 from host.core.errors import UserError
 from host.core.strict import Strict
+from host.core.yaml_file import load_yaml
 from host.link import protocol
 from host.tune.step_response import Step, cost, meets
 
@@ -121,11 +121,7 @@ DEFAULT_SPACE: Final = Space(
 def load_space(path: Path) -> Space:
     """Reads a space from YAML. Raises UserError with what is wrong and where."""
     try:
-        return Space.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise UserError(f"{path}: not YAML: {error}") from error
+        return Space.model_validate(load_yaml(path, "space"))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "space"

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import yaml
 
+from host.core.number_range import NumberRange
 from host.core.terminal import echo
 from host.runs.pictures import frames
 from host.tune.camera import lens_fields, lens_of, mount_from
@@ -25,7 +26,7 @@ DOUBTFUL_PX = 1.0
 @click.option(
     "--square",
     "square_m",
-    type=click.FloatRange(0.002, 1),
+    type=NumberRange(0.002, 1),
     default=0.04,
     show_default=True,
     help="Side of a square, m. Columns and rows are inner corners.",

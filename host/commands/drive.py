@@ -16,6 +16,7 @@ from host.commands.options import (
     port_option,
     vehicle_option,
 )
+from host.core.number_range import NumberRange
 from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
 from host.vision.mounted.detector import Mode
@@ -59,7 +60,7 @@ from host.vision.tuning.profiles import DATABASE
 @click.option(
     "--heading",
     "heading_deg",
-    type=click.FloatRange(0, 360),
+    type=NumberRange(0, 360),
     help="Where the machine heads by the compass; checked before it starts.",
 )
 @click.option("--yes", is_flag=True, help="Start without asking, after the countdown; for scripts.")

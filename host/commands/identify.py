@@ -10,6 +10,7 @@ from rich.status import Status
 from rich.table import Table
 
 from host.commands.options import port_option
+from host.core.number_range import NumberRange
 from host.core.terminal import PlainConsole, echo
 from host.link.params import read_all, save
 from host.link.session import connect
@@ -51,7 +52,7 @@ def table(model: ActuatorModel) -> Table:
 @click.option(
     "--stops",
     "stop_deg",
-    type=click.FloatRange(10, 80),
+    type=NumberRange(10, 80),
     metavar="DEG",
     help="First calibrate the potentiometer: the wheel's angle at its mechanical stops.",
 )

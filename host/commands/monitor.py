@@ -10,6 +10,7 @@ import click
 
 from host.commands.options import port_option
 from host.core.messages import Telemetry
+from host.core.number_range import NumberRange
 from host.core.terminal import echo
 from host.link import protocol
 from host.link.session import Link
@@ -23,7 +24,7 @@ POLL_S = 0.2
 
 @click.command()
 @port_option
-@click.option("--duration", type=click.FloatRange(0, min_open=True), help="Seconds; else Ctrl-C.")
+@click.option("--duration", type=NumberRange(0, min_open=True), help="Seconds; else Ctrl-C.")
 @click.option("--json", "every", is_flag=True, help="Every message as a line of JSON.")
 @click.option("--readings", is_flag=True, help="What the sensors read instead, six times a second.")
 def monitor(port: str, duration: float | None, every: bool, readings: bool) -> None:

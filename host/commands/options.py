@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from host.core.number_range import NumberRange
 from host.field.areas import MAX_GAP_M, MAX_INSET_M
 
 camera_option = click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
@@ -30,13 +31,13 @@ port_option = click.option(
 
 gap_option = click.option(
     "--gap",
-    type=click.FloatRange(0, MAX_GAP_M),
+    type=NumberRange(0, MAX_GAP_M),
     metavar="METRES",
     help="To the neighbour's crop: the geofence.",
 )
 inset_option = click.option(
     "--inset",
-    type=click.FloatRange(0, MAX_INSET_M),
+    type=NumberRange(0, MAX_INSET_M),
     default=0.0,
     metavar="METRES",
     help="So far inside the boundary the crop begins: a border that is cut by hand, or left.",

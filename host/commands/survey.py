@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from host.core.errors import UserError
+from host.core.number_range import NumberRange
 from host.core.terminal import echo
 from host.field.boundary_file import check_target, save_field
 from host.field.survey import (
@@ -50,7 +51,7 @@ def _corners(_: click.Context, __: click.Parameter, value: str) -> int | None:
 )
 @click.option(
     "--close",
-    type=click.FloatRange(0.5, 50),
+    type=NumberRange(0.5, 50),
     default=CLOSE_M,
     show_default=True,
     help="Metres between the ends of a loop.",

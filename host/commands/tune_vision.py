@@ -10,6 +10,7 @@ import click
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.panel.colour_page import Tuner, colour_application
@@ -37,7 +38,7 @@ def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float
 
 @click.command()
 @click.argument("source", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO|RECORD|URL...")
-@click.option("--hour", type=click.FloatRange(0, 24, max_open=True), help="Default: now.")
+@click.option("--hour", type=NumberRange(0, 24, max_open=True), help="Default: now.")
 @click.option("--terrain", default="flat", show_default=True)
 @click.option("--crop", default="wheat", show_default=True)
 @click.option("--weather", default="clear", show_default=True)

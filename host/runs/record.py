@@ -18,11 +18,12 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NoReturn, TypeVar
 
 import zstandard
+from mcap import records
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, McapRecord, Message, Metadata
+from mcap.records import Channel, Chunk, McapRecord, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
@@ -39,6 +40,8 @@ CHUNK_BYTES = 64 * 1024
 """What a crash may lose of a record: less than a second with pictures."""
 LARGEST = 64 * 1024 * 1024
 """Bytes of a chunk or a record in it; a picture takes a tenth of a megabyte."""
+DENSEST = 200
+"""Times its bytes that a file may unpack to, beyond LARGEST; a record without pictures: 20."""
 INFINITE = 1e9
 """Stands for infinity, which JSON does not have."""
 
@@ -306,10 +309,13 @@ def _records(path: Path) -> Iterator[McapRecord]:
         file = path.open("rb")
     except OSError as error:
         raise UserError(f"cannot read the record {path}: {error.strerror}") from error
-    count = 0
+    count, room = 0, LARGEST + DENSEST * path.stat().st_size
     with file:
         try:
             for record in StreamReader(file, emit_chunks=True, record_size_limit=LARGEST).records:
+                room -= record.uncompressed_size if isinstance(record, Chunk) else 0
+                if room < 0:
+                    raise ValueError("it holds far more than a record of its size")
                 for each in _unpacked(record):
                     count += 1
                     yield each
@@ -341,30 +347,84 @@ def about(path: Path) -> dict[str, str]:
     return {}
 
 
-def read(path: Path) -> Iterator[tuple[str, float, dict[str, Any]]]:
+class Message(dict[str, Any]):
+    """A message as it was read. UserError where it lacks what is asked of it."""
+
+    def __init__(self, values: Mapping[str, Any], where: str) -> None:
+        super().__init__(values)
+        self.where = where
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise UserError(f"{self.where} has no {name}: it was written by another program")
+
+
+def read(path: Path) -> Iterator[tuple[str, float, Message]]:
     """(topic, stamp in s, message) in the order written; ends at the last whole chunk of a record
-    whose run was killed. UserError where the file is missing or is no record."""
-    channels: dict[int, str] = {}
+    whose run was killed. UserError where the file is missing or is no record, or holds what no run
+    writes."""
+    topics: dict[int, str] = {}
     for record in _records(path):
         if isinstance(record, Channel):
-            channels[record.id] = record.topic
-        elif isinstance(record, Message):
+            topics[record.id] = record.topic
+        elif isinstance(record, records.Message):
+            topic, stamp = topics.get(record.channel_id, ""), record.log_time / 1e9
+            yield topic, stamp, _message(record.data, topic, f"{path}: {topic} at {stamp:.2f} s")
+
+
+def _message(data: bytes, topic: str, where: str) -> Message:
+    """UserError where it is none, or a field is of another kind than the topic's."""
+    try:
+        message = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{where} is damaged: {error}") from error
+    fields: Mapping[str, Any] = SCHEMAS[topic][1]["properties"] if topic in SCHEMAS else {}
+    if not isinstance(message, dict):
+        raise UserError(f"{where} is damaged: no object of JSON")
+    for name, kind in fields.items():
+        if name in message and not isinstance(message[name], _PYTHON[str(kind["type"])]):
+            raise UserError(f"{where} is damaged: {name} is {type(message[name]).__name__}")
+        if name in message and "contentEncoding" in kind:
             try:
-                message = json.loads(record.data)
+                message[name] = base64.b64decode(message[name])
             except ValueError as error:
-                stamp = record.log_time / 1e9
-                raise UserError(f"{path} is damaged at {stamp:.2f} s: {error}") from error
-            if isinstance(message.get("data"), str):
-                message["data"] = base64.b64decode(message["data"])
-            yield channels[record.channel_id], record.log_time / 1e9, message
+                raise UserError(f"{where} is damaged: {name}: {error}") from error
+    return Message(message, where)
 
 
-def telemetry_of(stamp: float, message: Mapping[str, Any]) -> Telemetry:
+_PYTHON: Final[dict[str, Any]] = {
+    "['number', 'null']": float | int | None,
+    "string": str,
+    "boolean": bool,
+    "object": dict,
+    "integer": int,
+    "array": list,
+}
+"""What the kinds of SCHEMAS become."""
+
+Built = TypeVar("Built")
+
+
+def _built(kind: Callable[..., Built], message: Message, **more: Any) -> Built:
+    try:
+        return kind(**{**message, **more})
+    except TypeError as error:
+        raise UserError(f"{message.where} is not understood: {error}") from error
+
+
+def _named(kind: Callable[[str], Built], name: str, message: Message) -> Built:
+    try:
+        return kind(message[name])
+    except (KeyError, ValueError) as error:
+        raise UserError(f"{message.where}: there is no {name} {message[name]!r}") from error
+
+
+def telemetry_of(stamp: float, message: Message) -> Telemetry:
     """A /telemetry message as it went in."""
-    return Telemetry(stamp=stamp, **{**message, "state": State[message["state"]]})
+    state = _named(State.__getitem__, "state", message)
+    return _built(Telemetry, message, stamp=stamp, state=state)
 
 
-def fix_of(stamp: float, message: Mapping[str, Any]) -> Fix:
+def fix_of(stamp: float, message: Message) -> Fix:
     """A /fix message as it went in."""
     return Fix(
         stamp,
@@ -378,7 +438,7 @@ def fix_of(stamp: float, message: Mapping[str, Any]) -> Fix:
     )
 
 
-def view_of(message: Mapping[str, Any]) -> CropView:
+def view_of(message: Message) -> CropView:
     """The numbers of a /view message as they went in; pictures are not kept."""
     values: dict[str, Any] = {}
     for name, value in message.items():
@@ -388,9 +448,9 @@ def view_of(message: Mapping[str, Any]) -> CropView:
             values[name] = math.copysign(math.inf, value)
         else:
             values[name] = value
-    return CropView(**values)
+    return _built(CropView, Message(values, message.where))
 
 
-def command_of(message: Mapping[str, Any]) -> Command:
+def command_of(message: Message) -> Command:
     """A /command message as it went in."""
-    return Command(**{**message, "request": Request(message["request"])})
+    return _built(Command, message, request=_named(Request, "request", message))

@@ -19,9 +19,12 @@ from mcap.writer import CompressionType, Writer
 
 from hil.bench.replay import replay
 from hil.firmware import targets
+from hil.judge.plots import series
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.core.vehicle import Vehicle
 from host.runs import record
+from host.runs.pictures import recorded
 from host.runs.record import Recorder
 from host.vision.view import CropView
 from tests.helpers.oracle import run_for_ever
@@ -212,3 +215,56 @@ def test_a_spoiled_chunk_is_no_internal_error(tmp_path: Path, spoil: bytes) -> N
         list(record.read(path))
     except UserError as error:
         assert str(path) in str(error)
+
+
+def written(path: Path, messages: list[tuple[str, bytes]], about: dict[str, str]) -> Path:
+    """A record whose container is sound."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 20, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="x")
+        writer.add_metadata(record.ABOUT, about)
+        for k, (topic, data) in enumerate(messages):
+            schema = writer.register_schema("x", "jsonschema", b"{}")
+            channel = writer.register_channel(topic, "json", schema)
+            writer.add_message(channel, k, data, k, k)
+        writer.finish()
+    return path
+
+
+RUN = {"vehicle": Vehicle().model_dump_json(), "mount": "mast", "mode": "robust"}
+READ = ("/camera", "/fix", "/telemetry", "/command", "/view", "/pilot", "/fault", "/operator")
+
+
+@pytest.mark.parametrize("topic", READ)
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"[" * 100_000, b"[1]", b"3", b"null", b"{}", b"\xff", b'{"data": 5}', b'{"data": "%"}',
+        b'{"state": "NOPE", "request": "fly", "x": 1}',
+        b'{"phase": 1, "begins": "no"}', b'{"paused": 3}',
+    ],
+)  # fmt: skip
+def test_messages_that_no_run_writes_are_told_by_all_that_read_records(
+    tmp_path: Path, topic: str, data: bytes
+) -> None:
+    path = written(tmp_path / "a.mcap", [(topic, data)], RUN)
+    for reader in (replay, series, lambda path: list(recorded(path))):
+        with contextlib.suppress(UserError):
+            reader(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("plan", "[1]"), ("plan", "[" * 100_000), ("plan", '{"sides": [{}]}'), ("vehicle", "{"),
+     ("scenario", "[" * 100_000), ("paper", "{}{")],
+)  # fmt: skip
+def test_a_run_that_is_not_understood_is_told(tmp_path: Path, name: str, value: str) -> None:
+    with pytest.raises(UserError, match="not understood"):
+        replay(written(tmp_path / "a.mcap", [], RUN | {name: value}))
+
+
+def test_many_small_chunks_that_would_fill_the_memory_are_no_record(tmp_path: Path) -> None:
+    full = b'{"data": "' + b"A" * 40_000_000 + b'"}'
+    path = written(tmp_path / "a.mcap", [("/serial/to_host", full)] * 5, RUN)
+    assert path.stat().st_size < 100_000
+    assert sum(1 for _ in record.read(path)) < 4

@@ -97,7 +97,9 @@ def test_an_error_names_file_line_and_field(
     assert "\n" not in message
 
 
-@pytest.mark.parametrize("text", ["a: [", "- 1\n", "\t"])
+@pytest.mark.parametrize(
+    "text", ["a: [", "- 1\n", "\t", "off\n", "0\n", "a: 2026-13-45\n", "[" * 9999]
+)
 def test_what_is_no_mapping_is_one_message(tmp_path: Path, text: str) -> None:
     path = tmp_path / "odd.yaml"
     path.write_text(text)
@@ -115,6 +117,9 @@ def test_settings_reach_nested_fields() -> None:
     assert (scenario.weather.hour, scenario.seed) == (9.5, 7)
     with pytest.raises(UserError, match="say FIELD=VALUE"):
         assigned("weather.hour")
+    for value in ("2026-13-45", "[" * 9999):
+        with pytest.raises(UserError, match="is not YAML"):
+            assigned(f"weather.hour={value}")
     with pytest.raises(UserError, match=r"weather\.hour"):
         changed(scenario, assigned("weather.hour=late"))
 

@@ -126,3 +126,26 @@ def test_what_is_called_alike_takes_the_same(name: str) -> None:
             assert own[option].type.to_info_dict() == of_all[option].type.to_info_dict(), option
     assert own.keys() >= {"gap", "inset", "field", "vehicle"}
     assert "boundary" in own or name == "plan"
+
+
+def numbers(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """The options that take a number of a range."""
+    found: list[tuple[str, ...]] = []
+    for name in group.list_commands(click.Context(group)):
+        command = group.get_command(click.Context(group), name)
+        if isinstance(command, click.Group):
+            found += numbers(command, (*path, name))
+        elif command is not None:
+            ranges = (p for p in command.params if isinstance(p.type, click.FloatRange))
+            found += [(*path, name, option.opts[0]) for option in ranges]
+    return found
+
+
+@pytest.mark.parametrize("words", numbers(daranti), ids=" ".join)
+def test_what_is_no_number_lies_in_no_range(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(daranti, "daranti", [*words, "nan"])
+    assert exit_.value.code == EXIT_USER
+    assert "nan is no number" in capsys.readouterr().err
