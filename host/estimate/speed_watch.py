@@ -14,8 +14,11 @@ from host.core.vehicle import Vehicle
 STEADY_S: Final = 1.0
 """With the drive on, until the speed is no longer the start's."""
 GROSS: Final = (0.28, 2.2)
-"""The sensor's speed over the duty's: less or more is no slope, crop or battery. Up a slope of 5
-degrees it is 0.4."""
+"""The sensor's speed over the duty's: less or more is no slope, crop or battery, ..."""
+LOAD_SHARE: Final = 0.37
+"""... unless what is missing is less than this share of the speed at full duty: a load takes the
+same speed off any duty, and at a creep that may be all of it. A slope of 5 degrees takes 0.23 of
+it, one of 7 degrees and crop before the blade all of this."""
 GROSS_S: Final = 1.2
 MOVING_MPS: Final = 0.2
 STRAIGHT_RAD: Final = math.radians(10)
@@ -61,7 +64,10 @@ class SpeedWatch:
             return
         self._ratio = abs(telemetry.speed_mps / duty)
         low, high = GROSS
-        self._gross_s = 0.0 if low < self._ratio < high else self._gross_s + dt
+        missing = abs(duty) - abs(telemetry.speed_mps)
+        loaded = missing < LOAD_SHARE * self._vehicle.full_duty_speed_mps
+        gross = self._ratio > high or (self._ratio < low and not loaded)
+        self._gross_s = self._gross_s + dt if gross else 0.0
 
     def take_fix(self, fix: Fix, telemetry: Telemetry) -> None:
         """Compares sensor and receiver, while the machine drives straight."""

@@ -30,9 +30,10 @@ SLOW_AFTER_S = 0.4
 RESUME_AFTER_S = 0.5
 """For so long pictures must be good without a break before it goes on."""
 STOPPED_MPS = 0.03
-CREEPING_MPS = 0.12
+CREEPING_MPS = 0.2
+"""A braked machine on a slope of 7 degrees: it cannot stand better than that."""
 STAND_S = 1.5
-"""On a slope a braked machine creeps: after so long told to stand, that counts as standing."""
+"""After so long told to stand, creeping counts as standing."""
 
 
 class Ended(NamedTuple):

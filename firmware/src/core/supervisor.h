@@ -61,7 +61,8 @@ class MotionWatch {
   int16_t last_angle_ = 0;
   int16_t anchor_ = 0;   // angle where the wheel last moved
   int16_t against_ = 0;  // centidegrees moved against the duty
-  int32_t effort_ = 0;   // duty above the minimum times ms, spent in vain since then
+  int16_t push_ = 0;     // duty above the minimum, signed, as a motor's speed follows it; 1/64
+  int32_t way_ = 0;      // sum of push_ over the ticks in vain since then
   bool primed_ = false;
 };
 

@@ -30,6 +30,7 @@ class Why(Reason):
 
     TURNED = Doing.SEARCH, "turned; looking for the crop's edge"
     STEERING_STUCK = Doing.FAULT, "the steering did not reach its angle"
+    ROLLS = Doing.FAULT, "told to stand, it rolls: the slope is too steep for its brake"
 
 
 class DriveTurn(Behaviour):
@@ -62,10 +63,11 @@ class DriveTurn(Behaviour):
         steer = self._steer(leg)
         if not turning.running:
             assert context.telemetry is not None
-            off = abs(context.telemetry.angle_rad - steer)
-            if not (context.stands_after(now - turning.since) and off < STEER_READY_RAD):
-                stuck = now - turning.since > STEER_TIMEOUT_S
-                go = Why.STEERING_STUCK.go() if stuck else None
+            told_s = now - turning.since
+            stands = context.stands_after(told_s)
+            if not stands or abs(context.telemetry.angle_rad - steer) >= STEER_READY_RAD:
+                why = Why.STEERING_STUCK if stands else Why.ROLLS
+                go = why.go() if told_s > STEER_TIMEOUT_S else None
                 return context.drive(steer, 0.0, blade=False), go
             turning.running = True
         speed = context.vehicle.manoeuvre_speed_mps

@@ -48,9 +48,29 @@ def test_an_honest_sensor_is_believed_on_slopes_and_in_crop(
         assert watched(counts, duty_share=duty_share, seed=seed)[0] == ""
 
 
+def steady(duty: int, speed: float) -> tuple[str, float]:
+    """What the watch says of a sensor that shows this speed at this drive duty, and when."""
+    watch, seconds = SpeedWatch(V), 10.0
+    for k in range(1, round(seconds / STEP_S)):
+        t = k * STEP_S
+        watch.take_telemetry(
+            Telemetry(t, State.RUNNING, 0, 0.0, 0.0, 0, duty, True, speed, 0.0, 12.0, 0, 0)
+        )
+        if watch.wrong:
+            return watch.wrong, t
+    return "", seconds
+
+
+def test_a_creep_up_a_steep_slope_is_believed() -> None:
+    # The hillside's: 0.05 m/s where the duty would give 0.4 on level ground.
+    duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= 0.4)
+    assert steady(duty, 0.05)[0] == ""
+
+
 def test_three_of_four_pulses_are_missed_within_seconds_without_a_receiver() -> None:
-    why, at = watched(0.25, receiver=False)
-    assert "of the speed that the drive duty gives" in why
+    # The firmware's speed loop has followed such a sensor to full duty.
+    why, at = steady(255, V.full_duty_speed_mps / 4)
+    assert "0.25 of the speed that the drive duty gives" in why
     assert at < 3.0
 
 

@@ -422,6 +422,28 @@ def test_a_turn_waits_for_its_steering_and_then_drives() -> None:
     assert abs(turn.step(NOW + 0.1)[0].speed_mps) == VEHICLE.manoeuvre_speed_mps
 
 
+@pytest.mark.parametrize(("speed_mps", "goes"), [(0.15, True), (0.3, False)])
+def test_a_machine_that_creeps_on_its_brake_turns_and_one_that_rolls_away_is_named(
+    speed_mps: float, goes: bool
+) -> None:
+    context = turning()
+    turn = DriveTurn(context)
+    turn.enter(NOW)
+    assert context.turning is not None and context.turning.leg is not None
+    later = NOW + STEER_TIMEOUT_S + 0.1
+    moved(context, 0.5, speed_mps, stamp=later)
+    assert context.telemetry is not None
+    steer = context.turning.leg.steer_rad
+    context.telemetry = replace(context.telemetry, angle_rad=steer)
+    context.sight.usable.stamp = later
+    command, go = turn.step(later)
+    if goes:
+        assert go is None
+        assert command.speed_mps != 0.0
+    else:
+        assert is_for(go, Turned.ROLLS)
+
+
 def test_a_turn_that_sees_nothing_waits_for_the_camera_and_goes_on() -> None:
     context = turning()
     turn = DriveTurn(context)
