@@ -545,7 +545,7 @@ class ParamSave(Message):
 
 @dataclass(frozen=True, slots=True)
 class ParamDefaults(Message):
-    """To the firmware: Sets all parameters to their defaults in RAM, in SAFE or FAULT only; answered by Ack."""
+    """To the firmware: Sets all parameters to their defaults in RAM, in SAFE or FAULT only; answered by Ack. One a tick is taken, as of Hello."""
 
     ID: ClassVar[int] = 9
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")

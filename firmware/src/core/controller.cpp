@@ -67,6 +67,7 @@ void Controller::tick(Board &board) {
   board.kick_watchdog();
   hil_ = false;
   greeted_ = false;
+  restored_ = false;
   Command command;
   uint8_t byte;
   uint8_t commands = 0;
@@ -183,6 +184,8 @@ void Controller::take(Board &board, const Command &command) {
       }
       break;
     case ParamDefaults::kId:
+      if (restored_) break;  // as of Hello
+      restored_ = true;
       if (idle) {
         params_.set_defaults();
         unconfigured_ = kParts;

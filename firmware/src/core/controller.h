@@ -76,6 +76,7 @@ class Controller {
   BridgeStyle drive_style_ = BridgeStyle::kNotSet;
   uint8_t unconfigured_ = 0;       // parts that have not heard of changed parameters
   bool greeted_ = false;           // Hello was answered in this tick
+  bool restored_ = false;          // ParamDefaults was answered in this tick
   uint8_t log_wanted_ = kNoEntry;  // index of the log's entry to be answered
   bool params_bad_ = false;
   bool ident_limit_ = false;

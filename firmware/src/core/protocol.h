@@ -269,7 +269,7 @@ struct ParamSave {
   static constexpr uint8_t kSize = 0;
 };
 
-// To the firmware: Sets all parameters to their defaults in RAM, in SAFE or FAULT only; answered by Ack.
+// To the firmware: Sets all parameters to their defaults in RAM, in SAFE or FAULT only; answered by Ack. One a tick is taken, as of Hello.
 struct ParamDefaults {
   static constexpr uint8_t kId = 9;
   static constexpr uint8_t kSize = 0;

@@ -1014,6 +1014,21 @@ TEST_CASE("Parameters change in SAFE and FAULT only, and act at once") {
   CHECK(rig.controller.params()[Param::steer_limit] == 5000);
 }
 
+TEST_CASE("One ParamDefaults a tick is taken: a line full of them would take too long") {
+  Rig rig;
+  for (int tick = 0; tick < 2; ++tick) {
+    rig.board.answers();
+    rig.board.type(protocol::ParamDefaults::kId);
+    rig.board.type(protocol::ParamSet::kId, {static_cast<uint8_t>(Param::steer_limit), 0, 8});
+    rig.board.type(protocol::ParamDefaults::kId);
+    rig.tick();
+    int acks = 0;
+    for (const Answer &answer : rig.board.answers()) acks += answer.id == protocol::Ack::kId;
+    CHECK(acks == 2);
+    CHECK(rig.controller.params()[Param::steer_limit] == 0x800);
+  }
+}
+
 TEST_CASE("Defaults act at once") {
   Rig rig;
   rig.set(Param::steer_limit, 1000);

@@ -10,6 +10,8 @@
 // Where this departs from libsimavr 1.6's own modules, and why:
 // - Received bytes: the UART's input queue restarts its delay at every read and so runs slow; here
 //   each byte arrives at its exact cycle, into a two-byte hardware FIFO that overruns.
+// - Sent bytes: the UART takes its pace from divisor and defaults as the divisor is written, eleven
+//   bits at single speed; here it takes the next byte as the one before leaves its buffer (19.6).
 // - Timers 1 and 2 do not run, except under a bootloader, which may wait for one: PWM duties are
 //   worked out from their registers, which costs nothing and is never older than the last write.
 // - A one that is written to the converter's flag takes the waiting interrupt back.
@@ -94,6 +96,7 @@ constexpr uint8_t kWdie = 1 << 6;
 constexpr uint8_t kAden = 1 << 7, kAdsc = 1 << 6, kAdif = 1 << 4;
 constexpr uint8_t kEempe = 1 << 2, kEepe = 1 << 1, kEere = 1 << 0;
 constexpr uint64_t kEepromCycles = 3400 * kCyclesPerUs;  // erase and write (8.6.3)
+constexpr uint64_t kNextCycle = 2;
 constexpr uint8_t kRjmpSelf[] = {0xFF, 0xCF};
 
 struct PinPlace {
@@ -229,7 +232,7 @@ struct daranti_target {
   uint32_t host_baud = kUsbBaud;
   uint8_t temp = 0;            // of timer 1's 16-bit registers
   uint64_t storing_until = 0;  // target time at which the EEPROM has its byte
-  Hook eecr, adcsra;           // libsimavr's own
+  Hook eecr, adcsra, udr;      // libsimavr's own
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
@@ -322,6 +325,15 @@ struct daranti_target {
       self->raise_rx();
     }
     return byte;
+  }
+  // The buffer is empty again as its byte moves on to the shift register: at once, or when the byte
+  // there has gone.
+  static void on_udr_write(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    auto *uart = static_cast<avr_uart_t *>(self->udr.param);
+    const uint64_t now = self->now();
+    uart->cycles_per_byte = self->line_free > now + kNextCycle ? self->line_free - now : kNextCycle;
+    self->udr(avr, address, value);
   }
   // Timer 1's 16-bit registers take their high byte from a common one as the low byte is written
   // (15.3).
@@ -435,6 +447,7 @@ struct daranti_target {
     }
     hook(kEecr, on_eecr, &eecr);
     hook(kAdcsra, on_adcsra, &adcsra);
+    hook(kUdr0, on_udr_write, &udr);
     // The EEPROM finishes its byte, whatever resets the chip (8.6.3).
     if (storing_until > now()) {
       reg(kEecr) |= kEepe;
@@ -853,6 +866,12 @@ uint32_t probe_pc(const daranti_target *target) { return target->avr->pc; }
 // A register, by its data address.
 uint8_t probe_register(const daranti_target *target, uint16_t address) {
   return target->reg(address);
+}
+
+// Writes a register as the program would.
+void probe_write(daranti_target *target, uint16_t address, uint8_t value) {
+  const auto &write = target->avr->io[AVR_DATA_TO_IO(address)].w;
+  Hook{write.c, write.param}(target->avr, address, value);
 }
 
 // The pins' levels that the firmware sees, by the board's numbers.
