@@ -2,8 +2,8 @@
 mistakes brought back: every change of firmware/test/board_mutants.toml, built and tested.
 
 The tests run once for each change in a copy of the checkout. One that no test notices survives
-and makes this fail, unless the list says why nobody could. Some ten seconds to a minute each;
-`--twelve` and NAME choose among them.
+and makes this fail, unless the list says why nobody could; so does one that cannot be built, for
+no test has seen it. Some ten seconds to a minute each; `--twelve` and NAME choose among them.
 """
 
 from __future__ import annotations
@@ -94,16 +94,18 @@ def passes(folder: Path, tests: tuple[str, ...]) -> bool:
     return run(folder, sys.executable, "-m", "pytest", *options, file, "-k", chosen)
 
 
-def survives(folder: Path, mutant: Mutant) -> bool:
-    """Whether its tests pass with the change, which is taken back."""
+def fate(folder: Path, mutant: Mutant) -> str:
+    """What becomes of it: killed, survives, or not built. The change is taken back, but not yet in
+    what was built with it."""
     path = folder / mutant.file
     text = path.read_text(encoding="utf-8")
     path.write_text(mutant.changed(text), encoding="utf-8")
     try:
-        return built(folder, mutant.build) and passes(folder, mutant.tests)
+        if not built(folder, mutant.build):
+            return "CANNOT BE BUILT"
+        return "survives" if passes(folder, mutant.tests) else "killed"
     finally:
         path.write_text(text, encoding="utf-8")
-        built(folder, mutant.build)
 
 
 def main() -> int:
@@ -131,16 +133,24 @@ def main() -> int:
             if not passes(folder, tests):
                 print(f"{tests} fails without any mutant: mend it first", file=sys.stderr)
                 return 1
+        changed = ""  # what was built with a change
         for mutant in chosen:
+            if changed != mutant.build:
+                built(folder, changed)
+            changed = mutant.build
             try:
-                alive = survives(folder, mutant)
+                found = fate(folder, mutant)
             except ValueError as error:
                 print(error, file=sys.stderr)
                 return 1
-            verdict = f"survives: {mutant.reason or 'NOBODY NOTICES'}" if alive else "killed"
+            verdict = found
+            if found == "survives":
+                verdict += f": {mutant.reason or 'NOBODY NOTICES'}"
+            elif found == "killed" and mutant.reason:
+                verdict += ", though the list says why nobody could"
             mark = f"{mutant.item:>2}" if mutant.item else "  "
             print(f"{mark} {mutant.name:<78}{verdict}", flush=True)
-            unexplained += alive and not mutant.reason
+            unexplained += (found == "killed") == bool(mutant.reason)
     return 1 if unexplained else 0
 
 
