@@ -149,6 +149,10 @@ class TcpPort:
         self._listener.close()
 
 
+LONGEST_OPTION = 1000
+"""Bytes of a negotiation that has not ended; a setting takes 6."""
+
+
 class Rfc2217Port(TcpPort):
     """The same with the port's settings in the stream (RFC 2217): rfc2217://HOST:PORT."""
 
@@ -161,10 +165,13 @@ class Rfc2217Port(TcpPort):
 
     def _received(self, data: bytes) -> bytes:
         try:
-            return b"".join(self._manager.filter(data))
-        except (struct.error, ValueError, IndexError):  # a negotiation that is none
-            self._hang_up()
+            found = b"".join(self._manager.filter(data))
+        except (struct.error, ValueError, LookupError, TypeError, serial.SerialException):
+            self._hang_up()  # a negotiation that is none
             return b""
+        if len(self._manager.suboption or b"") > LONGEST_OPTION:
+            self._hang_up()
+        return found
 
     def _to_send(self, data: bytes) -> bytes:
         return b"" if self._peer is None else b"".join(self._manager.escape(data))

@@ -53,7 +53,7 @@ class MultipartJpeg:
     boundary. Garbage between parts is skipped. No I/O.
     """
 
-    _LENGTH = re.compile(rb"^content-length:\s*(\d+)\s*$", re.IGNORECASE | re.MULTILINE)
+    _LENGTH = re.compile(rb"^content-length:\s*(\d{1,12})\s*$", re.IGNORECASE | re.MULTILINE)
 
     def __init__(self, boundary: str) -> None:
         """`boundary` as in the Content-Type header, with or without the leading dashes (servers

@@ -20,11 +20,15 @@ SILENCE_S = 3.0
 """After which a source that is connected and gives nothing counts as lost."""
 
 
+MOST_WORDS = 200
+"""Characters of a reason: what a server says may have thousands."""
+
+
 class SourceLostError(Exception):
     """A source ended or cannot be reached; `final` where connecting again is pointless."""
 
     def __init__(self, reason: str, *, final: bool = False) -> None:
-        super().__init__(plain(reason))
+        super().__init__(plain(reason[:MOST_WORDS]))
         self.final = final
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -20,6 +21,8 @@ from typing import Any
 import numpy as np
 import pytest
 import serial
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hil.bench.harvest import harvest
@@ -105,6 +108,40 @@ def test_the_hosts_link_works_on_every_port(kind: type[Any]) -> None:
                 if isinstance(message, protocol.Hello):
                     near.write(protocol.encode(version, 0))
         assert met.result() == version
+    near.close()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 12), st.binary(max_size=2)), min_size=2, max_size=9))
+def test_no_negotiation_ends_the_rig(options: list[tuple[int, bytes]]) -> None:
+    """RFC 2217: IAC SB COM-PORT-OPTION, a command, its value, IAC SE."""
+    near = Rfc2217Port(0)
+    address = ("127.0.0.1", int(near.name.rsplit(":", 1)[1]))
+    with socket.create_connection(address, LIMIT_S) as far:
+        for option, value in options:
+            far.sendall(b"\xff\xfa\x2c" + bytes([option]) + value + b"\xff\xf0")
+        for _ in range(6):
+            near.read()
+    near.close()
+
+
+def test_a_negotiation_without_end_is_cut_off() -> None:
+    near = Rfc2217Port(0)
+    address = ("127.0.0.1", int(near.name.rsplit(":", 1)[1]))
+    with socket.create_connection(address, LIMIT_S) as far, ThreadPoolExecutor(1) as pool:
+
+        def left_alone() -> bool:
+            with contextlib.suppress(ConnectionResetError):
+                while far.recv(1000):
+                    pass
+            return True
+
+        far.sendall(b"\xff\xfa\x2c" + 9000 * b"x")
+        far.settimeout(LIMIT_S)
+        gone = pool.submit(left_alone)
+        while not wait([gone], SLICE_S).done:
+            near.read()
+        assert gone.result()
     near.close()
 
 

@@ -25,7 +25,7 @@ from host.sensors.camera_stream import (
     camera_feed,
 )
 from host.sensors.jpeg import JpegDecoder
-from host.sensors.newest import Feed, SourceLostError
+from host.sensors.newest import MOST_WORDS, Feed, SourceLostError
 
 LIMIT_S = 10.0
 
@@ -114,6 +114,15 @@ def test_a_stream_without_end_does_not_fill_the_memory() -> None:
         parser.feed(bytes(2**20))
     assert parser.bad == 1
     assert parser.feed(with_length(PICTURES[0])) == [PICTURES[0]]
+
+
+def test_a_length_of_thousands_of_digits_is_none() -> None:
+    part = b"--x\r\nContent-Length: " + b"9" * 5000 + b"\r\n\r\n" + PICTURES[0] + b"\r\n--x\r\n"
+    assert MultipartJpeg("x").feed(part) == PICTURES[:1]
+
+
+def test_a_server_that_talks_without_end_is_quoted_in_short() -> None:
+    assert len(str(SourceLostError("word " * 10_000))) <= MOST_WORDS
 
 
 def test_a_broken_jpeg_has_no_pixels() -> None:
