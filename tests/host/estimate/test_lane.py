@@ -11,11 +11,14 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
-from host.estimate.position import Position
+from host.estimate.position import START_SIGMA, YAW_SIGMA_SHARE, Position
 from host.route.side import Side
+from tests.helpers.places import driven, spun, sure_of
 
 VEHICLE = Vehicle()
 STEP_M = 0.05
+SURE = (1e-4, 1e-4, 1e-5)
+"""Of a machine whose own place is known."""
 
 
 def motion(run_m: float, yaw_rad: float = 0.0) -> Motion:
@@ -115,7 +118,10 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
         position.place(ring(0), 0.0, 0.0, 0.0)
         for k in range(1, inside + 1):
             position.begin(ring(k))
-        position._x[1] = inside * VEHICLE.pass_m + VEHICLE.inset_m
+        position.predict(motion(0.0), cutting=False)
+        x, y, _ = position.pose
+        driven(position, x, y + inside * VEHICLE.pass_m, 0.0, motion(0.0))
+        sure_of(position, *START_SIGMA)
         before = position.pose[1]
         position.follow(0.1, 0.0)
         moved.append(position.pose[1] - before)
@@ -127,24 +133,21 @@ def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> Non
     """0.1 m right of the plan's lane at its beginning, and askew; another edge's lane is not."""
     position, run_m = Position(VEHICLE), 0.0
     position.place(ring(0), 0.0, 0.0, 0.0)
-    position._p[:3, :3] *= 1e-6  # the machine's own place is known
-    position._p[5, 5] = math.radians(3.0) ** 2
     for _ in range(20):
         run_m += 0.5
         position.predict(motion(run_m), cutting=False)
-        position._p[:3, :3] *= 1e-6
+        sure_of(position, *SURE)
         along = position.along(ring(0))
         position.follow(0.1 - math.radians(askew_deg) * along, 0.0)
     inner = replace(ring(1), x_m=2.0)
     position.begin(inner)
-    position._x[0] = 2.0
-    position._x[1] = VEHICLE.pass_m + VEHICLE.inset_m
+    there = driven(position, 2.0, VEHICLE.pass_m + VEHICLE.inset_m, 0.0, motion(run_m))
     offset, heading, _, _ = position.against_lane()
     assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.02)
     assert math.degrees(heading) == pytest.approx(-askew_deg, abs=0.3)
     across = replace(ring(1), heading_rad=math.pi / 2)
     position.begin(across)
-    position._x[:3] = -VEHICLE.inset_m + across.x_m, 1.0, math.pi / 2
+    driven(position, -VEHICLE.inset_m + across.x_m, 1.0, math.pi / 2, there)
     assert position.against_lane()[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
@@ -194,7 +197,7 @@ def test_a_walked_boundary_that_is_off_does_not_turn_the_machine_in_it() -> None
         position.course(math.radians(4.0) - position.pose[2], 0.5)
     assert math.degrees(position.pose[2]) == pytest.approx(0.0, abs=0.4)
     settled_at = position.pose[2]
-    position._p[2, 2] += math.radians(3.0) ** 2  # a turn
+    spun(position, math.radians(3.0), YAW_SIGMA_SHARE, motion(run_m))
     position.course(math.radians(4.0) - position.pose[2], 0.5)
     assert abs(math.degrees(position.pose[2] - settled_at)) < 0.15, "nothing new"
 
@@ -351,7 +354,7 @@ def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None
     c, s = math.cos(yaw), math.sin(yaw)
     points = reach @ np.array([[c, s], [-s, c]]) + (x, y)
     rng = np.random.default_rng(1)
-    poses = rng.multivariate_normal([x, y, yaw], position._p[:3, :3], 40_000)
+    poses = rng.multivariate_normal([x, y, yaw], position.covariance, 40_000)
     stated = position.covariance_of(points)
     for point, found in zip(reach, stated, strict=True):
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
@@ -360,7 +363,7 @@ def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None
             poses[:, 1] + sin * point[0] + cos * point[1],
         ]
         assert found == pytest.approx(np.cov(drawn), rel=0.05, abs=1e-4)
-    assert stated[0] == pytest.approx(position._p[:2, :2])
+    assert stated[0] == pytest.approx(position.covariance[:2, :2])
 
 
 @pytest.mark.parametrize("turn_deg", [-40.0, -5.0, 12.0, 22.0])

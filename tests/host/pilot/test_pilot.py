@@ -10,10 +10,12 @@ import pytest
 
 from host.core.messages import Command, Fix, Frame, Request, State
 from host.core.vehicle import Vehicle
+from host.estimate.position import YAW_SIGMA_SHARE
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import spiral
 from host.vision.view import CropView
+from tests.helpers.places import spun, sure_of
 from tests.helpers.simple_world import BLANK, SimpleWorld, drive, harvest
 
 VEHICLE = Vehicle()
@@ -293,7 +295,8 @@ def test_the_geofence_counts_how_far_an_uncertain_direction_moves_the_blade() ->
     pilot = Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, "three_point", world.gap))
     drive(world, pilot, 10.0)
     for yaw_sigma_deg, slowed in ((1.0, False), (30.0, True)):
-        pilot.position._p[:3, :3] = np.diag([1e-4, 1e-4, math.radians(yaw_sigma_deg) ** 2])
+        spun(pilot.position, math.radians(yaw_sigma_deg), YAW_SIGMA_SHARE, pilot.motion)
+        sure_of(pilot.position, 0.01, 0.01, math.radians(yaw_sigma_deg))
         log: list[Command] = []
         drive(world, pilot, 0.04, log)
         assert ("geofence" in log[-1].reason) == slowed, log[-1]

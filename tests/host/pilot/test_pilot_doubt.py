@@ -27,6 +27,7 @@ from host.route.turn_choice import next_turn, room_along
 from host.route.turn_legs import Turn
 from host.vision.view import CropView
 from tests.helpers.eyes import Eyes, ToldEnd, beside
+from tests.helpers.places import wandered
 from tests.helpers.simple_world import BLANK, CELL, SimpleWorld, drive, harvest
 
 VEHICLE = Vehicle()
@@ -416,18 +417,18 @@ def test_a_corner_far_beside_the_lane_is_another_strips(aside_m: float) -> None:
 
 
 def test_after_a_turn_the_lane_is_as_doubtful_as_the_position() -> None:
-    def turned(doubt: float) -> float:
-        """Uncertainty of the lane where no edge is seen; `doubt` times that of the place before."""
+    def turned(wandered_m: float) -> float:
+        """Uncertainty of the lane where no edge is seen, after so much way that nothing watched."""
         world = SimpleWorld(VEHICLE)
         eyes = Eyes(world, lambda view: view)
         pilot = Pilot(VEHICLE, eyes, PLAN)
         drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.TURN)
         eyes.spoil = lambda view: replace(view, confidence=0.0)
-        pilot.position._p[:2, :2] *= doubt**2
+        wandered(pilot.position, wandered_m, pilot.motion)
         drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
         return pilot.lane.offset_sigma_m
 
-    assert turned(5.0) > 1.5 * turned(1.0)
+    assert turned(30.0) > 1.5 * turned(0.0)
 
 
 def test_the_lane_takes_no_heading_for_surer_than_the_position_has_it(
