@@ -52,10 +52,15 @@ def _strokes(
     tint = rng.normal(1, 0.06, (count, 3))
     paint = tone[:, None] * tint * np.array(colour)
     step = np.stack([reach * np.cos(angle), reach * np.sin(angle)], 1).astype(int)
-    lit_bgr, dark_bgr = np.minimum(255.0, paint).tolist(), (shade * paint).tolist()
-    for (x, y), (dx, dy), lit, dark in zip(
-        xy.tolist(), step.tolist(), lit_bgr, dark_bgr, strict=True
-    ):
+    # Columns: a list for every stroke would keep the garbage collector busy.
+    lit_bgr, dark_bgr = np.minimum(255.0, paint).T.tolist(), (shade * paint).T.tolist()
+    columns = (
+        *xy.T.tolist(),
+        *step.T.tolist(),
+        zip(*lit_bgr, strict=True),
+        zip(*dark_bgr, strict=True),
+    )
+    for x, y, dx, dy, lit, dark in zip(*columns, strict=True):
         for ox in (0, -SIDE if x + dx >= SIDE else SIDE if x + dx < 0 else 0):
             for oy in (0, -SIDE if y + dy >= SIDE else 0):
                 a, b = (x + ox, y + oy), (x + ox + dx, y + oy + dy)

@@ -193,7 +193,8 @@ def wait_for(condition: object, child: subprocess.Popen[bytes] | None = None) ->
 def campaign(tmp_path: Path, count: int, *more: str) -> list[str]:
     return [
         sys.executable, "-c", "from hil.commands.cli import main; main()", "campaign",
-        "--scenario", str(tiny(tmp_path)), "--seeds", f"1-{count}", "--out", str(tmp_path), *more,
+        "--scenario", str(tiny(tmp_path)), "--seeds", f"1-{count}", "--out", str(tmp_path),
+        "--eyes", "model", "--maps", "0", *more,
     ]  # fmt: skip
 
 
@@ -202,7 +203,7 @@ def campaign(tmp_path: Path, count: int, *more: str) -> list[str]:
     "count", [12, pytest.param(200, marks=pytest.mark.long)], ids=["12", "200"]
 )
 def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: int) -> None:
-    command = campaign(tmp_path, count)
+    command = campaign(tmp_path, count, "--workers", "1")
     with process(*command, log=tmp_path / "first.log") as child:
         wait_for(lambda: len(finished(tmp_path)) >= count // 2, child)
     before = finished(tmp_path)
