@@ -281,58 +281,33 @@ def commission(
     world, camera = scenario.world, scenario.camera
     draw = Draw(world.seed)
     rng = draw.rng("commissioning")
-    values: dict[str, Value] = {}
 
     say(f"walk around the field, {walk.laps} laps")
     ring, ring_sigma = walked(world, walk)
-    values["boundary_m"] = Value(
+    boundary = Value(
         boundary_off_m(ring, world), math.hypot(ring_sigma, ring_sigma), 0.0, "m",
         f"{walk.laps} laps with a phone of {walk.cep_m:g} m CEP; rms over the sides' places",
     )  # fmt: skip
     say("tape: machine, gap, crop")
     taped = measured_vehicle(world, camera, TAPE, draw)
-    gap = max(0.0, world.field.gap_m + draw("gap", TAPE.gap_m))
-    values["gap_m"] = Value(gap, TAPE.gap_m, world.field.gap_m, "m", "tape")
-    for name, true in (
-        ("wheelbase_m", world.machine.wheelbase_m),
-        ("blade_width_m", world.machine.blade_width_m),
-        ("crop_height_m", world.field.crop_height_m),
-    ):
-        bound = TAPE.crop_m if name == "crop_height_m" else TAPE.tape_m
-        values[name] = Value(getattr(taped, name), bound, true, "m", "tape")
-
+    by_tape = _taped(world, taped, draw)
     say("lens and mount: a board in the hand, then on the ground")
     lens = found_lens(world, rng)
     mount = found_mount(world, lens, rng)
-    truth = world.lens
-    values["focal_px"] = Value(lens.focal_px, 0.003 * truth.focal_px, truth.focal_px, "px", "board")
-    for name in ("pitch_deg", "yaw_deg", "roll_deg"):
-        found = getattr(mount, name)
-        values[name] = Value(found, LAID_DEG, getattr(truth, name), "deg", "board on the ground")
-    for name in ("x_m", "y_m", "z_m"):
-        values[name] = Value(getattr(mount, name), 0.02, getattr(truth, name), "m", "the same")
-
+    by_board = _boarded(world, lens, mount)
     say(f"drive {DRIVE_M:g} m beside a tape")
-    steering = world.machine.steering
-    workshop = {"hall_per_metre": 50.0, **_pot(0.0)}
-    drive = found_by_tape(scenario, taped, workshop, rng)
-    hall = world.machine.drive.hall_pulses_per_m
-    values["hall_pulses_per_m"] = Value(
-        drive.pulses_per_m, drive.pulses_sigma, hall, "1/m", "taped drive"
-    )
+    drive = found_by_tape(scenario, taped, {"hall_per_metre": 50.0, **_pot(0.0)}, rng)
     counts = 512.0 - drive.steer_off_deg * 4.5
-    values["pot_centre_counts"] = Value(
-        counts, 4.5 * drive.steer_sigma_deg, steering.pot_centre_counts, "counts", "taped drive"
-    )
+    by_drive = _driven(world, drive, counts)
     parameters = FITTED | {"hall_per_metre": round(drive.pulses_per_m, 2)}
     if round(counts) != 512:
         parameters |= _pot(round(counts) - 512.0)
-
     say("weave for the camera's delay")
     known = taped.model_copy(update={"hall_pulses_per_m": drive.pulses_per_m})
     delay, sigma = found_delay(scenario, known, parameters)
-    values["camera_delay_s"] = Value(delay, sigma, truth.delay_s, "s", "weaving drive")
+    by_weave = Value(delay, sigma, world.lens.delay_s, "s", "weaving drive")
 
+    values = {"boundary_m": boundary, **by_tape, **by_board, **by_drive, "camera_delay_s": by_weave}
     vehicle = known.model_copy(
         update={
             "camera_delay_s": round(max(0.0, delay), 3),
@@ -341,6 +316,44 @@ def commission(
     )
     _write(out, scenario, vehicle, ring, ring_sigma, parameters, values, draw)
     return values
+
+
+def _taped(world: World, taped: Vehicle, draw: Draw) -> dict[str, Value]:
+    gap = max(0.0, world.field.gap_m + draw("gap", TAPE.gap_m))
+    values = {"gap_m": Value(gap, TAPE.gap_m, world.field.gap_m, "m", "tape")}
+    for name, true in (
+        ("wheelbase_m", world.machine.wheelbase_m),
+        ("blade_width_m", world.machine.blade_width_m),
+        ("crop_height_m", world.field.crop_height_m),
+    ):
+        bound = TAPE.crop_m if name == "crop_height_m" else TAPE.tape_m
+        values[name] = Value(getattr(taped, name), bound, true, "m", "tape")
+    return values
+
+
+def _boarded(world: World, lens: Lens, mount: Mount) -> dict[str, Value]:
+    truth = world.lens
+    focal = truth.focal_px
+    values = {"focal_px": Value(lens.focal_px, 0.003 * focal, focal, "px", "board")}
+    for name in ("pitch_deg", "yaw_deg", "roll_deg"):
+        found = getattr(mount, name)
+        values[name] = Value(found, LAID_DEG, getattr(truth, name), "deg", "board on the ground")
+    for name in ("x_m", "y_m", "z_m"):
+        values[name] = Value(getattr(mount, name), 0.02, getattr(truth, name), "m", "the same")
+    return values
+
+
+def _driven(world: World, drive: TapedDrive, counts: float) -> dict[str, Value]:
+    hall = world.machine.drive.hall_pulses_per_m
+    centre = world.machine.steering.pot_centre_counts
+    return {
+        "hall_pulses_per_m": Value(
+            drive.pulses_per_m, drive.pulses_sigma, hall, "1/m", "taped drive"
+        ),
+        "pot_centre_counts": Value(
+            counts, 4.5 * drive.steer_sigma_deg, centre, "counts", "taped drive"
+        ),
+    }
 
 
 def _write(

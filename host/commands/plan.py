@@ -13,9 +13,10 @@ from rich.table import Table
 from host.commands.options import field_option, gap_option, inset_option, vehicle_option
 from host.core.errors import UserError
 from host.core.terminal import PlainConsole
+from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle
-from host.field.areas import areas_of
-from host.field.boundary_file import boundary_of, load_field, save_field
+from host.field.areas import Areas, areas_of
+from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
 from host.route.field_plan import plan_field, told
 from host.route.preview import Preview, draw_preview, hours, preview
 
@@ -82,21 +83,53 @@ def plan(
             f"--corner {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "
             "of the survey numbers them"
         )
-    frame = boundary.frame
-    areas = areas_of(boundary.polygon(frame), gap, inset_m=inset)
-    corner = frame.to_local(*boundary.crop[start])
+    areas = areas_of(boundary.polygon(boundary.frame), gap, inset_m=inset)
     try:
-        with told(f"plan of {field}") as tell:
-            sides = plan_field(areas, corner, machine, turn, gap, boundary.known_to_m, inset, tell)
-            previews = {
-                name: preview(replace(sides, turn=name), areas, machine)
-                for name in ("three_point", "arc")
-            }
+        previews = _previews(field, boundary, areas, machine, start, turn, gap, inset)
     except UserError as error:
         raise UserError(f"{field}: {error}") from error
     shown = previews[turn]
     console = PlainConsole(soft_wrap=True)
     name = boundary.name or field.stem
+    _say_field(console, name, boundary, areas, start, inset)
+    console.print_table(table_of(list(previews.values())))
+    _say_plan(console, boundary, shown, start, gap)
+    _keep_parts(console, field, name, boundary, shown)
+    picture = out or field.with_suffix(".plan.png")
+    title = (
+        f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "
+        f"{hours(shown.time_s)}, coverage {100 * shown.coverage:.2f} %"
+    )
+    try:
+        draw_preview(picture, shown, title)
+    except OSError as error:
+        raise UserError(f"cannot write the picture {picture}: {error.strerror}") from error
+    console.print(f"written: {picture}")
+
+
+def _previews(
+    field: Path,
+    boundary: Boundary,
+    areas: Areas,
+    machine: Vehicle,
+    start: int,
+    turn: str,
+    gap: float | None,
+    inset: float,
+) -> dict[str, Preview]:
+    """By both kinds of turn."""
+    corner = boundary.frame.to_local(*boundary.crop[start])
+    with told(f"plan of {field}") as tell:
+        sides = plan_field(areas, corner, machine, turn, gap, boundary.known_to_m, inset, tell)
+        return {
+            name: preview(replace(sides, turn=name), areas, machine)
+            for name in ("three_point", "arc")
+        }
+
+
+def _say_field(
+    console: PlainConsole, name: str, boundary: Boundary, areas: Areas, start: int, inset: float
+) -> None:
     console.print(
         f"{name}: {areas.field.area:.0f} m2, {len(boundary.crop)} corners, "
         f"{len(boundary.keep_outs)} keep-outs, start at corner {start}"
@@ -108,11 +141,15 @@ def plan(
             f"left standing by choice (inset {inset:g} m, keep-outs' margin): "
             f"{areas.field.area - areas.crop.area:.1f} m2, {100 * areas.price:.2f} % of the crop"
         )
-    console.print_table(table_of(list(previews.values())))
+
+
+def _say_plan(
+    console: PlainConsole, boundary: Boundary, shown: Preview, start: int, gap: float | None
+) -> None:
     first = shown.plan.sides[0]
     begins = min(
         range(len(boundary.crop)),
-        key=lambda k: math.dist(frame.to_local(*boundary.crop[k]), (first.x_m, first.y_m)),
+        key=lambda k: math.dist(boundary.frame.to_local(*boundary.crop[k]), (first.x_m, first.y_m)),
     )
     if begins != start:
         console.print(f"begins at corner {begins}: from corner {start} more would stay standing")
@@ -123,21 +160,19 @@ def plan(
         )
     for text in shown.warnings:
         console.print(f"warning: {text}")
+
+
+def _keep_parts(
+    console: PlainConsole, field: Path, name: str, boundary: Boundary, shown: Preview
+) -> None:
+    """What no turn leads to, as fields of their own beside the field's file."""
     for number, ring in enumerate(shown.plan.parts, start=1):
         part = shapely.Polygon(ring)
         rest = field.with_suffix(f".part{number}.geojson")
-        save_field(rest, boundary_of(part, frame, f"{name}, part {number}", boundary.sigma_m))
+        save_field(
+            rest, boundary_of(part, boundary.frame, f"{name}, part {number}", boundary.sigma_m)
+        )
         console.print(
             f"the field parts: {part.area:.0f} m2 are left that no turn leads to; harvest them "
             f"after the rest, as a field of their own: {rest}"
         )
-    picture = out or field.with_suffix(".plan.png")
-    title = (
-        f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "
-        f"{hours(shown.time_s)}, coverage {100 * shown.coverage:.2f} %"
-    )
-    try:
-        draw_preview(picture, shown, title)
-    except OSError as error:
-        raise UserError(f"cannot write the picture {picture}: {error.strerror}") from error
-    console.print(f"written: {picture}")

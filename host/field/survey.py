@@ -28,6 +28,7 @@ from host.core.errors import UserError
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
+    Loop,
     Loops,
     Points,
     Track,
@@ -285,20 +286,7 @@ def survey_track(
             f"{close_m:g} m of each other around an area; walk around the field back to where you "
             "began, or allow more with --close"
         )
-    warnings = []
-    laps = loops.laps
-    if lap is not None:
-        if lap > len(laps):
-            raise UserError(f"--lap {lap}: the walk has {len(laps)} laps around the field")
-        laps = [laps[lap - 1]]
-    whole = [loop for loop in laps if loop.jumps_m == 0]
-    if len(whole) < len(laps):
-        jumps = ", ".join(f"{loop.jumps_m:.1f}" for loop in laps if loop.jumps_m > 0)
-        what = "laps with jumps left aside" if whole else "every lap jumps, walk it again"
-        warnings.append(f"{what}: {jumps} m")
-        laps = whole or laps
-    if loops.others:
-        warnings.append(f"other loops outside the field, left aside: {loops.others}")
+    laps, warnings = _laps_of(loops, lap)
     rings = [loop.xy for loop in laps]
     mean, apart = mean_ring(rings, _even(rings[0]))
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
@@ -319,17 +307,45 @@ def survey_track(
             f"the walk leaves the straight sides by {away.max():.1f} m (rms {residual:.1f} m); "
             "--irregular keeps the edge as it was walked"
         )
-    field_ = shapely.Polygon(outline)
-    holes = []
+    holes, crossing = _keep_outs_in(shapely.Polygon(outline), loops)
+    number_of = None if irregular else len(outline)
+    polygon = shapely.Polygon(outline, holes)
+    warnings += crossing
+    return Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
+
+
+def _laps_of(loops: Loops, lap: int | None) -> tuple[list[Loop], list[str]]:
+    """The laps that count, number `lap` (from 1) alone where it is given, and what was left aside,
+    in words."""
+    warnings = []
+    laps = loops.laps
+    if lap is not None:
+        if lap > len(laps):
+            raise UserError(f"--lap {lap}: the walk has {len(laps)} laps around the field")
+        laps = [laps[lap - 1]]
+    whole = [loop for loop in laps if loop.jumps_m == 0]
+    if len(whole) < len(laps):
+        jumps = ", ".join(f"{loop.jumps_m:.1f}" for loop in laps if loop.jumps_m > 0)
+        what = "laps with jumps left aside" if whole else "every lap jumps, walk it again"
+        warnings.append(f"{what}: {jumps} m")
+        laps = whole or laps
+    if loops.others:
+        warnings.append(f"other loops outside the field, left aside: {loops.others}")
+    return laps, warnings
+
+
+def _keep_outs_in(
+    field: shapely.Polygon, loops: Loops
+) -> tuple[list[shapely.LinearRing], list[str]]:
+    """The walked keep-outs inside a field, and what was left aside, in words."""
+    holes, warnings = [], []
     for loop in loops.keep_outs:
         hole = shapely.convex_hull(loop.polygon)
-        if field_.contains(hole):
+        if field.contains(hole):
             holes.append(hole.exterior)
         else:
             warnings.append("a loop that crosses the field's edge was left aside")
-    number_of = None if irregular else len(outline)
-    polygon = shapely.Polygon(outline, holes)
-    return Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
+    return holes, warnings
 
 
 def _same_form(before: Points, after: Points) -> bool:

@@ -238,34 +238,49 @@ def _walk(
         if standing.area < MIN_STRIP_M2:
             break
         edges = edges_of(standing)
-        here = following.begin
-        onward = _follow(edges, following, *here)
-        if onward is not None and math.dist(onward.begin, here) > REACH * width_m:
-            onward = None
-        if onward is None and (rounds is not None or edge.bent or following.bent):
-            # The next edge is used up, or has become another's: the one after it.
-            near = [e for e in edges if math.dist(e.begin, here) <= REACH * width_m]
-            left = [
-                e for e in near if SAME_RAD < (e.heading - edge.end_heading) % math.tau < math.pi
-            ]
-            onward = min(left, key=lambda e: math.dist(e.begin, here), default=None)
-        again = _follow(edges, edge, *edge.begin)
-        if again is not None and again.bent:
-            beside_m = again.line.distance(shapely.Point(edge.begin))
-            again = again if beside_m <= REACH * width_m else None
-        reflex = any(not e.open_ends for e in edges)
         if done is not None and rounds is not None:
             repeat = rounds.again(edges, done[0].back_m)
         else:
-            repeat = done is not None and shuttle and reflex
-        choices = [again, onward] if repeat else [onward, again]
+            repeat = done is not None and shuttle and any(not e.open_ends for e in edges)
         if len(sides) < len(cut):
             wanted = cut[len(sides)]
-            choices = [e for e in edges if _edge_of(e, names) == wanted]
+            choices: list[Edge | None] = [e for e in edges if _edge_of(e, names) == wanted]
+        else:
+            choices = [
+                _onward(edges, edge, following, width_m, rounds is not None),
+                _again(edges, edge, width_m),
+            ]
+            if repeat:
+                choices.reverse()
         edge = next((e for e in choices if e is not None and e.open_ends), None)
     if len(sides) < len(cut):
         return [], [], field.area
     return sides, apart, standing.area + dropped_m2
+
+
+def _onward(
+    edges: list[Edge], edge: Edge, following: Edge, width_m: float, anyhow: bool
+) -> Edge | None:
+    """What has become of the edge `following` the one that a strip was taken off, or with `anyhow`,
+    or where one of the two is bent, the one after it; None where a turn does not lead to it."""
+    here = following.begin
+    onward = _follow(edges, following, *here)
+    if onward is not None and math.dist(onward.begin, here) <= REACH * width_m:
+        return onward
+    if not (anyhow or edge.bent or following.bent):
+        return None
+    near = [e for e in edges if math.dist(e.begin, here) <= REACH * width_m]
+    left = [e for e in near if SAME_RAD < (e.heading - edge.end_heading) % math.tau < math.pi]
+    return min(left, key=lambda e: math.dist(e.begin, here), default=None)
+
+
+def _again(edges: list[Edge], edge: Edge, width_m: float) -> Edge | None:
+    """What has become of the edge that a strip was taken off."""
+    again = _follow(edges, edge, *edge.begin)
+    if again is not None and again.bent:
+        beside_m = again.line.distance(shapely.Point(edge.begin))
+        return again if beside_m <= REACH * width_m else None
+    return again
 
 
 def _edge_of(edge: Edge, names: BoundaryEdges) -> int:
