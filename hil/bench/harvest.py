@@ -135,19 +135,24 @@ class Harvest:
         self._record: Recorder | None = None
         self.live: LiveView | None = None
         if record is not None:
-            if scenario.record.live_port is not None:
-                self.live = LiveView(scenario.record.live_port)
-            tee = self.live.put if self.live is not None else None
-            seen = {**scenario.vehicle.mounts, scenario.camera: scenario.mount}
-            vehicle = scenario.vehicle.model_copy(update={"mounts": seen})
-            about = {
-                "scenario": scenario.model_dump_json(),
-                # as a drive's record has them, so that `daranti see` reads either
-                "vehicle": vehicle.model_dump_json(),
-                "mount": scenario.camera,
-                "mode": scenario.mode,
-            }
-            self._record = Recorder(record, about, tee)
+            self._record = self._opened(record)
+
+    def _opened(self, path: Path) -> Recorder:
+        """The record and, where the scenario wants it, the live view of what goes into it."""
+        scenario = self.scenario
+        if scenario.record.live_port is not None:
+            self.live = LiveView(scenario.record.live_port)
+        tee = self.live.put if self.live is not None else None
+        seen = {**scenario.vehicle.mounts, scenario.camera: scenario.mount}
+        vehicle = scenario.vehicle.model_copy(update={"mounts": seen})
+        about = {
+            "scenario": scenario.model_dump_json(),
+            # as a drive's record has them, so that `daranti see` reads either
+            "vehicle": vehicle.model_dump_json(),
+            "mount": scenario.camera,
+            "mode": scenario.mode,
+        }
+        return Recorder(path, about, tee)
 
     def _new_pilot(self) -> Pilot:
         return Pilot(self._told.vehicle, self._detector(self.bench), self._plan)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -239,65 +239,55 @@ def run(drive: Drive) -> Outcome:
     if drive.path.exists():
         return Outcome(**json.loads(drive.path.read_text(encoding="utf-8")))
     cv2.setNumThreads(1)
-    edge = _prepare(drive)
+    outcome = _driven(drive, _prepare(drive))
+    fresh = drive.path.with_suffix(".part")
+    fresh.write_text(json.dumps(asdict(outcome)) + "\n", encoding="utf-8")
+    fresh.replace(drive.path)
+    return outcome
+
+
+def _driven(drive: Drive, edge: _Edge) -> Outcome:
     scenario, v = edge.scenario, edge.vehicle
     eye = make_detector(drive.mode, v, scenario.mount)
     rng = np.random.default_rng((drive.seed, drive.number, 1))
     scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()
     lane, ahead = Lane(v.blade_x_m), Ahead()
     lane.place(0.0, 0.0, 0.15, math.radians(8))
-    offsets: list[float | None] = []
-    headings: list[float | None] = []
-    lane_offsets: list[float] = []
-    lane_headings: list[float] = []
+    found = Outcome(_conditions(scenario, edge), 0.0, [], [], [], [], None, 0)
     declared: float | None = None
-    false_ends, last_cut, first_cut = 0, 0.0, math.nan
+    last_cut, first_cut, false_ends = 0.0, math.nan, 0
     for seen in drive_along(edge):
         view = eye.see(seen.bgr)
-        x, y, yaw = seen.pose
-        motion = Motion(
-            seen.travelled_m / v.cutting_speed_mps,
-            v.cutting_speed_mps,
-            0.0,
-            scale * seen.travelled_m,
-            gain * yaw,
-            x,
-            y,
-        )
+        way_m, (x, y, yaw) = seen.travelled_m, seen.pose
+        speed = v.cutting_speed_mps
+        motion = Motion(way_m / speed, speed, 0.0, scale * way_m, gain * yaw, x, y)
         lane.predict(motion)
-        sure = view.confidence >= CONFIDENT
-        if sure:
+        if view.confidence >= CONFIDENT:
             lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
         if seen.cutting:
-            last_cut = seen.travelled_m
-            first_cut = seen.travelled_m if math.isnan(first_cut) else first_cut
+            last_cut = way_m
+            first_cut = way_m if math.isnan(first_cut) else first_cut
             if math.isfinite(seen.offset_m):
-                offsets.append(view.edge_offset_m - seen.offset_m if sure else None)
-                turned = view.edge_heading_rad
-                known = sure and math.isfinite(turned)
-                headings.append(turned - seen.heading_rad if known else None)
-                lane_offsets.append(-lane.blade_offset_m - seen.offset_m)
-                lane_headings.append(-lane.heading_rad - seen.heading_rad)
+                _compare(found, view, lane, seen)
         end = _declared(ahead, view, motion)
         if end is not None and declared is None:
             if seen.crop_beyond:
                 false_ends += 1
             else:
                 declared = end.distance_m / scale
-    outcome = Outcome(
-        _conditions(scenario, edge),
-        (last_cut - first_cut) / 1e3,
-        offsets,
-        headings,
-        lane_offsets,
-        lane_headings,
-        None if declared is None else declared - last_cut,
-        false_ends,
-    )
-    fresh = drive.path.with_suffix(".part")
-    fresh.write_text(json.dumps(asdict(outcome)) + "\n", encoding="utf-8")
-    fresh.replace(drive.path)
-    return outcome
+    end_error_m = None if declared is None else declared - last_cut
+    km = (last_cut - first_cut) / 1e3
+    return replace(found, km=km, end_error_m=end_error_m, false_ends=false_ends)
+
+
+def _compare(found: Outcome, view: CropView, lane: Lane, seen: Seen) -> None:
+    """What view and lane say of the edge, against the truth."""
+    sure, turned = view.confidence >= CONFIDENT, view.edge_heading_rad
+    known = sure and math.isfinite(turned)
+    found.offset_error_m.append(view.edge_offset_m - seen.offset_m if sure else None)
+    found.heading_error_rad.append(turned - seen.heading_rad if known else None)
+    found.lane_offset_error_m.append(-lane.blade_offset_m - seen.offset_m)
+    found.lane_heading_error_rad.append(-lane.heading_rad - seen.heading_rad)
 
 
 def _conditions(scenario: Scenario, edge: _Edge) -> str:
