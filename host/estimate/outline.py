@@ -144,7 +144,7 @@ class Outline:
     def pieces(self, side: Side) -> list[tuple[float, Side]]:
         """Its straight pieces (`Side.pieces`) where they are found to lie."""
         pieces = [self.found(piece) for _, piece in side.pieces()]
-        starts = np.concatenate([[0.0], np.cumsum([piece.length_m for piece in pieces])])
+        starts = itertools.accumulate((piece.length_m for piece in pieces), initial=0.0)
         return [(float(start), piece) for start, piece in zip(starts, pieces, strict=False)]
 
     def _moved(self, side: Side) -> Side:

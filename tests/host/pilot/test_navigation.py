@@ -8,7 +8,7 @@ import math
 import hypothesis.strategies as st
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 
 from host.core.errors import UserError
 from host.core.messages import Fix, State, Telemetry
@@ -43,6 +43,7 @@ def convex_fields(draw: st.DrawFn) -> list[tuple[float, float]]:
     return list(shapely.geometry.polygon.orient(hull).exterior.coords)[:-1]
 
 
+@settings(max_examples=40)
 @given(convex_fields(), st.integers(0, 7))
 def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int) -> None:
     width = VEHICLE.pass_m
@@ -56,6 +57,7 @@ def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int
     assert left.area < 0.02 * len(field) + 0.01 * whole.length
 
 
+@settings(max_examples=40)
 @given(convex_fields())
 def test_every_corner_is_a_left_turn_of_less_than_half_a_circle(
     field: list[tuple[float, float]],

@@ -20,16 +20,23 @@ from tests.helpers.simple_world import BLANK, SimpleWorld, drive, harvest
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+SMALL_M = 7.0
+SMALL = [(0.0, 0.0), (SMALL_M, 0.0), (SMALL_M, SMALL_M), (0.0, SMALL_M)]
+"""Half of the square's work."""
 
 
 def pilot_for(world: SimpleWorld, turn: str = "three_point") -> Pilot:
     return Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, turn))
 
 
+def in_a_small_field(**more: float) -> tuple[SimpleWorld, Pilot]:
+    world = SimpleWorld(VEHICLE, SMALL_M, SMALL_M, **more)  # type: ignore[arg-type]
+    return world, Pilot(VEHICLE, world, spiral(SMALL, 1, VEHICLE))
+
+
 @pytest.mark.parametrize("speed_error", [0.95, 1.05])
 def test_without_a_hall_sensor_it_still_cuts_nearly_all(speed_error: float) -> None:
-    world = SimpleWorld(VEHICLE, hall=False, speed_error=speed_error)
-    pilot = pilot_for(world)
+    world, pilot = in_a_small_field(hall=False, speed_error=speed_error)
     harvest(world, pilot)
     assert pilot.done
     assert world.coverage > 0.95
@@ -49,11 +56,10 @@ def test_a_steering_pot_whose_zero_is_off_is_learned_on_the_way(error_deg: float
 
 @pytest.mark.parametrize("speed_error", [0.85, 1.0, 1.15])
 def test_cuts_the_whole_field_and_nothing_else(speed_error: float) -> None:
-    world = SimpleWorld(VEHICLE, speed_error=speed_error)
-    pilot = pilot_for(world)
+    world, pilot = in_a_small_field(speed_error=speed_error)
     harvest(world, pilot)
     assert pilot.phase is Phase.FINISHED
-    assert pilot.turns == len(spiral(SQUARE, 1, VEHICLE).sides) - 1
+    assert pilot.turns == len(spiral(SMALL, 1, VEHICLE).sides) - 1
     assert world.coverage > 0.995
     assert world.neighbour_cut == 0
 
