@@ -48,7 +48,9 @@ def show(figures: dict[str, dict[str, float | int | None]]) -> Table:
               help="Of edges, over all mounts.")  # fmt: skip
 @click.option("--mount", "mounts", multiple=True, type=click.Choice(["low", "mast"]),
               help="Only this one; default both.")  # fmt: skip
-@click.option("--mode", type=click.Choice(["robust", "paper"]), default="robust", show_default=True)
+@click.option("--mode", type=click.Choice(["robust", "paper", "photo"]), default="robust",
+              show_default=True,
+              help="photo: the photographs' detector, which never drives.")  # fmt: skip
 @click.option("--length", "length_m", type=NumberRange(5, 200), default=20.0,
               show_default=True, help="Of one edge, m.")  # fmt: skip
 @click.option("--dust", type=NumberRange(0, 1),

@@ -21,18 +21,22 @@ from numpy.typing import NDArray
 from hil.judge.metrics import FALSE_END_M, PROBE_AHEAD_M
 from hil.scenario.belief import Belief
 from hil.scenario.scenario import Scenario
-from host.core.vehicle import Vehicle
+from host.core.vehicle import Mount, Vehicle
 from host.estimate.crop_ahead import CONFIDENT, Ahead, EndOfField
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
+from host.vision.geometry import Camera as Eye
 from host.vision.mounted.detector import make_detector
+from host.vision.photo.detector import RobustPhoto
 from host.vision.view import CropView
 from sim_plant.camera import Camera
 from sim_plant.field import Field
 from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
-Mode = Literal["paper", "robust"]
+Mode = Literal["paper", "robust", "photo"]
+"""Of the detectors that drive; "photo" is the photographs', which never drives, shown the same
+pictures."""
 Pose = tuple[float, float, float]
 
 STEP_M = 0.05
@@ -50,6 +54,10 @@ LASTS_M = 0.2
 end has no right side."""
 WRONG_M = 0.1
 """What `CropView.confidence` is about."""
+PROBE_HEIGHT_M = 0.3
+"""At which the photographs' edge is read on the face ahead: above most straw, below the ears."""
+PROBE_M = np.arange(-1.0, 1.0, 0.005)
+"""Places from the blade's right end to the left, among which that edge is sought."""
 DISTANCE_SD, TURN_SD = 0.01, 0.03
 """Of the odometry's scale, as the lane filter gets it."""
 
@@ -163,6 +171,34 @@ def _prepare(drive: Drive) -> _Edge:
     return _Edge(crop, scenario, v, depth, end, weave)
 
 
+class PhotoOnMount:
+    """The photographs' detector (the crop's side given, no mount), its edge read in metres where
+    the drive's truth is measured. It tells nothing of what stands ahead."""
+
+    def __init__(self, vehicle: Vehicle, mount: Mount) -> None:
+        self._photo = RobustPhoto("left")
+        places = np.column_stack(
+            [
+                np.full(len(PROBE_M), vehicle.blade_x_m + PROBE_AHEAD_M),
+                PROBE_M - vehicle.inset_m,
+                np.full(len(PROBE_M), PROBE_HEIGHT_M),
+            ]
+        )
+        u, v = np.floor(Eye(mount).project(places)).T
+        inside = (u >= 0) & (u < mount.width_px) & (v >= 0) & (v < mount.height_px)
+        self._offsets = PROBE_M[inside]
+        self._pixels = (v[inside].astype(int), u[inside].astype(int))
+
+    def see(self, bgr: NDArray[np.uint8]) -> CropView:
+        view = self._photo.see(bgr)
+        if view.standing is None:
+            return view
+        standing = view.standing[self._pixels]
+        # the place that leaves the fewest pixels of crop to its right and of cut to its left
+        wrong = np.count_nonzero(~standing) + np.cumsum(np.where(standing, 1, -1))
+        return CropView(view.confidence, edge_offset_m=float(self._offsets[int(wrong.argmin())]))
+
+
 def _declared(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
     """Where the end was first seen, when this picture declares it by vision alone."""
     if view.ahead_confidence < CONFIDENT:
@@ -248,7 +284,8 @@ def run(drive: Drive) -> Outcome:
 
 def _driven(drive: Drive, edge: _Edge) -> Outcome:
     scenario, v = edge.scenario, edge.vehicle
-    eye = make_detector(drive.mode, v, scenario.mount)
+    mount = scenario.mount
+    eye = PhotoOnMount(v, mount) if drive.mode == "photo" else make_detector(drive.mode, v, mount)
     rng = np.random.default_rng((drive.seed, drive.number, 1))
     scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()
     lane, ahead = Lane(v.blade_x_m), Ahead()

@@ -7,14 +7,28 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from hil.commands.vision import vision
+from hil.scenario.belief import Belief
+from hil.scenario.scenario import Scenario
 from hil.studies import vision_drives
-from hil.studies.vision_drives import Drive, Outcome, _declared, _prepare, drive_along, run, summary
+from hil.studies.vision_drives import (
+    Drive,
+    Outcome,
+    PhotoOnMount,
+    _declared,
+    _prepare,
+    drive_along,
+    run,
+    summary,
+)
 from host.estimate.crop_ahead import Ahead
 from host.estimate.odometry import Motion
+from host.vision.geometry import Camera
+from host.vision.photo.detector import RobustPhoto
 from host.vision.view import CropView
 
 NEAR, CLEAR = (CropView(0.9, crop_ahead_m=x, ahead_confidence=0.9) for x in (0.0, 3.0))
@@ -88,6 +102,23 @@ def test_dust_that_is_asked_for_changes_nothing_else(tmp_path: Path) -> None:
     a, b = _prepare(drawn), _prepare(clean)
     assert b.scenario.weather == a.scenario.weather.model_copy(update={"dust": 0.0})
     assert (b.scenario.seed, b.depth_m, b.weave) == (a.scenario.seed, a.depth_m, a.weave)
+
+
+@pytest.mark.parametrize("offset_m", [-0.2, 0.0, 0.25])
+def test_the_photographs_edge_is_read_where_the_truth_is(
+    offset_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Everything left of an upright plane along the vehicle stands."""
+    scenario = Scenario(camera="mast", belief=Belief.model_validate("exact"))
+    v, camera = scenario.vehicle, Camera(scenario.mount)
+    width, height = camera.size
+    pixels = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), -1)
+    y = camera.on_height(pixels, vision_drives.PROBE_HEIGHT_M)[..., 1]
+    view = CropView(0.8, standing=y > offset_m - v.inset_m)
+    monkeypatch.setattr(RobustPhoto, "see", lambda _self, _bgr: view)
+    seen = PhotoOnMount(v, scenario.mount).see(np.zeros((height, width, 3), np.uint8))
+    assert seen.edge_offset_m == pytest.approx(offset_m, abs=0.01)
+    assert seen.confidence == 0.8
 
 
 def test_a_run_of_no_length_is_refused(tmp_path: Path) -> None:
