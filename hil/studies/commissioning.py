@@ -278,6 +278,7 @@ def commission(
     """Does all of it and writes vehicle.yaml, field.geojson, parameters.yaml and commissioning.json
     into `out`. UserError where a step fails as it would for the owner."""
     out.mkdir(parents=True, exist_ok=True)
+    cv2.setNumThreads(1)  # sums of many threads differ in their last digits from call to call
     world, camera = scenario.world, scenario.camera
     draw = Draw(world.seed)
     rng = draw.rng("commissioning")
