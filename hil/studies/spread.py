@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,6 +36,7 @@ def client(workers: int, scheduler: str | None) -> Iterator[Any]:
         return
     local = Path(tempfile.gettempdir()) / f"daranti-dask-{os.getuid()}"
     with (
+        _quiet(),
         distributed.LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=workers,
             threads_per_worker=1,
@@ -46,6 +48,14 @@ def client(workers: int, scheduler: str | None) -> Iterator[Any]:
         distributed.Client(cluster) as pool,  # type: ignore[no-untyped-call]
     ):
         yield pool
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Two campaigns at a time are none of the operator's worries: each finds ports of its own."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Port .* is already in use")
+        yield
 
 
 def spread(

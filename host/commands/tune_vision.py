@@ -57,8 +57,8 @@ def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float
 @click.option(
     "--page", is_flag=True, help="Tune by hand instead: sliders on a page, in a browser here."
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=8023, show_default=True,
-              help="Of the page; 0 takes a free one.")  # fmt: skip
+@click.option("--web-port", "port", type=click.IntRange(0, 65535), default=8023, show_default=True,
+              help="0: any.")  # fmt: skip
 def tune_vision(
     source: tuple[str, ...],
     hour: float | None,
@@ -121,6 +121,6 @@ def _serve(tuner: Tuner, port: int) -> None:
         colour_application(tuner),
         "127.0.0.1",
         port,
-        "--port",
+        "--web-port",
         lambda url: PlainConsole().print(f"sliders at {url}; Ctrl-C ends"),
     )

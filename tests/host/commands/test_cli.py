@@ -128,6 +128,22 @@ def test_what_is_called_alike_takes_the_same(name: str) -> None:
     assert "boundary" in own or name == "plan"
 
 
+def test_a_port_of_the_web_is_called_alike_wherever_a_page_is_served() -> None:
+    panel, page = options("panel")["web-port"], every("tune")["vision"]
+    mine = next(each for each in page.params if "--web-port" in each.opts)
+    assert mine.type.to_info_dict() == panel.type.to_info_dict()
+    assert not any("--port" in each.opts for each in page.params)
+
+
+def every(name: str) -> dict[str, click.Command]:
+    """The commands of a group of `daranti`."""
+    group = daranti.get_command(click.Context(daranti), name)
+    assert isinstance(group, click.Group)
+    context = click.Context(group)
+    found = {each: group.get_command(context, each) for each in group.list_commands(context)}
+    return {each: command for each, command in found.items() if command is not None}
+
+
 def numbers(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
     """The options that take a number of a range."""
     found: list[tuple[str, ...]] = []
