@@ -38,6 +38,9 @@ CORNERS_M: Final = 4.0
 """By so much nearer to another corner than to the chosen one, it stands at the other."""
 HEADING_DEG: Final = 15.0
 """A compass on a machine of steel errs by ten degrees; the pilot straightens the rest."""
+EDGE_DOUBT_DEG: Final = 30.0
+"""The most that an unsure boundary allows besides: the check is there to find a machine that heads
+for another edge."""
 OFFSET_M: Final = 0.5
 SURE: Final = 0.5
 """The edge must be seen so surely (0..1), and then lie no farther off the blade's right end."""
@@ -226,7 +229,7 @@ def heading_problem(errand: Errand, heading_deg: float) -> Problem | None:
         return None
     wanted = compass_deg(goal[2])
     off = math.remainder(heading_deg - wanted, 360)
-    if abs(off) <= HEADING_DEG:
+    if abs(off) <= HEADING_DEG + _edge_doubt_deg(errand):
         return None
     side = "left" if off > 0 else "right"
     return Problem(
@@ -235,6 +238,14 @@ def heading_problem(errand: Errand, heading_deg: float) -> Problem | None:
         f"turn it {abs(off):.0f} degrees to the {side}",
         {"wanted": round(wanted) % 360, "degrees": round(abs(off)), "side": f"word.{side}"},
     )
+
+
+def _edge_doubt_deg(errand: Errand) -> float:
+    """By how much the edge may run otherwise than the boundary says: two standard deviations, from
+    how surely its two corners are known."""
+    side = errand.whole.sides[errand.begun[0]]
+    askew = math.atan2(2 * math.sqrt(2) * errand.whole.sigma_m, side.length_m)
+    return min(EDGE_DOUBT_DEG, math.degrees(askew))
 
 
 def view_problem(view: CropView) -> Problem | None:

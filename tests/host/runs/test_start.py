@@ -280,6 +280,23 @@ def test_a_machine_that_stands_askew_is_told_which_way_to_turn(
     assert (found is not None) == bool(turn)
 
 
+def test_an_edge_whose_corners_are_unsure_may_run_otherwise_than_the_boundary_says(
+    tmp_path: Path,
+) -> None:
+    """Its two corners, each half a metre wrong and 20 m apart: 4 degrees; 5 m apart: 16."""
+    long = errand(tmp_path, cut_m=5.0)
+    long = replace(long, whole=replace(long.whole, sigma_m=0.5))
+    first = replace(long.whole.sides[0], length_m=5.0)
+    short = replace(long, whole=replace(long.whole, sides=(first, *long.whole.sides[1:])))
+    assert preflight.heading_problem(long, 90 + 17) is None
+    assert preflight.heading_problem(long, 90 + 21) is not None
+    assert preflight.heading_problem(short, 90 + 29) is None
+    assert preflight.heading_problem(short, 90 + 33) is not None
+    lost = replace(short, whole=replace(short.whole, sigma_m=9.0))
+    assert preflight.heading_problem(lost, 90 + 44) is None
+    assert preflight.heading_problem(lost, 90 + 46) is not None
+
+
 def test_pictures_of_another_mount_are_told_before_anything_moves() -> None:
     """The upper border: sky (blue, grey, or white with haze), crop, or a dark nothing."""
 
