@@ -301,11 +301,16 @@ class Day:
         key.dispatch_event("pointerup")
         page.wait_for_timeout(1000)
 
+    def waits(self) -> bool:
+        """Whether the machine waits to be put elsewhere."""
+        pilot = self.screen.last().get("pilot") or {}
+        return str(pilot.get("code", "")).startswith("Wait.")
+
     def to_the_end(self, seconds: float) -> str:
-        """Until the field is finished, or the time is over."""
+        """Until the field is finished, the machine waits for a person, or the time is over."""
         screen, end = self.screen, time.monotonic() + seconds
         while time.monotonic() < end:
-            screen.until(self.idle, max(0.0, end - time.monotonic()), 500)
+            screen.until(lambda: self.idle() or self.waits(), max(0.0, end - time.monotonic()), 500)
             if not self.idle() or screen.last("ended").get("outcome") == "finished":
                 break
             self.go_on()
