@@ -42,6 +42,9 @@ SURE = 0.5
 """Confidence from which a picture may set the references."""
 TRACK = 11
 """Clear right ends that are remembered: a second."""
+GROWN = 300
+"""Pictures of crop at the blade by which its height is judged: 15 m at cutting speed, so that a
+patch that lies does not count."""
 TRACKED = 3
 """Of them from which on their median is where the next is expected."""
 LEAP_M = 0.3
@@ -106,6 +109,7 @@ class MountedDetector:
         self._stands_m = math.inf
         self._track: deque[float] = deque(maxlen=TRACK)
         self._tops: deque[float] = deque(maxlen=TRACK)
+        self._all_tops: deque[float] = deque(maxlen=GROWN)
         self._elsewhere = 0
         self._clear = 0
 
@@ -114,12 +118,14 @@ class MountedDetector:
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
-        face = self._finder.find(seen, stands, expected, tops)
+        grown = statistics.median(self._all_tops) if len(self._all_tops) >= TRACK else NAN
+        face = self._finder.find(seen, stands, expected, tops, grown)
         late = self._near and not self._cutting and self._below_tops
         if late and face.ahead_m > NEAR_M:
-            face = self._finder.last(self._source.look(bgr, False, True)[0], face)
+            face = self._finder.last(self._source.look(bgr, False, True)[0], face, grown)
         if self._cutting and face.ahead_m < AT_BLADE_M and math.isfinite(face.tops_px):
             self._tops.append(face.tops_px)
+            self._all_tops.append(face.tops_px)
         if face.ahead_confidence >= SURE:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M

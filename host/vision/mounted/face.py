@@ -186,7 +186,7 @@ class FaceFinder:
         rows and columns less one all round."""
         x_c, y_c, z_c = (float(c) for c in self._camera.position)
         x = self._vehicle.blade_x_m
-        _, highest, _, _ = self._bands(x, GAP_M)
+        _, highest, _, _ = self._bands(x, GAP_M, self._vehicle.crop_height_m)
         y, z = y_c + (x - x_c) * self._across, z_c + (x - x_c) * self._upward
         half = 0.4 * self._vehicle.blade_width_m
         inside = (np.abs(y) < half) & (z > LOWEST_M) & (z < highest)
@@ -204,11 +204,13 @@ class FaceFinder:
         stands_m: float = math.inf,
         expected_m: float = NAN,
         tops_px: float = NAN,
+        grown_px: float = NAN,
     ) -> Face:
         """The face in one picture. `stands_m`: crop is known to stand at most this far ahead of the
         blade's line, 0 while it is being cut; the blade's dust may hide its foot. `expected_m`:
         where the right end was in the pictures before. `tops_px`: how high above the horizon the
-        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken)."""
+        tops of what is being cut were seen (NaN: not yet; those of usual crop are taken);
+        `grown_px`: the same of the field's crop, from a longer way."""
         dense = _dense(seen)
         standing = np.asarray(dense > 0)
         if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
@@ -224,32 +226,46 @@ class FaceFinder:
             else:
                 known = self._usual_tops_px if math.isnan(tops_px) else tops_px
                 lower = stands_m == 0.0 and tops < LOWER * known
-                at_blade = not lower and self._stands_at(seen, stands_m, ahead)
+                height = self._height(grown_px)
+                at_blade = not lower and self._stands_at(seen, stands_m, ahead, height)
             if at_blade or ahead < stands_m + self._no_crop_m:
                 dust, ahead = ahead - stands_m, stands_m
         if ahead > FAR_M:
             return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled)
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
-        right, sure = self._right_end(seen, face_x, dust, left, expected_m)
+        height = self._height(grown_px)
+        right, sure = self._right_end(seen, face_x, dust, left, expected_m, height)
         if stands_m > 0.0 and dust == 0.0:
             # a machine that stands askew sees a face askew: nearer or further at its right end
             beside = x[(y > right - BESIDE_M[0]) & (y < right + BESIDE_M[1])]
             beside = beside[np.abs(beside - face_x) < ASKEW_M]
             if len(beside) >= BESIDE_BLOCKS:
                 face_x = float(np.median(beside))
-                right, sure = self._right_end(seen, face_x, dust, left, expected_m)
+                right, sure = self._right_end(seen, face_x, dust, left, expected_m, height)
         return Face(ahead, sight, right, sure, face_x, standing, veiled, tops)
 
-    def last(self, faint: Evidence, seems: Face) -> Face:
+    def last(self, faint: Evidence, seems: Face, grown_px: float = NAN) -> Face:
         """What `seems` clear ground to a camera below the tops, looked at again without dust in the
-        air by fainter stems: the last of the crop may stand on it. Nothing new of its right end."""
+        air by fainter stems: the last of the crop may stand on it. Nothing new of its right end.
+        `grown_px`: as for `find`."""
         ahead, sight = self._ahead(*self._contour(faint, _dense(faint)), seems.ahead_confidence)
         if ahead > LATE_M:
-            if not self._stands_at(faint, LATE_M, LATE_M + GAP_M / 2, LATE_DENSE):
+            next_m = LATE_M + GAP_M / 2
+            if not self._stands_at(faint, LATE_M, next_m, self._height(grown_px), LATE_DENSE):
                 return seems
             ahead, sight = LATE_M, max(sight, LATE_SURE)
         return replace(seems, ahead_m=ahead, ahead_confidence=sight)
+
+    def _height(self, tops_px: float) -> float:
+        """Of the crop: as its tops were seen at the blade, else as the vehicle file has it. What the
+        mount's height and pitch and the file err is in the former, so nearly that much less is in
+        what it says of tops farther on."""
+        if math.isnan(tops_px):
+            return self._vehicle.crop_height_m
+        x_c, _, z_c = (float(c) for c in self._camera.position)
+        away = self._vehicle.blade_x_m - x_c
+        return z_c + tops_px * away / float(self._camera.matrix[0, 0])
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
         """(x, y) on the ground of the foot of each block of columns that has one."""
@@ -304,15 +320,21 @@ class FaceFinder:
         return bool(x2 > LEAST_STEP2 and x2 > UPRIGHT * y2)
 
     def _right_end(
-        self, seen: Evidence, face_x: float, dust: float, left_m: float, expected_m: float
+        self,
+        seen: Evidence,
+        face_x: float,
+        dust: float,
+        left_m: float,
+        expected_m: float,
+        height: float,
     ) -> tuple[float, float]:
         """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, and
         confidence; `expected_m` is where it was before (NaN: unknown). `dust`: how far ahead its
         upper border made the foot appear, 0 without; only what rises above it is then looked at.
         The confidence is that of this picture alone."""
-        bands = self._bands(face_x, GAP_M)
+        bands = self._bands(face_x, GAP_M, height)
         if dust > 0.0:
-            highest = TALLEST * self._vehicle.crop_height_m
+            highest = TALLEST * height
             if dust > HIDDEN_M and highest > bands[2] + HIDDEN_M / 10:
                 bands = (1.0, 0.0, bands[2], highest)
             else:
@@ -339,11 +361,12 @@ class FaceFinder:
             sure = min(sure, OPEN - OPEN_PER_STEP * steps_beyond(sums, at))
         return right, max(0.0, sure)
 
-    def _bands(self, face_x: float, gap_m: float) -> tuple[float, float, float, float]:
+    def _bands(
+        self, face_x: float, gap_m: float, height: float
+    ) -> tuple[float, float, float, float]:
         """Heights on the face where nothing that stands `gap_m` or more behind it is seen: below
         that crop's foot and, for a camera beneath the tops, above its tops."""
         x_c, _, z_c = (float(c) for c in self._camera.position)
-        height = self._vehicle.crop_height_m
         share = (face_x - x_c) / (face_x - x_c + gap_m)
         foot = z_c * (1.0 - share)
         tops = z_c + (TALLEST * height - z_c) * share
@@ -371,15 +394,20 @@ class FaceFinder:
         return sums
 
     def _stands_at(
-        self, seen: Evidence, stands_m: float, ahead: float, density: float = HIDDEN_DENSE
+        self,
+        seen: Evidence,
+        stands_m: float,
+        ahead: float,
+        height: float,
+        density: float = HIDDEN_DENSE,
     ) -> bool:
         """Whether crop stands `stands_m` before the blade though its foot is not seen: dust hides
         it, and what was taken for the foot is the upper border of the dust. Crop that began `ahead`
         would leave the bands of `_bands` empty."""
         vehicle = self._vehicle
         x = vehicle.blade_x_m + stands_m
-        bands = self._bands(x, ahead - stands_m)
-        sums = self._sums(seen, x, (1.0, 0.0, bands[2], TALLEST * vehicle.crop_height_m))
+        bands = self._bands(x, ahead - stands_m, height)
+        sums = self._sums(seen, x, (1.0, 0.0, bands[2], TALLEST * height))
         half = 0.5 * vehicle.blade_width_m
         inside = slice(round((-half - SPAN_M[0]) / BIN_M), round((half - SPAN_M[0]) / BIN_M))
         pixels, stems = sums[inside, 0].sum(), sums[inside, 1].sum()
