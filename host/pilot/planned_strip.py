@@ -15,7 +15,7 @@ from host.estimate.odometry import Motion
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
 from host.route.plan import SEEN_SHARE, Plan
-from host.route.side import Side
+from host.route.side import NO_EDGE, Side
 from host.vision.view import CropView
 
 END_PAST_M = 0.15
@@ -73,6 +73,9 @@ UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
 LATE_SIGMAS = 3.0
 """Crop that goes on farther than so many is not the side's: something else is wrong."""
+CUT_BEFORE_M = 0.4
+"""Half of the way in which the end of a side lies that was cut to it in an earlier run: what the
+progress errs, and what a person puts the machine wrong."""
 BEND_AHEAD_M = 0.15
 """Before a bend of the edge the steering begins to follow it: half of what it takes to turn at
 cutting speed."""
@@ -110,6 +113,8 @@ class PlannedStrip(Strip):
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self.back_m, self.shift_m = side.back_m, side.shift_m
         self.clear_end_m = side.end_seen_m + max(0.0, side.fence_m - side.length_m)
+        self.resumed = index == 0 and side.begins_at == NO_EDGE
+        """Whether it was begun in an earlier run."""
         self.bent = bool(side.bends)
         self._straight = [piece for _, piece in side.pieces()]
         """As planned."""
@@ -171,11 +176,24 @@ class PlannedStrip(Strip):
         """Clear ground well before the plan's end is a bare patch: the machine creeps on over it. A
         slanting border's tip is too narrow to be seen. A side that is shorter than that allows does
         not end before it begins."""
+        return self.along_m(motion) > max(0.0, self._end_from_m())
+
+    def _end_from_m(self) -> float:
+        """Along the side, from where on clear ground may be its end; negative: before it begins."""
         doubt = 2 * self.estimate.odometry.scale_sigma
         early = LAST_EARLY_M if self.last else EARLY_M + 2 * self.side.end_seen_m
         length = self.side.length_m
         early += min(SIGMAS * self._doubt_m, UNSURE_SHARE * length)
-        return self.along_m(motion) > max(0.0, (1 - doubt) * length - early)
+        return (1 - doubt) * length - early
+
+    def cut_before(self) -> bool:
+        """Whether a side that was begun in an earlier run may have been cut to its end by then;
+        then its end is hereabouts."""
+        if not self.resumed or self._end_from_m() >= 0.0:
+            return False
+        if self.new:
+            self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
+        return True
 
     @property
     def surely_own(self) -> bool:

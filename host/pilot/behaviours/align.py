@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from host.estimate.crop_ahead import CONFIDENT
+from host.estimate.crop_ahead import CONFIDENT, EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.phase import Doing, Phase, Reason
-from host.pilot.planned_strip import PlannedStrip
+from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.planned_strip import NO_CROP_M, PlannedStrip
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants
@@ -18,6 +19,10 @@ NO_END: Final = 0.05
 NO_END_REASON: Final = (
     "the crop ahead has no end to the right: put the machine at the field's corner, facing along "
     "its side, the blade's right end on the crop's edge"
+)
+NOTHING_AHEAD_REASON: Final = (
+    "nothing stands before the blade, and the plan has {left} m more of this side: put the machine "
+    "where the crop begins"
 )
 SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
@@ -36,7 +41,7 @@ class Align(Behaviour):
     """See the module."""
 
     phase = Phase.ALIGN
-    reasons = (Why,)
+    reasons = (Why, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -44,6 +49,8 @@ class Align(Behaviour):
         if view is None or not context.sight.sees_ahead():
             return context.hold(), None
         strip = context.planned(0)
+        if isinstance(strip, PlannedStrip) and strip.resumed and view.crop_ahead_m > NO_CROP_M:
+            return context.hold(), self._nothing_ahead(now, strip)
         slanting = strip.begins_slanting
         if not (slanting or view.confidence > NO_END):
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
@@ -64,3 +71,17 @@ class Align(Behaviour):
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
+
+    def _nothing_ahead(self, now: float, strip: PlannedStrip) -> Go | None:
+        """Of a side that was begun before: where it may end it has been cut to its end."""
+        context = self.context
+        if now - context.since < TRUST_AFTER_S:
+            return None
+        context.estimate.lane.place(0.0, 0.0, *TRUSTED_SIGMA)
+        strip.place(0.0)
+        if not strip.cut_before():
+            context.reason = NOTHING_AHEAD_REASON.format(left=f"{strip.left_m():.1f}")
+            return None
+        context.strip = strip
+        context.begin_strip()
+        return end_side(context, now, EndOfField(now, context.motion, strip.index))

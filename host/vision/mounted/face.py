@@ -258,9 +258,8 @@ class FaceFinder:
         return replace(seems, ahead_m=ahead, ahead_confidence=sight)
 
     def _height(self, tops_px: float) -> float:
-        """Of the crop: as its tops were seen at the blade, else as the vehicle file has it. What the
-        mount's height and pitch and the file err is in the former, so nearly that much less is in
-        what it says of tops farther on."""
+        """Of the crop: as its tops were seen at the blade, else as the vehicle file has it. In the
+        former is most of what the file and the mount's height and pitch err."""
         if math.isnan(tops_px):
             return self._vehicle.crop_height_m
         x_c, _, z_c = (float(c) for c in self._camera.position)
