@@ -113,12 +113,15 @@ def of_reason(pilot: Pilot) -> Json:
     if not pilot.transitions:
         return {"code": "", "words": {}}
     last = pilot.transitions[-1]
-    name = last.code.rpartition(": ")[2]
-    for reason in reasons():
-        found = _pattern(reason).fullmatch(last.reason) if reason.name == name else None
-        if found is not None:
-            return {"code": code_of(reason), "words": found.groupdict()}
-    return {"code": "", "words": {}}
+    # While a behaviour waits, its reason may be another than the one that led to it.
+    name = last.code.rpartition(": ")[2] if pilot.reason == last.reason else ""
+    meant = [reason for reason in reasons() if name in ("", reason.name)]
+    fitting = [(r, found) for r in meant if (found := _pattern(r).fullmatch(pilot.reason))]
+    if not fitting:
+        return {"code": "", "words": {}}
+    # Of two texts that fit, the one that leaves less to be filled in.
+    reason, found = min(fitting, key=lambda fit: sum(map(len, fit[1].groups())))
+    return {"code": code_of(reason), "words": found.groupdict()}
 
 
 def of_pilot(pilot: Pilot, plan: Plan, speed_mps: float) -> Json:

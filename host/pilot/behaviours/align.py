@@ -16,14 +16,6 @@ TRUST_AFTER_S = 3.0
 across the strip, what is seen is not the edge, and that holds at once."""
 NO_END: Final = 0.05
 """Confidence of an edge that is made up: the crop goes on to the right."""
-NO_END_REASON: Final = (
-    "the crop ahead has no end to the right: put the machine at the field's corner, facing along "
-    "its side, the blade's right end on the crop's edge"
-)
-NOTHING_AHEAD_REASON: Final = (
-    "nothing stands before the blade, and the plan has {left} m more of this side: put the machine "
-    "where the crop begins"
-)
 SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
 TRUSTED_SIGMA = (0.05, math.radians(2))
@@ -37,11 +29,26 @@ class Why(Reason):
     TRUSTED = Doing.FOLLOW, "on the operator's alignment"
 
 
+class Wait(Reason):
+    """Why it does not set off."""
+
+    NO_END = (
+        Doing.ALIGN,
+        "the crop ahead has no end to the right: put the machine at the field's corner, facing "
+        "along its side, the blade's right end on the crop's edge",
+    )
+    NOTHING_AHEAD = (
+        Doing.ALIGN,
+        "nothing stands before the blade, and the plan has {left} m more of this side: put the "
+        "machine where the crop begins",
+    )
+
+
 class Align(Behaviour):
     """See the module."""
 
     phase = Phase.ALIGN
-    reasons = (Why, SideEnd, Elsewhere)
+    reasons = (Why, Wait, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -54,7 +61,7 @@ class Align(Behaviour):
         slanting = strip.begins_slanting
         if not (slanting or view.confidence > NO_END):
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
-            context.reason = NO_END_REASON
+            context.reason = Wait.NO_END.go().text
             return context.hold(), None
         seen = view.confidence >= CONFIDENT and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
@@ -80,7 +87,7 @@ class Align(Behaviour):
         context.estimate.lane.place(0.0, 0.0, *TRUSTED_SIGMA)
         strip.place(0.0)
         if not strip.cut_before():
-            context.reason = NOTHING_AHEAD_REASON.format(left=f"{strip.left_m():.1f}")
+            context.reason = Wait.NOTHING_AHEAD.go(left=f"{strip.left_m():.1f}").text
             return None
         context.strip = strip
         context.begin_strip()

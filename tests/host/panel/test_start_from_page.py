@@ -19,7 +19,9 @@ from host.link import protocol
 from host.panel import harvesting, snapshot
 from host.panel.harvesting import Order, prepare
 from host.panel.machine import NotYetError
+from host.panel.snapshot import Json
 from host.panel.texts import LANGUAGES, text
+from host.pilot.behaviours.align import Wait
 from host.pilot.phase import Phase, Transition
 from host.runs import preflight
 from host.sensors.camera_stream import Picture
@@ -115,7 +117,14 @@ def test_a_machine_at_its_corner_is_rehearsed(
 
 def test_a_reason_is_told_by_its_code_and_what_it_speaks_of() -> None:
     last = Transition(0.0, Phase.FAULT, "gave up after 60 s: no edge", "back off: GAVE_UP")
-    told = snapshot.of_reason(SimpleNamespace(transitions=[last]))  # type: ignore[arg-type]
-    assert told == {"code": "Patience.GAVE_UP", "words": {"seconds": "60", "reason": "no edge"}}
     ends = Transition(0.0, Phase.TURN, "end of side 2: no crop before the blade", "follow: SEEN")
-    assert snapshot.of_reason(SimpleNamespace(transitions=[ends]))["code"] == "SideEnd.SEEN"  # type: ignore[arg-type]
+
+    def told(transition: Transition, reason: str) -> Json:
+        return snapshot.of_reason(SimpleNamespace(transitions=[transition], reason=reason))  # type: ignore[arg-type]
+
+    gave_up = {"code": "Patience.GAVE_UP", "words": {"seconds": "60", "reason": "no edge"}}
+    assert told(last, last.reason) == gave_up
+    assert told(ends, ends.reason)["code"] == "SideEnd.SEEN"
+    waits = Wait.NOTHING_AHEAD.go(left="1.4").text
+    said = {"code": "Wait.NOTHING_AHEAD", "words": {"left": "1.4"}}
+    assert told(ends, waits) == said, "what it says by now"
