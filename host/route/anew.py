@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import shapely
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
@@ -22,6 +23,9 @@ from host.route.side import Side
 ENOUGH_STRIPS: Final = 300
 """Laid out in one go at most, where more are not needed: with three in each 50 ms, the machine
 stands for 5 s."""
+AS_MUCH: Final = 0.95
+"""Of what the old plan still cuts, for another to take its place: corners that moved by decimetres
+may let a field fall into parts to which no turn leads."""
 AHEAD: Final = 2
 """Sides that are needed after the one that was just cut: to turn to the next is to know where that
 one ends and which way it goes on."""
@@ -69,18 +73,26 @@ class Anew:
 
     def plan(self, old: Plan, index: int) -> Plan | None:
         """`old` with what has been laid out, as far as that goes; None where no plan has the sides
-        up to `index` that were cut."""
+        up to `index` that were cut, or where what is found would leave crop that the old one, whose
+        sides move with the corners too, still cuts."""
         if self.over and self._whole is None:
             return None
         if self._whole is not None:
             sides = self._whole.sides[old.done :]
             found = replace(self._whole, done=old.done, before=old.before)
+            if _share(sides[index + 1 :], found) < AS_MUCH * _share(old.sides[index + 1 :], old):
+                return None
         else:
             sides = tuple(self._sides[old.done :])
             sides += old.sides[len(sides) :]
             outs = tuple(map(tuple, self._outs))
             found = replace(old, boundary=self._boundary, keep_outs=outs)
         return replace(found, sides=sides) if len(sides) > index else None
+
+
+def _share(sides: Sequence[Side], plan: Plan) -> float:
+    """Of the field that is cut by these sides."""
+    return sum(s.length_m * s.width_m for s in sides) / shapely.Polygon(plan.boundary).area
 
 
 def around(
