@@ -30,6 +30,7 @@ from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_pho
 RUN_S = 1500.0
 MOST_RESUMES = 60
 TRIES = 8
+WAITS_S = 20.0
 ORIGIN = (31.5, 74.3)
 """Of the rig's field."""
 BLADE_M = (1.5, 0.5)
@@ -60,6 +61,7 @@ class Day:
         self.resumed: list[str] = []
         """Why, each time that the operator cleared and went on."""
         self.pushed = 0
+        self.waits_since = math.inf
 
     def note(self, what: str, seen: Any) -> None:
         """A row."""
@@ -302,9 +304,11 @@ class Day:
         page.wait_for_timeout(1000)
 
     def waits(self) -> bool:
-        """Whether the machine waits to be put elsewhere."""
+        """Whether the machine has waited for long to be put elsewhere."""
         pilot = self.screen.last().get("pilot") or {}
-        return str(pilot.get("code", "")).startswith("Wait.")
+        waits, now = str(pilot.get("code", "")).startswith("Wait."), time.monotonic()
+        self.waits_since = min(self.waits_since, now) if waits else math.inf
+        return now - self.waits_since > WAITS_S
 
     def to_the_end(self, seconds: float) -> str:
         """Until the field is finished, the machine waits for a person, or the time is over."""

@@ -61,7 +61,8 @@ class Align(Behaviour):
         slanting = strip.begins_slanting
         if not (slanting or view.confidence > NO_END):
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
-            context.reason = Wait.NO_END.go().text
+            if now - context.since >= TRUST_AFTER_S:
+                context.reason = Wait.NO_END.go().text
             return context.hold(), None
         seen = view.confidence >= CONFIDENT and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
