@@ -13,7 +13,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import math
 import time
 from collections.abc import AsyncIterator
 from importlib import resources
@@ -35,7 +34,7 @@ from host.panel.fields import FieldDesk
 from host.panel.gate import Guard
 from host.panel.guard import Pairing, Seat
 from host.panel.machine import Settings
-from host.panel.snapshot import Json
+from host.panel.snapshot import Json, fix_of
 
 TYPES: Final = {
     ".html": "text/html; charset=utf-8",
@@ -188,15 +187,7 @@ class Panel:
         if found is None or found["stamp"] == self._fix_stamp or found["quality"] == 0:
             return
         self._fix_stamp = found["stamp"]
-        fix = Fix(
-            found["stamp"],
-            found["lat"],
-            found["lon"],
-            found["quality"],
-            found["hdop"] or math.nan,
-            found["satellites"],
-            found["speed_mps"],
-        )
+        fix = fix_of(found)
         walk = self.fields.walk
         if walk is not None and walk.on:
             walk.fixes.append(fix)

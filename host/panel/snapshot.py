@@ -65,9 +65,24 @@ def of_fix(fix: Fix, now: float) -> Json:
         "satellites": fix.satellites,
         "hdop": number(fix.hdop, 1),
         "speed_mps": number(fix.speed_mps, 2),
+        "course_rad": number(fix.course_rad, 3),
         "stamp": number(fix.stamp, 2),
         "age_s": number(now - fix.stamp, 1),
     }
+
+
+def fix_of(told: Json) -> Fix:
+    """What `of_fix` told."""
+    return Fix(
+        told["stamp"],
+        told["lat"],
+        told["lon"],
+        told["quality"],
+        math.nan if told["hdop"] is None else told["hdop"],
+        told["satellites"],
+        told["speed_mps"],
+        told["course_rad"],
+    )
 
 
 def of_view(view: CropView) -> Json:

@@ -92,7 +92,8 @@ class Anew:
 
 def _share(sides: Sequence[Side], plan: Plan) -> float:
     """Of the field that is cut by these sides."""
-    return sum(s.length_m * s.width_m for s in sides) / shapely.Polygon(plan.boundary).area
+    area_m2 = float(shapely.Polygon(plan.boundary).area)
+    return sum(s.length_m * s.width_m for s in sides) / area_m2
 
 
 def around(

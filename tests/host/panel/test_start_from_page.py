@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +11,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
@@ -19,7 +23,7 @@ from host.link import protocol
 from host.panel import harvesting, snapshot
 from host.panel.harvesting import Order, prepare
 from host.panel.machine import NotYetError
-from host.panel.snapshot import Json
+from host.panel.snapshot import Json, fix_of
 from host.panel.texts import LANGUAGES, text
 from host.pilot.behaviours.align import Wait
 from host.pilot.phase import Phase, Transition
@@ -128,3 +132,28 @@ def test_a_reason_is_told_by_its_code_and_what_it_speaks_of() -> None:
     waits = Wait.NOTHING_AHEAD.go(left="1.4").text
     said = {"code": "Wait.NOTHING_AHEAD", "words": {"left": "1.4"}}
     assert told(ends, waits) == said, "what it says by now"
+
+
+@given(
+    fix=st.builds(
+        Fix,
+        stamp=st.floats(0, 1e6),
+        lat_deg=st.floats(-90, 90),
+        lon_deg=st.floats(-180, 180),
+        quality=st.integers(1, 5),
+        hdop=st.just(math.nan) | st.floats(0.5, 20),
+        satellites=st.integers(0, 30),
+        speed_mps=st.none() | st.floats(0, 5),
+        course_rad=st.none() | st.floats(-3.2, 3.2),
+    )
+)
+def test_a_walk_from_the_page_has_all_that_the_receiver_said(fix: Fix) -> None:
+    """What passes between the machine's process and the page's: a survey needs the Doppler too."""
+    heard = fix_of(json.loads(json.dumps(snapshot.of_fix(fix, fix.stamp))))
+    for name in Fix.__slots__:
+        said, got = getattr(fix, name), getattr(heard, name)
+        if said is None or math.isnan(said):
+            assert got is None or math.isnan(got)
+        else:
+            step = {"lat_deg": 5e-8, "lon_deg": 5e-8, "course_rad": 5e-4, "hdop": 0.05}
+            assert got == pytest.approx(said, abs=1.01 * step.get(name, 5e-3))
