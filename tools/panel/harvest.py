@@ -375,7 +375,7 @@ def drive(whole: Day, rig: Rig) -> None:
     whole.screen.shot("cutting")
     for trouble in (whole.pause, whole.lose_the_page, whole.lose_the_camera, whole.stop):
         whole.once(trouble)
-    whole.start("#resume")
+    whole.go_on()
     ended = whole.to_the_end(RUN_S)
     steps = whole.screen.last("ended")
     whole.note("steps of the last run, above 50 ms", f"{steps['slow_steps']} of {steps['steps']}")
