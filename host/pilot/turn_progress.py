@@ -15,15 +15,46 @@ class Turning:
         self.turn = turn
         self._origin = origin
         self._index = 0
+        self._more: list[Leg] = []
+        self._begun_at: Motion | None = None
         self.since = now
         """When the leg, or what follows the last, was begun or taken up again."""
         self.running = False
         """Whether the steering has reached the leg's angle and the machine may move."""
+        self.broken_off = False
+        """Whether the geofence has ended one of its legs."""
 
     @property
     def leg(self) -> Leg | None:
         """The present one; None after the last."""
-        return self.turn.legs[self._index] if self._index < len(self.turn.legs) else None
+        legs = (*self.turn.legs, *self._more)
+        return legs[self._index] if self._index < len(legs) else None
+
+    @property
+    def corrections(self) -> int:
+        """How many legs were added to those of the plan."""
+        return len(self._more)
+
+    @property
+    def correcting(self) -> bool:
+        """Whether the present leg was added."""
+        return self.leg is not None and self._index >= len(self.turn.legs)
+
+    def add(self, leg: Leg, now: float) -> None:
+        """One more, after the last."""
+        self._more.append(leg)
+        self._begun_at = None
+        self.wait(now)
+
+    @property
+    def last(self) -> Leg:
+        """The leg before the present one."""
+        return (*self.turn.legs, *self._more)[self._index - 1]
+
+    def driven_m(self, motion: Motion) -> float:
+        """Along the present leg."""
+        self._begun_at = self._begun_at or motion
+        return abs(motion.distance_m - self._begun_at.distance_m)
 
     @property
     def backing(self) -> bool:
@@ -33,6 +64,7 @@ class Turning:
     def next(self, now: float) -> None:
         """On to the leg after this one."""
         self._index += 1
+        self._begun_at = None
         self.wait(now)
 
     def wait(self, now: float) -> None:

@@ -12,12 +12,21 @@ from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import Turning
 from host.route.turn_legs import Follow as Along
-from host.route.turn_legs import Leg
+from host.route.turn_legs import Goal, Leg, turning_radius
 
 STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
+ASKEW_RAD = math.radians(12.0)
+"""Against the new lane, with which a turn that was broken off is over: less than what a camera of
+60 degrees needs to see the crop's right end, and within what following straightens."""
+CORRECTIONS = 8
+"""Legs that such a turn may take more than planned."""
+CORRECTION_M = 0.6
+"""Length of one at most: 40 degrees on the lock."""
+RUN_IN_M = 0.3
+"""Before the crop, for the camera to see where it begins."""
 FARTHEST_M = 2.5
 """Crop farther ahead is not surely seen."""
 ALIGN_ROOM_M = (0.5, 1.0)
@@ -54,9 +63,10 @@ class DriveTurn(Behaviour):
         go = blind(context, now)
         if go is not None:
             return context.hold(), go
-        leg = turning.leg
-        if leg is None:
+        if turning.leg is None and not self._correct(now):
             return context.hold(), Why.TURNED.go()
+        leg = turning.leg
+        assert leg is not None
         if self.leg_done():
             self._next(now)
             return context.drive(leg.steer_rad, 0.0, blade=False), None
@@ -89,13 +99,40 @@ class DriveTurn(Behaviour):
     def blocked(self, now: float, why: str) -> Go | None:
         """What is left of the turn goes the other way."""
         del why
+        self.turning.broken_off = True
         self._next(now)
         return None
+
+    def _correct(self, now: float) -> bool:
+        """Whether a turn that the geofence broke off goes on, to and fro on the lock, until the
+        machine heads along the new lane, and then back along that."""
+        context, turning = self.context, self.turning
+        if not turning.broken_off or not context.strip.placed or turning.corrections >= CORRECTIONS:
+            return False
+        lane, motion = turning.turn, context.motion
+        _, turned = turning.against_lane(motion)
+        if abs(turned) > ASKEW_RAD:
+            _, lock = turning_radius(context.vehicle)
+            reverse = not turning.last.reverse
+            left = (turned < 0) is not reverse
+            steer = lock if left else -lock
+            turning.add(Leg(steer, reverse, Goal.HEADING, lane.lane_rad), now)
+            return True
+        behind = turning.crop_expected_m(motion, context.vehicle.blade_x_m)
+        if turning.last.follow is Along.NEW_LANE or behind > RUN_IN_M:
+            return False
+        to = lane.crop_begins_m - RUN_IN_M - context.vehicle.blade_x_m
+        turning.add(Leg(0.0, True, Goal.ALONG, to, Along.NEW_LANE), now)
+        context.strip.begin_leg(turning)
+        return True
 
     def leg_done(self) -> bool:
         """Whether the goal is reached, or will be by coasting on. Backing along the new side goes
         on for a while until the machine is in line with it."""
         context, turning = self.context, self.turning
+        if turning.correcting and not turning.backing:
+            too_far = turning.driven_m(context.motion) > CORRECTION_M
+            return too_far or turning.to_go(context.motion, context.vehicle.drive_lag_s) <= 0
         to_go = turning.to_go(context.motion, context.vehicle.drive_lag_s)
         room = min(ALIGN_ROOM_M[0] + context.strip.back_m, ALIGN_ROOM_M[1])
         if turning.backing and -room < to_go <= 0:
