@@ -28,7 +28,7 @@ from host.pilot.behaviours.look_at_end import BARE_LOOKS, LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import STEER_TIMEOUT_S, DriveTurn
+from host.pilot.behaviours.turn import CORRECTION_M, CORRECTIONS, STEER_TIMEOUT_S, DriveTurn
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -39,6 +39,7 @@ from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
 from host.route.plan import Plan, spiral
+from host.route.turn_legs import Goal
 from host.vision.view import CropView
 
 VEHICLE = Vehicle()
@@ -464,6 +465,61 @@ def test_a_turn_whose_leg_the_geofence_stops_takes_the_next() -> None:
     first = context.turning.leg
     assert turn.blocked(NOW, "the neighbour's crop") is None
     assert context.turning.leg is not first
+
+
+def broken_off(
+    askew_rad: float, before_crop_m: float, monkeypatch: pytest.MonkeyPatch
+) -> DriveTurn:
+    """A turn none of whose legs the geofence let pass: so much left of the new lane's direction,
+    the blade so far before its crop."""
+    turn = DriveTurn(turning())
+    while turn.turning.leg is not None:
+        turn.blocked(NOW, "the neighbour's crop")
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, askew_rad))
+    monkeypatch.setattr(turn.turning, "crop_expected_m", lambda *_: before_crop_m)
+    monkeypatch.setattr(turn.turning, "to_go", lambda *_: abs(askew_rad))
+    return turn
+
+
+@pytest.mark.parametrize("askew_deg", [-48.0, -14.0, 14.0, 90.0])
+def test_a_turn_that_was_broken_off_turns_on_to_and_fro(
+    askew_deg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turn = broken_off(math.radians(askew_deg), 1.0, monkeypatch)
+    reverse = turn.turning.last.reverse
+    for _ in range(CORRECTIONS):
+        assert is_for(turn.step(NOW)[1], None)
+        leg = turn.turning.leg
+        assert leg is not None and leg.goal is Goal.HEADING
+        assert leg.reverse is not reverse, "the way that is not blocked"
+        turns_left = (leg.steer_rad > 0) is not leg.reverse
+        assert turns_left is (askew_deg < 0), "towards the lane"
+        reverse = leg.reverse
+        turn.blocked(NOW, "the neighbour's crop")
+    assert is_for(turn.step(NOW)[1], Turned.TURNED), "as often as it may"
+
+
+@pytest.mark.parametrize(("before_crop_m", "backs"), [(0.5, False), (-0.6, True)])
+def test_in_line_it_backs_until_the_crop_is_in_view(
+    before_crop_m: float, backs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turn = broken_off(math.radians(40.0), before_crop_m, monkeypatch)
+    turn.step(NOW)
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(5.0)))
+    turn.turning.next(NOW)
+    assert is_for(turn.step(NOW)[1], None if backs else Turned.TURNED)
+    assert turn.turning.backing is backs
+    if backs:
+        turn.blocked(NOW, "the neighbour's crop")
+        assert is_for(turn.step(NOW)[1], Turned.TURNED), "once"
+
+
+def test_a_leg_that_was_added_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    turn = broken_off(math.radians(60.0), 1.0, monkeypatch)
+    turn.step(NOW)
+    for driven_m, done in ((CORRECTION_M - 0.05, False), (CORRECTION_M + 0.05, True)):
+        monkeypatch.setattr(turn.turning, "driven_m", lambda _, driven_m=driven_m: driven_m)
+        assert turn.leg_done() is done
 
 
 def test_after_its_last_leg_a_turn_looks_for_the_crop() -> None:

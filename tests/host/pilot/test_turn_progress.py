@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -88,3 +89,24 @@ def test_every_leg_waits_for_its_steering() -> None:
     turning.next(8.0)
     assert turning.leg is None
     assert not turning.backing
+
+
+def test_a_leg_that_is_added_comes_after_the_last_and_counts_its_own_way() -> None:
+    origin = (0.0, 0.0, 0.0)
+    turning = Turning(0.0, TURN, origin)
+    for _ in LEGS:
+        assert not turning.correcting
+        turning.next(0.0)
+    more = Leg(0.6, False, Goal.HEADING, LANE_RAD)
+    turning.add(more, 1.0)
+    assert (turning.leg, turning.correcting, turning.corrections) == (more, True, 1)
+    assert turning.last is LEGS[-1]
+    begun = at(origin, (0.0, 0.0, 0.0))
+    assert turning.driven_m(begun) == 0.0
+    for on_m in (0.4, -0.4):
+        later = replace(begun, distance_m=begun.distance_m + on_m)
+        assert turning.driven_m(later) == pytest.approx(0.4)
+    turning.next(2.0)
+    assert (turning.leg, turning.last) == (None, more)
+    turning.add(more, 2.0)
+    assert turning.driven_m(later) == 0.0

@@ -257,27 +257,30 @@ def test_after_a_crash_the_field_is_finished(tmp_path: Path, cut_m: float) -> No
     assert (done.phase, done.side) == (Phase.FINISHED, len(plan.sides) - 1)
 
 
-def resumed(true_m: float, planned_m: float, cut_m: float) -> tuple[SimpleWorld, Pilot]:
+def resumed(
+    true_m: float, planned_m: float, cut_m: float, gap_m: float = 4.0
+) -> tuple[SimpleWorld, Pilot]:
     """A field as high as true_m, planned_m by its unsure boundary, whose first side was cut to its
     end, by the progress up to cut_m."""
     corners = [(0.0, 0.0), (8.0, 0.0), (8.0, planned_m), (0.0, planned_m)]
-    plan = spiral(corners, 1, VEHICLE, "three_point", 4.0, sigma_m=1.0)
-    world = SimpleWorld(VEHICLE, width=8.0, height=true_m, gap=4.0)
+    plan = spiral(corners, 1, VEHICLE, "three_point", gap_m, sigma_m=1.0)
+    world = SimpleWorld(VEHICLE, width=8.0, height=true_m, gap=gap_m)
     world.stand_at(plan.sides[0])
     drive(world, Pilot(VEHICLE, world, plan), 60.0, until=lambda: world.y > true_m - 1.4)
     rest = remaining(
         plan, *resume_at(at(0, cut_m).model_copy(update={"plan": digest(plan)}), plan, PATH)
     )
-    after = SimpleWorld(VEHICLE, width=8.0, height=true_m, gap=4.0)
+    after = SimpleWorld(VEHICLE, width=8.0, height=true_m, gap=gap_m)
     after.crop, after.neighbour = world.crop, world.neighbour
     after.stand_at(rest.sides[0])
     return after, Pilot(VEHICLE, after, rest)
 
 
-@pytest.mark.parametrize("cut_m", [5.0, 5.3])
-def test_a_side_that_was_cut_to_its_end_before_ends_there(cut_m: float) -> None:
-    """The boundary had it longer, and STOP came just there: nothing stands before the blade."""
-    world, pilot = resumed(5.2, 6.2, cut_m)
+@pytest.mark.parametrize(("cut_m", "gap_m"), [(5.0, 4.0), (5.3, 4.0), (5.0, 2.0)])
+def test_a_side_that_was_cut_to_its_end_before_ends_there(cut_m: float, gap_m: float) -> None:
+    """The boundary had it longer, and STOP came just there: nothing stands before the blade. In the
+    narrow gap no turn of three legs is sure to have room."""
+    world, pilot = resumed(5.2, 6.2, cut_m, gap_m)
     drive(world, pilot, 20.0, until=lambda: pilot.turns == 1)
     assert pilot.turns == 1, pilot.reason
     before = world.coverage
