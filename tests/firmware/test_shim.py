@@ -294,10 +294,10 @@ def test_what_the_host_sends_takes_its_time(make: Maker) -> None:
     chip = make()
     chip.target.read()
     begun, parser = chip.now_us, protocol.Parser()
-    chip.target.write(bytes(300) + protocol.encode(protocol.Hello(protocol.VERSION), 0))
+    chip.target.write(bytes(2300) + protocol.encode(protocol.Hello(protocol.VERSION), 0))
     while not any(isinstance(m, protocol.Version) for _, m in parser.feed(chip.target.read())):
         chip.run(100)
-    asked_us = 307 * 85.0
+    asked_us = 2307 * 85.0
     answered_us = chip.now_us - begun - 19 * 85
     assert asked_us <= answered_us <= asked_us + TICK_US + 30 * 85
 

@@ -19,7 +19,7 @@ constexpr uint16_t kCrcAt = Params::kBlock - 2;
 constexpr uint8_t kAtOnce = 4;  // bytes looked at in a tick
 // Values in a copy of any version: the fault log lies behind the second copy.
 constexpr uint8_t kMost = (FaultLog::kAddress - Params::kSecond - 4) / 2;
-static_assert(protocol::kParams <= kMost, "the second copy ends before the fault log");
+static_assert(Params::kSecond + Params::kBlock <= FaultLog::kAddress, "the log lies behind");
 
 // What stands at one of the two places.
 struct Copy {
