@@ -17,6 +17,7 @@ from hil.firmware.targets import (
     FLOATING,
     PULLED_UP,
     Board,
+    Hang,
     ResetCause,
     Target,
     TargetError,
@@ -49,6 +50,9 @@ class Chip:
         library = ctypes.CDLL(str(targets.AVR_LIBRARY))
         self._write = library.probe_write
         self._write.argtypes = [ctypes.c_void_p, ctypes.c_uint16, ctypes.c_uint8]
+        self._read = library.probe_register
+        self._read.argtypes = [ctypes.c_void_p, ctypes.c_uint16]
+        self._read.restype = ctypes.c_uint8
         self._pin = library.probe_pin
         self._pin.argtypes = [ctypes.c_void_p, ctypes.c_uint8]
         self._pin.restype = ctypes.c_uint8
@@ -64,6 +68,10 @@ class Chip:
         """Writes (address, value) pairs in turn, as instructions would."""
         for address, value in registers:
             self._write(self.target.handle, address, value)
+
+    def read(self, address: int) -> int:
+        """A register."""
+        return int(self._read(self.target.handle, address))
 
     def level(self, pin: int) -> bool:
         """What the firmware sees at a pin."""
@@ -300,6 +308,16 @@ def test_what_the_host_sends_takes_its_time(make: Maker) -> None:
     asked_us = 2307 * 85.0
     answered_us = chip.now_us - begun - 19 * 85
     assert asked_us <= answered_us <= asked_us + TICK_US + 30 * 85
+
+
+def test_two_received_bytes_wait_to_be_read_and_of_four_one_is_lost(make: Maker) -> None:
+    """19.7.3: DOR0."""
+    chip = make()
+    chip.target.hang(Hang.INTERRUPT)
+    for count, lost in ((2, False), (2, True)):
+        chip.target.write(b"\x01" * count)
+        chip.run(85 * count + 100)
+        assert bool(chip.read(UCSR0A) & 0x08) is lost
 
 
 # ---- memory and resets ---------------------------------------------------------------------------
