@@ -158,3 +158,12 @@ def test_without_a_plan_crop_begins_where_the_blades_first_end_leaves_the_swath(
     middle = lane.y_m + lane.begins_m * math.sin(corner)
     ends = [middle + lateral * math.cos(corner) for lateral in (-half, half)]
     assert max(ends) == pytest.approx(half)
+
+
+@pytest.mark.parametrize(
+    "turn", [TURNS[0], arc(VEHICLE, math.pi / 2, LANE), shuttle(VEHICLE, -8.0, 0.9, 3.0)]
+)
+def test_every_turn_leaves_the_steering_room_before_its_limit(turn: Turn) -> None:
+    """The PID overshoots, and beyond the limit the firmware stops the machine."""
+    steepest = max(abs(math.degrees(leg.steer_rad)) for leg in turn.legs)
+    assert 0.0 < steepest <= VEHICLE.steer_limit_deg - 1.5
