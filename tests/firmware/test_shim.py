@@ -349,7 +349,7 @@ def test_while_a_byte_is_written_the_eeprom_must_not_be_used(
     chip.run(after_us)
     chip.write((EECR, EEMPE), (EECR, used))
     if free:
-        chip.run(2)
+        chip.run(SAMPLE_US)
     else:
         chip.refuses("EECR: the EEPROM is used while it still writes")
 
@@ -374,6 +374,24 @@ def test_the_chip_keeps_why_it_was_reset(
     found = [m for _, m in protocol.Parser().feed(chip.target.read())]
     [version] = [m for m in found if isinstance(m, protocol.Version)]
     assert version.reset_cause == told
+
+
+@pytest.mark.parametrize(
+    ("cause", "kept"), [(ResetCause.POWER_ON, False), (ResetCause.BROWN_OUT, True)]
+)
+def test_power_on_empties_the_memory_and_other_resets_do_not(
+    make: Maker, cause: ResetCause, kept: bool
+) -> None:
+    chip = make()
+    chip.target.write(protocol.encode(protocol.Arm(protocol.VERSION), 0))
+    chip.run(2 * TICK_US)
+    chip.target.reset(cause)
+    chip.target.write(protocol.encode(protocol.Hello(protocol.VERSION), 1))
+    chip.target.read()
+    chip.run(4 * TICK_US)
+    found = [m for _, m in protocol.Parser().feed(chip.target.read())]
+    [version] = [m for m in found if isinstance(m, protocol.Version)]
+    assert (protocol.ResetCause.WHILE_ARMED in version.reset_cause) is kept
 
 
 def test_inputs_stay_as_they_are_over_a_reset(make: Maker) -> None:
