@@ -25,7 +25,17 @@ from playwright.sync_api import Error as PlaywrightError
 
 from host.core.frames import LocalFrame
 from host.field.boundary_file import load_field
-from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_phone, table
+from tools.panel.stack import (
+    Json,
+    Panel,
+    Person,
+    Rig,
+    Screen,
+    a_browser,
+    a_phone,
+    read_the_compass,
+    table,
+)
 
 RUN_S = 1500.0
 MOST_RESUMES = 60
@@ -97,18 +107,12 @@ class Day:
         screen = self.screen
         before = screen.last("failed")
         screen.page.wait_for_timeout(500)
-        self.read_the_compass()
+        read_the_compass(self.rig, self.screen)
         screen.hold(button)
         screen.until(
             lambda: screen.last().get("mode") == "drive" or screen.last("failed") != before, 60
         )
         return bool(screen.last().get("mode") == "drive")
-
-    def read_the_compass(self) -> None:
-        """A person lays one on the machine and types what it shows, to five degrees."""
-        yaw_deg = math.degrees(self.rig.do()["pose"][2])
-        shown = 5 * round((90.0 - yaw_deg) / 5) % 360
-        self.screen.page.fill("#compass", str(shown))
 
     def idle(self) -> bool:
         """Whether nothing goes on."""
@@ -216,7 +220,7 @@ class Day:
         screen.drive_from_here()
         screen.page.wait_for_timeout(1000)
         if button == "#resume":
-            self.read_the_compass()
+            read_the_compass(self.rig, self.screen)
         screen.hold(button)
         screen.page.wait_for_timeout(1500)
         screen.shot("countdown", top=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import re
 import shutil
@@ -312,6 +313,12 @@ class Person:
                 return "clicked" if truth["blade_seen"] > self._clicks else "silent"
             case _:
                 return str(question["choices"][0])
+
+
+def read_the_compass(rig: Rig, screen: Screen) -> None:
+    """A person lays one on the machine and types what it shows, to five degrees."""
+    yaw_deg = math.degrees(rig.do()["pose"][2])
+    screen.page.fill("#compass", str(5 * round((90.0 - yaw_deg) / 5) % 360))
 
 
 def table(rows: list[tuple[str, Any]]) -> str:

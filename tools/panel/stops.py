@@ -26,7 +26,16 @@ import yaml
 from host.core.frames import LocalFrame
 from host.field.boundary_file import load_field
 from tools.panel.harvest import BLADE_M, ORIGIN
-from tools.panel.stack import Json, Panel, Person, Rig, Screen, a_browser, a_phone
+from tools.panel.stack import (
+    Json,
+    Panel,
+    Person,
+    Rig,
+    Screen,
+    a_browser,
+    a_phone,
+    read_the_compass,
+)
 
 BOUND_MS = 300.0
 STATES = ("jog", "countdown", "connect", "align", "follow", "pause", "hesitate", "turn", "search")
@@ -83,6 +92,8 @@ class Taps:
             return screen.until(lambda: self.rig.do()["driven"], 8, 30)
         self.put()
         button = "#resume" if page.locator("#resume").is_visible() else "#start"
+        if button == "#resume":
+            read_the_compass(self.rig, screen)
         screen.hold(button)
         wanted = "follow" if state == "pause" else state
         begun = screen.until(
