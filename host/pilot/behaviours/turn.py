@@ -18,7 +18,7 @@ STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
-ASKEW_RAD = math.radians(12.0)
+ASKEW_RAD = math.radians(20.0)
 """Against the new lane, with which a turn that was broken off is over: less than what a camera of
 60 degrees needs to see the crop's right end, and within what following straightens."""
 CORRECTIONS = 8
