@@ -305,12 +305,14 @@ class PlannedStrip(Strip):
         if lane.offset_sigma_m > sigma:
             lane.place(offset, turned, *sigmas)
 
-    def cut(self) -> None:
+    def cut(self, *, seen: bool = True) -> None:
         """Its line is a known place, once per ANCHOR_EVERY_M; its way is the next round's edge; and
         once, where the lane is known again, it tells how far the turn to it has turned."""
         here = self.estimate.motion
         since = self._anchored
-        if since is None or abs(here.distance_m - since.distance_m) >= ANCHOR_EVERY_M:
+        due = since is None or abs(here.distance_m - since.distance_m) >= ANCHOR_EVERY_M
+        # A lane that no picture has told of is dead reckoning, which the position has already.
+        if seen and due:
             self._anchored = here
             lane = self.estimate.lane
             self.estimate.position.follow(lane.blade_offset_m, lane.offset_sigma_m)

@@ -115,6 +115,8 @@ class Sight:
         self.ahead = Ahead()
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
+        self.lane_at_m = math.inf
+        """The same of any picture that told something of the lane."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
@@ -184,7 +186,7 @@ class Sight:
         *,
         moved: bool,
     ) -> None:
-        self.edge_at_m = then.distance_m
+        self.edge_at_m = self.lane_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
         seen = (strip.edge_m(view, then), view.edge_heading_rad, view.confidence, since_shutter)
@@ -210,7 +212,7 @@ class Sight:
         edge, ahead_m = corner
         if abs(edge + lane.blade_offset_m) > CORNER_SIGMAS * lane.offset_sigma_m:
             return  # another corner's: of what a round before has left, or of the next crop
-        self.edge_at_m = then.distance_m
+        self.edge_at_m = self.lane_at_m = then.distance_m
         lane.correct(edge, math.nan, CONFIDENT, since_shutter, ahead_m=ahead_m, learn=False)
 
     def _take_dusty_edge(
@@ -234,6 +236,7 @@ class Sight:
         self.dust_doubts = line > INWARD_M and self.ahead.in_dust(*EDGE_SURE)
         if not self.dust_doubts:
             here = line - lane.blade_offset_m
+            self.lane_at_m = then.distance_m
             lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
             strip.believe_heading()
 

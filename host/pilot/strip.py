@@ -156,8 +156,9 @@ class Strip:
         """Pictures contradict the lane: of one that nobody has seen before no more is unknown than
         of the place in the field."""
 
-    def cut(self) -> None:
-        """The blade is cutting: what the way along the strip teaches."""
+    def cut(self, *, seen: bool = True) -> None:
+        """The blade is cutting: what the way along the strip teaches. `seen`: a picture has told of
+        the lane of late."""
 
     def begin_leg(self, turning: Turning) -> None:
         """A turn backs along this strip from now on: the lane filter speaks of it."""
