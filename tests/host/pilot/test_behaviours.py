@@ -85,18 +85,20 @@ def seeing(context: Context, view: CropView, *, stamp: float = NOW) -> None:
         steady.stamp, steady.broken = stamp, stamp - 1.0
 
 
-def standing(plan: Plan | None = None) -> Context:
+def standing(plan: Plan | None = None, eye: Shown | None = None) -> Context:
     """A machine that stands armed, its pictures good."""
-    context = Context(VEHICLE, Shown(), plan or Plan())
+    context = Context(VEHICLE, eye or Shown(), plan or Plan())
     context.since = NOW
     moved(context, 0.0, stamp=NOW - 1.0)
     seeing(context, CUTTING)
     return context
 
 
-def on_side(index: int = 0, plan: Plan = PLAN, *, cut_m: float | None = 5.0) -> Context:
+def on_side(
+    index: int = 0, plan: Plan = PLAN, *, cut_m: float | None = 5.0, eye: Shown | None = None
+) -> Context:
     """On a side of a plan, in line, its crop met cut_m ago."""
-    context = standing(plan)
+    context = standing(plan, eye)
     strip = context.planned(index)
     assert isinstance(strip, PlannedStrip)
     context.estimate.lane.place(0.0, 0.0, 0.05, 0.02)
@@ -401,6 +403,23 @@ def test_a_hesitation_ends_with_a_person_or_with_the_last_remnant(
     remnant = replace(PLAN, sides=(*PLAN.sides, replace(PLAN.sides[-1], length_m=0.1)))
     context = on_side(len(PLAN.sides), remnant)
     assert is_for(kind(context).step(NOW + GIVE_UP_S + 0.1)[1], Patience.REMNANT)
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_only_a_lane_that_pictures_tell_of_tells_of_the_place(seen: bool) -> None:
+    """Else dead reckoning would confirm itself, every half metre anew."""
+    eye = Shown(replace(CUTTING, confidence=0.95 if seen else 0.0))
+    context = on_side(cut_m=5.0, eye=eye)
+    follow = Follow(context)
+    before = context.estimate.position.against_lane()[2]
+    for k in range(1, 9):
+        now = NOW + 0.2 * k
+        moved(context, 5.0 + 0.1 * k, 0.5, stamp=now)
+        frame = Frame(now, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, now, context.look.settled)
+        follow.step(now)
+    after = context.estimate.position.against_lane()[2]
+    assert (after < before) is seen
 
 
 # ---- turns ---------------------------------------------------------------------------------------
