@@ -57,7 +57,7 @@ class Follow(Behaviour):
         context = self.context
         go = self._left_alone(now) or self._ends(now) or self._needs_a_look(now)
         if go is not None:
-            return context.hold(), go
+            return self._hold(go), go
         stops = self._nothing_to_cut(now)
         if stops is not None:
             return context.stop() if stops.reason in Why else context.hold(), stops
@@ -66,8 +66,14 @@ class Follow(Behaviour):
             context.strip.cut(seen=unseen_m < ANCHOR_EVERY_M)
         doubt = self._doubts(now)
         if doubt is not None:
-            return context.hold(), doubt
+            return self._hold(doubt), doubt
         return self._drive(now), None
+
+    def _hold(self, go: Go) -> Command:
+        """On its way to a look the machine still rolls, and what its blade does not cut stays: once
+        told to stop, the firmware lets it begin anew only after a while."""
+        looks = go.reason in (Why.EDGE_UNSURE, Why.SEEMS_TO_END, Why.IN_DUST)
+        return self.context.hold(blade=looks and self.context.strip.blade_due())
 
     def _left_alone(self, now: float) -> Go | None:
         """Clear ground longer than a patch, after a look: what comes next may be somebody else's,

@@ -242,6 +242,7 @@ def test_follow_ends_a_side_where_plan_and_pictures_do(
     context.sight.ahead.sure.extend([not dusty] * 30)
     command, go = Follow(context).step(NOW)
     assert is_for(go, reason)
+    assert command.blade is (reason is not SideEnd.SEEN), "it cuts until it stands or ends"
     if reason is None:
         assert command.speed_mps == VEHICLE.manoeuvre_speed_mps
     assert context.strip.index == (1 if reason is SideEnd.SEEN else 0)
@@ -260,7 +261,9 @@ def test_follow_looks_once_for_an_edge_that_dust_hides() -> None:
     context.estimate.lane.place(0.0, 0.0, 0.2, 0.02)
     assert is_for(Follow(context).step(NOW)[1], None), "it was seen just now"
     context.sight.edge_at_m = 5.0 - UNSEEN_M - 0.01
-    assert is_for(Follow(context).step(NOW)[1], Followed.EDGE_UNSURE)
+    command, go = Follow(context).step(NOW)
+    assert is_for(go, Followed.EDGE_UNSURE)
+    assert (command.speed_mps, command.blade) == (0.0, True), "it cuts until it stands"
     assert is_for(Follow(context).step(NOW)[1], None), "not again at the same place"
 
 
