@@ -186,14 +186,14 @@ class PlannedStrip(Strip):
         early += min(SIGMAS * self._doubt_m, UNSURE_SHARE * length)
         return (1 - doubt) * length - early
 
-    def cut_before(self) -> bool:
-        """Whether a side that was begun in an earlier run may have been cut to its end by then;
-        then its end is hereabouts."""
-        if not self.resumed or self._end_from_m() >= 0.0:
-            return False
+    def may_be_cut(self) -> bool:
+        """Whether a side that was begun in an earlier run may have been cut to its end by then."""
+        return self.resumed and self._end_from_m() < 0.0
+
+    def was_cut(self) -> None:
+        """It was: its end is hereabouts."""
         if self.new:
             self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
-        return True
 
     @property
     def surely_own(self) -> bool:

@@ -187,12 +187,7 @@ class Day:
         screen.page.press("#field-gap", "Enter")
         screen.page.locator("#field-gap").blur()
         screen.until(lambda: screen.last("field").get("gap_m") is not None, 20)
-        screen.until(lambda: screen.last("field").get("here") is not None, 20)
-        found = screen.last("field")
-        here = found["here"]
-        away = [math.dist(corner, here) for corner in found["boundary"]]
-        screen.page.select_option("#field-corner", str(away.index(min(away))))
-        screen.until(lambda: screen.last("field")["corner"] == away.index(min(away)), 20)
+        screen.at_the_nearest_corner()
         found = screen.last("field")
         screen.shot("field")
         self.note("walk, two laps (s)", round(time.monotonic() - begin))

@@ -201,6 +201,15 @@ class Screen:
         """Another page of the panel."""
         self.page.click(f"#tabs button[data-tab={name}]")
 
+    def at_the_nearest_corner(self) -> None:
+        """Chooses the corner that the receiver has the machine at."""
+        self.until(lambda: self.last("field").get("here") is not None, 20)
+        found = self.last("field")
+        away = [math.dist(corner, found["here"]) for corner in found["boundary"]]
+        nearest = away.index(min(away))
+        self.page.select_option("#field-corner", str(nearest))
+        self.until(lambda: self.last("field")["corner"] == nearest, 20)
+
     def drive_from_here(self) -> None:
         """Takes the wheel, if it is free."""
         self.tab("harvest")
@@ -221,7 +230,8 @@ class Screen:
     def hold(self, button: str, milliseconds: int = 2300) -> None:
         """A finger that stays on a button."""
         element = self.page.locator(button)
-        element.scroll_into_view_if_needed()
+        # What lies under the bar with STOP is in the window, but no finger reaches it.
+        element.evaluate("element => element.scrollIntoView({ block: 'center' })")
         box = element.bounding_box()
         assert box is not None
         self.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)

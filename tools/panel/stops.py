@@ -163,7 +163,7 @@ def measure(taps: int, minutes: float, out: Path) -> Json:
             screen = Screen(a_phone(browser), panel)
             screen.until(lambda: screen.last().get("link", {}).get("problem") == "", 60)
             screen.tab("field")
-            screen.page.select_option("#field-corner", rig.about["corner"])
+            screen.at_the_nearest_corner()
             found = Person(rig, screen).through_the_check()
             if not found["green"]:
                 bad = [line["finding"] for line in found["lines"] if line["verdict"] == "bad"]

@@ -87,9 +87,10 @@ class Align(Behaviour):
             return None
         context.estimate.lane.place(0.0, 0.0, *TRUSTED_SIGMA)
         strip.place(0.0)
-        if not strip.cut_before():
+        if not strip.may_be_cut():
             context.reason = Wait.NOTHING_AHEAD.go(left=f"{strip.left_m():.1f}").text
             return None
+        strip.was_cut()
         context.strip = strip
         context.begin_strip()
         return end_side(context, now, EndOfField(now, context.motion, strip.index))

@@ -305,6 +305,23 @@ def test_the_last_stalks_before_the_blade_show_by_their_ears(lateral: float) -> 
     assert after_cutting(turned=True).see(last).crop_ahead_m > 0.8
 
 
+@pytest.mark.parametrize(("told_m", "pitch_deg"), [(0.9, 0.0), (0.74, 0.0), (0.8, -1.5)])
+@pytest.mark.parametrize("gap_m", [1.5, 1.7, 2.0])
+def test_what_the_file_errs_of_crop_and_mount_makes_no_ears_of_the_next_crop(
+    told_m: float, pitch_deg: float, gap_m: float
+) -> None:
+    """0.9 m of crop, a camera that looks higher than it is told: how high the tops reach was seen
+    while the crop was cut."""
+    mount = LOW.model_copy(update={"pitch_deg": LOW.pitch_deg + pitch_deg})
+    eye = make_detector("robust", Vehicle(crop_height_m=told_m), mount)
+    for seed in range(TRACK + 1):
+        eye.see(field(LOW, next_crop_m=None, seed=seed))
+    eye.restart(turned=False)
+    view = eye.see(field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + gap_m))
+    assert view.ahead_confidence >= 0.5
+    assert view.crop_ahead_m == pytest.approx(gap_m, abs=0.65)
+
+
 def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
     hidden = dusty(near, 225)
