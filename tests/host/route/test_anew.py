@@ -1,0 +1,32 @@
+"""When a plan that is laid out anew takes the place of the old one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.route.anew import around
+from host.route.plan import spiral
+
+VEHICLE = Vehicle()
+CORNERS = [(0.0, 0.0), (12.0, 0.0), (12.0, 10.0), (0.0, 10.0)]
+FOUND = [(0.0, 0.0), (12.5, 0.0), (12.5, 10.0), (0.0, 10.0)]
+PLAN = spiral(CORNERS, 0, VEHICLE, "three_point", 2.0, sigma_m=0.5)
+
+
+@pytest.mark.parametrize("cut", [1, 4])
+def test_a_field_that_was_found_to_be_longer_is_laid_out_longer(cut: int) -> None:
+    anew = around(PLAN, FOUND, PLAN.cut_along(cut), VEHICLE)
+    assert anew is not None
+    assert anew.boundary == tuple(FOUND)
+    assert anew.sides[0].length_m == pytest.approx(PLAN.sides[0].length_m + 0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("more", "taken"), [(1.0, True), (1.2, False)])
+def test_one_that_leaves_what_the_old_one_cuts_is_not_taken(more: float, taken: bool) -> None:
+    """What is left of the old one, each strip wider by that share."""
+    wider = [replace(side, width_m=more * side.width_m) for side in PLAN.sides[4:]]
+    old = replace(PLAN, sides=(*PLAN.sides[:4], *wider))
+    assert (around(old, FOUND, old.cut_along(4), VEHICLE) is not None) is taken
