@@ -127,7 +127,9 @@ def laid_out(progress: Progress, entered: Plan, path: Path, vehicle: Vehicle) ->
         )
     if not progress.corners:
         return entered
-    whole = around(entered, list(progress.corners), progress.cut, vehicle)
+    # Before a strip was cut to its end, what is known is where the plan begins.
+    cut = progress.cut or entered.cut_along(1)
+    whole = around(entered, list(progress.corners), cut, vehicle)
     if whole is None:
         raise UserError(
             f"{path}: the boundary that was found there does not fit the strips that were cut; "

@@ -3,6 +3,7 @@ rest is laid out, and a run that died goes on around what was found."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,16 @@ from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.anew import Anew, displaced
 from host.route.plan import Plan, spiral
-from host.runs.resume import Keeper, laid_out, load, remaining, resume_at
+from host.runs.resume import (
+    BEFORE_M,
+    Keeper,
+    Progress,
+    digest,
+    laid_out,
+    load,
+    remaining,
+    resume_at,
+)
 from tests.helpers.simple_world import SimpleWorld, drive, harvest
 from tests.host.runs.test_resume import AtOnce
 
@@ -21,6 +31,7 @@ VEHICLE = Vehicle()
 TRUE = [(0.0, 0.0), (7.0, 0.0), (7.0, 7.0), (0.0, 7.0)]
 SAID = [(0.0, 0.0), (7.4, 0.0), (7.0, 6.6), (0.0, 7.0)]
 SIGMA_M = 0.5
+PATH = Path("run.progress.json")
 START = spiral(TRUE, 0, VEHICLE, "three_point", 2.0).sides[0]
 
 
@@ -69,6 +80,27 @@ def test_of_a_large_field_no_more_is_laid_out_than_is_needed(
     whole = spiral(TRUE, 0, VEHICLE, "three_point", 2.0, sigma_m=SIGMA_M)
     assert found.sides[:3] == whole.sides[:3]
     assert found.sides[3:] == plan.sides[3:]
+
+
+@pytest.mark.parametrize("corner", range(4))
+@pytest.mark.parametrize("cut_m", [0.0, 3.0])
+def test_a_run_that_ended_on_its_first_side_goes_on_there(corner: int, cut_m: float) -> None:
+    """Whichever corner it began at: no strip says so yet."""
+    plan = spiral(SAID, corner, VEHICLE, "three_point", 2.0, sigma_m=SIGMA_M)
+    kept = Progress(
+        plan=digest(plan),
+        corner=corner,
+        side=0,
+        cut_m=cut_m,
+        corners=tuple(TRUE),
+        sigma_m=SIGMA_M,
+        phase=Phase.FAULT,
+    )
+    whole = laid_out(kept, plan, PATH, VEHICLE)
+    assert (whole.sides[0].x_m, whole.sides[0].y_m) == pytest.approx(TRUE[corner])
+    side, begin_m = resume_at(kept, whole, PATH)
+    x, y, _ = whole.sides[side].pose(begin_m)
+    assert math.dist((x, y), TRUE[corner]) == pytest.approx(max(0.0, cut_m - BEFORE_M))
 
 
 @pytest.fixture
