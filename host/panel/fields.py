@@ -272,8 +272,15 @@ class FieldDesk:
                     "compass_deg": round(compass_deg(heading)) % 360,
                     "side": errand.begun[0] + 1,
                     "along_m": number(errand.begun[1], 1),
+                    "cut": snapshot.of_cut(errand.whole, errand.begun),
                 }
         return None
+
+    def unfinished(self) -> Path | None:
+        """What the last run left of this field, whatever ended it: a crash, an empty battery."""
+        kept = self._folder.glob("drive-*.progress.json")
+        last = max(kept, key=lambda path: path.stat().st_mtime, default=None)
+        return last if last is not None and self.goal(last) is not None else None
 
     def about(self, here: Fix | None) -> Json:
         """The message to the pages."""

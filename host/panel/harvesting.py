@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field
 
 from host.core.errors import UserError
-from host.core.frames import LatLon, LocalFrame
+from host.core.frames import LatLon
 from host.core.messages import Frame, State
 from host.core.strict import Strict
 from host.field.boundary_file import load_field
@@ -78,6 +78,7 @@ class Operator:
     """Pause and its reason: pressed on the page, or the page is gone."""
 
     machine: Machine
+    errand: Errand
     paused: bool = False
     why: str = ""
     slow_steps: int = 0
@@ -89,9 +90,15 @@ class Operator:
     """What the pages have."""
     cut_from: tuple[float, float] = (math.nan, math.nan)
 
-    def show_plan(self, plan: Plan, frame: LocalFrame | None) -> None:
-        """The map's still part, and again when it has been laid out anew."""
-        about = {"anew": self.shown is not None, "origin": frame and list(frame.origin)}
+    def show_plan(self, plan: Plan) -> None:
+        """The map's still part with what earlier runs have cut, and again when it has been laid
+        out anew."""
+        frame = self.errand.frame
+        about = {
+            "anew": self.shown is not None,
+            "origin": frame and list(frame.origin),
+            "cut": snapshot.of_cut(self.errand.whole, self.errand.begun),
+        }
         self.machine.post({"kind": "plan", **snapshot.of_plan(plan), **about})
         self.shown = plan
 
@@ -179,13 +186,13 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
     vehicle, mount, clock = machine.vehicle, machine.mount, machine.clock
     if camera is None or link is None:
         raise UserError("a harvest needs a board, a camera and a receiver")
-    plan, frame = errand.plan, errand.frame
+    plan = errand.plan
     folder = machine.settings.folder
     now = datetime.datetime.now(tz=datetime.UTC)
     path = folder / f"drive-{now:%Y%m%d-%H%M%S}.mcap"
     detector = watched_detector(machine.settings.mode, vehicle, mount, None)
     pilot = Pilot(vehicle, detector, plan)
-    operator = Operator(machine)
+    operator = Operator(machine, errand)
     progress = order.resume or path.with_suffix(".progress.json")
     with ExitStack() as stack:
         keeper = Keeper(progress, errand.entered, order.corner, machine.events.append, errand.begun)
@@ -211,9 +218,9 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
             operator.wants_pause,
             keeper,
         )
-        operator.show_plan(plan, frame)
+        operator.show_plan(plan)
         machine.mode = "drive"
-        machine.more = lambda: _about(run, operator, frame)
+        machine.more = lambda: _about(run, operator)
         outcome = "stopped"
         try:
             run.run(operator.after_step)
@@ -258,10 +265,10 @@ def warm_up(machine: Machine, plan: Plan) -> None:
         pilot.step(now, Frame(now, frame.bgr), None, replace(armed, state=State.ARMED, faults=0))
 
 
-def _about(run: Drive, operator: Operator, frame: LocalFrame | None) -> Json:
+def _about(run: Drive, operator: Operator) -> Json:
     plan = run.pilot.plan
     if plan is not operator.shown:
-        operator.show_plan(plan, frame)
+        operator.show_plan(plan)
     trail = list(operator.trail)
     operator.trail.clear()
     if trail:

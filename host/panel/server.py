@@ -153,8 +153,16 @@ class Panel:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def begin(self) -> None:
-        """Once the loop runs: what is known of the field."""
+        """Once the loop runs: what is known of the field, and of a run that a crash ended."""
         self._later(None)
+
+        async def look_back() -> None:
+            async with self._work:
+                left = await asyncio.to_thread(self.fields.unfinished)
+            if left is not None and self.ended is None:
+                self._heard({"kind": "ended", "outcome": "stopped", "resume": str(left)})
+
+        self._keep_task(asyncio.create_task(look_back()))
 
     # ---- from the machine ------------------------------------------------------------------------
 
@@ -201,13 +209,22 @@ class Panel:
             async with self._work:
                 if wish is not None:
                     await asyncio.to_thread(self.fields.do, wish)
+                before = self.field or {}
                 self.field = await asyncio.to_thread(self.fields.about, fix)
+                changed = wish is not None and before.get("plan") != self.field["plan"]
+                if changed and self.now.get("mode") == "idle":
+                    self._forget_the_run()
             for page in self.pages.values():
                 page.tell(self.field)
 
         if fix is not None and self._work.locked():
             return
         self._keep_task(asyncio.create_task(work()))
+
+    def _forget_the_run(self) -> None:
+        """The map shows another plan now, and where a run that ended goes on is told by it."""
+        self._heard({"kind": "plan", "boundary": [], "anew": False})
+        self._find_goal((self.ended or {}).get("resume"))
 
     def _find_goal(self, resume: str | None) -> None:
         """Where the machine has to stand to go on, to all pages."""

@@ -161,6 +161,23 @@ def of_pilot(pilot: Pilot, plan: Plan, speed_mps: float) -> Json:
     }
 
 
+def of_cut(whole: Plan, begun: tuple[int, float]) -> list[list[list[float | None]]]:
+    """Outlines of the strips that were cut before a run that goes on with `begun`: side of the
+    whole plan, and how far along it."""
+    index, cut_m = begun
+    done = [(side, side.length_m) for side in whole.sides[:index]]
+    done += [(side, cut_m) for side in whole.sides[index : index + 1]]
+    found = []
+    for side, until_m in done:
+        for start_m, piece in side.pieces():
+            long_m = min(piece.length_m, until_m - start_m)
+            if long_m > 0:
+                wide = piece.width_m
+                ends = ((0.0, 0.0), (long_m, 0.0), (long_m, wide), (0.0, wide))
+                found.append([[number(v, 2) for v in piece.pose(*end)[:2]] for end in ends])
+    return found
+
+
 def of_plan(plan: Plan) -> Json:
     """The map's still part, in the field frame."""
     return {

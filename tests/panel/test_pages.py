@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
 
 from host.core.frames import LocalFrame
 from host.field.boundary_file import Boundary, save_field
@@ -65,7 +67,32 @@ def browser() -> Iterator[Browser]:
         opened.close()
 
 
-def opened(browser: Browser, panel: Served, size: str, language: str) -> Page:
+Json = dict[str, Any]
+
+
+class Line:
+    """The page's socket, on which more is said than the panel says."""
+
+    def __init__(self) -> None:
+        self.more: Json = {}
+        """What is put into each snapshot."""
+        self.say: Callable[[Json], None] = lambda _: None
+
+    def through(self, page_end: WebSocketRoute) -> None:
+        """Between a page and the panel."""
+        panel_end = page_end.connect_to_server()
+
+        def pass_on(message: str | bytes) -> None:
+            told = json.loads(message) if isinstance(message, str) else {}
+            page_end.send(json.dumps(told | self.more) if told.get("kind") == "now" else message)
+
+        panel_end.on_message(pass_on)
+        self.say = lambda message: page_end.send(json.dumps(message))
+
+
+def opened(
+    browser: Browser, panel: Served, size: str, language: str, line: Line | None = None
+) -> Page:
     width, height = SIZES[size]
     phone = size == "phone"
     context = browser.new_context(
@@ -75,6 +102,8 @@ def opened(browser: Browser, panel: Served, size: str, language: str) -> Page:
         locale={"en": "en-GB", "ur": "ur-PK"}[language],
     )
     page = context.new_page()
+    if line is not None:
+        page.route_web_socket("**/live", line.through)
     page.set_default_timeout(30_000)
     page.goto(f"http://{panel.host}/")
     expect(page.locator("#signal-board")).to_contain_text(
@@ -148,4 +177,111 @@ def test_a_fault_is_shown_with_its_remedy_and_heard(
     expect(page.locator("#faults")).to_contain_text(text("ur", "remedy.BATTERY_LOW"))
     assert page.evaluate("tones.length") >= 8
     board.telemetry = RESTING
+    page.context.close()
+
+
+SQUARE = ((0, 0), (20, 0), (20, 20), (0, 20))
+STRIP = ((0, 0), (20, 0), (20, 5), (0, 5))
+PLAN = {
+    "kind": "plan",
+    "boundary": SQUARE,
+    "keep_outs": [],
+    "gap_m": 2.0,
+    "sides": [[20, 0, 20, 20, 1.0]],
+}
+SHARE_OF_COLOUR = """
+(colour) => {
+  const canvas = document.getElementById("map");
+  const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  let found = 0;
+  for (let k = 0; k < pixels.length; k += 4)
+    if (colour.every((value, c) => Math.abs(pixels[k + c] - value) < 3)) found += 1;
+  return found / (pixels.length / 4);
+}
+"""
+CUT, STANDING = [230, 200, 110], [46, 125, 50]
+
+
+def test_the_map_shows_what_earlier_runs_have_cut(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+
+    def shares() -> tuple[float, float]:
+        page.evaluate("new Promise(requestAnimationFrame)")
+        cut, standing = (page.evaluate(SHARE_OF_COLOUR, one) for one in (CUT, STANDING))
+        return cut, standing
+
+    def settled(plan: Json) -> tuple[float, float]:
+        line.say(plan)
+        page.wait_for_timeout(400)
+        return shares()
+
+    nothing, whole = settled(PLAN | {"anew": False, "cut": []})
+    assert nothing < 0.005
+    cut, left = settled(PLAN | {"anew": False, "cut": [STRIP]})
+    assert cut == pytest.approx(whole / 4, rel=0.15)
+    assert left == pytest.approx(whole * 3 / 4, rel=0.05)
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / "cut-before.png")
+    line.say({"kind": "trail", "places": [[5.0, 8.0, 0.0], [5.5, 8.0, 0.0], [6.0, 8.0, 0.0]]})
+    cut_now, _ = settled(PLAN | {"anew": True, "cut": [STRIP]})
+    assert cut_now > cut, "a plan that is laid out anew leaves the trail"
+    page.context.close()
+
+
+def test_the_words_of_a_stop_go_when_something_begins(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.locator("#stop").dispatch_event("pointerdown")
+    said = page.locator("#stop-said")
+    expect(said).to_contain_text("STOPPED", timeout=10_000)
+    page.wait_for_timeout(800)
+    expect(said).to_contain_text("STOPPED")  # they stay for as long as it stands
+    line.more = {"mode": "countdown", "countdown_s": 4.0}
+    expect(said).to_be_empty(timeout=5_000)
+    page.context.close()
+
+
+HIDDEN = """
+() => {
+  const one = document.activeElement, box = one.getBoundingClientRect();
+  if (one === document.body || one.closest("header, footer")) return "";
+  const top = document.querySelector("header").getBoundingClientRect().bottom;
+  const bottom = document.querySelector("footer").getBoundingClientRect().top;
+  const name = one.id || one.textContent || one.tagName;
+  if (box.height > bottom - top) return box.top < bottom && box.bottom > top ? "" : name;
+  return box.top >= top - 1 && box.bottom <= bottom + 1 ? "" : `${name} ${box.top} ${box.bottom}`;
+}
+"""
+NAME = "document.activeElement.id || document.activeElement.outerHTML"
+MOST_STOPS = 80
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_what_has_the_focus_is_never_under_the_bars(
+    browser: Browser, panel: Served, size: str
+) -> None:
+    """Forwards and backwards through each page by the keyboard: WCAG 2.2, 2.4.12."""
+    line = Line()
+    line.more = {"driver": True}
+    page = opened(browser, panel, size, "en", line)
+    for tab in TABS:
+        page.click(f"#tabs button[data-tab={tab}]")
+        page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+        for key in ("Tab", "Shift+Tab"):
+            page.locator("#tabs button").first.focus()
+            page.evaluate("scrollTo(0, 0)")
+            seen = set()
+            for _ in range(MOST_STOPS):
+                page.keyboard.press(key)
+                assert page.evaluate(HIDDEN) == "", (tab, key)
+                name = page.evaluate(
+                    "document.activeElement.id || document.activeElement.outerHTML"
+                )
+                if name in seen:
+                    break
+                seen.add(name)
+            assert "stop" in seen
+            assert len(seen) >= 8
     page.context.close()

@@ -71,6 +71,8 @@ export function drawMap(canvas, world) {
   context.save();
   path(context, view, plan.boundary);
   context.clip();
+  context.fillStyle = "#e6c86e";
+  for (const strip of plan.cut ?? world.goal?.cut ?? []) { path(context, view, strip); context.fill(); }
   context.strokeStyle = "#e6c86e";
   context.lineWidth = BLADE_M * view.scale;
   context.lineCap = "butt";

@@ -44,6 +44,7 @@ function sendStop() {
 }
 
 function hearStop(now) {
+  if (stop?.done && before.mode === "idle" && now.mode !== "idle") { stop = null; sayStop("", ""); }
   if (!stop || stop.done || !now.stop || now.stop.id !== stop.id) return;
   if (now.stop.confirmed) {
     stop.done = true;
@@ -100,7 +101,7 @@ async function checkPairing(code) {
 function hear(message) {
   switch (message.kind) {
     case "now": world.now = message; hearStop(message); hearSounds(message); break;
-    case "plan": world.plan = message; if (!message.anew) world.trail = []; break;
+    case "plan": world.plan = message.boundary.length ? message : null; if (!message.anew) world.trail = []; break;
     case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
     case "ended": world.ended = message; break;
     case "goal": world.goal = message.place ? message : null; break;
@@ -359,6 +360,14 @@ $("pair-form").addEventListener("submit", async (event) => {
   if (found.paired) { world.paired = true; $("pair-said").textContent = ""; socket?.close(); open(tab); }
   else $("pair-said").textContent = found.wait_s ? t("pair.wait", { seconds: found.wait_s }) : t("pair.wrong");
 });
+
+// What is scrolled to, or has the focus, never lies under the bars, however tall their words are.
+const bars = new ResizeObserver(() => {
+  for (const [bar, name] of [["header", "--head"], ["footer", "--foot"]]) {
+    document.documentElement.style.setProperty(name, `${Math.ceil(document.querySelector(bar).getBoundingClientRect().height)}px`);
+  }
+});
+for (const bar of ["header", "footer"]) bars.observe(document.querySelector(bar));
 
 document.addEventListener("pointerdown", sound.wake, { once: true });
 document.addEventListener("visibilitychange", () => { if (!document.hidden) show(); });

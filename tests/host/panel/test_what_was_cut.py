@@ -1,0 +1,117 @@
+"""What the map shows of a field that an earlier run has cut in part."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import shapely
+
+from host.core.frames import LocalFrame
+from host.core.vehicle import Vehicle
+from host.field.boundary_file import Boundary, save_field
+from host.panel import snapshot
+from host.panel.fields import FieldDesk
+from host.panel.harvesting import Operator
+from host.panel.snapshot import Json
+from host.pilot.phase import Phase
+from host.route.plan import Plan
+from host.route.side import Side
+from host.runs.errand import Errand, errand_of
+from host.runs.resume import Progress, digest, remaining, save
+from tests.helpers.served_panel import now, served
+
+FRAME = LocalFrame(31.5, 74.3)
+CORNERS = ((0, 0), (12, 0), (12, 10), (0, 10))
+VEHICLE = Vehicle()
+FIELD = Boundary(tuple(FRAME.to_wgs84(x, y) for x, y in CORNERS), name="field")
+ERRAND = errand_of(FIELD, 0, VEHICLE, "three_point", 2.0, None, None)
+
+
+def area(rings: list[Any]) -> shapely.Geometry:
+    return shapely.union_all([shapely.Polygon(ring) for ring in rings])
+
+
+def test_whole_strips_and_the_begun_one_are_shown_as_cut() -> None:
+    side = ERRAND.whole.sides[0]
+    assert snapshot.of_cut(ERRAND.whole, (0, 0.0)) == []
+    one = area(snapshot.of_cut(ERRAND.whole, (0, 5.0)))
+    assert one.area == pytest.approx(5.0 * side.width_m, rel=0.01)
+    assert one.contains(shapely.Point(side.pose(2.5, side.width_m / 2)[:2]))
+    three = area(snapshot.of_cut(ERRAND.whole, (2, 3.0)))
+    strips = ERRAND.whole.sides[:3]
+    lengths = [strips[0].length_m, strips[1].length_m, 3.0]
+    for strip, long_m in zip(strips, lengths, strict=True):
+        assert three.contains(shapely.Point(strip.pose(long_m - 0.2, 0.3)[:2]))
+        assert not three.contains(shapely.Point(strip.pose(long_m / 2, 1.4)[:2]))
+    assert not three.contains(shapely.Point(strips[2].pose(4.0, 0.3)[:2]))
+
+
+def test_a_bent_strip_is_shown_along_its_bend() -> None:
+    bent = Side(0.0, 0.0, 0.0, 10.0, 1.0, 10.0, bends=((6.0, 0.3),))
+    shown = area(snapshot.of_cut(Plan(sides=(bent,)), (1, 0.0)))
+    for along_m in (3.0, 8.0):
+        assert shown.contains(shapely.Point(bent.pose(along_m, 0.5)[:2]))
+    assert not shown.contains(shapely.Point(9.0, 0.5))
+
+
+def test_a_run_that_goes_on_tells_the_pages_what_is_cut_also_when_laid_out_anew() -> None:
+    posted: list[Json] = []
+    whole = ERRAND.whole
+    errand = Errand(remaining(whole, 1, 4.0), whole, whole, 0, (1, 4.0), FRAME)
+    operator = Operator(SimpleNamespace(post=posted.append), errand)  # type: ignore[arg-type]
+    operator.show_plan(errand.plan)
+    operator.show_plan(errand.plan)
+    assert [told["anew"] for told in posted] == [False, True]
+    for told in posted:
+        assert area(told["cut"]).contains(shapely.Point(whole.sides[0].pose(5.0, 0.5)[:2]))
+
+
+def kept(folder: Path, name: str, phase: Phase, plan: str, age_s: float = 0.0) -> Path:
+    path = folder / f"drive-{name}.progress.json"
+    save(path, Progress(plan=plan, corner=0, side=1, cut_m=3.0, phase=phase))
+    os.utime(path, (1e9 - age_s, 1e9 - age_s))
+    return path
+
+
+def test_what_a_crash_left_of_this_field_is_found_and_nothing_else(tmp_path: Path) -> None:
+    save_field(tmp_path / "field.geojson", FIELD)
+    (tmp_path / "panel.json").write_text('{"name": "field.geojson", "gap_m": 2.0, "corner": 0}')
+    desk = FieldDesk(tmp_path, VEHICLE, None, None)
+    assert desk.unfinished() is None
+    assert desk.plan is not None
+    this = digest(desk.plan)
+    left = kept(tmp_path, "1", Phase.FOLLOW, this, age_s=50)
+    assert desk.unfinished() == left
+    goal = desk.goal(left)
+    assert goal is not None
+    assert area(goal["cut"]).contains(shapely.Point(ERRAND.whole.sides[0].pose(5.0, 0.5)[:2]))
+    kept(tmp_path, "0", Phase.FINISHED, this, age_s=10)
+    assert desk.unfinished() is None, "the last one to be driven has finished the field"
+    kept(tmp_path, "2", Phase.FOLLOW, "another")
+    assert desk.unfinished() is None
+
+
+def test_pages_hear_of_what_a_crash_left_until_another_plan_is_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    save_field(tmp_path / "field.geojson", FIELD)
+    (tmp_path / "panel.json").write_text('{"name": "field.geojson", "gap_m": 2.0, "corner": 0}')
+    plan = FieldDesk(tmp_path, VEHICLE, None, None).plan
+    assert plan is not None
+    left = kept(tmp_path, "1", Phase.FOLLOW, digest(plan))
+    with served("/dev/no-port", tmp_path) as panel:
+        page = panel.page()
+        told = page.until(lambda m: m["kind"] == "goal" and m["place"] is not None)
+        assert (told["side"], told["along_m"]) == (2, 2.8)
+        assert any(m["kind"] == "ended" and m["resume"] == str(left) for m in page.seen)
+        page.ask("take")
+        page.until(now(driver=True, mode="idle"))
+        page.ask("corner", corner=1)
+        page.until(lambda m: m["kind"] == "plan" and m["boundary"] == [])
+        page.until(lambda m: m["kind"] == "goal" and m["place"] is None)
+        page.close()
