@@ -62,11 +62,20 @@ def copy_of_the_tree(into: Path) -> None:
         (into / name).symlink_to(ROOT / name)
 
 
+def forget_compiled(tree: Path, source: str) -> None:
+    """Drops the compiled loops where `source` has one: what another file compiled into its own
+    would go on with the loop as it was."""
+    if "njit" in source:
+        for kept in tree.rglob("*.nb[ic]"):
+            kept.unlink()
+
+
 def killed(mutant: Mutant, tree: Path) -> bool:
     """Whether a test notices."""
     path = tree / mutant.file
     sound = path.read_text("utf-8")
     path.write_text(sound.replace(mutant.old, mutant.new), "utf-8")
+    forget_compiled(tree, sound)
     try:
         words = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider"]
         run = subprocess.run(
@@ -80,6 +89,7 @@ def killed(mutant: Mutant, tree: Path) -> bool:
         return True
     finally:
         path.write_text(sound, "utf-8")
+        forget_compiled(tree, sound)
     if run.returncode not in (0, 1):
         raise SystemExit(f"{mutant.tests}: pytest could not run them:\n{run.stdout.decode()}")
     return run.returncode == 1

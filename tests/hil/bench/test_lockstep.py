@@ -143,12 +143,13 @@ def test_a_firmware_that_crashes_is_one_message_with_the_time(
             bench.advance(1.0)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi])
 @pytest.mark.parametrize(("left_m", "speed_mps"), [(-1.0, 1.0), (0.0, 0.5), (1.0, 0.0)])
 def test_in_a_bend_an_antenna_beside_the_axle_has_a_speed_of_its_own(
-    left_m: float, speed_mps: float
+    left_m: float, speed_mps: float, yaw: float
 ) -> None:
     gnss = {"antenna_y_m": left_m, "speed_noise_mps": 0.0}
     with made(gnss=gnss) as bench:
-        bench.state["v"], bench.state["yaw_rate"] = 0.5, 0.5
+        bench.state["v"], bench.state["yaw_rate"], bench.state["yaw"] = 0.5, 0.5, yaw
         (told,) = (line for line in bench.fix() if line.startswith("$GPRMC"))
         assert float(told.split(",")[7]) * KNOT_MPS == pytest.approx(speed_mps, abs=0.03)

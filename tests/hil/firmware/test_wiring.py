@@ -36,6 +36,8 @@ class Stand:
         self.worst = 0.0
         """Of the drive duty."""
         self.cut = False
+        self.driven = 0.0
+        """Sum of the drive duties of all commands, backwards negative."""
 
     def send(self, message: protocol.Message) -> None:
         self._seq += 1
@@ -52,13 +54,14 @@ class Stand:
                 if isinstance(message, protocol.Ack):
                     self.results.append(message.result)
 
-    def drive_and_stand(self) -> None:
+    def drive_and_stand(self, speed: float = 0.4) -> None:
         """Arms, drives for a second, and stands for one."""
         self.run(50)
         self.send(protocol.Arm(protocol.VERSION))
         for k in range(100):
-            self.send(protocol.Drive(0.0, 0.4 if k < 50 else 0.0, 0))
+            self.send(protocol.Drive(0.0, speed if k < 50 else 0.0, 0))
             self.run(20)
+            self.driven += float(self.given[0]["drive_duty"])
 
 
 @pytest.mark.parametrize("named", (0.0, 2.0))
@@ -70,6 +73,16 @@ def test_a_driver_that_is_not_named_never_gets_power(named: float) -> None:
         assert stand.results[0] == (Result.OK if named else Result.NOT_SET_UP)
         assert (0.3 < stand.worst < 0.8) if named else stand.worst == 0.0
         assert stand.given[0]["drive_duty"] == 0
+
+
+@pytest.mark.parametrize(("drive", "named"), [("vnh5019", 3.0), ("bts7960", 2.0)])
+@pytest.mark.parametrize("way", [1, -1])
+def test_each_bridge_drives_forward_and_back(drive: Any, named: float, way: int) -> None:
+    told = provision.FITTED | {"drive_driver": named}
+    with provision.target("desk", told) as target:
+        stand = Stand(target, Wiring(drive=drive))
+        stand.drive_and_stand(0.2 * way)
+        assert way * stand.driven > 1.0
 
 
 def test_a_driver_that_is_named_wrongly_drives_forward_as_it_should_stand() -> None:

@@ -15,7 +15,7 @@ from hil.bench.lockstep import Bench
 from hil.bench.rig import handouts
 from hil.firmware import targets
 from hil.judge.metrics import OVERLAP_M, Truth
-from hil.scenario.belief import Errors, corner_like
+from hil.scenario.belief import Errors, ccw, corner_like
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, assigned, changed, load, merge
 from host.core.errors import UserError
@@ -261,3 +261,13 @@ def test_who_was_told_another_corner_stands_where_the_world_has_the_start() -> N
     assert chosen.told.corner == 2
     assert chosen.plan().sides[0].heading_rad == pytest.approx(math.pi)
     assert chosen.start_pose() == believing({}).start_pose()
+
+
+RING = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("given", [RING, RING[::-1]], ids=["ccw", "clockwise"])
+def test_a_ring_is_told_counter_clockwise_whichever_way_it_was_walked(
+    given: tuple[tuple[float, float], ...],
+) -> None:
+    assert ccw(given) == [*RING]

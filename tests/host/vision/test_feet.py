@@ -1,0 +1,37 @@
+"""Where the stems' feet are, by what is above and what is below."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from host.vision.mounted.feet import BLOCK_PX, block_sums, feet_of
+
+ROWS, BLOCKS, FOOT = 80, 3, 45
+SPREAD = np.array([0.1, 0.1, 20.0])
+
+
+def feet(*, grey: tuple[int, int], steps: tuple[bool, bool] = (False, False)) -> list[int]:
+    """Of a picture that is alike above the foot and alike below it: (above, below)."""
+    size = (ROWS, BLOCKS * BLOCK_PX)
+    levels, marks = np.empty(size, np.uint8), np.empty(size, np.uint8)
+    for part, level, mark in zip((slice(FOOT), slice(FOOT, None)), grey, steps, strict=True):
+        levels[part], marks[part] = level, 255 * mark
+    sums = np.zeros((2, ROWS + 1, BLOCKS), np.int32)
+    block_sums(marks, levels, sums)
+    dense = np.zeros(size, np.uint8)
+    dense[: FOOT + 2] = 255
+    limit, windows = np.full(ROWS, ROWS, np.int32), np.full(ROWS, 12, np.int32)
+    found = np.empty(BLOCKS, np.int32)
+    feet_of(dense, sums, 0, limit, windows, SPREAD, found)
+    return [int(one) for one in found]
+
+
+@pytest.mark.parametrize("grey", [(200, 90), (90, 200)], ids=["brighter", "darker"])
+def test_a_foot_divides_bright_from_dark_whichever_is_above(grey: tuple[int, int]) -> None:
+    assert feet(grey=grey) == [FOOT] * BLOCKS
+
+
+def test_a_foot_has_its_steps_above() -> None:
+    assert feet(grey=(120, 120), steps=(True, False)) == [FOOT] * BLOCKS
+    assert feet(grey=(120, 120), steps=(False, True)) != [FOOT] * BLOCKS
