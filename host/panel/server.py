@@ -408,8 +408,8 @@ def runs(folder: Path) -> list[Json]:
         with contextlib.suppress(OSError, ValueError):
             run = json.loads(path.read_text(encoding="utf-8"))
             day, time_of_day = path.name.split("-")[1], path.name.split("-")[2][:6]
-            when = f"{day[:4]}-{day[4:6]}-{day[6:]} {time_of_day[:2]}:{time_of_day[2:4]} UTC"
-            found.append(run | {"when": when})
+            begun = f"{day[:4]}-{day[4:6]}-{day[6:]}T{time_of_day[:2]}:{time_of_day[2:4]}Z"
+            found.append(run | {"begun": begun})
     return found
 
 

@@ -285,3 +285,44 @@ def test_what_has_the_focus_is_never_under_the_bars(
             assert "stop" in seen
             assert len(seen) >= 8
     page.context.close()
+
+
+def test_a_run_that_ended_is_gone_on_with_before_another_is_begun(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    line.more = {"driver": True, "green": True}
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    expect(page.locator("#start-word")).to_have_text(text("en", "harvest.start"))
+    line.say({"kind": "ended", "outcome": "stopped", "reason": "", "resume": "x"})
+    expect(page.locator("#start-word")).to_have_text(text("en", "harvest.start_anew"))
+    places = [page.locator(one).bounding_box() for one in ("#resume", "#start")]
+    assert places[0] is not None
+    assert places[1] is not None
+    assert places[0]["y"] < places[1]["y"]
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_cannot_be_begun_says_why(browser: Browser, panel: Served, language: str) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", language, line)
+    begins = {"check": "#check-go", "field": "#walk-begin", "tune": "#pid-go", "harvest": "#start"}
+    reasons = {"check": "#check-why", "field": "#walk-why", "tune": "#pid-why"}
+    for more, why in (
+        ({"driven": True, "driver": False}, "why.other_drives"),
+        ({"driver": True, "mode": "jog"}, "why.busy"),
+    ):
+        line.more = more
+        for tab, said in reasons.items():
+            page.click(f"#tabs button[data-tab={tab}]")
+            expect(page.locator(said)).to_have_text(text(language, why))
+            expect(page.locator(begins[tab])).to_be_disabled()
+    line.more = {"driver": False, "driven": False}
+    page.click("#tabs button[data-tab=field]")
+    expect(page.locator("#walk-why")).to_have_text(text(language, "why.no_gnss"))
+    page.click("#tabs button[data-tab=harvest]")
+    expect(page.locator("#start")).to_be_disabled()
+    expect(page.locator("#start-why")).to_have_text(text(language, "why.not_driver"))
+    page.context.close()

@@ -75,7 +75,7 @@ export function hear(message) {
   const corners = (field.boundary ?? []).map((_, k) => new Option(t("field.corner.name", { corner: k + 1 }), String(k)));
   $("field-corner").replaceChildren(...corners);
   $("field-corner").value = String(field.corner ?? 0);
-  const files = field.files.map((name) => new Option(name, name));
+  const files = field.files.map((name) => new Option(name.replace(/\.geojson$/, ""), name));
   if (!field.name) files.unshift(new Option(t("field.none"), ""));
   $("field-file").replaceChildren(...files);
   $("field-file").value = field.name ?? "";

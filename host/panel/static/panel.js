@@ -236,11 +236,20 @@ function show() {
   $("countdown").hidden = !counting;
   if (counting) $("countdown-number").textContent = String(Math.max(0, Math.ceil(now.countdown_s ?? 0)));
   if (tab === "harvest") showHarvest(now);
-  if (tab === "check") check.show(world);
-  if (tab === "field") field.show(world);
-  if (tab === "tune") tune.show(world);
+  if (tab === "check") { check.show(world); put("check-why", now.mode === "check" ? "" : whyNot(now)); }
+  if (tab === "field") { field.show(world); put("walk-why", whyNot(now, "gnss")); }
+  if (tab === "tune") { tune.show(world); put("pid-why", now.mode === "pid" ? "" : whyNot(now)); }
   if (tab === "runs") runs.show(world);
 }
+
+// Why a button that begins something cannot be pressed, in words beside it.
+function whyNot(now, device) {
+  if (now.driven && !now.driver) return t("why.other_drives");
+  if (now.mode !== "idle") return t("why.busy");
+  return device && !now[device].there ? t(`why.no_${device}`) : "";
+}
+
+function put(id, text) { if ($(id).textContent !== text) $(id).textContent = text; }
 
 const MINUTE = 60;
 function duration(seconds) {
@@ -257,7 +266,7 @@ function showHarvest(now) {
     facts.push(["facts.side", `${pilot.side} / ${pilot.sides || "?"}`]);
     facts.push(["facts.edge", pilot.view?.offset_m == null ? t("unknown") : `${(pilot.view.offset_m * 100).toFixed(0)} cm`]);
   }
-  if (now.board) {
+  if (pilot && now.board) {
     facts.push(["facts.blade", t(now.board.blade ? "on" : "off")]);
     facts.push(["facts.speed", now.board.speed_mps == null ? t("unknown") : `${now.board.speed_mps.toFixed(2)} m/s`]);
     facts.push(["facts.battery", `${now.board.battery_v} V`]);
@@ -289,6 +298,8 @@ function showHarvest(now) {
   $("take").textContent = t(now.driven ? "harvest.watching" : "harvest.take");
   const resumable = idle && world.ended?.resume && world.ended.outcome !== "finished";
   $("start").hidden = !idle;
+  $("start").classList.toggle("second", Boolean(resumable));
+  put("start-word", t(resumable ? "harvest.start_anew" : "harvest.start"));
   for (const id of ["resume", "compass", "compass-label"]) $(id).hidden = !resumable;
   const goal = resumable ? world.goal : null;
   $("goal-said").textContent = goal ? t("harvest.goal", { side: goal.side, along: goal.along_m, compass: goal.compass_deg }) : "";

@@ -1,5 +1,5 @@
 // The last runs with their report, the language, and how the laptop keeps up.
-import { t, reason } from "./texts.js";
+import { t, reason, language } from "./texts.js";
 
 const $ = (id) => document.getElementById(id);
 let runs = [];
@@ -11,10 +11,13 @@ export function hear(message) {
 
 function paragraph(text) { const p = document.createElement("p"); p.textContent = text; return p; }
 
+// By the clock of whoever reads it.
+const when = (begun) => new Intl.DateTimeFormat(`${language}-u-nu-latn`, { dateStyle: "medium", timeStyle: "short" }).format(new Date(begun));
+
 function card(run) {
   const box = document.createElement("article");
   const head = document.createElement("b");
-  head.textContent = `${run.when} — ${t(`outcome.${run.outcome}`)}`;
+  head.textContent = `${when(run.begun)} — ${t(`outcome.${run.outcome}`)}`;
   box.append(head, paragraph(reason(run)), paragraph(t("runs.said", { minutes: Math.round(run.seconds / 6) / 10, turns: run.turns, pictures: run.pictures, slow: run.slow_steps, late: run.late_steps })));
   for (const fault of run.faults) box.append(paragraph(`${t(`fault.${fault}`)}: ${t(`remedy.${fault}`)}`));
   const file = paragraph(run.record);
