@@ -73,7 +73,8 @@ class Deadlines:
 # ---- the rig -------------------------------------------------------------------------------------
 
 
-def _develop(camera: Camera, shot: Shot) -> bytes:
+def develop(camera: Camera, shot: Shot) -> bytes:
+    """The JPEG file of what the camera froze."""
     return camera.encode(camera.develop(shot))
 
 
@@ -128,9 +129,11 @@ class Rig:
             if late > BEHIND_S:
                 self.deadlines.slipped_s += late
                 due = now
-            self._slice(start + done, now)
+            self.slice(start + done, now)
 
-    def _slice(self, number: int, now: float) -> None:
+    def slice(self, number: int, now: float) -> None:
+        """One slice of simulated time, the `number`th; `now` by the wall's clock. Whoever stands
+        beside the machine does so here, before or after it."""
         bench = self.bench
         for port in self._ports:
             bench.send(port.read())
@@ -138,7 +141,7 @@ class Rig:
             for port in self._ports:
                 port.write(data)
         if number % self._picture_slices == 0:
-            self._shoot(now)
+            self.shoot(now)
         if number % FIX_SLICES == 0:
             self._phone.say(bench.fix())
         if number % TRACK_SLICES == 0:
@@ -152,13 +155,13 @@ class Rig:
         if seen is not None:
             self._phone.show(seen[1])
 
-    def _shoot(self, now: float) -> None:
+    def shoot(self, now: float) -> None:
         """Begins a picture; a machine too slow to develop them all loses some, as a phone does, and
         shows none late."""
         if sum(not work.done() for _, _, work in self._pictures) >= IN_THE_MAKING:
             self.deadlines.pictures_skipped += 1
             return
-        work = self._pool.submit(_develop, self.bench.camera, self.bench.shutter())
+        work = self._pool.submit(develop, self.bench.camera, self.bench.shutter())
         self._pictures.append((now + self._delay, self.bench.now, work))
 
     def close(self) -> None:
@@ -195,8 +198,8 @@ def rehearse(chosen: Scenario) -> None:
     small = FieldSpec(size_m=(3.0, 3.0))
     with Bench(chosen.model_copy(update={"field": small, "faults": ()})) as bench:
         bench.advance(2 * SLICE_S)
-        _develop(bench.camera, bench.shutter())
+        develop(bench.camera, bench.shutter())
         x, y, yaw = 1.0, 1.0, 0.0
         bench.field.cut((x, y, yaw), (x + 0.1, y, yaw), ahead_m=0.5, width_m=1.0)
-        _develop(bench.camera, bench.shutter())
+        develop(bench.camera, bench.shutter())
         bench.fix()

@@ -13,7 +13,7 @@ import click
 
 from hil.bench.lockstep import Bench
 from hil.bench.ports import NETWORK, Port, PseudoTerminal, Rfc2217Port, TcpPort
-from hil.bench.rig import Rig, _develop, handouts, rehearse
+from hil.bench.rig import Rig, develop, handouts, rehearse
 from hil.bench.typed_faults import USAGE, TypedFaults
 from hil.firmware.real_board import PREFIX, Board
 from hil.judge import pictures
@@ -103,7 +103,7 @@ def rig(
 
             machine = Rig(bench, list(ports.values()), phone, factor=factor, tend=tend)
             plugged.callback(machine.close)
-            phone.show(_develop(bench.camera, bench.shutter()))
+            phone.show(develop(bench.camera, bench.shutter()))
             addresses = {kind: port.name for kind, port in ports.items()}
             addresses |= {"camera": phone.camera_url, "gnss": phone.gnss_url}
             _announce(addresses | handouts(chosen, out), out)

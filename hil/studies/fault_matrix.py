@@ -29,7 +29,7 @@ from hil.firmware.provision import BOARD, Firmware
 from hil.firmware.signal_wires import Signal
 from hil.firmware.targets import ROOT
 from hil.judge.fault_verdict import Situation, Verdict
-from hil.scenario.faults import PAIRS, At, Expect, Fault
+from hil.scenario.faults import PAIRS, At, Expect, Fault, Pair
 from hil.scenario.scenario import Limits, Recording, Scenario
 from host.core.errors import UserError
 from host.core.messages import State
@@ -62,6 +62,47 @@ BLADE_HZ = 40.0
 SENSORS = {"hall_phases": 2.0, "blade_turn_min": BLADE_HZ / 2, "blade_spin_time": 400.0}
 """What the owner tells the firmware of the optional sensors. The world's blade stops in 0.4 s
 (sim_plant/machine.py, blade_spin_up_s), which is what docs/build has him measure."""
+
+
+_OK, _UNSAFE, _LIMIT = "ok", "UNSAFE", "LIMIT"
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """What became of machine and fault."""
+
+    shown: bool = False
+    """Whether the fault changed anything."""
+    since: float = 0.0
+    """When it first did, else when it began."""
+    detected_by: str = "nobody"
+    detected_at: float | None = None
+    latency_ms: float | None = None
+    """Until all that moves was off; None where it goes on."""
+    moved_m: float = 0.0
+
+
+_NOTHING = _Outcome()
+
+
+def _verdict(
+    fault: Fault, situation: Situation, word: str, what: str, outcome: _Outcome
+) -> Verdict:
+    pair, at, latency = fault.pair, outcome.detected_at, outcome.latency_ms
+    bound = f"{pair.bound_s * 1000:.0f} ms" + (f" or {pair.bound_m:g} m" if pair.bound_m else "")
+    return Verdict(
+        fault.name,
+        situation,
+        pair.expect.value,
+        bound,
+        detected_by=outcome.detected_by,
+        detected_ms=None if at is None else round((at - outcome.since) * 1000, 1),
+        stop_latency_ms=None if latency is None else round(latency, 1),
+        moved_m=round(outcome.moved_m, 3),
+        ok=word == _OK,
+        verdict=f"{word}: {what}",
+        limit=word == _LIMIT,
+    )
 
 
 class Watch:
@@ -159,67 +200,59 @@ class Watch:
 
     def verdict(self, fault: Fault, situation: Situation) -> Verdict:
         """After the run."""
-        pair = fault.pair
-        bound = f"{pair.bound_s * 1000:.0f} ms" + (
-            f" or {pair.bound_m:g} m" if pair.bound_m else ""
-        )
         begun = self.begun
-
-        def made(ok: bool, text: str, **more: Any) -> Verdict:
-            values: dict[str, Any] = {
-                "detected_by": "nobody",
-                "detected_ms": None,
-                "stop_latency_ms": None,
-                "moved_m": 0.0,
-            }
-            expected = pair.expect.value
-            name = fault.name
-            return Verdict(name, situation, expected, bound, ok=ok, verdict=text, **values | more)
-
         if begun is None:
-            return made(False, f"the run never got to it: {self.run.pilot.reason}")
+            return _verdict(
+                fault, situation, "the run never got to it", self.run.pilot.reason, _NOTHING
+            )
+        outcome = self._outcome(fault.pair, begun)
+        word, what = self._judged(fault.pair, begun, outcome)
+        limit = fault.pair.limit
+        if word != _OK and limit and not has_sensors(self.run.scenario):
+            word, what = _LIMIT, f"{what}; {limit}"
+        return _verdict(fault, situation, word, what, outcome)
+
+    def _outcome(self, pair: Pair, begun: float) -> _Outcome:
+        """What became of machine and fault."""
         shown = self.run.bench.faults.shown_at(0)
-        end = self.path[-1][0]
         since = shown if shown is not None else begun
         by, at = self._detection(begun)
         wires = self.run.bench.faults.taps
         # The pins were read as this millisecond began: by its end they were off.
         movers = _MOVERS[:1] if pair.blade_stays else _MOVERS
         last_on = max(float(wires[k]["alive_us"]) for k in movers) / 1e6
-        stopped = end - last_on > 0.5
+        stopped = self.path[-1][0] - last_on > 0.5
         start_m = next((m for t, m in self.path if t >= since), 0.0)
         until_m = self.rest_m if stopped else self.path[-1][1]
-        latency = max(0.0, last_on - since) * 1000 if stopped else None
-        moved = max(0.0, until_m - start_m)
-        facts = {
-            "detected_by": by,
-            "detected_ms": None if at is None else round((at - since) * 1000, 1),
-            "stop_latency_ms": None if latency is None else round(latency, 1),
-            "moved_m": round(moved, 3),
-        }
+        return _Outcome(
+            shown is not None,
+            since,
+            by,
+            at,
+            max(0.0, last_on - since) * 1000 if stopped else None,
+            max(0.0, until_m - start_m),
+        )
+
+    def _judged(self, pair: Pair, begun: float, outcome: _Outcome) -> tuple[str, str]:
+        """The outcome in a word, and in some more."""
         stops = pair.expect is Expect.STOP
+        since, latency = outcome.since, outcome.latency_ms
         harm = self._harm(since + pair.bound_s if stops else begun)
-
-        def bad(word: str, what: str) -> Verdict:
-            if pair.limit and not has_sensors(self.run.scenario):
-                return made(False, f"LIMIT: {what}; {pair.limit}", limit=True, **facts)
-            return made(False, f"{word}: {what}", **facts)
-
         if harm:
-            return bad("UNSAFE", "; ".join(harm))
-        if shown is None:
-            return made(True, "ok: it made no difference in this run", **facts)
+            return _UNSAFE, "; ".join(harm)
+        if not outcome.shown:
+            return _OK, "it made no difference in this run"
         if not stops:
-            return made(True, "ok: stopped" if stopped else "ok: rode through", **facts)
-        if at is None and self.heard > since + SILENT_S:
+            return _OK, "rode through" if latency is None else "stopped"
+        if outcome.detected_at is None and self.heard > since + SILENT_S:
             # where it stands nevertheless, that is a turn's change of direction
-            return bad("UNSAFE", "nobody notices, it goes on")
+            return _UNSAFE, "nobody notices, it goes on"
         if latency is None:
-            return bad("UNSAFE", "it goes on")
-        if latency <= pair.bound_s * 1000 + 1e-6 or 0 < moved <= pair.bound_m:
+            return _UNSAFE, "it goes on"
+        if latency <= pair.bound_s * 1000 + 1e-6 or 0 < outcome.moved_m <= pair.bound_m:
             stays = "; the blade turns until its supply is cut" if pair.blade_stays else ""
-            return made(True, f"ok: stopped{stays}", **facts)
-        return bad("LATE", f"{latency:.0f} ms, {moved:.2f} m")
+            return _OK, f"stopped{stays}"
+        return "LATE", f"{latency:.0f} ms, {outcome.moved_m:.2f} m"
 
 
 def has_sensors(scenario: Scenario) -> bool:

@@ -102,7 +102,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class _Edge:
+class Edge:
     """A prepared field: crop stands left of y = depth, from x = 0 to x = end."""
 
     crop: Field
@@ -129,7 +129,7 @@ class _Edge:
         return blade_x - bar * math.cos(yaw), rear, yaw
 
 
-def _prepare(drive: Drive) -> _Edge:
+def prepared(drive: Drive) -> Edge:
     """Field, weather and weave of a drive."""
     rng = np.random.default_rng((drive.seed, drive.number))
     spec = FieldSpec(
@@ -168,7 +168,7 @@ def _prepare(drive: Drive) -> _Edge:
         (float(rng.uniform(0.01, 0.05)), float(rng.uniform(4, 9)), float(phases[0])),
         (float(rng.uniform(0.0, 0.08)), float(rng.uniform(12, 30)), float(phases[1])),
     )
-    return _Edge(crop, scenario, v, depth, end, weave)
+    return Edge(crop, scenario, v, depth, end, weave)
 
 
 class PhotoOnMount:
@@ -199,8 +199,9 @@ class PhotoOnMount:
         return CropView(view.confidence, edge_offset_m=float(self._offsets[int(wrong.argmin())]))
 
 
-def _declared(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
-    """Where the end was first seen, when this picture declares it by vision alone."""
+def declared_end(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
+    """Where the end was first seen, when this picture declares it by vision alone; None where it
+    declares none."""
     if view.ahead_confidence < CONFIDENT:
         return None
     ahead.sight(view, motion)
@@ -228,7 +229,7 @@ class Seen:
     """The field's crop still stands `FALSE_END_M` before the blade or little further: no end."""
 
 
-def drive_along(edge: _Edge) -> Iterator[Seen]:
+def drive_along(edge: Edge) -> Iterator[Seen]:
     """The pictures of one edge, from before the crop to beyond its end."""
     crop, scenario = edge.crop, edge.scenario
     v, lens = edge.vehicle, scenario.world.lens
@@ -275,14 +276,14 @@ def run(drive: Drive) -> Outcome:
     if drive.path.exists():
         return Outcome(**json.loads(drive.path.read_text(encoding="utf-8")))
     cv2.setNumThreads(1)
-    outcome = _driven(drive, _prepare(drive))
+    outcome = _driven(drive, prepared(drive))
     fresh = drive.path.with_suffix(".part")
     fresh.write_text(json.dumps(asdict(outcome)) + "\n", encoding="utf-8")
     fresh.replace(drive.path)
     return outcome
 
 
-def _driven(drive: Drive, edge: _Edge) -> Outcome:
+def _driven(drive: Drive, edge: Edge) -> Outcome:
     scenario, v = edge.scenario, edge.vehicle
     mount = scenario.mount
     eye = PhotoOnMount(v, mount) if drive.mode == "photo" else make_detector(drive.mode, v, mount)
@@ -306,7 +307,7 @@ def _driven(drive: Drive, edge: _Edge) -> Outcome:
             first_cut = way_m if math.isnan(first_cut) else first_cut
             if math.isfinite(seen.offset_m):
                 _compare(found, view, lane, seen)
-        end = _declared(ahead, view, motion)
+        end = declared_end(ahead, view, motion)
         if end is not None and declared is None:
             if seen.crop_beyond:
                 false_ends += 1
@@ -327,7 +328,7 @@ def _compare(found: Outcome, view: CropView, lane: Lane, seen: Seen) -> None:
     found.lane_heading_error_rad.append(-lane.heading_rad - seen.heading_rad)
 
 
-def _conditions(scenario: Scenario, edge: _Edge) -> str:
+def _conditions(scenario: Scenario, edge: Edge) -> str:
     w, f = scenario.weather, scenario.field
     kind = "drilled" if f.drilled else "broadcast"
     return (

@@ -430,64 +430,82 @@ async def _body(request: Request) -> Json | None:
     return found if isinstance(found, dict) else None
 
 
-def application(panel: Panel) -> ASGIApp:
-    """The ASGI application."""
+def _parts() -> dict[str, bytes]:
+    """The page and its parts, by the path that a browser asks for."""
     folder = resources.files("host.panel")
     files = {"": folder / "static" / "index.html"}
     for room in ("static", "texts"):
         files |= {f"{room}/{one.name}": one for one in (folder / room).iterdir() if one.is_file()}
-    contents = {name: file.read_bytes() for name, file in files.items()}
+    return {name: file.read_bytes() for name, file in files.items()}
 
-    async def static(request: Request) -> Response:
+
+class Web:
+    """What answers a browser."""
+
+    def __init__(self, panel: Panel) -> None:
+        self._panel = panel
+        self._parts = _parts()
+
+    def _known(self, request: Request) -> bool:
+        return self._panel.pairing.known(request.cookies.get(COOKIE))
+
+    async def static(self, request: Request) -> Response:
+        """The page and its parts."""
         name = request.path_params.get("name", "")
-        content = contents.get(name)
+        content = self._parts.get(name)
         if content is None:
             return Response("not served here", 404)
         suffix = ".html" if name == "" else name[name.rindex(".") :]
         return Response(content, headers={"content-type": TYPES.get(suffix, "text/plain")})
 
-    async def pair(request: Request) -> Response:
+    async def pair(self, request: Request) -> Response:
+        """The code for a ticket, which the browser keeps."""
         body = await _body(request)
-        if panel.pairing.wait_s > 0:
-            return JSONResponse({"wait_s": round(panel.pairing.wait_s)}, 429)
-        ticket = panel.pairing.pair(str((body or {}).get("code", "")))
+        pairing = self._panel.pairing
+        if pairing.wait_s > 0:
+            return JSONResponse({"wait_s": round(pairing.wait_s)}, 429)
+        ticket = pairing.pair(str((body or {}).get("code", "")))
         if ticket is None:
-            return JSONResponse({"wrong": True, "wait_s": round(panel.pairing.wait_s)}, 403)
+            return JSONResponse({"wrong": True, "wait_s": round(pairing.wait_s)}, 403)
         answer = JSONResponse({"paired": True})
         answer.set_cookie(COOKIE, ticket, max_age=30 * 86400, httponly=True, samesite="strict")
         return answer
 
-    async def paired(request: Request) -> Response:
-        return JSONResponse({"paired": panel.pairing.known(request.cookies.get(COOKIE))})
+    async def paired(self, request: Request) -> Response:
+        """Whether this browser has a ticket."""
+        return JSONResponse({"paired": self._known(request)})
 
-    async def stop(request: Request) -> Response:
-        if not panel.pairing.known(request.cookies.get(COOKIE)):
+    async def stop(self, request: Request) -> Response:
+        """STOP without a socket."""
+        if not self._known(request):
             return JSONResponse({"paired": False}, 401)
-        reached = panel.line.ask({"do": "stop", "id": None})
+        reached = self._panel.line.ask({"do": "stop", "id": None})
         return JSONResponse({"reached": reached}, 200 if reached else 503)
 
-    async def live(socket: WebSocket) -> None:
-        await panel.live(socket)
-
     @contextlib.asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        task = asyncio.create_task(panel.line.run())
-        panel.begin()
+    async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
+        """Listens to the machine for as long as it is served."""
+        task = asyncio.create_task(self._panel.line.run())
+        self._panel.begin()
         try:
             yield
         finally:
             task.cancel()
-            await asyncio.to_thread(panel.line.end)
+            await asyncio.to_thread(self._panel.line.end)
 
+
+def application(panel: Panel) -> ASGIApp:
+    """The ASGI application."""
+    web = Web(panel)
     app = Starlette(
         routes=[
-            Route("/", static),
-            Route("/paired", paired),
-            Route("/pair", pair, methods=["POST"]),
-            Route("/stop", stop, methods=["POST"]),
-            WebSocketRoute("/live", live),
-            Route("/{name:path}", static),
+            Route("/", web.static),
+            Route("/paired", web.paired),
+            Route("/pair", web.pair, methods=["POST"]),
+            Route("/stop", web.stop, methods=["POST"]),
+            WebSocketRoute("/live", panel.live),
+            Route("/{name:path}", web.static),
         ],
-        lifespan=lifespan,
+        lifespan=web.lifespan,
     )
     return Guard(app)

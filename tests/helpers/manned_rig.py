@@ -24,7 +24,7 @@ from typing import Any
 
 from hil.bench.lockstep import Bench
 from hil.bench.ports import PseudoTerminal
-from hil.bench.rig import Rig, _develop, handouts, rehearse
+from hil.bench.rig import Rig, develop, handouts, rehearse
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
@@ -48,10 +48,10 @@ class MannedRig(Rig):
         self._blind = False
         self.ended = False
 
-    def _slice(self, number: int, now: float) -> None:
+    def slice(self, number: int, now: float) -> None:
         with suppress(Empty):
             self._do(self._deeds.get_nowait())
-        super()._slice(number, now)
+        super().slice(number, now)
         driven = any(self.bench.drives)
         if self._driven and not driven:
             self.off_at = time.time()
@@ -94,9 +94,9 @@ class MannedRig(Rig):
         # What Doppler shows at an epoch is the way since the last one, a second ago.
         return x, y, x - past[0], y - past[1]
 
-    def _shoot(self, now: float) -> None:
+    def shoot(self, now: float) -> None:
         if not self._blind:
-            super()._shoot(now)
+            super().shoot(now)
 
     def _truth(self) -> dict[str, Any]:
         state = self.bench.state
@@ -144,7 +144,7 @@ def main(name: str, out: Path) -> None:
         machine = MannedRig(bench, [port], phone)
         plugged.callback(machine.close)
         machine.watch(deeds)
-        phone.show(_develop(bench.camera, bench.shutter()))
+        phone.show(develop(bench.camera, bench.shutter()))
         about = {"port": port.name, "camera": phone.camera_url, "gnss": phone.gnss_url}
         print(json.dumps(about | handouts(chosen, out)), flush=True)
         threading.Thread(target=listen, daemon=True).start()

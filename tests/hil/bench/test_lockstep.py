@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from hil.bench.lockstep import Bench
-from hil.firmware import targets
+from hil.firmware import coupling, targets
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link.session import Session
@@ -137,10 +137,10 @@ def test_a_firmware_that_crashes_is_one_message_with_the_time(
     def crashes(begin: int, _end: int) -> int:
         return 7 if begin >= 250_000 else 0
 
-    with made() as bench:
-        monkeypatch.setattr(bench, "_inner", crashes)
-        with pytest.raises(UserError, match=r"desk firmware crashed at 0\.25 s \(status 7\)"):
-            bench.advance(1.0)
+    monkeypatch.setattr(coupling, "bind", lambda *_records, **_layout: crashes)
+    crashed = r"desk firmware crashed at 0\.25 s \(status 7\)"
+    with made() as bench, pytest.raises(UserError, match=crashed):
+        bench.advance(1.0)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi])

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link import protocol
-from host.link.session import HELLO_EVERY_S, Link, Session, _why_not
+from host.link.session import HELLO_EVERY_S, Link, Session
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 
 LIMIT_S = 10.0
@@ -303,8 +303,13 @@ def test_what_is_no_port_is_refused(port: str, message: str) -> None:
         Link(port, time.monotonic)
 
 
-def test_a_forbidden_port_names_the_group() -> None:
-    assert "dialout" in _why_not("/dev/ttyACM0", OSError(errno.EACCES, "Permission denied"))
+def test_a_forbidden_port_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    def forbidden(*_: object, **_more: object) -> None:
+        raise OSError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr("serial.serial_for_url", forbidden)
+    with pytest.raises(UserError, match="dialout"):
+        Link("/dev/ttyACM0", time.monotonic)
 
 
 def test_the_link_works_over_tcp() -> None:
