@@ -17,6 +17,7 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
+from hil.bench.bystander import sees
 from hil.bench.lockstep import SLICE_US, Bench
 from hil.bench.rig import handouts
 from hil.firmware.signal_wires import Mode, Signal
@@ -374,21 +375,13 @@ class LockstepHands:
         state = self.bench.state
         angle = math.degrees(float(state["steer_angle"]))
         rolled = float(state["distance"]) - self._odometer
+        plain = sees(question.key, question.values, angle, rolled)
+        if plain is not None:
+            return plain
         match question.key:
             case "room":
                 self._odometer = float(state["distance"])
                 return "yes"
-            case "steered":
-                return "left" if angle > 5 else "right" if angle < -5 else "not_at_all"
-            case "turned_far":
-                asked = float(question.values["degrees"])
-                return "as_drawn" if abs(angle - asked) < 8 else "less" if angle < asked else "more"
-            case "straight":
-                return "yes" if abs(angle) < 6 else "points_left" if angle > 0 else "points_right"
-            case "rolled":
-                return "forward" if rolled > 0.1 else "backward" if rolled < -0.1 else "not_at_all"
-            case "rolled_m":
-                return round(abs(rolled), 2)
             case "blade_supply":
                 self._supply_off = True
                 return "supply_off"

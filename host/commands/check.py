@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ from typing import Any, Final
 
 import click
 
+from host.check.laptop import Laptop
 from host.check.lines import Line, Question, Target, green
 from host.check.walk import walk
 from host.commands.options import (
@@ -34,7 +34,6 @@ from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.link import protocol
 from host.link.session import Answer, Link
-from host.panel.checking import laptop_power
 from host.panel.texts import LANGUAGES, text, texts
 from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.newest import Feed
@@ -44,7 +43,7 @@ from host.vision.mounted.detector import Mode
 MARKS: Final = {"ok": "✓", "bad": "✗", "warn": "!", "skipped": "–"}
 
 
-class TerminalHands:
+class TerminalHands(Laptop):
     """Devices of this process, the operator at the keyboard."""
 
     def __init__(
@@ -58,8 +57,9 @@ class TerminalHands:
         language: str,
         clock: Callable[[], float],
     ) -> None:
+        super().__init__(camera, gnss, Path())
         self.vehicle, self.mount, self.mode = vehicle, mount, mode
-        self._link, self._camera, self._gnss = link, camera, gnss
+        self._link = link
         self._language = language
         self._clock = clock
         self._said = 0
@@ -106,36 +106,6 @@ class TerminalHands:
     def ask_board(self, message: protocol.Message) -> Answer:
         """A request and its answer."""
         return self._link.ask(message)
-
-    def picture(self) -> Picture | None:
-        """The newest, once."""
-        return None if self._camera is None else self._camera.take()
-
-    @property
-    def camera_problem(self) -> str:
-        """Why no picture comes."""
-        return "no --camera" if self._camera is None else self._camera.problem or ""
-
-    def fix(self) -> Fix | None:
-        """The newest, once."""
-        return None if self._gnss is None else self._gnss.take()
-
-    @property
-    def gnss_problem(self) -> str:
-        """Why no position comes."""
-        return "no --gnss" if self._gnss is None else self._gnss.problem or ""
-
-    def free_bytes(self) -> int:
-        """Where one stands."""
-        return shutil.disk_usage(Path()).free
-
-    def power(self) -> tuple[int, bool] | None:
-        """The laptop's."""
-        return laptop_power()
-
-    def busy_s(self) -> float:
-        """This thread's processor time."""
-        return time.thread_time()
 
     def operator(
         self, question: Question, until: Callable[[], bool] | None = None

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import shutil
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from host.check.laptop import Laptop
 from host.check.lines import Line, Question, Target, green
 from host.check.walk import walk
 from host.core.errors import UserError
-from host.core.messages import Command, Fix, Telemetry
+from host.core.messages import Command, Telemetry
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.link import protocol
 from host.link.session import Answer
 from host.panel.machine import Machine, StoppedError
 from host.panel.snapshot import Json
-from host.sensors.camera_stream import Picture
 from host.vision.mounted.detector import Mode
 
-POWER: Final = Path("/sys/class/power_supply")
 PATIENCE_S: Final = 180.0
 """How long a question waits for its answer."""
 
@@ -36,22 +33,11 @@ class What(Strict):
     corner: int = 0
 
 
-def laptop_power() -> tuple[int, bool] | None:
-    """The battery in percent and whether it is being charged; None without one."""
-    for one in sorted(POWER.glob("BAT*")):
-        try:
-            percent = int((one / "capacity").read_text())
-            status = (one / "status").read_text().strip()
-        except (OSError, ValueError):
-            continue
-        return percent, status != "Discharging"
-    return None
-
-
-class MachineHands:
+class MachineHands(Laptop):
     """What the machine's process can touch, and the page that drives."""
 
     def __init__(self, machine: Machine) -> None:
+        super().__init__(machine.camera, machine.gnss, machine.settings.folder)
         self.vehicle: Vehicle = machine.vehicle
         self.mount: Mount = machine.mount
         self.mode: Mode = machine.settings.mode
@@ -96,38 +82,6 @@ class MachineHands:
         answer = link.ask(message)
         self._machine.serve()
         return answer
-
-    def picture(self) -> Picture | None:
-        """The newest, once."""
-        return None if self._machine.camera is None else self._machine.camera.take()
-
-    @property
-    def camera_problem(self) -> str:
-        """Why no picture comes."""
-        camera = self._machine.camera
-        return "no camera was given" if camera is None else camera.problem or ""
-
-    def fix(self) -> Fix | None:
-        """The newest, once."""
-        return None if self._machine.gnss is None else self._machine.gnss.take()
-
-    @property
-    def gnss_problem(self) -> str:
-        """Why no position comes."""
-        gnss = self._machine.gnss
-        return "no receiver was given" if gnss is None else gnss.problem or ""
-
-    def free_bytes(self) -> int:
-        """Where the records go."""
-        return shutil.disk_usage(self._machine.settings.folder).free
-
-    def power(self) -> tuple[int, bool] | None:
-        """The laptop's."""
-        return laptop_power()
-
-    def busy_s(self) -> float:
-        """This thread's processor time."""
-        return time.thread_time()
 
     def operator(
         self, question: Question, until: Callable[[], bool] | None = None

@@ -23,6 +23,8 @@ from typing import Any, Final
 
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
+from hil.bench.bystander import sees
+
 ROOT: Final = Path(__file__).resolve().parents[2]
 PHONE: Final = {"width": 390, "height": 844}
 ARGS: Final = (
@@ -301,21 +303,13 @@ class Person:
     def _sees(self, key: str, question: Json, truth: Json) -> str | float:
         angle = truth["angle_deg"]
         rolled = truth["distance_m"] - self._rolled_from
+        plain = sees(key, question["values"], angle, rolled)
+        if plain is not None:
+            return plain
         match key:
             case "room":
                 self._rolled_from = truth["distance_m"]
                 return "yes"
-            case "steered":
-                return "left" if angle > 5 else "right" if angle < -5 else "not_at_all"
-            case "turned_far":
-                asked = float(question["values"]["degrees"])
-                return "as_drawn" if abs(angle - asked) < 8 else "less" if angle < asked else "more"
-            case "straight":
-                return "yes" if abs(angle) < 6 else "points_left" if angle > 0 else "points_right"
-            case "rolled":
-                return "forward" if rolled > 0.1 else "backward" if rolled < -0.1 else "not_at_all"
-            case "rolled_m":
-                return round(abs(rolled), 2)
             case "blade_rest":
                 self._clicks = truth["blade_seen"]
                 return "lamp_off"
