@@ -4,8 +4,9 @@ the field with the phone, sees what the machine does, and pulls the camera's plu
     python -m tests.helpers.manned_rig SCENARIO FOLDER
 
 Lines of JSON on stdin are deeds, each answered by a line on stdout: {"do": "press"}, "release",
-"walk", "look", "put" (at x, y, yaw), "blind", "see", "end". `look` tells the truth: the wheel's
-angle, the way rolled, what the outputs drive, and when (time.time()) they last went off.
+"walk", "look", "put" (at x, y, yaw; "beside": beside the crop's right end there), "blind", "see",
+"end". `look` tells the truth: the wheel's angle, the way rolled, what the outputs drive, and when
+(time.time()) they last went off.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
+from hil.bench.eyes import PerfectEye
 from hil.bench.lockstep import Bench
 from hil.bench.ports import PseudoTerminal
 from hil.bench.rig import Rig, develop, handouts, rehearse
@@ -32,6 +34,8 @@ from sim_plant.phone import Phone, PhoneSpec
 
 WALKING_MPS = 1.2
 LAPS = 2
+NEAR_M = 0.6
+"""How far a person pushes the machine aside, at most, to have it beside what stands."""
 
 
 class MannedRig(Rig):
@@ -76,11 +80,23 @@ class MannedRig(Rig):
             case "put":
                 for name in ("x", "y", "yaw"):
                     self.bench.state[name] = deed[name]
+                if deed.get("beside"):
+                    self._beside_what_stands()
             case "end":
                 raise KeyboardInterrupt
             case _:
                 pass
         print(json.dumps(self._truth()), flush=True)
+
+    def _beside_what_stands(self) -> None:
+        """Pushes the machine aside until the blade's right end is at the crop's, as the page asks a
+        person to: where that is, eyes say and no plan."""
+        right_m = PerfectEye(self.bench).sight().right_m
+        aside_m = right_m + self.bench.scenario.machine.blade_width_m / 2
+        if abs(aside_m) < NEAR_M:
+            x, y, yaw = self.bench.pose
+            self.bench.state["x"] = x - aside_m * math.sin(yaw)
+            self.bench.state["y"] = y + aside_m * math.cos(yaw)
 
     def _carried(self, *_: float) -> tuple[float, float, float, float]:
         """The phone in the walker's hand; back on the machine after the last lap."""

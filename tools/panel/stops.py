@@ -37,6 +37,7 @@ from tools.panel.stack import (
     read_the_compass,
 )
 
+Pose = tuple[float, float, float]
 BOUND_MS = 300.0
 STATES = ("jog", "countdown", "connect", "align", "follow", "pause", "hesitate", "turn", "search")
 BEGIN_S, REACH_S = 40.0, 60.0
@@ -49,6 +50,24 @@ def is_in(now: Json, state: str) -> bool:
     return now.get("mode") == "drive" and (now.get("pilot") or {}).get("phase") == state
 
 
+def is_driving(now: Json) -> bool:
+    """Whether a snapshot shows a pilot that knows its place."""
+    return now.get("mode") == "drive" and (now.get("pilot") or {}).get("phase") != "connect"
+
+
+def beyond(frame: Pose, place: Pose) -> Pose:
+    """A place that is given in a frame, outside of it."""
+    c, s = math.cos(frame[2]), math.sin(frame[2])
+    x, y = frame[0] + c * place[0] - s * place[1], frame[1] + s * place[0] + c * place[1]
+    return x, y, frame[2] + place[2]
+
+
+def inverse(place: Pose) -> Pose:
+    """The frame that it is given in, seen from it."""
+    x, y, _ = beyond((0.0, 0.0, -place[2]), (-place[0], -place[1], 0.0))
+    return x, y, -place[2]
+
+
 class Taps:
     """One machine and the finger on its STOP."""
 
@@ -57,14 +76,19 @@ class Taps:
         self.seen: dict[str, list[tuple[float, float, bool]]] = defaultdict(list)
         """Per state: (ms to outputs off, ms to the page's word, whether something was on)."""
         self.missed = 0
-        self._frame = load_field(field).frame
-        self._world = LocalFrame(*ORIGIN)
+        x, y = LocalFrame(*ORIGIN).to_local(*load_field(field).frame.to_wgs84(0.0, 0.0))
+        self._field: Pose = (x, y, 0.0)
+        """Where the field's frame lies in the world, by the machine that was last seen driving:
+        what it cut is there, whatever it believes of the boundary."""
 
     def tap(self, state: str) -> None:
         """One."""
         page = self.screen.page
         page.evaluate("delete document.body.dataset.stopMs")
         before = self.rig.do()
+        place = (self.screen.last().get("pilot") or {}).get("place")
+        if place is not None and is_driving(self.screen.last()):
+            self._field = beyond(tuple(before["pose"]), inverse(tuple(place)))
         tapped = page.evaluate(
             "() => { const at = Date.now(); document.getElementById('stop')"
             ".dispatchEvent(new PointerEvent('pointerdown', {bubbles: true})); return at; }"
@@ -114,14 +138,13 @@ class Taps:
         return is_in(screen.last(), wanted)
 
     def put(self) -> None:
-        """Pushes the machine to where the page says that it has to stand."""
+        """Pushes the machine to where the page says that it has to stand. A person goes by what
+        stands there and was cut, not by a place in metres."""
         goal = self.screen.last("goal").get("place")
         if goal is None or not self.screen.last("ended").get("resume"):
             return
-        x, y = self._world.to_local(*self._frame.to_wgs84(goal[0], goal[1]))
-        c, s = math.cos(goal[2]), math.sin(goal[2])
-        x, y = x - BLADE_M[0] * c - BLADE_M[1] * s, y - BLADE_M[0] * s + BLADE_M[1] * c
-        self.rig.do("put", x=x, y=y, yaw=goal[2])
+        x, y, yaw = beyond(beyond(self._field, tuple(goal)), (-BLADE_M[0], BLADE_M[1], 0.0))
+        self.rig.do("put", x=x, y=y, yaw=yaw, beside=True)
         self.screen.page.wait_for_timeout(1500)
 
     def summary(self) -> Json:
