@@ -126,6 +126,53 @@ class Shot:
     change: tuple[int, int, NDArray[np.uint8]] | None
 
 
+def _scene_of(field: Field) -> render.Scene:
+    """The grids of a field, none of the derived ones filled."""
+    coarse = field.height.shape
+    stand = np.zeros((*coarse, 8), np.uint16)
+    for channel, grid in (
+        (render.HEIGHT, field.height),
+        (render.GREEN, field.green),
+        (render.DENSITY, field.density),
+        (render.WEED, field.weed),
+        (render.LODGE, field.lodge),
+        (render.TONE, field.tone),
+    ):
+        stand[..., channel] = np.clip(grid / render.UNIT + 0.5, 0, 65535)
+    return render.Scene(
+        kind=field.kind.copy(),
+        marks=np.zeros(coarse, np.int32),
+        looks=stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16,
+        clear=np.zeros(coarse, np.float32),
+        stand=stand,
+        x0=float(field.origin[0]),
+        y0=float(field.origin[1]),
+        cell=field.cell,
+    )
+
+
+def _crowns_of(field: Field) -> NDArray[np.float64]:
+    """(x, y, height of the lowest leaves, radius) of each tree's crown, metres."""
+    crowns = [
+        (t.x_m, t.y_m, t.height_m - t.crown_radius_m, t.crown_radius_m) for t in field.spec.trees
+    ]
+    return np.array(crowns, np.float64).reshape(-1, 4)
+
+
+def _noise_of(spec: CameraSpec, rng: np.random.Generator) -> NDArray[np.int8]:
+    """The sensor's, larger than a picture, so that each begins elsewhere in it."""
+    rows, columns = spec.height_px + 128, spec.width_px + 128
+    tile = rng.normal(0, spec.noise, (rows, columns, 3)).clip(-127, 127)
+    return np.asarray(np.rint(tile), np.int8).reshape(rows, -1)
+
+
+def _vignette_of(rays: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(height, width, 3): how much of the light a lens lets through, of 255."""
+    radius = np.linalg.norm(rays, axis=2) / np.linalg.norm(rays[0, 0])
+    light = np.rint(255 * (1 - 0.22 * radius**2)).astype(np.uint8)[..., None]
+    return np.repeat(light, 3, axis=2)
+
+
 class Camera:
     """Renders one field from one mount. `shutter` is called where the field changes; `develop` may
     run in another thread meanwhile, one shot after the other, in order. `capture` does both."""
@@ -153,35 +200,12 @@ class Camera:
         self._sun = sky.sun(self.weather)
         rng = np.random.default_rng(seed)
         coarse = field.height.shape
-        stand = np.zeros((*coarse, 8), np.uint16)
-        for channel, grid in (
-            (render.HEIGHT, field.height),
-            (render.GREEN, field.green),
-            (render.DENSITY, field.density),
-            (render.WEED, field.weed),
-            (render.LODGE, field.lodge),
-            (render.TONE, field.tone),
-        ):
-            stand[..., channel] = np.clip(grid / render.UNIT + 0.5, 0, 65535)
-        self._tallest = float(stand[..., render.HEIGHT].max() * render.UNIT)
-        self.scene = render.Scene(
-            kind=field.kind.copy(),
-            marks=np.zeros(coarse, np.int32),
-            looks=stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16,
-            clear=np.zeros(coarse, np.float32),
-            stand=stand,
-            x0=float(field.origin[0]),
-            y0=float(field.origin[1]),
-            cell=field.cell,
-        )
+        self.scene = _scene_of(field)
         """The grids that pictures are made from: the field as of the last shot developed."""
+        self._tallest = float(self.scene.stand[..., render.HEIGHT].max() * render.UNIT)
         self._coarse = field.coarse
         self._tallest_crop = field.tallest_crop_m
-        crowns = [
-            (t.x_m, t.y_m, t.height_m - t.crown_radius_m, t.crown_radius_m)
-            for t in field.spec.trees
-        ]
-        self._crowns = np.array(crowns, np.float64).reshape(-1, 4)
+        self._crowns = _crowns_of(field)
         corner = np.array([*field.origin, 0.0, 0.0])
         self._crowns_in_cells = (self._crowns - corner) / self._coarse
         blocks = tuple(math.ceil(n * self._coarse / render.BLOCK_M - 1e-9) for n in coarse)
@@ -190,15 +214,13 @@ class Camera:
         # Drawn from `rng` in this order, which fixes a seed's pictures.
         panorama = sky.panorama(self.weather, rng)
         packs = render.bake_packs(rng, field.spec)
-        s = self.spec
-        h, w = s.height_px, s.width_px
-        tile = rng.normal(0, s.noise, (h + 128, w + 128, 3)).clip(-127, 127)
-        self._noise = np.rint(tile).astype(np.int8).reshape(h + 128, -1)
+        h, w = self.spec.height_px, self.spec.width_px
+        self._noise = _noise_of(self.spec, rng)
         self.rays = self._bake_rays()
         """(height, width, 2): right and down per metre ahead of every pixel, undistorted."""
         self._image = np.zeros((h, w, 3), np.uint8)
         self._kernels = self._bind(field, panorama, packs)
-        self._header = self._bake_header() if s.machine_in_view else None
+        self._header = self._bake_header() if self.spec.machine_in_view else None
         self._veil = np.zeros((h // _VEIL_SCALE, w // _VEIL_SCALE), np.float32)
         self._clouds = noise.smooth_grid(
             seed + 14,
@@ -207,9 +229,7 @@ class Camera:
             1.0,
             render.CLOUD_PX,
         )
-        radius = np.linalg.norm(self.rays, axis=2) / np.linalg.norm(self.rays[0, 0])
-        self._vignette = np.rint(255 * (1 - 0.22 * radius**2)).astype(np.uint8)[..., None]
-        self._vignette = np.repeat(self._vignette, 3, axis=2)
+        self._vignette = _vignette_of(self.rays)
         self._sampled_vignette = self._vignette[::8, ::8] / np.float32(255)
 
     def _bind(
