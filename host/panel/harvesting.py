@@ -6,7 +6,6 @@ import contextlib
 import datetime
 import json
 import math
-from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
@@ -54,6 +53,8 @@ SLOW_STEP_S: Final = 0.05
 """A step that takes its whole period counts as slow."""
 TRAIL_M: Final = 0.2
 """Between points of the trail on the map."""
+MOST_PLACES: Final = 1000
+"""Of the trail in one message: more would take a step too long."""
 FIRST_PICTURE_S: Final = 10.0
 """How long the first picture is waited for."""
 REHEARSED: Final = 30
@@ -84,8 +85,12 @@ class Operator:
     slow_steps: int = 0
     steps: int = 0
     longest_ms: float = 0.0
-    trail: deque[list[float]] = field(default_factory=lambda: deque(maxlen=20_000))
-    """New places of the blade's middle where it cut, since the last snapshot."""
+    trail: list[list[float]] = field(default_factory=list)
+    """Places of the blade's middle where it cut."""
+    told: int = 0
+    """How many of them the pages have."""
+    met: int = 0
+    """Which panel has them."""
     shown: Plan | None = None
     """What the pages have."""
     cut_from: tuple[float, float] = (math.nan, math.nan)
@@ -101,6 +106,18 @@ class Operator:
         }
         self.machine.post({"kind": "plan", **snapshot.of_plan(plan), **about})
         self.shown = plan
+
+    def show_map(self, plan: Plan) -> None:
+        """What is new on the map; all of it to a panel that has come anew."""
+        new_panel = self.machine.meetings != self.met
+        if new_panel:
+            self.met, self.told = self.machine.meetings, 0
+        if new_panel or plan is not self.shown:
+            self.show_plan(plan)
+        places = self.trail[self.told : self.told + MOST_PLACES]
+        self.told += len(places)
+        if places:
+            self.machine.post({"kind": "trail", "places": places, "all": new_panel})
 
     def wants_pause(self) -> bool:
         """Asked before every step of the loop."""
@@ -218,7 +235,7 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
             operator.wants_pause,
             keeper,
         )
-        operator.show_plan(plan)
+        operator.show_map(plan)
         machine.mode = "drive"
         machine.more = lambda: _about(run, operator)
         outcome = "stopped"
@@ -267,12 +284,7 @@ def warm_up(machine: Machine, plan: Plan) -> None:
 
 def _about(run: Drive, operator: Operator) -> Json:
     plan = run.pilot.plan
-    if plan is not operator.shown:
-        operator.show_plan(plan)
-    trail = list(operator.trail)
-    operator.trail.clear()
-    if trail:
-        operator.machine.post({"kind": "trail", "places": trail})
+    operator.show_map(plan)
     return {
         "paused": operator.paused,
         "paused_why": operator.why,

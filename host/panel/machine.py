@@ -97,6 +97,8 @@ class Machine:
         """What the present mode adds to a snapshot."""
         self.wishes: deque[Json] = deque(maxlen=50)
         """What the pages ask for and the present mode answers."""
+        self.meetings = 0
+        """How many panels have come so far."""
         self.heard = clock()
         """When the driving page last gave a sign of life."""
         self._listener = listener
@@ -235,6 +237,7 @@ class Machine:
             if self._peer is not None:
                 self._peer.close()
             self._peer = Peer(connection)
+            self.meetings += 1
             settings = self.settings.model_dump(mode="json")
             self.post({"kind": "machine", "settings": settings, "mode": self.mode})
             self._picture = None

@@ -180,7 +180,8 @@ class Panel:
                 if not message["anew"]:
                     self.trail = []
             case "trail":
-                self.trail += message["places"]
+                before = [] if message["all"] else self.trail
+                self.trail = before + message["places"]
             case "ended":
                 self.ended = message
                 self._find_goal(message.get("resume"))

@@ -15,7 +15,7 @@ from host.core.vehicle import Vehicle
 from host.field.boundary_file import Boundary, save_field
 from host.panel import snapshot
 from host.panel.fields import FieldDesk
-from host.panel.harvesting import Operator
+from host.panel.harvesting import MOST_PLACES, Operator
 from host.panel.snapshot import Json
 from host.pilot.phase import Phase
 from host.route.plan import Plan
@@ -62,12 +62,38 @@ def test_a_run_that_goes_on_tells_the_pages_what_is_cut_also_when_laid_out_anew(
     posted: list[Json] = []
     whole = ERRAND.whole
     errand = Errand(remaining(whole, 1, 4.0), whole, whole, 0, (1, 4.0), FRAME)
-    operator = Operator(SimpleNamespace(post=posted.append), errand)  # type: ignore[arg-type]
-    operator.show_plan(errand.plan)
-    operator.show_plan(errand.plan)
+    machine = SimpleNamespace(post=posted.append, meetings=1)
+    operator = Operator(machine, errand)  # type: ignore[arg-type]
+    operator.show_map(errand.plan)
+    operator.show_map(errand.plan)
+    assert len(posted) == 1, "only what is new"
+    operator.show_map(remaining(whole, 1, 4.0))
     assert [told["anew"] for told in posted] == [False, True]
     for told in posted:
         assert area(told["cut"]).contains(shapely.Point(whole.sides[0].pose(5.0, 0.5)[:2]))
+
+
+def test_a_panel_that_comes_anew_is_told_the_whole_map() -> None:
+    posted: list[Json] = []
+    machine = SimpleNamespace(post=posted.append, meetings=1)
+    operator = Operator(machine, ERRAND)  # type: ignore[arg-type]
+
+    def trail() -> Json:
+        operator.show_map(ERRAND.plan)
+        return next(told for told in reversed(posted) if told["kind"] == "trail")
+
+    operator.trail += [[1.0, 0.5, 0.0]]
+    trail()
+    operator.trail += [[1.2, 0.5, 0.0]]
+    assert trail() == {"kind": "trail", "places": [[1.2, 0.5, 0.0]], "all": False}
+    machine.meetings, posted[:] = 2, []
+    assert trail() == {"kind": "trail", "places": operator.trail, "all": True}
+    assert [told["kind"] for told in posted] == ["plan", "trail"]
+    machine.meetings = 3
+    operator.trail *= MOST_PLACES
+    assert (trail()["all"], trail()["all"]) == (True, False), "a long one in several messages"
+    whole = [told["places"] for told in posted if told["kind"] == "trail"][-2:]
+    assert whole[0] + whole[1] == operator.trail
 
 
 def kept(folder: Path, name: str, phase: Phase, plan: str, age_s: float = 0.0) -> Path:
