@@ -231,12 +231,13 @@ class Panel:
         """Where the machine has to stand to go on, to all pages."""
 
         async def work() -> None:
-            self.goal = None
+            found = None
             if resume is not None:
                 async with self._work:
-                    self.goal = await asyncio.to_thread(self.fields.goal, Path(resume))
+                    found = await asyncio.to_thread(self.fields.goal, Path(resume))
+            self.goal = found or {"kind": "goal", "place": None, "stuck": resume is not None}
             for page in self.pages.values():
-                page.tell(self.goal or {"kind": "goal", "place": None})
+                page.tell(self.goal)
 
         self._keep_task(asyncio.create_task(work()))
 

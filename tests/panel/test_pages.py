@@ -301,6 +301,10 @@ def test_a_run_that_ended_is_gone_on_with_before_another_is_begun(
     assert places[0] is not None
     assert places[1] is not None
     assert places[0]["y"] < places[1]["y"]
+    line.say({"kind": "goal", "place": None, "stuck": True})
+    expect(page.locator("#goal-said")).to_have_text(text("en", "harvest.stuck"))
+    expect(page.locator("#resume")).to_be_hidden()
+    expect(page.locator("#start-word")).to_have_text(text("en", "harvest.start"))
     page.context.close()
 
 

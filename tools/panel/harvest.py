@@ -132,6 +132,8 @@ class Day:
             screen.page.click("#clear")
             screen.until(lambda: not screen.last()["board"]["faults"], 10)
         for _ in range(3):
+            if not screen.page.locator("#resume").is_visible():
+                raise RuntimeError("it cannot go on where it ended")
             if self.begun("#resume"):
                 return
             said = screen.last("failed")

@@ -13,7 +13,7 @@ const TABS = ["check", "field", "harvest", "tune", "runs"];
 const SILENT_MS = 1500;
 const HERE_MS = 500;
 
-export const world = { now: null, plan: null, trail: [], ended: null, goal: null, check: null, field: null, paired: true };
+export const world = { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, field: null, paired: true };
 let socket = null;
 let heardAt = 0;
 let tab = "check";
@@ -104,7 +104,7 @@ function hear(message) {
     case "plan": world.plan = message.boundary.length ? message : null; if (!message.anew) world.trail = []; break;
     case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
     case "ended": world.ended = message; break;
-    case "goal": world.goal = message.place ? message : null; break;
+    case "goal": world.goal = message.place ? message : null; world.stuck = Boolean(message.stuck); break;
     case "check": world.check = message; check.hear(message); break;
     case "field": world.field = message; field.hear(message); break;
     case "colour": tune.hear(message); break;
@@ -296,13 +296,14 @@ function showHarvest(now) {
   $("take").hidden = now.driver;
   $("take").disabled = now.driven;
   $("take").textContent = t(now.driven ? "harvest.watching" : "harvest.take");
-  const resumable = idle && world.ended?.resume && world.ended.outcome !== "finished";
+  const left = idle && world.ended?.resume && world.ended.outcome !== "finished";
+  const resumable = left && !world.stuck;
   $("start").hidden = !idle;
   $("start").classList.toggle("second", Boolean(resumable));
   put("start-word", t(resumable ? "harvest.start_anew" : "harvest.start"));
   for (const id of ["resume", "compass", "compass-label"]) $(id).hidden = !resumable;
   const goal = resumable ? world.goal : null;
-  $("goal-said").textContent = goal ? t("harvest.goal", { side: goal.side, along: goal.along_m, compass: goal.compass_deg }) : "";
+  $("goal-said").textContent = goal ? t("harvest.goal", { side: goal.side, along: goal.along_m, compass: goal.compass_deg }) : left && world.stuck ? t("harvest.stuck") : "";
   const ready = now.driver && now.green && Boolean(world.field?.plan) && !(now.board?.faults.length);
   $("start").disabled = $("resume").disabled = !ready;
   $("start-why").textContent = !idle || ready ? "" : t(!now.driver ? "why.not_driver" : now.board?.faults.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check");

@@ -139,5 +139,5 @@ def test_pages_hear_of_what_a_crash_left_until_another_plan_is_chosen(
         page.until(now(driver=True, mode="idle"))
         page.ask("corner", corner=1)
         page.until(lambda m: m["kind"] == "plan" and m["boundary"] == [])
-        page.until(lambda m: m["kind"] == "goal" and m["place"] is None)
+        page.until(lambda m: m["kind"] == "goal" and m["place"] is None and m["stuck"])
         page.close()
