@@ -52,6 +52,8 @@ WRONG: dict[str, dict[str, Any]] = {
 
 ROOMY = {"size_m": (8.0, 8.0), "neighbour_depth_m": 2.0}
 
+RING = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0), (0.0, 0.0))
+
 
 def believing(belief: dict[str, Any]) -> Scenario:
     return quick(field=ROOMY, belief={"errors": "exact", **belief})
@@ -116,7 +118,8 @@ def test_exact_is_the_truth() -> None:
 def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_again() -> None:
     bounds, differ = Errors(), set()
     for seed in range(30):
-        scenario = load("default", {"seed": seed})
+        belief = {} if seed < 6 else {"boundary": RING[:-1]}  # a walk takes longer than all else
+        scenario = load("default", {"seed": seed, "belief": belief})
         told, world = scenario.told, scenario.world
         assert scenario.told == told
         v, m = told.vehicle, world.machine
@@ -128,7 +131,7 @@ def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_aga
         differ.add(v.wheelbase_m)
         assert len(told.boundary) == 4
         size = shapely.Polygon(told.boundary).area
-        assert 0.5 < size / world.field.boundary.area < 1.5
+        assert belief or 0.5 < size / world.field.boundary.area < 1.5
     assert len(differ) == 30
 
 
@@ -144,7 +147,7 @@ def test_random_fields_draw_both_halves() -> None:
 def test_more_laps_with_a_better_phone_tell_more_of_the_boundary() -> None:
     def off(laps: int, cep_m: float) -> float:
         away = []
-        for seed in range(8):
+        for seed in range(5):
             walk = {"laps": laps, "cep_m": cep_m}
             scenario = load("default", {"seed": seed, "belief": {"boundary": walk}})
             said, is_ = np.array(scenario.told.boundary), np.array(scenario.world.corners)
@@ -261,9 +264,6 @@ def test_who_was_told_another_corner_stands_where_the_world_has_the_start() -> N
     assert chosen.told.corner == 2
     assert chosen.plan().sides[0].heading_rad == pytest.approx(math.pi)
     assert chosen.start_pose() == believing({}).start_pose()
-
-
-RING = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0), (0.0, 0.0))
 
 
 @pytest.mark.parametrize("given", [RING, RING[::-1]], ids=["ccw", "clockwise"])
