@@ -42,6 +42,8 @@ class Ahead:
         """Where the blade met this side's crop."""
         self.crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
+        self.approached = True
+        """Whether the turn to it led to before its crop: one that lacked room may end inside."""
         self.clear_since: EndOfField | None = None
         """The first of the latest sure pictures without crop before the blade."""
         self.clear_count = 0
@@ -65,6 +67,7 @@ class Ahead:
     def turn(self) -> None:
         """To the next side: its crop may be seen already while the machine turns."""
         self.crop_at_m = math.inf
+        self.approached = True
 
     def cut_m(self, motion: Motion) -> float:
         """How far the blade had come at a motion since it met the side's crop, or since the side
@@ -103,12 +106,12 @@ class Ahead:
         """Of a sure picture on a side: whether the crop begins at the blade just there. What shows
         no crop any more counts towards the side's end, of which it may be the first that was
         `seen`."""
-        begins = not self.entered and view.crop_ahead_m < NEAR_CROP_M
-        if begins or (not self.entered and seen.motion.distance_m > self.crop_at_m + NEAR_CROP_M):
+        met = not self.entered and view.crop_ahead_m < NEAR_CROP_M
+        if met or (not self.entered and seen.motion.distance_m > self.crop_at_m + NEAR_CROP_M):
             self.entered_at = seen.motion
         if view.crop_ahead_m < END_CLEAR_M:
             self.go_on()
         elif self.entered:
             self.clear_count += 1
             self.clear_since = self.clear_since or seen
-        return begins
+        return met and self.approached

@@ -41,6 +41,9 @@ RING_SIGMA = (0.02, math.radians(0.2))
 RING_ENDS_M = 0.1
 """What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
 so much."""
+STRAIGHTEN_M = 0.1
+"""By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
+beside it."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
 STEP_SIGMA = (0.03, 0.02)
@@ -64,6 +67,24 @@ class _Lane(NamedTuple):
     p: NDArray[np.float64]
 
 
+class Aside(NamedTuple):
+    """How far right of its usual place beside the edge a lane is laid, over ground that is cut."""
+
+    begin_m: float = 0.0
+    """At the side's beginning."""
+    slope: float = 0.0
+    """More with each metre, as a tangent."""
+
+
+def straightened(askew_rad: float, sigma_rad: float, length_m: float) -> Aside:
+    """Beside an edge that is turned left of the plan by askew_rad, give or take sigma_rad: what is
+    surely askew of it is taken off, as far as STRAIGHTEN_M allows. The blade never leaves crop
+    standing beside its edge, it overlaps at the one end or at the other."""
+    sure = max(0.0, abs(askew_rad) - sigma_rad)
+    turn = min(math.tan(sure), STRAIGHTEN_M / max(length_m, 1.0))
+    return Aside(0.0, turn) if askew_rad > 0.0 else Aside(turn * length_m, -turn)
+
+
 class Position(Filter):
     """Unknown until `place`. Sides are the plan's; where they are found to lie is known here."""
 
@@ -83,6 +104,8 @@ class Position(Filter):
         self._past: Motion | None = None
         self._lanes: list[_Lane] = []
         self._lane_of: Side | None = None
+        self.aside = Aside()
+        """Of the present lane."""
         self.known = False
 
     @property
@@ -147,26 +170,40 @@ class Position(Filter):
         self.known = True
         self._lane_of = side
 
-    def begin(self, side: Side) -> None:
+    def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
-        edge it has left."""
+        edge it has left. `straight`: it is the whole of a side, that may be straightened."""
         past = self._lane_of
         if past is not None:
             done = _Lane(past, self._x[LANE].copy(), self._p[LANE, LANE].copy())
             kept = [lane for lane in self._lanes if not self._left_by(past, lane)]
             self._lanes = [*kept, done]
         self._lane_of = side
-        beside = [known for known in self._lanes if self._left_by(side, known)]
+        last = self._beside(side)
         lane, covariance = np.zeros(2), np.diag(LANE_SIGMA) ** 2
-        if beside:
-            last = beside[-1]
+        if last is not None:
             moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
             askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
             grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
             lane, covariance = moved @ last.x, moved @ last.p @ moved.T + grown
+        self.aside = Aside()
+        if straight and last is not None:
+            sigma = math.sqrt(covariance[1, 1])
+            self.aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
+            lane = lane - np.array(self.aside)
         self._x[LANE] = lane
         self._p[LANE, :] = self._p[:, LANE] = 0.0
         self._p[LANE, LANE] = covariance
+
+    def _beside(self, side: Side) -> _Lane | None:
+        """The lane whose cutting has left a side's edge. Where the strips between were laid out
+        otherwise, the last along the same edge of the boundary: an inner strip is turned as that
+        is, it does not lie along the boundary again."""
+        left = [known for known in self._lanes if self._left_by(side, known)]
+        if left:
+            return left[-1]
+        same = [k for k in self._lanes if side.edge != NO_EDGE and k.side.edge == side.edge]
+        return same[-1] if same and side.inside_m > same[-1].side.inside_m else None
 
     def _left_by(self, side: Side, lane: _Lane) -> bool:
         return side.left_by(lane.side, self._vehicle.blade_width_m)

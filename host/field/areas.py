@@ -140,6 +140,8 @@ class Verdict:
     level: Level
     reason: str
     clearance_m: float
+    at_keep_out: bool = False
+    """A keep-out is nearer than the border."""
 
 
 CLEAR = Verdict(Level.CLEAR, "", math.nan)
@@ -279,11 +281,13 @@ class Geofence:
         if not self._inside(outline, ellipse, velocity, self._stop_s):
             level = Level.STOP
         where = f"{clearance:.1f} m to" if clearance >= 0 else "beyond"
+        keep_out = self._nearest_keep_out(outline)
+        nearest = "the permitted area's border" if keep_out is None else f"keep-out {keep_out + 1}"
         reason = (
-            f"geofence: {where} {self._nearest(outline)}, "
+            f"geofence: {where} {nearest}, "
             f"position known to {np.linalg.norm(half, 2, axis=(-2, -1)).max():.1f} m"
         )
-        return Verdict(level, reason, clearance)
+        return Verdict(level, reason, clearance, keep_out is not None)
 
     def clearance(self, outline: NDArray[np.float64]) -> float:
         """Metres from an outline to the permitted area's border or the nearest keep-out, negative
@@ -326,10 +330,10 @@ class Geofence:
             return min(border, -math.sqrt(float(overlap.area)))
         return min(border, float(self._keep_outs.distance(shape)))
 
-    def _nearest(self, outline: NDArray[np.float64]) -> str:
-        """What the machine would touch first, in words."""
+    def _nearest_keep_out(self, outline: NDArray[np.float64]) -> int | None:
+        """The one that the machine would touch first; None where the border is nearer."""
         shape = shapely.convex_hull(shapely.linestrings(outline))
         distances = [float(keep_out.distance(shape)) for keep_out in self._keep_outs.geoms]
         if distances and min(distances) <= float(self._border.distance(shape)):
-            return f"keep-out {distances.index(min(distances)) + 1}"
-        return "the permitted area's border"
+            return distances.index(min(distances))
+        return None

@@ -80,10 +80,17 @@ def turn_on(context: Context, now: float, ended: Ended) -> Go:
         return SideEnd.BESIDE_BENT.go(side=strip.name)
     following = context.planned(strip.index + 1)
     origin = strip.leave(following, end)
-    room_from = strip.end_pose()
-    plan = outward(context.plan, following)
+    shuttles = strip.index + 1 < len(context.plan.sides) and (
+        context.plan.corner_rad(strip.index) == 0.0
+    )
+    # A corner's turn needs room at this side's end, a shuttle's at the next one's beginning.
+    room_from = strip.end_pose(far=not shuttles)
+    doubt_m = following.begin_doubt_m if shuttles else 0.0
     turn = next_turn(
-        plan, strip.index, context.vehicle, lambda t: context.guard.room_m(t, room_from)
+        outward(context.plan, following),
+        strip.index,
+        context.vehicle,
+        lambda t: context.guard.room_m(t, room_from) - doubt_m,
     )
     turning = context.turning = Turning(now, turn, origin)
     if ended.seen:

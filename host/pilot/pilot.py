@@ -165,9 +165,9 @@ class Pilot:
         passed = context.guard.limit(self._explained(command), self._behaviour.seen_free(now))
         if isinstance(passed, Command):
             return passed
-        blocked = self._behaviour.blocked(now, passed.reason)
+        blocked = self._behaviour.blocked(now, passed)
         self._go(now, blocked)
-        return self._explained(context.hold() if blocked is None else context.stop())
+        return self._explained(context.stop() if self.phase is Phase.FAULT else context.hold())
 
     def _listen(self, fix: Fix | None, telemetry: Telemetry | None) -> None:
         context = self._context

@@ -243,9 +243,13 @@ class PlannedStrip(Strip):
 
     def edge_m(self, view: CropView, then: Motion) -> float:
         """Its bends taken off: those that the machine itself has driven a round earlier."""
-        at = self.along_m(then) + view.edge_ahead_m
-        bend = self.estimate.trails.bend_m(at - self._pieces[self._at][0], self.planned_piece)
-        return view.edge_offset_m - self.side.shift_m - bend
+        at = self.along_m(then) + view.edge_ahead_m - self._pieces[self._at][0]
+        bend = self.estimate.trails.bend_m(at, self.planned_piece)
+        begin_m, slope = self.estimate.position.aside
+        return view.edge_offset_m - self.side.shift_m - bend - begin_m - slope * at
+
+    def edge_heading_rad(self, view: CropView) -> float:
+        return view.edge_heading_rad - self.estimate.position.aside.slope
 
     def corner(self, view: CropView, then: Motion) -> tuple[float, float] | None:
         """The outer edge runs from it: a line of sight from the rear axle, near which the cameras
@@ -355,7 +359,7 @@ class PlannedStrip(Strip):
         self._turned_from, self._anchored = before, anchored
         self._at = 0
         self.estimate.trails.begin(self.planned_piece)
-        self.estimate.position.begin(self.planned_piece)
+        self.estimate.position.begin(self.planned_piece, straight=not self.bent)
         self._note_doubt()
 
     @property
@@ -396,14 +400,14 @@ class PlannedStrip(Strip):
         self.estimate.lane.bend(turn, behind_m)
         self.estimate.trails.end(past)
         self.estimate.trails.begin(self.planned_piece)
-        self.estimate.position.begin(self.planned_piece)
+        self.estimate.position.begin(self.planned_piece, straight=False)
         self._turned_from = None
 
-    def end_pose(self) -> tuple[float, float, float] | None:
+    def end_pose(self, *, far: bool) -> tuple[float, float, float] | None:
         side, position = self._pieces[-1][1], self.estimate.position
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         along = side.length_m - self.vehicle.blade_x_m
-        if position.outline.states:
+        if far and position.outline.states:
             along += SIGMAS * position.end_sigma_m(self._straight[-1])
         inside = self.vehicle.inset_m - side.shift_m
         x, y = side.x_m + c * along - s * inside, side.y_m + s * along + c * inside

@@ -40,6 +40,9 @@ to show the lane's edge."""
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
+TIP_M = 1.0
+"""Of a strip that is begun inside, at whose right the last one's tip may stand: what a turn leaves
+of its beginning at most, twice."""
 LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
@@ -166,7 +169,7 @@ class Sight:
         # A contradiction that lasts while the machine stands is believed in the end.
         due = moved or estimate.lane.contradicted
         if gaze.lane and sure and due and (not gaze.settles or settled(frame.stamp)):
-            if self._on_lane(strip, turning, then):
+            if self._on_lane(view, strip, turning, then):
                 if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
                     self._take_edge(view, strip, then, since_shutter, moved=moved)
             elif not in_leg:
@@ -189,7 +192,12 @@ class Sight:
         self.edge_at_m = self.lane_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
-        seen = (strip.edge_m(view, then), view.edge_heading_rad, view.confidence, since_shutter)
+        seen = (
+            strip.edge_m(view, then),
+            strip.edge_heading_rad(view),
+            view.confidence,
+            since_shutter,
+        )
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
         self._estimate.odometry.turn_trim(lane.take_bias())
@@ -226,7 +234,7 @@ class Sight:
         lane, edge = self._estimate.lane, strip.edge_m(view, then)
         seen = math.isfinite(edge) and view.confidence > 0.0
         near = view.edge_ahead_m <= NEAR_CROP_M
-        if not seen or not near or not self._on_lane(strip, turning, then):
+        if not seen or not near or not self._on_lane(view, strip, turning, then):
             return
         self._dusty.note(then.stamp, edge + lane.blade_offset_m)
         line = self._dusty.take()
@@ -262,12 +270,22 @@ class Sight:
         least = INWARD_M if self.ahead.in_dust(*EDGE_SURE) else LEAP_M
         return dusty and strip.placed and least < leap < self._vehicle.blade_width_m
 
-    def _on_lane(self, strip: Strip, turning: Turning | None, then: Motion) -> bool:
+    def _on_lane(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
         next once the crop begins ahead of the blade; before that the picture shows the crop's
-        flank, and so it does where the crop's border slants across the strip."""
+        flank, and so it does where the crop's border slants across the strip, or a tip that stayed
+        where the strip before it was begun."""
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
             if not (turning.backing and expected > CROP_SEEN_M):
                 return False
-        return strip.shows_edge(strip.along_m(then))
+        return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
+
+    def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:
+        """Whether the right end of the crop at the blade may be what the strip before has left
+        beside this one: a turn that lacks room ends with the blade inside the strip's beginning,
+        and so did the turn before it."""
+        inside = not self.ahead.approached and not strip.new
+        begun_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
+        outside_m = -(strip.edge_m(view, then) + self._estimate.lane.blade_offset_m)
+        return inside and begun_m < TIP_M and outside_m > LEAP_M

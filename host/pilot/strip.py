@@ -130,6 +130,10 @@ class Strip:
         """The edge's offset from its place beside this strip's lane in a picture taken then."""
         return view.edge_offset_m
 
+    def edge_heading_rad(self, view: CropView) -> float:
+        """The edge's direction in a picture against this strip's lane."""
+        return view.edge_heading_rad
+
     def corner(self, view: CropView, then: Motion) -> tuple[float, float] | None:
         """Where the border slants across the strip: the outer edge's offset by the corner that a
         picture shows, m, and how far before the blade that corner is; None where none is."""
@@ -173,9 +177,9 @@ class Strip:
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
         return end.motion.x_m, end.motion.y_m, here.yaw_rad - self.estimate.lane.heading_rad
 
-    def end_pose(self) -> tuple[float, float, float] | None:
-        """(x, y, heading) of the rear axle on the lane at the strip's end, in the field frame, as
-        far on as that may be: where a turn must find room."""
+    def end_pose(self, *, far: bool) -> tuple[float, float, float] | None:
+        """(x, y, heading) of the rear axle on the lane at the strip's end, in the field frame;
+        `far`: as far on as that may be, where a turn must find room."""
         return None
 
     def place_sigmas(self, turning: Turning) -> tuple[float, float]:

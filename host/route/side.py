@@ -60,6 +60,11 @@ class Side:
         return self.edges[0] if self.edges else NO_EDGE
 
     @property
+    def inside_m(self) -> float:
+        """How far inside of its edge of the boundary it begins; 0 beside none."""
+        return self.places_m[0][1] if self.places_m else 0.0
+
+    @property
     def line(self) -> tuple[float, float]:
         """Where the edge begins, along the side's direction from the field's origin, and how far
         left of that origin it runs."""

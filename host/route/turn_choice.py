@@ -3,7 +3,8 @@ and the preview that shows it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
@@ -17,28 +18,46 @@ SWINGS = (0.55, 0.65, 0.75, 0.45, 0.35, 0.25)
 """Shares of a turn that the forward arc of a three-point turn may take, best first."""
 ROOM_M = 0.6
 """Clearance to the geofence's border that any turn may be driven with."""
+SHUTTLE_ROOM_M = 0.15
+"""The same of a shuttle's S, which is driven at a creep. What follows it, straight back, the
+geofence may end sooner: then so much of the strip's beginning stays."""
+EARLY_M = (0.0, 0.2, 0.4, 0.6, 0.8)
+"""How much sooner than it should a shuttle's S may begin, best first: crop that is pressed down
+before it is cut costs less than a strip that begins askew."""
 
 
 def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn], float]) -> Turn:
     """The turn from the end of side `index` to the next. `room_m` is the least clearance along a
-    turn; of the three-point turns it is the first that has ROOM_M, else the one that has the
-    most."""
+    turn. Of the three-point turns it is the first that has ROOM_M, of the shuttles the first that
+    has SHUTTLE_ROOM_M, else the one that has the most."""
     corner = plan.corner_rad(index)
     if index + 1 < len(plan.sides):
         this, following = plan.sides[index], plan.sides[index + 1]
         lane = _lane_of(this, following, corner, vehicle)
         if corner == 0.0:
             room = turn_legs.shuttle_room_m(vehicle, following.back_m, plan.gap_m)
-            return turn_legs.shuttle(vehicle, lane.x_m - vehicle.blade_x_m, lane.y_m, room)
+            begins = lane.x_m - vehicle.blade_x_m
+            shuttles = (
+                turn_legs.shuttle(vehicle, begins, lane.y_m, room, early_m=early)
+                for early in EARLY_M
+            )
+            return _first_with(
+                SHUTTLE_ROOM_M, shuttles, lambda turn: room_m(replace(turn, legs=turn.legs[:-1]))
+            )
     else:
         lane = turn_legs.lane_beside(vehicle, corner)
     if plan.turn == "arc":
         return turn_legs.arc(vehicle, corner, lane)
+    turns = (turn_legs.three_point(vehicle, corner, lane, swing=swing) for swing in SWINGS)
+    return _first_with(ROOM_M, turns, room_m)
+
+
+def _first_with(wanted_m: float, turns: Iterable[Turn], room_m: Callable[[Turn], float]) -> Turn:
+    """The first that has the room, else the one that has the most."""
     rooms: list[tuple[float, Turn]] = []
-    for swing in SWINGS:
-        turn = turn_legs.three_point(vehicle, corner, lane, swing=swing)
+    for turn in turns:
         rooms.append((room_m(turn), turn))
-        if rooms[-1][0] >= ROOM_M:
+        if rooms[-1][0] >= wanted_m:
             return turn
     return max(rooms, key=lambda pair: pair[0])[1]
 

@@ -26,6 +26,8 @@ GENTLE_SHUTTLE = 1.35
 """A shuttle's S, where there is room, over its shortest length."""
 SHUTTLE_CLEAR_M = 0.7
 """Room left behind the machine when it backs out to shift to the next strip."""
+RUN_IN_M = 0.1
+"""From the blade to the crop of the strip that a shuttle leads to."""
 SIDESTEP_M = 0.15
 """A shift that following the new lane in reverse makes of itself."""
 
@@ -174,15 +176,21 @@ def shuttle_room_m(vehicle: Vehicle, back_m: float, gap_m: float | None) -> floa
 
 
 def shuttle(
-    vehicle: Vehicle, begins_m: float, shift_m: float, room_m: float, *, run_in_m: float = 0.1
+    vehicle: Vehicle,
+    begins_m: float,
+    shift_m: float,
+    room_m: float,
+    *,
+    early_m: float = 0.0,
 ) -> Turn:
     """Back along the swath and shift_m to the left, to take the next strip of the same edge, whose
     crop begins begins_m ahead of where the blade stands (so negative). Wheels stay off the crop:
     the shift, an S of two arcs, begins when the rear axle has left it, and should end within room_m
-    behind it."""
+    behind it. Where it finds less, it begins early_m sooner, and the wheels press down the corner
+    of the strip that comes next."""
     begins = vehicle.blade_x_m + begins_m
-    straight = Leg(0.0, True, Goal.ALONG, begins, Follow.OLD_LANE)
-    line_up = Leg(0.0, True, Goal.ALONG, begins - run_in_m - vehicle.blade_x_m, Follow.NEW_LANE)
+    straight = Leg(0.0, True, Goal.ALONG, begins + early_m, Follow.OLD_LANE)
+    line_up = Leg(0.0, True, Goal.ALONG, begins - RUN_IN_M - vehicle.blade_x_m, Follow.NEW_LANE)
     if shift_m <= SIDESTEP_M:
         return Turn((straight, line_up), 0.0, shift_m, 0.0, begins)
     length = shuttle_length(vehicle, shift_m, room_m)

@@ -9,23 +9,26 @@ from __future__ import annotations
 import datetime
 import hashlib
 import json
+import math
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, ValidationError
 
 from host.core.errors import UserError
 from host.core.strict import Strict
 from host.core.vehicle import Vehicle
+from host.estimate.outline import Outline
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.route.anew import around
+from host.route.anew import around, moved_with
 from host.route.plan import Plan
 from host.route.side import NO_EDGE
 
@@ -33,6 +36,8 @@ EVERY_M = 0.5
 """What is lost at most: so much of a side may be driven again over stubble."""
 BEFORE_M = 0.2
 """A resumed side begins so far before what was cut: dead reckoning errs."""
+ALIKE_M = 1e-6
+"""Corners that lie so near together are the same."""
 LEFT_M = 0.6
 """A shorter rest of a side is none: the next side is the one to go on with."""
 
@@ -53,6 +58,9 @@ class Progress(Strict):
     """Where the boundary's were found to lie, metres of the field frame, and"""
     sigma_m: Annotated[float, Field(ge=0)] = 0.0
     """how surely; none: where the boundary's file has them."""
+    laid: tuple[tuple[float, float], ...] = ()
+    """Where they were taken to lie when the plan that the machine drives by was laid out; none:
+    where they were found."""
     cut: tuple[int, ...] = ()
     """Edges of the boundary along which strips were cut, in their order: with the corners they tell
     how the plan was laid out."""
@@ -127,15 +135,30 @@ def laid_out(progress: Progress, entered: Plan, path: Path, vehicle: Vehicle) ->
         )
     if not progress.corners:
         return entered
+    laid = progress.laid or progress.corners
     # Before a strip was cut to its end, what is known is where the plan begins.
     cut = progress.cut or entered.cut_along(1)
-    whole = around(entered, list(progress.corners), cut, vehicle)
+    as_entered = math.dist(np.ravel(laid), np.ravel(entered.boundary)) < ALIKE_M
+    if as_entered and cut == entered.cut_along(len(cut)):
+        whole: Plan | None = entered
+    else:
+        whole = around(entered, list(laid), cut, vehicle)
     if whole is None:
         raise UserError(
             f"{path}: the boundary that was found there does not fit the strips that were cut; "
             "survey what still stands and harvest it as a field of its own"
         )
-    return replace(whole, sigma_m=progress.sigma_m)
+    return replace(_found(whole, progress.corners), sigma_m=progress.sigma_m)
+
+
+def _found(plan: Plan, corners: Sequence[tuple[float, float]]) -> Plan:
+    """The same sides where a boundary whose corners were found elsewhere has them, as the pilot
+    takes them until it lays them out anew."""
+    outline = Outline(plan.boundary)
+    outline.move(np.ravel(corners) - np.ravel(plan.boundary))
+    outs = tuple(tuple(moved_with(plan.boundary, corners, ring)) for ring in plan.keep_outs)
+    sides = tuple(map(outline.found, plan.sides))
+    return replace(plan, sides=sides, boundary=tuple(corners), keep_outs=outs)
 
 
 def resume_at(progress: Progress, plan: Plan, path: Path) -> tuple[int, float]:
@@ -234,6 +257,7 @@ class Keeper:
             count = pilot.turns + (pilot.cut_m > 0.0)
             found = {
                 "corners": tuple(position.outline.corners),
+                "laid": pilot.plan.boundary,
                 "sigma_m": min(position.corners_sigma_m, pilot.plan.sigma_m),
                 "cut": pilot.plan.cut_along(count),
             }

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from host.core.messages import Command
 from host.estimate.odometry import Motion
+from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.follow import LANE_SIGMA_M
@@ -52,8 +53,8 @@ class BackOff(Behaviour):
             return context.hold(), Why.SEEN.go()
         return self._move(now), None
 
-    def blocked(self, now: float, why: str) -> Go | None:
-        del now, why
+    def blocked(self, now: float, verdict: Verdict) -> Go | None:
+        del now, verdict
         self._from = None
         return None
 

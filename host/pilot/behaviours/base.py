@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 from host.core.messages import Command
+from host.field.areas import Verdict
 from host.pilot.context import Context
 from host.pilot.guard import SeenFree, Watched
 from host.pilot.phase import Go, Phase, Reason
@@ -50,8 +51,8 @@ class Behaviour(ABC):
             SeenFree(crop_m=self.context.strip.sure_ahead_m()) if self.gaze.on_side else SeenFree()
         )
 
-    def blocked(self, now: float, why: str) -> Go | None:
+    def blocked(self, now: float, verdict: Verdict) -> Go | None:
         """The geofence lets the last command not pass. Without a transition the machine stands and
         the behaviour does something else next."""
         del now
-        return Watched.GEOFENCE.go(why=why)
+        return Watched.GEOFENCE.go(why=verdict.reason)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from host.core.messages import Command
 from host.estimate.crop_ahead import END_CLEAR_M, END_SURE, EndOfField
+from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
@@ -24,6 +25,8 @@ END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
 NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
+KEEP_OUT_REST_M = 3.0
+"""Of a side, at most, that may stay standing beside a keep-out: of more a person must know."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -68,6 +71,14 @@ class Follow(Behaviour):
         if doubt is not None:
             return self._hold(doubt), doubt
         return self._drive(now), None
+
+    def blocked(self, now: float, verdict: Verdict) -> Go | None:
+        """Beside a keep-out a side ends where the geofence has it end, which knows how surely the
+        machine knows its place; what is left of it stays."""
+        context, strip = self.context, self.context.strip
+        if verdict.at_keep_out and strip.left_m() < KEEP_OUT_REST_M:
+            return end_side(context, now, EndOfField(now, context.motion, strip.index))
+        return super().blocked(now, verdict)
 
     def _hold(self, go: Go) -> Command:
         """On its way to a look the machine still rolls, and what its blade does not cut stays: once

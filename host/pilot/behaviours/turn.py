@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
@@ -25,6 +26,8 @@ CORRECTIONS = 8
 """Legs that such a turn may take more than planned."""
 CORRECTION_M = 0.6
 """Length of one at most: 40 degrees on the lock."""
+INSIDE_M = 0.1
+"""Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
 """Before the crop, for the camera to see where it begins."""
 FARTHEST_M = 2.5
@@ -64,6 +67,8 @@ class DriveTurn(Behaviour):
         if go is not None:
             return context.hold(), go
         if turning.leg is None and not self._correct(now):
+            expected_m = turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
+            context.sight.ahead.approached = context.strip.new or expected_m > -INSIDE_M
             return context.hold(), Why.TURNED.go()
         leg = turning.leg
         assert leg is not None
@@ -96,9 +101,9 @@ class DriveTurn(Behaviour):
         super().paused(now)
         self.turning.since = now
 
-    def blocked(self, now: float, why: str) -> Go | None:
+    def blocked(self, now: float, verdict: Verdict) -> Go | None:
         """What is left of the turn goes the other way."""
-        del why
+        del verdict
         self.turning.broken_off = True
         self._next(now)
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -47,6 +48,18 @@ def test_crop_that_dust_hides_is_met_where_it_was_seen_and_that_is_no_sight_of_i
         assert not ahead.entered
     assert not shown(ahead, 0.5 + NEAR_CROP_M + 0.01, 1.5)
     assert ahead.entered
+
+
+@pytest.mark.parametrize("approached", [False, True])
+def test_a_turn_that_ends_inside_the_crop_shows_nothing_of_where_it_begins(
+    approached: bool,
+) -> None:
+    ahead = Ahead()
+    ahead.approached = approached
+    assert shown(ahead, 0.1, 0.0) is approached
+    assert ahead.entered_at == at(0.1)
+    ahead.turn()
+    assert ahead.approached, "of the next side nothing is known yet"
 
 
 @given(st.lists(st.sampled_from([0.0, END_CLEAR_M - 0.01, END_CLEAR_M, math.inf]), max_size=20))

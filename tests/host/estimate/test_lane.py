@@ -11,7 +11,13 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
-from host.estimate.position import START_SIGMA, YAW_SIGMA_SHARE, Position
+from host.estimate.position import (
+    START_SIGMA,
+    STRAIGHTEN_M,
+    YAW_SIGMA_SHARE,
+    Position,
+    straightened,
+)
 from host.route.side import Side
 from tests.helpers.places import driven, spun, sure_of
 
@@ -128,6 +134,20 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
     assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
 
 
+@pytest.mark.parametrize("askew_deg", [-8.0, -2.0, 2.0, 8.0])
+def test_beside_an_edge_that_lies_askew_a_lane_lies_less_askew_and_leaves_nothing(
+    askew_deg: float,
+) -> None:
+    """At one of its ends it lies over what is cut, at the other along the edge, at none inside."""
+    askew, length_m = math.radians(askew_deg), 6.0
+    aside = straightened(askew, 0.0, length_m)
+    ends = (aside.begin_m, aside.begin_m + aside.slope * length_m)
+    assert min(ends) == pytest.approx(0.0, abs=1e-9)
+    assert max(ends) == pytest.approx(min(STRAIGHTEN_M, abs(math.tan(askew)) * length_m))
+    assert abs(math.tan(askew) - aside.slope) < abs(math.tan(askew))
+    assert straightened(askew, abs(askew), length_m) == (0.0, 0.0), "what may be nothing"
+
+
 @pytest.mark.parametrize("askew_deg", [0.0, 2.0])
 def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> None:
     """0.1 m right of the plan's lane at its beginning, and askew; another edge's lane is not."""
@@ -140,7 +160,7 @@ def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> Non
         along = position.along(ring(0))
         position.follow(0.1 - math.radians(askew_deg) * along, 0.0)
     inner = replace(ring(1), x_m=2.0)
-    position.begin(inner)
+    position.begin(inner, straight=False)
     there = driven(position, 2.0, VEHICLE.pass_m + VEHICLE.inset_m, 0.0, motion(run_m))
     offset, heading, _, _ = position.against_lane()
     assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.02)
@@ -172,7 +192,7 @@ def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[f
         run_m = back_m + VEHICLE.pass_m
         for way_m, yaw in ((back_m, 0.0), (back_m, 1.571), (run_m, 1.571), (run_m, 0.0)):
             position.predict(motion(way_m, yaw), cutting=False)
-        position.begin(ring(k + 1, 5.0))
+        position.begin(ring(k + 1, 5.0), straight=False)
     return off
 
 

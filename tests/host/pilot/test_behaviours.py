@@ -11,6 +11,7 @@ import pytest
 from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
+from host.field.areas import Level, Verdict
 from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours.align import TRUST_AFTER_S, Align
 from host.pilot.behaviours.align import Why as Aligned
@@ -20,7 +21,7 @@ from host.pilot.behaviours.connect import ARM_RETRY_S, Connect
 from host.pilot.behaviours.connect import Why as Connected
 from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
-from host.pilot.behaviours.follow import SPIN_S, Follow
+from host.pilot.behaviours.follow import KEEP_OUT_REST_M, SPIN_S, Follow
 from host.pilot.behaviours.follow import Why as Followed
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as EdgeLook
@@ -34,6 +35,7 @@ from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, STAND_S, Context
 from host.pilot.endings import GIVE_UP_S, Blind, Patience, SideEnd, end_side
+from host.pilot.guard import Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
@@ -48,6 +50,7 @@ CUTTING = CropView(
     0.9, edge_offset_m=0.0, edge_heading_rad=0.0, crop_ahead_m=0.0, ahead_confidence=1.0
 )
 NOW = 100.0
+TOO_NEAR = Verdict(Level.STOP, "too near", 0.1)
 
 
 class Shown:
@@ -279,6 +282,23 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
 
 
 @pytest.mark.parametrize(
+    ("at_keep_out", "left_m", "reason"),
+    [
+        (True, KEEP_OUT_REST_M - 0.1, SideEnd.SEEN),
+        (True, KEEP_OUT_REST_M + 0.1, Watched.GEOFENCE),
+        (False, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
+    ],
+)
+def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
+    at_keep_out: bool, left_m: float, reason: Reason
+) -> None:
+    context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
+    verdict = replace(TOO_NEAR, at_keep_out=at_keep_out)
+    assert is_for(Follow(context).blocked(NOW, verdict), reason)
+    assert context.strip.index == (1 if reason is SideEnd.SEEN else 0)
+
+
+@pytest.mark.parametrize(
     ("length_m", "reason"), [(8.0, Followed.CROP_GONE), (2.5, SideEnd.SEEN), (0.01, None)]
 )
 def test_follow_gives_up_crop_that_is_not_to_be_found(
@@ -385,7 +405,7 @@ def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -
     context.sight.usable.stamp = late
     behaviour.step(late)
     assert behaviour.step(late)[0].speed_mps < 0
-    assert behaviour.blocked(late, "the neighbour's crop") is None
+    assert behaviour.blocked(late, TOO_NEAR) is None
     assert stands(behaviour.step(late)[0])
     context.backs = BACKS
     again = BackOff(context)
@@ -485,7 +505,7 @@ def test_a_turn_whose_leg_the_geofence_stops_takes_the_next() -> None:
     turn = DriveTurn(context)
     assert context.turning is not None
     first = context.turning.leg
-    assert turn.blocked(NOW, "the neighbour's crop") is None
+    assert turn.blocked(NOW, TOO_NEAR) is None
     assert context.turning.leg is not first
 
 
@@ -496,7 +516,7 @@ def broken_off(
     the blade so far before its crop."""
     turn = DriveTurn(turning())
     while turn.turning.leg is not None:
-        turn.blocked(NOW, "the neighbour's crop")
+        turn.blocked(NOW, TOO_NEAR)
     monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, askew_rad))
     monkeypatch.setattr(turn.turning, "crop_expected_m", lambda *_: before_crop_m)
     monkeypatch.setattr(turn.turning, "to_go", lambda *_: abs(askew_rad))
@@ -517,7 +537,7 @@ def test_a_turn_that_was_broken_off_turns_on_to_and_fro(
         turns_left = (leg.steer_rad > 0) is not leg.reverse
         assert turns_left is (askew_deg < 0), "towards the lane"
         reverse = leg.reverse
-        turn.blocked(NOW, "the neighbour's crop")
+        turn.blocked(NOW, TOO_NEAR)
     assert is_for(turn.step(NOW)[1], Turned.TURNED), "as often as it may"
 
 
@@ -532,7 +552,7 @@ def test_in_line_it_backs_until_the_crop_is_in_view(
     assert is_for(turn.step(NOW)[1], None if backs else Turned.TURNED)
     assert turn.turning.backing is backs
     if backs:
-        turn.blocked(NOW, "the neighbour's crop")
+        turn.blocked(NOW, TOO_NEAR)
         assert is_for(turn.step(NOW)[1], Turned.TURNED), "once"
 
 

@@ -299,8 +299,10 @@ def test_the_last_leg_of_a_turn_leads_outside_too() -> None:
 
 def test_a_turn_must_find_room_where_the_end_may_lie_farther_on() -> None:
     sure, unsure = along(9.5, KNOWN), along(9.5)
-    near, far = sure.strip.end_pose(), unsure.strip.end_pose()
-    assert near is not None and far is not None
+    near, far = sure.strip.end_pose(far=True), unsure.strip.end_pose(far=True)
+    mean = unsure.strip.end_pose(far=False)
+    assert near is not None and far is not None and mean is not None
+    assert mean[1] == pytest.approx(near[1], abs=0.05), "what a shuttle backs away from"
     sigma = unsure.estimate.position.end_sigma_m(NEW.sides[0])
     assert far[1] - near[1] == pytest.approx(SIGMAS * sigma, abs=0.05)
 

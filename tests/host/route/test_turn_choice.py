@@ -14,7 +14,14 @@ from host.core.vehicle import Vehicle
 from host.field.areas import GAP_MARGIN_M, Geofence, areas_of
 from host.route.plan import Plan
 from host.route.side import Side
-from host.route.turn_choice import ROOM_M, SWINGS, next_turn, room_along
+from host.route.turn_choice import (
+    EARLY_M,
+    ROOM_M,
+    SHUTTLE_ROOM_M,
+    SWINGS,
+    next_turn,
+    room_along,
+)
 from host.route.turn_legs import (
     SHUTTLE_CLEAR_M,
     Follow,
@@ -140,6 +147,25 @@ def test_at_the_room_that_the_plan_asks_for_a_shuttle_keeps_its_distance_to_the_
     rear = path(VEHICLE, shift, 0.01)[-1][0] - VEHICLE.rear_overhang_m
     border = VEHICLE.blade_x_m - FIRST.length_m - back_m - (gap_m - GAP_MARGIN_M)
     assert rear - border == pytest.approx(SHUTTLE_CLEAR_M, abs=0.03)
+
+
+@pytest.mark.parametrize("tight", [0, 2, len(EARLY_M) - 1])
+def test_where_room_lacks_behind_a_shuttle_it_begins_sooner(tight: int) -> None:
+    """The room of the S counts: the geofence may end the straight way after it."""
+    begins = VEHICLE.blade_x_m - FIRST.length_m
+
+    def room(turn: Turn) -> float:
+        assert turn.legs[-1].goal is Goal.HEADING
+        early = turn.legs[0].value - begins
+        return SHUTTLE_ROOM_M if early > EARLY_M[tight] - 0.01 else SHUTTLE_ROOM_M - 0.01
+
+    turn = next_turn(Plan((FIRST, AGAIN), gap_m=1.0), 0, VEHICLE, room)
+    ends = path(VEHICLE, replace(turn, legs=turn.legs[:-1]), 0.01)[-1]
+    usual = next_turn(Plan((FIRST, AGAIN), gap_m=1.0), 0, VEHICLE, enough)
+    as_usual = path(VEHICLE, replace(usual, legs=usual.legs[:-1]), 0.01)[-1]
+    assert ends[0] - as_usual[0] == pytest.approx(EARLY_M[tight])
+    assert ends[1:] == pytest.approx(as_usual[1:])
+    assert turn.legs[-1] == usual.legs[-1]
 
 
 def test_a_small_shift_takes_no_s() -> None:

@@ -6,9 +6,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
+from host.estimate.position import Position
 from host.pilot.behaviours.lay_out import STRIPS, LayOut
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
@@ -101,6 +103,36 @@ def test_a_run_that_ended_on_its_first_side_goes_on_there(corner: int, cut_m: fl
     side, begin_m = resume_at(kept, whole, PATH)
     x, y, _ = whole.sides[side].pose(begin_m)
     assert math.dist((x, y), TRUE[corner]) == pytest.approx(max(0.0, cut_m - BEFORE_M))
+
+
+@pytest.mark.parametrize("laid", [SAID, [(0.0, 0.0), (7.2, 0.0), (7.0, 6.8), (0.0, 7.0)]])
+def test_a_run_goes_on_by_the_plan_that_it_drove_by(
+    laid: list[tuple[float, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where no plan can be laid out around the corners as they were found later."""
+    plan = entered()
+    drove_by = spiral(laid, 0, VEHICLE, "three_point", 2.0, sigma_m=SIGMA_M)
+    kept = Progress(
+        plan=digest(plan),
+        corner=0,
+        side=5,
+        cut_m=2.0,
+        corners=tuple(TRUE),
+        laid=tuple(laid),
+        sigma_m=SIGMA_M,
+        cut=drove_by.cut_along(6),
+        phase=Phase.FOLLOW,
+    )
+
+    def only_then(_: Plan, corners: list[tuple[float, float]], *__: object) -> Plan | None:
+        return drove_by if corners == laid else None
+
+    monkeypatch.setattr("host.runs.resume.around", only_then)
+    whole = laid_out(kept, plan, PATH, VEHICLE)
+    assert whole.boundary == tuple(TRUE)
+    found = Position(VEHICLE, drove_by.boundary, SIGMA_M).outline
+    found.move(np.ravel(TRUE) - np.ravel(laid))
+    assert whole.sides == tuple(map(found.found, drove_by.sides))
 
 
 @pytest.fixture
