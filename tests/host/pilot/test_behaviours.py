@@ -11,6 +11,7 @@ import pytest
 from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
+from host.estimate.position import Aside
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours.align import TRUST_AFTER_S, Align
@@ -686,6 +687,34 @@ def test_over_a_slanting_border_no_edge_is_missed() -> None:
         frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
         context.sight.take(frame, Follow.gaze, context.strip, None, NOW, context.look.settled)
         assert list(context.sight.ahead.sure) == sure
+
+
+def test_a_lane_that_is_laid_aside_of_its_edge_has_the_edge_aside() -> None:
+    context = on_side(cut_m=2.0)
+    strip = context.strip
+    context.estimate.position.aside = Aside(0.1, -0.02)
+    edge_m = 0.1 - 0.02 * (strip.along_m(context.motion) + CUTTING.crop_ahead_m)
+    view = replace(CUTTING, edge_offset_m=edge_m, edge_heading_rad=-0.02, edge_ahead_m=0.0)
+    assert strip.edge_m(view, context.motion) == pytest.approx(strip.side.shift_m * -1.0)
+    assert strip.edge_heading_rad(view) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("approached", [False, True])
+@pytest.mark.parametrize(("begun_m", "outside_m"), [(0.1, 0.7), (0.1, 0.2), (1.5, 0.7)])
+def test_beside_a_strip_that_was_begun_inside_a_tip_is_no_edge(
+    begun_m: float, outside_m: float, *, approached: bool
+) -> None:
+    """The strip before has left one where it was begun inside as well. In such a place an edge of
+    more confidence than the lane is believed after a few pictures."""
+    eye = Shown(replace(CUTTING, edge_offset_m=-outside_m))
+    context = on_side(cut_m=begun_m, eye=eye)
+    context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
+    context.sight.ahead.approached = approached
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    moved(context, begun_m + 0.02, 0.3)
+    context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    taken = context.estimate.lane.blade_offset_m > 0.05
+    assert taken is (approached or begun_m > 1.0 or outside_m < 0.3)
 
 
 # ---- all of them ---------------------------------------------------------------------------------
