@@ -570,6 +570,22 @@ def test_after_its_last_leg_a_turn_looks_for_the_crop() -> None:
     assert is_for(DriveTurn(context).step(NOW)[1], Turned.TURNED)
 
 
+@pytest.mark.parametrize(
+    ("before_crop_m", "new", "approached"),
+    [(0.2, False, True), (-0.3, False, False), (-0.3, True, True)],
+)
+def test_a_turn_that_lacked_room_is_known_to_end_inside_the_crop(
+    before_crop_m: float, new: bool, approached: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a side that is still to be found nobody knows where inside is."""
+    context = turned()
+    monkeypatch.setattr(PlannedStrip, "new", new)
+    assert context.turning is not None
+    monkeypatch.setattr(context.turning, "crop_expected_m", lambda *_: before_crop_m)
+    DriveTurn(context).step(NOW)
+    assert context.sight.ahead.approached is approached
+
+
 def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
