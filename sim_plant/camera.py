@@ -110,6 +110,17 @@ def cells_to(body: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.sqrt(np.rint(np.square(cells, dtype=np.float32)))
 
 
+def _body(kind: NDArray[np.uint8], narrowest: int) -> NDArray[np.bool_]:
+    """Coarse cells, half as many each way as `kind`, that hold a solid thing or crop that stands at
+    least `narrowest` cells wide."""
+    solid = (kind == ground.OBSTACLE) | (kind == ground.TRUNK)
+    crop: NDArray[Any] = ((kind == ground.CROP) | (kind == ground.NEIGHBOUR)).view(np.uint8)
+    block = np.ones((narrowest, narrowest), np.uint8)
+    crop = cv2.morphologyEx(crop, cv2.MORPH_OPEN, block, borderType=cv2.BORDER_REPLICATE)
+    body = (crop > 0) | solid
+    return np.asarray(body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2])
+
+
 @dataclass(frozen=True, slots=True)
 class Shot:
     """Everything that a picture depends on, taken at the shutter: develop it in any thread."""
@@ -255,7 +266,7 @@ class Camera:
         block_rows, block_columns = self._known.shape
         picture = render.Picture(
             x0=scene.x0, y0=scene.y0, cell=scene.cell, canopy=0.8 * field.tallest_crop_m,
-            tallest=field.tallest_crop_m,
+            tallest=field.tallest_crop_m, roof=self._tallest,
             focal=s.focal_px, cu=w / 2, cv=h / 2, k1=s.k1, k2=s.k2, tangent=tangent, corner=corner,
             sway_x=sway * math.cos(toward), sway_y=sway * math.sin(toward), gust=_GUSTS,
             haze=weather.haze, haze_bgr=(196.0, 208.0, 214.0), crop_bgr=tuple(crop),
@@ -283,7 +294,7 @@ class Camera:
             first=np.zeros(render.MOST_BLOCKS + 1, np.int64),
             drawn=np.zeros((render.PARTS, 2), np.int64),
             sorted_first=np.zeros(render.PARTS + 1, np.int64),
-            depth=np.zeros((w, stride), np.float32), colour=np.zeros((w, stride), np.uint32),
+            depth=np.zeros((w, stride), np.float32), key=np.zeros((w, stride), np.uint32), colour=np.zeros((w, stride), np.uint32),
             image=self._image,
         )  # fmt: skip
         self._colour = kernels.held("colour")[:, :h]
@@ -320,26 +331,27 @@ class Camera:
         """Derived grids of the coarse cells [j0, j1) x [i0, i1), after `kind` changed there."""
         scene = self.scene
         rows, columns = scene.clear.shape
-        # Distances beyond this are capped, so that a change reaches no further than the cap.
-        cap = 1.5
-        pad = math.ceil(cap / self._coarse)
-        a, b = max(0, j0 - 2 * pad), min(rows, j1 + 2 * pad)
-        c, d = max(0, i0 - 2 * pad), min(columns, i1 + 2 * pad)
-        fine = scene.kind[2 * a : 2 * b, 2 * c : 2 * d]
-        solid = (fine == ground.OBSTACLE) | (fine == ground.TRUNK)
-        crop: NDArray[Any] = ((fine == ground.CROP) | (fine == ground.NEIGHBOUR)).view(np.uint8)
         # A strip left standing that is narrower than this is a row of stalks without a body.
         narrowest = max(2, round(0.25 / scene.cell))
-        block = np.ones((narrowest, narrowest), np.uint8)
-        crop = cv2.morphologyEx(crop, cv2.MORPH_OPEN, block, borderType=cv2.BORDER_REPLICATE)
-        body = (crop > 0) | solid
-        body = body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2]
-        # The diagonal: the point and the crop may each lie at the far corner of their cells.
-        clear = np.clip((cells_to(body) - 1.4143) * self._coarse, 0, cap)
-        p, q = max(0, j0 - pad), min(rows, j1 + pad)
-        r, s = max(0, i0 - pad), min(columns, i1 + pad)
-        scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]
+        # Coarse cells that a change of `kind` reaches in this way, and what they depend on.
+        wide = (narrowest + 1) // 2
+        p, q = max(0, j0 - wide), min(rows, j1 + wide)
+        r, s = max(0, i0 - wide), min(columns, i1 + wide)
+        a, b = max(0, p - wide), min(rows, q + wide)
+        c, d = max(0, r - wide), min(columns, s + wide)
+        body = _body(scene.kind[2 * a : 2 * b, 2 * c : 2 * d], narrowest)
         scene.stand[p:q, r:s, render.BODY] = body[p - a : q - a, r - c : s - c]
+        # Distances beyond this are capped, so that a change reaches no further than the cap.
+        cap = 1.0
+        pad = math.ceil(cap / self._coarse)
+        a, b, c, d = max(0, p - 2 * pad), q + 2 * pad, max(0, r - 2 * pad), s + 2 * pad
+        # The diagonal: the point and the crop may each lie at the far corner of their cells.
+        clear = np.clip(
+            (cells_to(scene.stand[a:b, c:d, render.BODY] > 0) - 1.4143) * self._coarse, 0, cap
+        )
+        p, q = max(0, p - pad), min(rows, q + pad)
+        r, s = max(0, r - pad), min(columns, s + pad)
+        scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]
         # Only crop is ever cut, so a change lengthens or shortens no longer shadow than the crop's.
         flat = math.hypot(self._sun.east, self._sun.north) / max(self._sun.up, 0.03)
         reach = math.ceil(self._tallest_crop * flat / self._coarse) + 1

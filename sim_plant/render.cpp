@@ -50,7 +50,11 @@ enum Met { SKY = 100, CANOPY, FACE, GROUND };
 constexpr float CANOPY_BACK_M = 0.25F, FACE_BACK_M = 0.30F;
 // Share of a stalk that other stalks leave to be seen where crop stands before it.
 constexpr float INTERIOR = 0.42F;
-constexpr float FARTHEST_M = 32767.0F;
+constexpr float NEAREST_M = 0.25F, FARTHEST_M = 8191.0F;
+// While stalks are drawn a pixel is one word, of which the smaller wins: in its upper half the depth,
+// in its lower half the place of its colour in the strip's palette, or one of these: what its ray
+// met, or that it has its colour.
+constexpr uint32_t PALETTE = 0xFF00, MET = 0xFF00, PAINTED = 0xFF01;
 constexpr float PI = 3.14159265358979F;
 // Pixels are painted, and stalks projected, so many at once: loops of just this length become
 // vector instructions without a remainder.
@@ -100,7 +104,7 @@ struct Grown {
 };
 
 // A stalk where it stands, as long as nothing near it is cut; in batches, field by field.
-constexpr int SHADES = 6;
+constexpr int SHADES = 6, STALK_COLOURS = 2 + SHADES;
 enum Field {
   X,
   Y,
@@ -127,9 +131,10 @@ enum Field {
 struct Stalk {
   float u0, v0, z0, u1, v1, z1;
   float stem, ear, ear_share, visible, nod;
-  // Packed like a pixel: the ear's two stripes, and the stem's at four heights from the top down.
+  // Packed like a pixel: the ear's two stripes, and the stem's at six heights from the top down.
   uint32_t stripes[2], stems[SHADES];
 };
+constexpr int64_t PALETTE_STALKS = PALETTE / STALK_COLOURS;
 
 }  // namespace
 
@@ -163,10 +168,11 @@ struct Picture {
   int32_t *sorted;
   int64_t *sorted_first;
   float *depth;
+  uint32_t *key;
   uint32_t *colour;
   uint8_t *image;
 
-  double x0, y0, cell, canopy, tallest;
+  double x0, y0, cell, canopy, tallest, roof;
   double x, y, z;
   double axes[9];
   double focal, cu, cv, k1, k2, shear, tangent, corner;
@@ -200,11 +206,13 @@ namespace {
 struct Heading {
   float ra, rl, rz, da, dl, dz, fa, fl, fz;
   double hx, hy;
+  float azimuth;
 
   explicit Heading(const Picture &p) {
     const double norm = std::sqrt(p.axes[6] * p.axes[6] + p.axes[7] * p.axes[7]);
     hx = p.axes[6] / norm;
     hy = p.axes[7] / norm;
+    azimuth = float(std::atan2(p.axes[7], p.axes[6]));
     float *out[3][3] = {{&ra, &rl, &rz}, {&da, &dl, &dz}, {&fa, &fl, &fz}};
     for (int k = 0; k < 3; ++k) {
       const double *axis = p.axes + 3 * k;
@@ -258,7 +266,8 @@ void profile(const Picture &p, const Heading &head, int64_t b) {
   const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
   float start[SEGMENTS], top[SEGMENTS];
   int n = 0;
-  float r = 0.0F, now = -1.0F;
+  float r = 0.0F, now = -1.0F, hidden = 0.0F;
+  const float roof = float(p.roof) + 0.1F - eye;
   while (n < SEGMENTS - 1 && r < 80.0F) {
     const float px = px0 + r * dx, py = py0 + r * dy;
     if (!(px >= 0.0F && py >= 0.0F && px < n_i && py < n_j)) break;
@@ -282,12 +291,15 @@ void profile(const Picture &p, const Heading &head, int64_t b) {
       }
     }
     const bool entered = (height > 0.0F) != (now > 0.0F);
+    // Nothing farther away rises above what stands here.
+    if (hidden > 0.0F && roof <= hidden * r) break;
     if (now < 0.0F || entered || std::abs(height - now) > 0.06F) {
       start[n] = r;
       top[n] = height;
       // The crop's upper border is ragged.
       if (entered && height > 0.0F && leap > half_cell)
         top[n] += 0.16F * float(uniform(5, int(30.0F * px), int(30.0F * py))) - 0.10F;
+      hidden = std::max(hidden, (top[n] - eye) / std::max(r, 1e-6F));
       ++n;
       now = height;
     }
@@ -570,17 +582,38 @@ int64_t project(const Picture &p, int64_t k, Stalk *out, int16_t *spans) {
   return n;
 }
 
+inline float from_bits(int32_t bits) {
+  float x;
+  std::memcpy(&x, &bits, 4);
+  return x;
+}
+
+inline int32_t bits_of(float x) {
+  int32_t bits;
+  std::memcpy(&bits, &x, 4);
+  return bits;
+}
+
+// A depth between NEAREST_M and FARTHEST_M as the upper half of a pixel's word: to 1/4096 of it.
+constexpr int DEPTH_SHIFT = 11, DEPTH_NONE = 0x3E800000 >> DEPTH_SHIFT;
+
+inline uint32_t depth_key(float depth) {
+  const float z = limited(depth, NEAREST_M, FARTHEST_M);
+  return uint32_t((bits_of(z) >> DEPTH_SHIFT) - DEPTH_NONE) << 16;
+}
+
 // Where the rays of two columns end, from the profile of each one's azimuth. The depth is the
 // distance along the optical axis, a little behind canopy and face so that the foremost stalks
-// stand out; the label is what was met. Two neighbours' rays always meet the same.
+// stand out; the key says what was met. The rays of two columns and two rows always meet the same.
 void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
-  const int rows = int(p.rows);
+  const int rows = int(p.rows + 1) & ~1;
   const float one = 1.0F, tiny = 1e-7F;
   const float tangent = float(p.tangent), to_bin = float(0.5 * double(p.bins) / p.tangent);
   const float most = float(p.bins - 1);
   float up[2][ROOM], per_flat[2][ROOM];
   float rise[ROOM], back[ROOM];
-  int32_t bin[ROOM], met[ROOM];
+  int32_t bin[ROOM];
+  uint32_t met[ROOM];
   for (int64_t c = 0; c < columns; ++c) {
     const Rays rays(p, u + c);
     for (int v = 0; v < rows; ++v) {
@@ -595,24 +628,24 @@ void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
     }
   }
   int k = 0;
-  for (int v = 0; v < rows; ++v) {
+  for (int v = 0; v < rows; v += 2) {
     const float *limits = p.limit + bin[v] * PIECES;
     const float slope = up[0][v] * per_flat[0][v];
     k = std::min(k, p.pieces[bin[v]]);
     while (k > 0 && slope < limits[k - 1]) --k;
     while (slope >= limits[k]) ++k;
     const int32_t at = bin[v] * PIECES + k;
-    rise[v] = p.rise[at];
-    back[v] = p.back[at];
-    met[v] = p.met[at];
+    rise[v] = rise[v + 1] = p.rise[at];
+    back[v] = back[v + 1] = p.back[at];
+    met[v] = met[v + 1] = MET | uint32_t(p.met[at]);
   }
   for (int64_t c = 0; c < columns; ++c) {
     float *depth = p.depth + (u + c) * p.stride;
-    uint32_t *colour = p.colour + (u + c) * p.stride;
+    uint32_t *key = p.key + (u + c) * p.stride;
     for (int v = 0; v < rows; ++v) {
       const float far = std::abs(rise[v] / up[c][v]) + back[v] * per_flat[c][v];
       depth[v] = std::min(far, FARTHEST_M);
-      colour[v] = uint32_t(met[v]) << 24;
+      key[v] = depth_key(far) | met[v];
     }
   }
 }
@@ -631,6 +664,7 @@ void draw_crowns(const Picture &p, int64_t left, int64_t right) {
     const double vc = p.focal * (R[3] * ax + R[4] * ay + R[5] * az) / z + p.cv;
     const double radius = p.focal * crown[3] / z, leaf = 40.0 / radius;
     const double fog = p.haze * z / (1.0 + p.haze * z);
+    const uint32_t deep = depth_key(float(z));
     const auto from = [](double x, int64_t least) {
       return std::max(least, int64_t(std::max(-1e6, x)));
     };
@@ -640,7 +674,7 @@ void draw_crowns(const Picture &p, int64_t left, int64_t right) {
     for (int64_t u = from(uc - radius, left); u < until(uc + radius, right); ++u) {
       for (int64_t v = from(vc - radius, 0); v < until(vc + radius, rows); ++v) {
         const double dx = (double(u) - uc) / radius, dy = (double(v) - vc) / radius;
-        if (dx * dx + dy * dy > 1.2 || float(z) >= p.depth[u * p.stride + v]) continue;
+        if (dx * dx + dy * dy > 1.2 || deep >= (p.key[u * p.stride + v] | 0xFFFF)) continue;
         const double clump = smooth(int(k) + 7, dx * 4.0 + 9.0, dy * 4.0 + 9.0);
         const double fine =
             smooth(int(k) + 8, (double(u) - uc) * leaf + 99.0, (double(v) - vc) * leaf + 99.0);
@@ -652,56 +686,48 @@ void draw_crowns(const Picture &p, int64_t left, int64_t right) {
           const double x = leaves[c] * (0.7 + 0.6 * fine) * double(light.on(c, lit));
           bgr[c] = float(x + fog * (p.haze_bgr[c] - x));
         }
-        p.depth[u * p.stride + v] = float(z);
+        p.key[u * p.stride + v] = deep | PAINTED;
         p.colour[u * p.stride + v] = uint32_t(L_BACKGROUND) << 24 | packed(bgr[0], bgr[1], bgr[2]);
       }
     }
   }
 }
 
-constexpr int WIDTH = 8;
+constexpr int WIDTH = 16;
 typedef float Floats __attribute__((vector_size(4 * WIDTH)));
 typedef int32_t Ints __attribute__((vector_size(4 * WIDTH)));
-constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7};
-
-constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F, 3.5F, 4.5F, 5.5F, 6.5F, 7.5F};
+typedef uint32_t Words __attribute__((vector_size(4 * WIDTH)));
+constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F,  3.5F,  4.5F,  5.5F,  6.5F,  7.5F,
+                            8.5F, 9.5F, 10.5F, 11.5F, 12.5F, 13.5F, 14.5F, 15.5F};
+// Makes truncation of a column a floor.
+constexpr float COLUMNS = 4096.0F;
 
 Floats larger(Floats a, Floats b) { return a > b ? a : b; }
 
 // Draws WIDTH rows from v on, the first n of them: in each the columns from `from` on that lie
-// before `to`, at least one, where nothing nearer was drawn.
-inline void paint(const Picture &p, int v, int n, Floats from, Floats to, Floats z, Ints with,
-                  int left, int right) {
-  // The offset makes truncation a floor.
-  const Ints a = __builtin_convertvector(from + 4096.0F, Ints) - 4096;
-  Ints b = __builtin_convertvector(to + 4096.0F, Ints) - 4096;
-  b = b > a ? b : a + 1;
-  const Ints drawn = LANES < n;
-  // Most of them lie between those of the first and of the last row.
-  int low = a[0], high = b[0];
-  for (int k = 1; k < WIDTH; ++k) {
-    low = k < n ? std::min(low, a[k]) : low;
-    high = k < n ? std::max(high, b[k]) : high;
-  }
-  low = std::max(low, left);
-  high = std::min(high, right);
-  for (int64_t u = low; u < high; ++u) {
-    float *depth = p.depth + u * p.stride + v;
-    uint32_t *colour = p.colour + u * p.stride + v;
-    Floats there;
-    Ints old;
-    std::memcpy(&there, depth, sizeof there);
-    std::memcpy(&old, colour, sizeof old);
-    const int c = int(u);
-    const Ints nearer = (z < there) & (a <= c) & (b > c) & drawn;
-    there = nearer ? z : there;
-    old = nearer ? with : old;
-    std::memcpy(depth, &there, sizeof there);
-    std::memcpy(colour, &old, sizeof old);
+// before `to`, at least one, where nothing nearer was drawn. All of them lie in [low, high), and
+// `from` and `to` are COLUMNS larger than columns.
+inline void paint(const Picture &p, int v, int n, Floats from, Floats to, Floats z, Words with,
+                  int low, int high) {
+  const Ints a = __builtin_convertvector(from, Ints);
+  Ints b = __builtin_convertvector(to, Ints) - a;
+  b = b > 1 ? b : Ints{} + 1;
+  b = LANES < n ? b : Ints{};
+  const Words wide = (Words)b, here = (Words)a - uint32_t(COLUMNS);
+  const Words key = (Words)(((Ints)z >> DEPTH_SHIFT) - DEPTH_NONE) << 16 | with;
+  uint32_t *at = p.key + int64_t(low) * p.stride + v;
+  for (int u = low; u < high; ++u, at += p.stride) {
+    Words there;
+    std::memcpy(&there, at, sizeof there);
+    const Words fresh = (uint32_t(u) - here) < wide ? key : there;
+    there = fresh < there ? fresh : there;
+    std::memcpy(at, &there, sizeof there);
   }
 }
 
-void draw_stalk(const Picture &p, const Stalk &e, int left, int right) {
+// `place`: of the stalk's first colour in the strip's palette.
+void draw_stalk(const Picture &p, const Stalk &e, uint32_t place, int left, int right) {
   const int rows = int(p.rows);
   const float lengthwise = e.v0 - e.v1, per = 1.0F / lengthwise;
   const float du = (e.u0 - e.u1) * per, dz = (e.z0 - e.z1) * per, slant = 0.5F * std::abs(du);
@@ -714,29 +740,45 @@ void draw_stalk(const Picture &p, const Stalk &e, int left, int right) {
   int vh = va;
   if (e.ear_share > 0.0F)
     vh = std::min(vb + 1, std::max(va, int(std::ceil(e.v1 - 0.5F + e.ear_share * lengthwise))));
-  const float base = e.u1 + 0.5F;
+  const float base = e.u1 + (0.5F + COLUMNS);
+  // The columns between two of them, and at least one.
+  const auto columns = [&](float from, float to, int &low, int &high) {
+    low = std::max(left, int(from) - int(COLUMNS));
+    high = std::min(right, std::max(int(from) + 1, int(to)) - int(COLUMNS));
+  };
+  int low, high;
   if (va < vh) {
-    const float per_head = per / e.ear_share;
+    const float per_head = per / e.ear_share, wide = std::max(slant, e.ear);
     const int ears = int(e.u1);
-    const int32_t dark = int32_t(e.stripes[0]), bright = int32_t(e.stripes[1]);
     for (int v = va; v < vh; v += WIDTH) {
+      const int n = std::min(WIDTH, vh - v);
       const Floats down = LANES_F + (float(v) - e.v1);
       const Floats q = larger(Floats{}, down * per_head), rest = 1.0F - q;
       const Floats w = larger(Floats{} + slant, e.ear * (0.4F + 2.4F * q * rest));
       const Floats at = base + du * down + e.nod * rest * rest;
       const Ints plain = ((LANES + (v + ears)) & 3) == 0;
-      paint(p, v, vh - v, at - w, at + w, e.z1 + dz * down, plain ? Ints{} + dark : Ints{} + bright,
-            left, right);
+      // The nod falls from the first row to the last, and the slant adds to it or takes from it.
+      const float a = du * down[0], b = du * down[n - 1];
+      const float c = e.nod * rest[0] * rest[0], d = e.nod * rest[n - 1] * rest[n - 1];
+      columns(base + std::min(a, b) + std::min(c, d) - wide - 0.01F,
+              base + std::max(a, b) + std::max(c, d) + wide + 1.01F, low, high);
+      paint(p, v, n, at - w, at + w, e.z1 + dz * down,
+            plain ? Words{} + place : Words{} + (place + 1), low, high);
     }
   }
   const float stem = std::max(e.stem, slant), top = e.ear_share * lengthwise;
   const float to_shade = float(SHADES) / ((e.visible - e.ear_share) * lengthwise);
   for (int v = std::max(va, vh); v <= vb; v += WIDTH) {
-    const Floats down = LANES_F + (float(v) - e.v1);
+    const int n = std::min(WIDTH, vb + 1 - v);
+    const float first = float(v) - e.v1;
+    const Floats down = LANES_F + first;
     const Floats at = base + du * down;
-    const int shade = limited(int((float(v) + 3.5F - e.v1 - top) * to_shade), 0, SHADES - 1);
-    paint(p, v, vb + 1 - v, at - stem, at + stem, e.z1 + dz * down,
-          Ints{} + int32_t(e.stems[shade]), left, right);
+    const Ints shade = __builtin_convertvector((down - top) * to_shade, Ints);
+    const Words with = (Words)(shade < SHADES ? (shade > 0 ? shade : Ints{}) : Ints{} + (SHADES - 1));
+    const float a = base + du * (first + 0.5F), b = base + du * (first + (float(n) - 0.5F));
+    columns(std::min(a, b) - stem, std::max(std::max(a, b) + stem, std::max(a, b) - stem + 1.0F),
+            low, high);
+    paint(p, v, n, at - stem, at + stem, e.z1 + dz * down, with + (place + 2), low, high);
   }
 }
 
@@ -768,22 +810,11 @@ inline int32_t spread(int32_t n) {
   return (n | n << 1) & 0x55555555;
 }
 
-inline float from_bits(int32_t bits) {
-  float x;
-  std::memcpy(&x, &bits, 4);
-  return x;
-}
-
-inline int32_t bits_of(float x) {
-  int32_t bits;
-  std::memcpy(&bits, &x, 4);
-  return bits;
-}
-
-// The pixels of a column that wait for the same kind of paint, filled up to whole batches.
+// The pixels of two columns and two rows meet the same: squares, by the first row of each, that
+// wait for the same kind of paint, filled up to whole batches.
 struct Waiting {
   int n = 0;
-  int32_t row[ROOM];
+  int32_t row[ROOM / 2];
 
   void fill_up() {
     const int last = n > 0 ? row[n - 1] : 0;
@@ -791,52 +822,70 @@ struct Waiting {
   }
 };
 
-// A batch of pixels whose texels are on their way from memory: their colours are a texel's times
-// `gain` plus `fog`.
+// A batch of squares whose texels are on their way from memory: a pixel's colour is its texel's
+// times the square's `gain` plus `fog`.
 struct Coming {
-  int32_t texel[BATCH], masonry[BATCH], label[BATCH];
+  int32_t texel[4][BATCH], masonry[BATCH], label[BATCH];
   float gain[3][BATCH], fog[BATCH];
 };
 
-struct Column {
+// Two columns of pixels; the same one twice at the picture's right border.
+struct Pair {
   const Picture &p;
   const Heading &h;
-  const Rays rays;
-  const float *depth;
-  uint32_t *colour;
+  const Light &light;
+  const Rays rays[2];
+  const float *depth[2];
+  uint32_t *colour[2];
 };
 
-void fill_sky(const Column &column, const int32_t *row) {
-  const Picture &p = column.p;
-  const Heading &h = column.h;
+// A pixel that waits takes its colour.
+inline void take(uint32_t &pixel, uint32_t colour) {
+  pixel = pixel >> 24 >= SKY ? colour : pixel;
+}
+
+void fill_sky(const Pair &pair, const int32_t *row) {
+  const Picture &p = pair.p;
+  const Heading &h = pair.h;
   const float last = float(p.panorama_rows - 1);
   const float per_row = float(p.panorama_rows) / (PANORAMA_TOP - PANORAMA_BOTTOM);
   const float per_column = float(p.panorama_columns) / (2.0F * PI);
   const int32_t around = int32_t(p.panorama_columns);
   // A turn more than the panorama's beginning, so that no column is negative.
-  const float ahead = float(std::atan2(p.axes[7], p.axes[6]) + 3.0 * 3.14159265358979);
-  int32_t at[BATCH];
-  for (int k = 0; k < BATCH; ++k) {
-    float a, b;
-    column.rays.at(row[k], a, b);
-    const float per = 1.0F / std::max(1e-7F, a * h.ra + b * h.da + h.fa);
-    const float lateral = (a * h.rl + b * h.dl) * per;
-    const float steep = (a * h.rz + b * h.dz + h.fz) * per / std::sqrt(1.0F + lateral * lateral);
-    int32_t c = int32_t((ahead + azimuth(lateral)) * per_column);
-    c = c >= around ? c - around : c;
-    c = c >= around ? c - around : c;
-    at[k] = int32_t(limited((PANORAMA_TOP - steep) * per_row, 0.0F, last)) * around + c;
+  const float ahead = h.azimuth + 3.0F * PI;
+  for (int c = 0; c < 2; ++c) {
+    const Rays rays = pair.rays[c];
+    // Two rows lie at the same azimuth.
+    int32_t at[2][BATCH];
+    for (int k = 0; k < BATCH; ++k) {
+      float a, b;
+      rays.at(row[k], a, b);
+      const float per = 1.0F / std::max(1e-7F, a * h.ra + b * h.da + h.fa);
+      const float lateral = (a * h.rl + b * h.dl) * per;
+      const float per_flat = per / std::sqrt(1.0F + lateral * lateral);
+      int32_t i = int32_t((ahead + azimuth(lateral)) * per_column);
+      i = i >= around ? i - around : i;
+      i = i >= around ? i - around : i;
+      const float steep = (a * h.rz + b * h.dz + h.fz) * per_flat;
+      at[0][k] = int32_t(limited((PANORAMA_TOP - steep) * per_row, 0.0F, last)) * around + i;
+      rays.at(row[k] + 1, a, b);
+      const float under = (a * h.rz + b * h.dz + h.fz) * per_flat;
+      at[1][k] = int32_t(limited((PANORAMA_TOP - under) * per_row, 0.0F, last)) * around + i;
+    }
+    for (int down = 0; down < 2; ++down)
+      for (int k = 0; k < BATCH; ++k)
+        take(pair.colour[c][row[k] + down],
+             uint32_t(L_BACKGROUND) << 24 | uint32_t(p.panorama[at[down][k]]));
   }
-  for (int k = 0; k < BATCH; ++k)
-    column.colour[row[k]] = uint32_t(L_BACKGROUND) << 24 | uint32_t(p.panorama[at[k]]);
 }
 
-// What lies below the horizon. `ground`: where all rays end there; otherwise on the crop's canopy
-// or face, or on masonry.
-template <bool ground>
-void light_land(const Column &column, const int32_t *row, Coming &out) {
-  const Picture &p = column.p;
-  const Light light(p.light);
+// What lies below the horizon: where rays end on the ground, on the crop's canopy or face, or on
+// masonry. Each square has one light, that of its middle; each pixel its own texel.
+template <int hit>
+void light_land(const Pair &pair, const int32_t *row, Coming &out) {
+  constexpr bool ground = hit == GROUND, top = hit == CANOPY;
+  const Picture &p = pair.p;
+  const Light &light = pair.light;
   float R[9];
   for (int q = 0; q < 9; ++q) R[q] = float(p.axes[q]);
   const float inv = float(0.5 / p.cell);
@@ -847,35 +896,44 @@ void light_land(const Column &column, const int32_t *row, Coming &out) {
   const float last_i = float(n_i - 1), last_j = float(n_j - 1);
   const float per_footprint = 1.0F / (float(p.focal) * TEXEL_M) / 1.4F;
   const float haze = float(p.haze), per_slab = 1.0F / float(p.canopy);
+  float px[4][BATCH], py[4][BATCH], pz[4][BATCH], pt[4][BATCH];
   float xs[BATCH], ys[BATCH], zs[BATCH], ts[BATCH], seen[BATCH], ao[BATCH], unripe[BATCH],
       foot[BATCH];
-  int32_t hits[BATCH], marks[BATCH], looks[BATCH], kinds[BATCH], tiles[BATCH], here[BATCH],
-      outside[BATCH], flat[BATCH];
+  int32_t marks[BATCH], looks[BATCH], kinds[BATCH], tiles[BATCH], here[BATCH], outside[BATCH],
+      flat[BATCH];
+  for (int q = 0; q < 4; ++q) {
+    for (int k = 0; k < BATCH; ++k) {
+      float a, b;
+      pair.rays[q & 1].at(row[k] + (q >> 1), a, b);
+      const float east = a * R[0] + b * R[3] + R[6];
+      const float north = a * R[1] + b * R[4] + R[7];
+      const float up = a * R[2] + b * R[5] + R[8];
+      float t = pair.depth[q & 1][row[k] + (q >> 1)];
+      if (!ground)
+        t -= (top ? CANOPY_BACK_M : FACE_BACK_M - 0.01F) / std::sqrt(east * east + north * north);
+      pt[q][k] = t;
+      px[q][k] = t * east;
+      py[q][k] = t * north;
+      pz[q][k] = t * up;
+    }
+  }
   for (int k = 0; k < BATCH; ++k) {
-    float a, b;
-    column.rays.at(row[k], a, b);
-    const float east = a * R[0] + b * R[3] + R[6];
-    const float north = a * R[1] + b * R[4] + R[7];
-    const float up = a * R[2] + b * R[5] + R[8];
-    float t = column.depth[row[k]];
-    hits[k] = ground ? int(GROUND) : int32_t(column.colour[row[k]] >> 24);
-    const bool top = hits[k] == CANOPY;
-    if (!ground)
-      t -= (top ? CANOPY_BACK_M : FACE_BACK_M - 0.01F) / std::sqrt(east * east + north * north);
+    const float x = 0.5F * (px[0][k] + px[3][k]), y = 0.5F * (py[0][k] + py[3][k]);
+    const float t = 0.5F * (pt[0][k] + pt[3][k]), z = 0.5F * (pz[0][k] + pz[3][k]);
     ts[k] = t;
-    const float x = t * east, y = t * north, px = cell_x + x * inv, py = cell_y + y * inv;
     xs[k] = x0 + x;
     ys[k] = y0 + y;
-    zs[k] = z0 + t * up;
-    outside[k] = int(px < 0.0F) | int(py < 0.0F) | int(px >= float(n_i)) | int(py >= float(n_j));
-    const float qx = limited(px, 0.0F, last_i), qy = limited(py, 0.0F, last_j);
+    zs[k] = z0 + z;
+    const float ci = cell_x + x * inv, cj = cell_y + y * inv;
+    outside[k] = int(ci < 0.0F) | int(cj < 0.0F) | int(ci >= float(n_i)) | int(cj >= float(n_j));
+    const float qx = limited(ci, 0.0F, last_i), qy = limited(cj, 0.0F, last_j);
     const int32_t at = int(qy) * n_i + int(qx);
     const int quarter = 2 * (int(qy * 2.0F) & 1) + (int(qx * 2.0F) & 1);
     int32_t mark;
     if (ground) {
       // How high shadows reach, between the middles of four cells, of which this is one.
-      const float rx = limited(px - 0.5F, 0.0F, last_i - 0.001F),
-                  ry = limited(py - 0.5F, 0.0F, last_j - 0.001F);
+      const float rx = limited(ci - 0.5F, 0.0F, last_i - 0.001F),
+                  ry = limited(cj - 0.5F, 0.0F, last_j - 0.001F);
       const int i = int(rx), j = int(ry), corner = j * n_i + i;
       const float fx = rx - float(i), fy = ry - float(j);
       const int32_t m0 = p.marks[corner], m1 = p.marks[corner + 1];
@@ -897,7 +955,7 @@ void light_land(const Column &column, const int32_t *row, Coming &out) {
     flat[k] = ground ? 0 : int(kinds[k] >= OBSTACLE);
     ao[k] = 0.8F + 0.4F * UNIT * float(looks[k] & 0xFFFF);
     // The footprint in texels.
-    const float slope = ground || top ? 0.3F + 0.7F * std::min(1.0F, std::abs(up) * 2.0F) : 1.0F;
+    const float slope = ground || top ? 0.3F + 0.7F * std::min(1.0F, std::abs(z / t) * 2.0F) : 1.0F;
     foot[k] = t * per_footprint / slope;
   }
   if (ground) {
@@ -919,7 +977,6 @@ void light_land(const Column &column, const int32_t *row, Coming &out) {
       const float far_lit = std::min(0.9F, 0.25F + 0.035F * t);
       const float top_lit = std::max(far_lit, std::min(1.0F, above * 4.0F + 0.3F));
       const float face_lit = limited(above * 3.0F + 0.5F, 0.12F, 0.9F);
-      const bool top = hits[k] == CANOPY;
       seen[k] = top ? top_lit : face_lit;
       ao[k] *= std::min(1.0F, top ? 0.85F + 0.01F * t : 0.6F + 0.4F * zs[k] * per_slab);
       tiles[k] = top ? int(T_TOP) : int(T_WALL);
@@ -948,27 +1005,36 @@ void light_land(const Column &column, const int32_t *row, Coming &out) {
       }
     }
   }
+  int32_t begin[BATCH], mask[BATCH];
+  float scale[BATCH], stretch[BATCH];
   for (int k = 0; k < BATCH; ++k) {
     // How many halvings bring the footprint to 1.4 texels or less.
     const int32_t level = limited<int32_t>(((bits_of(foot[k]) - 1) >> 23) - 126, 0, LEVELS - 1);
-    const float scale = from_bits((127 - level) << 23) * (1.0F / TEXEL_M);
-    const bool wall = tiles[k] == T_WALL;
-    const float stretch = ts[k] < 2.0F ? 3.0F : 1.0F;
-    const float along = wall ? (xs[k] * 0.83F + ys[k] * 0.57F) * 1.5F * stretch : xs[k];
-    const float across = wall ? -zs[k] * stretch : ys[k];
-    // The offset, a multiple of every tile's side, makes truncation a floor.
-    const int32_t side = SIDE >> level, mask = side - 1;
+    scale[k] = from_bits((127 - level) << 23) * (1.0F / TEXEL_M);
+    stretch[k] = ts[k] < 2.0F ? 3.0F : 1.0F;
+    const int32_t side = SIDE >> level;
+    mask[k] = side - 1;
     // Larger levels come before: a third of the squares' difference, times 4.
     const int32_t before = 4 * int32_t(float(SIDE * SIDE - side * side) * (1.0F / 3.0F) + 0.5F);
-    const int32_t ti = int32_t(along * scale + 65536.0F) & mask;
-    const int32_t tj = int32_t(across * scale + 65536.0F) & mask;
-    out.texel[k] = tiles[k] * int32_t(p.tile_size) + before + spread(ti) + 2 * spread(tj);
+    begin[k] = tiles[k] * int32_t(p.tile_size) + before;
   }
-  for (int k = 0; k < BATCH; ++k) __builtin_prefetch(p.tiles + out.texel[k]);
+  for (int q = 0; q < 4; ++q) {
+    for (int k = 0; k < BATCH; ++k) {
+      const bool wall = tiles[k] == T_WALL;
+      const float x = x0 + px[q][k], y = y0 + py[q][k], z = z0 + pz[q][k];
+      const float along = wall ? (x * 0.83F + y * 0.57F) * 1.5F * stretch[k] : x;
+      const float across = wall ? -z * stretch[k] : y;
+      // The offset, a multiple of every tile's side, makes truncation a floor.
+      const int32_t ti = int32_t(along * scale[k] + 65536.0F) & mask[k];
+      const int32_t tj = int32_t(across * scale[k] + 65536.0F) & mask[k];
+      out.texel[q][k] = begin[k] + spread(ti) + 2 * spread(tj);
+    }
+    for (int k = 0; k < BATCH; ++k) __builtin_prefetch(p.tiles + out.texel[q][k]);
+  }
   for (int k = 0; k < BATCH; ++k) out.masonry[k] = -1;
   if (odd)
     for (int k = 0; k < BATCH; ++k)
-      if (flat[k]) out.masonry[k] = masonry(kinds[k], hits[k], xs[k], ys[k], zs[k]);
+      if (flat[k]) out.masonry[k] = masonry(kinds[k], hit, xs[k], ys[k], zs[k]);
   const float lb = float(p.unripe_loss[0]), lg = float(p.unripe_loss[1]),
               lr = float(p.unripe_loss[2]);
   for (int k = 0; k < BATCH; ++k) {
@@ -982,45 +1048,69 @@ void light_land(const Column &column, const int32_t *row, Coming &out) {
   }
 }
 
-void paint_land(const Column &column, const int32_t *row, const Coming &in) {
-  const Picture &p = column.p;
+void paint_land(const Pair &pair, const int32_t *row, const Coming &in) {
+  const Picture &p = pair.p;
   const float hb = float(p.haze_bgr[0]), hg = float(p.haze_bgr[1]), hr = float(p.haze_bgr[2]);
-  int32_t texels[BATCH];
-  for (int k = 0; k < BATCH; ++k) texels[k] = p.tiles[in.texel[k]];
-  for (int k = 0; k < BATCH; ++k) {
-    const int32_t texel = in.masonry[k] >= 0 ? in.masonry[k] : texels[k];
-    const float fog = in.fog[k];
-    const float b = float(texel & 255) * in.gain[0][k] + fog * hb;
-    const float g = float(texel >> 8 & 255) * in.gain[1][k] + fog * hg;
-    const float r = float(texel >> 16) * in.gain[2][k] + fog * hr;
-    texels[k] = int32_t(packed(b, g, r)) | in.label[k];
+  for (int q = 0; q < 4; ++q) {
+    int32_t texels[BATCH];
+    for (int k = 0; k < BATCH; ++k) texels[k] = p.tiles[in.texel[q][k]];
+    for (int k = 0; k < BATCH; ++k) {
+      const int32_t texel = in.masonry[k] >= 0 ? in.masonry[k] : texels[k];
+      const float fog = in.fog[k];
+      const float b = float(texel & 255) * in.gain[0][k] + fog * hb;
+      const float g = float(texel >> 8 & 255) * in.gain[1][k] + fog * hg;
+      const float r = float(texel >> 16) * in.gain[2][k] + fog * hr;
+      texels[k] = int32_t(packed(b, g, r)) | in.label[k];
+    }
+    uint32_t *colour = pair.colour[q & 1] + (q >> 1);
+    for (int k = 0; k < BATCH; ++k) take(colour[row[k]], uint32_t(texels[k]));
   }
-  for (int k = 0; k < BATCH; ++k) column.colour[row[k]] = uint32_t(texels[k]);
 }
 
-// Paints what `find` met in a column and no stalk hides, each pixel with its own light and texel.
-void fill(const Picture &p, const Heading &h, int64_t u) {
-  const int rows = int(p.rows);
-  const Column column = {p, h, Rays(p, u), p.depth + u * p.stride, p.colour + u * p.stride};
-  Waiting sky, ground, crop;
-  for (int v = 0; v < rows; ++v) {
-    const uint32_t hit = column.colour[v] >> 24;
-    sky.row[sky.n] = ground.row[ground.n] = crop.row[crop.n] = v;
-    sky.n += hit == SKY;
-    ground.n += hit == GROUND;
-    crop.n += (hit == CANOPY) | (hit == FACE);
+// Gives the pixels of two columns their colours: a stalk's from the palette; where no stalk hides
+// what `find` met, by light and texel.
+void fill(const Picture &p, const Heading &h, const Light &light, const uint32_t *palette,
+          int64_t u) {
+  const int rows = int(p.rows + 1) & ~1;
+  const int64_t one = u * p.stride, two = std::min(u + 1, p.columns - 1) * p.stride;
+  const Pair pair = {p,
+                     h,
+                     light,
+                     {Rays(p, u), Rays(p, std::min(u + 1, p.columns - 1))},
+                     {p.depth + one, p.depth + two},
+                     {p.colour + one, p.colour + two}};
+  const uint32_t *keys[2] = {p.key + one, p.key + two};
+  for (int c = 0; c < 2; ++c) {
+    const uint32_t *key = keys[c];
+    uint32_t *colour = pair.colour[c];
+    if (p.crown_count == 0) {
+      for (int v = 0; v < rows; ++v) colour[v] = palette[key[v] & 0xFFFF];
+    } else {
+      for (int v = 0; v < rows; ++v)
+        colour[v] = (key[v] & 0xFFFF) == PAINTED ? colour[v] : palette[key[v] & 0xFFFF];
+    }
   }
-  sky.fill_up();
-  ground.fill_up();
-  crop.fill_up();
-  for (int k = 0; k < sky.n; k += BATCH) fill_sky(column, sky.row + k);
-  static thread_local Coming coming[ROOM / BATCH + 2];
+  Waiting sky, ground, canopy, face;
+  for (int v = 0; v < rows; v += 2) {
+    const uint32_t met = std::max(std::max(keys[0][v] & 0xFFFF, keys[0][v + 1] & 0xFFFF),
+                                  std::max(keys[1][v] & 0xFFFF, keys[1][v + 1] & 0xFFFF));
+    sky.row[sky.n] = ground.row[ground.n] = canopy.row[canopy.n] = face.row[face.n] = v;
+    sky.n += met == (MET | SKY);
+    ground.n += met == (MET | GROUND);
+    canopy.n += met == (MET | CANOPY);
+    face.n += met == (MET | FACE);
+  }
+  for (Waiting *list : {&sky, &ground, &canopy, &face}) list->fill_up();
+  for (int k = 0; k < sky.n; k += BATCH) fill_sky(pair, sky.row + k);
+  static thread_local Coming coming[ROOM / BATCH + 4];
   Coming *next = coming;
-  for (int k = 0; k < ground.n; k += BATCH) light_land<true>(column, ground.row + k, *next++);
-  for (int k = 0; k < crop.n; k += BATCH) light_land<false>(column, crop.row + k, *next++);
+  for (int k = 0; k < ground.n; k += BATCH) light_land<GROUND>(pair, ground.row + k, *next++);
+  for (int k = 0; k < canopy.n; k += BATCH) light_land<CANOPY>(pair, canopy.row + k, *next++);
+  for (int k = 0; k < face.n; k += BATCH) light_land<FACE>(pair, face.row + k, *next++);
   next = coming;
-  for (int k = 0; k < ground.n; k += BATCH) paint_land(column, ground.row + k, *next++);
-  for (int k = 0; k < crop.n; k += BATCH) paint_land(column, crop.row + k, *next++);
+  for (int k = 0; k < ground.n; k += BATCH) paint_land(pair, ground.row + k, *next++);
+  for (int k = 0; k < canopy.n; k += BATCH) paint_land(pair, canopy.row + k, *next++);
+  for (int k = 0; k < face.n; k += BATCH) paint_land(pair, face.row + k, *next++);
 }
 
 // The columns [left, right) of a part of the picture: pairs of columns meet the same.
@@ -1040,20 +1130,27 @@ void find_all(const Picture &p, const Strip &strip) {
     find(p, h, u, std::min<int64_t>(2, strip.right - u));
 }
 
-void draw_stalks(const Picture &p, const Strip &strip) {
-  const int64_t last = p.sorted_first[strip.part + 1] - 1;
-  for (int64_t n = p.sorted_first[strip.part]; n <= last; ++n) {
+// Draws a strip's stalks and fills its palette: of all those that it can hold, the nearest.
+void draw_stalks(const Picture &p, const Strip &strip, uint32_t *palette) {
+  const int64_t first = p.sorted_first[strip.part];
+  const int64_t last = std::min(p.sorted_first[strip.part + 1], first + PALETTE_STALKS) - 1;
+  for (int64_t n = first; n <= last; ++n) {
     // What comes next is on its way meanwhile.
     const char *soon = reinterpret_cast<const char *>(p.stalks + p.sorted[std::min(n + 6, last)]);
     __builtin_prefetch(soon);
     __builtin_prefetch(soon + 63);
-    draw_stalk(p, p.stalks[p.sorted[n]], int(strip.left), int(strip.right));
+    const Stalk &stalk = p.stalks[p.sorted[n]];
+    const uint32_t place = uint32_t(n - first) * STALK_COLOURS;
+    std::memcpy(palette + place, stalk.stripes, sizeof stalk.stripes);
+    std::memcpy(palette + place + 2, stalk.stems, sizeof stalk.stems);
+    draw_stalk(p, stalk, place, int(strip.left), int(strip.right));
   }
 }
 
-void fill_all(const Picture &p, const Strip &strip) {
+void fill_all(const Picture &p, const Strip &strip, const uint32_t *palette) {
   const Heading h(p);
-  for (int64_t u = strip.left; u < strip.right; ++u) fill(p, h, u);
+  const Light light(p.light);
+  for (int64_t u = strip.left; u < strip.right; u += 2) fill(p, h, light, palette, u);
 }
 
 // Columns [left, right) from where they are drawn into the picture, row by row.
@@ -1065,12 +1162,9 @@ void lay(const Picture &p, const Strip &strip) {
     for (int64_t v = v0; v < v1; ++v) {
       uint8_t *out = p.image + (v * p.columns + left) * 3;
       const uint32_t *in = p.colour + left * p.stride + v;
-      for (int64_t u = left; u < right; ++u, out += 3, in += p.stride) {
-        const uint32_t word = *in;
-        out[0] = uint8_t(word);
-        out[1] = uint8_t(word >> 8);
-        out[2] = uint8_t(word >> 16);
-      }
+      // The label goes where the next pixel comes, but for the last one.
+      for (int64_t u = left; u < right - 1; ++u, out += 3, in += p.stride) std::memcpy(out, in, 4);
+      std::memcpy(out, in, 3);
     }
   }
 }
@@ -1236,18 +1330,12 @@ void draw(const Picture *picture, int64_t part) {
   const Strip strip(p, part);
   find_all(p, strip);
   draw_crowns(p, strip.left, strip.right);
-  draw_stalks(p, strip);
-  fill_all(p, strip);
+  static thread_local uint32_t palette[1 << 16];
+  for (uint32_t met : {SKY, CANOPY, FACE, GROUND}) palette[MET | met] = met << 24;
+  draw_stalks(p, strip, palette);
+  fill_all(p, strip, palette);
   lay(p, strip);
 }
-
-// For a measurement, a pass of `draw` alone.
-void pass_find(const Picture *picture, int64_t part) { find_all(*picture, Strip(*picture, part)); }
-void pass_stalks(const Picture *picture, int64_t part) {
-  draw_stalks(*picture, Strip(*picture, part));
-}
-void pass_fill(const Picture *picture, int64_t part) { fill_all(*picture, Strip(*picture, part)); }
-void pass_lay(const Picture *picture, int64_t part) { lay(*picture, Strip(*picture, part)); }
 
 // The numbers that the plant's other code draws alike (sim_plant/noise.py): for a test.
 double noise_smooth(int64_t seed, double x, double y) { return smooth(int(seed), x, y); }
@@ -1344,8 +1432,14 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int6
   const int u0 = std::max(0, (left - 1) * int(scale)),
             u1 = std::min(int(columns), (right + 1) * int(scale));
   const float per_scale = 1.0F / float(scale);
-  float column[ROOM], line[ROOM];
-  const float b = float(bgr[0]), g = float(bgr[1]), r = float(bgr[2]);
+  float column[ROOM], line[3 * ROOM], place[ROOM], dust[3 * ROOM];
+  int32_t from[ROOM];
+  for (int u = u0; u < u1; ++u) {
+    const float x = limited((float(u) + 0.5F) * per_scale - 0.5F, 0.0F, float(w - 1));
+    from[u] = std::min(int(x), w - 2);
+    place[u] = x - float(from[u]);
+    for (int c = 0; c < 3; ++c) dust[3 * u + c] = float(bgr[c]);
+  }
   for (int v = v0; v < v1; ++v) {
     const float y = limited((float(v) + 0.5F) * per_scale - 0.5F, 0.0F, float(h - 1));
     const int j = std::min(int(y), h - 2);
@@ -1353,16 +1447,13 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int6
     const float *one = veil + size_t(j) * size_t(w);
     for (int i = 0; i < w; ++i) column[i] = one[i] + (one[i + w] - one[i]) * fy;
     for (int u = u0; u < u1; ++u) {
-      const float x = limited((float(u) + 0.5F) * per_scale - 0.5F, 0.0F, float(w - 1));
-      const int i = std::min(int(x), w - 2);
-      line[u] = column[i] + (column[i + 1] - column[i]) * (x - float(i));
+      const int i = from[u];
+      const float opacity = column[i] + (column[i + 1] - column[i]) * place[u];
+      line[3 * u] = line[3 * u + 1] = line[3 * u + 2] = opacity;
     }
     uint8_t *out = image + (int64_t(v) * columns) * 3;
-    for (int u = u0; u < u1; ++u) {
-      out[3 * u] = uint8_t(float(out[3 * u]) + (b - float(out[3 * u])) * line[u]);
-      out[3 * u + 1] = uint8_t(float(out[3 * u + 1]) + (g - float(out[3 * u + 1])) * line[u]);
-      out[3 * u + 2] = uint8_t(float(out[3 * u + 2]) + (r - float(out[3 * u + 2])) * line[u]);
-    }
+    for (int k = 3 * u0; k < 3 * u1; ++k)
+      out[k] = uint8_t(int32_t(float(out[k]) + (dust[k] - float(out[k])) * line[k]));
   }
 }
 

@@ -130,6 +130,7 @@ class Picture(ctypes.Structure):
         ("sorted", c_void_p),  # int32: the stalks of a part's columns, part by part
         ("sorted_first", c_void_p),  # int64 (parts + 1): where a part's begin
         ("depth", c_void_p),  # float32 (columns, stride), m along the optical axis
+        ("key", c_void_p),  # uint32 (columns, stride): depth, then whose colour
         ("colour", c_void_p),  # uint32 (columns, stride): label, red, green, blue
         ("image", c_void_p),  # uint8 (rows, columns, 3)
         ("x0", c_double),
@@ -137,6 +138,7 @@ class Picture(ctypes.Structure):
         ("cell", c_double),
         ("canopy", c_double),  # height of the canopy's body below the ears at its tallest, m
         ("tallest", c_double),  # crop, m
+        ("roof", c_double),  # nothing that stands is higher, m
         ("x", c_double),
         ("y", c_double),
         ("z", c_double),
