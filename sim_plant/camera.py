@@ -155,6 +155,7 @@ def _scene_of(field: Field) -> render.Scene:
         marks=np.zeros(coarse, np.int32),
         looks=stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16,
         clear=np.zeros(coarse, np.float32),
+        tops=np.zeros(coarse, np.uint16),
         stand=stand,
         x0=float(field.origin[0]),
         y0=float(field.origin[1]),
@@ -282,7 +283,8 @@ class Camera:
         kernels = render.Kernels(picture)
         empty = (np.zeros((bins, render.PIECES), np.float32) for _ in range(3))
         kernels.hold(
-            kind=scene.kind, marks=scene.marks, clear=scene.clear, stand=scene.stand, packs=packs,
+            kind=scene.kind, marks=scene.marks, clear=scene.clear, tops=scene.tops,
+            stand=scene.stand, packs=packs,
             # Pages that no block in view has touched take no memory.
             grown=np.zeros((block_rows * block_columns, render.GROWN_FIELDS, most), np.float32),
             known=self._known, grown_count=np.zeros(self._known.size, np.int32),
@@ -294,8 +296,8 @@ class Camera:
             first=np.zeros(render.MOST_BLOCKS + 1, np.int64),
             drawn=np.zeros((render.PARTS, 2), np.int64),
             sorted_first=np.zeros(render.PARTS + 1, np.int64),
-            depth=np.zeros((w, stride), np.float32), key=np.zeros((w, stride), np.uint32), colour=np.zeros((w, stride), np.uint32),
-            image=self._image,
+            depth=np.zeros((w, stride), np.float32), key=np.zeros((w, stride), np.uint32),
+            colour=np.zeros((w, stride), np.uint32), image=self._image,
         )  # fmt: skip
         self._colour = kernels.held("colour")[:, :h]
         return kernels
@@ -340,15 +342,15 @@ class Camera:
         a, b = max(0, p - wide), min(rows, q + wide)
         c, d = max(0, r - wide), min(columns, s + wide)
         body = _body(scene.kind[2 * a : 2 * b, 2 * c : 2 * d], narrowest)
-        scene.stand[p:q, r:s, render.BODY] = body[p - a : q - a, r - c : s - c]
+        body = body[p - a : q - a, r - c : s - c]
+        scene.stand[p:q, r:s, render.BODY] = body
+        scene.tops[p:q, r:s] = scene.stand[p:q, r:s, render.HEIGHT] * body
         # Distances beyond this are capped, so that a change reaches no further than the cap.
         cap = 1.0
         pad = math.ceil(cap / self._coarse)
         a, b, c, d = max(0, p - 2 * pad), q + 2 * pad, max(0, r - 2 * pad), s + 2 * pad
         # The diagonal: the point and the crop may each lie at the far corner of their cells.
-        clear = np.clip(
-            (cells_to(scene.stand[a:b, c:d, render.BODY] > 0) - 1.4143) * self._coarse, 0, cap
-        )
+        clear = np.clip((cells_to(scene.tops[a:b, c:d] > 0) - 1.4143) * self._coarse, 0, cap)
         p, q = max(0, p - pad), min(rows, q + pad)
         r, s = max(0, r - pad), min(columns, s + pad)
         scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]
@@ -513,15 +515,18 @@ class Camera:
         if shot.blade_on and self.weather.dust > 0:
             self._raise_dust(shot)
 
-    def _shared(self, work: Callable[[int], None]) -> None:
-        """Does each of the PARTS of a work once, in as many threads as there are."""
+    def _shared(self, work: Callable[[int, int], None]) -> None:
+        """Does all PARTS of a work, in as many threads as there are."""
+        if self._pool is None:
+            work(0, render.PARTS)
+            return
         parts = iter(range(render.PARTS))
 
         def some() -> None:
             for part in parts:
-                work(part)
+                work(part, part + 1)
 
-        helpers = [self._pool.submit(some) for _ in range(self._threads - 1)] if self._pool else []
+        helpers = [self._pool.submit(some) for _ in range(self._threads - 1)]
         some()
         for helper in helpers:
             # One that never came to begin is not waited for.

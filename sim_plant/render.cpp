@@ -42,7 +42,9 @@ constexpr int PACKS = 64;
 enum Channel { SUNLIT, HEIGHT, GREEN, DENSITY, WEED, LODGE, TONE, BODY, CHANNELS };
 constexpr float UNIT = 1.0F / 4096.0F;
 constexpr int SEGMENTS = 48, PIECES = 2 * SEGMENTS + 1;
-constexpr double REACH_M = 20.0;
+constexpr double REACH_M = 16.0;
+// Farther away a block shows the fewer of its stalks, and wider ones.
+constexpr double ALL_SHOWN_M = 1.7;
 
 // Pixels that are found but not painted yet, among the labels.
 enum Met { SKY = 100, CANOPY, FACE, GROUND };
@@ -51,9 +53,9 @@ constexpr float CANOPY_BACK_M = 0.25F, FACE_BACK_M = 0.30F;
 // Share of a stalk that other stalks leave to be seen where crop stands before it.
 constexpr float INTERIOR = 0.42F;
 constexpr float NEAREST_M = 0.25F, FARTHEST_M = 8191.0F;
-// While stalks are drawn a pixel is one word, of which the smaller wins: in its upper half the depth,
-// in its lower half the place of its colour in the strip's palette, or one of these: what its ray
-// met, or that it has its colour.
+// While stalks are drawn a pixel is one word, of which the smaller wins: in its upper half the
+// depth, in its lower half the place of its colour in the strip's palette, or one of these: what
+// its ray met, or that it has its colour.
 constexpr uint32_t PALETTE = 0xFF00, MET = 0xFF00, PAINTED = 0xFF01;
 constexpr float PI = 3.14159265358979F;
 // Pixels are painted, and stalks projected, so many at once: loops of just this length become
@@ -96,7 +98,7 @@ T limited(T x, T low, T high) {
 }
 
 // A table of 256 floats would be shorter; but to gather from one takes longer than to compute.
-constexpr int LIGHT_TERMS = 6;
+constexpr int LIGHT_TERMS = 5;
 
 // A stalk as it grows in a block; `GROWN` of render.py.
 struct Grown {
@@ -104,7 +106,7 @@ struct Grown {
 };
 
 // A stalk where it stands, as long as nothing near it is cut; in batches, field by field.
-constexpr int SHADES = 6, STALK_COLOURS = 2 + SHADES;
+constexpr int SHADES = 4, STALK_COLOURS = 2 + SHADES;
 enum Field {
   X,
   Y,
@@ -131,7 +133,7 @@ enum Field {
 struct Stalk {
   float u0, v0, z0, u1, v1, z1;
   float stem, ear, ear_share, visible, nod;
-  // Packed like a pixel: the ear's two stripes, and the stem's at six heights from the top down.
+  // Packed like a pixel: the ear's two stripes, and the stem's at four heights from the top down.
   uint32_t stripes[2], stems[SHADES];
 };
 constexpr int64_t PALETTE_STALKS = PALETTE / STALK_COLOURS;
@@ -145,6 +147,7 @@ struct Picture {
   const int32_t *marks;
   const int32_t *looks;
   const float *clear;
+  const uint16_t *tops;
   const uint16_t *stand;
   const Grown *packs;
   float *grown;
@@ -252,62 +255,10 @@ int fine_kind(const Picture &p, int j, int i) { return p.kind[j * 2 * p.coarse_c
 
 // What the rays of one azimuth meet, by their slope (rise per horizontal distance): of a ray of bin
 // b the first of `pieces[b]` pieces with slope < `limit` says what it meets and its depth: `rise`
-// over the direction's z, plus `back` over its horizontal length. Piece `pieces[b]` is sky. The
-// azimuth of bin b is atan(bin_tangent(b)) to the left of the heading. Free ground is crossed by
-// leaps of the clear distance, crop by steps of 8 cm and more with the distance.
-void profile(const Picture &p, const Heading &head, int64_t b) {
-  const float inv = float(0.5 / p.cell), half_cell = float(0.5 * p.cell);
-  const float lateral = bin_tangent(b, p), stretch = std::sqrt(1.0F + lateral * lateral);
-  const float dx = (float(head.hx) - lateral * float(head.hy)) / stretch * inv;
-  const float dy = (float(head.hy) + lateral * float(head.hx)) / stretch * inv;
-  const float px0 = float((p.x - p.x0) * 0.5 / p.cell), py0 = float((p.y - p.y0) * 0.5 / p.cell);
+// over the direction's z, plus `back` over its horizontal length. Piece `pieces[b]` is sky. Written
+// down from the n + 1 distances at which another height begins.
+void note_pieces(const Picture &p, int64_t b, const float *start, const float *top, int n) {
   const float eye = float(p.z);
-  const int columns = int(p.coarse_columns);
-  const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
-  float start[SEGMENTS], top[SEGMENTS];
-  int n = 0;
-  float r = 0.0F, now = -1.0F, hidden = 0.0F;
-  const float roof = float(p.roof) + 0.1F - eye;
-  while (n < SEGMENTS - 1 && r < 80.0F) {
-    const float px = px0 + r * dx, py = py0 + r * dy;
-    if (!(px >= 0.0F && py >= 0.0F && px < n_i && py < n_j)) break;
-    const int at = int(py) * columns + int(px);
-    float height = 0.0F;
-    float leap = p.clear[at];
-    if (leap > 0.0F) {
-      // Along an edge the distance to it would make the steps too many.
-      leap = std::max(leap + 0.005F, 0.008F * r);
-    } else {
-      leap = half_cell;
-      const uint16_t *cell = p.stand + size_t(at) * CHANNELS;
-      if (cell[BODY] > 0) {
-        const int kind = fine_kind(p, int(2.0F * py), int(2.0F * px));
-        if (standing(kind)) {
-          height = 0.8F * UNIT * cell[HEIGHT];
-          leap = 0.08F + 0.03F * r;
-        } else if (solid(kind)) {
-          height = UNIT * cell[HEIGHT];
-        }
-      }
-    }
-    const bool entered = (height > 0.0F) != (now > 0.0F);
-    // Nothing farther away rises above what stands here.
-    if (hidden > 0.0F && roof <= hidden * r) break;
-    if (now < 0.0F || entered || std::abs(height - now) > 0.06F) {
-      start[n] = r;
-      top[n] = height;
-      // The crop's upper border is ragged.
-      if (entered && height > 0.0F && leap > half_cell)
-        top[n] += 0.16F * float(uniform(5, int(30.0F * px), int(30.0F * py))) - 0.10F;
-      hidden = std::max(hidden, (top[n] - eye) / std::max(r, 1e-6F));
-      ++n;
-      now = height;
-    }
-    r += leap;
-  }
-  start[n] = r;
-  top[n] = p.beyond_is_crop ? float(p.canopy) : 0.0F;
-
   float *limits = p.limit + b * PIECES;
   float *rises = p.rise + b * PIECES;
   float *backs = p.back + b * PIECES;
@@ -338,6 +289,89 @@ void profile(const Picture &p, const Heading &head, int64_t b) {
   }
   add(std::numeric_limits<float>::infinity(), 0.0F, 1e9F, SKY);
   p.pieces[b] = m - 1;
+}
+
+// The profiles of the bins [b0, b1), BATCH of them at most. The azimuth of bin b is
+// atan(bin_tangent(b)) to the left of the heading. Free ground is crossed by leaps of the clear
+// distance, crop by steps of 8 cm and more with the distance.
+void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
+  const float inv = float(0.5 / p.cell), half_cell = float(0.5 * p.cell), eye = float(p.z);
+  const float px0 = float((p.x - p.x0) * 0.5 / p.cell), py0 = float((p.y - p.y0) * 0.5 / p.cell);
+  const float roof = float(p.roof) + 0.1F - eye;
+  const int columns = int(p.coarse_columns);
+  const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
+  float dx[BATCH], dy[BATCH], px[BATCH], py[BATCH], clear[BATCH], body[BATCH], height[BATCH],
+      leap[BATCH];
+  int32_t at[BATCH], marks[BATCH], fresh[BATCH];
+  float r[BATCH] = {}, now[BATCH], hidden[BATCH] = {};
+  int32_t going[BATCH], n[BATCH] = {};
+  float start[BATCH][SEGMENTS], top[BATCH][SEGMENTS];
+  for (int k = 0; k < BATCH; ++k) {
+    const float lateral = bin_tangent(std::min(b0 + k, b1 - 1), p);
+    const float stretch = std::sqrt(1.0F + lateral * lateral);
+    dx[k] = (float(head.hx) - lateral * float(head.hy)) / stretch * inv;
+    dy[k] = (float(head.hy) + lateral * float(head.hx)) / stretch * inv;
+    now[k] = -1.0F;
+    going[k] = 1;
+  }
+  for (int32_t any = 1; any;) {
+    for (int k = 0; k < BATCH; ++k) {
+      px[k] = px0 + r[k] * dx[k];
+      py[k] = py0 + r[k] * dy[k];
+      going[k] &= int(px[k] >= 0.0F) & int(py[k] >= 0.0F) & int(px[k] < n_i) & int(py[k] < n_j);
+      at[k] =
+          int(limited(py[k], 0.0F, n_j - 1.0F)) * columns + int(limited(px[k], 0.0F, n_i - 1.0F));
+    }
+    for (int k = 0; k < BATCH; ++k) {
+      clear[k] = p.clear[at[k]];
+      body[k] = float(p.tops[at[k]]);
+      marks[k] = p.marks[at[k]];
+    }
+    int32_t some = 0;
+    for (int k = 0; k < BATCH; ++k) {
+      const int quarter = 2 * (int(2.0F * py[k]) & 1) + (int(2.0F * px[k]) & 1);
+      const int kind = marks[k] >> (16 + 4 * quarter) & 15;
+      const bool free = clear[k] > 0.0F;
+      const bool here = !free & (body[k] > 0.0F),
+                 crop = here & ((kind == CROP) | (kind == NEIGHBOUR));
+      const bool thing = here & ((kind == OBSTACLE) | (kind == TRUNK));
+      const float high = UNIT * body[k];
+      height[k] = crop ? 0.8F * high : thing ? high : 0.0F;
+      // Along an edge the distance to it would make the steps too many.
+      const float over = std::max(clear[k] + 0.005F, 0.008F * r[k]);
+      leap[k] = free ? over : crop ? 0.08F + 0.03F * r[k] : half_cell;
+      // Nothing farther away rises above what stands here.
+      going[k] &= 1 - (int(hidden[k] > 0.0F) & int(roof <= hidden[k] * r[k]));
+      fresh[k] = going[k] & (int(now[k] < 0.0F) | int((height[k] > 0.0F) != (now[k] > 0.0F)) |
+                             int(std::abs(height[k] - now[k]) > 0.06F));
+      some |= fresh[k];
+    }
+    if (some) {
+      for (int k = 0; k < BATCH; ++k) {
+        if (!fresh[k]) continue;
+        float high = height[k];
+        // The crop's upper border is ragged.
+        if ((high > 0.0F) != (now[k] > 0.0F) && high > 0.0F && leap[k] > half_cell)
+          high += 0.16F * float(uniform(5, int(30.0F * px[k]), int(30.0F * py[k]))) - 0.10F;
+        start[k][n[k]] = r[k];
+        top[k][n[k]] = high;
+        ++n[k];
+        hidden[k] = std::max(hidden[k], (high - eye) / std::max(r[k], 1e-6F));
+        now[k] = height[k];
+      }
+    }
+    any = 0;
+    for (int k = 0; k < BATCH; ++k) {
+      r[k] = going[k] ? r[k] + leap[k] : r[k];
+      going[k] &= int(n[k] < SEGMENTS - 1) & int(r[k] < 80.0F);
+      any |= going[k];
+    }
+  }
+  for (int k = 0; k < int(b1 - b0); ++k) {
+    start[k][n[k]] = r[k];
+    top[k][n[k]] = p.beyond_is_crop ? float(p.canopy) : 0.0F;
+    note_pieces(p, b0 + k, start[k], top[k], n[k]);
+  }
 }
 
 // Looks up what stands in a block, once until something near it changes.
@@ -445,7 +479,7 @@ struct Light {
 
   float on(int c, float seen) const {
     const float *t = terms[c];
-    return t[0] + seen * (t[1] + seen * (t[2] + seen * (t[3] + seen * (t[4] + seen * t[5]))));
+    return t[0] + seen * (t[1] + seen * (t[2] + seen * (t[3] + seen * t[4])));
   }
 };
 
@@ -472,7 +506,7 @@ int64_t project(const Picture &p, int64_t k, Stalk *out, int16_t *spans) {
   }
   if (count == 0) return 0;
   const double x_block = p.x0 + bi * BLOCK_M, y_block = p.y0 + bj * BLOCK_M;
-  const float wider = std::min(3.6F, float(p.pack_size) / float(std::max<int64_t>(1, shown)));
+  const float wider = std::min(4.6F, float(p.pack_size) / float(std::max<int64_t>(1, shown)));
   const float wave = float(0.55 + 0.45 * std::sin(1.3 * x_block + 0.7 * y_block - 2.2 * p.t));
   const float x_off = float(x_block - p.x), y_off = float(y_block - p.y), az = float(-p.z);
   const float clock = float(std::fmod(1.1 * p.t, 1.0)), gust = float(p.gust);
@@ -610,27 +644,31 @@ void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
   const float one = 1.0F, tiny = 1e-7F;
   const float tangent = float(p.tangent), to_bin = float(0.5 * double(p.bins) / p.tangent);
   const float most = float(p.bins - 1);
-  float up[2][ROOM], per_flat[2][ROOM];
+  float up[2][ROOM], per_flat[ROOM];
   float rise[ROOM], back[ROOM];
   int32_t bin[ROOM];
   uint32_t met[ROOM];
-  for (int64_t c = 0; c < columns; ++c) {
-    const Rays rays(p, u + c);
-    for (int v = 0; v < rows; ++v) {
-      float a, b;
-      rays.at(v, a, b);
-      const float per_ahead = one / std::max(tiny, a * h.ra + b * h.da + h.fa);
-      const float lateral = (a * h.rl + b * h.dl + h.fl) * per_ahead;
-      const float z = a * h.rz + b * h.dz + h.fz;
-      up[c][v] = std::abs(z) > tiny ? z : -tiny;
-      per_flat[c][v] = per_ahead / std::sqrt(one + lateral * lateral);
-      if (c == 0) bin[v] = int32_t(limited((lateral + tangent) * to_bin, 0.0F, most));
-    }
+  const Rays first(p, u), second(p, u + columns - 1);
+  for (int v = 0; v < rows; ++v) {
+    float a, b;
+    first.at(v, a, b);
+    const float per_ahead = one / std::max(tiny, a * h.ra + b * h.da + h.fa);
+    const float lateral = (a * h.rl + b * h.dl + h.fl) * per_ahead;
+    const float z = a * h.rz + b * h.dz + h.fz;
+    up[0][v] = std::abs(z) > tiny ? z : -tiny;
+    per_flat[v] = per_ahead / std::sqrt(one + lateral * lateral);
+    bin[v] = int32_t(limited((lateral + tangent) * to_bin, 0.0F, most));
+  }
+  for (int v = 0; v < rows; ++v) {
+    float a, b;
+    second.at(v, a, b);
+    const float z = a * h.rz + b * h.dz + h.fz;
+    up[1][v] = std::abs(z) > tiny ? z : -tiny;
   }
   int k = 0;
   for (int v = 0; v < rows; v += 2) {
     const float *limits = p.limit + bin[v] * PIECES;
-    const float slope = up[0][v] * per_flat[0][v];
+    const float slope = up[0][v] * per_flat[v];
     k = std::min(k, p.pieces[bin[v]]);
     while (k > 0 && slope < limits[k - 1]) --k;
     while (slope >= limits[k]) ++k;
@@ -643,7 +681,7 @@ void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
     float *depth = p.depth + (u + c) * p.stride;
     uint32_t *key = p.key + (u + c) * p.stride;
     for (int v = 0; v < rows; ++v) {
-      const float far = std::abs(rise[v] / up[c][v]) + back[v] * per_flat[c][v];
+      const float far = std::abs(rise[v] / up[c][v]) + back[v] * per_flat[v];
       depth[v] = std::min(far, FARTHEST_M);
       key[v] = depth_key(far) | met[v];
     }
@@ -716,8 +754,9 @@ inline void paint(const Picture &p, int v, int n, Floats from, Floats to, Floats
   b = LANES < n ? b : Ints{};
   const Words wide = (Words)b, here = (Words)a - uint32_t(COLUMNS);
   const Words key = (Words)(((Ints)z >> DEPTH_SHIFT) - DEPTH_NONE) << 16 | with;
-  uint32_t *at = p.key + int64_t(low) * p.stride + v;
-  for (int u = low; u < high; ++u, at += p.stride) {
+  const int64_t stride = p.stride;
+  uint32_t *at = p.key + low * stride + v;
+  for (int u = low; u < high; ++u, at += stride) {
     Words there;
     std::memcpy(&there, at, sizeof there);
     const Words fresh = (uint32_t(u) - here) < wide ? key : there;
@@ -774,7 +813,8 @@ void draw_stalk(const Picture &p, const Stalk &e, uint32_t place, int left, int 
     const Floats down = LANES_F + first;
     const Floats at = base + du * down;
     const Ints shade = __builtin_convertvector((down - top) * to_shade, Ints);
-    const Words with = (Words)(shade < SHADES ? (shade > 0 ? shade : Ints{}) : Ints{} + (SHADES - 1));
+    const Words with =
+        (Words)(shade < SHADES ? (shade > 0 ? shade : Ints{}) : Ints{} + (SHADES - 1));
     const float a = base + du * (first + 0.5F), b = base + du * (first + (float(n) - 0.5F));
     columns(std::min(a, b) - stem, std::max(std::max(a, b) + stem, std::max(a, b) - stem + 1.0F),
             low, high);
@@ -840,9 +880,7 @@ struct Pair {
 };
 
 // A pixel that waits takes its colour.
-inline void take(uint32_t &pixel, uint32_t colour) {
-  pixel = pixel >> 24 >= SKY ? colour : pixel;
-}
+inline void take(uint32_t &pixel, uint32_t colour) { pixel = pixel >> 24 >= SKY ? colour : pixel; }
 
 void fill_sky(const Pair &pair, const int32_t *row) {
   const Picture &p = pair.p;
@@ -1084,7 +1122,16 @@ void fill(const Picture &p, const Heading &h, const Light &light, const uint32_t
     const uint32_t *key = keys[c];
     uint32_t *colour = pair.colour[c];
     if (p.crown_count == 0) {
-      for (int v = 0; v < rows; ++v) colour[v] = palette[key[v] & 0xFFFF];
+      for (int v0 = 0; v0 < rows; v0 += BATCH) {
+        // Where no stalk stands nothing is looked up. Columns have room for whole batches.
+        uint32_t least = ~0U;
+        for (int v = v0; v < v0 + BATCH; ++v) least = std::min(least, key[v] & 0xFFFF);
+        if (least >= PALETTE) {
+          for (int v = v0; v < v0 + BATCH; ++v) colour[v] = key[v] << 24;
+        } else {
+          for (int v = v0; v < v0 + BATCH; ++v) colour[v] = palette[key[v] & 0xFFFF];
+        }
+      }
     } else {
       for (int v = 0; v < rows; ++v)
         colour[v] = (key[v] & 0xFFFF) == PAINTED ? colour[v] : palette[key[v] & 0xFFFF];
@@ -1155,15 +1202,15 @@ void fill_all(const Picture &p, const Strip &strip, const uint32_t *palette) {
 
 // Columns [left, right) from where they are drawn into the picture, row by row.
 void lay(const Picture &p, const Strip &strip) {
-  const int64_t left = strip.left, right = strip.right;
+  const int64_t left = strip.left, right = strip.right, stride = p.stride;
   constexpr int64_t TALL = 16;
   for (int64_t v0 = 0; v0 < p.rows; v0 += TALL) {
     const int64_t v1 = std::min(p.rows, v0 + TALL);
     for (int64_t v = v0; v < v1; ++v) {
       uint8_t *out = p.image + (v * p.columns + left) * 3;
-      const uint32_t *in = p.colour + left * p.stride + v;
+      const uint32_t *in = p.colour + left * stride + v;
       // The label goes where the next pixel comes, but for the last one.
-      for (int64_t u = left; u < right - 1; ++u, out += 3, in += p.stride) std::memcpy(out, in, 4);
+      for (int64_t u = left; u < right - 1; ++u, out += 3, in += stride) std::memcpy(out, in, 4);
       std::memcpy(out, in, 3);
     }
   }
@@ -1241,7 +1288,8 @@ int64_t plan(Picture *picture) {
     p.blocks[to] = found[k];
     // The size of its share for now.
     const double away = std::max(0.1, step[k] / 64.0);
-    p.first[to + 1] = int64_t(std::ceil(double(p.pack_size) * limited(2.2 / away, 0.05, 1.0)));
+    p.first[to + 1] =
+        int64_t(std::ceil(double(p.pack_size) * limited(ALL_SHOWN_M / away, 0.05, 1.0)));
   }
   p.first[0] = 0;
   for (int64_t k = 0; k < n; ++k) p.first[k + 1] += p.first[k];
@@ -1269,10 +1317,9 @@ int64_t plan(Picture *picture) {
   return p.first[n];
 }
 
-// Part `part` of `parts` of what `draw` needs: the stalks of some blocks, the profiles of some
+// The parts [from, to) of what `draw` needs: the stalks of some blocks, the profiles of some
 // azimuths.
-void prepare(const Picture *picture, int64_t part) {
-  const Picture &p = *picture;
+void prepare_part(const Picture &p, int64_t part) {
   const auto begin = [&](int64_t k) {
     const int64_t stalks = p.first[p.block_count] * k / p.parts;
     return k == p.parts ? p.block_count
@@ -1291,8 +1338,13 @@ void prepare(const Picture *picture, int64_t part) {
   p.drawn[2 * part + 1] = n;
   const Heading h(p);
   const int64_t bins = p.bin_to - p.bin_from;
-  for (int64_t b = bins * part / p.parts; b < bins * (part + 1) / p.parts; ++b)
-    profile(p, h, p.bin_from + b);
+  const int64_t last = p.bin_from + bins * (part + 1) / p.parts;
+  for (int64_t b = p.bin_from + bins * part / p.parts; b < last; b += BATCH)
+    profile(p, h, b, std::min(b + BATCH, last));
+}
+
+void prepare(const Picture *picture, int64_t from, int64_t to) {
+  for (int64_t part = from; part < to; ++part) prepare_part(*picture, part);
 }
 
 // Deals the stalks out to the parts whose columns they cover, in their order. Returns how many
@@ -1324,9 +1376,8 @@ int64_t sort_stalks(const Picture *picture) {
   return p.sorted_first[p.parts];
 }
 
-// Columns of part `part` of `parts` of a picture.
-void draw(const Picture *picture, int64_t part) {
-  const Picture &p = *picture;
+// Columns of the parts [from, to) of a picture.
+void draw_part(const Picture &p, int64_t part) {
   const Strip strip(p, part);
   find_all(p, strip);
   draw_crowns(p, strip.left, strip.right);
@@ -1335,6 +1386,10 @@ void draw(const Picture *picture, int64_t part) {
   draw_stalks(p, strip, palette);
   fill_all(p, strip, palette);
   lay(p, strip);
+}
+
+void draw(const Picture *picture, int64_t from, int64_t to) {
+  for (int64_t part = from; part < to; ++part) draw_part(*picture, part);
 }
 
 // The numbers that the plant's other code draws alike (sim_plant/noise.py): for a test.
@@ -1458,21 +1513,37 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int6
 }
 
 // The sensor's answer, (rows, n): gain by value of a row, a shoulder above 200 counts that keeps
-// highlights from clipping hard, and noise, whose rows are `stride` apart.
-void expose(const uint8_t *light, const uint8_t *vignette, const float *gain, const int8_t *rough,
-            int64_t stride, uint8_t *out, int64_t rows, int64_t n) {
+// highlights from clipping hard, and noise, whose rows are `stride` apart. In steps of 1/32 count;
+// a gain of 1 is 32 / 255 * 65536.
+void expose(const uint8_t *light, const uint8_t *vignette, const uint16_t *gain,
+            const int8_t *rough, int64_t stride, uint8_t *out, int64_t rows, int64_t n) {
+  constexpr int64_t RUN = 128;
+  constexpr int STEPS = 32;
+  uint16_t x[RUN];
   for (int64_t v = 0; v < rows; ++v) {
-    const uint8_t *light_row = light + v * n;
-    const uint8_t *vignette_row = vignette + v * n;
-    const int8_t *rough_row = rough + v * stride;
-    uint8_t *out_row = out + v * n;
-    for (int64_t i = 0; i < n; ++i) {
-      const float x = float(light_row[i]) * float(vignette_row[i]) * gain[i];
-      const float d = std::max(0.0F, x - 200.0F) * (1.0F / 55.0F);
-      // The exponential's series.
-      const float grown = 1.0F + d * (1.0F + d * (0.5F + d * (1.0F / 6.0F + d * (1.0F / 24.0F))));
-      const float y = std::min(x, 200.0F) + 55.0F - 55.0F / grown + float(rough_row[i]) + 0.5F;
-      out_row[i] = uint8_t(int32_t(limited(y, 0.0F, 255.0F)));
+    for (int64_t i0 = 0; i0 < n; i0 += RUN) {
+      const int64_t m = std::min(RUN, n - i0), at = v * n + i0;
+      uint16_t loud = 0;
+      for (int64_t k = 0; k < m; ++k) {
+        const uint16_t product = uint16_t(light[at + k] * vignette[at + k]);
+        x[k] = uint16_t((uint32_t(product) * gain[i0 + k]) >> 16);
+        loud |= uint16_t(x[k] > 200 * STEPS);
+      }
+      if (loud) {
+        for (int64_t k = 0; k < m; ++k) {
+          const float y = float(x[k]) * (1.0F / STEPS);
+          const float d = std::max(0.0F, y - 200.0F) * (1.0F / 55.0F);
+          // The exponential's series.
+          const float grown =
+              1.0F + d * (1.0F + d * (0.5F + d * (1.0F / 6.0F + d * (1.0F / 24.0F))));
+          x[k] = uint16_t(int32_t((std::min(y, 200.0F) + 55.0F - 55.0F / grown) * STEPS));
+        }
+      }
+      const int8_t *rough_row = rough + v * stride + i0;
+      for (int64_t k = 0; k < m; ++k) {
+        const int16_t y = int16_t(int16_t(x[k] + STEPS / 2) >> 5) + rough_row[k];
+        out[at + k] = uint8_t(std::min<int16_t>(255, std::max<int16_t>(0, y)));
+      }
     }
   }
 }

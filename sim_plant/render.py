@@ -32,11 +32,11 @@ SEGMENTS: Final = 48
 PIECES: Final = 2 * SEGMENTS + 1
 PARTS: Final = 20
 """A picture's work is dealt out in so many parts, whatever the number of threads."""
-REACH_M: Final = 20.0
+REACH_M: Final = 16.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
 GROWN_FIELDS: Final = 17
 """Floats that `render.cpp` keeps of a stalk where it stands."""
-LIGHT_TERMS: Final = 6
+LIGHT_TERMS: Final = 5
 """Of the polynomial that gives a colour's light by its share of the sun: to a grey level."""
 MOST_BLOCKS: Final = 100 * 100
 """More than are ever in view."""
@@ -64,7 +64,7 @@ GROWN: Final = np.dtype(
     ]
 )
 """A stalk as it grows in a block."""
-STALK_BYTES: Final = 76
+STALK_BYTES: Final = 68
 """Of a stalk as it is drawn."""
 
 
@@ -75,6 +75,7 @@ class Scene(NamedTuple):
     marks: NDArray[np.int32]
     looks: NDArray[np.int32]
     clear: NDArray[np.float32]
+    tops: NDArray[np.uint16]
     stand: NDArray[np.uint16]
     x0: float
     y0: float
@@ -107,6 +108,7 @@ class Picture(ctypes.Structure):
         ),  # int32, coarse: SUNLIT, then the four kinds of a coarse cell, 4 bit each
         ("looks", c_void_p),  # int32, coarse: TONE, then GREEN
         ("clear", c_void_p),  # float32, coarse: a lower bound of the distance to standing crop, m
+        ("tops", c_void_p),  # uint16, coarse: HEIGHT where a body stands, or 0
         ("stand", c_void_p),  # uint16, coarse (rows, columns, 8), in 1/UNIT
         ("packs", c_void_p),  # (PACKS, stalks) of GROWN
         ("grown", c_void_p),  # float32 (blocks, GROWN_FIELDS, most): stalks looked up before
@@ -205,7 +207,7 @@ class Kernels:
             listing.argtypes = [c_void_p]
             listing.restype = c_int64
         for call in (self._prepare, self._draw):
-            call.argtypes = [c_void_p, c_int64]
+            call.argtypes = [c_void_p, c_int64, c_int64]
             call.restype = None
 
     def hold(self, **arrays: NDArray[Any]) -> None:
@@ -224,18 +226,18 @@ class Kernels:
         """Fills `blocks` and `first`; returns how many stalks they hold at most."""
         return int(self._plan(self._at))
 
-    def prepare(self, part: int) -> None:
-        """What `draw` needs, one of `parts`; all must be done before."""
-        self._prepare(self._at, part)
+    def prepare(self, begin: int, end: int) -> None:
+        """What `draw` needs: the parts [begin, end) of `parts`; all must be done before."""
+        self._prepare(self._at, begin, end)
 
     def sort(self) -> int:
         """Deals the stalks out to the parts of `draw`; returns how many `sorted` must hold. Where
         that is more than `sorted_room`, it has to be called again."""
         return int(self._sort(self._at))
 
-    def draw(self, part: int) -> None:
-        """One of `parts` strips of columns of the image."""
-        self._draw(self._at, part)
+    def draw(self, begin: int, end: int) -> None:
+        """The strips [begin, end) of `parts` of the image's columns."""
+        self._draw(self._at, begin, end)
 
 
 def shade(
@@ -302,10 +304,10 @@ def expose(
     shoulder above 200 counts that keeps highlights from clipping hard, and noise."""
     rows, n = light.shape
     out = np.empty((rows, n), np.uint8)
-    per_count = gain / np.float32(255.0)
+    steps = np.minimum(gain * (32 * 65536 / 255), 65535).astype(np.uint16)
     native.library().expose(
         c_void_p(light.ctypes.data), c_void_p(vignette.ctypes.data),
-        c_void_p(per_count.ctypes.data), c_void_p(rough.ctypes.data), c_int64(rough.strides[0]),
+        c_void_p(steps.ctypes.data), c_void_p(rough.ctypes.data), c_int64(rough.strides[0]),
         c_void_p(out.ctypes.data), c_int64(rows), c_int64(n),
     )  # fmt: skip
     return out
