@@ -38,12 +38,23 @@ class Outline:
         seen beside the lane move the corners along it."""
         self.moved_m: Array = np.zeros_like(self._planned.corners)
         """(n, 2) how far each corner lies from where the plan has it."""
-        self._found: dict[Side, Side] = {}
+        self._moved_any = False
+        self._found: dict[int, tuple[Side, Side]] = {}
+        """By the identity of a side, which is kept lest another gets its identity: to compare
+        sides by all that they hold takes longer than to move one."""
+        self._pieces: dict[int, tuple[Side, list[tuple[float, Side]]]] = {}
+        self._nearest: tuple[Array, Array] | None = None
+        """The last places asked for, and the answer."""
 
     @property
     def states(self) -> int:
         """How many numbers its corners are."""
         return self.moved_m.size
+
+    @property
+    def as_planned(self) -> bool:
+        """Whether every corner lies where the plan has it."""
+        return not self._moved_any
 
     @property
     def corners(self) -> list[tuple[float, float]]:
@@ -54,8 +65,11 @@ class Outline:
         """Every corner by so much, (states,)."""
         if by_m.any():
             self.moved_m = self.moved_m + by_m.reshape(-1, 2)
+            self._moved_any = bool(self.moved_m.any())
             self._edges = BoundaryEdges(self.corners)
             self._found.clear()
+            self._pieces.clear()
+            self._nearest = None
 
     def heading_rad(self, edge: int) -> float:
         """The direction in which an edge is found to run; 0 for none."""
@@ -118,34 +132,43 @@ class Outline:
         return self.along(border, at, (-s / across, c / across))
 
     def nearest(self, places: Array) -> Array:
-        """(m, n) how much the border nearest to each of (m, 2) places moves with each corner."""
+        """(m, n) how much the border nearest to each of (m, 2) places moves with each corner. Not
+        to be written to."""
+        if self._nearest is not None and self._nearest[0] is places:
+            return self._nearest[1]
         e = self._edges
         away = places[:, np.newaxis] - (e.corners)
         along = np.einsum("mnk,nk->mn", away, e.directions)
-        share = np.clip(along / e.lengths, 0.0, 1.0)
+        share = np.minimum(1.0, np.maximum(0.0, along / e.lengths))
         beside = away - share[..., np.newaxis] * (e.directions * e.lengths[:, np.newaxis])
         edge = np.argmin(np.hypot(beside[..., 0], beside[..., 1]), axis=1)
         rows = np.arange(len(places))
         out = np.zeros((len(places), len(e.corners)))
         out[rows, edge] = 1.0 - share[rows, edge]
         out[rows, (edge + 1) % len(e.corners)] += share[rows, edge]
+        self._nearest = places, out
         return out
 
     # ---- sides as they lie -----------------------------------------------------------------------
 
     def found(self, side: Side) -> Side:
         """A side of the plan where it is found to lie."""
-        if not side.edges or not self.moved_m.any():
+        if not self._moved_any or not side.edges:
             return side
-        if side not in self._found:
-            self._found[side] = self._moved(side)
-        return self._found[side]
+        known = self._found.get(id(side))
+        if known is None:
+            known = self._found[id(side)] = side, self._moved(side)
+        return known[1]
 
     def pieces(self, side: Side) -> list[tuple[float, Side]]:
-        """Its straight pieces (`Side.pieces`) where they are found to lie."""
-        pieces = [self.found(piece) for _, piece in side.pieces()]
-        starts = itertools.accumulate((piece.length_m for piece in pieces), initial=0.0)
-        return [(float(start), piece) for start, piece in zip(starts, pieces, strict=False)]
+        """Its straight pieces (`Side.pieces`) where they are found to lie. Not to be written to."""
+        known = self._pieces.get(id(side))
+        if known is None:
+            pieces = [self.found(piece) for _, piece in side.pieces()]
+            starts = itertools.accumulate((piece.length_m for piece in pieces), initial=0.0)
+            found = [(float(start), piece) for start, piece in zip(starts, pieces, strict=False)]
+            known = self._pieces[id(side)] = side, found
+        return known[1]
 
     def _moved(self, side: Side) -> Side:
         if side.bends:

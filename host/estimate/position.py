@@ -141,7 +141,7 @@ class Position(Filter):
     def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2) points of the machine where they would lie if the border nearest to each lay as
         the plan has it."""
-        if not self.outline.moved_m.any():
+        if self.outline.as_planned:
             return points
         moved: NDArray[np.float64] = points - self.outline.nearest(points) @ self.outline.moved_m
         return moved
