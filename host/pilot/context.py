@@ -42,6 +42,8 @@ class Ended(NamedTuple):
     end: EndOfField
     seen: bool
     """Whether a picture showed it."""
+    refused: bool = False
+    """Whether the geofence ended it beside a keep-out."""
 
 
 class Context:

@@ -51,22 +51,26 @@ class Blind(Reason):
     NOTHING_SEEN = Doing.WAIT_FOR_CAMERA, "nothing is seen: {why}"
 
 
-def end_side(context: Context, now: float, end: EndOfField, *, looked: bool = False) -> Go:
+def end_side(
+    context: Context, now: float, end: EndOfField, *, looked: bool = False, refused: bool = False
+) -> Go:
     """Ends the present side, and lays out what comes next; `looked`: the end was seen after the
-    machine had stopped to look."""
+    machine had stopped to look; `refused`: no picture shows one, the geofence lets it go no
+    farther."""
     strip, sight = context.strip, context.sight
     if looked:
         context.by_plan = False
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()
-    seen = sight.ahead.entered and not context.by_plan
+    seen = sight.ahead.entered and not (context.by_plan or refused)
+    ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
     if context.to_lay_anew():
-        context.ended = Ended(end, seen)
+        context.ended = ended
         return Elsewhere.FOUND.go(side=strip.name)
-    return turn_on(context, now, Ended(end, seen))
+    return turn_on(context, now, ended)
 
 
 def turn_on(context: Context, now: float, ended: Ended) -> Go:
@@ -101,7 +105,8 @@ def turn_on(context: Context, now: float, ended: Ended) -> Go:
     sight.ahead.turn()
     if context.by_plan:
         return SideEnd.BY_PLAN.go(side=strip.name)
-    return (SideEnd.KEEP_OUT if strip.blind_end else SideEnd.SEEN).go(side=strip.name)
+    at_keep_out = strip.blind_end or ended.refused
+    return (SideEnd.KEEP_OUT if at_keep_out else SideEnd.SEEN).go(side=strip.name)
 
 
 def outward(plan: Plan, following: Strip) -> Plan:

@@ -77,7 +77,8 @@ class Follow(Behaviour):
         machine knows its place; what is left of it stays."""
         context, strip = self.context, self.context.strip
         if verdict.at_keep_out and strip.left_m() < KEEP_OUT_REST_M:
-            return end_side(context, now, EndOfField(now, context.motion, strip.index))
+            here = EndOfField(now, context.motion, strip.index)
+            return end_side(context, now, here, refused=True)
         return super().blocked(now, verdict)
 
     def _hold(self, go: Go) -> Command:

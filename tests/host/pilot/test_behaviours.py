@@ -285,7 +285,7 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
 @pytest.mark.parametrize(
     ("at_keep_out", "left_m", "reason"),
     [
-        (True, KEEP_OUT_REST_M - 0.1, SideEnd.SEEN),
+        (True, KEEP_OUT_REST_M - 0.1, SideEnd.KEEP_OUT),
         (True, KEEP_OUT_REST_M + 0.1, Watched.GEOFENCE),
         (False, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
     ],
@@ -295,8 +295,12 @@ def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
 ) -> None:
     context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
     verdict = replace(TOO_NEAR, at_keep_out=at_keep_out)
+    along_m = context.strip.along_m(context.motion)
+    before = context.strip
     assert is_for(Follow(context).blocked(NOW, verdict), reason)
-    assert context.strip.index == (1 if reason is SideEnd.SEEN else 0)
+    assert context.strip.index == (1 if reason is SideEnd.KEEP_OUT else 0)
+    assert before.along_m(context.motion) == along_m, "no end was seen that tells of the place"
+    assert context.ends == []
 
 
 @pytest.mark.parametrize(
