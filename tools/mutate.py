@@ -297,15 +297,15 @@ def mutate_file(name: str, mutants: list[Mutant]) -> str:
     return out.text()
 
 
-def build(mutants: list[Mutant]) -> Path:
+def build(mutants: list[Mutant], files: Sequence[str]) -> Path:
     """Writes the mutated sources and compiles them with the unit tests."""
     sources = OUT / "src"
     sources.mkdir(parents=True, exist_ok=True)
     for path in SOURCE.glob("*.[ch]*"):
-        if path.name not in FILES:
+        if path.name not in files:
             (sources / path.name).write_bytes(path.read_bytes())
     (sources / "mutate.h").write_bytes((ROOT / "tools" / "mutate.h").read_bytes())
-    for name in FILES:
+    for name in files:
         text = mutate_file(name, mutants)
         if name.endswith(".h"):
             text = text.replace("#pragma once", '#pragma once\n#include "mutate.h"', 1)
@@ -358,20 +358,24 @@ def read_list() -> set[Name]:
 
 def main() -> int:
     """Builds, runs every mutant, prints the table and the survivors."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "files", nargs="*", choices=[*FILES, []], metavar="FILE", help="default: all"
+    )
+    files = parser.parse_args().files or FILES
     mutants: list[Mutant] = []
-    binary = build(mutants)
+    binary = build(mutants, files)
     if not survives(binary, -1):
         print("the unit tests fail without any mutant: mend them first", file=sys.stderr)
         return 1
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(lambda m: survives(binary, m.id), mutants))
     alive = [mutant for mutant, survived in zip(mutants, results, strict=True) if survived]
-    listed = read_list()
+    listed = {name for name in read_list() if name.file in files}
     total = Counter(mutant.name.file for mutant in mutants)
     left = Counter(mutant.name.file for mutant in alive)
     print(f"{'file':<18}{'mutants':>8}{'killed':>8}{'survive':>9}")
-    for name in FILES:
+    for name in files:
         print(f"{name:<18}{total[name]:>8}{total[name] - left[name]:>8}{left[name]:>9}")
     print(f"{'total':<18}{len(mutants):>8}{len(mutants) - len(alive):>8}{len(alive):>9}")
     unlisted = [mutant for mutant in alive if mutant.name not in listed]

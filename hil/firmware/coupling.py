@@ -18,7 +18,7 @@ from numba.core.typing import ctypes_utils
 from numba.extending import typeof_impl
 
 from hil.firmware import signal_wires, wiring
-from hil.firmware.signal_wires import Signal, tap
+from hil.firmware.signal_wires import Mode, Signal, tap
 from hil.firmware.targets import Target
 from sim_plant import machine
 
@@ -52,6 +52,7 @@ HALL_WIRE: Final = int(Signal.HALL)
 ESTOP_WIRE: Final = int(Signal.ESTOP)
 HALL_B_WIRE: Final = int(Signal.HALL_B)
 BLADE_TURN_WIRE: Final = int(Signal.BLADE_TURN)
+FIXED: Final = int(Mode.FIXED)
 ESTOP_CLOSED_MV: Final = wiring.ESTOP_CLOSED_MV
 
 
@@ -135,6 +136,11 @@ def _move(
     given[0].steer_duty = tap(wires, STEER_DUTY, steer, now)
     given[0].drive_duty = tap(wires, DRIVE_DUTY, drive, now)
     given[0].blade_on = round(tap(wires, BLADE_WIRE, blade, now))
+    # Through an open wire no bridge brakes.
+    if wires[STEER_DUTY].mode == FIXED:
+        given[0].steer_brake = 0
+    if wires[DRIVE_DUTY].mode == FIXED:
+        given[0].drive_brake = 0
     machine.step(state, params, given, PHYSICS_US * 1e-6)
 
 

@@ -288,15 +288,16 @@ void Controller::actuate(Board &board) {
     return;
   }
   steer_duty_ = steer();
-  drive_duty_ = drive_.step(asked_.speed, hall_.speed(), battery_);
+  drive_duty_ = drive_.step(asked_.speed, hall_.speed(), battery_, hall_.stuck());
   const bool rolls_back = hall_.speed() < 0 && hall_.speed() != Hall::kNone;
   const bool forward = asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
   board.set_blade(blade_.step(forward, pulses_.blade));
   board.set_bridge(Motor::kSteer, bridge_wires(steer_style_, steer_duty_));
-  // A machine that has driven and is told to stand must stand on a slope, too.
+  // A machine that has driven and is told to stand must stand on a slope, too; and where the slope
+  // drives it faster than it is told, its motors brake at no duty as they do at the least one.
   if (drive_.setpoint() != 0) driven_ = true;
   if (asked_.ident) driven_ = false;
-  const Idle idle = driven_ && drive_.setpoint() == 0 ? Idle::kBrake : Idle::kCoast;
+  const Idle idle = driven_ ? Idle::kBrake : Idle::kCoast;
   board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_, idle));
 }
 

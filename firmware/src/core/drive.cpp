@@ -11,6 +11,8 @@ constexpr uint16_t kStandsTicks = 1000 / kTickMs;  // no pulse for so long: stan
 constexpr int32_t kTicksPerSecond = 1000 / kTickMs;
 constexpr int32_t kLostDistance = int32_t{250} * kTicksPerSecond;  // mm/s times ticks
 constexpr uint16_t kLostTicks = 900 / kTickMs;
+constexpr int32_t kPushLost = 500;                                      // mm
+constexpr int32_t kBreakAway = (int32_t{150} << 20) / kTicksPerSecond;  // duty a tick, 2^-20
 constexpr int32_t kWrongWay = 150;    // mm: a start on a slope of five degrees rolls back less
 constexpr int32_t kPulse = 10000;     // mm times per_metre
 constexpr int16_t kSlow = 100;        // mm/s: a machine in mud may stand still at less
@@ -32,6 +34,8 @@ void Hall::configure(const Params &params) {
   // A pulse is 10000 / per_metre_ mm.
   one_ = divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
   two_pulses_ = int32_t{20000} / per_metre_ * kTicksPerSecond;
+  floor_ = params[Param::drive_min_duty];
+  push_lost_ = kPushLost * kTicksPerSecond * (255 - floor_) / params[Param::speed_full];
   wrong_way_ = clamp(kWrongWay * int32_t{per_metre_}, 3 * kPulse, INT32_MAX);
 }
 
@@ -58,8 +62,11 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
     rolls_ = duty != 0 && (rolls_ || away);
     awaited_ = 0;
     waited_ = 0;
+    pushed_ = 0;
   } else if (magnitude(setpoint) >= kSlow) {
     awaited_ += magnitude(setpoint);
+    const int32_t push = magnitude(duty) - floor_;
+    if (push > 0) pushed_ += push;
     ++waited_;
   }
 
@@ -86,7 +93,7 @@ bool Hall::wrong_way() const { return per_metre_ != 0 && against_ >= wrong_way_;
 bool Hall::lost() const {
   if (per_metre_ == 0) return false;
   return awaited_ >= two_pulses_ &&
-         (awaited_ >= kLostDistance || (rolls_ && waited_ >= kLostTicks));
+         (awaited_ >= kLostDistance || pushed_ >= push_lost_ || (rolls_ && waited_ >= kLostTicks));
 }
 
 void Drive::configure(const Params &params) {
@@ -97,6 +104,7 @@ void Drive::configure(const Params &params) {
   limit_ = params[Param::speed_max];
   ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
   nominal_ = params[Param::battery_nominal];
+  beyond_ = static_cast<int16_t>((params[Param::speed_excess] * forward_) >> 16);
 }
 
 void Drive::release() {
@@ -104,7 +112,7 @@ void Drive::release() {
   setpoint_ = 0;
 }
 
-int16_t Drive::step(int16_t target, int16_t measured, int16_t battery) {
+int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuck) {
   setpoint_ = approach(setpoint_, clamp(target, -limit_, limit_) * 16, ramp_);
   const int16_t wanted = setpoint();
   if (wanted == 0) {
@@ -121,7 +129,11 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery) {
     const int32_t sum = duty * 65536 + kp_ * error + (integral_ >> 4);
     const int32_t output = backward ? clamp(sum, -kFull, 0) : clamp(sum, 0, kFull);
     const bool deeper = (sum > output && error > 0) || (sum < output && error < 0);
-    if (!deeper) integral_ = clamp(integral_ + ki_ * error, -16 * kFull, 16 * kFull);
+    // Uphill the integral alone takes seconds to the duty that breaks away. What it adds for that
+    // ends where a machine on level ground, whose sensor says nothing, would run away with it.
+    const bool more = stuck && magnitude(output) < (size + beyond_) * 65536;
+    const int32_t extra = more ? (backward ? -kBreakAway : kBreakAway) : 0;
+    if (!deeper) integral_ = clamp(integral_ + ki_ * error + extra, -16 * kFull, 16 * kFull);
     duty = (output + kHalf) >> 16;
   }
   return static_cast<int16_t>(duty);

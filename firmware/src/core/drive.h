@@ -18,9 +18,11 @@ class Hall {
   int16_t speed() const { return speed_; }
   // mm, signed, since boot.
   int32_t distance() const { return distance_; }
-  // Driven without a pulse for 0.25 m, or for 0.9 s since the last one where the machine had broken
-  // away (for that it may take longer); in either two were due.
+  // Driven without a pulse for 0.25 m of the setpoint or 0.5 m of the duty, or for 0.9 s since the
+  // last one where the machine had broken away (for that it may take longer); always two were due.
   bool lost() const;
+  // Driven from a stand, and two pulses were due: it takes more to break away.
+  bool stuck() const { return per_metre_ != 0 && !rolls_ && awaited_ >= two_pulses_; }
   // Counts more than a machine can drive: noise, or a wrong hall_per_metre.
   bool noisy() const { return per_metre_ != 0 && magnitude(speed_) > impossible_; }
   // Turns faster than `setpoint` (mm/s) and the parameter speed_excess allow.
@@ -39,6 +41,8 @@ class Hall {
   int32_t remainder_ = 0;   // of a millimetre, in 1/per_metre_ mm
   int32_t awaited_ = 0;     // mm/s times ticks that should have been travelled since the last pulse
   int32_t two_pulses_ = 0;  // of them
+  int32_t pushed_ = 0;      // duty above the minimum times ticks since the last pulse
+  int32_t push_lost_ = 0;   // of them, with which a machine on level ground comes 0.5 m
   int32_t against_ = 0;     // pulses gone against the direction asked, in mm times per_metre_
   int32_t wrong_way_ = 0;   // of them
   int32_t impossible_ = 0;  // mm/s
@@ -47,6 +51,7 @@ class Hall {
   uint16_t waited_ = 0;           // ticks in awaited_
   uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
   uint16_t interval_ = 0;         // ticks between the last two
+  int16_t floor_ = 0;             // minimum duty
   int16_t speed_ = kNone;
   bool backward_ = false;
   bool two_ = false;    // sensors
@@ -57,9 +62,9 @@ class Hall {
 class Drive {
  public:
   void configure(const Params &params);
-  // One tick. target, measured: mm/s (measured may be Hall::kNone); battery: mV.
-  // Returns the duty, -255..255, positive forward.
-  int16_t step(int16_t target, int16_t measured, int16_t battery);
+  // One tick. target, measured: mm/s (measured may be Hall::kNone); battery: mV; stuck: it takes
+  // more to break away. Returns the duty, -255..255, positive forward.
+  int16_t step(int16_t target, int16_t measured, int16_t battery, bool stuck);
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
@@ -73,6 +78,7 @@ class Drive {
   int16_t limit_ = 0;     // mm/s
   int16_t ramp_ = 0;      // mm/s a tick, 1/16
   int16_t floor_ = 0;     // minimum duty
+  int16_t beyond_ = 0;    // duty that makes the speed the parameter speed_excess higher
   int16_t nominal_ = 0;   // battery, mV; 0: no compensation
 };
 

@@ -915,7 +915,7 @@ TEST_CASE("Of many Hellos in a tick one is answered") {
   }
 }
 
-TEST_CASE("A machine that a slope drives faster than it is told gets no duty, but is not braked") {
+TEST_CASE("A machine that a slope drives faster than it is told gets no duty, and is braked") {
   Rig rig;
   rig.set(Param::hall_per_metre, 1000);
   rig.set(Param::drive_kp, 10000);
@@ -926,8 +926,19 @@ TEST_CASE("A machine that a slope drives faster than it is told gets no duty, bu
     rig.drive_for(1);
   }
   CHECK(rig.state() == State::RUNNING);
-  CHECK(rig.board.drive.pwm == 0);
-  CHECK(!(rig.board.drive.in1 && rig.board.drive.in2));
+  CHECK(rig.board.drive.pwm == 255);
+  CHECK(rig.board.drive.in1);
+  CHECK(rig.board.drive.in2);
+}
+
+TEST_CASE("A machine that does not move off is driven harder") {
+  Rig rig;
+  rig.set(Param::hall_per_metre, 1000);
+  rig.arm();
+  rig.ask(200);
+  rig.drive_for(100);
+  // 51 for the speed, 16 and 40 a second for what is missing, 150 a second from 0.2 s on.
+  CHECK(rig.board.drive.pwm > 100);
 }
 
 TEST_CASE("Told to stand after it has driven, the machine holds its wheels until it is stopped") {

@@ -25,7 +25,7 @@ Hall hall_with(int16_t tenths_per_metre) {
 int16_t settle(Drive &drive, int16_t target, int16_t measured = Hall::kNone,
                int16_t battery = 12000, int ticks = 1000) {
   int16_t duty = 0;
-  for (int i = 0; i < ticks; ++i) duty = drive.step(target, measured, battery);
+  for (int i = 0; i < ticks; ++i) duty = drive.step(target, measured, battery, false);
   return duty;
 }
 
@@ -62,14 +62,14 @@ TEST_CASE("The minimum duty is added in the direction of travel") {
 
 TEST_CASE("Soft start: the setpoint changes by 1 m/s each second, up and down") {
   Drive drive = drive_with({});
-  for (int i = 0; i < 100; ++i) drive.step(1000, Hall::kNone, 12000);
+  for (int i = 0; i < 100; ++i) drive.step(1000, Hall::kNone, 12000, false);
   CHECK(drive.setpoint() == 500);
-  for (int i = 0; i < 50; ++i) drive.step(-1000, Hall::kNone, 12000);
+  for (int i = 0; i < 50; ++i) drive.step(-1000, Hall::kNone, 12000, false);
   CHECK(drive.setpoint() == 250);
-  for (int i = 0; i < 100; ++i) drive.step(-1000, Hall::kNone, 12000);
+  for (int i = 0; i < 100; ++i) drive.step(-1000, Hall::kNone, 12000, false);
   CHECK(drive.setpoint() == -250);
   Drive slow = drive_with({{Param::drive_accel, 100}});
-  for (int i = 0; i < 200; ++i) slow.step(1000, Hall::kNone, 12000);
+  for (int i = 0; i < 200; ++i) slow.step(1000, Hall::kNone, 12000, false);
   CHECK(slow.setpoint() == 100);
 }
 
@@ -86,7 +86,7 @@ TEST_CASE("Released, it starts again from standstill") {
   settle(drive, 1000);
   drive.release();
   CHECK(drive.setpoint() == 0);
-  CHECK(drive.step(1000, Hall::kNone, 12000) == 1);
+  CHECK(drive.step(1000, Hall::kNone, 12000, false) == 1);
 }
 
 TEST_CASE("The speed loop adds duty while the machine is too slow, and never reverses") {
@@ -131,8 +131,8 @@ TEST_CASE("At the limit even the smallest error winds nothing up") {
     settle(drive, speed(1000), speed(999), 12000, 20000);
     Drive fresh = drive_with({{Param::drive_kp, 1000}, {Param::drive_ki, 2000}});
     settle(fresh, speed(1000));
-    CHECK(drive.step(speed(1000), speed(1200), 12000) ==
-          fresh.step(speed(1000), speed(1200), 12000));
+    CHECK(drive.step(speed(1000), speed(1200), 12000, false) ==
+          fresh.step(speed(1000), speed(1200), 12000, false));
   }
 }
 
@@ -143,8 +143,8 @@ TEST_CASE("The integral holds at most the full duty") {
         drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 2000}, {Param::speed_full, 10000}});
     CHECK(settle(drive, speed(1), speed(-20000), 12000, 60) == sign * 255);
     // 10 m/s too fast at 200 duty/m: 10.0 duty a tick.
-    drive.step(speed(1), speed(20000), 12000);
-    CHECK(drive.step(speed(1), speed(20000), 12000) == sign * 245);
+    drive.step(speed(1), speed(20000), 12000, false);
+    CHECK(drive.step(speed(1), speed(20000), 12000, false) == sign * 245);
   }
 }
 
@@ -164,7 +164,7 @@ TEST_CASE("Gains and ramps are rounded to their last digit") {
   // 183.5 rounds to 184 in 2^-20 duty per mm/s and tick.
   CHECK(settle(slow, 1, -9999, 12000, 58) == 100);
   Drive ramp = drive_with({{Param::drive_accel, 4994}, {Param::speed_max, 3000}});
-  for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000);
+  for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000, false);
   CHECK(ramp.setpoint() == 400);
   Drive sum = drive_with({{Param::drive_kp, 125}, {Param::drive_ki, 0}, {Param::speed_full, 1275}});
   CHECK(settle(sum, 1000) == 200);
@@ -177,21 +177,21 @@ TEST_CASE("At no duty, too much speed winds the integral down by one tick only")
     Drive drive =
         drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 2000}, {Param::speed_full, 10000}});
     settle(drive, speed(1), speed(20000), 12000, 50);
-    CHECK(drive.step(speed(1), speed(-20000), 12000) == 0);
-    CHECK(drive.step(speed(1), speed(-20000), 12000) == 0);
-    CHECK(drive.step(speed(1), speed(-20000), 12000) == sign * 10);
+    CHECK(drive.step(speed(1), speed(-20000), 12000, false) == 0);
+    CHECK(drive.step(speed(1), speed(-20000), 12000, false) == 0);
+    CHECK(drive.step(speed(1), speed(-20000), 12000, false) == sign * 10);
   }
 }
 
 TEST_CASE("In reverse too the integral stands still as soon as the sum is forward") {
   Drive drive =
       drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 1}, {Param::speed_full, 10000}});
-  drive.step(-1, -1 - 16, 12000);
-  drive.step(-1, -20000, 12000);
+  drive.step(-1, -1 - 16, 12000, false);
+  drive.step(-1, -20000, 12000, false);
   // 2^-16 of a duty is what the first step left; half a duty and a bit turn it into one.
-  for (int i = 0; i < 52; ++i) drive.step(-1, -1 + 10000, 12000);
-  drive.step(-1, -1 + 4305, 12000);
-  CHECK(drive.step(-1, -1, 12000) == -1);
+  for (int i = 0; i < 52; ++i) drive.step(-1, -1 + 10000, 12000, false);
+  drive.step(-1, -1 + 4305, 12000, false);
+  CHECK(drive.step(-1, -1, 12000, false) == -1);
 }
 
 TEST_CASE("The duty may be nothing while a speed is asked, and never more than full") {
@@ -211,24 +211,25 @@ TEST_CASE("A release empties ramp and integral") {
     settle(drive, speed(500), speed(300), 12000, 400);
     drive.release();
     Drive fresh = drive_with({{Param::drive_kp, 0}, {Param::drive_accel, 5000}});
-    CHECK(drive.step(speed(500), speed(25), 12000) == fresh.step(speed(500), speed(25), 12000));
+    CHECK(drive.step(speed(500), speed(25), 12000, false) ==
+          fresh.step(speed(500), speed(25), 12000, false));
   }
   // Half a duty, less the last bit, is none.
   const auto last_bit = [](Drive drive) {
-    for (int i = 0; i < 52; ++i) drive.step(1, 1 - 10000, 12000);
-    drive.step(1, 1 - 4287, 12000);
-    return drive.step(1, 1, 12000);
+    for (int i = 0; i < 52; ++i) drive.step(1, 1 - 10000, 12000, false);
+    drive.step(1, 1 - 4287, 12000, false);
+    return drive.step(1, 1, 12000, false);
   };
   Drive fine = drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 1}, {Param::speed_full, 10000}});
   CHECK(last_bit(fine) == 0);
   fine.release();
   CHECK(last_bit(fine) == 0);
-  fine.step(0, 0, 12000);
+  fine.step(0, 0, 12000, false);
   CHECK(last_bit(fine) == 0);
   // 15/16 mm/s a tick.
   Drive slow = drive_with({{Param::drive_accel, 188}});
   slow.release();
-  slow.step(1000, Hall::kNone, 12000);
+  slow.step(1000, Hall::kNone, 12000, false);
   CHECK(slow.setpoint() == 0);
 }
 
@@ -345,30 +346,30 @@ TEST_CASE("The sensor counts as lost after 0.25 m without a pulse") {
 
 TEST_CASE("A creeping machine's sensor counts as lost after 0.9 s") {
   Hall hall = hall_with(200);
-  hall.step(at(1), 100, 150);
-  for (int i = 0; i < 179; ++i) hall.step(at(1), 100, 150);
+  hall.step(at(1), 50, 150);
+  for (int i = 0; i < 179; ++i) hall.step(at(1), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(1), 100, 150);
+  hall.step(at(1), 50, 150);
   CHECK(hall.lost());
-  hall.step(at(2), 100, 150);
+  hall.step(at(2), 50, 150);
   CHECK(!hall.lost());
-  for (int i = 0; i < 179; ++i) hall.step(at(2), 100, 150);
+  for (int i = 0; i < 179; ++i) hall.step(at(2), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(2), 100, 150);
+  hall.step(at(2), 50, 150);
   CHECK(hall.lost());
 }
 
 TEST_CASE("To break away a machine may take until it should have come 0.25 m") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 333; ++i) hall.step(at(0), 100, 150);
+  for (int i = 0; i < 333; ++i) hall.step(at(0), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(0), 100, 150);
+  hall.step(at(0), 50, 150);
   CHECK(hall.lost());
-  hall.step(at(1), 100, 150);
+  hall.step(at(1), 50, 150);
   hall.step(at(2), 0, 150);  // rolls on without duty, and stands: again it must break away
-  for (int i = 0; i < 333; ++i) hall.step(at(2), 100, 150);
+  for (int i = 0; i < 333; ++i) hall.step(at(2), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(2), 100, 150);
+  hall.step(at(2), 50, 150);
   CHECK(hall.lost());
 }
 
@@ -382,12 +383,12 @@ TEST_CASE("A machine that rolls back as it is driven must break away too") {
   hall.step(at(pulses), -100, -150);
   pulse_after(40, 0);
   pulse_after(50, 0);
-  pulse_after(50, 100);
-  pulse_after(40, 100);  // by a bump
-  pulse_after(200, 100);
-  for (int i = 0; i < 333; ++i) hall.step(at(pulses), 100, 150);
+  pulse_after(50, 50);
+  pulse_after(40, 50);  // by a bump
+  pulse_after(200, 50);
+  for (int i = 0; i < 333; ++i) hall.step(at(pulses), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(pulses), 100, 150);
+  hall.step(at(pulses), 50, 150);
   CHECK(hall.lost());
 }
 
@@ -400,15 +401,100 @@ TEST_CASE("A machine that was driven stands after a second, or becomes the faste
     hall.step(at(1), 0, 150);
     for (int32_t i = 1; i < each.before; ++i) hall.step(at(1), 0, 150);
     hall.step(at(2), 0, 150);
-    for (int32_t i = 1; i < each.last; ++i) hall.step(at(2), 100, 150);
-    hall.step(at(3), 100, 150);
-    for (int32_t i = 1; i < each.last; ++i) hall.step(at(3), 100, 150);
-    hall.step(at(4), 100, 150);  // and it goes on rolling
-    for (int32_t i = 0; i < 179; ++i) hall.step(at(4), 100, 150);
+    for (int32_t i = 1; i < each.last; ++i) hall.step(at(2), 40, 150);
+    hall.step(at(3), 40, 150);
+    for (int32_t i = 1; i < each.last; ++i) hall.step(at(3), 40, 150);
+    hall.step(at(4), 40, 150);  // and it goes on rolling
+    for (int32_t i = 0; i < 179; ++i) hall.step(at(4), 40, 150);
     CHECK(!hall.lost());
-    hall.step(at(4), 100, 150);
+    hall.step(at(4), 40, 150);
     CHECK(hall.lost());
   }
+}
+
+TEST_CASE("Driven as far as a machine on level ground comes half a metre, its sensor is lost") {
+  struct Case {
+    int16_t floor, full, duty;
+    int ticks;
+  };
+  // Half a metre at 1 m/s for 255 above the minimum is 25500 of them.
+  for (const Case &each : {Case{0, 1000, 100, 255}, Case{0, 1000, -100, 255},
+                           Case{55, 1000, 155, 200}, Case{0, 2000, 209, 62}}) {
+    Hall hall;
+    hall.configure(with({{Param::hall_per_metre, 4000},
+                         {Param::drive_min_duty, each.floor},
+                         {Param::speed_full, each.full}}));
+    for (int start = 0; start < 2; ++start) {
+      hall.step(at(start), 0, 100);
+      // A duty below the minimum moves nothing.
+      for (int i = 0; i < 20; ++i) hall.step(at(start), static_cast<int16_t>(each.floor / 2), 100);
+      for (int i = 0; i < each.ticks - 1; ++i) hall.step(at(start), each.duty, 100);
+      CHECK(!hall.lost());
+      hall.step(at(start), each.duty, 100);
+      CHECK(hall.lost());
+    }
+  }
+}
+
+TEST_CASE("Even the least duty above the minimum counts for the way") {
+  Hall hall;
+  hall.configure(with({{Param::hall_per_metre, 4000}, {Param::speed_full, 2000}}));
+  hall.step(at(0), 1, 100);
+  for (int i = 0; i < 60; ++i) hall.step(at(0), 209, 100);
+  CHECK(!hall.lost());
+  hall.step(at(0), 209, 100);
+  CHECK(hall.lost());
+}
+
+TEST_CASE("A machine is stuck that gives no two pulses in time as it is driven from a stand") {
+  CHECK(!hall_with(0).stuck());
+  for (const int16_t sign : {1, -1}) {
+    Hall hall = hall_with(200);  // 50 mm a pulse
+    const auto driven = [&hall, sign](uint16_t pulse) {
+      hall.step(at(pulse), static_cast<int16_t>(sign * 50), static_cast<int16_t>(sign * 500));
+    };
+    for (int i = 0; i < 39; ++i) driven(0);
+    CHECK(!hall.stuck());
+    driven(0);
+    CHECK(hall.stuck());
+    driven(1);
+    CHECK(!hall.stuck());
+    // It has broken away: what comes after is no start.
+    for (int i = 0; i < 60; ++i) driven(1);
+    CHECK(!hall.stuck());
+    hall.step(at(1), 0, 0);
+    for (int i = 0; i < 40; ++i) driven(1);
+    CHECK(hall.stuck());
+  }
+  Hall crawls = hall_with(200);
+  for (int i = 0; i < 400; ++i) crawls.step(at(0), 50, 99);
+  CHECK(!crawls.stuck());
+}
+
+TEST_CASE(
+    "Stuck, a machine gets 150 duty a second more, as far as speed_excess would have it run") {
+  for (const int16_t sign : {1, -1}) {
+    // 0.353 m/s more is 90.0 duty more, which 120 ticks add.
+    Drive drive =
+        drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 0}, {Param::speed_excess, 353}});
+    const int16_t target = static_cast<int16_t>(sign * 200);
+    CHECK(settle(drive, target, 0) == sign * 51);
+    const auto stuck = [&drive, target](int ticks, int16_t measured = 0) {
+      int16_t duty = 0;
+      for (int i = 0; i < ticks; ++i) duty = drive.step(target, measured, 12000, true);
+      return duty;
+    };
+    CHECK(stuck(41) == sign * 81);  // what is added shows in the next tick
+    CHECK(stuck(1000) == sign * 141);
+    CHECK(drive.step(target, Hall::kNone, 12000, true) == sign * 51);
+  }
+  Drive lame = drive_with({{Param::drive_kp, 0},
+                           {Param::drive_ki, 0},
+                           {Param::speed_excess, 100},
+                           {Param::speed_full, 500}});
+  settle(lame, 200, 0);
+  for (int i = 0; i < 1000; ++i) lame.step(200, 0, 12000, true);
+  CHECK(lame.step(200, 0, 12000, true) == 152);
 }
 
 TEST_CASE("A sensor of few pulses is given two of them") {
@@ -417,10 +503,10 @@ TEST_CASE("A sensor of few pulses is given two of them") {
   CHECK(!hall.lost());
   hall.step(at(0), 100, 500);
   CHECK(hall.lost());
-  hall.step(at(1), 100, 150);
-  for (int i = 0; i < 533; ++i) hall.step(at(1), 100, 150);
+  hall.step(at(1), 40, 150);
+  for (int i = 0; i < 533; ++i) hall.step(at(1), 40, 150);
   CHECK(!hall.lost());
-  hall.step(at(1), 100, 150);
+  hall.step(at(1), 40, 150);
   CHECK(hall.lost());
 }
 
@@ -435,11 +521,11 @@ TEST_CASE("A sensor of one pulse in 10 m is given 20 m to the last millimetre") 
 
 TEST_CASE("What the machine crawls does not count against the sensor") {
   Hall hall = hall_with(200);
-  for (int i = 0; i < 2000; ++i) hall.step(at(0), 100, 99);
+  for (int i = 0; i < 2000; ++i) hall.step(at(0), 255, 99);
   CHECK(!hall.lost());
-  for (int i = 0; i < 499; ++i) hall.step(at(0), 100, -100);
+  for (int i = 0; i < 499; ++i) hall.step(at(0), 50, -100);
   CHECK(!hall.lost());
-  hall.step(at(0), 100, 100);
+  hall.step(at(0), 50, 100);
   CHECK(hall.lost());
 }
 

@@ -31,16 +31,27 @@ class Drive:
     fault: Fault
     fastest_mps: float
     at_end_mps: float
+    until_fault_m: float
+    """Travelled by then; all of it where there was none."""
 
 
-def driven(nose_down_deg: float, speed_mps: float, *, motor_open_at_s: float = math.inf) -> Drive:
+def driven(
+    nose_down_deg: float,
+    speed_mps: float,
+    *,
+    motor_open_at_s: float = math.inf,
+    hall_open: bool = False,
+) -> Drive:
     """Eight seconds of a speed that is asked for, from a stand."""
     spec = machine.MachineSpec()
     state, given = machine.initial(spec), machine.inputs()
     given["pitch"] = math.radians(nose_down_deg)
     wires = signal_wires.honest()
     session = Session()
-    found, fastest = Fault(0), 0.0
+    if hall_open:
+        for signal in (Signal.HALL, Signal.HALL_B):
+            wires[signal]["mode"] = Mode.FIXED
+    found, fastest, way = Fault(0), 0.0, 0.0
     with provision.target("desk", TOLD) as target:
         run = coupling.bind(target, state, machine.parameters(spec), given, wires=wires)
         for now_us in range(0, 8_000_000, SLICE_US):
@@ -55,7 +66,73 @@ def driven(nose_down_deg: float, speed_mps: float, *, motor_open_at_s: float = m
             for telemetry in session.feed(now, target.read()):
                 found |= Fault(telemetry.faults)
             fastest = max(fastest, float(state["v"][0]) * math.copysign(1.0, speed_mps))
-        return Drive(found, fastest, float(state["v"][0]))
+            if not found:
+                way = abs(float(state["distance"][0]))
+        return Drive(found, fastest, float(state["v"][0]), way)
+
+
+def off_from_a_stand(
+    nose_up_deg: float, speed_mps: float, firmware: provision.Firmware, *, rolling: float = 0.04
+) -> tuple[Fault, float | None, float]:
+    """A machine with one hall sensor comes to its brake on level ground, whose end is the slope's
+    foot, and is then told to climb: the faults, after how long it moves (s), and its largest speed
+    (m/s)."""
+    spec = machine.MachineSpec(drive=machine.DriveSpec(rolling=rolling))
+    state, given = machine.initial(spec), machine.inputs()
+    session = Session()
+    found, moves_after, fastest = Fault(0), None, 0.0
+    way = math.copysign(1.0, speed_mps)
+    go_s = 2.5
+    with provision.target(firmware, provision.FITTED | {"hall_per_metre": 50.0}) as target:
+        run = coupling.bind(target, state, machine.parameters(spec), given)
+        for now_us in range(0, 6_000_000, SLICE_US):
+            now = now_us / 1e6
+            if now >= 1.5:
+                given["pitch"] = -way * math.radians(nose_up_deg)
+            if now_us % COMMAND_US == 0:
+                told = session.telemetry
+                request = Request.ARM if told is None or told.state is State.SAFE else Request.DRIVE
+                asked = speed_mps if now >= go_s else way * 0.2 if now < 1.0 else 0.0
+                target.write(session.encode(now, Command(request, speed_mps=asked)))
+            run(now_us, now_us + SLICE_US)
+            for telemetry in session.feed(now, target.read()):
+                found |= Fault(telemetry.faults)
+            speed = float(state["v"][0]) * way
+            if now >= go_s and moves_after is None and speed > 0.03:
+                moves_after = now - go_s
+            fastest = max(fastest, speed if now >= go_s else 0.0)
+    return found, moves_after, fastest
+
+
+@pytest.mark.parametrize("firmware", ["desk", "avr"])
+@pytest.mark.parametrize("speed_mps", [0.15, -0.15, -0.3])
+@pytest.mark.parametrize(("nose_up_deg", "rolling"), [(0.0, 0.04), (6.0, 0.04), (5.0, 0.08)])
+def test_from_a_stand_it_breaks_away_uphill_within_1200_ms_and_not_with_a_leap(
+    nose_up_deg: float, rolling: float, speed_mps: float, firmware: provision.Firmware
+) -> None:
+    fault, moves_after, fastest = off_from_a_stand(
+        nose_up_deg, speed_mps, firmware, rolling=rolling
+    )
+    assert fault == Fault(0)
+    assert moves_after is not None and moves_after < 1.2
+    assert fastest < abs(speed_mps) + 0.1
+
+
+def test_a_creep_downhill_is_braked_where_less_than_no_duty_would_be_needed() -> None:
+    """The least duty brakes, so none must not let the machine go."""
+    drive = driven(6.0, 0.15)
+    assert drive.fault == Fault(0)
+    assert drive.fastest_mps < 0.3
+
+
+@pytest.mark.parametrize("nose_down_deg", [0.0, 3.0])
+@pytest.mark.parametrize("speed_mps", [0.15, 0.3, -0.3, 0.5])
+def test_from_a_stand_a_silent_sensor_stops_the_machine_within_half_a_metre(
+    speed_mps: float, nose_down_deg: float
+) -> None:
+    drive = driven(math.copysign(nose_down_deg, speed_mps), speed_mps, hall_open=True)
+    assert drive.fault == Fault.HALL_LOST
+    assert drive.until_fault_m < 0.5
 
 
 @pytest.mark.parametrize("speed_mps", [0.5, -0.3])
