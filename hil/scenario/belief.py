@@ -35,8 +35,10 @@ from host.field.walk import read_fixes, track_of
 from host.link import protocol
 from host.route.plan import Plan, spiral
 from host.sensors.nmea import Receiver
+from host.tune.stall_time import stall_time_ms
 from sim_plant.field_spec import Point
 from sim_plant.gnss import Gnss, GnssSpec
+from sim_plant.machine import STEER_PWM_HZ, MachineSpec
 from sim_plant.strict import NotNegative
 
 Ring = tuple[Point, ...]
@@ -323,7 +325,10 @@ def calibrated_parameters(
     steering = world.machine.steering
     off = draw("pot", errors.pot_deg) * steering.pot_counts_per_deg
     defaults = {name: spec.from_raw(spec.default_raw) for name, spec in protocol.PARAMS.items()}
-    values = FITTED | {"hall_per_metre": vehicle.hall_pulses_per_m}
+    values = FITTED | {
+        "hall_per_metre": vehicle.hall_pulses_per_m,
+        "stall_time": stall_time_ms(_slew_degps(world.machine), steering.backlash_deg),
+    }
     for name, angle in (
         ("pot_left", "angle_left"),
         ("pot_centre", ""),
@@ -333,6 +338,15 @@ def calibrated_parameters(
         counts = steering.pot_centre_counts + degrees * steering.pot_counts_per_deg
         values[name] = float(round(counts + off))
     return {name: value for name, value in values.items() if value != defaults[name]}
+
+
+def _slew_degps(machine: MachineSpec) -> float:
+    """What identification finds at full duty: of the battery's voltage, bridge and friction leave
+    the rest for the motor's speed."""
+    steering, bridge = machine.steering, machine.steering.bridge
+    friction_v = steering.coulomb_nm / steering.k_vs * (steering.r_ohm + bridge.r_ohm)
+    full_v = (machine.battery.full_v - bridge.drop_v) * (1 - bridge.dead_time_s * STEER_PWM_HZ)
+    return math.degrees((full_v - friction_v) / (steering.k_vs * steering.gear))
 
 
 # ---- the field -----------------------------------------------------------------------------------

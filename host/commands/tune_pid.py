@@ -32,7 +32,7 @@ def _shown(
     parameters = Table(title="parameters")
     for column in ("parameter", "before", "after", "unit"):
         parameters.add_column(column)
-    for name in closed_loop.LAW:
+    for name in closed_loop.TUNED:
         unit = protocol.PARAMS[name].unit
         parameters.add_row(name, f"{before[name]:g}", f"{after[name]:g}", unit)
     loop = Table(title="loop on the identified model")
@@ -80,7 +80,7 @@ def pid(
             with console.status("the steering will move; keep clear") as status:
                 _, model = measure(link, port, values, telling(status))
             model.save(out / "model.json")
-        before = {name: values[name] for name in closed_loop.LAW}
+        before = {name: values[name] for name in closed_loop.TUNED}
         with console.status(f"choosing gains: {rule}"):
             after = gains(rule, model)
         for shown in _shown(model, before, after):

@@ -1076,7 +1076,7 @@ PARAMS: dict[str, ParamSpec] = {
         100,
         3000,
         "ms",
-        "driven at full duty without movement for about this long is a stall or a frozen potentiometer: 100 ms for the motor to come to speed, and the rest; at less duty the rest is longer, in proportion to what is above steer_min_duty",
+        "driven at full duty without movement for about this long is a stall or a frozen potentiometer: 100 ms for the motor to come to speed, and the rest, at least 50 ms, in which it must show that it turns; at less duty the rest is longer, in proportion to what is above steer_min_duty. The default is for the slowest motor, 20 deg/s; tuning writes what the identified one needs",
     ),
     "ident_duty_max": ParamSpec(
         "ident_duty_max",

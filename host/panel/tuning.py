@@ -69,7 +69,7 @@ def tune(machine: Machine, _wish: Json) -> None:
         with armed(wire, name, values) as experimenter:
             model = fit(experimenter.identify())
         machine.settle()
-        before = {key: values[key] for key in closed_loop.LAW}
+        before = {key: values[key] for key in closed_loop.TUNED}
         after = gains(RULE, model)
         step = Step(size_deg=SIZE_DEG, start_deg=-SIZE_DEG / 2, duration_s=VERIFY_S)
         params.write_all(link, after)

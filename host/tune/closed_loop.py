@@ -32,6 +32,8 @@ LAW: Final = (
     "steer_slew",
 )
 """The firmware's parameters that make the law."""
+TUNED: Final = (*LAW, "stall_time")
+"""Those that tuning writes."""
 
 
 def defaults() -> dict[str, float]:

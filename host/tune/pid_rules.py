@@ -20,6 +20,7 @@ from scipy.optimize import minimize
 from host.link import protocol
 from host.tune import closed_loop
 from host.tune.actuator_model import TICK_S, ActuatorModel
+from host.tune.stall_time import stall_time_ms
 from host.tune.step_response import Floats, Step, cost, deadline_s, meets
 
 Gains = dict[str, float]
@@ -185,7 +186,7 @@ RULES: Final = ("optimise", "lambda", "astrom-hagglund", "ziegler-nichols", "ago
 
 
 def gains(rule: str, model: ActuatorModel) -> Gains:
-    """The law's parameters by one of RULES."""
+    """The law's parameters by one of RULES, and the stall_time of this motor."""
     rules: dict[str, Callable[[ActuatorModel], Gains]] = {
         "optimise": optimise,
         "lambda": lambda_tuning,
@@ -193,7 +194,8 @@ def gains(rule: str, model: ActuatorModel) -> Gains:
         "ziegler-nichols": ziegler_nichols,
         "agopen": agopen,
     }
-    return rules[rule](model)
+    watch = stall_time_ms(model.slew_degps, model.backlash_deg.value)
+    return rules[rule](model) | {"stall_time": watch}
 
 
 def loops(

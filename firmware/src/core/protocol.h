@@ -454,7 +454,7 @@ enum class Param : uint8_t {
   steer_current_max,  // 0.01 A; peak, for 50 ms; what the sensor can show is the limit (ACS712-20A: 24 A)
   drive_current_max,  // 0.01 A; peak, for 50 ms; what the sensor can show is the limit (ACS758-050B: 60 A)
   stall_current,  // 0.01 A; a driven, motionless steering above it is stalled, below it its potentiometer is frozen
-  stall_time,  // 1 ms; driven at full duty without movement for about this long is a stall or a frozen potentiometer: 100 ms for the motor to come to speed, and the rest; at less duty the rest is longer, in proportion to what is above steer_min_duty
+  stall_time,  // 1 ms; driven at full duty without movement for about this long is a stall or a frozen potentiometer: 100 ms for the motor to come to speed, and the rest, at least 50 ms, in which it must show that it turns; at less duty the rest is longer, in proportion to what is above steer_min_duty. The default is for the slowest motor, 20 deg/s; tuning writes what the identified one needs
   ident_duty_max,  // 1 duty
   ident_angle_max,  // 0.01 deg
   ident_time_max,  // 1 ms; longest duration that Ident may ask for

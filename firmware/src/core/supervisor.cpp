@@ -24,9 +24,13 @@ constexpr uint16_t kWheelFastTicks = ticks(400);  // a hand's push or a pothole 
 constexpr uint16_t kEstopShort = 102 * 16;  // 0.5 V: the wires touch, or the chassis
 constexpr uint16_t kEstopOpen = 307 * 16;   // 1.5 V
 constexpr int16_t kStillBand = 60;          // centidegree: more than the pot's noise
-constexpr int16_t kDrivenHard = 50;         // duty above the minimum: enough for a wheel to move
+// Duty above the minimum with which every motor of the design moves: to break away it takes 90 at
+// most, and the default minimum is 53.
+constexpr int16_t kDrivenHard = 40;
+constexpr uint8_t kForget = 6;  // what was driven is forgotten while it is not: 64 ticks
 constexpr int16_t kFullDuty = 255;
 constexpr int16_t kLagMs = 100;     // the slowest motor's time constant; 107 in powers of two
+constexpr int16_t kLeastMs = 50;    // of full speed, whatever stall_time is
 constexpr int16_t kPushOne = 64;    // a count of duty
 constexpr int16_t kRunaway = 1000;  // centidegree: more than a reversing motor coasts
 
@@ -47,25 +51,27 @@ uint32_t MotionWatch::step(const Params &params, const Observation &seen) {
 
   // A motor moves the faster the farther its duty is above the minimum, once it has come to speed:
   // what counts is the way that it should have turned meanwhile, so that full duty is judged
-  // soonest, and the lag is waited for once and not in proportion.
+  // soonest, and the lag is waited for once and not in proportion. Back and forth is no way.
   const int16_t floor = params[Param::steer_min_duty];
   const int16_t effort = static_cast<int16_t>(magnitude(seen.steer_duty) - floor);
   const int16_t drive = effort < 0 ? int16_t{0} : effort;
   const int16_t lacking =
       static_cast<int16_t>((seen.steer_duty < 0 ? -drive : drive) * kPushOne - push_);
   push_ = static_cast<int16_t>(push_ + (lacking >> 5) + (lacking >> 6));
-  if (effort < kDrivenHard || magnitude(static_cast<int32_t>(seen.angle) - anchor_) > kStillBand) {
+  if (magnitude(static_cast<int32_t>(seen.angle) - anchor_) > kStillBand) {
     anchor_ = seen.angle;
     way_ = 0;
-  } else if ((seen.steer_duty < 0) == (push_ < 0)) {
-    way_ += magnitude(push_);
+  } else if (effort >= kDrivenHard) {
+    way_ += push_;
+  } else {
+    way_ -= way_ >> kForget;
   }
   const int16_t stall = params[Param::stall_time];
-  const int16_t after_lag = static_cast<int16_t>(stall - least(kLagMs, stall / 2));
-  if (way_ != 0 &&
-      way_ / kPushOne * kTickMs >= after_lag * static_cast<int32_t>(kFullDuty - floor)) {
+  const int16_t after_lag = static_cast<int16_t>(stall - least(kLagMs, stall - kLeastMs));
+  if (magnitude(way_) / kPushOne * kTickMs >= after_lag * static_cast<int32_t>(kFullDuty - floor)) {
     const bool loaded = seen.steer_current >= params[Param::stall_current];
     found |= loaded ? protocol::STEER_STALL : protocol::POT_FROZEN;
+    way_ = 0;
   }
 
   const int32_t along = seen.steer_duty < 0 ? -moved : moved;

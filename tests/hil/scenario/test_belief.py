@@ -271,3 +271,12 @@ def test_a_ring_is_told_counter_clockwise_whichever_way_it_was_walked(
     given: tuple[tuple[float, float], ...],
 ) -> None:
     assert ccw(given) == [*RING]
+
+
+@pytest.mark.parametrize(("slew_degps", "low_ms", "high_ms"), [(20.0, 270, 290), (45.0, 175, 185)])
+def test_the_firmware_is_told_how_long_this_steering_may_be_silent(
+    slew_degps: float, low_ms: float, high_ms: float
+) -> None:
+    steering = SteeringSpec.from_response(slew_degps=slew_degps)
+    scenario = Scenario.model_validate({"machine": {"steering": steering.model_dump()}})
+    assert low_ms < scenario.told.parameters["stall_time"] < high_ms

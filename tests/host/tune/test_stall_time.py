@@ -1,0 +1,29 @@
+"""Facts about the time after which a steering that shows no movement is a fault."""
+
+from __future__ import annotations
+
+import pytest
+
+from host.link import protocol
+from host.tune.stall_time import stall_time_ms
+
+
+@pytest.mark.parametrize(
+    ("slew_degps", "backlash_deg", "ms"),
+    [
+        (20.0, 2.0, 288.0),
+        (45.0, 1.0, 183.0),  # a new one's play counts as a worn one's
+        (45.0, 3.0, 211.0),
+        (60.0, 0.5, 162.0),
+    ],
+)
+def test_it_is_the_lag_and_the_play_and_a_degree_at_four_fifths_of_the_speed(
+    slew_degps: float, backlash_deg: float, ms: float
+) -> None:
+    assert stall_time_ms(slew_degps, backlash_deg) == ms
+
+
+def test_it_stays_within_the_parameters_range() -> None:
+    spec = protocol.PARAMS["stall_time"]
+    assert stall_time_ms(0.1, 2.0) == spec.from_raw(spec.max_raw)
+    assert stall_time_ms(1e6, 2.0) == stall_time_ms(1e9, 2.0) == 100.0
