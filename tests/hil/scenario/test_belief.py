@@ -29,6 +29,7 @@ from host.pilot.pilot import Pilot
 from host.runs import record
 from host.vision.view import Detector
 from sim_plant.field import Field
+from sim_plant.machine import SteeringSpec
 from tests.helpers.oracle import Oracle, quick
 
 needs_firmware = pytest.mark.skipif(
