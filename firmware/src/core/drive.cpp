@@ -35,7 +35,8 @@ void Hall::configure(const Params &params) {
   one_ = divide(int32_t{10000} * 1000 / kTickMs, per_metre_);
   two_pulses_ = int32_t{20000} / per_metre_ * kTicksPerSecond;
   floor_ = params[Param::drive_min_duty];
-  push_lost_ = kPushLost * kTicksPerSecond * (255 - floor_) / params[Param::speed_full];
+  full_ = params[Param::speed_full];
+  push_lost_ = kPushLost * kTicksPerSecond * (255 - floor_);
   wrong_way_ = clamp(kWrongWay * int32_t{per_metre_}, 3 * kPulse, INT32_MAX);
 }
 
@@ -66,7 +67,7 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
   } else if (magnitude(setpoint) >= kSlow) {
     awaited_ += magnitude(setpoint);
     const int32_t push = magnitude(duty) - floor_;
-    if (push > 0) pushed_ += push;
+    if (push > 0) pushed_ = least(pushed_ + push * full_, push_lost_);
     ++waited_;
   }
 

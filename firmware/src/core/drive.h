@@ -41,7 +41,7 @@ class Hall {
   int32_t remainder_ = 0;   // of a millimetre, in 1/per_metre_ mm
   int32_t awaited_ = 0;     // mm/s times ticks that should have been travelled since the last pulse
   int32_t two_pulses_ = 0;  // of them
-  int32_t pushed_ = 0;      // duty above the minimum times ticks since the last pulse
+  int32_t pushed_ = 0;      // duty above the minimum times full_ times ticks since the last pulse
   int32_t push_lost_ = 0;   // of them, with which a machine on level ground comes 0.5 m
   int32_t against_ = 0;     // pulses gone against the direction asked, in mm times per_metre_
   int32_t wrong_way_ = 0;   // of them
@@ -52,6 +52,7 @@ class Hall {
   uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
   uint16_t interval_ = 0;         // ticks between the last two
   int16_t floor_ = 0;             // minimum duty
+  int16_t full_ = 0;              // speed at full duty, mm/s
   int16_t speed_ = kNone;
   bool backward_ = false;
   bool two_ = false;    // sensors

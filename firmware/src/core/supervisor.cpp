@@ -68,7 +68,8 @@ uint32_t MotionWatch::step(const Params &params, const Observation &seen) {
   }
   const int16_t stall = params[Param::stall_time];
   const int16_t after_lag = static_cast<int16_t>(stall - least(kLagMs, stall - kLeastMs));
-  if (magnitude(way_) / kPushOne * kTickMs >= after_lag * static_cast<int32_t>(kFullDuty - floor)) {
+  if (way_ != 0 &&
+      magnitude(way_) / kPushOne * kTickMs >= after_lag * static_cast<int32_t>(kFullDuty - floor)) {
     const bool loaded = seen.steer_current >= params[Param::stall_current];
     found |= loaded ? protocol::STEER_STALL : protocol::POT_FROZEN;
     way_ = 0;
