@@ -84,9 +84,7 @@ def turn_on(context: Context, now: float, ended: Ended) -> Go:
         return SideEnd.BESIDE_BENT.go(side=strip.name)
     following = context.planned(strip.index + 1)
     origin = strip.leave(following, end)
-    shuttles = strip.index + 1 < len(context.plan.sides) and (
-        context.plan.corner_rad(strip.index) == 0.0
-    )
+    shuttles = context.plan.corner_rad(strip.index) == 0.0
     # A corner's turn needs room at this side's end, a shuttle's at the next one's beginning.
     room_from = strip.end_pose(far=not shuttles)
     doubt_m = following.begin_doubt_m if shuttles else 0.0

@@ -76,7 +76,8 @@ class Follow(Behaviour):
         """Beside a keep-out a side ends where the geofence has it end, which knows how surely the
         machine knows its place; what is left of it stays."""
         context, strip = self.context, self.context.strip
-        if verdict.at_keep_out and strip.left_m() < KEEP_OUT_REST_M:
+        outside = verdict.at_keep_out and verdict.clearance_m >= 0.0
+        if outside and strip.left_m() < KEEP_OUT_REST_M:
             here = EndOfField(now, context.motion, strip.index)
             return end_side(context, now, here, refused=True)
         return super().blocked(now, verdict)

@@ -171,6 +171,37 @@ def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> Non
     assert position.against_lane()[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
+def beside_an_askew_lane(askew_deg: float, side: Side, *, straight: bool) -> Position:
+    """On a side, after one along edge 3 whose lane was found to lie askew."""
+    position, run_m = Position(VEHICLE), 0.0
+    first = replace(ring(0), edges=(3,), places_m=((0.0, 0.0),))
+    position.place(first, 0.0, 0.0, 0.0)
+    for _ in range(20):
+        run_m += 0.5
+        position.predict(motion(run_m), cutting=False)
+        sure_of(position, *SURE)
+        position.follow(-math.radians(askew_deg) * position.along(first), 0.0)
+    position.begin(side, straight=straight)
+    driven(position, 2.0, side.y_m + VEHICLE.inset_m, 0.0, motion(run_m))
+    return position
+
+
+@pytest.mark.parametrize(("edge", "deg"), [(3, -2.0), (1, 0.0)])
+def test_a_lane_far_inside_is_turned_as_the_last_along_its_edge(edge: int, deg: float) -> None:
+    """Strips that were laid out otherwise lie between; of another edge nothing is known."""
+    far = replace(ring(3), edges=(edge,), places_m=((0.0, 3 * VEHICLE.pass_m),))
+    position = beside_an_askew_lane(2.0, far, straight=False)
+    assert math.degrees(position.against_lane()[1]) == pytest.approx(deg, abs=0.3)
+
+
+def test_a_lane_that_was_straightened_is_known_to_lie_so() -> None:
+    beside = replace(ring(1), edges=(3,), places_m=((0.0, VEHICLE.pass_m),))
+    copied, laid = (beside_an_askew_lane(2.0, beside, straight=s) for s in (False, True))
+    assert laid.aside.slope > 0.0
+    straighter = laid.against_lane()[1] - copied.against_lane()[1]
+    assert straighter == pytest.approx(laid.aside.slope, rel=0.01)
+
+
 def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[float]:
     """By how much the position's yaw is off, rad, after each round along a side of 5 m whose strips
     are each cut so much more askew, while lane and dead reckoning say that all is straight. Before

@@ -127,6 +127,9 @@ def test_a_keep_out_stops_and_is_named() -> None:
     assert verdict.level is Level.STOP
     assert verdict.clearance_m < 0
     assert "beyond keep-out 1" in verdict.reason
+    assert verdict.at_keep_out
+    border = FENCE.check(placed(OUTLINE, 50.0, 12.5, 0.0), CERTAIN)
+    assert (border.level, border.at_keep_out) == (Level.STOP, False)
     before = FENCE.check(placed(OUTLINE, 10.0, 12.5, 0.0), CERTAIN)
     assert before.level is Level.SLOW
     assert before.clearance_m == pytest.approx(12 - 0.3 - 11.55)

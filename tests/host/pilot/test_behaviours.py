@@ -283,18 +283,20 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
 
 
 @pytest.mark.parametrize(
-    ("at_keep_out", "left_m", "reason"),
+    ("at_keep_out", "clear_m", "left_m", "reason"),
     [
-        (True, KEEP_OUT_REST_M - 0.1, SideEnd.KEEP_OUT),
-        (True, KEEP_OUT_REST_M + 0.1, Watched.GEOFENCE),
-        (False, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
+        (True, 0.1, KEEP_OUT_REST_M - 0.1, SideEnd.KEEP_OUT),
+        (True, 0.1, KEEP_OUT_REST_M + 0.1, Watched.GEOFENCE),
+        (True, -0.1, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
+        (False, 0.1, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
     ],
 )
 def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
-    at_keep_out: bool, left_m: float, reason: Reason
+    at_keep_out: bool, clear_m: float, left_m: float, reason: Reason
 ) -> None:
+    """One that may be in it already needs a person."""
     context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
-    verdict = replace(TOO_NEAR, at_keep_out=at_keep_out)
+    verdict = replace(TOO_NEAR, at_keep_out=at_keep_out, clearance_m=clear_m)
     along_m = context.strip.along_m(context.motion)
     before = context.strip
     assert is_for(Follow(context).blocked(NOW, verdict), reason)

@@ -4,6 +4,7 @@ the lane and the turn make of how little is known of it."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,15 +21,15 @@ from host.pilot.behaviours.look_at_edge import Why as EdgeLook
 from host.pilot.behaviours.look_at_end import LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
 from host.pilot.behaviours.turn import DriveTurn
-from host.pilot.context import Context
-from host.pilot.endings import Elsewhere, SideEnd, end_side, outward
+from host.pilot.context import Context, Ended
+from host.pilot.endings import Elsewhere, SideEnd, end_side, outward, turn_on
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.pilot.planned_strip import BLIND_M, OUTWARD_M, SIGMAS, TURN_KNOWN_M, PlannedStrip
 from host.pilot.stop_and_look import LONG_LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
-from host.route.turn_legs import lane_beside, three_point
+from host.route.turn_legs import Turn, lane_beside, shuttle, three_point
 from host.vision.view import CropView
 from tests.helpers.eyes import Eyes
 from tests.helpers.simple_world import SimpleWorld, drive
@@ -305,6 +306,30 @@ def test_a_turn_must_find_room_where_the_end_may_lie_farther_on() -> None:
     assert mean[1] == pytest.approx(near[1], abs=0.05), "what a shuttle backs away from"
     sigma = unsure.estimate.position.end_sigma_m(NEW.sides[0])
     assert far[1] - near[1] == pytest.approx(SIGMAS * sigma, abs=0.05)
+
+
+def test_a_shuttle_must_find_room_where_the_next_strip_may_begin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nearer to the border than the plan has it; where this strip ends says nothing of that."""
+    ring = [(0.0, 0.0), (14.0, 0.0), (14.0, 5.0), (6.0, 5.0), (6.0, 14.0), (0.0, 14.0)]
+    plan = spiral(ring, 0, VEHICLE, gap_m=2.0, sigma_m=0.3)
+    index = next(k for k in range(len(plan.sides)) if plan.corner_rad(k) == 0.0)
+    context = along(0.0, replace(plan, sides=plan.sides[index:]))
+    pose = context.strip.end_pose(far=False)
+    found: list[tuple[float, float]] = []
+
+    def chosen(_: Plan, __: int, ___: Vehicle, room_m: Callable[[Turn], float]) -> Turn:
+        turn = shuttle(VEHICLE, -3.0, VEHICLE.pass_m, 1.0)
+        found.append((room_m(turn), context.guard.room_m(turn, pose)))
+        return turn
+
+    monkeypatch.setattr("host.pilot.endings.next_turn", chosen)
+    turn_on(context, NOW, Ended(EndOfField(NOW, context.motion, 0), seen=True))
+    [(room, as_planned)] = found
+    doubt = context.strip.begin_doubt_m
+    assert doubt > 0.1
+    assert room == pytest.approx(as_planned - doubt, abs=0.02)
 
 
 def test_a_turn_round_a_corner_of_unknown_angle_teaches_the_steering_little() -> None:
