@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.table import Table
 
-from hil.judge.causes import Cause, causes, circumstances, disagreements, hesitations
+from hil.judge.causes import causes, circumstances
 from hil.judge.overview import overview, ranking, stopped_safely
-from hil.report import report
-from hil.scenario.random_fields import random_field
-from hil.scenario.scenario import Scenario, changed, load, merge
+from hil.report import campaign_tables, report
 from hil.studies.campaign import (
+    Again,
     Job,
     jobs_of,
-    picked,
+    looked_at_again,
     run_campaign,
+    scenarios_of,
     seeds_of,
-    variants,
-    with_files,
-    with_pictures,
 )
 from host.core.errors import UserError
 from host.core.progress import Watch
@@ -78,108 +73,44 @@ def campaign(
         numbers = seeds_of(seeds)
     except ValueError as error:
         raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
-    chosen: list[Scenario] = []
-    for label, overrides in variants(settings):
-        for seed in numbers:
-            for name in names or (() if random_fields else ("default",)):
-                one = load(name, merge(overrides, {"seed": seed}))
-                chosen.append(one.model_copy(update={"name": f"{one.name} {label}".strip()}))
-            if random_fields:
-                one = changed(random_field(seed), overrides)
-                chosen.append(one.model_copy(update={"name": f"{one.name} {label}".strip()}))
-    chosen = [changed(one, {"eyes": eyes}) for one in chosen]
+    chosen = scenarios_of(names, numbers, settings, eyes, random_fields=random_fields)
     jobs = jobs_of(chosen, out, keep_records)
-    run = partial(_run, workers=workers, scheduler=scheduler)
+
+    def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:
+        with Watch(what, len(todo)) as watch:
+            return run_campaign(
+                todo,
+                where,
+                workers=workers,
+                scheduler=scheduler,
+                progress=lambda done, _: watch.reach(done),
+            )
+
     summaries = run(jobs, out, f"{len(jobs)} runs")
     rows = overview(summaries)
-    worlds = [circumstances(one) for one in chosen]
-    found = causes(summaries, worlds)
+    found = causes(summaries, [circumstances(one) for one in chosen])
     apart: list[dict[str, Any]] = []
     if eyes == "model":
-        seen_in, maps_in = out / "pictures", out / "maps"
-        again = picked(jobs, summaries, worst_runs, sample)
-        checked = [with_pictures(job, seen_in) for job in again]
-        seen = run(checked, seen_in, "with pictures") if checked else []
-        apart = disagreements(summaries, seen)
-        drawn = [with_files(job, maps_in) for job in picked(jobs, summaries, maps, 0)]
-        mapped = run(drawn, maps_in, "maps of the worst") if drawn else []
-        keep = {(s["scenario"], s["seed"]): s["run"] for s in mapped}
-        summaries = [s | {"map": keep.get((s["scenario"], s["seed"]), s["run"])} for s in summaries]
-    PlainConsole().print_table(_table(rows))
-    PlainConsole().print_table(_causes(found))
-    PlainConsole().print_table(_hesitations(summaries))
+        again = Again(worst_runs, sample, maps)
+        summaries, apart = looked_at_again(jobs, summaries, out, again, run)
+    console = PlainConsole()
+    console.print_table(campaign_tables.figures(rows))
+    console.print_table(campaign_tables.what_went_wrong(found))
+    console.print_table(campaign_tables.hesitated(summaries))
     if apart:
-        PlainConsole().print_table(_apart(apart))
+        console.print_table(campaign_tables.disagreeing(apart))
     report.campaign_report(out, summaries, rows, found, apart)
     if rank:
         for place, (name, mean, worst) in enumerate(ranking(summaries), 1):
             echo(f"{place:3}. {name}: cost {mean:.3f}, worst {worst:.3f}")
     echo(f"written to {out}: campaign.json, runs.parquet, events.parquet, report.html, runs/")
+    _tell_of_the_unfinished(summaries, out)
+
+
+def _tell_of_the_unfinished(summaries: Sequence[dict[str, Any]], out: Path) -> None:
     bad = [s for s in summaries if s["outcome"] != "finished"]
     for summary in bad[:REASONS]:
         how = "stopped safely" if stopped_safely(summary) else summary["outcome"]
         echo(f"{how}: runs/{summary['run']}: {summary['reason']}")
     if len(bad) > REASONS:
         echo(f"{len(bad) - REASONS} more that did not finish: see {out}/report.html")
-
-
-def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    """Scenarios as columns: there are more figures than scenarios."""
-    table = Table(title="campaign")
-    table.add_column("figure")
-    for row in rows:
-        table.add_column(str(row["scenario"]), justify="right")
-    for key in dict.fromkeys(key for row in rows for key in row if key != "scenario"):
-        table.add_row(key, *(f"{row[key]:g}" if key in row else "" for row in rows))
-    return table
-
-
-def _run(
-    jobs: Sequence[Job], out: Path, what: str, *, workers: int, scheduler: str | None
-) -> list[dict[str, Any]]:
-    with Watch(what, len(jobs)) as watch:
-        return run_campaign(
-            jobs,
-            out,
-            workers=workers,
-            scheduler=scheduler,
-            progress=lambda done, _: watch.reach(done),
-        )
-
-
-def _causes(found: Sequence[Cause]) -> Table:
-    table = Table(title="what went wrong, by how often")
-    for title in ("outcome", "in", "reason", "runs", "share", "left m²", "told by", "such as"):
-        right = title in ("runs", "share", "left m²")
-        table.add_column(title, justify="right" if right else "left", overflow="fold")
-    for c in found:
-        table.add_row(
-            c.outcome, c.state, c.reason, str(c.runs), f"{c.share:.1%}", f"{c.left_m2:.1f}",
-            c.circumstance, c.examples[0],
-        )  # fmt: skip
-    return table
-
-
-def _hesitations(summaries: Sequence[dict[str, Any]]) -> Table:
-    table = Table(title="hesitations, by the time they take")
-    for title in ("reason", "times", "runs", "s in all"):
-        table.add_column(title, justify="left" if title == "reason" else "right", overflow="fold")
-    for reason, times, runs, seconds in hesitations(summaries)[:REASONS]:
-        table.add_row(reason, str(times), str(runs), f"{seconds:.0f}")
-    return table
-
-
-def _apart(rows: Sequence[dict[str, Any]]) -> Table:
-    bad = sum(row["disagree"] for row in rows)
-    table = Table(title=f"by the model and by pictures: {bad} of {len(rows)} fields disagree")
-    for title in ("field", "model", "pictures", "coverage", "disagree"):
-        table.add_column(title)
-    for row in rows:
-        table.add_row(
-            row["field"],
-            row["model"],
-            row["pictures"],
-            f"{row['model coverage']} / {row['pictures coverage']}",
-            "YES" if row["disagree"] else "",
-        )
-    return table

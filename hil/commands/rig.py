@@ -5,24 +5,22 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TextIO, cast
 
 import click
 
 from hil.bench.lockstep import Bench
-from hil.bench.ports import NETWORK, Port, PseudoTerminal, Rfc2217Port, TcpPort
-from hil.bench.rig import Rig, develop, handouts, rehearse
+from hil.bench.ports import NETWORK
+from hil.bench.rig import Rig
+from hil.bench.serving import Ways, board_of, served, summary_of
 from hil.bench.typed_faults import USAGE, TypedFaults
-from hil.firmware.real_board import PREFIX, Board
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import Outlet, PlainConsole, echo
-from sim_plant.phone import Phone, PhoneSpec
 
 
 @click.command()
@@ -71,10 +69,8 @@ def rig(
     Prints the port and the addresses and writes them to OUT/rig.json; at the end the true result
     and how well the clock was kept. Faults can be typed while it runs, such as `pot off for=3`;
     `list` says what is broken, `end` mends it."""
-    real = firmware.removeprefix(PREFIX) if firmware and firmware.startswith(PREFIX) else None
-    if real is None and firmware not in (None, "desk", "avr"):
-        raise UserError(f"--firmware {firmware}: give desk, avr or serial:PORT of a real board")
-    given = options | ({"firmware": firmware} if real is None else {})
+    board = board_of(firmware)
+    given = options | ({"firmware": firmware} if board is None else {})
     overrides = {k: v for k, v in given.items() if v is not None}
     for setting in settings:
         overrides = scenario.merge(overrides, scenario.assigned(setting))
@@ -83,34 +79,20 @@ def rig(
         raise UserError(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
         )
-    rehearse(chosen)
-    board = Board(real, chosen.told.parameters) if real is not None else None
-    with Bench(chosen, board=board) as bench:
-        with ExitStack() as plugged:
-            ports: dict[str, Port] = {"port": PseudoTerminal(link)}
-            plugged.callback(ports["port"].close)
-            for kind, number in ((TcpPort, tcp), (Rfc2217Port, rfc2217)):
-                if number is not None:
-                    served = ports[kind.SCHEME] = kind(number, host)
-                    plugged.callback(served.close)
-            phone = plugged.enter_context(_phone(host, http_port, nmea_port))
-            typed = TypedFaults(sys.stdin, echo)
-            watch = plugged.enter_context(_watch(duration))
+    typed = TypedFaults(sys.stdin, echo)
+    ways = Ways(link, tcp, rfc2217, http_port, nmea_port, host)
+    with _watch(duration) as watch:
 
-            def tend() -> None:
-                typed.poll(bench.now, bench.faults, real is not None)
-                watch.reach(bench.now, f"{100 * bench.field.coverage():.1f} % cut")
+        def tend(bench: Bench) -> None:
+            typed.poll(bench.now, bench.faults, board is not None)
+            watch.reach(bench.now, f"{100 * bench.field.coverage():.1f} % cut")
 
-            machine = Rig(bench, list(ports.values()), phone, factor=factor, tend=tend)
-            plugged.callback(machine.close)
-            phone.show(develop(bench.camera, bench.shutter()))
-            addresses = {kind: port.name for kind, port in ports.items()}
-            addresses |= {"camera": phone.camera_url, "gnss": phone.gnss_url}
-            _announce(addresses | handouts(chosen, out), out)
+        with served(chosen, out, Rig, ways, board=board, factor=factor, tend=tend) as found:
+            _announce(found.about, out)
             echo(f"faults may be typed here while it runs: {USAGE}")
             with contextlib.suppress(KeyboardInterrupt):  # the way to end it
-                machine.run(duration)
-        _report(machine, out)
+                found.machine.run(duration)
+            _report(found.machine, out)
 
 
 def _watch(duration: float | None) -> Watch:
@@ -119,16 +101,6 @@ def _watch(duration: float | None) -> Watch:
         file=cast(TextIO, Outlet(sys.stderr)), force_terminal=False, soft_wrap=True
     )
     return Watch("rig", round(duration) if duration is not None else None, console)
-
-
-def _phone(host: str, http_port: int, nmea_port: int) -> Phone:
-    try:
-        return Phone(PhoneSpec(host=host, http_port=http_port, nmea_port=nmea_port, delay_s=0.0))
-    except OSError as error:
-        raise UserError(
-            f"cannot serve the phone on ports {http_port} and {nmea_port} of {host}: "
-            f"{error.strerror}"
-        ) from error
 
 
 def _announce(about: dict[str, str], out: Path) -> None:
@@ -141,26 +113,12 @@ def _announce(about: dict[str, str], out: Path) -> None:
 
 
 def _report(machine: Rig, out: Path) -> None:
-    """What was truly harvested, and how well the clock was kept."""
-    crop = machine.bench.field
-    summary: dict[str, Any] = {
-        "simulated_s": round(machine.bench.now, 3),
-        "coverage": round(float(crop.coverage()), 4),
-        "missed_m2": round(float(crop.missed_m2()), 4),
-        "neighbour_cut_m2": round(float(crop.neighbour_cut_m2()), 4),
-        "pose": [round(value, 3) for value in machine.bench.pose],
-        **machine.deadlines.summary(),
-    }
-    faults = machine.bench.faults
-    injected = [
-        (f"{event.stamp:.2f} s", faults.faults[event.index].name,
-         "begins" if event.begins else "ends")
-        for event in faults.events
-    ]  # fmt: skip
+    """Prints and keeps the summary, and draws where it went."""
+    summary = summary_of(machine)
     for key, value in summary.items():
-        echo(f"{key:18} {value}")
-    summary["faults_injected"] = injected
+        if key != "faults_injected":
+            echo(f"{key:18} {value}")
     (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     if len(machine.track) > 1:
         title = f"rig: coverage {summary['coverage']:.3f}"
-        pictures.draw_map(out / "map.png", crop, machine.track, title)
+        pictures.draw_map(out / "map.png", machine.bench.field, machine.track, title)

@@ -27,8 +27,9 @@ import yaml
 
 from hil.bench import harvest
 from hil.bench.model_eyes import LIBRARY
-from hil.judge.causes import circumstances
-from hil.scenario.scenario import Scenario, assigned, changed, merge
+from hil.judge.causes import circumstances, disagreements
+from hil.scenario.random_fields import random_field
+from hil.scenario.scenario import Scenario, assigned, changed, load, merge
 from hil.studies.spread import spread
 from host.core.errors import UserError
 
@@ -201,7 +202,41 @@ def with_files(job: Job, out: Path) -> Job:
     return Job(chosen.model_dump_json(), str((out / "runs").resolve()), job.keep_records)
 
 
-# ---- the command ---------------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class Again:
+    """How many runs by the model of the eyes are looked at once more."""
+
+    worst: int = 0
+    """The worst, with pictures."""
+    sample: int = 0
+    """Others at random, with pictures."""
+    maps: int = 0
+    """The worst, with their maps."""
+
+
+def looked_at_again(
+    jobs: Sequence[Job],
+    summaries: Sequence[dict[str, Any]],
+    out: Path,
+    again: Again,
+    run: Callable[[Sequence[Job], Path, str], list[dict[str, Any]]],
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Drives some runs of a campaign by the model of the eyes again. Returns all summaries, each
+    with the run that has its map as `map`, and where model and pictures disagree. `run`: jobs into
+    a folder, under a title."""
+    seen_in, maps_in = out / "pictures", out / "maps"
+    checked = [
+        with_pictures(job, seen_in) for job in picked(jobs, summaries, again.worst, again.sample)
+    ]
+    seen = run(checked, seen_in, "with pictures") if checked else []
+    drawn = [with_files(job, maps_in) for job in picked(jobs, summaries, again.maps, 0)]
+    mapped = run(drawn, maps_in, "maps of the worst") if drawn else []
+    keep = {(s["scenario"], s["seed"]): s["run"] for s in mapped}
+    found = [s | {"map": keep.get((s["scenario"], s["seed"]), s["run"])} for s in summaries]
+    return found, disagreements(summaries, seen)
+
+
+# ---- what is run ---------------------------------------------------------------------------------
 
 
 def seeds_of(text: str) -> list[int]:
@@ -232,3 +267,25 @@ def variants(settings: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
         for _, overrides in combination:
             merged = merge(merged, overrides)
         yield " ".join(name for name, _ in combination if name), merged
+
+
+def scenarios_of(
+    names: Sequence[str],
+    seeds: Sequence[int],
+    settings: Sequence[str] = (),
+    eyes: str = "picture",
+    *,
+    random_fields: bool = False,
+) -> list[Scenario]:
+    """Every scenario with every seed and every combination of settings; the default one where
+    neither names nor random fields are asked for."""
+    chosen: list[Scenario] = []
+    for label, overrides in variants(settings):
+        for seed in seeds:
+            one = [load(name, merge(overrides, {"seed": seed})) for name in names]
+            if random_fields:
+                one.append(changed(random_field(seed), overrides))
+            elif not names:
+                one.append(load("default", merge(overrides, {"seed": seed})))
+            chosen += [s.model_copy(update={"name": f"{s.name} {label}".strip()}) for s in one]
+    return [changed(one, {"eyes": eyes}) for one in chosen]

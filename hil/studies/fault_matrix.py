@@ -7,15 +7,13 @@ before any cable has its way.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import os
 import pickle
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,10 +22,8 @@ from dask.local import SynchronousExecutor
 
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import SLICE_US, Bench
-from hil.firmware import targets
-from hil.firmware.provision import BOARD, Firmware
+from hil.firmware.provision import Firmware
 from hil.firmware.signal_wires import Signal
-from hil.firmware.targets import ROOT
 from hil.judge.fault_verdict import Situation, Verdict
 from hil.scenario.faults import PAIRS, At, Expect, Fault, Pair
 from hil.scenario.scenario import Limits, Recording, Scenario
@@ -447,43 +443,3 @@ def run_group(group: Group) -> list[Verdict]:
     if group[0].record is None:
         return branched([scenario_of(case) for case in group], situation)
     return [watched(scenario_of(case), situation, case.record_file) for case in group]
-
-
-# ---- kept from an earlier call -------------------------------------------------------------------
-
-
-def digest(case: Case) -> str:
-    """Of everything that a verdict depends on: the scenario, the firmware and the programs."""
-    chosen = scenario_of(case).model_dump_json().encode()
-    return hashlib.sha256(chosen + programs(case.firmware)).hexdigest()
-
-
-@cache
-def programs(firmware: Firmware) -> bytes:
-    """A digest of all that decides a verdict besides its case: sources and images."""
-    images = [targets.DESK_LIBRARY]
-    if firmware != "desk":
-        images = [targets.AVR_LIBRARY, targets.image_of(BOARD[firmware])]
-    sources = sorted(p for d in ("hil", "host", "sim_plant") for p in (ROOT / d).rglob("*.py"))
-    found = hashlib.sha256()
-    for path in (*sources, *(image for image in images if image.exists())):
-        found.update(path.read_bytes())
-    return found.digest()
-
-
-def kept(path: Path, cases: Sequence[Case]) -> dict[Case, Verdict]:
-    """Verdicts that an earlier call of the same command left, of the same programs."""
-    if not path.exists():
-        return {}
-    found = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        try:
-            entry = json.loads(line)
-        except ValueError:  # the call was killed while it wrote
-            continue
-        found[entry["digest"]] = Verdict(**entry["verdict"])
-    digests = {case: digest(case) for case in cases}
-    return {case: found[key] for case, key in digests.items() if key in found}
-
-
-# ---- the command ---------------------------------------------------------------------------------

@@ -18,19 +18,17 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
 from hil.bench.eyes import PerfectEye
-from hil.bench.lockstep import Bench
-from hil.bench.ports import PseudoTerminal
-from hil.bench.rig import Rig, develop, handouts, rehearse
+from hil.bench.rig import Rig
+from hil.bench.serving import served
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
-from sim_plant.phone import Phone, PhoneSpec
 
 WALKING_MPS = 1.2
 LAPS = 2
@@ -145,7 +143,6 @@ def around(corners: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
 def main(name: str, out: Path) -> None:
     """Serves until `end`."""
     chosen = scenario.load(name)
-    rehearse(chosen)
     deeds: Queue[dict[str, Any]] = Queue()
 
     def listen() -> None:
@@ -153,19 +150,12 @@ def main(name: str, out: Path) -> None:
             deeds.put(json.loads(line))
         deeds.put({"do": "end"})
 
-    with Bench(chosen) as bench, ExitStack() as plugged:
-        port = PseudoTerminal()
-        plugged.callback(port.close)
-        phone = plugged.enter_context(Phone(PhoneSpec(http_port=0, nmea_port=0, delay_s=0.0)))
-        machine = MannedRig(bench, [port], phone)
-        plugged.callback(machine.close)
-        machine.watch(deeds)
-        phone.show(develop(bench.camera, bench.shutter()))
-        about = {"port": port.name, "camera": phone.camera_url, "gnss": phone.gnss_url}
-        print(json.dumps(about | handouts(chosen, out)), flush=True)
+    with served(chosen, out, MannedRig) as found:
+        found.machine.watch(deeds)
+        print(json.dumps(found.about), flush=True)
         threading.Thread(target=listen, daemon=True).start()
         with suppress(KeyboardInterrupt):
-            machine.run()
+            found.machine.run()
 
 
 if __name__ == "__main__":

@@ -32,12 +32,11 @@ from hil.studies.fault_matrix import (
     all_faults,
     base_scenario,
     branched,
-    digest,
     in_a_copy,
-    kept,
     watched,
     with_fault,
 )
+from hil.studies.matrix_runs import digest, kept
 from host.core.errors import UserError
 from host.core.vehicle import MAST
 from host.link.session import Session
@@ -481,7 +480,7 @@ def test_the_matrix_goes_on_where_it_was_killed(
         ran.extend(group)
         return [verdict(case) for case in group]
 
-    monkeypatch.setattr("hil.commands.faults.run_group", run)
+    monkeypatch.setattr("hil.studies.matrix_runs.run_group", run)
     words = ["--only", "estop", "--workers", "1", "--out", str(tmp_path)]
     assert CliRunner().invoke(faults, words).exit_code == 0
     assert len(ran) == 6
@@ -506,7 +505,7 @@ def test_verdicts_of_other_programs_are_not_taken_over(
     log = tmp_path / "verdicts.jsonl"
     log.write_text(json.dumps({"digest": digest(case), "verdict": asdict(verdict)}) + "\n")
     assert kept(log, [case]) == {case: verdict}
-    monkeypatch.setattr("hil.studies.fault_matrix.programs", lambda _: b"changed")
+    monkeypatch.setattr("hil.studies.matrix_runs.programs", lambda _: b"changed")
     assert kept(log, [case]) == {}
 
 
