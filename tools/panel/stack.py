@@ -261,8 +261,10 @@ class Person:
         self._answered = 0
         self.asked: list[str] = []
 
-    def through_the_check(self, patience_s: float = 900.0) -> Json:
-        """From the button to the last line; the check as the page has it."""
+    def through_the_check(
+        self, patience_s: float = 900.0, until: Callable[[], bool] = lambda: False
+    ) -> Json:
+        """From the button to the last line, or `until` something; the check as the page has it."""
         screen = self._screen
         screen.tab("check")
         before = screen.last("check")
@@ -270,7 +272,7 @@ class Person:
         end = time.monotonic() + patience_s
         while time.monotonic() < end:
             found = screen.last("check")
-            if found.get("done") and found != before:
+            if (found.get("done") and found != before) or until():
                 return found
             question = found.get("question")
             if question and question["id"] != self._answered:

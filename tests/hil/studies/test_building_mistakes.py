@@ -45,4 +45,7 @@ def test_every_mistake_is_named(mistake: Mistake, tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(101, 121))
 def test_good_machines_are_not_accused(seed: int, tmp_path: Path) -> None:
-    assert inspect(None, tmp_path, seed).findings == ()
+    outcome = inspect(None, tmp_path, seed)
+    assert outcome.findings == ()
+    assert outcome.green
+    assert outcome.simulated_s < CHECK_S
