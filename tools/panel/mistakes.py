@@ -3,8 +3,8 @@
     python -m tools.panel.mistakes --out out/mistakes [--only NAME] [--workers 2]
 
 Prints a line per machine as it comes and writes OUT/summary.json. Exits with 1 where a mistake is
-not named, a good machine is accused, a blade was armed, or a check takes more than 15 minutes of
-machine time.
+not named or its remedy not told in every language, a good machine is accused, a blade was armed, or
+a check takes more than 15 minutes of machine time.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hil.studies.building_mistakes import MISTAKES, inspect
+from host.panel.texts import LANGUAGES, texts
 
 GOOD: Final = range(101, 121)
 """Seeds of machines without a mistake, measured as well as an owner does."""
@@ -40,8 +41,10 @@ class Row:
     @property
     def ok(self) -> bool:
         """Whether the check said what it should, in time, the blade off."""
-        said = bool(set(self.wanted) & set(self.findings)) if self.wanted else not self.findings
-        return said and not self.armed and self.seconds < CHECK_S
+        named = set(self.wanted) & set(self.findings)
+        said = bool(named) if self.wanted else not self.findings
+        told = all(f"todo.{one}" in texts(language) for one in named for language in LANGUAGES)
+        return said and told and not self.armed and self.seconds < CHECK_S
 
 
 def walked(name: str, seed: int | None) -> Row:

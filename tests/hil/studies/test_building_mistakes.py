@@ -8,6 +8,7 @@ import pytest
 
 from hil.studies.building_mistakes import MISTAKES, Mistake, inspect
 from host.check.lines import NAMES
+from host.panel.texts import LANGUAGES, texts
 
 QUICK = {"steering motor swapped", "camera upside down", "wrong corner"}
 CHECK_S = 15 * 60
@@ -15,7 +16,10 @@ CHECK_S = 15 * 60
 
 def names_it(mistake: Mistake, folder: Path) -> None:
     outcome = inspect(mistake, folder)
-    assert set(mistake.findings) & set(outcome.findings), outcome.findings
+    named = set(mistake.findings) & set(outcome.findings)
+    assert named, outcome.findings
+    for language in LANGUAGES:
+        assert {f"todo.{finding}" for finding in named} <= set(texts(language))
     assert not outcome.green
     assert not outcome.blade_armed
     assert outcome.simulated_s < CHECK_S
