@@ -97,10 +97,12 @@ def panel(
     pairing = Pairing(time.monotonic, needed=lan)
     fields = FieldDesk(folder, machine, boundary, gap, inset, chosen)
 
-    def say(url: str) -> None:
-        echo(f"panel: {url}")
-        if lan:
-            echo(f"pair a phone with the code {pairing.code}")
+    app = application(Panel(settings, pairing, fields, _show_code))
+    address = "0.0.0.0" if lan else "127.0.0.1"
+    serve_application(app, address, web_port, "--web-port", lambda url: echo(f"panel: {url}"))
 
-    app = application(Panel(settings, pairing, fields))
-    serve_application(app, "0.0.0.0" if lan else "127.0.0.1", web_port, "--web-port", say)
+
+def _show_code(code: str, wait_s: float) -> None:
+    if wait_s > 0:
+        echo(f"too many wrong codes: nobody pairs for {wait_s:.0f} s, then:")
+    echo(f"pair a phone with the code {code}")

@@ -14,7 +14,7 @@ import asyncio
 import contextlib
 import json
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -63,6 +63,8 @@ FIELD_WISHES: Final = frozenset(
 )
 PLACED: Final = ("field", "harvest")
 """Pages with a map that shows where the phone is."""
+CODE_EVERY_S: Final = 0.5
+"""Between looks for a new code."""
 RUNS: Final = 20
 """Shown in the list of past runs, the latest."""
 
@@ -128,8 +130,17 @@ class Page:
 class Panel:
     """What all pages share."""
 
-    def __init__(self, settings: Settings, pairing: Pairing, fields: FieldDesk) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        pairing: Pairing,
+        fields: FieldDesk,
+        show_code: Callable[[str, float], None] = lambda _code, _wait_s: None,
+    ) -> None:
+        """`show_code` shows the laptop's operator each new code that pairs, and for how many
+        seconds nobody pairs because there were too many wrong ones."""
         self.settings = settings
+        self._show_code = show_code
         self.fields = fields
         self.pairing = pairing
         self.seat = Seat(time.monotonic)
@@ -163,6 +174,24 @@ class Panel:
                 self._heard({"kind": "ended", "outcome": "stopped", "resume": str(left)})
 
         self._keep_task(asyncio.create_task(look_back()))
+        if self.pairing.needed:
+            self._keep_task(asyncio.create_task(self._show_codes()))
+
+    async def _show_codes(self) -> None:
+        """A code pairs one phone, ends with wrong guesses and grows old: whoever holds the next
+        phone needs the next one. A terminal that is halted halts nobody else."""
+        shown = ""
+        while True:
+            code = self.pairing.code
+            if code != shown:
+                shown = code
+                await asyncio.to_thread(self._show_code, code, self.pairing.wait_s)
+            await asyncio.sleep(CODE_EVERY_S)
+
+    async def end(self) -> None:
+        """Ends what `begin` began."""
+        for task in self._tasks:
+            task.cancel()
 
     # ---- from the machine ------------------------------------------------------------------------
 
@@ -493,6 +522,7 @@ class Web:
             yield
         finally:
             task.cancel()
+            await self._panel.end()
             await asyncio.to_thread(self._panel.line.end)
 
 

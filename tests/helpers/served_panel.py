@@ -110,11 +110,13 @@ def served(
     *,
     lan: bool = False,
     clock: Callable[[], float] = time.monotonic,
+    show_code: Callable[[str, float], None] = lambda _code, _wait_s: None,
     **more: Any,
 ) -> Iterator[Served]:
     """Serves until left."""
     settings = Settings.model_validate({"port": port, "folder": folder, **more})
-    panel = Panel(settings, Pairing(clock, needed=lan), FieldDesk(folder, Vehicle(), None, None))
+    fields = FieldDesk(folder, Vehicle(), None, None)
+    panel = Panel(settings, Pairing(clock, needed=lan), fields, show_code)
     with running(application(panel)) as number:
         yield Served(panel, number)
 

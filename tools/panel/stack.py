@@ -170,7 +170,7 @@ def a_phone(browser: Browser, language: str = "en") -> BrowserContext:
             this.addEventListener("message", (event) => {
               if (typeof event.data !== "string") return;
               const message = JSON.parse(event.data);
-              window.last[message.kind] = message;
+              window.last[message.kind] = { ...message, heard_ms: performance.now() };
             });
           }
         };

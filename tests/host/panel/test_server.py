@@ -9,12 +9,14 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from queue import Queue
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from host.link import protocol
+from host.panel.guard import CODE_S, GUESSES, WAIT_S
 from host.panel.server import BODY_BYTES, PAGES
 from host.panel.strict_http import AN_ADDRESS, HEAD_S
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
@@ -213,3 +215,39 @@ def test_on_the_network_a_code_lets_in(tmp_path: Path) -> None:
             assert "SameSite=strict" in cookie
             found.page(Cookie=cookie.split(";")[0]).until(now(), 60)
             assert found.ask("POST", "/pair", json.dumps({"code": old}).encode(), origin)[0] == 403
+
+
+def test_the_laptop_shows_the_next_code_after_each_that_no_longer_pairs(tmp_path: Path) -> None:
+    shown: Queue[tuple[str, float]] = Queue()
+    ahead_s = 0.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        with served(
+            "/dev/null-port",
+            tmp_path,
+            lan=True,
+            clock=lambda: time.monotonic() + ahead_s,
+            show_code=lambda code, wait_s: shown.put((code, wait_s)),
+        ) as found:
+            origin = JSON | {"Origin": f"http://{found.host}"}
+
+            def pairs(code: str) -> bool:
+                body = json.dumps({"code": code}).encode()
+                return found.ask("POST", "/pair", body, origin)[0] == 200
+
+            first, waits = shown.get(timeout=20)
+            assert waits == 0
+            assert pairs(first)
+            second, _ = shown.get(timeout=20)
+            assert second != first
+            assert pairs(second)  # another phone
+            shown.get(timeout=20)
+            assert not any(pairs("WRONG") for _ in range(GUESSES))
+            after_guesses, waits = shown.get(timeout=20)
+            assert 0 < waits <= WAIT_S
+            assert not pairs(after_guesses)
+            ahead_s += WAIT_S
+            assert pairs(after_guesses)
+            shown.get(timeout=20)
+            ahead_s += CODE_S + 1
+            assert pairs(shown.get(timeout=20)[0])
