@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Limits
 
-from sim_plant import ground, labels, noise, render, sky, texture
+from sim_plant import disturbance, ground, labels, noise, render, sky, texture
+from sim_plant.disturbance import DisturbanceSpec
 from sim_plant.field import Field
 from sim_plant.sky import WeatherSpec
 from sim_plant.strict import NotNegative, Positive, Share, Strict
@@ -73,6 +74,8 @@ class CameraSpec(Strict):
     jpeg_quality: Annotated[int, Limits(ge=1, le=100)] = 80
     delay_s: NotNegative = 0.1
     """From the shutter to the host: exposure, file, network."""
+    disturbance: DisturbanceSpec = DisturbanceSpec()
+    """What is wrong with it."""
 
     @property
     def focal_px(self) -> float:
@@ -241,6 +244,15 @@ class Camera:
             1.0,
             render.CLOUD_PX,
         )
+        wrong, s = self.spec.disturbance, self.spec
+        dirt = wrong.spots > 0 or wrong.straws > 0 or wrong.mud > 0
+        self._lens, self._shake = None, None
+        if dirt or wrong.flare > 0:
+            self._lens = disturbance.Lens(wrong, self.rays, s.focal_px, seed)
+        if wrong.shake_deg > 0:
+            self._shake = disturbance.Shake(
+                wrong, (w, h), s.focal_px, s.readout_s, s.shutter_s, seed
+            )
         self._vignette = _vignette_of(self.rays)
         self._sampled_vignette = self._vignette[::8, ::8] / np.float32(255)
 
@@ -578,7 +590,13 @@ class Camera:
 
     def _sense(self, shot: Shot) -> NDArray[np.uint8]:
         s = self.spec
-        image: NDArray[Any] = cv2.GaussianBlur(self._image, (3, 3), 0)
+        seen = self._image
+        if self._shake is not None:
+            seen = self._shake(seen, shot.t)
+        if self._lens is not None:
+            towards = self.view(shot).axes @ (self._sun.east, self._sun.north, self._sun.up)
+            seen = self._lens(seen, towards, 1 - self.weather.cloud)
+        image: NDArray[Any] = cv2.GaussianBlur(seen, (3, 3), 0)
         smear = round(s.focal_px * abs(shot.yaw_rate) * s.shutter_s)
         if smear > 1:
             image = cv2.blur(image, (smear, 1))
@@ -588,6 +606,8 @@ class Camera:
         gain = wander * (s.target / mean) ** s.exposure
         tint = noise.smooth(self._seed + 6, shot.t * 0.1, 0.5) - 0.5
         cast = np.array([1 + 0.05 * tint, 1.0, 1 - 0.05 * tint], np.float32) * np.float32(gain)
+        cast *= disturbance.white_balance(s.disturbance, self._seed, shot.t).astype(np.float32)
+        cast *= np.float32(disturbance.hunting(s.disturbance, self._seed, shot.t))
         gains = np.tile(cast, s.width_px)
         h = noise.mix(self._seed, round(shot.t * 1e6), 9)
         dv, du = int(h) % 128, (int(h) >> 8) % 128

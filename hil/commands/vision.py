@@ -9,12 +9,30 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from hil.studies.camera_troubles import DISTURBED, FORMATS, NONE, TROUBLES
 from hil.studies.spread import spread
-from hil.studies.vision_drives import Drive, Mode, Outcome, run, summary
+from hil.studies.vision_curves import draw_curves
+from hil.studies.vision_drives import (
+    SURE_FROM,
+    Drive,
+    Mode,
+    Outcome,
+    Said,
+    curve,
+    run,
+    said_of,
+    summary,
+)
+from hil.studies.vision_photographs import MOUNTS, WRONG, as_mounted, as_photographs
 from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
+from host.vision.photo.score import labelled_set
+
+Curves = dict[str, list[dict[str, float]]]
+EACH = {"each": tuple(DISTURBED), "formats": tuple(FORMATS)}
+"""Short for several troubles."""
 
 
 def _figure(value: float | int | None, factor: float = 1.0, digits: int = 1) -> str:
@@ -43,6 +61,37 @@ def show(figures: dict[str, dict[str, float | int | None]]) -> Table:
     return table
 
 
+def show_curves(named: Curves) -> Table:
+    """How often sure, and sure and wrong, of all pictures; one row a kind of picture."""
+    table = Table("sure from", *(f"{least:g}" for least in SURE_FROM))
+    for name, rows in named.items():
+        shares = (f"{100 * r['sure']:.0f} / {100 * r['sure_and_wrong']:.1f}" for r in rows)
+        table.add_row(name, *shares)
+    return table
+
+
+def chosen(named: tuple[str, ...]) -> tuple[str, ...]:
+    """The troubles that a command line names, each once, without any first. UserError."""
+    out = [NONE]
+    for name in named:
+        if name not in EACH and name not in TROUBLES:
+            known = ", ".join((*EACH, *TROUBLES))
+            raise UserError(f"--trouble {name}: no such trouble; the camera may have {known}")
+        out.extend(EACH.get(name, (name,)))
+    return tuple(dict.fromkeys(out))
+
+
+def photographed(folder: Path, mode: Mode) -> dict[str, list[Said]]:
+    """What the detector of `mode` says of labelled photographs."""
+    items = labelled_set(folder / "wheat-edge")
+    if mode == "photo":
+        return {"photographs": [said for _, said in as_photographs(items)]}
+    return {
+        f"photographs, as from {guess}": [said for _, said, _ in as_mounted(items, guess, mode)]
+        for guess in MOUNTS
+    }
+
+
 @click.command()
 @click.option("--km", type=NumberRange(0.01, 100), default=0.2, show_default=True,
               help="Of edges, over all mounts.")  # fmt: skip
@@ -55,6 +104,10 @@ def show(figures: dict[str, dict[str, float | int | None]]) -> Table:
               show_default=True, help="Of one edge, m.")  # fmt: skip
 @click.option("--dust", type=NumberRange(0, 1),
               help="Instead of a random one between 0 and 0.6.")  # fmt: skip
+@click.option("--trouble", "troubles", multiple=True, metavar="NAME",
+              help=f"Of the camera, besides none: {', '.join((*EACH, *TROUBLES))}.")  # fmt: skip
+@click.option("--photographs", type=click.Path(path_type=Path, file_okay=False, exists=True),
+              help="Folder of labelled data (wheat-edge/), to be judged besides.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/vision"),
@@ -65,11 +118,18 @@ def vision(
     mode: Mode,
     length_m: float,
     dust: float | None,
+    troubles: tuple[str, ...],
+    photographs: Path | None,
     seed: int,
     workers: int,
     out: Path,
 ) -> None:
-    """Measures the detectors on simulated drives along edges over hours, weather and mounts.
+    """Measures the detectors on simulated drives along edges over hours, weather and mounts, with a
+    sound camera and with what is wrong with real ones.
+
+    How often a detector is sure, and sure and wrong (by 0.1 m, on photographs by a tenth of the
+    width), is printed by the confidence from which one calls it sure, as % of all pictures, and
+    drawn in curves.png. --km is each trouble's.
 
     Every drive's result is kept in --out: a run that was stopped goes on where it stopped, and more
     --km add to it. Writes summary.json."""
@@ -80,14 +140,28 @@ def vision(
     names = mounts or ("low", "mast")
     count = max(1, round(1e3 * km / length_m / len(names)))
     make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust)
-    drives = [make(number=n, mount=name) for n in range(count) for name in names]
-    found: dict[str, list[Outcome]] = {name: [] for name in names}
+    drives = [
+        make(number=n, mount=name, trouble=trouble)
+        for trouble in chosen(troubles)
+        for n in range(count)
+        for name in names
+    ]
+    found: dict[str, list[Outcome]] = {}
     with Watch(f"{len(drives)} edges of {length_m:g} m", len(drives)) as watch:
         for drive, outcome in spread(run, drives, workers=workers):
-            found[drive.mount].append(outcome)
+            title = drive.mount if drive.trouble == NONE else f"{drive.mount}, {drive.trouble}"
+            found.setdefault(title, []).append(outcome)
             watch.step()
-    figures = {name: summary(outcomes) for name, outcomes in found.items()}
-    record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures}
+    found = {title: found[title] for title in sorted(found)}
+    figures = {title: summary(outcomes) for title, outcomes in found.items()}
+    shown = {title: curve(said_of(some)) for title, some in found.items()}
+    if photographs is not None:
+        for title, said in photographed(photographs, mode).items():
+            shown[title] = curve(said, WRONG)
+    record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures,
+              "curves": shown}  # fmt: skip
     (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    draw_curves(shown, out / "curves.png")
     PlainConsole().print_table(show(figures))
-    echo(f"written: {out / 'summary.json'}")
+    PlainConsole().print_table(show_curves(shown))
+    echo(f"written: {out / 'summary.json'}, {out / 'curves.png'}")

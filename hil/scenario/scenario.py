@@ -93,7 +93,9 @@ class Scenario(Strict):
             assert self.world.lens
         except ValidationError as error:
             first = error.errors()[0]
-            raise ValueError(f"lens.{first['loc'][0]}: {first['msg']}") from error
+            where = ".".join(str(part) for part in first["loc"])
+            what = "no such field" if first["type"] == "extra_forbidden" else first["msg"]
+            raise ValueError(f"lens.{where}: {what}") from error
         return self
 
     @property

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from hil.judge.metrics import FALSE_END_M, PROBE_AHEAD_M
 from hil.scenario.belief import Belief
 from hil.scenario.scenario import Scenario
+from hil.studies import camera_troubles
 from host.core.vehicle import Mount, Vehicle
 from host.estimate.crop_ahead import CONFIDENT, Ahead, EndOfField
 from host.estimate.lane import Lane
@@ -58,6 +59,8 @@ PROBE_HEIGHT_M = 0.3
 """At which the photographs' edge is read on the face ahead: above most straw, below the ears."""
 PROBE_M = np.arange(-1.0, 1.0, 0.005)
 """Places from the blade's right end to the left, among which that edge is sought."""
+SURE_FROM = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Confidences from which one may call a detector sure."""
 DISTANCE_SD, TURN_SD = 0.01, 0.03
 """Of the odometry's scale, as the lane filter gets it."""
 
@@ -74,12 +77,15 @@ class Drive:
     folder: str
     dust: float | None = None
     """Instead of the random one."""
+    trouble: str = camera_troubles.NONE
+    """Of the camera, of `camera_troubles.TROUBLES`."""
 
     @property
     def path(self) -> Path:
         """Where its result is kept."""
         air = "" if self.dust is None else f"-dust{self.dust:g}"
-        name = f"{self.mode}-{self.mount}-{self.seed}{air}-{self.number:05d}.json"
+        ill = "" if self.trouble == camera_troubles.NONE else f"-{self.trouble.replace(' ', '_')}"
+        name = f"{self.mode}-{self.mount}-{self.seed}{air}{ill}-{self.number:05d}.json"
         return Path(self.folder) / name
 
 
@@ -99,6 +105,10 @@ class Outcome:
     end_error_m: float | None
     """Where the end was declared, beyond the last crop cut; None where it never was."""
     false_ends: int
+    confidence: list[float] = field(default_factory=list)
+    """Of every picture, sure or not,"""
+    said_error_m: list[float | None] = field(default_factory=list)
+    """and its offset error; None where no offset was said."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,9 +158,12 @@ def prepared(drive: Drive) -> Edge:
     )
     if drive.dust is not None:
         weather = weather.model_copy(update={"dust": drive.dust})
+    trouble = camera_troubles.TROUBLES[drive.trouble]
+    weather = trouble.air(weather, (drive.seed, drive.number))
     scenario = Scenario(
         seed=int(rng.integers(1 << 30)),
         camera=drive.mount,
+        lens=trouble.lens((drive.seed, drive.number)),
         field=spec,
         weather=weather,
         belief=Belief.model_validate("exact"),
@@ -274,7 +287,9 @@ def drive_along(edge: Edge) -> Iterator[Seen]:
 def run(drive: Drive) -> Outcome:
     """Drives once, or reads what an earlier run has found."""
     if drive.path.exists():
-        return Outcome(**json.loads(drive.path.read_text(encoding="utf-8")))
+        done = json.loads(drive.path.read_text(encoding="utf-8"))
+        if "confidence" in done:
+            return Outcome(**done)
     cv2.setNumThreads(1)
     outcome = _driven(drive, prepared(drive))
     fresh = drive.path.with_suffix(".part")
@@ -322,6 +337,9 @@ def _compare(found: Outcome, view: CropView, lane: Lane, seen: Seen) -> None:
     """What view and lane say of the edge, against the truth."""
     sure, turned = view.confidence >= CONFIDENT, view.edge_heading_rad
     known = sure and math.isfinite(turned)
+    off = view.edge_offset_m - seen.offset_m
+    found.confidence.append(view.confidence)
+    found.said_error_m.append(off if math.isfinite(off) else None)
     found.offset_error_m.append(view.edge_offset_m - seen.offset_m if sure else None)
     found.heading_error_rad.append(turned - seen.heading_rad if known else None)
     found.lane_offset_error_m.append(-lane.blade_offset_m - seen.offset_m)
@@ -335,6 +353,32 @@ def _conditions(scenario: Scenario, edge: Edge) -> str:
         f"{w.hour:04.1f} h, dust {w.dust:.1f}, cloud {w.cloud:.1f}, wind {w.wind_mps:.0f} m/s, "
         f"{kind}, {f.crop_height_m:.2f} m, {edge.depth_m:.1f} m inside"
     )
+
+
+Said = tuple[float, float | None]
+"""Of one picture: confidence, and how far off; None where nothing was said that could be compared.
+"""
+
+
+def said_of(outcomes: Iterable[Outcome]) -> list[Said]:
+    """Of every picture of some drives, off in metres."""
+    return [s for o in outcomes for s in zip(o.confidence, o.said_error_m, strict=True)]
+
+
+def curve(said: Sequence[Said], wrong: float = WRONG_M) -> list[dict[str, float]]:
+    """How often a detector is sure, and sure and wrong by more than `wrong`, as shares of all
+    pictures, by the confidence from which one calls it sure. Empty without pictures."""
+    if not said:
+        return []
+    confidence = np.array([c for c, _ in said])
+    off = np.array([math.inf if e is None else abs(e) for _, e in said])
+    rows = []
+    for least in SURE_FROM:
+        sure = confidence >= least
+        shares = {"sure": sure, "sure_and_wrong": sure & (off > wrong)}
+        means = {name: round(float(which.mean()), 5) for name, which in shares.items()}
+        rows.append({"confidence": least} | means)
+    return rows
 
 
 def summary(outcomes: Sequence[Outcome]) -> dict[str, float | int | None]:

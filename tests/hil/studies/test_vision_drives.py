@@ -15,22 +15,25 @@ from click.testing import CliRunner
 from hil.commands.vision import vision
 from hil.scenario.belief import Belief
 from hil.scenario.scenario import Scenario
-from hil.studies import vision_drives
+from hil.studies import camera_troubles, vision_drives
 from hil.studies.vision_drives import (
     Drive,
     Outcome,
     PhotoOnMount,
+    curve,
     declared_end,
     drive_along,
     prepared,
     run,
     summary,
 )
+from hil.studies.vision_photographs import off_by
 from host.estimate.crop_ahead import Ahead
 from host.estimate.odometry import Motion
 from host.vision.geometry import Camera
 from host.vision.photo.detector import RobustPhoto
 from host.vision.view import CropView
+from sim_plant.camera import CameraSpec
 
 NEAR, CLEAR = (CropView(0.9, crop_ahead_m=x, ahead_confidence=0.9) for x in (0.0, 3.0))
 UNSURE = CropView(0.9, crop_ahead_m=3.0, ahead_confidence=0.2)
@@ -117,6 +120,59 @@ def test_the_photographs_edge_is_read_where_the_truth_is(
     seen = PhotoOnMount(v, scenario.mount).see(np.zeros((height, width, 3), np.uint8))
     assert seen.edge_offset_m == pytest.approx(offset_m, abs=0.01)
     assert seen.confidence == 0.8
+
+
+def test_what_is_wrong_with_the_camera_changes_its_lens_alone(tmp_path: Path) -> None:
+    drive = Drive(5, 1, "low", "robust", 5.0, str(tmp_path))
+    sound, muddy = prepared(drive), prepared(replace(drive, trouble="mud"))
+    assert replace(drive, trouble="mud").path != drive.path
+    assert muddy.scenario.world.lens.disturbance.mud > 0
+    assert muddy.scenario.model_copy(update={"lens": {}}) == sound.scenario
+    assert (muddy.depth_m, muddy.weave) == (sound.depth_m, sound.weave)
+
+
+@pytest.mark.parametrize("name", camera_troubles.TROUBLES)
+def test_every_trouble_makes_a_sound_scenario_of_every_drive(name: str) -> None:
+    trouble = camera_troubles.TROUBLES[name]
+    for number in range(5):
+        scenario = Scenario(lens=trouble.lens((1, number)))
+        lens = scenario.world.lens
+        assert (scenario.mount.width_px, scenario.mount.height_px) == (
+            lens.width_px,
+            lens.height_px,
+        )
+        if name in camera_troubles.FORMATS:
+            assert f"{lens.width_px}x{lens.height_px}" == name
+
+
+def test_an_upright_picture_sees_as_far_up_and_down_as_a_lying_one_to_the_sides() -> None:
+    focal = CameraSpec.model_validate(camera_troubles.of_size(480, 640).camera).focal_px
+    assert focal == pytest.approx(CameraSpec().focal_px)
+
+
+def test_the_curve_counts_what_was_said_at_each_confidence() -> None:
+    said = [(0.95, 0.01), (0.75, 0.2), (0.55, -0.2), (0.35, None), (0.1, 0.0)]
+    rows = {row["confidence"]: row for row in curve(said)}
+    assert rows[0.3]["sure"] == pytest.approx(0.8)
+    assert rows[0.3]["sure_and_wrong"] == pytest.approx(0.6)
+    assert rows[0.7]["sure_and_wrong"] == pytest.approx(0.2)
+    assert rows[0.9]["sure_and_wrong"] == 0.0
+    assert curve([]) == []
+
+
+def test_an_unknown_trouble_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    result = CliRunner().invoke(vision, ["--out", str(tmp_path), "--trouble", "fog"])
+    assert "--trouble fog: no such trouble" in str(result.exception)
+    assert "white balance" in str(result.exception)
+
+
+def test_an_edge_is_off_where_rows_have_one_true_edge() -> None:
+    standing = np.zeros((40, 100), np.bool_)
+    standing[:20, :50] = True
+    points = np.array([[60, 5], [60, 15], [90, 30], [60, -3]], np.float32)
+    assert off_by(CropView(0.9, edge_px=points), standing) == pytest.approx(0.1)
+    assert off_by(CropView(0.9, edge_px=points[2:]), standing) is None
+    assert off_by(CropView(0.9), standing) is None
 
 
 def test_a_run_of_no_length_is_refused(tmp_path: Path) -> None:
