@@ -180,6 +180,23 @@ def test_a_fault_is_shown_with_its_remedy_and_heard(
     page.context.close()
 
 
+def test_what_a_device_lacks_is_said_in_the_pages_language(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "ur", line)
+    page.click("#tabs button[data-tab=harvest]")
+    port = "serial port /dev/ttyACM0 does not exist; ports there now: none"
+    line.more = {
+        "link": {"port": "", "problem": port, "firmware": None, "refusal": ""},
+        "camera": {"there": True, "problem": "[Errno 111] Connection refused", "age_s": None},
+    }
+    refused = text("ur", "said.[Errno {number}] Connection refused")
+    expect(page.locator("#picture-said")).to_contain_text(refused, timeout=10_000)
+    why = page.inner_text("#state-why")
+    assert "/dev/ttyACM0" in why
+    assert "serial" not in why
+    page.context.close()
+
+
 SQUARE = ((0, 0), (20, 0), (20, 20), (0, 20))
 STRIP = ((0, 0), (20, 0), (20, 5), (0, 5))
 PLAN = {

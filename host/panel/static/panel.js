@@ -315,7 +315,7 @@ function showHarvest(now) {
   $("map").setAttribute("aria-label", mapSaid(world));
   drawPicture($("picture"), bitmap, now);
   const camera = now.camera;
-  $("picture-said").textContent = camera.problem ? t("picture.none", { why: camera.problem }) : pilot?.view ? t("picture.said", { confidence: pilot.view.confidence }) : "";
+  $("picture-said").textContent = camera.problem ? t("picture.none", { why: said(camera.problem) }) : pilot?.view ? t("picture.said", { confidence: pilot.view.confidence }) : "";
   $("picture").setAttribute("aria-label", t("picture.label"));
 }
 

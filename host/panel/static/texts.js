@@ -1,11 +1,13 @@
 // The texts of one language; a page is told keys, and says them here.
 let texts = {};
+let patterns = null;     // sentences with places to fill: [expression, key]
 export let language = "en";
 export const LANGUAGES = ["en", "ur"];
 
 export async function load(code) {
   const answer = await fetch(`texts/${code}.json`);
   texts = await answer.json();
+  patterns = null;
   language = code;
   document.documentElement.lang = code;
   document.documentElement.dir = code === "ur" ? "rtl" : "ltr";
@@ -33,8 +35,15 @@ export const filled = (key, values) => t(key, Object.fromEntries(Object.entries(
 // Why the pilot does what it does, by the reason's code.
 export const reason = (of) => (of.code && has(`reason.${of.code}`) ? filled(`reason.${of.code}`, of.words) : said(of.reason ?? ""));
 
-// What the pilot says is English; where the language knows the sentence, it is said in it.
+// What the pilot and the devices say is English; where the language knows the sentence, it is said in it.
 export function said(sentence) {
-  const key = `said.${sentence}`;
-  return has(key) ? t(key) : sentence;
+  if (has(`said.${sentence}`)) return t(`said.${sentence}`);
+  patterns ??= Object.keys(texts).filter((key) => key.startsWith("said.") && key.includes("{")).map((key) => [pattern(key.slice(5)), key]);
+  for (const [expression, key] of patterns) {
+    const found = expression.exec(sentence);
+    if (found) return t(key, found.groups);
+  }
+  return sentence;
 }
+
+const pattern = (sentence) => new RegExp(`^${sentence.split(/\{(\w+)\}/).map((part, k) => (k % 2 ? `(?<${part}>.*)` : part.replace(/[.*+?^${}()|[\]\\]/g, "\\$&"))).join("")}$`, "s");

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import re
+import socket
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from host.check.lines import NAMES
+from host.core.errors import UserError
 from host.link import protocol
+from host.link.session import Link
 from host.panel.snapshot import code_of, reasons
 from host.panel.texts import LANGUAGES, text, texts
+from host.sensors.camera_stream import camera_feed
+from tests.helpers.fake_firmware import FakeFirmware
 
 HOST = Path(__file__).parents[3] / "host"
 STATIC = HOST / "panel" / "static"
@@ -84,6 +91,49 @@ def test_every_whole_sentence_of_panel_and_picture_is_known(language: str) -> No
     whole = [one for one in whole if one not in WRITTEN_FOR_ENGINEERS]
     assert len(whole) > 15
     assert {f"said.{sentence}" for sentence in whole} - set(known) == set()
+
+
+def fits(pattern: str, sentence: str) -> bool:
+    parts = PLACE.split(pattern)
+    whole = "".join(".*" if k % 2 else re.escape(part) for k, part in enumerate(parts))
+    return re.fullmatch(whole, sentence, re.DOTALL) is not None
+
+
+def refused_port() -> str:
+    with pytest.raises(UserError) as refused:
+        Link("/dev/ttyNONE", time.monotonic)
+    return str(refused.value)
+
+
+def unplugged_port() -> str:
+    board = FakeFirmware()
+    link = Link(board.port, time.monotonic)
+    board.unplug()
+    with pytest.raises(UserError) as vanished:
+        while True:
+            link.poll(0.1)
+    link.close()
+    return str(vanished.value)
+
+
+def closed_phone() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        number = taken.getsockname()[1]
+    feed = camera_feed(f"http://127.0.0.1:{number}/video", time.monotonic, lambda _: None)
+    feed.start()
+    end = time.monotonic() + 20
+    while feed.problem is None and time.monotonic() < end:
+        time.sleep(0.01)
+    feed.close()
+    return str(feed.problem)
+
+
+@pytest.mark.parametrize("lacking", [refused_port, unplugged_port, closed_phone])
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_a_device_lacks_has_its_words(language: str, lacking: Callable[[], str]) -> None:
+    said = [key.removeprefix("said.") for key in texts(language) if key.startswith("said.")]
+    sentence = lacking()
+    assert any(fits(one, sentence) for one in said), sentence
 
 
 def read(file: Path) -> str:
