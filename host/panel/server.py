@@ -152,6 +152,8 @@ class Panel:
         self.ended: Json | None = None
         self.check: Json | None = None
         self.goal: Json | None = None
+        self._goals = 0
+        """How many were looked for."""
         self.field: Json | None = None
         self._count = 0
         vehicle = load_vehicle(settings.vehicle)
@@ -257,17 +259,27 @@ class Panel:
         self._find_goal((self.ended or {}).get("resume"))
 
     def _find_goal(self, resume: str | None) -> None:
-        """Where the machine has to stand to go on, to all pages."""
+        """Where the machine has to stand to go on, to all pages. Until it is found, the place of an
+        earlier run is none."""
+
+        self._goals += 1
+        asked = self._goals
+
+        def tell(goal: Json) -> None:
+            if asked != self._goals:  # another is looked for by now
+                return
+            self.goal = goal
+            for page in self.pages.values():
+                page.tell(goal)
 
         async def work() -> None:
             found = None
             if resume is not None:
                 async with self._work:
                     found = await asyncio.to_thread(self.fields.goal, Path(resume))
-            self.goal = found or {"kind": "goal", "place": None, "stuck": resume is not None}
-            for page in self.pages.values():
-                page.tell(self.goal)
+            tell(found or {"kind": "goal", "place": None, "stuck": resume is not None})
 
+        tell({"kind": "goal", "place": None, "stuck": False})
         self._keep_task(asyncio.create_task(work()))
 
     def _keep_task(self, task: asyncio.Task[None]) -> None:

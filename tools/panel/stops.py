@@ -79,6 +79,8 @@ MOVES: Final = ("follow", "pause", "turn", "hesitate", "search")
 """States of a machine that found its place."""
 WAITS_S: Final = 6.0
 """Of waiting for a person, after which it is not put right by another ride."""
+GOAL_S: Final = 5.0
+"""For the page to find where the machine has to stand."""
 TRIES: Final = 8
 """In a row without a tap, after which a new machine is taken."""
 NO_WORD_MS: Final = 10_000.0
@@ -322,6 +324,8 @@ class Finger:
     def put(self) -> None:
         """Pushes the machine to where the page says that it has to stand. A person goes by what
         stands there and was cut, not by a place in metres."""
+        if self.screen.last("ended").get("resume"):
+            self.screen.until(lambda: self.screen.last("goal").get("place"), GOAL_S)
         goal = self.screen.last("goal").get("place")
         if goal is None or not self.screen.last("ended").get("resume"):
             x, y, yaw = self._begun

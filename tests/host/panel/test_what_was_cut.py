@@ -140,4 +140,7 @@ def test_pages_hear_of_what_a_crash_left_until_another_plan_is_chosen(
         page.ask("corner", corner=1)
         page.until(lambda m: m["kind"] == "plan" and m["boundary"] == [])
         page.until(lambda m: m["kind"] == "goal" and m["place"] is None and m["stuck"])
+        goals = [m for m in page.seen if m["kind"] == "goal"]
+        assert goals[-2]["place"] is None, "the old place is gone while the new one is looked for"
+        assert not goals[-2]["stuck"]
         page.close()
