@@ -1,12 +1,16 @@
-"""The wiring drawing (docs/build/wiring.yaml) and the builder's pin table are the pin headers'."""
+"""The wiring drawing (docs/build/wiring.yaml), its picture and the builder's pin table are the pin
+headers'."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 import yaml
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
 
 ROOT: Final = Path(__file__).parents[2]
 BUILD: Final = ROOT / "docs" / "build"
@@ -80,3 +84,49 @@ def test_the_builder_s_pin_table_is_the_headers() -> None:
     rows = re.findall(r"^\| `(k\w+)` \| (\w+) \| (\w+) \|", text, re.MULTILINE)
     assert {name: pin for name, pin, _ in rows} == header("uno")
     assert {name: pin for name, _, pin in rows} == header("mega2560")
+
+
+def texts_and_boxes() -> tuple[list[tuple[str, float, float]], list[tuple[float, ...]]]:
+    """(text, left, baseline) of every text of the picture, and (left, top, right, bottom) of every
+    box; in the picture's points."""
+    picture = ElementTree.parse(BUILD / "wiring.svg").getroot()
+    svg = "{http://www.w3.org/2000/svg}"
+    texts = [
+        ("".join(t.itertext()).strip(), float(t.get("x", "")), float(t.get("y", "")))
+        for t in picture.iter(f"{svg}text")
+    ]
+    boxes = []
+    for polygon in picture.iter(f"{svg}polygon"):
+        corners = [[float(v) for v in c.split(",")] for c in polygon.get("points", "").split()]
+        across, down = zip(*corners, strict=True)
+        boxes.append((min(across), min(down), max(across), max(down)))
+    return [text for text in texts if text[0]], boxes
+
+
+def test_every_text_of_the_picture_fits_its_box_and_meets_no_other() -> None:
+    """In the font that it is drawn for, which is wider than those that browsers put in its place."""
+    font = FontProperties(family="DejaVu Sans")
+    texts, boxes = texts_and_boxes()
+    for text, left, line in texts:
+        right = left + TextPath((0, 0), text, size=14, prop=font).get_extents().x1
+        around = [b for b in boxes if b[0] <= left <= b[2] and b[1] <= line <= b[3]]
+        box = min(around, key=lambda b: b[2] - b[0])
+        assert right <= box[2], text
+        assert not [other for other, x, y in texts if y == line and left < x < right], text
+
+
+def test_the_picture_says_what_the_drawing_says() -> None:
+    drawing, _ = drawn()
+    said = {text for text, _, _ in texts_and_boxes()[0]}
+    for name, part in drawing["connectors"].items():
+        told = [part["type"], part.get("subtype"), part.get("notes"), name, *part["pins"]]
+        assert {text for text in told if text} <= said, name
+    pairs: set[str] = set()
+    for chain in drawing["connections"]:
+        ends = [(name, pins) for link in chain for name, pins in link.items()]
+        ((near, nears), (cable, wires), (far, fars)) = ends
+        looks = drawing["cables"][cable]
+        for wire, one, other in zip(wires, nears, fars, strict=True):
+            colour, label = looks["colors"][wire - 1], looks["wirelabels"][wire - 1]
+            pairs |= {f"{near}:{one}", f"{wire}:{colour}:{label}", f"{far}:{other}"}
+    assert pairs <= said
