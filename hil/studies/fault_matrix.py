@@ -118,7 +118,7 @@ class Watch:
         """When the firmware last said anything."""
         self._session = Session()
         self._travel = 0.0
-        self._lateral_from = 0
+        self._lateral_from = len(run.truth.lateral)
         run.bench.on_slice = self
 
     @property

@@ -13,7 +13,7 @@ BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Idle idle) {
       return {forward ? size : uint8_t{0}, backward ? size : uint8_t{0}, false, false};
     case BridgeStyle::kL298n:
     case BridgeStyle::kVnh5019:
-      if (size == 0 && idle == Idle::kBrake) return {255, 0, true, true};
+      if (size == 0 && idle == Idle::kBrake) return {255, 0, false, false};
       return {size, 0, forward, backward};
     case BridgeStyle::kNotSet:
       break;

@@ -9,8 +9,9 @@ namespace daranti {
 // Values of the parameters steer_driver and drive_driver.
 enum class BridgeStyle : uint8_t { kNotSet = 0, kL298n = 1, kBts7960 = 2, kVnh5019 = 3 };
 
-// What a motor does at zero duty. An L298N or VNH5019 shorts it where both inputs are high and it
-// is enabled; a BTS7960 board whose enables are wired high shorts it in any case.
+// What a motor does at zero duty. An L298N or VNH5019 shorts it to ground where both inputs are low
+// and it is enabled (both high would short it, too, but one of them torn off is full power then); a
+// BTS7960 board whose enables are wired high shorts it in any case.
 enum class Idle : uint8_t { kCoast, kBrake };
 
 // duty: -255..255, positive left or forward. All wires are low, which every driver takes as off, at

@@ -293,11 +293,12 @@ void Controller::actuate(Board &board) {
   const bool forward = asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
   board.set_blade(blade_.step(forward, pulses_.blade));
   board.set_bridge(Motor::kSteer, bridge_wires(steer_style_, steer_duty_));
-  // A machine that has driven and is told to stand must stand on a slope, too; and where the slope
-  // drives it faster than it is told, its motors brake at no duty as they do at the least one.
-  if (drive_.setpoint() != 0) driven_ = true;
-  if (asked_.ident) driven_ = false;
-  const Idle idle = driven_ ? Idle::kBrake : Idle::kCoast;
+  // A machine that is told to stand must stand on a slope, too; and where the slope drives it faster
+  // than it is told, its motors brake at no duty as they do at the least one. Until it rolls or is
+  // driven nothing is on: what brakes one driver is full power where another is fitted.
+  const bool rolls = hall_.speed() != 0 && hall_.speed() != Hall::kNone;
+  if (rolls || drive_.setpoint() != 0) holds_ = true;
+  const Idle idle = holds_ ? Idle::kBrake : Idle::kCoast;
   board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_, idle));
 }
 
@@ -307,7 +308,7 @@ void Controller::off(Board &board) {
   ident_used_ = 0;
   steer_duty_ = 0;
   drive_duty_ = 0;
-  driven_ = false;
+  holds_ = false;
   blade_.release();
   blade_.step(false, pulses_.blade);
   board.set_blade(false);

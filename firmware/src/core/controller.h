@@ -91,7 +91,7 @@ class Controller {
   int16_t angle_ = 0;        // centidegree
   int16_t steer_duty_ = 0;
   int16_t drive_duty_ = 0;
-  bool driven_ = false;        // a speed was asked for since the outputs were last off
+  bool holds_ = false;         // no duty brakes: since the outputs came on, it has moved or must
   int16_t battery_ = 0;        // mV
   int32_t battery_scale_ = 0;  // mV per 1/16 count, 2^-14
 };

@@ -103,6 +103,11 @@ struct Rig {
     FAIL("no telemetry");
     return {};
   }
+  // Both low inputs and the enable high short an L298N's or a VNH5019's motor.
+  bool brakes() const {
+    const BridgeWires &wires = board.drive;
+    return wires.pwm == 255 && wires.lpwm == 0 && !wires.in1 && !wires.in2;
+  }
   bool off() const {
     const auto low = [](const BridgeWires &wires) {
       return wires.pwm == 0 && wires.lpwm == 0 && !wires.in1 && !wires.in2;
@@ -594,7 +599,7 @@ TEST_CASE("A bridge's wires follow its style, and a duty beyond 255 counts as 25
     CHECK(same(bridge_wires(style, 300), {255, 0, true, false}));
     CHECK(same(bridge_wires(style, -300), {255, 0, false, true}));
     CHECK(same(bridge_wires(style, 0), {0, 0, false, false}));
-    CHECK(same(bridge_wires(style, 0, Idle::kBrake), {255, 0, true, true}));
+    CHECK(same(bridge_wires(style, 0, Idle::kBrake), {255, 0, false, false}));
   }
   CHECK(same(bridge_wires(BridgeStyle::kBts7960, 100), {100, 0, false, false}));
   CHECK(same(bridge_wires(BridgeStyle::kBts7960, -100), {0, 100, false, false}));
@@ -926,9 +931,7 @@ TEST_CASE("A machine that a slope drives faster than it is told gets no duty, an
     rig.drive_for(1);
   }
   CHECK(rig.state() == State::RUNNING);
-  CHECK(rig.board.drive.pwm == 255);
-  CHECK(rig.board.drive.in1);
-  CHECK(rig.board.drive.in2);
+  CHECK(rig.brakes());
 }
 
 TEST_CASE("A machine that does not move off is driven harder") {
@@ -948,25 +951,53 @@ TEST_CASE("Told to stand after it has driven, the machine holds its wheels until
   CHECK(rig.board.drive.pwm == 0);
   rig.ask(300);
   rig.drive_for(100);
-  CHECK(!rig.board.drive.in2);
+  CHECK(rig.board.drive.in1);
   rig.ask(0);
   rig.drive_for(200);
-  CHECK(rig.board.drive.pwm == 255);
-  CHECK(rig.board.drive.in1);
-  CHECK(rig.board.drive.in2);
+  CHECK(rig.brakes());
+  rig.ident(0, 100);
+  rig.tick(2);
+  CHECK(rig.brakes());
   rig.board.type(protocol::Stop::kId, {});
   rig.tick();
   CHECK(rig.off());
   rig.arm();
   rig.drive_for(20);
   CHECK(rig.board.drive.pwm == 0);
-  rig.ask(300);
-  rig.drive_for(100);
-  rig.ask(0);
-  rig.drive_for(200);
-  rig.ident(0, 100);
-  rig.tick(2);
+}
+
+TEST_CASE("Armed, a machine that begins to roll is held before it was ever driven") {
+  Rig rig;
+  rig.set(Param::hall_per_metre, 500);
+  rig.board.wheel = 1;
+  rig.tick(20);
+  rig.board.wheel = 2;
+  rig.tick();
   CHECK(rig.off());
+  rig.tick(300);
+  rig.arm();
+  rig.board.wheel = 3;  // the first pulse after standing may be a wheel that settles
+  rig.drive_for(20);
+  CHECK(rig.board.drive.pwm == 0);
+  rig.board.wheel = 4;
+  rig.drive_for(1);
+  CHECK(rig.brakes());
+  rig.drive_for(400);
+  CHECK(rig.brakes());
+  rig.board.type(protocol::Stop::kId, {});
+  rig.tick();
+  CHECK(rig.off());
+}
+
+TEST_CASE("Without a wheel sensor nothing is held before the machine was driven") {
+  Rig rig;
+  CHECK(rig.controller.params()[Param::hall_per_metre] == 0);
+  rig.arm();
+  for (uint16_t pulse = 0; pulse < 20; ++pulse) {
+    rig.board.wheel = pulse;
+    rig.drive_for(10);
+  }
+  CHECK(rig.board.drive.pwm == 0);
 }
 
 TEST_CASE("Driver style and PWM frequency act at once") {

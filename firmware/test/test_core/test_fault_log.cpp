@@ -360,6 +360,21 @@ TEST_CASE("A reset's cause is a fault in the log: in FAULT, at the start") {
   CHECK(entry.at(7) == 0);
 }
 
+TEST_CASE("After a reset the machine's log goes on behind what it holds") {
+  Machine rig;
+  rig.tick(450);
+  rig.board.set_estop(5);
+  rig.tick(40);
+  rig.board.set_estop(0.88);
+  rig.controller = Controller();
+  rig.controller.boot(rig.board);
+  CHECK(protocol::get<uint32_t>(rig.get(0).data() + 3) == protocol::ESTOP_OPEN);
+  rig.board.set_estop(5);
+  rig.tick(450);
+  CHECK(protocol::get<uint16_t>(rig.get(0).data() + 1) == 1);
+  CHECK(protocol::get<uint16_t>(rig.get(1).data() + 1) == 0);
+}
+
 TEST_CASE("One entry is answered in a tick, the last that was asked for, and not while storing") {
   Machine rig;
   for (uint8_t k = 0; k < 5; ++k) rig.board.type(protocol::LogGet::kId, {k});

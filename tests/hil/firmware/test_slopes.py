@@ -104,6 +104,34 @@ def off_from_a_stand(
     return found, moves_after, fastest
 
 
+def stands(
+    nose_down_deg: float, firmware: provision.Firmware, told: dict[str, float]
+) -> tuple[Fault, float, float]:
+    """Four seconds armed on a slope, from a stand and never driven: the faults, the largest speed
+    (m/s) and the way (m) that it rolled."""
+    spec = machine.MachineSpec()
+    state, given = machine.initial(spec), machine.inputs()
+    session = Session()
+    found, fastest = Fault(0), 0.0
+    with provision.target(firmware, TOLD | told) as target:
+        run = coupling.bind(target, state, machine.parameters(spec), given)
+        for now_us in range(0, 4_500_000, SLICE_US):
+            now = now_us / 1e6
+            if now_us % COMMAND_US == 0:
+                told_last = session.telemetry
+                safe = told_last is None or told_last.state is State.SAFE
+                request = Request.ARM if safe else Request.DRIVE
+                target.write(session.encode(now, Command(request)))
+            if now >= 0.5:  # the chock is taken away
+                given["pitch"] = math.radians(nose_down_deg)
+            run(now_us, now_us + SLICE_US)
+            for telemetry in session.feed(now, target.read()):
+                found |= Fault(telemetry.faults)
+            fastest = max(fastest, abs(float(state["v"][0])))
+        assert session.telemetry is not None and session.telemetry.state is not State.SAFE
+    return found, fastest, abs(float(state["distance"][0]))
+
+
 @pytest.mark.parametrize("firmware", ["desk", "avr"])
 @pytest.mark.parametrize("speed_mps", [0.15, -0.15, -0.3])
 @pytest.mark.parametrize(("nose_up_deg", "rolling"), [(0.0, 0.04), (6.0, 0.04), (5.0, 0.08)])
@@ -116,6 +144,24 @@ def test_from_a_stand_it_breaks_away_uphill_within_1200_ms_and_not_with_a_leap(
     assert fault == Fault(0)
     assert moves_after is not None and moves_after < 1.2
     assert fastest < abs(speed_mps) + 0.1
+
+
+@pytest.mark.parametrize("firmware", ["desk", "avr"])
+@pytest.mark.parametrize("phases", [1.0, 2.0])
+@pytest.mark.parametrize(("nose_down_deg", "creep_mps"), [(4.0, 0.1), (6.0, 0.17), (-6.0, 0.17)])
+def test_armed_on_a_slope_before_it_was_ever_driven_it_is_held(
+    nose_down_deg: float, creep_mps: float, phases: float, firmware: provision.Firmware
+) -> None:
+    """Shorted motors are no parking brake: what is left is their creep."""
+    fault, fastest, way = stands(nose_down_deg, firmware, {"hall_phases": phases})
+    assert fault == Fault(0)
+    assert fastest < 0.22
+    assert way < creep_mps * 4.0
+
+
+def test_on_the_level_an_armed_machine_that_was_never_driven_has_nothing_on() -> None:
+    """What brakes one driver is full power where another is fitted (test_wiring.py)."""
+    assert stands(0.0, "desk", {}) == (Fault(0), 0.0, 0.0)
 
 
 def test_a_creep_downhill_is_braked_where_less_than_no_duty_would_be_needed() -> None:
