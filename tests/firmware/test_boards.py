@@ -97,17 +97,22 @@ def why_started(bench: Bench) -> Started:
     return [a for a in bench.answers if isinstance(a, protocol.Version)][-1].reset_cause
 
 
-@pytest.mark.parametrize("board", BOARDS)
-def test_after_boot_the_registers_are_what_the_datasheet_asks(make: Maker, board: Board) -> None:
-    target = make(board)
-    target.run_until(50_000)
+@pytest.mark.parametrize(
+    ("board", "bootloader"), [*((board, None) for board in BOARDS), *CHIPS], ids=str
+)
+def test_after_boot_the_registers_are_what_the_datasheet_asks(
+    make: Maker, board: Board, bootloader: Path | None
+) -> None:
+    """Whatever a bootloader has left in them."""
+    target = make(board, bootloader)
+    target.run_until(50_000 if bootloader is None else 2_700_000)
     assert word(target, 0xC4) == 16  # UBRR0: table 19-12, 115.2 k at 16 MHz, U2X, 2.1 %
-    assert register(target, 0xC0) & 0x02  # UCSR0A: U2X0
+    assert register(target, 0xC0) & 0x03 == 0x02  # UCSR0A: U2X0, of one processor
     assert register(target, 0xC2) == 0x06  # UCSR0C: asynchronous, 8 bits, no parity, 1 stop
-    assert register(target, 0xC1) & 0x98 == 0x98  # UCSR0B: RXCIE0, RXEN0, TXEN0
-    assert register(target, 0x7A) & 0x8F == 0x8F  # ADCSRA: ADEN, ADIE, divided by 128: 125 kHz
+    assert register(target, 0xC1) & 0xDC == 0x98  # UCSR0B: RXCIE0, RXEN0, TXEN0; 8 bits
+    assert register(target, 0x7A) & 0xAF == 0x8F  # ADCSRA: ADEN, ADIE, divided by 128: 125 kHz
     assert register(target, 0x7C) & 0xE0 == 0x40  # ADMUX: AVCC, right adjusted
-    assert register(target, 0x7B) & 0x0F == 0  # ADCSRB: channels 0 to 7
+    assert register(target, 0x7B) & 0x4F == 0  # ADCSRB: channels 0 to 7, no comparator's
     assert register(target, 0x7E) & 0x1F == 0x0F  # DIDR0: the e-stop's pin stays readable
     assert register(target, 0x44) == 0x02  # TCCR0A: clear on compare
     assert register(target, 0x45) == 0x03  # TCCR0B: divided by 64
@@ -118,8 +123,16 @@ def test_after_boot_the_registers_are_what_the_datasheet_asks(make: Maker, board
     assert word(target, 0x86) == 400  # ICR1: 16 MHz / 2 / 400 = 20 kHz
     assert register(target, 0xB0) & 0x03 == 1  # TCCR2A, TCCR2B: phase correct, divided by 8
     assert register(target, 0xB1) & 0x0F == 0x02
+    assert register(target, 0xB6) & 0x60 == 0  # ASSR: timer 2 runs from the chip's clock
     assert register(target, 0x60) == 0x48  # WDTCSR: WDIE, WDE, 16 ms
     assert register(target, 0x54) == 0  # MCUSR
+    assert register(target, 0x53) & 0x0E == 0  # SMCR: idle
+    assert register(target, 0x55) & 0x12 == 0  # MCUCR: pull-ups work, vectors are the program's
+    assert register(target, 0x61) == 0  # CLKPR: the crystal's 16 MHz, undivided
+    # Nothing else interrupts: TIMSK1, TIMSK2, PCICR, EIMSK; nothing is without its clock: PRR.
+    assert {register(target, at) for at in (0x6F, 0x70, 0x68, 0x3D, 0x64)} == {0}
+    if board == "mega2560":  # TIMSK3 to 5, PRR1; XMCRA: the ports A and C are the outputs' own
+        assert {register(target, at) for at in (0x71, 0x72, 0x73, 0x65, 0x74)} == {0}
 
 
 @pytest.mark.parametrize("board", BOARDS)
