@@ -30,6 +30,10 @@ cli = LazyGroup(
         "eyes": ("hil.commands.eyes:eyes", "Fit and judge the model eyes."),
         "faults": ("hil.commands.faults:faults", "Make everything fail that can fail."),
         "harvest": ("hil.commands.harvest:harvest_command", "Harvest a field in lockstep."),
+        "moments": (
+            "hil.commands.moments:command",
+            "Make one fault at many moments of a harvest.",
+        ),
         "plot": ("hil.commands.plot:plot", "Draw a record."),
         "replay": (
             "hil.commands.replay:command",

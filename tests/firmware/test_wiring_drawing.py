@@ -104,7 +104,7 @@ def texts_and_boxes() -> tuple[list[tuple[str, float, float]], list[tuple[float,
 
 
 def test_every_text_of_the_picture_fits_its_box_and_meets_no_other() -> None:
-    """In the font that it is drawn for, which is wider than those that browsers put in its place."""
+    """In the font that it is drawn for, wider than those that browsers put in its place."""
     font = FontProperties(family="DejaVu Sans")
     texts, boxes = texts_and_boxes()
     for text, left, line in texts:
