@@ -214,10 +214,7 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
     with ExitStack() as stack:
         keeper = Keeper(progress, errand.entered, order.corner, machine.events.append, errand.begun)
         stack.callback(keeper.close, pilot)
-        about = {"begun": now.isoformat(), "mount": machine.settings.mount}
-        about |= {"mode": machine.settings.mode, "turn": order.turn}
-        about |= {"vehicle": vehicle.model_dump_json(), "plan": json.dumps(asdict(plan))}
-        recorder = stack.enter_context(Recorder(path, about))
+        recorder = stack.enter_context(record(machine, path, order, plan, now.isoformat()))
         link.tap = lambda direction, at, data: recorder.put(
             f"/serial/{direction}", at, {"data": data}
         )
@@ -238,20 +235,35 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
         operator.show_map(plan)
         machine.mode = "drive"
         machine.more = lambda: _about(run, operator)
-        outcome = "stopped"
+        outcome, why = "stopped", ""
         try:
             run.run(operator.after_step)
             outcome = "finished" if pilot.phase is Phase.FINISHED else "fault"
         except StoppedError:
             raise
         except UserError as error:
-            outcome = "fault"
-            raise UserError(str(error)) from error
+            outcome, why = "fault", str(error)
+            raise
         finally:
             ended = _summary(run, operator, outcome, path, progress)
+            if why:  # it was not the pilot that ended it
+                ended |= {"reason": why, "code": "", "words": {}}
             machine.post({"kind": "ended", **ended})
             with contextlib.suppress(OSError):
                 path.with_suffix(".run.json").write_text(json.dumps(ended), encoding="utf-8")
+
+
+def record(machine: Machine, path: Path, order: Order, plan: Plan, begun: str) -> Recorder:
+    """The run's record. A disk that is full ends it and not the run; the pages are told."""
+    about = {"begun": begun, "mount": machine.settings.mount}
+    about |= {"mode": machine.settings.mode, "turn": order.turn}
+    about |= {"vehicle": machine.vehicle.model_dump_json(), "plan": json.dumps(asdict(plan))}
+
+    def lost(why: str) -> None:
+        machine.events.append(why)
+        machine.post({"kind": "failed", "what": "record", "why": why})
+
+    return Recorder(path, about, lost=lost)
 
 
 def warm_up(machine: Machine, plan: Plan) -> None:

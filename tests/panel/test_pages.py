@@ -194,6 +194,8 @@ def test_what_a_device_lacks_is_said_in_the_pages_language(browser: Browser, pan
     why = page.inner_text("#state-why")
     assert "/dev/ttyACM0" in why
     assert "serial" not in why
+    expect(page.locator("#start-why")).to_have_text(text("ur", "why.no_board"))
+    expect(page.locator("#start")).to_be_disabled()
     page.context.close()
 
 

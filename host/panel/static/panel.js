@@ -71,6 +71,7 @@ export function ask(wish) {
 }
 
 const fresh = () => performance.now() - heardAt < SILENT_MS;
+const linked = () => Boolean(socket) && fresh();
 
 function connect() {
   socket = new WebSocket(`ws://${location.host}/live`);
@@ -202,7 +203,7 @@ function state(now) {
 
 function signal(id, bad, text) {
   const one = $(`signal-${id}`);
-  one.dataset.bad = bad === null ? "off" : bad ? "1" : "0";
+  one.dataset.bad = bad === null || (id !== "laptop" && !linked()) ? "off" : bad ? "1" : "0";
   if (one.textContent !== text) one.textContent = text;
 }
 
@@ -216,8 +217,7 @@ function show() {
   for (const id of ["tabs", "signals", "pause"]) $(id).hidden = !world.paired;
   if (!world.paired) { for (const one of TABS) $(`page-${one}`).hidden = true; return; }
   if ($(`page-${tab}`).hidden) $(`page-${tab}`).hidden = false;
-  const linked = Boolean(socket) && fresh();
-  signal("laptop", !linked, t(linked ? "signal.laptop" : "signal.no_laptop"));
+  signal("laptop", !linked(), t(linked() ? "signal.laptop" : "signal.no_laptop"));
   if (!now) return;
   const board = now.board;
   signal("board", Boolean(now.link.problem), t(now.link.problem ? "signal.no_board" : "signal.board", { state: t(`board.${board?.state ?? "SAFE"}`) }));
@@ -304,9 +304,9 @@ function showHarvest(now) {
   for (const id of ["resume", "compass", "compass-label"]) $(id).hidden = !resumable;
   const goal = resumable ? world.goal : null;
   $("goal-said").textContent = goal ? t("harvest.goal", { side: goal.side, along: goal.along_m, compass: goal.compass_deg }) : left && world.stuck ? t("harvest.stuck") : "";
-  const ready = now.driver && now.green && Boolean(world.field?.plan) && !(now.board?.faults.length);
+  const ready = linked() && !now.link.problem && now.driver && now.green && Boolean(world.field?.plan) && !(now.board?.faults.length);
   $("start").disabled = $("resume").disabled = !ready;
-  $("start-why").textContent = !idle || ready ? "" : t(!now.driver ? "why.not_driver" : now.board?.faults.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check");
+  $("start-why").textContent = !idle || ready ? "" : t(!linked() ? "why.no_laptop" : now.link.problem ? "why.no_board" : !now.driver ? "why.not_driver" : now.board?.faults.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check");
   $("clear").hidden = !(idle && now.board?.faults.length);
   $("clear").disabled = !now.driver;
   $("jog").hidden = !(idle || now.mode === "jog");

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,13 +22,15 @@ from host.core.vehicle import MAST, Vehicle
 from host.field.boundary_file import Boundary, save_field
 from host.link import protocol
 from host.panel import harvesting, snapshot
-from host.panel.harvesting import Order, prepare
+from host.panel.harvesting import Order, harvest, prepare, record
 from host.panel.machine import NotYetError
 from host.panel.snapshot import Json, fix_of
 from host.panel.texts import LANGUAGES, text
 from host.pilot.behaviours.align import Wait
 from host.pilot.phase import Phase, Transition
+from host.route.plan import Plan
 from host.runs import preflight
+from host.runs.drive import Drive
 from host.sensors.camera_stream import Picture
 
 FRAME = LocalFrame(31.5, 74.3)
@@ -117,6 +120,47 @@ def test_a_machine_at_its_corner_is_rehearsed(
     monkeypatch.setattr(harvesting, "warm_up", lambda _, plan: rehearsed.append(plan))
     errand = prepare(machine_at(-1.0, 1.0), order)
     assert rehearsed == [errand.plan]
+
+
+class CutOff(Drive):
+    def run(self, _: Callable[[Drive], None]) -> None:
+        raise UserError("the cable is out")
+
+
+def test_a_run_that_the_pilot_did_not_end_says_what_did(
+    order: Order, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[Json] = []
+    machine = machine_at(-1.0, 1.0)
+    machine.link.session = SimpleNamespace(telemetry=None)
+    machine.post, machine.meetings, machine.settings.folder = said.append, 1, tmp_path
+    monkeypatch.setattr(harvesting, "warm_up", lambda *_: None)
+    monkeypatch.setattr(harvesting, "Drive", CutOff)
+    errand = prepare(machine, order)
+    with pytest.raises(UserError, match="the cable is out"):
+        harvest(machine, order, errand)
+    ended = said[-1]
+    assert (ended["kind"], ended["outcome"]) == ("ended", "fault")
+    assert (ended["reason"], ended["code"]) == ("the cable is out", "")
+
+
+def test_a_full_disk_ends_the_record_and_not_the_run(
+    order: Order, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[Json] = []
+    machine = machine_at(-1.0, 1.0)
+    machine.post = said.append
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with record(machine, tmp_path / "a.mcap", order, Plan(()), "now") as recorder:
+        monkeypatch.setattr("mcap.writer.Writer.add_message", full)
+        recorder.put("/operator", 1.0, {"paused": True})
+        recorder.put("/operator", 2.0, {"paused": True})
+    assert [(one["kind"], one["what"]) for one in said] == [("failed", "record")]
+    assert "No space left" in said[0]["why"]
+    assert said[0]["why"] in machine.events
 
 
 def test_a_reason_is_told_by_its_code_and_what_it_speaks_of() -> None:
