@@ -211,7 +211,10 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
     pilot = Pilot(vehicle, detector, plan)
     operator = Operator(machine, errand)
     progress = order.resume or path.with_suffix(".progress.json")
+    ended: Json = {}
     with ExitStack() as stack:
+        # Done last: where to go on is read from the progress, which is kept by then.
+        stack.callback(_tell, machine, ended, path, progress)
         keeper = Keeper(progress, errand.entered, order.corner, machine.events.append, errand.begun)
         stack.callback(keeper.close, pilot)
         recorder = stack.enter_context(record(machine, path, order, plan, now.isoformat()))
@@ -245,12 +248,20 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
             outcome, why = "fault", str(error)
             raise
         finally:
-            ended = _summary(run, operator, outcome, path, progress)
+            ended |= _summary(run, operator, outcome, path)
             if why:  # it was not the pilot that ended it
                 ended |= {"reason": why, "code": "", "words": {}}
-            machine.post({"kind": "ended", **ended})
-            with contextlib.suppress(OSError):
-                path.with_suffix(".run.json").write_text(json.dumps(ended), encoding="utf-8")
+
+
+def _tell(machine: Machine, ended: Json, path: Path, progress: Path) -> None:
+    """How a run ended, to the pages and into its folder."""
+    if not ended:
+        return
+    left = ended["outcome"] != "finished" and progress.exists()
+    ended["resume"] = str(progress) if left else None
+    machine.post({"kind": "ended", **ended})
+    with contextlib.suppress(OSError):
+        path.with_suffix(".run.json").write_text(json.dumps(ended), encoding="utf-8")
 
 
 def record(machine: Machine, path: Path, order: Order, plan: Plan, begun: str) -> Recorder:
@@ -316,9 +327,7 @@ def _about(run: Drive, operator: Operator) -> Json:
     }
 
 
-def _summary(
-    run: Drive, operator: Operator, outcome: str, path: Path, progress: Path
-) -> dict[str, Any]:
+def _summary(run: Drive, operator: Operator, outcome: str, path: Path) -> dict[str, Any]:
     pilot, last = run.pilot, run.telemetry
     faults = protocol.Fault(last.faults if last is not None else 0)
     return {
@@ -329,7 +338,6 @@ def _summary(
         "phase": pilot.phase.value,
         "faults": [bit.name for bit in protocol.Fault if bit in faults],
         "record": str(path),
-        "resume": str(progress) if outcome != "finished" and progress.exists() else None,
         "turns": pilot.turns,
         "steps": operator.steps,
         "slow_steps": operator.slow_steps,

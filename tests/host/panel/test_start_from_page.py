@@ -28,6 +28,7 @@ from host.panel.snapshot import Json, fix_of
 from host.panel.texts import LANGUAGES, text
 from host.pilot.behaviours.align import Wait
 from host.pilot.phase import Phase, Transition
+from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 from host.runs import preflight
 from host.runs.drive import Drive
@@ -136,9 +137,17 @@ def test_a_run_that_the_pilot_did_not_end_says_what_did(
     machine.post, machine.meetings, machine.settings.folder = said.append, 1, tmp_path
     monkeypatch.setattr(harvesting, "warm_up", lambda *_: None)
     monkeypatch.setattr(harvesting, "Drive", CutOff)
+    close = harvesting.Keeper.close
+
+    def closed(keeper: harvesting.Keeper, pilot: Pilot) -> None:
+        close(keeper, pilot)
+        said.append({"kind": "progress kept"})
+
+    monkeypatch.setattr(harvesting.Keeper, "close", closed)
     errand = prepare(machine, order)
     with pytest.raises(UserError, match="the cable is out"):
         harvest(machine, order, errand)
+    assert said[-2]["kind"] == "progress kept", "where to go on is read from it"
     ended = said[-1]
     assert (ended["kind"], ended["outcome"]) == ("ended", "fault")
     assert (ended["reason"], ended["code"]) == ("the cable is out", "")
