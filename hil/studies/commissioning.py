@@ -9,6 +9,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -96,15 +97,10 @@ class Value:
 # ---- pictures of boards --------------------------------------------------------------------------
 
 
-def board_picture(
-    lens: CameraSpec,
-    board: Board,
-    rotation: NDArray[np.float64],
-    shift: NDArray[np.float64],
-    rng: np.random.Generator,
-) -> NDArray[np.uint8]:
-    """What a camera with this lens and sensor takes of a board: a point p of the board's plane lies
-    at rotation @ p + shift of the camera's frame (right, down, ahead)."""
+@lru_cache(maxsize=1)
+def _rays(lens: CameraSpec) -> NDArray[np.float64]:
+    """(n, 3) directions (right, down, ahead) of a lens's finer pixels, row by row. One lens takes
+    many pictures."""
     width, height = lens.width_px * FINER, lens.height_px * FINER
     focal = lens.focal_px * FINER
     matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
@@ -114,7 +110,19 @@ def board_picture(
     pixels = np.stack([u - offset, v - offset], axis=-1).reshape(-1, 1, 2)
     bent = np.array([lens.k1, lens.k2, 0.0, 0.0])
     straight = cv2.undistortPoints(pixels, matrix, bent).reshape(-1, 2)
-    rays = np.column_stack([straight, np.ones(len(straight))]) @ rotation
+    return np.column_stack([straight, np.ones(len(straight))])
+
+
+def board_picture(
+    lens: CameraSpec,
+    board: Board,
+    rotation: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """What a camera with this lens and sensor takes of a board: a point p of the board's plane lies
+    at rotation @ p + shift of the camera's frame (right, down, ahead)."""
+    rays = _rays(lens) @ rotation
     origin = -rotation.T @ shift
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = -origin[2] / rays[:, 2]

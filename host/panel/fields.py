@@ -183,9 +183,13 @@ class FieldDesk:
         if not polygon.is_valid:
             raise UserError("the field's sides would cross")
         was = self.boundary
-        self.boundary = boundary_of(polygon, was.frame, was.name, was.sigma_m)
-        save_field(self._folder / self.name, self.boundary)
-        self._plan()
+        self._save(self.name, boundary_of(polygon, was.frame, was.name, was.sigma_m))
+
+    def _save(self, name: str, boundary: Boundary) -> None:
+        """Into the folder, and back: a run drives what the file says, to its last digit, and its
+        progress belongs to that plan alone."""
+        save_field(self._folder / name, boundary)
+        self.open(name)
 
     def _move(self, index: int, x: float, y: float) -> None:
         polygon = self._polygon()
@@ -217,13 +221,11 @@ class FieldDesk:
             raise UserError("not one position came: wait for the receiver, then walk again")
         found = survey_track(track, close_m=CLOSE_M)
         now = datetime.datetime.now(tz=datetime.UTC)
-        self.name = f"field-{now:%Y%m%d-%H%M%S}.geojson"
-        self.boundary = found.boundary(self.name.removesuffix(".geojson"))
-        save_field(self._folder / self.name, self.boundary)
+        name = f"field-{now:%Y%m%d-%H%M%S}"
         walk.on = False
         walk.said = "; ".join(found.warnings)
         self.corner = 0
-        self._plan()
+        self._save(f"{name}.geojson", found.boundary(name))
 
     def _plan(self) -> None:
         self.problem, self.plan, self._summary = "", None, None
