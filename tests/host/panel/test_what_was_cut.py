@@ -7,12 +7,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
 from host.core.frames import LocalFrame
+from host.core.messages import Fix
 from host.core.vehicle import Vehicle
-from host.field.boundary_file import Boundary, save_field
+from host.field.boundary_file import Boundary, load_field, save_field
 from host.panel import snapshot
 from host.panel.fields import FieldDesk
 from host.panel.harvesting import MOST_PLACES, Operator
@@ -119,6 +121,37 @@ def test_what_a_crash_left_of_this_field_is_found_and_nothing_else(tmp_path: Pat
     assert desk.unfinished() is None, "the last one to be driven has finished the field"
     kept(tmp_path, "2", Phase.FOLLOW, "another")
     assert desk.unfinished() is None
+
+
+def walked_fixes() -> list[Fix]:
+    """Two laps around a field in half-metre steps, as a phone in the hand says them."""
+    ring = shapely.Polygon(CORNERS).exterior
+    steps = np.arange(0, 2 * ring.length + 1, 1.2) % ring.length
+    places = [ring.interpolate(step) for step in steps]
+    at = [FRAME.to_wgs84(place.x + 0.013, place.y + 0.017) for place in places]
+    return [Fix(float(k), lat, lon, 1, 0.8, 9, 0.0) for k, (lat, lon) in enumerate(at)]
+
+
+@pytest.mark.parametrize("change", ["walked", "corner moved", "keep-out"])
+def test_a_run_on_a_field_of_this_session_can_be_gone_on_with(tmp_path: Path, change: str) -> None:
+    """The run drives what the file says; the desk has to speak of the same plan."""
+    save_field(tmp_path / "field.geojson", FIELD)
+    desk = FieldDesk(tmp_path, VEHICLE, tmp_path / "field.geojson", 2.0)
+    if change == "walked":
+        desk.do({"do": "walk_begin"})
+        assert desk.walk is not None
+        desk.walk.fixes += walked_fixes()
+        desk.do({"do": "walk_end"})
+    elif change == "corner moved":
+        desk.do({"do": "move_corner", "index": 1, "x": 13.123456789, "y": 0.987654321})
+    else:
+        ring = shapely.box(5.0123456789, 4.0, 6.3, 5.1987654321).exterior.coords
+        desk.do({"do": "keep_out", "ring": list(ring)[:-1]})
+    assert desk.path is not None
+    assert desk.plan is not None
+    driven = errand_of(load_field(desk.path), 0, VEHICLE, "three_point", 2.0, None, None)
+    left = kept(tmp_path, "1", Phase.FOLLOW, digest(driven.whole))
+    assert desk.goal(left) is not None
 
 
 def test_pages_hear_of_what_a_crash_left_until_another_plan_is_chosen(
