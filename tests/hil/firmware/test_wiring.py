@@ -27,9 +27,9 @@ class Stand:
         self.target = target
         self.state = machine.initial(spec)
         self.given = machine.inputs()
-        layout = wiring.layout(fitted)
+        self.layout = wiring.layout(fitted)
         self._run = coupling.bind(
-            target, self.state, machine.parameters(spec), self.given, layout=layout
+            target, self.state, machine.parameters(spec), self.given, layout=self.layout
         )
         self._parser, self._seq, self._now = protocol.Parser(), 0, 0
         self.results: list[Result] = []
@@ -91,6 +91,20 @@ def test_a_driver_that_is_named_wrongly_drives_forward_as_it_should_stand() -> N
         stand = Stand(target, Wiring(drive="bts7960"))
         stand.drive_and_stand()
         assert stand.worst == 1.0
+
+
+@pytest.mark.parametrize("torn", ("drive_pwm", "drive_in1", "drive_in2"))
+def test_a_wire_that_tears_at_a_braked_stand_is_no_power(torn: str) -> None:
+    with provision.fitted("desk") as target:
+        stand = Stand(target, Wiring())
+        stand.drive_and_stand()
+        assert stand.given[0]["drive_brake"]
+        stand.layout[torn] = 17  # A3: nobody drives it, so the pull-down holds it
+        stand.worst = 0.0
+        for _ in range(25):
+            stand.send(protocol.Drive(0.0, 0.0, 0))
+            stand.run(20)
+        assert stand.worst == 0.0
 
 
 @pytest.mark.parametrize("relay", ("active_high", "active_low"))
