@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections import deque
+from itertools import pairwise
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,7 +13,13 @@ import numpy as np
 from host.core.vehicle import Mount, Vehicle
 from host.vision.geometry import Camera
 from host.vision.mounted.evidence import Evidence
-from host.vision.mounted.face import HIDDEN_DENSE, LOWEST_M, Face, FaceFinder
+from host.vision.mounted.face import (
+    FAR_M,
+    HIDDEN_DENSE,
+    LOWEST_M,
+    Face,
+    FaceFinder,
+)
 from host.vision.mounted.paper import (
     L_TOLERANCE,
     Chain,
@@ -21,6 +28,7 @@ from host.vision.mounted.paper import (
     staged_pictures,
 )
 from host.vision.mounted.profile import TRACK_M
+from host.vision.mounted.scale import Scale, scale_of
 from host.vision.mounted.stems import FAINTER, Stems
 from host.vision.pictures import Picture
 from host.vision.view import NAN, CropView
@@ -54,6 +62,12 @@ BELIEVED = 30
 """Pictures that an end further away must stay to be believed after all."""
 DOUBT = 0.5
 """Factor on the confidence in what has not stayed for long enough."""
+WANDERED = 10
+"""Pictures over which it is watched whether the crop ahead comes and goes: a second."""
+WANDER_RAD = math.radians(3.0)
+"""By how much its foot may rise in the picture within them. It sinks before a machine that comes
+nearer, and a machine that nods lifts it by a degree; what rises more is no foot, but where blur,
+glare or shade lets stems fade."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
@@ -92,8 +106,12 @@ class RobustSource:
 class MountedDetector:
     """A mode's evidence, measured by the mount's geometry (`Detector` in view.py)."""
 
-    def __init__(self, source: Source, camera: Camera, vehicle: Vehicle) -> None:
+    def __init__(
+        self, source: Source, camera: Camera, vehicle: Vehicle, scale: Scale | None = None
+    ) -> None:
+        """`scale`: between the pictures that are seen and those of `camera`; None: the same."""
         self._source = source
+        self._scale = scale or Scale(camera.size, camera.mount)
         self._camera = camera
         self._vehicle = vehicle
         self._finder = FaceFinder(camera, vehicle)
@@ -110,10 +128,15 @@ class MountedDetector:
         self._track: deque[float] = deque(maxlen=TRACK)
         self._tops: deque[float] = deque(maxlen=TRACK)
         self._all_tops: deque[float] = deque(maxlen=GROWN)
+        self._below_level: deque[float] = deque(maxlen=WANDERED)
+        """How far below the horizon the foot of crop ahead was seen, rad."""
         self._elsewhere = 0
         self._clear = 0
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
+        return self._scale.grown(self._see(self._scale.shrunk(bgr), stages))
+
+    def _see(self, bgr: Picture, stages: bool) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
@@ -130,9 +153,14 @@ class MountedDetector:
             self._stands_m = face.ahead_m if face.ahead_m < NEAR_M else math.inf
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
             self._near = self._near or self._cutting
+        wanders = self._wanders(face)
         confidence = face.right_confidence * self._steadiness(face, expected)
-        self._no_dust = False
         ahead_confidence = face.ahead_confidence * self._lasting(face)
+        if wanders:
+            confidence *= DOUBT
+            # behind what was cut last, the next crop comes and goes about where it is out of sight
+            ahead_confidence *= 1.0 if self._near else DOUBT
+        self._no_dust = False
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and confidence >= SURE:
             self._l_reference = height
@@ -151,7 +179,7 @@ class MountedDetector:
             l_reference_px=self._l_reference,
             standing=face.standing,
             edge_px=self._edge(face),
-            reason=self._reason(face, confidence),
+            reason=self._reason(face, confidence, wanders),
             stages=pictures,
         )
 
@@ -167,6 +195,7 @@ class MountedDetector:
         self._stands_m = math.inf
         self._track.clear()
         self._tops.clear()
+        self._below_level.clear()
         self._elsewhere = 0
         self._clear = 0
 
@@ -193,6 +222,19 @@ class MountedDetector:
             if not leapt:
                 self._track.append(face.right_m)
         return DOUBT if away > (TRACK_M if known else LEAP_M) else 1.0
+
+    def _wanders(self, face: Face) -> bool:
+        """Whether the crop ahead, before it is cut, seems to come and go."""
+        if self._cutting:
+            self._below_level.clear()
+            return False
+        if math.isnan(face.ahead_m):
+            return False
+        x_c, _, z_c = (float(c) for c in self._camera.position)
+        away = self._vehicle.blade_x_m - x_c + min(face.ahead_m, FAR_M)
+        self._below_level.append(math.atan2(z_c, away))
+        risen = sum(max(0.0, before - now) for before, now in pairwise(self._below_level))
+        return face.ahead_m < FAR_M and risen > WANDER_RAD
 
     def _lasting(self, face: Face) -> float:
         """Counts the pictures without crop near ahead; factor on the confidence in them."""
@@ -227,9 +269,11 @@ class MountedDetector:
         return self._camera.project(points).astype(np.float32)
 
     @staticmethod
-    def _reason(face: Face, confidence: float) -> str:
+    def _reason(face: Face, confidence: float, wanders: bool) -> str:
         if confidence >= SURE:
             return ""
+        if wanders:
+            return "the crop ahead seems to come and go: blur, glare or shade hides its foot"
         if face.right_confidence >= SURE:
             return "the crop's right end seems to have jumped"
         if face.ahead_confidence < SURE:
@@ -250,10 +294,11 @@ def make_detector(
     """The detector of `mode` for a mount; `side` is where the crop stands, seen from the cut."""
     if side != "left":
         raise ValueError(f"side {side!r}: the machine keeps the standing crop to its left")
-    camera = Camera(mount)
+    scale = scale_of(mount)
+    camera = Camera(scale.mount)
     source: Source
     if mode == "paper":
         source = PaperSource(params or PaperParams(), camera, vehicle)
     else:
         source = RobustSource(camera, vehicle)
-    return MountedDetector(source, camera, vehicle)
+    return MountedDetector(source, camera, vehicle, scale)

@@ -23,6 +23,8 @@ from host.vision.mounted.detector import (
 )
 from host.vision.mounted.face import FaceFinder
 from host.vision.mounted.paper import l_height
+from host.vision.mounted.scale import scale_of
+from host.vision.view import CropView
 from tests.helpers.scenery import field, stems
 
 MODES: tuple[Mode, ...] = ("robust", "paper")
@@ -329,6 +331,57 @@ def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     eye = detector("robust", LOW)
     eye.see(near)
     assert eye.see(hidden).crop_ahead_m == pytest.approx(0.5, abs=0.15)
+
+
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+def test_crop_that_comes_nearer_is_believed_and_crop_that_comes_and_goes_is_not(
+    mount: Mount,
+) -> None:
+    """Blur and glare hide a foot now here and now there; a machine only comes nearer."""
+
+    def seen(places_m: list[float]) -> list[CropView]:
+        eye = detector("robust", mount)
+        faces = {m: field(mount, face_x_m=1.5 + m, next_crop_m=None) for m in places_m}
+        return [eye.see(faces[m]) for m in places_m]
+
+    steady = seen([1.5, 1.4, 1.3, 1.2, 1.1, 1.0])
+    assert min(v.confidence for v in steady) >= 0.5
+    fickle = seen([1.2, 1.8, 1.0, 1.8, 1.2, 1.8, 1.0])
+    assert max(v.confidence for v in fickle[4:]) < 0.5
+    assert max(v.ahead_confidence for v in fickle[4:]) < 0.5
+    assert "come and go" in fickle[-1].reason
+
+
+def test_a_crop_that_came_and_went_is_believed_at_the_blade() -> None:
+    eye = detector("robust", MAST)
+    for ahead in (1.2, 1.8, 1.0, 1.8, 1.2, 1.8):
+        eye.see(field(MAST, face_x_m=1.5 + ahead, next_crop_m=None))
+    assert eye.see(field(MAST)).confidence >= 0.5
+
+
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+@pytest.mark.parametrize("times", [0.5, 1.5, 3.0])
+def test_a_picture_of_another_size_shows_the_same_edge(mount: Mount, times: float) -> None:
+    """Larger and smaller ones of the same view, whose pixels come back as they were given."""
+    usual = field(mount, right_m=-0.35)
+    size = (round(640 * times), round(480 * times))
+    other = mount.model_copy(update={"width_px": size[0], "height_px": size[1]})
+    picture = np.asarray(cv2.resize(usual, size, interpolation=cv2.INTER_AREA), np.uint8)
+    view, plain = detector("robust", other).see(picture), detector("robust", mount).see(usual)
+    assert view.confidence >= 0.5
+    assert view.edge_offset_m == pytest.approx(0.1, abs=0.05)
+    assert view.crop_ahead_m == pytest.approx(plain.crop_ahead_m, abs=0.1)
+    assert view.standing is not None
+    assert view.standing.shape == picture.shape[:2]
+    assert view.e_outer_px == pytest.approx(times * plain.e_outer_px, abs=12 * times)
+
+
+def test_an_upright_picture_of_the_same_phone_is_taken_as_it_is() -> None:
+    upright = LOW.model_copy(update={"width_px": 480, "height_px": 640, "hfov_deg": 48.5})
+    assert scale_of(upright).mount is upright
+    large = LOW.model_copy(update={"width_px": 1080, "height_px": 1920, "hfov_deg": 37.4})
+    assert scale_of(large).mount.width_px == pytest.approx(360, abs=5)
+    assert scale_of(large).mount.focal == pytest.approx(532, abs=4)
 
 
 def test_the_next_crop_is_no_dust_though_a_nodding_machine_sees_it_near() -> None:
