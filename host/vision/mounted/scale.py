@@ -51,7 +51,9 @@ class Scale:
         if (self.mount.width_px, self.mount.height_px) == self.given:
             return view
         across, along = self._factors
-        edge = view.edge_px
+        edge = None
+        if view.edge_px is not None:
+            edge = np.asarray(view.edge_px / np.array([across, along]), np.float32)
         return replace(
             view,
             e_outer_px=view.e_outer_px / across,
@@ -59,7 +61,7 @@ class Scale:
             l_height_px=view.l_height_px / along,
             l_reference_px=view.l_reference_px / along,
             standing=None if view.standing is None else self._mask(view.standing),
-            edge_px=None if edge is None else edge / np.array([across, along], np.float32),
+            edge_px=edge,
         )
 
     def _mask(self, standing: NDArray[np.bool_]) -> NDArray[np.bool_]:
