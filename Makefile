@@ -12,6 +12,8 @@ SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* f
 
 # Byte code is kept: what is read anew by each worker takes a fifth of the quick tests.
 unexport PYTHONDONTWRITEBYTECODE
+# Tests run in as many processes as there are cores: threads below them only wait for each other.
+check test test-long mutants-python: export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
 .PHONY: help setup build harvest test test-wallclock test-long lint analyse mutants mutants-python mutants-board speed clean check
