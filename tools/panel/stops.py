@@ -71,9 +71,9 @@ PASSING_S: Final = 0.7
 """Likewise, of one that passes."""
 EARLY: Final = ("prepare", "countdown")
 """Before it drives."""
-RIDE_S: Final = 30.0
+RIDE_S: Final = 15.0
 """Of a drive, after which another state is as good as the one that was waited for."""
-LONGEST_S: Final = 60.0
+LONGEST_S: Final = 30.0
 """Of a drive, after which any is."""
 MOVES: Final = ("follow", "pause", "turn", "hesitate", "search")
 """States of a machine that found its place."""
