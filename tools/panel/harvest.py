@@ -132,13 +132,14 @@ class Day:
             screen.page.click("#clear")
             screen.until(lambda: not screen.last()["board"]["faults"], 10)
         for _ in range(3):
-            if not screen.page.locator("#resume").is_visible():
+            if not screen.until(screen.page.locator("#resume").is_visible, 10):
                 raise RuntimeError("it cannot go on where it ended")
             if self.begun("#resume"):
                 return
             said = screen.last("failed")
             self.note("not gone on", said.get("code") or said.get("why"))
             screen.shot("not-yet")
+            screen.until(lambda: screen.last("goal").get("place"), 5)
             goal = screen.last("goal").get("place")
             if said.get("code") and goal:
                 self.pushed += 1
