@@ -147,7 +147,8 @@ class Day:
                 x, y = LocalFrame(*ORIGIN).to_local(*field.to_wgs84(goal[0], goal[1]))
                 c, s = math.cos(goal[2]), math.sin(goal[2])
                 x, y = x - BLADE_M[0] * c - BLADE_M[1] * s, y - BLADE_M[0] * s + BLADE_M[1] * c
-                self.rig.do("put", x=x, y=y, yaw=goal[2])
+                # A person goes by what stands there, not by a place in metres alone.
+                self.rig.do("put", x=x, y=y, yaw=goal[2], beside=True)
                 screen.page.wait_for_timeout(1500)
 
     def why(self) -> Json:
