@@ -52,8 +52,10 @@ class DisturbanceSpec(Strict):
 
 
 _GAMMA: Final = 2.2
+"""Of a display, about what sRGB has (IEC 61966-2-1)."""
 _LINEAR: Final = ((np.arange(256) / 255.0) ** _GAMMA).astype(np.float32)
 _ROOTS: Final = 4096
+"""Steps of light in the table that turns it into a display's values: finer than any of these."""
 _DISPLAY: Final = np.rint(255 * (np.arange(_ROOTS) / (_ROOTS - 1)) ** (1 / _GAMMA)).astype(np.uint8)
 _PRIMARIES_M: Final = np.array([465e-9, 545e-9, 610e-9])
 """About where blue, green and red of a display lie in the spectrum."""
