@@ -2,6 +2,7 @@
 
     GET /video     multipart/x-mixed-replace of JPEG files (also /videofeed)
     GET /shot.jpg  the latest picture
+    GET /sensors.json  the latest samples of gyroscope and accelerometer
     TCP            NMEA sentences, one per line with CR LF
 
 Whoever owns the phone puts pictures and sentences in; clients see them `delay_s` later. In a
@@ -24,8 +25,12 @@ from typing import Annotated, Final
 import numpy as np
 from pydantic import Field as Limits
 
+from sim_plant.gyro import Sample, sensors_json
 from sim_plant.strict import NotNegative, Positive, Strict
 
+PATHS: Final = ("/video", "/videofeed", "/shot.jpg", "/sensors.json")
+KEPT: Final = 250
+"""Samples in one answer: five seconds of the gyroscope's."""
 BOUNDARY: Final = "Ba4oTvQMY8ew04N8dcnM"
 
 
@@ -112,8 +117,10 @@ class _Pages(BaseHTTPRequestHandler):
                 self._video(phone)
             elif path == "/shot.jpg":
                 self._shot(phone)
+            elif path == "/sensors.json" and phone.samples:
+                self._answer("application/json", sensors_json(list(phone.samples)))
             else:
-                self.send_error(404, "only /video, /videofeed and /shot.jpg are served")
+                self.send_error(404, f"only {', '.join(PATHS)} are served")
         except (BrokenPipeError, ConnectionResetError):
             self.close_connection = True
 
@@ -122,9 +129,11 @@ class _Pages(BaseHTTPRequestHandler):
         if not items:
             self.send_error(503, "the camera has no picture yet")
             return
-        data = items[-1][1]
+        self._answer("image/jpeg", items[-1][1])
+
+    def _answer(self, kind: str, data: bytes) -> None:
         self.send_response(200)
-        self.send_header("Content-Type", "image/jpeg")
+        self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(data)))
         self.end_headers()
         self.wfile.write(data)
@@ -176,6 +185,8 @@ class Phone:
         s = self.spec
         self.pictures = _Line(s.delay_s, 2 + math.ceil(s.delay_s * 60), clock)
         self.sentences = _Line(s.delay_s, 200 + math.ceil(s.delay_s * 60), clock)
+        self.samples: deque[Sample] = deque(maxlen=KEPT)
+        """Of the gyroscope, the newest last."""
         self._connected = True
         self._closed = False
         self._rng = np.random.default_rng([s.seed, 0x70])
@@ -223,6 +234,10 @@ class Phone:
     def say(self, sentences: Iterable[str]) -> None:
         """The receiver's next epoch: NMEA sentences without line ends."""
         self.sentences.put("".join(f"{s}\r\n" for s in sentences).encode("ascii"))
+
+    def feel(self, samples: Iterable[Sample]) -> None:
+        """New samples of the gyroscope. Until the first the phone has none."""
+        self.samples.extend(samples)
 
     @property
     def camera_url(self) -> str:

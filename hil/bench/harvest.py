@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -22,15 +22,17 @@ from hil.judge import pictures
 from hil.judge.metrics import Truth
 from hil.scenario.faults import Fault
 from hil.scenario.scenario import Scenario
-from host.core.messages import Fix, Frame
+from host.core.messages import Fix, Frame, Turned
 from host.link.session import Session
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.pilot.snapshot import snapshot
 from host.runs.record import Recorder
+from host.sensors.gyro import Turning
 from host.sensors.jpeg import NOTHING, Bgr
 from host.sensors.nmea import Receiver
 from host.vision.view import Detector
+from sim_plant.gyro import sensors_json
 
 HOST_HZ = 20
 """Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
@@ -113,6 +115,8 @@ class Harvest:
         self.frames = 0
         self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
         self._receiver = Receiver()
+        self._turning = Turning()
+        self._turned: Turned | None = None
         self._restarts = 0
         self._events = 0
         self._inbox: list[tuple[float, bytes]] = []
@@ -209,6 +213,10 @@ class Harvest:
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
             self._fix = next(reversed(self._receiver.feed(now, data)), self._fix)
+        felt = self.bench.felt()
+        turned = self._turning.feed(now, sensors_json(felt)) if felt else None
+        if turned is not None:
+            self._turned = replace(turned, stamp=_whole_ns(turned.stamp))
         mark = clock()
         seconds["bench"] += mark - start
         self._picture(now)
@@ -260,7 +268,10 @@ class Harvest:
         self._inbox.clear()
         frame, jpeg = self._frame or (None, b"")
         fix, self._frame, self._fix = self._fix, None, None
-        command = self.pilot.step(now, frame, fix, self.session.telemetry)
+        turned, self._turned = self._turned, None
+        command = self.pilot.step(now, frame, fix, self.session.telemetry, turned)
+        if record is not None and turned is not None:
+            record.turned(turned)
         self.bench.faults.phase = self.pilot.phase.value
         data = self.session.encode(now, command)
         self.bench.send(data)

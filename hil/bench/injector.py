@@ -17,7 +17,10 @@ from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.targets import ResetCause
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario.faults import At, Component, Failure, Fault
+from sim_plant.gyro import Sample
 
+RANGE_RADPS: Final = math.radians(2000.0)
+"""Of a phone's gyroscope."""
 BLOCKED_N: Final = 1e5
 """Drag of wheels that cannot turn."""
 
@@ -209,6 +212,9 @@ class Injector:
         self._sentences: deque[tuple[float, list[str]]] = deque()
         self._frozen_antenna: tuple[float, float, float, float] | None = None
         self._epoch_at = -math.inf
+        self._felt_samples: deque[tuple[float, Sample]] = deque()
+        self._frozen_rate: tuple[float, float, float] | None = None
+        self._answered_at = -math.inf
         self._host_at = -math.inf
         self._outages: dict[int, tuple[float, bool]] = {}
         self._reset_at: dict[int, float] = {}
@@ -435,6 +441,47 @@ class Injector:
                     return None
                 self._picture_at = now
         return picture
+
+    def gyro(self, now: float, samples: list[Sample]) -> list[Sample]:
+        """What the phone's app has of the gyroscope at `now`, when these are new; to be called at
+        every step of the host."""
+        if not self.faults:
+            return samples
+        delay, silent = 0.0, False
+        for index, fault in [*self._active("phone"), *self._active("gyro")]:
+            match fault.failure:
+                case "off":
+                    samples = []
+                case "intermittent":
+                    samples = [] if self._out(index, now) else samples
+                case "delayed":
+                    delay += fault.amount
+                case "slow":
+                    silent = now - self._answered_at < fault.amount - 1e-9
+                case _:
+                    samples = [self._felt(sample, index) for sample in samples]
+        if not self._has("gyro", "stuck") and samples:
+            self._frozen_rate = samples[-1].rate_radps
+        self._felt_samples += [(now + delay, sample) for sample in samples]
+        out: list[Sample] = []
+        while not silent and self._felt_samples and self._felt_samples[0][0] <= now + 1e-9:
+            out.append(self._felt_samples.popleft()[1])
+        if out:
+            self._answered_at = now
+        return out
+
+    def _felt(self, sample: Sample, index: int) -> Sample:
+        fault, rng = self.faults[index], self._rng[index]
+        x, y, z = sample.rate_radps
+        match fault.failure:
+            case "stuck":
+                x, y, z = self._frozen_rate or sample.rate_radps
+            case "wrong":
+                more = math.radians(fault.amount)
+                x, y, z = x + more, y + more, z + more
+            case "garbage" if rng.random() < fault.amount:
+                x, y, z = rng.uniform(-RANGE_RADPS, RANGE_RADPS, 3).tolist()
+        return sample._replace(rate_radps=(x, y, z))
 
     def antenna(
         self, now: float, x: float, y: float, vx: float, vy: float

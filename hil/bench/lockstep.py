@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Final
@@ -20,6 +21,7 @@ from sim_plant import machine
 from sim_plant.camera import Camera, Shot
 from sim_plant.field import Field
 from sim_plant.gnss import Gnss
+from sim_plant.gyro import Gyro, Sample
 
 SLICE_US: Final = 10_000
 """Serial bytes are stamped to this."""
@@ -42,6 +44,9 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         self.field = Field(world.field, seed)
         self._camera_threads = camera_threads
         self.gnss = Gnss(world.gnss, seed)
+        self.gyro = Gyro(world.gyro, seed, math.radians(world.lens.pitch_deg))
+        self._gyro_slices = max(1, round(1e6 / world.gyro.rate_hz / SLICE_US))
+        self._samples: deque[Sample] = deque()
         self.cut_cells = 0
         """Crop cells cut during the last `advance`."""
         self._spec = spec
@@ -142,6 +147,8 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
                 received.append((self.now, data))
             if self._slices % SLICES_PER_CUT == 0:
                 self._cut()
+            if self._slices % self._gyro_slices == 0 and self.gyro.spec.fitted:
+                self._feel()
             if self.on_slice is not None:
                 self.on_slice(said)
         return received
@@ -179,6 +186,22 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
             float(s["yaw_rate"]),
             bool(s["blade_spinning"]),
         )
+
+    def _feel(self) -> None:
+        """The gyroscope takes a sample."""
+        given, s = self._given[0], self.state
+        roll, pitch = float(given["roll"]), float(given["pitch"])
+        self._samples.append(
+            self.gyro.sample(self.now, float(s["yaw_rate"]), roll, pitch, float(s["v"]))
+        )
+
+    def felt(self) -> list[Sample]:
+        """What the phone's app has of its gyroscope since the last call."""
+        due: list[Sample] = []
+        last = self.gyro.clock_s(self.now - self.gyro.spec.delay_s)
+        while self._samples and self._samples[0].clock_s <= last + 1e-6:
+            due.append(self._samples.popleft())
+        return self.faults.gyro(self.now, due)
 
     def fix(self) -> list[str]:
         """NMEA sentences that the phone sends now, at its epoch."""

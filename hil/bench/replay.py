@@ -24,7 +24,7 @@ from hil.scenario import scenario as scenarios
 from hil.scenario.faults import At
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
-from host.core.messages import Command, Fix, Frame, Telemetry
+from host.core.messages import Command, Fix, Frame, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.link import protocol
 from host.pilot.pilot import Pilot
@@ -198,6 +198,7 @@ class _PilotReplay:
         self._outcome = outcome
         self._frame: Frame | None = None
         self._fix: Fix | None = None
+        self._turned: Turned | None = None
         self._telemetry: Telemetry | None = None
         self._view: CropView | None = None
         self._replayed = Replayed()
@@ -223,6 +224,8 @@ class _PilotReplay:
                 self._telemetry = record.telemetry_of(stamp, message)
             case "/fix":
                 self._fix = record.fix_of(stamp, message)
+            case "/turned":
+                self._turned = record.turned_of(stamp, message)
             case "/camera" if self._vision:
                 self._frame = Frame(stamp, self._decoder.decode(message["data"]))
             case "/view":
@@ -239,7 +242,7 @@ class _PilotReplay:
     def _step(self, now: float, recorded: Command) -> None:
         outcome = self._outcome
         self._replayed.next = self._view
-        today = self._pilot.step(now, self._frame, self._fix, self._telemetry)
+        today = self._pilot.step(now, self._frame, self._fix, self._telemetry, self._turned)
         if self._vision and self._view is not None and self._pilot.view is not None:
             outcome.views += 1
             names = record.SCHEMAS["/view"][1]["properties"]
@@ -249,7 +252,7 @@ class _PilotReplay:
                 for a, b in ((getattr(self._view, name), getattr(self._pilot.view, name)),)
                 if not _same(a, b)
             ]
-        self._frame = self._fix = self._view = None
+        self._frame = self._fix = self._view = self._turned = None
         outcome.commands += 1
         outcome.pilot += _compare(now, "command", recorded, today)
 

@@ -144,6 +144,7 @@ class Rig:
             self.shoot(now)
         if number % FIX_SLICES == 0:
             self._phone.say(bench.fix())
+        self._phone.feel(bench.felt())
         if number % TRACK_SLICES == 0:
             self._tend()
             self.track.append((bench.now, *bench.pose, Phase.CONNECT))

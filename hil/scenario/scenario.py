@@ -26,6 +26,7 @@ from host.route.plan import Plan
 from sim_plant.camera import MOUNTS, CameraSpec
 from sim_plant.field_spec import FieldSpec
 from sim_plant.gnss import GnssSpec
+from sim_plant.gyro import GyroSpec
 from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
 
@@ -74,6 +75,7 @@ class Scenario(Strict):
     field: FieldSpec = FieldSpec()
     weather: WeatherSpec = WeatherSpec()
     gnss: GnssSpec = GnssSpec()
+    gyro: GyroSpec = GyroSpec()
     start: Start = Start()
     belief: Belief = Belief()
     turn: Literal["three_point", "arc"] = "three_point"
@@ -111,6 +113,7 @@ class Scenario(Strict):
             lens,
             self.weather,
             self.gnss,
+            self.gyro,
             self.start,
         )
 

@@ -15,6 +15,7 @@ from host.core.strict import Strict
 from sim_plant.camera import CameraSpec
 from sim_plant.field_spec import FieldSpec, Point
 from sim_plant.gnss import GnssSpec
+from sim_plant.gyro import GyroSpec
 from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
 
@@ -72,6 +73,7 @@ class World:
     lens: CameraSpec
     weather: WeatherSpec
     gnss: GnssSpec
+    gyro: GyroSpec
     start: Start
 
     @property

@@ -10,6 +10,7 @@ from host.commands.options import (
     field_option,
     gap_option,
     gnss_option,
+    gyro_option,
     inset_option,
     mode_option,
     mount_option,
@@ -27,6 +28,7 @@ from host.vision.tuning.profiles import DATABASE
 @port_option
 @click.option("--camera", required=True, metavar="URL", help="http://..., video file, /dev/videoN.")
 @gnss_option
+@gyro_option
 @vehicle_option
 @mount_option
 @mode_option
@@ -77,6 +79,7 @@ def drive(
     port: str,
     camera: str,
     gnss: str | None,
+    gyro: str | None,
     vehicle: Path | None,
     mount: str,
     mode: Mode,
@@ -107,6 +110,7 @@ def drive(
             port=port,
             camera=camera,
             gnss=gnss,
+            gyro=gyro,
             vehicle=vehicle,
             mount=mount,
             mode=mode,

@@ -13,6 +13,11 @@ camera_option = click.option("--camera", metavar="URL", help="http://..., video 
 gnss_option = click.option(
     "--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file."
 )
+gyro_option = click.option(
+    "--gyro",
+    metavar="URL",
+    help="http://HOST:PORT/sensors.json; default beside the camera's pictures; none: without.",
+)
 vehicle_option = click.option(
     "--vehicle", type=click.Path(path_type=Path), help="The machine's file."
 )

@@ -12,6 +12,7 @@ from host.commands.options import (
     field_option,
     gap_option,
     gnss_option,
+    gyro_option,
     inset_option,
     mode_option,
     mount_option,
@@ -32,6 +33,7 @@ from host.panel.serving import serve_application
 @port_option
 @camera_option
 @gnss_option
+@gyro_option
 @vehicle_option
 @mount_option
 @mode_option
@@ -61,6 +63,7 @@ def panel(
     port: str,
     camera: str | None,
     gnss: str | None,
+    gyro: str | None,
     vehicle: Path | None,
     mount: str,
     mode: str,
@@ -87,6 +90,7 @@ def panel(
             "port": port,
             "camera": camera,
             "gnss": gnss,
+            "gyro": gyro,
             "vehicle": vehicle.resolve() if vehicle is not None else None,
             "mount": mount,
             "mode": mode,

@@ -35,6 +35,17 @@ class Fix:
     """Counter-clockwise from east, as headings in the field frame are."""
 
 
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """What the phone's gyroscope has turned about the vertical, up to `stamp`."""
+
+    stamp: float
+    yaw_rad: float
+    """Counter-clockwise, unwrapped, with all that the gyroscope errs, from `since` on."""
+    since: float
+    """Since when no sample is missing; what was turned before is not known."""
+
+
 class State(enum.IntEnum):
     """The firmware supervisor's state; the values are the wire's (firmware/protocol.toml)."""
 

@@ -6,7 +6,7 @@ earlier, and whether the receiver agrees with all that.
 
 from __future__ import annotations
 
-from host.core.messages import Fix, Telemetry
+from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.estimate.course_check import DirectionCheck
 from host.estimate.cut_guard import CutGuard
@@ -51,6 +51,10 @@ class Estimator:
         self.lane.innovations.clear()
         self.position.innovations.clear()
         return out
+
+    def take_turned(self, turned: Turned) -> None:
+        """The phone's gyroscope, before the telemetry of the same step."""
+        self.odometry.take_turned(turned)
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""

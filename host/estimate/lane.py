@@ -21,6 +21,9 @@ SLIP_PER_M = 0.02
 YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
 YAW_PER_M = math.radians(0.5)
+GYRO_PER_ROOT_S = math.radians(0.1)
+GYRO_PER_RAD = 0.01
+"""Yaw error by the gyroscope: its offset, and its scale."""
 BIAS_SIGMA_1PM = 0.006
 """Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
 BIAS_PER_M = 0.0005
@@ -93,13 +96,17 @@ class Lane(Filter):
             return
         step = motion.distance_m - past.distance_m
         turn = motion.yaw_rad - past.yaw_rad
-        turn += float(self._x[BIAS]) * step
+        if not motion.by_gyro:
+            turn += float(self._x[BIAS]) * step
         middle = self._x[HEADING] + turn / 2
         self._x = self._x + np.array([step * math.sin(middle), turn, 0.0])
         along = step * math.cos(middle)
         jacobian = np.array([[1.0, along, along * step / 2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
         run = abs(step)
         yaw = YAW_PER_M**2 * run + (YAW_PER_RAD * turn) ** 2
+        if motion.by_gyro:
+            jacobian[:2, BIAS] = 0.0
+            yaw = GYRO_PER_ROOT_S**2 * (motion.stamp - past.stamp) + (GYRO_PER_RAD * turn) ** 2
         noise = np.diag([SLIP_PER_M**2 * run, yaw, BIAS_PER_M**2 * run])
         self._p = jacobian @ self._p @ jacobian.T + noise
 

@@ -1,4 +1,5 @@
-"""Dead reckoning from what the machine reports: steering angle, drive duty, hall sensor if fitted.
+"""Dead reckoning from what the machine reports: steering angle, drive duty, hall sensor if fitted,
+and the phone's gyroscope where it has one.
 
 Without a hall sensor the speed is a model, duty through a first-order lag, whose gain is learned
 from the GNSS receiver's Doppler speed while the machine drives straight (paper, II: speed by PWM).
@@ -10,8 +11,9 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from host.core.messages import Fix, Telemetry
+from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
+from host.estimate.gyroscope import Gyroscope
 from host.estimate.rolling import Coast, Slope
 
 HISTORY_S = 1.5
@@ -41,6 +43,18 @@ TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
 """For so long: one pulse too many is noise."""
+FRESH_S = 0.5
+"""What the gyroscope says is older than this only where the phone's network falters; the steering
+angle bridges it."""
+RESTS_S = 0.5
+"""Without a pulse of the hall sensor, or by the duty model alone, until the machine stands."""
+CREEPS_MPS = 0.01
+TRIM_M = 2.0
+"""Way in which the gyroscope's straight driving turns the trim: a side slope's changes so fast."""
+LEG_RAD = math.radians(20)
+"""A shorter turn's leg shows slack rather than scale."""
+LEG_SHARE = 0.2
+"""Of what the yaw gain lacks, learned from one leg beside the gyroscope."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +69,17 @@ class Motion:
     yaw_rad: float
     x_m: float
     y_m: float
+    by_gyro: bool = False
+    """Whether the gyroscope tells the yaw, and not the steering angle alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reckoned:
+    """By steering angle and way alone."""
+
+    stamp: float
+    yaw_rad: float
+    distance_m: float
 
 
 class Odometry:
@@ -73,6 +98,12 @@ class Odometry:
         """Since the drive was last switched; negative: since it was switched off."""
         self._coast = Coast()
         self._history: deque[Motion] = deque()
+        self._gyroscope = Gyroscope()
+        self._by_angle: deque[_Reckoned] = deque([_Reckoned(-math.inf, 0.0, 0.0)])
+        self._missed_rad = 0.0
+        """What the gyroscope has shown besides, still to be taken."""
+        self._compared_m = 0.0
+        self._rests_since = math.inf
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
         what a side slope does."""
@@ -124,6 +155,8 @@ class Odometry:
             self._speed += (target - self._speed) * blend
             step = (before + self._speed) / 2 * dt
         yaw_step = step * (curvature + past.curvature_1pm) / 2
+        self._reckon(telemetry, step, yaw_step)
+        yaw_step, self._missed_rad = yaw_step + self._missed_rad, 0.0
         middle = past.yaw_rad + yaw_step / 2
         self.now = Motion(
             telemetry.stamp,
@@ -133,11 +166,72 @@ class Odometry:
             past.yaw_rad + yaw_step,
             past.x_m + step * math.cos(middle),
             past.y_m + step * math.sin(middle),
+            self._gyroscope.useful and telemetry.stamp - self._gyroscope.stamp < FRESH_S,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
             self._history.popleft()
         return self.now
+
+    def _reckon(self, telemetry: Telemetry, step_m: float, yaw_step: float) -> None:
+        before = self._by_angle[-1]
+        stamp = telemetry.stamp
+        distance, yaw = before.distance_m + step_m, before.yaw_rad + yaw_step
+        self._by_angle.append(_Reckoned(stamp, yaw, distance))
+        while self._by_angle[0].stamp < stamp - HISTORY_S:
+            self._by_angle.popleft()
+        moves = telemetry.drive_duty != 0 or step_m != 0.0
+        if telemetry.speed_mps is None:
+            moves = telemetry.drive_duty != 0 or abs(self._speed) > CREEPS_MPS
+        if moves:
+            self._rests_since = math.inf
+        else:
+            self._rests_since = min(self._rests_since, stamp + RESTS_S)
+
+    def take_turned(self, turned: Turned) -> None:
+        """What the gyroscope says; it may be some tenths of a second old."""
+        gyroscope = self._gyroscope
+        at = self._angle_at(turned.stamp)
+        standing = gyroscope.stamp >= self._rests_since
+        missed = gyroscope.take(turned, at.yaw_rad if at else None, standing=standing)
+        self._missed_rad += missed
+        if at is None:
+            return
+        way, self._compared_m = at.distance_m - self._compared_m, at.distance_m
+        if standing:
+            self._learn_gain(*gyroscope.take_leg())
+        elif gyroscope.useful:
+            self._learn_trim(missed, way)
+
+    def _angle_at(self, stamp: float) -> _Reckoned | None:
+        """As reckoned at a time within the history; a newer one is now."""
+        later = self._by_angle[-1]
+        if stamp < self._by_angle[0].stamp or not math.isfinite(later.stamp):
+            return None
+        for each in reversed(self._by_angle):
+            if each.stamp <= stamp:
+                span = later.stamp - each.stamp
+                share = min(1.0, (stamp - each.stamp) / span) if 0 < span < math.inf else 0.0
+                yaw = each.yaw_rad + share * (later.yaw_rad - each.yaw_rad)
+                distance = each.distance_m + share * (later.distance_m - each.distance_m)
+                return _Reckoned(stamp, yaw, distance)
+            later = each
+        return later
+
+    def _learn_trim(self, missed_rad: float, way_m: float) -> None:
+        """What the gyroscope shows besides, driving straight, is the pot's zero or a slope's."""
+        straight = math.tan(STRAIGHT_RAD) / self._vehicle.wheelbase_m
+        if way_m != 0.0 and abs(self.now.curvature_1pm) < straight:
+            self.turn_trim(missed_rad / way_m * min(1.0, abs(way_m) / TRIM_M))
+
+    def _learn_gain(self, seen_rad: float, reckoned_rad: float) -> None:
+        """What a leg of a turn has turned, over what it was reckoned to: the pot's scale, and the
+        slip of tyres. Compared at a stand, where nothing lags behind."""
+        if not self._gyroscope.useful or abs(reckoned_rad) < LEG_RAD:
+            return
+        low, high = YAW_GAIN_LIMITS
+        more = LEG_SHARE * (seen_rad / reckoned_rad - 1.0)
+        self.yaw_gain = min(high, max(low, self.yaw_gain * (1.0 + more)))
 
     def _rolled(self, step_m: float, telemetry: Telemetry, dt: float) -> tuple[float, float]:
         """The step and the speed with their true signs: one hall sensor counts a machine that rolls
@@ -169,8 +263,11 @@ class Odometry:
     def turned(self, reckoned_rad: float, true_rad: float, sigma_rad: float = 0.0) -> None:
         """Learns from a turn of which both are known, the reckoned one with the present gain, the
         true one but for sigma_rad by which the corner's angle may be otherwise."""
-        slope = reckoned_rad / self.yaw_gain
         noise = TURN_SIGMA_RAD**2 + sigma_rad**2
+        if self.now.by_gyro:
+            self._gyroscope.turned(reckoned_rad, true_rad, math.sqrt(noise))
+            return
+        slope = reckoned_rad / self.yaw_gain
         variance = (slope * self._yaw_gain_sigma) ** 2 + noise
         blend = slope * self._yaw_gain_sigma**2 / variance
         low, high = YAW_GAIN_LIMITS

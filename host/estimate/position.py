@@ -56,6 +56,10 @@ YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
+GYRO_SIGMA_PER_ROOT_S = math.radians(0.1)
+GYRO_SIGMA_SHARE = 0.01
+"""The same by the gyroscope: its offset, which lasts, as noise of some tens of seconds (0.02 deg/s
+over 40 s), and its scale."""
 
 
 class _Lane(NamedTuple):
@@ -232,7 +236,12 @@ class Position(Filter):
         self._p[moves] = jacobian @ self._p[moves]
         self._p[:, moves] = self._p[:, moves] @ jacobian.T
         self._p[:YAW, :YAW] += turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
-        self._p[YAW, YAW] += YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
+        if motion.by_gyro:
+            lasted = motion.stamp - past.stamp
+            grown = GYRO_SIGMA_PER_ROOT_S**2 * lasted + GYRO_SIGMA_SHARE**2 * abs(turn)
+        else:
+            grown = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
+        self._p[YAW, YAW] += grown
 
     def at(self, side: Side) -> Place:
         """The place against a side."""

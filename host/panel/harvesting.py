@@ -234,6 +234,7 @@ def harvest(machine: Machine, order: Order, errand: Errand) -> None:
             errand.fence,
             operator.wants_pause,
             keeper,
+            machine.gyro,
         )
         operator.show_map(plan)
         machine.mode = "drive"

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from host.core.errors import UserError
-from host.core.messages import Command, Fix, Request, Telemetry
+from host.core.messages import Command, Fix, Request, Telemetry, Turned
 from host.core.strict import Strict
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.link.session import Link
@@ -29,6 +29,7 @@ from host.panel.wire import Peer, WireError, frame, packed
 from host.runs.drive import AT_REST
 from host.runs.preflight import Problem
 from host.sensors.camera_stream import Picture, camera_feed
+from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
@@ -59,6 +60,7 @@ class Settings(Strict):
     port: str
     camera: str | None = None
     gnss: str | None = None
+    gyro: str | None = None
     vehicle: Path | None = None
     mount: str = "mast"
     mode: Mode = "robust"
@@ -92,6 +94,7 @@ class Machine:
         self.events: deque[str] = deque(maxlen=50)
         self.camera: Feed[Picture] | None = None
         self.gnss: Feed[Fix] | None = None
+        self.gyro: Feed[Turned] | None = None
         self.mode = "idle"
         self.more: Callable[[], Json] = dict
         """What the present mode adds to a snapshot."""
@@ -146,10 +149,13 @@ class Machine:
         if settings.gnss:
             self.gnss, _ = gnss_feed(settings.gnss, self.clock, self.events.append)
             self.gnss.start()
+        self.gyro = gyro_of(settings.gyro, settings.camera or "", self.clock, self.events.append)
+        if self.gyro is not None:
+            self.gyro.start()
 
     def unplug(self) -> None:
         """Leaves the board stopped."""
-        for feed in (self.camera, self.gnss):
+        for feed in (self.camera, self.gnss, self.gyro):
             if feed is not None:
                 feed.close()
         if self.link is not None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from host.core.messages import Command, Fix, Frame, Request, Telemetry
+from host.core.messages import Command, Fix, Frame, Request, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import EDGE_SURE, EndOfField
 from host.estimate.kalman import Innovation
@@ -144,10 +144,18 @@ class Pilot:
     # ---- the step --------------------------------------------------------------------------------
 
     def step(
-        self, now: float, frame: Frame | None, fix: Fix | None, telemetry: Telemetry | None
+        self,
+        now: float,
+        frame: Frame | None,
+        fix: Fix | None,
+        telemetry: Telemetry | None,
+        turned: Turned | None = None,
     ) -> Command:
-        """One decision. `frame` and `fix` are given once each, when new; `telemetry` the latest."""
+        """One decision. `frame`, `fix` and `turned` are given once each, when new; `telemetry` the
+        latest."""
         context = self._context
+        if turned is not None:
+            context.estimate.take_turned(turned)
         self._listen(fix, telemetry)
         if frame is not None:
             self._see(frame)

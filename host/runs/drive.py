@@ -12,7 +12,7 @@ from collections.abc import Callable
 import cv2
 
 from host.core.errors import FaultError
-from host.core.messages import Command, Fix, Frame, Request, State, Telemetry
+from host.core.messages import Command, Fix, Frame, Request, State, Telemetry, Turned
 from host.core.vehicle import Mount, Vehicle
 from host.field.fence import Fence
 from host.link import protocol
@@ -80,12 +80,14 @@ class Drive:
         fence: Fence | None = None,
         paused: Callable[[], bool] | None = None,
         keeper: Keeper | None = None,
+        gyro: Feed[Turned] | None = None,
     ) -> None:
         """`paused`: whether the operator wants the machine to stand still."""
         self.pilot = pilot
         self.link = link
         self.camera = camera
         self.gnss = gnss
+        self.gyro = gyro
         self.command = Command(Request.STOP, reason="not started")
         self.fix: Fix | None = None
         self._decoder = JpegDecoder()
@@ -183,7 +185,8 @@ class Drive:
             self.pilot.paused = paused
             if self._recorder is not None:
                 self._recorder.put("/operator", now, {"paused": paused})
-        self.command = self.pilot.step(now, frame, fix, self.telemetry)
+        turned = self.gyro.take() if self.gyro is not None else None
+        self.command = self.pilot.step(now, frame, fix, self.telemetry, turned)
         seq = self.link.session.next_seq
         self.link.send(self.command)
         if frame is not None:
@@ -191,6 +194,8 @@ class Drive:
         if self.keeper is not None:
             self.keeper.note(self.pilot)
         if self._recorder is not None:
+            if turned is not None:
+                self._recorder.turned(turned)
             self._write(self._recorder, now, picture, frame, fix)
 
     def _new_picture(self) -> Picture | None:

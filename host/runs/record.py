@@ -28,7 +28,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.core.errors import UserError
-from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.core.messages import Command, Fix, Request, State, Telemetry, Turned
 from host.estimate.kalman import Innovation
 from host.pilot.snapshot import Snapshot
 from host.route.plan import Plan
@@ -77,6 +77,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("speed_mps", "course_rad"),
         ),
     ),
+    "/turned": ("daranti.Turned", _schema(**_numbers("yaw_rad", "since"))),
     "/telemetry": (
         "daranti.Telemetry",
         _schema(
@@ -254,6 +255,10 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
             "course_rad": fix.course_rad,
         }
         self.put("/fix", fix.stamp, message)
+
+    def turned(self, turned: Turned) -> None:
+        """What the gyroscope has turned."""
+        self.put("/turned", turned.stamp, {"yaw_rad": turned.yaw_rad, "since": turned.since})
 
     def pilot(self, stamp: float, snapshot: Snapshot) -> None:
         """What the pilot is doing, and where it believes to be."""
@@ -436,6 +441,11 @@ def fix_of(stamp: float, message: Message) -> Fix:
         message["speed_mps"],
         message["course_rad"],
     )
+
+
+def turned_of(stamp: float, message: Message) -> Turned:
+    """A /turned message as it went in."""
+    return Turned(stamp, message["yaw_rad"], message["since"])
 
 
 def view_of(message: Message) -> CropView:

@@ -70,6 +70,10 @@ def status(drive: Drive, receiver: Receiver | None) -> Table:
         where = f"{fix.lat_deg:.6f} {fix.lon_deg:.6f}, quality {fix.quality}" if fix else "no fix"
         bad = sum(receiver.bad.values())
         table.add_row("GNSS", drive.gnss.problem or "ok", f"{where}; {bad} bad sentences")
+    if drive.gyro is not None:
+        by_gyro = drive.pilot.motion.by_gyro
+        used = "tells what the machine turns" if by_gyro else "not used: the steering angle does"
+        table.add_row("gyroscope", plain(drive.gyro.problem or "ok"), used)
     return table
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from host.core.errors import FaultError, UserError
-from host.core.messages import Fix, Frame, State
+from host.core.messages import Fix, Frame, State, Turned
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import Boundary, load_field
@@ -49,6 +49,7 @@ from host.runs.resume import Keeper, Progress, load
 from host.runs.screen import Keyboard, Screen
 from host.runs.sources import paper_params, warm_up
 from host.sensors.camera_stream import Picture, camera_feed
+from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
@@ -67,6 +68,9 @@ class Order:
     port: str
     camera: str
     gnss: str | None = None
+    gyro: str | None = None
+    """Where the phone's gyroscope is served; None: beside the camera's pictures; "none": nowhere.
+    """
     vehicle: Path | None = None
     mount: str = "mast"
     mode: Mode = "robust"
@@ -116,6 +120,7 @@ class _Machine:
     link: Link
     pictures: Feed[Picture]
     fixes: Feed[Fix] | None
+    turns: Feed[Turned] | None
     screen: Screen
     operator: Operator
     clock: Callable[[], float]
@@ -137,6 +142,7 @@ def harvest(order: Order) -> None:
     events: deque[str] = deque(maxlen=200)
     pictures = camera_feed(order.camera, clock, events.append)
     fixes, receiver = gnss_feed(order.gnss, clock, events.append) if order.gnss else (None, None)
+    turns = gyro_of(order.gyro, order.camera, clock, events.append)
     screen = Screen(clock, events, receiver)
     operator = Operator(sys.stdin, screen.say, screen.bell, clock)
     if not (operator.present or order.yes):
@@ -147,7 +153,7 @@ def harvest(order: Order) -> None:
         version = link.meet()
         screen.say(f"firmware {version.firmware_major}.{version.firmware_minor} on {order.port}")
         agree(link, given.vehicle)
-        for feed in (pictures, fixes):
+        for feed in (pictures, fixes, turns):
             if feed is not None:
                 stack.callback(feed.close)
                 feed.start()
@@ -175,6 +181,7 @@ def harvest(order: Order) -> None:
             link,
             pictures,
             fixes,
+            turns,
             screen,
             operator,
             clock,
@@ -202,6 +209,7 @@ def _until_done(machine: _Machine, errand: Errand) -> None:
             errand.fence,
             Keyboard(sys.stdin),
             keeper,
+            machine.turns,
         )
         _drive(run, machine)
         if run.pilot.phase is not Phase.FAULT:

@@ -104,7 +104,7 @@ class MultipartJpeg:
         return part
 
 
-def _authorization(parts: SplitResult) -> dict[str, str]:
+def authorization(parts: SplitResult) -> dict[str, str]:
     """HTTP basic authentication from user:password@ in the URL, as phone apps ask for it."""
     if parts.username is None:
         return {}
@@ -120,7 +120,7 @@ def _from_http(parts: SplitResult, feed: Feed[Picture]) -> Iterator[Picture]:
     path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     try:
         while not feed.stopping:
-            connection.request("GET", path, headers=_authorization(parts))
+            connection.request("GET", path, headers=authorization(parts))
             response = connection.getresponse()
             if response.status != http.HTTPStatus.OK:
                 raise SourceLostError(f"the server answers {response.status} {response.reason}")

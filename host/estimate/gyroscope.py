@@ -1,0 +1,147 @@
+"""The phone's gyroscope, for the yaw of dead reckoning.
+
+The steering angle says what the machine turns only as well as its pot, its tyres and its way are
+known: some 3 % of a turn, and a few tenths of a degree a metre. A gyroscope has none of that; it
+has an offset, which every stand shows anew, as the zero-velocity updates of pedestrian navigation
+do (Foxlin, IEEE Computer Graphics and Applications 25(6), 2005).
+
+The two watch each other. Where they differ by more than both err together, the steering angle is
+believed, as on a machine without a gyroscope, until a turn has shown that they agree again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from host.core.messages import Turned
+
+BIAS_SIGMA: Final = math.radians(3.0)
+"""Of the offset, rad/s, before the machine has stood: a data sheet's over life."""
+BIAS_WALK: Final = math.radians(0.005)
+"""Its change, per square root of a second: a part that warms up by a few kelvin a minute."""
+BIAS_KNOWN: Final = math.radians(0.1)
+"""rad/s; known less well it is of no use beside the steering angle."""
+REST_NOISE: Final = math.radians(0.03)
+"""What a gyroscope at rest errs, rad over the square root of a second; a phone's is half of it."""
+PUSHED: Final = math.radians(2.0)
+"""rad/s: a machine that turns so while its wheels stand is moved by somebody."""
+SCALE_SIGMA: Final = 0.01
+"""Of its scale (Bosch BMI160 data sheet)."""
+WINDOW_S: Final = 4.0
+"""Over which it is compared with the steering angle."""
+DIFFER_RAD: Final = math.radians(10.0)
+DIFFER_SHARE: Final = 0.3
+"""By which the two may differ, and as a share of what was turned: the pot's slack and the slip of
+tyres at full lock."""
+AGREE_RAD: Final = math.radians(60.0)
+"""To be turned in agreement before a gyroscope that was contradicted is believed again: one that
+hangs agrees as long as nothing turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    stamp: float
+    seen_rad: float
+    reckoned_rad: float
+    taken_rad: float
+    """What it corrected the yaw by."""
+
+
+class Gyroscope:
+    """What it shows beyond what the steering angle does."""
+
+    def __init__(self) -> None:
+        self._last: Turned | None = None
+        self._reckoned = 0.0
+        self._bias = 0.0
+        self._variance = BIAS_SIGMA**2
+        self._scale, self._scale_sigma = 1.0, SCALE_SIGMA
+        self._leg = (0.0, 0.0)
+        self._steps: deque[_Step] = deque()
+        self._agreed_rad: float | None = None
+        """Turned in agreement since it was contradicted; None: it is believed."""
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the steering angle says otherwise, so that it is not believed."""
+        return self._agreed_rad is not None
+
+    @property
+    def useful(self) -> bool:
+        """Whether its offset is known, and nothing contradicts it."""
+        return self._variance < BIAS_KNOWN**2 and not self.contradicted
+
+    @property
+    def stamp(self) -> float:
+        """Of what it said last."""
+        return self._last.stamp if self._last is not None else -math.inf
+
+    def take(self, turned: Turned, reckoned_rad: float | None, *, standing: bool) -> float:
+        """What the yaw is to be corrected by, rad. `reckoned_rad`: the yaw by the steering angle at
+        its stamp, None where that is not known any more; `standing`: since what it said last."""
+        last, before = self._last, self._reckoned
+        self._last = turned
+        if reckoned_rad is not None:
+            self._reckoned = reckoned_rad
+        if last is None or turned.since != last.since or reckoned_rad is None:
+            self._steps.clear()
+            return 0.0
+        dt = turned.stamp - last.stamp
+        if dt <= 0.0:
+            return 0.0
+        self._variance += BIAS_WALK**2 * dt
+        rate = (turned.yaw_rad - last.yaw_rad) / dt
+        if standing:
+            return self._rest(rate, dt)
+        seen = self._scale * (rate - self._bias) * dt
+        reckoned = reckoned_rad - before
+        self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
+        taken = seen - reckoned if self.useful else 0.0
+        self._steps.append(_Step(turned.stamp, seen, reckoned, taken))
+        while self._steps[0].stamp < turned.stamp - WINDOW_S:
+            self._steps.popleft()
+        return taken + self._compared(reckoned)
+
+    def _rest(self, rate: float, dt: float) -> float:
+        """The machine stands: what it shows is its offset."""
+        noise = REST_NOISE**2 / dt
+        off = rate - self._bias
+        if abs(off) > PUSHED + 3.0 * math.sqrt(self._variance + noise):
+            return 0.0
+        blend = self._variance / (self._variance + noise)
+        self._bias += blend * off
+        self._variance *= 1.0 - blend
+        return 0.0
+
+    def _compared(self, reckoned: float) -> float:
+        """Believes it or not from here on; what was taken of late is given back."""
+        seen = sum(step.seen_rad for step in self._steps)
+        by_angle = sum(step.reckoned_rad for step in self._steps)
+        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), abs(by_angle))
+        if abs(seen - by_angle) > most:
+            back = -sum(step.taken_rad for step in self._steps)
+            self._steps.clear()
+            self._agreed_rad = 0.0
+            return back
+        if self._agreed_rad is not None:
+            self._agreed_rad += abs(reckoned)
+            if self._agreed_rad > AGREE_RAD:
+                self._agreed_rad = None
+        return 0.0
+
+    def take_leg(self) -> tuple[float, float]:
+        """What was turned since the last call, rad: as it shows, and by the steering angle."""
+        leg, self._leg = self._leg, (0.0, 0.0)
+        return leg
+
+    def turned(self, reckoned_rad: float, true_rad: float, noise_rad: float) -> None:
+        """Learns its scale from a turn that it reckoned, of which the truth is known but for
+        noise_rad."""
+        slope = reckoned_rad / self._scale
+        variance = (slope * self._scale_sigma) ** 2 + noise_rad**2
+        blend = slope * self._scale_sigma**2 / variance
+        self._scale += blend * (true_rad - reckoned_rad)
+        self._scale_sigma *= math.sqrt(noise_rad**2 / variance)

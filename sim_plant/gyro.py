@@ -1,0 +1,116 @@
+"""The phone's gyroscope and accelerometer, as an app serves them.
+
+A MEMS gyroscope shows the true rate times its scale, plus an offset that wanders, plus noise, plus
+what the machine shakes. Figures of a phone's part (Bosch BMI160 data sheet, rev 1.2, table 2):
+noise density 0.007 deg/s per root hertz, zero-rate offset 3 deg/s over life and temperature, 0.05
+deg/s per kelvin, sensitivity within 1 %. Android takes most of the offset off (TYPE_GYROSCOPE is
+the calibrated sensor).
+
+The form is IP Webcam's /sensors.json: by sensor, a unit and a list of [milliseconds of the phone's
+clock, [x, y, z]], the newest last. Axes are Android's, of the phone: x right, y up, z out of the
+screen of a phone held upright. On the machine it lies on its side with the camera looking ahead:
+its x points up, its y left.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sim_plant.strict import NotNegative, Positive, Strict
+
+GRAVITY: Final = 9.81
+SHAKEN: Final = 0.5
+"""m/s² that a moving machine shakes the accelerometer by, for each degree a second of the other."""
+EPOCH_S: Final = 1_777_354_200.0
+"""What the phone's clock shows at simulated time 0: Unix time, of its own."""
+
+
+class GyroSpec(Strict):
+    """How good it is."""
+
+    fitted: bool = True
+    """Cheap phones have none, and some apps do not serve it."""
+    rate_hz: Positive = 50.0
+    """Android's SENSOR_DELAY_GAME."""
+    noise_dps: NotNegative = 0.1
+    """Standard deviation of a sample: twice the data sheet's at this rate."""
+    offset_dps: NotNegative = 0.3
+    """Standard deviation of what each axis shows at rest when the run begins,"""
+    walk_dps: NotNegative = 0.003
+    """and of its change, per square root of a second: the part warms up."""
+    scale_error: float = 0.005
+    """A share of the rate."""
+    vibration_dps: NotNegative = 0.5
+    """Standard deviation of a sample while the machine moves."""
+    delay_s: NotNegative = 0.1
+    """From a sample to the host."""
+
+
+class Sample(NamedTuple):
+    """One of both sensors, in the phone's axes."""
+
+    clock_s: float
+    """The phone's."""
+    rate_radps: tuple[float, float, float]
+    force_mps2: tuple[float, float, float]
+    """What an accelerometer at rest shows upwards."""
+
+
+class Gyro:
+    """One phone's. Samples must be asked in order of time; deterministic by (spec, seed)."""
+
+    def __init__(self, spec: GyroSpec, seed: int, pitch_rad: float) -> None:
+        """`pitch_rad`: how far the phone looks down."""
+        self.spec = spec
+        self._rng = np.random.default_rng([seed, 0x6779])
+        self._offset = self._rng.normal(0.0, math.radians(spec.offset_dps), 3)
+        c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+        self._axes = np.array([[s, 0.0, c], [0.0, 1.0, 0.0], [-c, 0.0, s]])
+        """Rows: the phone's axes in the vehicle's frame."""
+
+    @staticmethod
+    def clock_s(t: float) -> float:
+        """What the phone's clock shows at simulated time t."""
+        return EPOCH_S + t
+
+    def sample(self, t: float, yaw_radps: float, roll: float, pitch: float, v: float) -> Sample:
+        """At simulated time t, on a machine that turns at that rate about its own vertical, banks
+        and climbs by these angles, rad, and moves at v, m/s."""
+        spec, rng = self.spec, self._rng
+        self._offset += rng.normal(0.0, math.radians(spec.walk_dps) / math.sqrt(spec.rate_hz), 3)
+        shake = spec.vibration_dps if v != 0.0 else 0.0
+        noise = rng.normal(0.0, math.radians(math.hypot(spec.noise_dps, shake)), 3)
+        rate = self._axes @ np.array([0.0, 0.0, yaw_radps])
+        rate = rate * (1.0 + spec.scale_error) + self._offset + noise
+        up = np.array([math.sin(pitch), -math.sin(roll), math.cos(pitch) * math.cos(roll)])
+        force = GRAVITY * (self._axes @ up) + rng.normal(0.0, 0.02 + SHAKEN * shake, 3)
+        x, y, z = rate.tolist()
+        fx, fy, fz = force.tolist()
+        return Sample(self.clock_s(t), (x, y, z), (fx, fy, fz))
+
+
+def sensors_json(samples: Iterable[Sample]) -> bytes:
+    """The app's answer."""
+
+    def data(rows: list[tuple[float, tuple[float, float, float]]]) -> list[object]:
+        return [[round(clock * 1e3), [round(v, 6) for v in xyz]] for clock, xyz in rows]
+
+    kept = list(samples)
+    answer = {
+        "gyro": {
+            "unit": "rad/s",
+            "desc": ["Gyro X", "Gyro Y", "Gyro Z"],
+            "data": data([(s.clock_s, s.rate_radps) for s in kept]),
+        },
+        "accel": {
+            "unit": "m/s\u00b2",
+            "desc": ["Ax", "Ay", "Az"],
+            "data": data([(s.clock_s, s.force_mps2) for s in kept]),
+        },
+    }
+    return json.dumps(answer).encode()

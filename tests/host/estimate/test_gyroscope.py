@@ -1,0 +1,158 @@
+"""What the gyroscope adds to dead reckoning, and when it is not believed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from host.core.messages import State, Telemetry, Turned
+from host.core.vehicle import Vehicle
+from host.estimate.odometry import Odometry
+
+STEP_S = 0.05
+QUARTER = math.radians(90)
+
+
+class Drive:
+    """A machine that drives and turns truly, with a pot and a gyroscope that err."""
+
+    def __init__(
+        self,
+        *,
+        pot_off_rad: float = 0.0,
+        pot_scale: float = 1.0,
+        offset_radps: float = 0.0,
+        late_s: float = 0.1,
+    ) -> None:
+        self.odometry = Odometry(Vehicle())
+        self.pot_off, self.pot_scale = pot_off_rad, pot_scale
+        self.offset, self.late = offset_radps, late_s
+        self.gyro_turns = True
+        self.now = self.distance = self.yaw = self.shown = 0.0
+        self._sent: list[Turned] = []
+
+    def go(self, seconds: float, speed: float, steer_rad: float = 0.0) -> None:
+        """At that speed and true steering angle."""
+        for _ in range(round(seconds / STEP_S)):
+            self.now += STEP_S
+            self.distance += speed * STEP_S
+            turn = speed * STEP_S * math.tan(steer_rad)
+            self.yaw += turn
+            self.shown += (turn if self.gyro_turns else 0.0) + self.offset * STEP_S
+            self._sent.append(Turned(self.now, self.shown, 0.0))
+            while self._sent and self._sent[0].stamp <= self.now - self.late + 1e-9:
+                self.odometry.take_turned(self._sent.pop(0))
+            self.odometry.update(
+                Telemetry(
+                    stamp=self.now,
+                    state=State.RUNNING,
+                    faults=0,
+                    setpoint_rad=0.0,
+                    angle_rad=steer_rad * self.pot_scale - self.pot_off,
+                    steer_duty=0,
+                    drive_duty=round(255 * speed),
+                    blade=False,
+                    speed_mps=speed,
+                    distance_m=self.distance,
+                    battery_v=12.0,
+                    last_seq=0,
+                    frames_bad=0,
+                )
+            )
+
+    def quarter(self) -> None:
+        """Turns left by a quarter on the lock, and stands."""
+        self.go(QUARTER / (0.3 * math.tan(math.radians(45))), 0.3, math.radians(45))
+        self.go(1.0, 0.0)
+
+    @property
+    def error_rad(self) -> float:
+        """Of the yaw by dead reckoning."""
+        return self.odometry.now.yaw_rad - self.yaw
+
+
+def test_a_pot_of_a_wrong_scale_does_not_turn_the_yaw() -> None:
+    without, having = Drive(pot_scale=0.93), Drive(pot_scale=0.93)
+    without.late = math.inf
+    for drive in (without, having):
+        drive.go(3.0, 0.0)
+        drive.quarter()
+    assert abs(without.error_rad) > math.radians(8)
+    assert abs(having.error_rad) < math.radians(0.5)
+
+
+def test_what_it_shows_at_a_stand_is_its_offset() -> None:
+    drive = Drive(offset_radps=math.radians(1.5))
+    drive.go(4.0, 0.0)
+    drive.go(40.0, 0.5)
+    assert drive.odometry.now.by_gyro
+    assert abs(drive.error_rad) < math.radians(0.5)
+
+
+def test_a_machine_that_never_stood_goes_by_the_steering_angle() -> None:
+    drive = Drive(offset_radps=math.radians(1.5))
+    drive.go(20.0, 0.5)
+    assert not drive.odometry.now.by_gyro
+    assert drive.error_rad == pytest.approx(0.0, abs=1e-9)
+
+
+def test_it_teaches_the_pots_zero_driving_straight() -> None:
+    drive = Drive(pot_off_rad=math.radians(2.0))
+    drive.go(3.0, 0.0)
+    drive.go(20.0, 0.5)
+    assert drive.odometry.trim_rad == pytest.approx(math.radians(2.0), abs=math.radians(0.2))
+
+
+def test_it_teaches_the_pots_scale_in_turns() -> None:
+    drive = Drive(pot_scale=0.93)
+    drive.go(3.0, 0.0)
+    for _ in range(12):
+        drive.quarter()
+    reckoned = math.tan(math.radians(45 * 0.93)) * drive.odometry.yaw_gain
+    assert reckoned == pytest.approx(math.tan(math.radians(45)), rel=0.02)
+
+
+def test_one_that_hangs_is_not_believed_and_takes_nothing_along() -> None:
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.go(10.0, 0.5)
+    drive.gyro_turns = False
+    drive.quarter()
+    assert not drive.odometry.now.by_gyro
+    assert abs(drive.error_rad) < math.radians(3)
+
+
+def test_one_that_is_back_is_believed_after_a_turn_that_agrees() -> None:
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.gyro_turns = False
+    drive.quarter()
+    drive.gyro_turns = True
+    drive.go(10.0, 0.5)
+    assert not drive.odometry.now.by_gyro
+    drive.quarter()
+    drive.go(1.0, 0.5)
+    assert drive.odometry.now.by_gyro
+
+
+def test_silence_of_the_phone_is_bridged_by_the_steering_angle_and_caught_up() -> None:
+    drive = Drive(pot_scale=0.93)
+    drive.go(3.0, 0.0)
+    drive.late = 1.0
+    drive.go(3.0, 0.3, math.radians(30))
+    assert abs(drive.error_rad) > math.radians(0.5)
+    drive.late = 0.1
+    drive.go(1.0, 0.5)
+    assert abs(drive.error_rad) < math.radians(0.5)
+
+
+def test_a_machine_that_is_pushed_round_at_a_stand_does_not_teach_the_offset() -> None:
+    drive = Drive()
+    drive.go(4.0, 0.0)
+    drive.offset = math.radians(20)  # somebody turns it, its wheels stand
+    drive.go(1.0, 0.0)
+    drive.offset = 0.0
+    drive.go(1.0, 0.0)
+    drive.go(20.0, 0.5)
+    assert abs(drive.error_rad) < math.radians(1)
