@@ -19,6 +19,7 @@ from hil.scenario.scenario import Scenario
 from hil.scenario.world import Start
 from sim_plant.field_spec import FieldSpec, Point, Tree
 from sim_plant.gnss import GnssSpec
+from sim_plant.gyro import GyroSpec
 from sim_plant.sky import WeatherSpec
 
 Shape = Literal["rectangle", "trapezoid", "L", "irregular"]
@@ -211,6 +212,14 @@ def random_field(seed: int) -> Scenario:
             antenna_y_m=kitted(-0.3, 0.3),
             smoothing_s=kitted(0.0, 1.5),
             lag_s=kitted(0.0, 0.8),
+        ),
+        gyro=GyroSpec(
+            noise_dps=kitted(0.05, 0.3),
+            offset_dps=kitted(0.0, 1.0),
+            walk_dps=kitted(0.0, 0.006),
+            scale_error=kitted(-0.015, 0.015),
+            vibration_dps=kitted(0.1, 1.5),
+            delay_s=kitted(0.04, 0.2),
         ),
         start=Start(
             corner=int(rng.integers(len(ring))),

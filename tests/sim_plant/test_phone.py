@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import json
 import socket
+import time
 from collections.abc import Iterator
 from urllib.parse import urlparse
 
 import pytest
 
+from host.sensors.gyro import gyro_feed
+from sim_plant.gyro import Gyro, GyroSpec
 from sim_plant.phone import BOUNDARY, Phone, PhoneSpec, _Line
 
 JPEG = b"\xff\xd8 not really a picture \xff\xd9"
@@ -45,6 +49,49 @@ def test_the_stream_is_multipart_jpeg(phone: Phone) -> None:
     assert response.read(len(head) + len(JPEG) + 2) == head.encode() + JPEG + b"\r\n"
     phone.show(JPEG[::-1])
     assert response.read(len(head) + len(JPEG) + 2).endswith(JPEG[::-1] + b"\r\n")
+
+
+def test_a_phone_without_a_gyroscope_serves_no_sensors(phone: Phone) -> None:
+    assert _get(phone.camera_url, "/sensors.json").status == 404
+
+
+def test_the_latest_samples_are_served_again_and_again(phone: Phone) -> None:
+    gyro = Gyro(GyroSpec(), 1, 0.0)
+    phone.feel(gyro.sample(k / 50, 0.1, 0, 0, 0.5) for k in range(10 * 50))
+    for _ in range(2):
+        response = _get(phone.camera_url, "/sensors.json")
+        assert response.getheader("Content-Type") == "application/json"
+        data = json.loads(response.read())["gyro"]["data"]
+        assert data[-1][0] - data[0][0] == 20 * (len(data) - 1)
+        assert len(data) == 250
+
+
+def test_the_host_reads_from_it_what_the_machine_has_turned(phone: Phone) -> None:
+    gyro = Gyro(GyroSpec(offset_dps=0, scale_error=0), 1, 0.25)
+    url = phone.camera_url.replace("/video", "/sensors.json")
+    feed = gyro_feed(url, time.monotonic, lambda _: None)
+    phone.feel([gyro.sample(0.0, 0.5, 0, 0, 0.5)])
+    feed.start()
+    try:
+        assert feed.wait(10)
+        feed.take()
+        phone.feel(gyro.sample(k / 50, 0.5, 0, 0, 0.5) for k in range(1, 101))
+        assert feed.wait(10)
+        turned = feed.take()
+    finally:
+        feed.close()
+    assert turned is not None
+    assert turned.yaw_rad == pytest.approx(1.0, abs=0.02)
+
+
+def test_an_app_without_sensors_is_named_and_not_asked_again(phone: Phone) -> None:
+    said: list[str] = []
+    url = phone.camera_url.replace("/video", "/sensors.json")
+    feed = gyro_feed(url, time.monotonic, said.append)
+    feed.start()
+    assert not feed.wait(10)
+    assert feed.stopping
+    assert said == ["gyroscope lost: the app gives no sensors: no /sensors.json"]
 
 
 def test_an_unknown_page_is_not_found(phone: Phone) -> None:

@@ -26,7 +26,7 @@ from rich.console import Console
 
 from host.core.errors import EXIT_USER, UserError
 from host.core.frames import LocalFrame
-from host.core.messages import Command, Fix, Frame, Request, Telemetry
+from host.core.messages import Command, Fix, Frame, Request, Telemetry, Turned
 from host.core.vehicle import MAST, Vehicle
 from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
@@ -69,6 +69,7 @@ class Script:
 
     def __init__(self, commands: list[Command], then: Phase = Phase.FINISHED) -> None:
         self.seen: list[tuple[float, Frame | None, Fix | None, Telemetry | None]] = []
+        self.turned: list[Turned | None] = []
         self.phase = Phase.FOLLOW
         self.reason = "as the script says"
         self.view: CropView | None = None
@@ -90,9 +91,15 @@ class Script:
         return []
 
     def step(
-        self, now: float, frame: Frame | None, fix: Fix | None, telemetry: Telemetry | None
+        self,
+        now: float,
+        frame: Frame | None,
+        fix: Fix | None,
+        telemetry: Telemetry | None,
+        turned: Turned | None = None,
     ) -> Command:
         self.seen.append((now, frame, fix, telemetry))
+        self.turned.append(turned)
         command = next(self._commands, None)
         if command is None:
             self.phase = self._then
@@ -136,6 +143,7 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
             clock: Callable[[], float] = time.monotonic,
             paused: Callable[[], bool] | None = None,
             keeper: Keeper | None = None,
+            turned: list[Turned] | None = None,
         ) -> Drive:
             link = stack.enter_context(Link(board.port, time.monotonic))
             link.meet()
@@ -143,6 +151,8 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
             gnss = Given("GNSS", fixes or [])
             stack.callback(camera.close)
             stack.callback(gnss.close)
+            gyro = Given("gyroscope", turned or [])
+            stack.callback(gyro.close)
             return Drive(
                 cast(Pilot, pilot),
                 link,
@@ -155,6 +165,7 @@ def driven(board: FakeFirmware) -> Iterator[Callable[..., Drive]]:
                 fence,
                 paused,
                 keeper,
+                gyro,
             )
 
         yield make
@@ -179,6 +190,13 @@ def test_the_pilots_commands_reach_the_firmware_in_order_every_50_ms(
     )
     for step, (now, *_) in enumerate(script.seen, start=1):
         assert now - begun >= step * PERIOD_S, "never early"
+
+
+def test_what_the_gyroscope_says_is_given_once(driven: Callable[..., Drive]) -> None:
+    script = Script([Command(Request.STOP)] * 5)
+    turned = Turned(0.1, 0.2, 0.0)
+    driven(script, turned=[turned]).run(lambda _: None)
+    assert [each for each in script.turned if each is not None] == [turned]
 
 
 def test_picture_and_fix_are_given_once_and_telemetry_is_the_latest(
