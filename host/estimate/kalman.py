@@ -51,6 +51,24 @@ class Filter:
     def fuse(self, measurement: Measurement, *, frozen: int | None = None) -> bool:
         """Takes the measurement (Joseph form) and returns True, or refuses it. The state `frozen`
         is considered and not changed."""
+        gain = self._gain(measurement, frozen)
+        if gain is None:
+            return False
+        h = measurement.h
+        self._x = self._x + gain @ measurement.innovation
+        keep = np.eye(len(self._x)) - gain @ h
+        self._p = keep @ self._p @ keep.T + gain @ np.diag(measurement.variances) @ gain.T
+        return True
+
+    def yield_to(self, bound: Measurement, *, frozen: int | None = None) -> None:
+        """Moves the state towards a bound that it violates. It says nothing of how surely the state
+        is known there: the covariance stays."""
+        gain = self._gain(bound, frozen)
+        if gain is not None:
+            self._x = self._x + gain @ bound.innovation
+
+    def _gain(self, measurement: Measurement, frozen: int | None) -> Array | None:
+        """None beyond the measurement's gate. Leaves the innovation for the record."""
         h, z = measurement.h, measurement.innovation
         s = h @ self._p @ h.T + np.diag(measurement.variances)
         nis = float(z @ np.linalg.solve(s, z))
@@ -60,11 +78,8 @@ class Filter:
         )
         del self.innovations[:-KEPT]
         if not used:
-            return False
-        gain = np.linalg.solve(s, h @ self._p).T
+            return None
+        gain = np.asarray(np.linalg.solve(s, h @ self._p).T, np.float64)
         if frozen is not None:
             gain[frozen] = 0.0
-        self._x = self._x + gain @ z
-        keep = np.eye(len(self._x)) - gain @ h
-        self._p = keep @ self._p @ keep.T + gain @ np.diag(measurement.variances) @ gain.T
-        return True
+        return gain

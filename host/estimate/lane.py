@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from host.estimate.kalman import Filter
+from host.estimate.kalman import Filter, Measurement
 from host.estimate.measurements import edge, heading
 from host.estimate.odometry import Motion
 from host.estimate.states import BIAS, HEADING, LANE_STATES, OFFSET
@@ -24,6 +24,8 @@ YAW_PER_M = math.radians(0.5)
 GYRO_PER_ROOT_S = math.radians(0.1)
 GYRO_PER_RAD = 0.01
 """Yaw error by the gyroscope: its offset, and its scale."""
+BOUND_SIGMA_M = 0.15
+"""Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
 BIAS_SIGMA_1PM = 0.006
 """Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
 BIAS_PER_M = 0.0005
@@ -114,6 +116,16 @@ class Lane(Filter):
         """What dead reckoning in the field frame says of the heading. `learn` as in `correct`."""
         seen = heading.heading(self._x, heading_rad, sigma_rad)
         self.fuse(seen, frozen=None if learn else BIAS)
+
+    def lies_right(self, edge_offset_most_m: float, since: tuple[float, float]) -> bool:
+        """Crop was seen to go on beside the blade: the edge lies no further left than this, m. A
+        lane that has it there gives way; returns whether it did. `since` as in `correct`."""
+        seen = edge.edge(self._x, self._blade_x, edge_offset_most_m, math.nan, 1.0, since, 0.0)
+        if seen.innovation[0] <= 0.0:
+            return False
+        wide = seen.variances + BOUND_SIGMA_M**2
+        self.yield_to(Measurement("bound", seen.h, seen.innovation, wide), frozen=BIAS)
+        return True
 
     def correct(
         self,

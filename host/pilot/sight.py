@@ -7,8 +7,9 @@ What a picture can tell depends on what the machine is doing: each behaviour has
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from host.core.messages import Frame
 from host.core.vehicle import Vehicle
@@ -29,6 +30,14 @@ from host.vision.view import CropView, Detector
 
 STOP_AFTER_S = 0.8
 """Without a picture to be believed, or without the edge, the machine stops."""
+LOST_M = 1.0
+"""Way without a sure edge, and of the strip, from which on crop beside the blade tells where the
+edge is not: at a strip's beginning the turns have left some standing;"""
+INSIDE_CROP_M = 0.1
+"""how far beside, at least: the detector's own error;"""
+BESIDE_OF = 10
+BESIDE_LEAST = 8
+"""and in how many of the latest pictures, a second's: no clump, nor a whim of dust."""
 UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 MOVED_M = 0.01
@@ -107,6 +116,7 @@ class Sight:
         self._detector = detector
         self._estimate = estimate
         self._dusty = DustyEdge()
+        self._crop_beside: deque[bool] = deque(maxlen=BESIDE_OF)
         self.view: CropView | None = None
         """What the last picture shows."""
         self.stamp = -math.inf
@@ -174,11 +184,29 @@ class Sight:
                     self._take_edge(view, strip, then, since_shutter, moved=moved)
             elif not in_leg:
                 self._take_corner(view, strip, then, since_shutter)
+        if gaze.lane and cutting and not in_leg:
+            if sure:
+                self._crop_beside.clear()
+            else:
+                self._take_bound(view, strip, then, since_shutter)
         self._take_dusty_edge(view, strip, turning, gaze, then)
         self.ahead.note(view, then)
         if view.ahead_confidence >= CONFIDENT:
             ends = gaze.ends and (not gaze.settles or settled(frame.stamp))
             self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
+
+    def _take_bound(
+        self, view: CropView, strip: Strip, then: Motion, since_shutter: tuple[float, float]
+    ) -> None:
+        """A machine that has lost the edge, and cuts with crop on both sides, is too far left: the
+        crop that it leaves standing on its right is its own."""
+        beside = view.edge_offset_most_m < -INSIDE_CROP_M
+        self._crop_beside.append(beside)
+        cut_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
+        lost = min(cut_m, self.unseen_m(then)) > LOST_M and strip.shows_edge(strip.along_m(then))
+        if lost and beside and sum(self._crop_beside) >= BESIDE_LEAST:
+            bound = replace(view, edge_offset_m=view.edge_offset_most_m, edge_ahead_m=0.0)
+            self._estimate.lane.lies_right(strip.edge_m(bound, then), since_shutter)
 
     def _take_edge(
         self,

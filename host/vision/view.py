@@ -23,6 +23,9 @@ class CropView:
     edge_offset_m: float = NAN
     """E_outer against O_map at the blade's line: positive where the crop's outer edge appears left
     of where it should be (the blade's right end), so a positive offset asks to steer left."""
+    edge_offset_most_m: float = NAN
+    """Crop goes on without a break from the blade's way to here, on the same scale: however little
+    is known of the edge, it lies no further left. NaN: no crop stands at the blade."""
     edge_ahead_m: float = 0.0
     """How far ahead of the blade's line the edge was seen, along the vehicle: before crop that is
     not being cut yet, `edge_offset_m` is that of its near corner, and says of the blade's line only

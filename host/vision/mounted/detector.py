@@ -168,6 +168,7 @@ class MountedDetector:
         return CropView(
             confidence if math.isfinite(offset) else 0.0,
             edge_offset_m=offset,
+            edge_offset_most_m=self._most(face),
             edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
             crop_ahead_m=face.ahead_m,
             ahead_confidence=ahead_confidence,
@@ -203,6 +204,10 @@ class MountedDetector:
         """Where the right end should be by what was seen before; NaN: nothing was. Of two places
         never one between them."""
         return statistics.median_low(self._track) if len(self._track) >= TRACKED else NAN
+
+    def _most(self, face: Face) -> float:
+        at_blade = face.ahead_m < AT_BLADE_M and face.ahead_confidence >= SURE
+        return face.out_to_m - self._expected_m if at_blade else NAN
 
     def _steadiness(self, face: Face, expected: float) -> float:
         """Remembers a clear right end; factor on the confidence in it."""

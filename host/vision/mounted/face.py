@@ -21,6 +21,7 @@ from host.vision.mounted.feet import BLOCK_PX, block_sums, feet_of
 from host.vision.mounted.profile import (
     BIN_M,
     WINDOW_M,
+    goes_on_to,
     profile,
     right_end,
     stems_beyond,
@@ -58,6 +59,8 @@ GAP_M = 2.0
 OWN_M = 0.2
 """While cutting, what ends further to the left is the border of the machine's own swath, where the
 crop beside it stands nearer than the face."""
+WAY_SHARE = 0.4
+"""Of the blade's width: the left half of its way, but for its border, is crop where any is."""
 BORDER_M = 0.06
 """Crop that goes on to so near the picture's border ends there for the picture alone."""
 DENSE = 0.10
@@ -123,6 +126,8 @@ class Face:
     standing: NDArray[np.bool_]
     veiled: bool = False
     """Dust lies over a part of the ground that the blade is about to reach."""
+    out_to_m: float = NAN
+    """To where crop goes on to the right of the machine's way without a break; NaN: not known."""
     tops_px: float = NAN
     """Rows between the horizon and the tops of what stands in the blade's way."""
 
@@ -235,15 +240,15 @@ class FaceFinder:
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         height = self._height(grown_px)
-        right, sure = self._right_end(seen, face_x, dust, left, expected_m, height)
+        right, sure, out_to = self._right_end(seen, face_x, dust, left, expected_m, height)
         if stands_m > 0.0 and dust == 0.0:
             # a machine that stands askew sees a face askew: nearer or further at its right end
             beside = x[(y > right - BESIDE_M[0]) & (y < right + BESIDE_M[1])]
             beside = beside[np.abs(beside - face_x) < ASKEW_M]
             if len(beside) >= BESIDE_BLOCKS:
                 face_x = float(np.median(beside))
-                right, sure = self._right_end(seen, face_x, dust, left, expected_m, height)
-        return Face(ahead, sight, right, sure, face_x, standing, veiled, tops)
+                right, sure, out_to = self._right_end(seen, face_x, dust, left, expected_m, height)
+        return Face(ahead, sight, right, sure, face_x, standing, veiled, out_to, tops)
 
     def last(self, faint: Evidence, seems: Face, grown_px: float = NAN) -> Face:
         """What `seems` clear ground to a camera below the tops, looked at again without dust in the
@@ -326,11 +331,11 @@ class FaceFinder:
         left_m: float,
         expected_m: float,
         height: float,
-    ) -> tuple[float, float]:
-        """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, and
-        confidence; `expected_m` is where it was before (NaN: unknown). `dust`: how far ahead its
-        upper border made the foot appear, 0 without; only what rises above it is then looked at.
-        The confidence is that of this picture alone."""
+    ) -> tuple[float, float, float]:
+        """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, the
+        confidence in it by this picture alone, and to where the face surely goes on. `expected_m`
+        is where it was before (NaN: unknown). `dust`: how far ahead its upper border made the foot
+        appear, 0 without; only what rises above it is then looked at."""
         bands = self._bands(face_x, GAP_M, height)
         if dust > 0.0:
             highest = TALLEST * height
@@ -348,17 +353,20 @@ class FaceFinder:
             (expected_m - SPAN_M[0]) / BIN_M,
             SPREAD,
         )
+        half = (WAY_SHARE * self._vehicle.blade_width_m - SPAN_M[0], -SPAN_M[0])
+        left_bin, right_bin = (round(y / BIN_M) for y in half)
+        out_to = SPAN_M[0] + goes_on_to(sums, left_bin, right_bin) * BIN_M
         if at < 0:
-            return NAN, 0.0
+            return NAN, 0.0, out_to
         contrast = (inside - outside) / (inside + outside)
         if (at - int(np.argmax(sums[:, 0] > 0.0))) * BIN_M < BORDER_M:
-            return SPAN_M[0] + at * BIN_M, 0.0
+            return SPAN_M[0] + at * BIN_M, 0.0, out_to
         again = stems_beyond(sums, at) / inside
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
         right = SPAN_M[0] + at * BIN_M
         if left_m == OWN_M and right > WITHIN_M - 0.5 * self._vehicle.blade_width_m:
             sure = min(sure, OPEN - OPEN_PER_STEP * steps_beyond(sums, at))
-        return right, max(0.0, sure)
+        return right, max(0.0, sure), out_to
 
     def _bands(
         self, face_x: float, gap_m: float, height: float

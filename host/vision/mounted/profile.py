@@ -23,6 +23,11 @@ NARROW_M = 0.12
 AROUND_M = 0.06
 """Which of two grounds a place belongs to shows in a wide window, where exactly they meet in a
 narrow one: looked for so far around."""
+PIECE_M = 0.1
+"""Crop that goes on is looked for in pieces of this width."""
+AS_DENSE = 0.7
+"""Of the stems' share in the machine's way, what crop beside it has at least: a gap, grass and what
+stands behind it have a half and less."""
 AGAIN_M = (0.05, 0.1)
 """From the right end, and how wide: pieces of the face beside it."""
 AGAIN_PIXELS = 50.0
@@ -144,6 +149,22 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
         if total > best:
             best, found = total, i
     return found
+
+
+def goes_on_to(sums: Sums, left: int, right: int) -> int:
+    """The bin to which crop goes on towards the right from bins [right, left), the machine's way,
+    without a break; `right` where it does not."""
+    piece = round(PIECE_M / BIN_M)
+    way = sums[right:left].sum(0)
+    if way[0] < AGAIN_PIXELS or way[1] <= 0.0:
+        return right
+    while right >= piece:
+        beside = sums[right - piece : right].sum(0)
+        dense = beside[0] > AGAIN_PIXELS and beside[1] * way[0] >= AS_DENSE * way[1] * beside[0]
+        if not dense:
+            break
+        right -= piece
+    return right
 
 
 def stems_beyond(sums: Sums, at: int) -> float:
