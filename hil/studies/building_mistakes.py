@@ -27,15 +27,17 @@ from host.check.lines import Line, Question, Target, Values, green
 from host.check.walk import walk
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
-from host.core.messages import Command, Fix, Telemetry
+from host.core.messages import Command, Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import load_field
 from host.link import protocol
 from host.link.session import Answer, Session
 from host.sensors.camera_stream import Picture
+from host.sensors.gyro import Turning
 from host.sensors.nmea import Receiver
 from host.vision.mounted.detector import Mode as Eyes
+from sim_plant.gyro import sensors_json
 
 SLICE_S: Final = SLICE_US * 1e-6
 FIELD: Final[Mapping[str, Any]] = {
@@ -220,6 +222,8 @@ class LockstepHands:
         self.blade_clicked = False
         self._mistake = mistake or Mistake("none", ())
         self._receiver = Receiver()
+        self._turning = Turning()
+        self._heard: Turned | None = None
         self._problem = ""
         self._shots: list[tuple[float, float, Any]] = []
         self._fixes: list[Fix] = []
@@ -277,6 +281,9 @@ class LockstepHands:
                 if said:
                     self._fixes += self._receiver.feed(bench.now, (said.strip() + "\r\n").encode())
         self._fixes += self._receiver.feed(bench.now, b"")
+        felt = bench.felt()
+        if felt:
+            self._heard = self._turning.feed(bench.now, sensors_json(felt)) or self._heard
         return arrived
 
     # ---- devices ---------------------------------------------------------------------------------
@@ -336,6 +343,16 @@ class LockstepHands:
     def gnss_problem(self) -> str:
         """Why nothing comes."""
         return "silent for 3 s" if self._mistake.nmea is _silent else ""
+
+    def turned(self) -> Turned | None:
+        """The gyroscope's newest, once."""
+        turned, self._heard = self._heard, None
+        return turned
+
+    @property
+    def gyro_problem(self) -> str:
+        """None: the world's phone has one."""
+        return ""
 
     def free_bytes(self) -> int:
         """Of the disk."""

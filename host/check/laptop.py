@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from host.core.messages import Fix
+from host.core.messages import Fix, Turned
 from host.sensors.camera_stream import Picture
 from host.sensors.newest import Feed
 
@@ -17,9 +17,15 @@ POWER: Final = Path("/sys/class/power_supply")
 class Laptop:
     """The part of `lines.Target` that is the same wherever the check is asked for."""
 
-    def __init__(self, camera: Feed[Picture] | None, gnss: Feed[Fix] | None, folder: Path) -> None:
+    def __init__(
+        self,
+        camera: Feed[Picture] | None,
+        gnss: Feed[Fix] | None,
+        gyro: Feed[Turned] | None,
+        folder: Path,
+    ) -> None:
         """`folder`: where the records go."""
-        self._camera, self._gnss, self._folder = camera, gnss, folder
+        self._camera, self._gnss, self._gyro, self._folder = camera, gnss, gyro, folder
 
     def picture(self) -> Picture | None:
         """The camera's newest, once."""
@@ -38,6 +44,15 @@ class Laptop:
     def gnss_problem(self) -> str:
         """Why no position comes."""
         return "no receiver was given" if self._gnss is None else self._gnss.problem or ""
+
+    def turned(self) -> Turned | None:
+        """The gyroscope's newest, once."""
+        return None if self._gyro is None else self._gyro.take()
+
+    @property
+    def gyro_problem(self) -> str:
+        """Why it says nothing."""
+        return "no address was given" if self._gyro is None else self._gyro.problem or ""
 
     def free_bytes(self) -> int:
         """Room for the records."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol
 
-from host.core.messages import Command, Fix, Telemetry
+from host.core.messages import Command, Fix, Telemetry, Turned
 from host.core.vehicle import Mount, Vehicle
 from host.link import protocol
 from host.link.session import Answer
@@ -34,6 +34,7 @@ NAMES: Final = (
     "laptop",
     "receiver",
     "place",
+    "gyroscope",
     "estop",
     "steering",
     "gains",
@@ -134,6 +135,15 @@ class Hands(Protocol):
     @property
     def gnss_problem(self) -> str:
         """Why no position comes."""
+        ...
+
+    def turned(self) -> Turned | None:
+        """The gyroscope's newest, once."""
+        ...
+
+    @property
+    def gyro_problem(self) -> str:
+        """Why it says nothing."""
         ...
 
     def free_bytes(self) -> int:

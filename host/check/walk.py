@@ -7,6 +7,7 @@ them allow it. The blade is switched once, with its own supply off.
 from __future__ import annotations
 
 from host.check import board, camera, files_and_laptop, receiver, rolling, switches
+from host.check.gyroscope import gyroscope
 from host.check.lines import NAMES, Hands, Line, Target
 from host.check.notes import Notes
 
@@ -20,6 +21,7 @@ def walk(hands: Hands, target: Target) -> list[Line]:
     rest = board.board(notes)
     picture = camera.camera(notes)
     receiver.receiver(notes, boundary, target.corner)
+    gyroscope(notes)
     if (
         rest is not None
         and switches.estop(notes)

@@ -21,6 +21,7 @@ from host.commands.options import (
     field_option,
     gap_option,
     gnss_option,
+    gyro_option,
     inset_option,
     mode_option,
     mount_option,
@@ -28,7 +29,7 @@ from host.commands.options import (
     vehicle_option,
 )
 from host.core.errors import UserError
-from host.core.messages import Command, Fix, Telemetry
+from host.core.messages import Command, Fix, Telemetry, Turned
 from host.core.terminal import echo
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
@@ -36,6 +37,7 @@ from host.link import protocol
 from host.link.session import Answer, Link
 from host.panel.texts import LANGUAGES, text, texts
 from host.sensors.camera_stream import Picture, camera_feed
+from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
@@ -54,10 +56,11 @@ class TerminalHands(Laptop):
         mode: Mode,
         camera: Feed[Picture] | None,
         gnss: Feed[Fix] | None,
+        gyro: Feed[Turned] | None,
         language: str,
         clock: Callable[[], float],
     ) -> None:
-        super().__init__(camera, gnss, Path())
+        super().__init__(camera, gnss, gyro, Path())
         self.vehicle, self.mount, self.mode = vehicle, mount, mode
         self._link = link
         self._language = language
@@ -161,6 +164,7 @@ class TerminalHands(Laptop):
 @port_option
 @camera_option
 @gnss_option
+@gyro_option
 @vehicle_option
 @mount_option
 @mode_option
@@ -174,6 +178,7 @@ def check(
     port: str,
     camera: str | None,
     gnss: str | None,
+    gyro: str | None,
     vehicle: Path | None,
     mount: str,
     mode: Mode,
@@ -198,12 +203,13 @@ def check(
         link = stack.enter_context(Link(port, clock))
         pictures = camera_feed(camera, clock, events.append) if camera else None
         fixes = gnss_feed(gnss, clock, events.append)[0] if gnss else None
-        for feed in (pictures, fixes):
+        turns = gyro_of(gyro, camera or "", clock, events.append)
+        for feed in (pictures, fixes, turns):
             if feed is not None:
                 stack.callback(feed.close)
                 feed.start()
         hands = TerminalHands(
-            link, machine, mount_of(machine, mount), mode, pictures, fixes, language, clock
+            link, machine, mount_of(machine, mount), mode, pictures, fixes, turns, language, clock
         )
         lines = walk(hands, Target(boundary, gap, corner, inset, chosen))
     bad = sum(line.verdict == "bad" for line in lines)

@@ -37,7 +37,7 @@ class MachineHands(Laptop):
     """What the machine's process can touch, and the page that drives."""
 
     def __init__(self, machine: Machine) -> None:
-        super().__init__(machine.camera, machine.gnss, machine.settings.folder)
+        super().__init__(machine.camera, machine.gnss, machine.gyro, machine.settings.folder)
         self.vehicle: Vehicle = machine.vehicle
         self.mount: Mount = machine.mount
         self.mode: Mode = machine.settings.mode
