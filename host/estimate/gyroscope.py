@@ -32,7 +32,7 @@ SCALE_SIGMA: Final = 0.01
 """Of its scale (Bosch BMI160 data sheet)."""
 WINDOW_S: Final = 4.0
 """Over which it is compared with the steering angle."""
-DIFFER_RAD: Final = math.radians(10.0)
+DIFFER_RAD: Final = math.radians(4.0)
 DIFFER_SHARE: Final = 0.3
 """By which the two may differ, and as a share of what was turned: the pot's slack and the slip of
 tyres at full lock."""
@@ -60,6 +60,8 @@ class Gyroscope:
         self._variance = BIAS_SIGMA**2
         self._scale, self._scale_sigma = 1.0, SCALE_SIGMA
         self._leg = (0.0, 0.0)
+        self.known_to = -math.inf
+        """The latest time up to which it told what was turned without a gap."""
         self._steps: deque[_Step] = deque()
         self._agreed_rad: float | None = None
         """Turned in agreement since it was contradicted; None: it is believed."""
@@ -94,6 +96,7 @@ class Gyroscope:
             return 0.0
         self._variance += BIAS_WALK**2 * dt
         rate = (turned.yaw_rad - last.yaw_rad) / dt
+        self.known_to = turned.stamp
         if standing:
             return self._rest(rate, dt)
         seen = self._scale * (rate - self._bias) * dt

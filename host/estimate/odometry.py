@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
-from host.estimate.gyroscope import Gyroscope
+from host.estimate.gyroscope import WINDOW_S, Gyroscope
 from host.estimate.rolling import Coast, Slope
 
 HISTORY_S = 1.5
@@ -103,6 +103,8 @@ class Odometry:
         self._missed_rad = 0.0
         """What the gyroscope has shown besides, still to be taken."""
         self._compared_m = 0.0
+        self._trims: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
+        """(stamp, trim) since the gyroscope's comparison begins: what it taught may be wrong."""
         self._rests_since = math.inf
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
@@ -166,7 +168,7 @@ class Odometry:
             past.yaw_rad + yaw_step,
             past.x_m + step * math.cos(middle),
             past.y_m + step * math.sin(middle),
-            self._gyroscope.useful and telemetry.stamp - self._gyroscope.stamp < FRESH_S,
+            self._gyroscope.useful and telemetry.stamp - self._gyroscope.known_to < FRESH_S,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
@@ -193,8 +195,15 @@ class Odometry:
         gyroscope = self._gyroscope
         at = self._angle_at(turned.stamp)
         standing = gyroscope.stamp >= self._rests_since
+        believed = not gyroscope.contradicted
         missed = gyroscope.take(turned, at.yaw_rad if at else None, standing=standing)
         self._missed_rad += missed
+        if believed and gyroscope.contradicted:
+            self.trim_rad = self._trims[0][1]
+            self._trims.clear()
+        self._trims.append((turned.stamp, self.trim_rad))
+        while self._trims[0][0] < turned.stamp - WINDOW_S:
+            self._trims.popleft()
         if at is None:
             return
         way, self._compared_m = at.distance_m - self._compared_m, at.distance_m

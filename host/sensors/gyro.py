@@ -34,8 +34,9 @@ LEVEL_S: Final = 5.0
 """Time constant of the vertical: longer than the machine shakes."""
 GRAVITY_MPS2: Final = (7.0, 13.0)
 """What an accelerometer on earth shows, however it is shaken: else it is none."""
-MOST_RADPS: Final = 35.0
-"""2000 degrees a second, the range of a phone's part."""
+MOST_RADPS: Final = 3.5
+"""200 degrees a second about any axis: no reaper turns so fast, and what it shakes is faster only
+for a part of a sample."""
 UNHURRIED: Final = 1e-4
 """Share of the time by which the phone's clock may run otherwise than the laptop's."""
 

@@ -28,7 +28,7 @@ class Drive:
         self.odometry = Odometry(Vehicle())
         self.pot_off, self.pot_scale = pot_off_rad, pot_scale
         self.offset, self.late = offset_radps, late_s
-        self.gyro_turns = True
+        self.gyro_turns, self.breaks = True, False
         self.now = self.distance = self.yaw = self.shown = 0.0
         self._sent: list[Turned] = []
 
@@ -40,7 +40,8 @@ class Drive:
             turn = speed * STEP_S * math.tan(steer_rad)
             self.yaw += turn
             self.shown += (turn if self.gyro_turns else 0.0) + self.offset * STEP_S
-            self._sent.append(Turned(self.now, self.shown, 0.0))
+            since = self.now if self.breaks else 0.0
+            self._sent.append(Turned(self.now, self.shown, since))
             while self._sent and self._sent[0].stamp <= self.now - self.late + 1e-9:
                 self.odometry.take_turned(self._sent.pop(0))
             self.odometry.update(
@@ -156,3 +157,22 @@ def test_a_machine_that_is_pushed_round_at_a_stand_does_not_teach_the_offset() -
     drive.go(1.0, 0.0)
     drive.go(20.0, 0.5)
     assert abs(drive.error_rad) < math.radians(1)
+
+
+def test_an_offset_that_leaps_is_noticed_and_given_back_with_what_it_taught() -> None:
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.go(10.0, 0.5)
+    drive.offset = math.radians(5.0)
+    drive.go(4.0, 0.5)
+    assert not drive.odometry.now.by_gyro
+    assert abs(drive.error_rad) < math.radians(1.5)
+    assert abs(drive.odometry.trim_rad) < math.radians(0.3)
+
+
+def test_one_whose_samples_keep_missing_is_not_counted_as_known() -> None:
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.breaks = True
+    drive.go(3.0, 0.5)
+    assert not drive.odometry.now.by_gyro
