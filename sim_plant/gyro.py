@@ -26,6 +26,8 @@ from sim_plant.strict import NotNegative, Positive, Strict
 GRAVITY: Final = 9.81
 SHAKEN: Final = 0.5
 """m/s² that a moving machine shakes the accelerometer by, for each degree a second of the other."""
+MOVES_MPS: Final = 0.01
+"""Slower than this nothing shakes."""
 EPOCH_S: Final = 1_777_354_200.0
 """What the phone's clock shows at simulated time 0: Unix time, of its own."""
 
@@ -83,7 +85,7 @@ class Gyro:
         and climbs by these angles, rad, and moves at v, m/s."""
         spec, rng = self.spec, self._rng
         self._offset += rng.normal(0.0, math.radians(spec.walk_dps) / math.sqrt(spec.rate_hz), 3)
-        shake = spec.vibration_dps if v != 0.0 else 0.0
+        shake = spec.vibration_dps if abs(v) > MOVES_MPS else 0.0
         noise = rng.normal(0.0, math.radians(math.hypot(spec.noise_dps, shake)), 3)
         rate = self._axes @ np.array([0.0, 0.0, yaw_radps])
         rate = rate * (1.0 + spec.scale_error) + self._offset + noise

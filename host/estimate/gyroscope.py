@@ -25,7 +25,10 @@ BIAS_WALK: Final = math.radians(0.005)
 BIAS_KNOWN: Final = math.radians(0.1)
 """rad/s; known less well it is of no use beside the steering angle."""
 REST_NOISE: Final = math.radians(0.03)
-"""What a gyroscope at rest errs, rad over the square root of a second; a phone's is half of it."""
+"""What a gyroscope at rest errs at least, rad over the square root of a second; a phone's is half
+of it. One that is shaken at rest shows more from word to word, and is taken at that."""
+REST_WORDS: Final = 20
+"""Of which that is the mean, some two seconds of rest."""
 PUSHED: Final = math.radians(2.0)
 """rad/s: a machine that turns so while its wheels stand is moved by somebody."""
 SCALE_SIGMA: Final = 0.01
@@ -62,6 +65,9 @@ class Gyroscope:
         self._leg = (0.0, 0.0)
         self.known_to = -math.inf
         """The latest time up to which it told what was turned without a gap."""
+        self._rest_rate: float | None = None
+        """The word before, where it was one of rest."""
+        self._rest_power = REST_NOISE**2
         self._steps: deque[_Step] = deque()
         self._agreed_rad: float | None = None
         """Turned in agreement since it was contradicted; None: it is believed."""
@@ -99,6 +105,7 @@ class Gyroscope:
         self.known_to = turned.stamp
         if standing:
             return self._rest(rate, dt)
+        self._rest_rate = None
         seen = self._scale * (rate - self._bias) * dt
         reckoned = reckoned_rad - before
         self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
@@ -110,7 +117,12 @@ class Gyroscope:
 
     def _rest(self, rate: float, dt: float) -> float:
         """The machine stands: what it shows is its offset."""
-        noise = REST_NOISE**2 / dt
+        before, self._rest_rate = self._rest_rate, rate
+        if before is None:
+            return 0.0
+        power = (rate - before) ** 2 * dt / 2
+        self._rest_power += (power - self._rest_power) / REST_WORDS
+        noise = max(REST_NOISE**2, self._rest_power) / dt
         off = rate - self._bias
         if abs(off) > PUSHED + 3.0 * math.sqrt(self._variance + noise):
             return 0.0

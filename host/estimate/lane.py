@@ -21,7 +21,7 @@ SLIP_PER_M = 0.02
 YAW_PER_RAD = 0.08
 """Yaw error per radian turned (speed and pot errors), standard deviation."""
 YAW_PER_M = math.radians(0.5)
-GYRO_PER_ROOT_S = math.radians(0.1)
+GYRO_PER_ROOT_S = math.radians(0.15)
 GYRO_PER_RAD = 0.01
 """Yaw error by the gyroscope: its offset, and its scale."""
 BOUND_SIGMA_M = 0.15

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
@@ -29,6 +30,7 @@ class Drive:
         self.pot_off, self.pot_scale = pot_off_rad, pot_scale
         self.offset, self.late = offset_radps, late_s
         self.gyro_turns, self.breaks = True, False
+        self.shake, self.random = 0.0, random.Random(1)
         self.now = self.distance = self.yaw = self.shown = 0.0
         self._sent: list[Turned] = []
 
@@ -40,6 +42,7 @@ class Drive:
             turn = speed * STEP_S * math.tan(steer_rad)
             self.yaw += turn
             self.shown += (turn if self.gyro_turns else 0.0) + self.offset * STEP_S
+            self.shown += self.random.gauss(0.0, self.shake) * STEP_S
             since = self.now if self.breaks else 0.0
             self._sent.append(Turned(self.now, self.shown, since))
             while self._sent and self._sent[0].stamp <= self.now - self.late + 1e-9:
@@ -176,3 +179,13 @@ def test_one_whose_samples_keep_missing_is_not_counted_as_known() -> None:
     drive.breaks = True
     drive.go(3.0, 0.5)
     assert not drive.odometry.now.by_gyro
+
+
+def test_one_that_is_shaken_at_rest_is_not_taken_for_sure() -> None:
+    quiet, shaken = Drive(), Drive()
+    shaken.shake = math.radians(3.0)
+    for drive in (quiet, shaken):
+        drive.go(2.0, 0.0)
+        drive.go(1.0, 0.5)
+    assert quiet.odometry.now.by_gyro
+    assert not shaken.odometry.now.by_gyro
