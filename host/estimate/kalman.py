@@ -60,14 +60,14 @@ class Filter:
         self._p = keep @ self._p @ keep.T + gain @ np.diag(measurement.variances) @ gain.T
         return True
 
-    def yield_to(self, bound: Measurement, *, frozen: int | None = None) -> None:
-        """Moves the state towards a bound that it violates. It says nothing of how surely the state
-        is known there: the covariance stays."""
+    def yield_to(self, bound: Measurement, *, frozen: slice) -> None:
+        """Moves the state towards a bound that it violates, but for what is `frozen`. It says
+        nothing of how surely the state is known there: the covariance stays."""
         gain = self._gain(bound, frozen)
         if gain is not None:
             self._x = self._x + gain @ bound.innovation
 
-    def _gain(self, measurement: Measurement, frozen: int | None) -> Array | None:
+    def _gain(self, measurement: Measurement, frozen: int | slice | None) -> Array | None:
         """None beyond the measurement's gate. Leaves the innovation for the record."""
         h, z = measurement.h, measurement.innovation
         s = h @ self._p @ h.T + np.diag(measurement.variances)

@@ -119,12 +119,14 @@ class Lane(Filter):
 
     def lies_right(self, edge_offset_most_m: float, since: tuple[float, float]) -> bool:
         """Crop was seen to go on beside the blade: the edge lies no further left than this, m. A
-        lane that has it there gives way; returns whether it did. `since` as in `correct`."""
+        lane that has it there moves aside, and does not turn: how the edge runs is seen once the
+        machine is beside it. Returns whether it did. `since` as in `correct`."""
         seen = edge.edge(self._x, self._blade_x, edge_offset_most_m, math.nan, 1.0, since, 0.0)
         if seen.innovation[0] <= 0.0:
             return False
         wide = seen.variances + BOUND_SIGMA_M**2
-        self.yield_to(Measurement("bound", seen.h, seen.innovation, wide), frozen=BIAS)
+        bound = Measurement("bound", seen.h, seen.innovation, wide)
+        self.yield_to(bound, frozen=slice(HEADING, BIAS + 1))
         return True
 
     def correct(
