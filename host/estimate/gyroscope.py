@@ -20,8 +20,8 @@ from host.core.messages import Turned
 
 BIAS_SIGMA: Final = math.radians(3.0)
 """Of the offset, rad/s, before the machine has stood: a data sheet's over life."""
-BIAS_WALK: Final = math.radians(0.005)
-"""Its change, per square root of a second: a part that warms up by a few kelvin a minute."""
+BIAS_WALK: Final = math.radians(0.002)
+"""Its change, per square root of a second: a part that warms up by a kelvin a minute."""
 BIAS_KNOWN: Final = math.radians(0.1)
 """rad/s; known less well it is of no use beside the steering angle."""
 REST_NOISE: Final = math.radians(0.03)

@@ -56,7 +56,7 @@ YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
-GYRO_SIGMA_PER_ROOT_S = math.radians(0.15)
+GYRO_SIGMA_PER_ROOT_S = math.radians(0.1)
 GYRO_SIGMA_SHARE = 0.01
 """The same by the gyroscope: its offset, which lasts, as noise of some tens of seconds (0.02 deg/s
 over 40 s), and its scale."""
