@@ -58,6 +58,7 @@ def machine_at(x: float, y: float, shown: Picture | None = None) -> Any:
     return SimpleNamespace(
         camera=SimpleNamespace(take=lambda: shown),
         gnss=SimpleNamespace(take=lambda: fix),
+        gyro=None,
         link=Board(),
         events=[],
         vehicle=Vehicle(),
