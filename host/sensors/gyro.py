@@ -40,6 +40,8 @@ for a part of a sample."""
 UNHURRIED: Final = 1e-4
 """Share of the time by which the phone's clock may run otherwise than the laptop's."""
 
+NO_ANSWER: Final = "what comes is no list of sensors; give their address, or none"
+
 Vector = tuple[float, float, float]
 
 
@@ -60,10 +62,10 @@ def parsed(answer: bytes) -> tuple[Samples, Samples]:
     ValueError where it is not what the app sends."""
     try:
         message = json.loads(answer)
-    except RecursionError as error:
-        raise ValueError("not an answer of the app") from error
+    except (RecursionError, ValueError) as error:
+        raise ValueError(NO_ANSWER) from error
     if not isinstance(message, dict):
-        raise ValueError("not an answer of the app")
+        raise ValueError(NO_ANSWER)
     return _sensor(message, "gyro"), _sensor(message, "accel")
 
 
@@ -109,6 +111,8 @@ class Turning:
     def feed(self, now: float, answer: bytes) -> Turned | None:
         """An answer that came at `now`; None where it holds nothing new. ValueError as `parsed`."""
         gyro, accel = parsed(answer)
+        if self._clock is not None and max(gyro.clock_s, default=math.inf) < self._clock - GAP_S:
+            self._restart()  # somebody, or a time server, has set the phone's clock back
         self._level(accel)
         up = self._up
         fresh = [k for k, t in enumerate(gyro.clock_s) if self._clock is None or t > self._clock]
@@ -121,6 +125,10 @@ class Turning:
         for k in sorted(fresh, key=gyro.clock_s.__getitem__):
             self._take(gyro.clock_s[k], gyro.xyz[k], up)
         return Turned(newest + self._behind - UNDERWAY_S, self._yaw, self._since)
+
+    def _restart(self) -> None:
+        self._clock = self._levelled = None
+        self._behind, self._heard = math.inf, -math.inf
 
     def _take(self, clock: float, xyz: Vector, up: Vector) -> None:
         rate = sum(w * u for w, u in zip(xyz, up, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
@@ -43,6 +44,7 @@ from host.link.session import Session
 from host.vision.view import Detector
 from host.vision.watched import WatchedDetector
 from sim_plant import machine
+from sim_plant.gyro import Sample
 from tests.helpers.oracle import Oracle, quick
 
 needs_firmware = pytest.mark.skipif(
@@ -270,6 +272,42 @@ def test_a_phone_that_is_gone_gives_neither_pictures_nor_positions() -> None:
     now = injector(Fault(component="phone", failure="off", at=NOW))
     assert now.camera(1.0, (0.9, b"x")) is None
     assert now.nmea(1.0, ["$GPGGA"]) == []
+    assert now.gyro(1.0, felt(0.1)) == []
+
+
+def felt(*rates: float) -> list[Sample]:
+    """What a gyroscope shows about one axis, a sample each."""
+    return [Sample(9.0 + k, (rate, 0.0, 0.0), (9.81, 0.0, 0.0)) for k, rate in enumerate(rates)]
+
+
+@needs_firmware
+def test_each_failure_of_the_gyroscope_is_what_it_is_called() -> None:
+    def failing(failure: Failure) -> Injector:
+        return injector(Fault(component="gyro", failure=failure, at=NOW))
+
+    assert failing("off").gyro(1.0, felt(0.1)) == []
+    stuck = failing("stuck")
+    assert [one.rate_radps[0] for one in stuck.gyro(1.0, felt(0.1, 0.2))] == [0.1, 0.2]
+    (wrong,) = failing("wrong").gyro(1.0, felt(0.1))
+    assert wrong.rate_radps[0] == pytest.approx(0.1 + math.radians(5.0))
+    garbage = failing("garbage").gyro(1.0, felt(*[0.1] * 1000))
+    assert sum(one.rate_radps[0] != 0.1 for one in garbage) == pytest.approx(200, abs=40)
+    late = failing("delayed")
+    assert late.gyro(1.0, felt(0.1)) == []
+    assert late.gyro(1.5, []) == felt(0.1)
+    slow = failing("slow")
+    assert slow.gyro(1.0, felt(0.1)) == felt(0.1)
+    assert slow.gyro(1.5, felt(0.2)) == []
+    assert slow.gyro(2.0, felt(0.3)) == [*felt(0.2), *felt(0.3)]
+
+
+@needs_firmware
+def test_a_gyroscope_that_hangs_repeats_what_it_showed_last() -> None:
+    hangs = Injector((Fault(component="gyro", failure="stuck", at=At(time_s=0.5)),), 1)
+    assert hangs.gyro(0.1, felt(0.3)) == felt(0.3)
+    with target("desk") as board:
+        hangs.step(1.0, (0.0, 0.0, 0.0), 0.0, board, machine.inputs())
+    assert [one.rate_radps[0] for one in hangs.gyro(1.0, felt(0.1, -0.2))] == [0.3, 0.3]
 
 
 # ---- when ----------------------------------------------------------------------------------------

@@ -51,6 +51,32 @@ def only_the_first_strip(plan: Plan) -> tuple[SimpleWorld, Pilot]:
     return world, Pilot(VEHICLE, world, plan)
 
 
+# ---- an edge that is lost inside the crop --------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("beside_m", "least_m", "most_m"), [(0.4, 0.15, 0.45), (math.nan, -0.1, 0.1)]
+)
+def test_a_machine_with_crop_on_its_right_steers_right_to_where_that_ends(
+    beside_m: float, least_m: float, most_m: float
+) -> None:
+    world = SimpleWorld(VEHICLE)
+    begun_x = math.nan
+
+    def spoil(view: CropView) -> CropView:
+        if math.isnan(begun_x):
+            return view
+        most = world.pose()[0] - begun_x - beside_m
+        return replace(view, confidence=0.0, edge_heading_rad=math.nan, edge_offset_most_m=most)
+
+    pilot = Pilot(VEHICLE, Eyes(world, spoil), PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.0)
+    begun_x = world.pose()[0]
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 6.0)
+    assert pilot.cut_m > 6.0
+    assert least_m < world.pose()[0] - begun_x < most_m
+
+
 # ---- crop that is not where the plan has it ------------------------------------------------------
 
 

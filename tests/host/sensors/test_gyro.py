@@ -104,6 +104,21 @@ def test_a_rate_that_no_gyroscope_has_ends_what_is_known() -> None:
     assert abs(second.yaw_rad) < 0.2
 
 
+def test_a_phone_whose_clock_is_set_back_is_heard_on() -> None:
+    turning = Turning()
+    turning.feed(101.0, answer(steps(0, 1, 0.5)))
+    turned = turning.feed(102.0, answer(steps(1, 2, 0.5), t0=T0 - 3600))
+    assert turned is not None
+    assert turned.stamp == pytest.approx(102.0 - UNDERWAY_S, abs=1e-3)
+    assert turned.since > 100.0
+    assert turned.yaw_rad == pytest.approx(0.5)
+
+
+def test_a_page_that_is_no_list_of_sensors_is_said_to_be_none() -> None:
+    with pytest.raises(ValueError, match="no list of sensors"):
+        parsed(b"<html>")
+
+
 def test_a_phone_whose_vertical_is_unknown_tells_nothing() -> None:
     data = json.loads(answer(steps(0, 1, 0.5)))
     for row in data["accel"]["data"]:
