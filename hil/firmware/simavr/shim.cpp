@@ -12,7 +12,7 @@
 //   each byte arrives at its exact cycle, into a two-byte hardware FIFO that overruns.
 // - Sent bytes: the UART takes its pace from divisor and defaults as the divisor is written, eleven
 //   bits at single speed; here it takes the next byte as the one before leaves its buffer (19.6).
-// - Timers 1 and 2 do not run, except under a bootloader, which may wait for one: PWM duties are
+// - Timers 1 and 2 do not run, except for a bootloader, which may wait for one: PWM duties are
 //   worked out from their registers, which costs nothing and is never older than the last write.
 // - A one that is written to the converter's flag takes the waiting interrupt back.
 // - The EEPROM finishes a byte over a reset, and is busy so long.
@@ -89,6 +89,7 @@ enum Register : uint16_t {
   kUdr0 = 0xC6,
 };
 constexpr uint16_t kPwmRegisters[] = {kTccr1a, kTccr1b, kTccr2a, kTccr2b, kOcr2a, kOcr2b};
+constexpr size_t kPwmCount = sizeof kPwmRegisters / sizeof kPwmRegisters[0];
 constexpr uint16_t kWordRegisters[] = {kIcr1, kOcr1a, kOcr1b};
 constexpr uint8_t kRxc0 = 1 << 7, kFe0 = 1 << 4, kDor0 = 1 << 3, kU2x0 = 1 << 1;
 constexpr uint8_t kRxen0 = 1 << 4, kTxen0 = 1 << 3;
@@ -152,9 +153,6 @@ thread_local std::string last_error;
 
 void silence(avr_t *, const int, const char *, va_list) {}
 void sleep_without_waiting(avr_t *, avr_cycle_count_t) {}
-void store_only(avr_t *avr, avr_io_addr_t address, uint8_t value, void *) {
-  avr->data[address] = value;
-}
 
 // The architecture that an ELF for the AVR names in its flags: 5 for 128 KiB and less, 6 for more.
 int architecture(const char *path) {
@@ -232,7 +230,7 @@ struct daranti_target {
   uint32_t host_baud = kUsbBaud;
   uint8_t temp = 0;            // of timer 1's 16-bit registers
   uint64_t storing_until = 0;  // target time at which the EEPROM has its byte
-  Hook eecr, adcsra, udr;      // libsimavr's own
+  Hook eecr, adcsra, udr, pwm[kPwmCount];  // libsimavr's own
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
@@ -335,6 +333,15 @@ struct daranti_target {
     uart->cycles_per_byte = self->line_free > now + kNextCycle ? self->line_free - now : kNextCycle;
     self->udr(avr, address, value);
   }
+  // A bootloader's timer runs; the firmware's write stops it and is only kept.
+  static void on_pwm(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    auto *self = static_cast<daranti_target *>(param);
+    const bool loads = self->bootloader && avr->pc >= avr->reset_pc;
+    for (size_t i = 0; i < kPwmCount; ++i) {
+      if (kPwmRegisters[i] == address) self->pwm[i](avr, address, loads ? value : 0);
+    }
+    if (!loads) avr->data[address] = value;
+  }
   // Timer 1's 16-bit registers take their high byte from a common one as the low byte is written
   // (15.3).
   static void on_high_byte(avr_t *, avr_io_addr_t, uint8_t value, void *param) {
@@ -433,17 +440,13 @@ struct daranti_target {
     was_reset = false;
     ++resets;
     fifo_count = 0;
-    if (!bootloader) {
-      for (const uint16_t address : kPwmRegisters) {
-        avr->io[AVR_DATA_TO_IO(address)].w.c = store_only;
-      }
-      for (const uint16_t address : kWordRegisters) {
-        auto &low = avr->io[AVR_DATA_TO_IO(address)].w;
-        auto &high = avr->io[AVR_DATA_TO_IO(address + 1)].w;
-        low.c = on_low_byte;
-        high.c = on_high_byte;
-        low.param = high.param = this;
-      }
+    for (size_t i = 0; i < kPwmCount; ++i) hook(kPwmRegisters[i], on_pwm, &pwm[i]);
+    for (const uint16_t address : kWordRegisters) {
+      auto &low = avr->io[AVR_DATA_TO_IO(address)].w;
+      auto &high = avr->io[AVR_DATA_TO_IO(address + 1)].w;
+      low.c = on_low_byte;
+      high.c = on_high_byte;
+      low.param = high.param = this;
     }
     hook(kEecr, on_eecr, &eecr);
     hook(kAdcsra, on_adcsra, &adcsra);
