@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import astuple, dataclass
+from functools import cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -45,7 +46,7 @@ class Pins:
     estop: int
     """The e-stop's loop, a digital number of its analog input."""
 
-    @property
+    @cached_property
     def outputs(self) -> tuple[int, ...]:
         """Of bridges and blade."""
         return astuple(self)[:9]
