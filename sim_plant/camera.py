@@ -265,7 +265,8 @@ class Camera:
         crop, straw, green = np.array(spec.crop_bgr), spec.straw_bgr, np.array((56.0, 138.0, 118.0))
         tiles = texture.bake(self._seed, spec.soil_bgr, straw, spec.crop_bgr)
         light = sky.light_table(weather)
-        bright = np.minimum(255, panorama * float(np.mean(light[255]))).astype(np.int32)
+        brighter = np.minimum(255, np.arange(256) * float(np.mean(light[255]))).astype(np.int32)
+        bright = brighter[panorama]
         # Azimuths reach past the picture's sides: pitch and roll spread them.
         corner = float(np.linalg.norm(self.rays[-1, 0]))
         tangent = math.tan(min(1.5, 1.25 * math.atan(corner) + 0.1))
@@ -301,7 +302,7 @@ class Camera:
             grown=np.zeros((block_rows * block_columns, render.GROWN_FIELDS, most), np.float32),
             known=self._known, grown_count=np.zeros(self._known.size, np.int32),
             crowns=self._crowns, tiles=tiles, looks=scene.looks,
-            panorama=bright @ np.array([1, 1 << 8, 1 << 16], np.int32),
+            panorama=bright[..., 0] | bright[..., 1] << 8 | bright[..., 2] << 16,
             limit=next(empty), rise=next(empty), back=next(empty),
             met=np.zeros((bins, render.PIECES), np.int32), pieces=np.zeros(bins, np.int32),
             blocks=np.zeros(render.MOST_BLOCKS, np.int32),

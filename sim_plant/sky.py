@@ -116,11 +116,13 @@ def panorama(
 
     ridge = 0.8 + 1.8 * octave(1, 60)[:1] + 1.0 * octave(1, 300)[:1] + 0.35 * octave(1, 1400)[:1]
     leaves = octave(rows // 4, columns // 3) * 0.5 + octave(rows // 2, columns) * 0.4
-    tree = np.array([60, 86, 72], np.float32) * (0.62 + 0.7 * leaves[..., None])
-    tree = tree * (0.62 + 0.38 * np.clip(elevation / (ridge + 0.01), 0, 1))[..., None]
-    mask = (elevation < ridge) & (tangent > PANORAMA_BOTTOM)
     hazy = float(np.clip(60 * weather.haze, 0.12, 0.9))
-    image = np.where(mask[..., None], tree * (1 - hazy) + horizon * hazy, image)
+    # Trees stand low: the rows above the ridge's highest point are sky already.
+    low = slice(int(np.argmax(elevation[:, 0] < ridge.max())), rows)
+    tree = np.array([60, 86, 72], np.float32) * (0.62 + 0.7 * leaves[low, :, None])
+    tree = tree * (0.62 + 0.38 * np.clip(elevation[low] / (ridge + 0.01), 0, 1))[..., None]
+    mask = (elevation[low] < ridge) & (tangent[low] > PANORAMA_BOTTOM)
+    image[low] = np.where(mask[..., None], tree * (1 - hazy) + horizon * hazy, image[low])
 
     per_degree = rows / (PANORAMA_TOP - PANORAMA_BOTTOM) * np.pi / 180
     ground = int(PANORAMA_TOP / (PANORAMA_TOP - PANORAMA_BOTTOM) * rows)

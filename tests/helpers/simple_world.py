@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
+from numba import njit
+from numpy.typing import NDArray
 
 from host.core.messages import Command, Fix, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
@@ -21,6 +23,34 @@ from host.vision.view import CropView
 
 CELL = 0.025
 STEP = 0.02
+
+
+@njit(cache=True)
+def standing(crop, neighbour, margin, pose, forward, left):  # type: ignore[no-untyped-def]
+    """(len(forward), len(left)): whether either stands that far before and left of a pose."""
+    x, y, yaw = pose
+    c, s = math.cos(yaw), math.sin(yaw)
+    rows, columns = crop.shape
+    found = np.zeros((len(forward), len(left)), np.bool_)
+    for n in range(len(forward)):
+        for m in range(len(left)):
+            i = int((x + forward[n] * c - left[m] * s + margin) / CELL)
+            j = int((y + forward[n] * s + left[m] * c + margin) / CELL)
+            if 0 <= i < columns and 0 <= j < rows:
+                found[n, m] = crop[j, i] or neighbour[j, i]
+    return found
+
+
+@njit(cache=True)
+def cut(crop, neighbour, margin, pose, blade_x, half):  # type: ignore[no-untyped-def]
+    """Takes what stands under a blade that reaches `half` to either side."""
+    x, y, yaw = pose
+    c, s = math.cos(yaw), math.sin(yaw)
+    for left in np.arange(-half + CELL / 4, half, CELL / 2):
+        i = int((x + blade_x * c - left * s + margin) / CELL)
+        j = int((y + blade_x * s + left * c + margin) / CELL)
+        crop[j, i] = False
+        neighbour[j, i] = False
 
 
 @dataclass
@@ -88,17 +118,12 @@ class SimpleWorld:
         self.yaw = side.heading_rad
 
     # ---- vision ----
-    def _standing(self, forward: np.ndarray, left: np.ndarray) -> np.ndarray:
+    def _standing(
+        self, forward: NDArray[np.float64], left: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
         """Whether anything stands there, (len(forward), len(left)); metres before and left of the
         rear axle."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        forward = forward[:, None]
-        i = ((self.x + forward * c - left * s + self.margin) / CELL).astype(np.intp)
-        j = ((self.y + forward * s + left * c + self.margin) / CELL).astype(np.intp)
-        rows, columns = self.crop.shape
-        ok = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
-        i, j = i * ok, j * ok
-        return ok & (self.crop[j, i] | self.neighbour[j, i])
+        return standing(self.crop, self.neighbour, self.margin, self.pose(), forward, left)
 
     def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
         del bgr, stages
@@ -171,13 +196,9 @@ class SimpleWorld:
 
     def _cut(self, before: tuple[float, float, float]) -> None:
         v = self.vehicle
-        lateral = np.arange(-v.blade_width_m / 2 + CELL / 4, v.blade_width_m / 2, CELL / 2)
-        for x, y, yaw in (before, self.pose()):
-            c, s = math.cos(yaw), math.sin(yaw)
-            i = ((x + v.blade_x_m * c - lateral * s + self.margin) / CELL).astype(int)
-            j = ((y + v.blade_x_m * s + lateral * c + self.margin) / CELL).astype(int)
-            self.crop[j, i] = False
-            self.neighbour[j, i] = False
+        half = v.blade_width_m / 2
+        for pose in (before, self.pose()):
+            cut(self.crop, self.neighbour, self.margin, pose, v.blade_x_m, half)
 
     def telemetry(self) -> Telemetry:
         request = self.command.request
