@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -36,6 +37,7 @@ def stems(
             cv2.line(picture, tuple(int(c) for c in a), tuple(int(c) for c in b), colour, 1)
 
 
+@lru_cache(maxsize=64)
 def field(
     mount: Mount,
     *,
@@ -46,7 +48,8 @@ def field(
     seed: int = 0,
 ) -> NDArray[np.uint8]:
     """A picture from `mount`: ground with stubble, crop whose face stands across the way at
-    `face_x_m` with its right end at `right_m`, and the next crop behind."""
+    `face_x_m` with its right end at `right_m`, and the next crop behind. Not to be drawn on: it is
+    drawn once for all who ask for the same."""
     rng = np.random.default_rng(seed)
     camera = Camera(mount)
     w, h = camera.size
@@ -64,6 +67,7 @@ def field(
     n = int(900 * depth_m * (right_m + 3.0))
     crop = np.column_stack([face_x_m + depth_m * rng.random(n) ** 2, rng.uniform(right_m, 3.0, n)])
     stems(picture, camera, crop[crop[:, 0] > 0.6], CROP_M, rng)
+    picture.setflags(write=False)
     return picture
 
 
