@@ -53,6 +53,26 @@ def cut(crop, neighbour, margin, pose, blade_x, half):  # type: ignore[no-untype
         neighbour[j, i] = False
 
 
+def within(
+    x: NDArray[np.float64], y: NDArray[np.float64], box: tuple[float, float, float, float]
+) -> NDArray[np.bool_]:
+    """(len(y), len(x)): which cells' middles lie in a box of (x, y, x, y)."""
+    across, up = (x > box[0]) & (x < box[2]), (y > box[1]) & (y < box[3])
+    return np.logical_and.outer(up, across)
+
+
+def contained(
+    x: NDArray[np.float64], y: NDArray[np.float64], shape: shapely.Polygon
+) -> NDArray[np.bool_]:
+    """(len(y), len(x)): which cells' middles lie in a polygon; only those about it are asked."""
+    found = np.zeros((len(y), len(x)), np.bool_)
+    left, low, right, high = shape.bounds
+    columns = slice(*np.searchsorted(x, (left, right)))
+    rows = slice(*np.searchsorted(y, (low, high)))
+    found[rows, columns] = shapely.contains_xy(shape, *np.meshgrid(x[columns], y[rows]))
+    return found
+
+
 @dataclass
 class SimpleWorld:
     vehicle: Vehicle
@@ -86,17 +106,17 @@ class SimpleWorld:
         self.margin = 6.0
         columns = round((self.width + 2 * self.margin) / CELL)
         rows = round((self.height + 2 * self.margin) / CELL)
-        y, x = np.mgrid[0:rows, 0:columns] * CELL - self.margin + CELL / 2
-        inside = (x > 0) & (x < self.width) & (y > 0) & (y < self.height)
+        x, y = (np.arange(cells) * CELL - self.margin + CELL / 2 for cells in (columns, rows))
         g = self.gap
-        near = (x > -g) & (x < self.width + g) & (y > -g) & (y < self.height + g)
-        if self.polygon is not None:
+        if self.polygon is None:
+            inside = within(x, y, (0.0, 0.0, self.width, self.height))
+            near = within(x, y, (-g, -g, self.width + g, self.height + g))
+        else:
             shape = shapely.Polygon(self.polygon)
-            inside = shapely.contains_xy(shape, x, y)
-            near = shapely.contains_xy(shape.buffer(g, join_style="mitre"), x, y)
+            inside = contained(x, y, shape)
+            near = contained(x, y, shape.buffer(g, join_style="mitre"))
         if self.keep_out is not None:
-            lo_x, lo_y, hi_x, hi_y = self.keep_out
-            inside &= ~((x > lo_x) & (x < hi_x) & (y > lo_y) & (y < hi_y))
+            inside &= ~within(x, y, self.keep_out)
         self.crop = inside.copy()
         self.neighbour = ~near
         self.field_cells = int(inside.sum())
