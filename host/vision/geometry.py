@@ -66,11 +66,14 @@ class Camera:
     def on_height(self, pixels: ArrayLike, z_m: float) -> Array:
         """(x, y) where pixels (..., 2) meet the horizontal plane at height `z_m`; NaN where their
         rays never do (at the horizon or on its other side)."""
-        d = self.rays(pixels)
+        return self.rays_on_height(self.rays(pixels), z_m)
+
+    def rays_on_height(self, rays: Array, z_m: float) -> Array:
+        """The same of rays (..., 3) that are known already."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = (z_m - self.position[2]) / d[..., 2]
+            t = (z_m - self.position[2]) / rays[..., 2]
         t = np.where((t > 0) & np.isfinite(t), t, np.nan)
-        return np.asarray(self.position[:2] + t[..., None] * d[..., :2])
+        return np.asarray(self.position[:2] + t[..., None] * rays[..., :2])
 
     def on_distance(self, pixels: ArrayLike, x_m: float) -> Array:
         """(y, z) where pixels (..., 2) meet the upright plane across the vehicle at `x_m`; NaN

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,21 @@ MORNING = WeatherSpec(hour=8.0, dust=0.0)
 """The sun in the east, ahead of `POSE`."""
 
 
+@cache
+def field() -> Field:
+    half_cut = Field(SPEC, 1)
+    half_cut.clear(((-1, -1), (9, -1), (9, 1), (-1, 1)))
+    return half_cut
+
+
 def picture(pose: tuple[float, ...] = POSE, **wrong: Any) -> NDArray[np.uint8]:
-    field = Field(SPEC, 1)
-    field.clear(((-1, -1), (9, -1), (9, 1), (-1, 1)))
     lens = MAST.model_copy(update={"disturbance": DisturbanceSpec(**wrong), "noise": 0.0})
-    return Camera(field, lens, MORNING, seed=1, threads=1).capture(*pose)
+    return Camera(field(), lens, MORNING, seed=1, threads=1).capture(*pose)
+
+
+@cache
+def sound() -> NDArray[np.uint8]:
+    return picture()
 
 
 def times(count: int = 400, step_s: float = 0.1) -> list[float]:
@@ -48,11 +59,11 @@ def times(count: int = 400, step_s: float = 0.1) -> list[float]:
 def test_each_shows_and_repeats(wrong: dict[str, float]) -> None:
     shown = picture(**wrong)
     assert np.array_equal(shown, picture(**wrong))
-    assert np.abs(shown.astype(int) - picture()).mean() > 1.0
+    assert np.abs(shown.astype(int) - sound()).mean() > 1.0
 
 
 def test_what_is_off_changes_no_bit() -> None:
-    assert np.array_equal(picture(), picture(shake_hz=50.0, hunting_s=3.0, white_balance_s=2.0))
+    assert np.array_equal(sound(), picture(shake_hz=50.0, hunting_s=3.0, white_balance_s=2.0))
 
 
 def test_white_balance_drifts_to_either_side_and_not_in_brightness() -> None:
@@ -85,7 +96,7 @@ def test_flare_needs_the_sun_before_the_lens() -> None:
 
 
 def test_flare_takes_contrast() -> None:
-    assert picture(flare=1.0).std() < 0.6 * picture().std()
+    assert picture(flare=1.0).std() < 0.6 * sound().std()
 
 
 def test_mud_hides_the_share_that_is_asked_for() -> None:

@@ -153,7 +153,7 @@ class FaceFinder:
         self._across = np.nan_to_num(rays[..., 1] / forward, nan=far).astype(np.float32)
         self._upward = np.nan_to_num(rays[..., 2] / forward, nan=far).astype(np.float32)
         self._reach = np.stack([self._upward.min(1), self._upward.max(1)], 1)
-        x = np.nan_to_num(camera.on_height(pixels, 0.0)[..., 0], nan=far)
+        x = np.nan_to_num(camera.rays_on_height(rays, 0.0)[..., 0], nan=far)
         self._ground_x = np.minimum(x, far).astype(np.float32)
         middle = self._ground_x[:, width // 2]
         self._horizon = int(np.argmax(middle < REACH_M)) if middle.min() < REACH_M else height
