@@ -297,11 +297,6 @@ class Field:
 
     # ---- truth ----------------------------------------------------------------------------------
 
-    @property
-    def crop_area_m2(self) -> float:
-        """The field's own crop before any cut."""
-        return self._initial * self.cell**2
-
     def coverage(self) -> float:
         """Share of the crop's area that was cut."""
         return float(self._counts[0] / self._initial) if self._initial else 1.0

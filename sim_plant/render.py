@@ -40,8 +40,6 @@ LIGHT_TERMS: Final = 5
 """Of the polynomial that gives a colour's light by its share of the sun: to a grey level."""
 MOST_BLOCKS: Final = 100 * 100
 """More than are ever in view."""
-MOST_ROWS: Final = 4096
-"""Of a picture."""
 CLOUD_OFFSETS: Final = 256
 """How much larger than the veil the noise of the dust's puffs is."""
 CLOUD_PX: Final = 10.0

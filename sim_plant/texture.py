@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 SIDE: Final = 1024
 """Pixels of a texture, which repeats."""
-TEXEL_M: Final = 0.004
-"""Of the ground, a pixel's side."""
 SOIL, STUBBLE, STRAW, GRASS, TOP, WALL = range(6)
 
 Tile = NDArray[np.uint8]

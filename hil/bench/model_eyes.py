@@ -78,14 +78,8 @@ Cell = tuple[int, int, int, int]
 was restarted."""
 
 
-def kind_of(view: CropView) -> int:
-    """Of an answer: whether the edge and what is ahead are sure, and whether the way is clear."""
-    ahead = view.crop_ahead_m
-    clear = not ahead < 0.8  # NaN: nothing known
-    return _kind(view.confidence >= 0.5, clear, view.ahead_confidence >= 0.5)
-
-
 def _kind(sure: bool, clear: bool, ahead_sure: bool) -> int:
+    """Of an answer: whether the edge is sure, the way clear, and what is ahead sure."""
     if clear:
         return 3 if ahead_sure else 4
     return 0 if sure else 1 if ahead_sure else 2

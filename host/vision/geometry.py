@@ -75,15 +75,6 @@ class Camera:
         t = np.where((t > 0) & np.isfinite(t), t, np.nan)
         return np.asarray(self.position[:2] + t[..., None] * rays[..., :2])
 
-    def on_distance(self, pixels: ArrayLike, x_m: float) -> Array:
-        """(y, z) where pixels (..., 2) meet the upright plane across the vehicle at `x_m`; NaN
-        where their rays never do."""
-        d = self.rays(pixels)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (x_m - self.position[0]) / d[..., 0]
-        t = np.where((t > 0) & np.isfinite(t), t, np.nan)
-        return np.asarray(self.position[1:] + t[..., None] * d[..., 1:])
-
     def upright_vanishing_point(self) -> tuple[float, float] | None:
         """Pixel in which the images of all true verticals meet (lens distortion left out); None for
         a level camera, whose verticals stay parallel."""

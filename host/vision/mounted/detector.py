@@ -37,9 +37,6 @@ Mode = Literal["paper", "robust"]
 
 Pictures = dict[str, Picture]
 
-ALIGNED_M = 0.15
-"""The first picture's E_outer becomes O_map when it is at most this far from where the mount's
-geometry puts the blade's right end; otherwise the operator has not aligned it."""
 AT_BLADE_M = 0.3
 """Crop nearer than this is being cut."""
 NEAR_M = 1.0
