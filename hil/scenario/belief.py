@@ -187,16 +187,32 @@ class Told:
 
     def plan(self, turn: str) -> Plan:
         """As `daranti plan` lays it out."""
-        holes = [list(ring) for ring in self.keep_outs]
-        return spiral(
-            list(self.boundary),
+        return _laid_out(
+            self.vehicle.model_dump_json(),
+            self.boundary,
             self.corner,
-            self.vehicle,
             turn,
             self.gap_m,
-            holes,
-            sigma_m=self.boundary_sigma_m,
+            self.keep_outs,
+            self.boundary_sigma_m,
         )
+
+
+@lru_cache(maxsize=16)
+def _laid_out(
+    vehicle_json: str,
+    boundary: Ring,
+    corner: int,
+    turn: str,
+    gap_m: float,
+    keep_outs: tuple[Ring, ...],
+    sigma_m: float,
+) -> Plan:
+    """Once for all who ask: who puts the machine down, the host, the judge. On an irregular field
+    it takes half a second."""
+    vehicle = Vehicle.model_validate_json(vehicle_json)
+    holes = [list(ring) for ring in keep_outs]
+    return spiral(list(boundary), corner, vehicle, turn, gap_m, holes, sigma_m=sigma_m)
 
 
 def told(belief: Belief, world: World, camera: str) -> Told:
