@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
+from host.vision.mounted.density import PIXELS, mark_dense, ninths
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
 from host.vision.mounted.feet import BLOCK_PX, block_sums, feet_of
 from host.vision.mounted.profile import (
@@ -27,7 +28,7 @@ from host.vision.mounted.profile import (
     stems_beyond,
     steps_beyond,
 )
-from host.vision.pictures import Mask, u8
+from host.vision.pictures import Mask
 from host.vision.view import NAN
 
 SPAN_M = (-1.6, 1.0)
@@ -65,6 +66,8 @@ BORDER_M = 0.06
 """Crop that goes on to so near the picture's border ends there for the picture alone."""
 DENSE = 0.10
 """Share of lit pixels that makes a neighbourhood standing crop."""
+LEAST_LIT = next(n for n in range(PIXELS) if round(255 * n / PIXELS) > 255 * DENSE)
+"""Of a neighbourhood's pixels; the share in whole 255ths."""
 OPEN, OPEN_PER_STEP = 1.1, 2.0
 """While cutting, ground right of the crop's end has few steps to the crop's, 0.03 to 0.2 times as
 many. Where it has 0.3 times, crop goes on behind the dust that seemed to be its end: the confidence
@@ -134,8 +137,9 @@ class Face:
 
 def _dense(seen: Evidence) -> Mask:
     """255 where stems are so many that crop stands."""
-    near = cv2.boxFilter(seen.upright, cv2.CV_8U, (17, 9))
-    return u8(cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
+    out = np.empty_like(seen.upright)
+    mark_dense(seen.upright, LEAST_LIT, out)
+    return out
 
 
 class FaceFinder:
@@ -299,8 +303,11 @@ class FaceFinder:
     def _sight(self, seen: Evidence) -> tuple[float, bool]:
         """How surely the picture would show crop in the blade's way, and whether a part of it is
         veiled: ground there has steps too, dust, glare and a covered lens have none."""
-        ninths = cv2.resize(seen.steps[self._way], (3, 3), interpolation=cv2.INTER_AREA) / 255.0
-        return min(0.95, SEEN_SHARE * float(ninths.mean())), bool(ninths.min() < VEIL_SHARE)
+        way = seen.steps[self._way]
+        counts = np.empty((3, 3), np.int64)
+        ninths(way, counts)
+        shares = np.rint(255.0 * counts / way.size) / 255.0
+        return min(0.95, SEEN_SHARE * float(shares.mean())), bool(shares.min() < VEIL_SHARE)
 
     def _tops(self, dense: Mask) -> float:
         """Rows from the tops of the stems in the blade's way down to the horizon; NaN without."""

@@ -17,14 +17,30 @@ BLOCK_PX = 16
 def block_sums(steps: Mask, grey: Mask, sums: NDArray[np.int32]) -> None:
     """Sums of steps and of grey per block of columns and row, running from the top:
     (2, rows + 1, blocks)."""
+    blocks = sums.shape[2]
+    # Neighbours are added up in pairs, then pairs of pairs: whole rows at once.
+    two = np.empty(blocks * BLOCK_PX // 2, np.uint16)
+    four = np.empty(blocks * BLOCK_PX // 4, np.uint16)
+    low, one = np.uint16(255), np.uint16(1)
+    for b in range(blocks):
+        sums[0, 0, b], sums[1, 0, b] = 0, 0
     for v in range(steps.shape[0]):
-        for b in range(sums.shape[2]):
-            step, level = np.int32(0), np.int32(0)
-            for u in range(b * BLOCK_PX, (b + 1) * BLOCK_PX):
-                step += np.int32(steps[v, u] & 1)
-                level += np.int32(grey[v, u])
-            sums[0, v + 1, b] = sums[0, v, b] + step
-            sums[1, v + 1, b] = sums[1, v, b] + level
+        for which in range(2):
+            row = (steps[v] if which == 0 else grey[v])[: blocks * BLOCK_PX].view(np.uint16)
+            if which == 0:
+                for k in range(row.shape[0]):
+                    two[k] = (row[k] & one) + (row[k] >> np.uint16(8) & one)
+            else:
+                for k in range(row.shape[0]):
+                    two[k] = (row[k] & low) + (row[k] >> np.uint16(8))
+            for k in range(four.shape[0]):
+                four[k] = two[2 * k] + two[2 * k + 1]
+            before, after = sums[which, v], sums[which, v + 1]
+            for b in range(blocks):
+                four_b = np.int32(four[4 * b]) + np.int32(four[4 * b + 1])
+                after[b] = (
+                    before[b] + four_b + np.int32(four[4 * b + 2]) + np.int32(four[4 * b + 3])
+                )
 
 
 @numba.njit(cache=True, nogil=True)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from host.vision.geometry import Camera
-from host.vision.pictures import Mask, u8
+from host.vision.pictures import Mask
 
-Places = NDArray[np.int16]
+Words = NDArray[np.uint32]
 
 LONGER = 1.7
 """Than stubble: the least length of a standing stem."""
@@ -27,43 +28,63 @@ def least_length_px(camera: Camera, blade_height_m: float) -> NDArray[np.float32
     return np.asarray(np.maximum(LEAST_PX, LONGER * stubble), np.float32)
 
 
-def rails(width: int, height: int, camera: Camera | None, tilt_deg: float) -> NDArray[np.float32]:
-    """(n, 2): the columns at which each rail crosses the picture's top and bottom rows. A rail is
-    the image of a true vertical, leant by `tilt_deg` to the right at its upper end. Neighbouring
-    rails are never more than one pixel apart, so together they visit every pixel."""
+GROUP = 32
+"""Rails that are worked on at once: no more than a pixel apart, they lie in as many pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rails:
+    """Where rails cross the rows of pictures of one size, worked out once; group by group of them.
+    Columns count from 1; 0 and the width + 1 are outside."""
+
+    firsts: NDArray[np.int16]
+    """(pairs of rows, groups): the column of a group's first rail."""
+    offsets: Mask
+    """(pairs of rows, rails): how many columns a rail lies right of its group's first."""
+    spans: NDArray[np.int16]
+    """(pairs of rows, 2): the first group with a rail inside the picture, and the first beyond."""
+
+
+def rails(width: int, height: int, camera: Camera | None, tilt_deg: float) -> Rails:
+    """A rail is the image of a true vertical, leant by `tilt_deg` to the right at its upper end.
+    Neighbouring rails are never more than one pixel apart, so together they visit every pixel."""
     point = camera.upright_vanishing_point() if camera else None
     shift = math.tan(math.radians(tilt_deg)) * height
     if point is None:
         lean = float(camera.lean_rad([[0.0, 0.0]])[0]) if camera else 0.0
         shift += math.tan(lean) * height
-        n = np.arange(-math.ceil(abs(shift)), width + math.ceil(abs(shift)), dtype=np.float64)
-        return np.column_stack([n, n - shift]).astype(np.float32)
-    pu, pv = point
-    scale = (height - pv) / (0.0 - pv)
-    below = pv > height / 2
-    margin = math.ceil(abs(shift)) + math.ceil(width * abs(scale - 1))
-    n = np.arange(-margin, width + margin, dtype=np.float64)
-    top, bottom = (n, pu + (n - pu) * scale) if below else (pu + (n - pu) / scale, n)
-    return np.column_stack([top, bottom - shift]).astype(np.float32)
+        top = np.arange(-math.ceil(abs(shift)), width + math.ceil(abs(shift)), dtype=np.float64)
+        bottom = top
+    else:
+        pu, pv = point
+        scale = (height - pv) / (0.0 - pv)
+        margin = math.ceil(abs(shift)) + math.ceil(width * abs(scale - 1))
+        n = np.arange(-margin, width + margin, dtype=np.float64)
+        below = pv > height / 2
+        top, bottom = (n, pu + (n - pu) * scale) if below else (pu + (n - pu) / scale, n)
+    track = np.column_stack([top, bottom - shift]).astype(np.float32)
+    pairs, groups = height // 2, -(-len(track) // GROUP)
+    # Rails that fill up the last group are the last one again.
+    filled = np.concatenate([track, np.repeat(track[-1:], groups * GROUP - len(track), 0)])
+    places = _places(filled, width, pairs).reshape(pairs, groups, GROUP)
+    firsts = np.ascontiguousarray(places[..., 0])
+    offsets = (places - firsts[..., None]).astype(np.uint8).reshape(pairs, groups * GROUP)
+    inside: NDArray[np.bool_] = np.any((places > 0) & (places <= width), axis=2)
+    spans = np.stack([inside.argmax(1), groups - inside[:, ::-1].argmax(1)], 1).astype(np.int16)
+    return Rails(firsts, offsets, spans)
 
 
-# Each loop below does one thing, over neighbours, in bytes: that is what compilers make quick.
-
-
-@numba.njit(cache=True, nogil=True, boundscheck=False)
-def _places(track: NDArray[np.float32], width: int, places: Places, spans: Places) -> None:
-    """Per pair of rows and rail the column of the rail, in (0, width) limited to -1 and `width`;
-    and which rails are inside."""
-    pairs, n = places.shape
+def _places(track: NDArray[np.float32], width: int, pairs: int) -> NDArray[np.int16]:
+    """(pairs of rows, rails): the column of each rail, in (0, width + 1), by the columns (n, 2) at
+    which it crosses the picture's top and bottom rows."""
     slope = (track[:, 1] - track[:, 0]) / np.float32(pairs)
-    start = track[:, 0] + np.float32(1.5)
-    low, high = np.float32(0.0), np.float32(width + 1)
-    for v in range(pairs):
-        place, row = places[v], np.float32(v)
-        for r in range(n):
-            place[r] = np.int16(min(high, max(low, start[r] + slope[r] * row))) - 1
-        spans[v, 0] = np.searchsorted(place, 0)
-        spans[v, 1] = np.searchsorted(place, width)
+    row = np.arange(pairs, dtype=np.float32)[:, None]
+    at = track[:, 0] + np.float32(1.5) + slope * row
+    return np.clip(at, 0, width + 1).astype(np.int16)
+
+
+# Each loop below does one thing, over neighbours, in bytes or bits: that is what compilers make
+# quick. To look a rail's pixel up by its place would take ten times as long.
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -95,33 +116,101 @@ def _keep(lengths: Mask, kept: Mask, since: Mask, least: int, gap: int) -> None:
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
-def _mark(on: Mask, track: NDArray[np.float32], least: Mask, gap: int, out: Mask) -> None:
-    """Sets `out` on the pieces of one track; `on` and `out` are 0 or 1, a row for a pair of rows.
-    `least` and `gap` count in such pairs."""
-    pairs, width = on.shape
-    n = track.shape[0]
-    places, spans = np.empty((pairs, n), np.int16), np.empty((pairs, 2), np.int16)
-    _places(track, width, places, spans)
+def _from_pixels(
+    bits: Words, first: NDArray[np.int16], offset: Mask, here: Mask, windows: Words
+) -> None:
+    """For each rail of some groups, 0 or 1: its pixel of a row of `bits`. `windows`: room for a
+    word for each group."""
+    for g in range(first.shape[0]):
+        at = first[g]
+        word, shift = at >> 5, np.uint64(at & 31)
+        both = np.uint64(bits[word]) | np.uint64(bits[word + 1]) << np.uint64(32)
+        windows[g] = np.uint32(both >> shift)
+    for g in range(first.shape[0]):
+        window = windows[g]
+        for k in range(GROUP):
+            bit = np.uint32(1) << np.uint32(offset[GROUP * g + k] & np.uint8(31))
+            here[GROUP * g + k] = np.uint8(bit & window != np.uint32(0))
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _to_pixels(here: Mask, first: NDArray[np.int16], offset: Mask, bits: Words) -> None:
+    """Sets the pixels of those rails of some groups that are 1."""
+    for g in range(first.shape[0]):
+        window = np.uint32(0)
+        for k in range(GROUP * g, GROUP * g + GROUP):
+            window |= np.uint32(here[k]) << (offset[k] & np.uint8(31))
+        at = first[g]
+        word, both = at >> 5, np.uint64(window) << np.uint64(at & 31)
+        bits[word] |= np.uint32(both)
+        bits[word + 1] |= np.uint32(both >> np.uint64(32))
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _mark(
+    on: Words,
+    firsts: NDArray[np.int16],
+    offsets: Mask,
+    spans: NDArray[np.int16],
+    least: Mask,
+    gap: int,
+    out: Words,
+) -> None:
+    """Sets `out` on the pieces along some rails; `on` and `out` have a bit for each pixel of a pair
+    of rows. `least` and `gap` count in such pairs."""
+    pairs, n = offsets.shape
     lengths = np.empty((pairs, n), np.uint8)
     length, since = np.zeros(n, np.uint8), np.full(n, 255, np.uint8)
+    windows = np.empty(n // GROUP, np.uint32)
     for v in range(pairs):
-        first, end = spans[v]
-        row, place, here = on[v], places[v], lengths[v]
-        for r in range(first, end):
-            here[r] = row[place[r]]
-        _lengths(here[first:end], length[first:end], since[first:end], gap)
+        g, h = spans[v]
+        a, b = GROUP * g, GROUP * h
+        _from_pixels(on[v], firsts[v, g:h], offsets[v, a:b], lengths[v, a:b], windows)
+        _lengths(lengths[v, a:b], length[a:b], since[a:b], gap)
     kept = np.zeros(n, np.uint8)
     since[:] = 255
     for v in range(pairs - 1, -1, -1):
-        first, end = spans[v]
-        row, place, here = out[v], places[v], lengths[v]
-        _keep(here[first:end], kept[first:end], since[first:end], least[v], gap)
-        for r in range(first, end):
-            row[place[r]] |= here[r]
+        g, h = spans[v]
+        a, b = GROUP * g, GROUP * h
+        _keep(lengths[v, a:b], kept[a:b], since[a:b], least[v], gap)
+        _to_pixels(lengths[v, a:b], firsts[v, g:h], offsets[v, a:b], out[v])
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _packed(on: Mask, bits: Words) -> None:
+    """Sets the bits of the pixels that are lit in either of a pair of rows."""
+    width = on.shape[1]
+    lit = np.zeros(32 * bits.shape[1], np.uint8)
+    for v in range(bits.shape[0]):
+        upper, lower, row = on[2 * v], on[2 * v + 1], bits[v]
+        for u in range(width):
+            lit[u + 1] = (upper[u] | lower[u]) & np.uint8(1)
+        for word in range(row.shape[0]):
+            bit = np.uint32(0)
+            for k in range(32):
+                bit |= np.uint32(lit[32 * word + k]) << np.uint32(k)
+            row[word] = bit
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _unpacked(on: Mask, bits: Words, out: Mask) -> None:
+    """`on` where a pair of rows has its bit set."""
+    width = on.shape[1]
+    mask = np.empty(32 * bits.shape[1], np.uint8)
+    for v in range(bits.shape[0]):
+        row = bits[v]
+        for word in range(row.shape[0]):
+            bit = row[word]
+            for k in range(32):
+                mask[32 * word + k] = -(np.uint8(bit >> np.uint32(k)) & np.uint8(1))
+        for half in range(2):
+            pixel, kept = on[2 * v + half], out[2 * v + half]
+            for u in range(width):
+                kept[u] = pixel[u] & mask[u + 1]
 
 
 def upright_pieces(
-    on: Mask, tracks: list[NDArray[np.float32]], least_px: NDArray[np.float32], gap_px: int = 1
+    on: Mask, tracks: list[Rails], least_px: NDArray[np.float32], gap_px: int = 1
 ) -> Mask:
     """Keeps the lit pixels of `on` that lie on a piece along a rail which is at least `least_px` of
     the piece's lowest row long (height,); gaps up to `gap_px` rows are bridged. A piece's lowest
@@ -129,13 +218,14 @@ def upright_pieces(
 
     Rows are taken in pairs, which halves the work; what is longer than 510 rows is always enough.
     """
-    pairs = on.shape[0] // 2
-    both = on[: 2 * pairs].reshape(pairs, 2, -1)
-    lit = u8(np.bitwise_or(both[:, 0], both[:, 1]) & 1)
+    pairs, width = on.shape[0] // 2, on.shape[1]
+    # One word more than the pixels and the two columns outside fill: windows reach into it.
+    lit = np.empty((pairs, (width + 2 + 31) // 32 + 1), np.uint32)
+    _packed(on, lit)
     least = np.clip(np.ceil(least_px[1 : 2 * pairs : 2] / 2), 1, 255).astype(np.uint8)
     marked = np.zeros_like(lit)
     for track in tracks:
-        _mark(lit, track, least, gap_px // 2, marked)
+        _mark(lit, track.firsts, track.offsets, track.spans, least, gap_px // 2, marked)
     out = np.zeros_like(on)
-    np.multiply(both, marked[:, None], out=out[: 2 * pairs].reshape(pairs, 2, -1))
+    _unpacked(on, marked, out)
     return out

@@ -6,6 +6,7 @@ import math
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from host.vision.mounted.evidence import Floats, Sums
 from host.vision.pictures import Mask
@@ -51,15 +52,21 @@ def profile(
     """Per lateral bin of the face's two bands of height (lower from, to, upper from, to), from the
     right end: pixels, stems, steps, grey (n, 4). `reach`: least and greatest `upward` of each row.
 
-    Counts share a word, three of 20 bits; the first and the last bin are for what is outside."""
+    A bin's counts of some rows share a word: pixels, stems and steps of 14 bits, grey of 22. The
+    first and the last bin are for what is outside. Columns take turns between two sets of bins:
+    neighbours often share a bin, and would wait for each other."""
     height, width = upright.shape
     bins = sums.shape[0]
     low = np.float32((bands[0] - origin[1]) / scale), np.float32((bands[2] - origin[1]) / scale)
     high = np.float32((bands[1] - origin[1]) / scale), np.float32((bands[3] - origin[1]) / scale)
     first, per = np.float32((origin[0] - right) / BIN_M + 1.0), np.float32(scale / BIN_M)
     none, last = np.float32(0.0), np.float32(bins + 1)
-    counts = np.zeros((bins + 2, 2), np.int64)
+    counts = np.zeros(2 * (bins + 2), np.int64)
     place, word = np.empty(width, np.int32), np.empty(width, np.int64)
+    # Of each set a bin is of half a row at most, so of 2^13 pixels: a word holds their grey.
+    together = max(1, (1 << 14) // (width + 1))
+    sums[:] = 0.0
+    rows = 0
     for v in range(height):
         least, most = reach[v]
         if not ((least <= high[0] and most >= low[0]) or (least <= high[1] and most >= low[1])):
@@ -68,17 +75,31 @@ def profile(
         for u in range(width):
             inside = ((low[0] <= z[u]) & (z[u] <= high[0])) | ((low[1] <= z[u]) & (z[u] <= high[1]))
             b = min(last, max(none, first + per * aside[u]))
-            place[u] = np.int32(b) if inside else np.int32(0)
+            place[u] = 2 * (np.int32(b) if inside else np.int32(0)) + (u & 1)
         for u in range(width):
-            word[u] = 1 | np.int64(stem[u] & 1) << 20 | np.int64(step[u] & 1) << 40
+            lit = 1 | np.int64(stem[u] & 1) << 14 | np.int64(step[u] & 1) << 28
+            word[u] = lit | np.int64(level[u]) << 42
         for u in range(width):
-            counts[place[u], 0] += word[u]
-            counts[place[u], 1] += level[u]
-    field = (1 << 20) - 1
-    for b in range(bins):
-        pixels = counts[b + 1, 0]
-        sums[b, 0], sums[b, 1] = pixels & field, pixels >> 20 & field
-        sums[b, 2], sums[b, 3] = pixels >> 40, counts[b + 1, 1]
+            counts[place[u]] += word[u]
+        rows += 1
+        if rows == together:
+            _empty(counts, sums)
+            rows = 0
+    _empty(counts, sums)
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _empty(counts: NDArray[np.int64], sums: Sums) -> None:
+    """Adds the counts of `profile` to its sums, and sets them back."""
+    field = (1 << 14) - 1
+    for b in range(sums.shape[0]):
+        for k in range(2 * b + 2, 2 * b + 4):
+            word = counts[k]
+            sums[b, 0] += word & field
+            sums[b, 1] += word >> 14 & field
+            sums[b, 2] += word >> 28 & field
+            sums[b, 3] += word >> 42
+    counts[:] = 0
 
 
 @numba.njit(cache=True, nogil=True)

@@ -35,3 +35,16 @@ def test_a_foot_divides_bright_from_dark_whichever_is_above(grey: tuple[int, int
 def test_a_foot_has_its_steps_above() -> None:
     assert feet(grey=(120, 120), steps=(True, False)) == [FOOT] * BLOCKS
     assert feet(grey=(120, 120), steps=(False, True)) != [FOOT] * BLOCKS
+
+
+def test_sums_run_from_the_top_block_by_block() -> None:
+    rng = np.random.default_rng(1)
+    marks = np.where(rng.random((ROWS, 70)) < 0.5, 255, 0).astype(np.uint8)
+    levels = rng.integers(0, 256, (ROWS, 70)).astype(np.uint8)
+    blocks = 70 // BLOCK_PX
+    sums = np.full((2, ROWS + 1, blocks), -1, np.int32)
+    block_sums(marks, levels, sums)
+    for found, plane in zip(sums, (marks & 1, levels), strict=True):
+        each = plane[:, : blocks * BLOCK_PX].reshape(ROWS, blocks, BLOCK_PX).sum(2)
+        assert np.array_equal(found[1:], each.cumsum(0))
+        assert not found[0].any()

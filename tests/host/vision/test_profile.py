@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from host.vision.mounted.profile import right_end
+from host.vision.mounted.profile import BIN_M, profile, right_end
 
 WINDOW = 60
 """Bins."""
@@ -22,3 +22,24 @@ def test_of_two_ends_the_outer_one_counts_unless_the_other_was_there_before(
     sums[60:140, 1], sums[140:, 1] = 45.0, 95.0
     spread = np.array([0.1, 0.1, 20.0])
     assert right_end(sums, WINDOW, 196, expected, spread)[0] == found
+
+
+def test_a_bin_holds_what_its_pixels_are_however_many() -> None:
+    """A picture of which every column is a bin, but for those that share one."""
+    rows, columns = 480, 200
+    rng = np.random.default_rng(1)
+    stems, steps = (np.where(rng.random((rows, columns)) < p, 255, 0) for p in (0.3, 0.9))
+    grey = rng.integers(200, 256, (rows, columns))
+    lateral = np.minimum(np.arange(columns), 30) * BIN_M + BIN_M / 2
+    across = np.broadcast_to(lateral, (rows, columns)).astype(np.float32)
+    upward = np.broadcast_to(np.linspace(1.0, 0.0, rows)[:, None], (rows, columns))
+    upward = np.ascontiguousarray(upward, np.float32)
+    reach = np.stack([upward.min(1), upward.max(1)], 1)
+    sums = np.full((40, 4), -1.0)
+    planes = [np.asarray(p, np.uint8) for p in (stems, steps, grey)]
+    profile(*planes, across, upward, reach, 1.0, (0.0, 0.0), (0.2, 0.3, 0.5, 0.9), 0.0, sums)
+    inside = ((upward >= 0.2) & (upward <= 0.3)) | ((upward >= 0.5) & (upward <= 0.9))
+    place = np.minimum(np.arange(columns), 30)
+    for k, weight in enumerate((np.ones_like(grey), stems > 0, steps > 0, grey)):
+        plain = np.bincount(place, (inside * weight).sum(0), minlength=40)
+        assert np.array_equal(sums[:, k], plain)

@@ -10,7 +10,7 @@ import pytest
 
 from host.core.vehicle import MAST
 from host.vision.geometry import Camera
-from host.vision.mounted.lines import least_length_px, rails, upright_pieces
+from host.vision.mounted.lines import GROUP, Rails, least_length_px, rails, upright_pieces
 from host.vision.pictures import Mask
 
 
@@ -77,3 +77,27 @@ def test_stubble_is_shorter_than_the_least_length_at_every_row() -> None:
     camera = Camera(MAST)
     rows = camera.stem_rows_px(0.12)
     assert (least_length_px(camera, 0.12) > rows).all()
+
+
+def _followed(on: Mask, track: Rails, least: int, width: int) -> Mask:
+    """The pieces along rails, by one rail after the other: pairs of rows, no gaps bridged."""
+    lit = (on[::2] | on[1::2]) > 0
+    out = np.zeros_like(on)
+    columns = np.repeat(track.firsts, GROUP, 1) + track.offsets.astype(np.int16) - 1
+    for places in columns.T:
+        inside = (places >= 0) & (places < width)
+        rows = np.flatnonzero(inside)[lit[inside, places[inside]]]
+        for piece in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+            if len(piece) >= least:
+                out[2 * piece, places[piece]] = out[2 * piece + 1, places[piece]] = 255
+    return out & on
+
+
+@pytest.mark.parametrize("camera", [None, Camera(MAST)])
+def test_pieces_are_those_of_each_rail_by_itself(camera: Camera | None) -> None:
+    rng = np.random.default_rng(1)
+    on = np.where(rng.random((480, 640)) < 0.4, 255, 0).astype(np.uint8)
+    track = rails(640, 480, camera, 3.5)
+    out = upright_pieces(on, [track], np.full(480, 10, np.float32), 1)
+    assert 0.05 < (out > 0).mean() < 0.3
+    assert np.array_equal(out, _followed(on, track, 5, 640))
