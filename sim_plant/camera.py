@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field as Limits
 
-from sim_plant import disturbance, ground, labels, noise, render, sky, texture
+from sim_plant import disturbance, labels, noise, render, sky, texture
 from sim_plant.disturbance import DisturbanceSpec
 from sim_plant.field import Field
 from sim_plant.sky import WeatherSpec
@@ -27,15 +27,21 @@ from sim_plant.strict import NotNegative, Positive, Share, Strict
 def axes(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
     """(3, 3): a camera's right, down and forward axes as rows; radians, yaw to the left, pitch
     downward, roll clockwise."""
-    cp, sp, cy, sy, cr, sr = (g(a) for a in (pitch, yaw, roll) for g in (math.cos, math.sin))
-    level = (sy, -cy, 0.0)
-    under = (-cy * sp, -sy * sp, -cp)
-    return np.array(
-        [
-            [cr * a + sr * b for a, b in zip(level, under, strict=True)],
-            [cr * b - sr * a for a, b in zip(level, under, strict=True)],
-            [cy * cp, sy * cp, -sp],
-        ]
+    return np.array(_axes(yaw, pitch, roll))
+
+
+_Row = tuple[float, float, float]
+
+
+def _axes(yaw: float, pitch: float, roll: float) -> tuple[_Row, _Row, _Row]:
+    """`axes` as plain numbers, which takes a fifth of the time."""
+    cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    cr, sr = math.cos(roll), math.sin(roll)
+    ux, uy, uz = -cy * sp, -sy * sp, -cp
+    return (
+        (cr * sy + sr * ux, -cr * cy + sr * uy, sr * uz),
+        (cr * ux - sr * sy, cr * uy + sr * cy, cr * uz),
+        (cy * cp, sy * cp, -sp),
     )
 
 
@@ -89,9 +95,10 @@ class CameraSpec(Strict):
 
 
 _VEIL_SCALE: Final = 4
-"""The blade's dust is drawn so much smaller."""
+"""The blade's dust is drawn so much smaller; `render.cpp` knows it, too."""
 _DUST_BGR: Final = np.array([160.0, 182.0, 200.0])
 """Of dry soil's dust in sunlight; by eye."""
+_NOISE_ROWS: Final = 96
 _GUSTS: Final = 0.35
 """Of the mean lean, what gusts add and take."""
 
@@ -100,28 +107,6 @@ LOW = CameraSpec(x_m=0.1, z_m=0.6, pitch_deg=5.0)
 MAST = CameraSpec(x_m=0.0, z_m=1.6, pitch_deg=28.0)
 """Looking over the crop."""
 MOUNTS: Final = {"low": LOW, "mast": MAST}
-
-
-def cells_to(body: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(rows, columns): how far the nearest cell of `body`, of the same shape, is away, in cells;
-    more than any distance between two cells where there is none. The last bits of OpenCV's answer
-    depend on where its arrays lie in memory; the square of a distance between cells is a whole
-    number."""
-    cells = cv2.distanceTransform((~body).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    # Without a cell of `body` OpenCV gives the largest float there is, whose square is none.
-    cells = np.minimum(cells, np.float32(sum(body.shape)))
-    return np.sqrt(np.rint(np.square(cells, dtype=np.float32)))
-
-
-def _body(kind: NDArray[np.uint8], narrowest: int) -> NDArray[np.bool_]:
-    """Coarse cells, half as many each way as `kind`, that hold a solid thing or crop that stands at
-    least `narrowest` cells wide."""
-    solid = (kind == ground.OBSTACLE) | (kind == ground.TRUNK)
-    crop: NDArray[Any] = ((kind == ground.CROP) | (kind == ground.NEIGHBOUR)).view(np.uint8)
-    block = np.ones((narrowest, narrowest), np.uint8)
-    crop = cv2.morphologyEx(crop, cv2.MORPH_OPEN, block, borderType=cv2.BORDER_REPLICATE)
-    body = (crop > 0) | solid
-    return np.asarray(body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,17 +160,16 @@ def _crowns_of(field: Field) -> NDArray[np.float64]:
 
 
 def _noise_of(spec: CameraSpec, rng: np.random.Generator) -> NDArray[np.int8]:
-    """The sensor's, larger than a picture, so that each begins elsewhere in it."""
-    rows, columns = spec.height_px + 128, spec.width_px + 128
-    tile = rng.normal(0, spec.noise, (rows, columns, 3)).clip(-127, 127)
-    return np.asarray(np.rint(tile), np.int8).reshape(rows, -1)
+    """The sensor's: rows wider than a picture's, so that each begins elsewhere in one of them. As
+    many as stay in a processor's nearer caches."""
+    shape = _NOISE_ROWS, spec.width_px + render.NOISE_OFFSETS, 3
+    return np.asarray(np.rint(rng.normal(0, spec.noise, shape).clip(-127, 127)), np.int8)
 
 
 def _vignette_of(rays: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(height, width, 3): how much of the light a lens lets through, of 255."""
+    """(height, width): how much of the light a lens lets through, of 255."""
     radius = np.linalg.norm(rays, axis=2) / np.linalg.norm(rays[0, 0])
-    light = np.rint(255 * (1 - 0.22 * radius**2)).astype(np.uint8)[..., None]
-    return np.repeat(light, 3, axis=2)
+    return np.asarray(np.rint(255 * (1 - 0.22 * radius**2)), np.uint8)
 
 
 class Camera:
@@ -218,14 +202,11 @@ class Camera:
         self.scene = _scene_of(field)
         """The grids that pictures are made from: the field as of the last shot developed."""
         self._tallest = float(self.scene.stand[..., render.HEIGHT].max() * render.UNIT)
-        self._coarse = field.coarse
-        self._tallest_crop = field.tallest_crop_m
         self._crowns = _crowns_of(field)
-        corner = np.array([*field.origin, 0.0, 0.0])
-        self._crowns_in_cells = (self._crowns - corner) / self._coarse
-        blocks = tuple(math.ceil(n * self._coarse / render.BLOCK_M - 1e-9) for n in coarse)
+        blocks = tuple(math.ceil(n * field.coarse / render.BLOCK_M - 1e-9) for n in coarse)
         self._known = np.zeros(blocks, np.uint8)
-        self._refresh(0, coarse[0], 0, coarse[1])
+        # A strip left standing that is narrower than this is a row of stalks without a body.
+        self._narrowest = max(2, round(0.25 / field.cell))
         # Drawn from `rng` in this order, which fixes a seed's pictures.
         panorama = sky.panorama(self.weather, rng)
         packs = render.bake_packs(rng, field.spec)
@@ -235,7 +216,9 @@ class Camera:
         """(height, width, 2): right and down per metre ahead of every pixel, undistorted."""
         self._image = np.zeros((h, w, 3), np.uint8)
         self._kernels = self._bind(field, panorama, packs)
+        self._kernels.refresh(0, coarse[0], 0, coarse[1], self._narrowest)
         self._header = self._bake_header() if self.spec.machine_in_view else None
+        self._place = np.vstack([self.spec.axes, (self.spec.x_m, self.spec.y_m, self.spec.z_m)])
         self._veil = np.zeros((h // _VEIL_SCALE, w // _VEIL_SCALE), np.float32)
         self._clouds = noise.smooth_grid(
             seed + 14,
@@ -254,7 +237,6 @@ class Camera:
                 wrong, (w, h), s.focal_px, s.readout_s, s.shutter_s, seed
             )
         self._vignette = _vignette_of(self.rays)
-        self._sampled_vignette = self._vignette[::8, ::8] / np.float32(255)
 
     def _bind(
         self, field: Field, panorama: NDArray[np.uint8], packs: NDArray[Any]
@@ -291,7 +273,8 @@ class Camera:
             crown_count=len(self._crowns), tile_size=tiles.shape[1],
             panorama_rows=panorama.shape[0], panorama_columns=panorama.shape[1],
             rows=h, columns=w, bins=bins, seed=self._seed, parts=render.PARTS, stride=stride,
-            lens=tuple(self._undistortion()), light=self._light_terms(light),
+            lens=tuple(self._undistortion()), sun=(self._sun.east, self._sun.north, self._sun.up),
+            light=self._light_terms(light),
         )  # fmt: skip
         kernels = render.Kernels(picture)
         empty = (np.zeros((bins, render.PIECES), np.float32) for _ in range(3))
@@ -309,10 +292,8 @@ class Camera:
             first=np.zeros(render.MOST_BLOCKS + 1, np.int64),
             drawn=np.zeros((render.PARTS, 2), np.int64),
             sorted_first=np.zeros(render.PARTS + 1, np.int64),
-            depth=np.zeros((w, stride), np.float32), key=np.zeros((w, stride), np.uint32),
-            colour=np.zeros((w, stride), np.uint32), image=self._image,
+            image=self._image,
         )  # fmt: skip
-        self._colour = kernels.held("colour")[:, :h]
         return kernels
 
     def _bake_rays(self) -> NDArray[np.float32]:
@@ -343,58 +324,6 @@ class Camera:
         distorted = ideal * (1 + r * (self.spec.k1 + r * self.spec.k2))
         powers = distorted[:, None] ** np.arange(2, 10, 2)
         return np.asarray(np.linalg.lstsq(powers, ideal / distorted - 1, rcond=None)[0])
-
-    def _refresh(self, j0: int, j1: int, i0: int, i1: int) -> None:
-        """Derived grids of the coarse cells [j0, j1) x [i0, i1), after `kind` changed there."""
-        scene = self.scene
-        rows, columns = scene.clear.shape
-        # A strip left standing that is narrower than this is a row of stalks without a body.
-        narrowest = max(2, round(0.25 / scene.cell))
-        # Coarse cells that a change of `kind` reaches in this way, and what they depend on.
-        wide = (narrowest + 1) // 2
-        p, q = max(0, j0 - wide), min(rows, j1 + wide)
-        r, s = max(0, i0 - wide), min(columns, i1 + wide)
-        a, b = max(0, p - wide), min(rows, q + wide)
-        c, d = max(0, r - wide), min(columns, s + wide)
-        body = _body(scene.kind[2 * a : 2 * b, 2 * c : 2 * d], narrowest)
-        body = body[p - a : q - a, r - c : s - c]
-        scene.stand[p:q, r:s, render.BODY] = body
-        scene.tops[p:q, r:s] = scene.stand[p:q, r:s, render.HEIGHT] * body
-        # Distances beyond this are capped, so that a change reaches no further than the cap.
-        cap = 1.0
-        pad = math.ceil(cap / self._coarse)
-        a, b, c, d = max(0, p - 2 * pad), q + 2 * pad, max(0, r - 2 * pad), s + 2 * pad
-        # The diagonal: the point and the crop may each lie at the far corner of their cells.
-        clear = np.clip((cells_to(scene.tops[a:b, c:d] > 0) - 1.4143) * self._coarse, 0, cap)
-        p, q = max(0, p - pad), min(rows, q + pad)
-        r, s = max(0, r - pad), min(columns, s + pad)
-        scene.clear[p:q, r:s] = clear[p - a : q - a, r - c : s - c]
-        # Only crop is ever cut, so a change lengthens or shortens no longer shadow than the crop's.
-        flat = math.hypot(self._sun.east, self._sun.north) / max(self._sun.up, 0.03)
-        reach = math.ceil(self._tallest_crop * flat / self._coarse) + 1
-        j0, i0 = max(0, j0 - reach), max(0, i0 - reach)
-        j1, i1 = min(rows, j1 + reach), min(columns, i1 + reach)
-        render.shade(
-            scene.stand,
-            self._coarse,
-            self._tallest,
-            (self._sun.east, self._sun.north, self._sun.up),
-            self._crowns_in_cells,
-            j0,
-            j1,
-            i0,
-            i1,
-        )
-        marks = scene.stand[j0:j1, i0:i1, render.SUNLIT].astype(np.int32)
-        for k, (down, along) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
-            quarter = scene.kind[2 * j0 + down : 2 * j1 : 2, 2 * i0 + along : 2 * i1 : 2]
-            marks |= quarter.astype(np.int32) << (16 + 4 * k)
-        scene.marks[j0:j1, i0:i1] = marks
-        # What stands in these blocks is looked up anew.
-        per_block = self._coarse / render.BLOCK_M
-        j0, i0 = (max(0, int(k * per_block) - 1) for k in (j0, i0))
-        j1, i1 = (int(k * per_block) + 2 for k in (j1, i1))
-        self._known[j0:j1, i0:i1] = 0
 
     # ---- taking a picture -----------------------------------------------------------------------
 
@@ -448,8 +377,10 @@ class Camera:
     ) -> NDArray[np.uint8]:
         """What each pixel of `capture` with the same arguments shows: (height, width) uint8 of the
         label constants."""
+        label = np.empty(self._image.shape[:2], np.uint8)
+        self._kernels.hold(labels=label)
         self._render(self.shutter(t, x, y, yaw, roll, pitch, v, yaw_rate, blade_on))
-        label = np.ascontiguousarray((self._colour >> 24).T).astype(np.uint8)
+        self._kernels.picture.labels = None
         if self._header is not None:
             label[self._header[1]] = labels.MACHINE
         # Single stalks stand out of the crop's outline: close their gaps before taking the border.
@@ -479,19 +410,22 @@ class Camera:
         s = self.spec
         instant = round(shot.t * 1e6)
         shake = [s.vibration_deg * noise.normal(self._seed + k, instant, 0) for k in (3, 4)]
-        mount = axes(
-            *(math.radians(a) for a in (s.yaw_deg, s.pitch_deg + shake[0], s.roll_deg + shake[1]))
+        mount = _axes(
+            math.radians(s.yaw_deg),
+            math.radians(s.pitch_deg + shake[0]),
+            math.radians(s.roll_deg + shake[1]),
         )
         # The mount tips with the vehicle about its ground point: about the vehicle's axes, not the
         # camera's own, about which a roll would turn a pitched camera's view aside.
-        right, down, forward = axes(shot.yaw, shot.pitch, shot.roll)
-        vehicle = np.stack([forward, -right, -down])
-        at = np.array([s.x_m, s.y_m, s.z_m]) @ vehicle
+        right, down, forward = _axes(shot.yaw, shot.pitch, shot.roll)
+        vehicle = tuple(zip(forward, (-r for r in right), (-d for d in down), strict=True))
+        x, y, z = (s.x_m * f + s.y_m * left + s.z_m * up for f, left, up in vehicle)
+        seen = [[a * f + b * left + c * up for f, left, up in vehicle] for a, b, c in mount]
         return render.View(
-            x=shot.x + at[0],
-            y=shot.y + at[1],
-            z=max(0.05, at[2]),
-            axes=mount @ vehicle,
+            x=shot.x + x,
+            y=shot.y + y,
+            z=max(0.05, z),
+            axes=np.array(seen),
             focal=s.focal_px,
             cu=s.width_px / 2,
             cv=s.height_px / 2,
@@ -503,7 +437,7 @@ class Camera:
             j0, i0, kinds = shot.change
             j1, i1 = j0 + kinds.shape[0], i0 + kinds.shape[1]
             self.scene.kind[j0:j1, i0:i1] = kinds
-            self._refresh(j0 // 2, (j1 + 1) // 2, i0 // 2, (i1 + 1) // 2)
+            self._kernels.refresh(j0 // 2, (j1 + 1) // 2, i0 // 2, (i1 + 1) // 2, self._narrowest)
         view = self.view(shot)
         kernels = self._kernels
         picture = kernels.picture
@@ -580,12 +514,11 @@ class Camera:
 
     def _raise_dust(self, shot: Shot) -> None:
         s, weather = self.spec, self.weather
-        mount = np.vstack([s.axes, (s.x_m, s.y_m, s.z_m)])
         toward = math.radians(90 - weather.wind_from_deg + 180) - shot.yaw
         wind = 0.4 * weather.wind_mps  # near the ground
         drift = (wind * math.cos(toward) - shot.v, wind * math.sin(toward))
         render.raise_dust(
-            self._image, self._veil, mount, s.focal_px, self._seed + 13, shot.t, drift,
+            self._image, self._veil, self._place, s.focal_px, self._seed + 13, shot.t, drift,
             self._blade_x_m, self._blade_width_m / 2, weather.dust, self._clouds, _DUST_BGR,
         )  # fmt: skip
 
@@ -599,22 +532,17 @@ class Camera:
         if self._lens is not None:
             towards = self.view(shot).axes @ (self._sun.east, self._sun.north, self._sun.up)
             seen = self._lens(seen, towards, 1 - self.weather.cloud)
-        image: NDArray[Any] = cv2.GaussianBlur(seen, (3, 3), 0)
         smear = round(s.focal_px * abs(shot.yaw_rate) * s.shutter_s)
-        if smear > 1:
-            image = cv2.blur(image, (smear, 1))
-        sample = image[::8, ::8] * self._sampled_vignette
-        mean = max(8.0, float(sample.mean()))
+        smeared = smear > 1
+        image: NDArray[Any] = np.ascontiguousarray(seen)
+        if smeared:
+            image = cv2.blur(cv2.GaussianBlur(image, (3, 3), 0), (smear, 1))
+        mean = max(8.0, render.mean_light(image, self._vignette, soft=smeared))
         wander = 1 + 0.04 * (noise.smooth(self._seed + 5, shot.t * 0.4, 0.5) - 0.5)
         gain = wander * (s.target / mean) ** s.exposure
         tint = noise.smooth(self._seed + 6, shot.t * 0.1, 0.5) - 0.5
         cast = np.array([1 + 0.05 * tint, 1.0, 1 - 0.05 * tint], np.float32) * np.float32(gain)
         cast *= disturbance.white_balance(s.disturbance, self._seed, shot.t).astype(np.float32)
         cast *= np.float32(disturbance.hunting(s.disturbance, self._seed, shot.t))
-        gains = np.tile(cast, s.width_px)
-        h = noise.mix(self._seed, round(shot.t * 1e6), 9)
-        dv, du = int(h) % 128, (int(h) >> 8) % 128
-        rough = self._noise[dv : dv + s.height_px, 3 * du : 3 * (du + s.width_px)]
-        flat = s.height_px, 3 * s.width_px
-        answer = render.expose(image.reshape(flat), self._vignette.reshape(flat), gains, rough)
-        return answer.reshape(self._image.shape)
+        draw = int(noise.mix(self._seed, round(shot.t * 1e6), 9))
+        return render.expose(image, self._vignette, cast, self._noise, draw, soft=smeared)

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <vector>
 
 namespace {
 
@@ -36,6 +37,8 @@ constexpr float TEXEL_M = 0.004F;
 constexpr int LEVELS = 8;
 // Of sim_plant/sky.py.
 constexpr float PANORAMA_TOP = 0.84F, PANORAMA_BOTTOM = -0.04F;
+// Of sim_plant/camera.py: the blade's dust is drawn so much smaller.
+constexpr int VEIL = 4;
 // Of sim_plant/render.py.
 constexpr double BLOCK_M = 0.5;
 constexpr int PACKS = 64;
@@ -144,11 +147,11 @@ constexpr int64_t PALETTE_STALKS = PALETTE / STALK_COLOURS;
 struct Picture {
   // The field.
   const uint8_t *kind;
-  const int32_t *marks;
+  int32_t *marks;
   const int32_t *looks;
-  const float *clear;
-  const uint16_t *tops;
-  const uint16_t *stand;
+  float *clear;
+  uint16_t *tops;
+  uint16_t *stand;
   const Grown *packs;
   float *grown;
   uint8_t *known;
@@ -170,16 +173,19 @@ struct Picture {
   int16_t *spans;
   int32_t *sorted;
   int64_t *sorted_first;
+  uint8_t *image;
+  uint8_t *labels;
+  // A strip's own.
   float *depth;
   uint32_t *key;
   uint32_t *colour;
-  uint8_t *image;
 
   double x0, y0, cell, canopy, tallest, roof;
   double x, y, z;
   double axes[9];
   double focal, cu, cv, k1, k2, shear, tangent, corner;
   double lens[4];
+  double sun[3];
   double t, sway_x, sway_y, gust;
   double haze;
   double light[3][LIGHT_TERMS];
@@ -1216,6 +1222,132 @@ void lay(const Picture &p, const Strip &strip) {
   }
 }
 
+// From one corner of a cell to the far one, and rounding, in cells.
+constexpr double DIAGONAL = 1.4143;
+
+// Fills BODY and `tops` of the coarse cells [j0, j1) x [i0, i1): where a solid thing stands, or crop
+// at least `narrowest` fine cells wide each way. `wide`: that many coarse cells further off matter.
+void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1,
+                 int64_t narrowest, int64_t wide) {
+  const int64_t rows = 2 * p.coarse_rows, columns = 2 * p.coarse_columns;
+  // All that the cells asked for depend on. Beyond the field's border its border goes on.
+  const int64_t v0 = std::max<int64_t>(0, 2 * (j0 - wide)), v1 = std::min(rows, 2 * (j1 + wide));
+  const int64_t u0 = std::max<int64_t>(0, 2 * (i0 - wide)), u1 = std::min(columns, 2 * (i1 + wide));
+  const int64_t h = v1 - v0, w = u1 - u0, before = narrowest / 2, after = narrowest - 1 - before;
+  if (h <= 0 || w <= 0) return;
+  std::vector<uint8_t> one(size_t(h * w)), two(size_t(h * w)), line(size_t(w + narrowest));
+  for (int64_t v = 0; v < h; ++v) {
+    const uint8_t *kind = p.kind + (v0 + v) * columns + u0;
+    for (int64_t u = 0; u < w; ++u)
+      one[v * w + u] = uint8_t(int(kind[u] == CROP) | int(kind[u] == NEIGHBOUR));
+  }
+  // The least of each neighbourhood, then the greatest of those.
+  for (const bool least : {true, false}) {
+    const auto gather = [&](uint8_t *out, const uint8_t *in) {
+      for (int64_t u = 0; u < w; ++u) {
+        const uint8_t x = in[u], y = out[u];
+        out[u] = least ? uint8_t(x & y) : uint8_t(x | y);
+      }
+    };
+    for (int64_t v = 0; v < h; ++v) {
+      const uint8_t *in = one.data() + v * w;
+      std::memset(line.data(), in[0], size_t(before));
+      std::memcpy(line.data() + before, in, size_t(w));
+      std::memset(line.data() + before + w, in[w - 1], size_t(after));
+      uint8_t *out = two.data() + v * w;
+      std::memcpy(out, line.data(), size_t(w));
+      for (int64_t k = 1; k < narrowest; ++k) gather(out, line.data() + k);
+    }
+    for (int64_t v = 0; v < h; ++v) {
+      uint8_t *out = one.data() + v * w;
+      std::memcpy(out, two.data() + std::max<int64_t>(0, v - before) * w, size_t(w));
+      for (int64_t k = 1 - before; k <= after; ++k)
+        gather(out, two.data() + limited<int64_t>(v + k, 0, h - 1) * w);
+    }
+  }
+  for (int64_t j = j0; j < j1; ++j) {
+    for (int64_t i = i0; i < i1; ++i) {
+      const uint8_t *kind = p.kind + 2 * j * columns + 2 * i;
+      const uint8_t *crop = one.data() + (2 * j - v0) * w + (2 * i - u0);
+      const bool body = crop[0] || crop[1] || crop[w] || crop[w + 1] || solid(kind[0]) ||
+                        solid(kind[1]) || solid(kind[columns]) || solid(kind[columns + 1]);
+      const int64_t at = j * p.coarse_columns + i;
+      uint16_t *cell = p.stand + at * CHANNELS;
+      cell[BODY] = body;
+      p.tops[at] = body ? cell[HEIGHT] : uint16_t(0);
+    }
+  }
+}
+
+// Fills `clear` of the coarse cells [j0, j1) x [i0, i1): the distance to the nearest body, of which
+// those more than `reach` cells away do not count, less what point and body may lie nearer than
+// their cells' middles; in m, `cap` at most.
+void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t reach,
+                   float coarse, float cap) {
+  const int64_t w = i1 - i0, far = reach + 1;
+  const int64_t top = std::max<int64_t>(0, j0 - reach), bottom = std::min(p.coarse_rows, j1 + reach);
+  if (w <= 0 || bottom <= top) return;
+  // Along each row first, squared.
+  std::vector<uint16_t> along(size_t((bottom - top) * w)), least(static_cast<size_t>(w));
+  for (int64_t j = top; j < bottom; ++j) {
+    const uint16_t *tops = p.tops + j * p.coarse_columns;
+    uint16_t *out = along.data() + (j - top) * w;
+    int64_t away = far;
+    for (int64_t i = std::max<int64_t>(0, i0 - reach); i < i1; ++i) {
+      away = tops[i] > 0 ? 0 : std::min(far, away + 1);
+      if (i >= i0) out[i - i0] = uint16_t(away);
+    }
+    away = far;
+    for (int64_t i = std::min(p.coarse_columns, i1 + reach) - 1; i >= i0; --i) {
+      away = tops[i] > 0 ? 0 : std::min(far, away + 1);
+      if (i < i1) out[i - i0] = std::min(out[i - i0], uint16_t(away));
+    }
+    for (int64_t i = 0; i < w; ++i) out[i] = uint16_t(out[i] * out[i]);
+  }
+  for (int64_t j = j0; j < j1; ++j) {
+    std::fill(least.begin(), least.end(), uint16_t(2 * far * far));
+    for (int64_t k = std::max(top, j - reach); k < std::min(bottom, j + reach + 1); ++k) {
+      const uint16_t *in = along.data() + (k - top) * w, down = uint16_t((k - j) * (k - j));
+      for (int64_t i = 0; i < w; ++i) least[i] = std::min(least[i], uint16_t(in[i] + down));
+    }
+    float *out = p.clear + j * p.coarse_columns + i0;
+    for (int64_t i = 0; i < w; ++i)
+      out[i] = limited((std::sqrt(float(least[i])) - float(DIAGONAL)) * coarse, 0.0F, cap);
+  }
+}
+
+// Fills SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
+void shade(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1) {
+  const int64_t rows = p.coarse_rows, columns = p.coarse_columns;
+  const double coarse = 2.0 * p.cell, east = p.sun[0], north = p.sun[1], up = p.sun[2];
+  const double flat = std::max(std::sqrt(east * east + north * north), 1e-6);
+  const float tangent = float(up / flat), highest_m = float(p.roof);
+  const float dx = float(east / flat / coarse), dy = float(north / flat / coarse);
+  for (int64_t j = j0; j < j1; ++j) {
+    for (int64_t i = i0; i < i1; ++i) {
+      float highest = 0.0F;
+      for (int64_t k = 0; k < p.crown_count; ++k) {
+        // Distance of the crown's centre from the ray towards the sun, in cells.
+        const double *crown = p.crowns + 4 * k;
+        const double cx = (crown[0] - p.x0) / coarse - double(i) - 0.5;
+        const double cy = (crown[1] - p.y0) / coarse - double(j) - 0.5;
+        const double cz = crown[2] / coarse, radius = crown[3] / coarse;
+        const double along = cx * east + cy * north + cz * up;
+        if (cx * cx + cy * cy + cz * cz - along * along < radius * radius)
+          highest = std::max(highest, float(cz * coarse));
+      }
+      for (float s = 0.15F; s * tangent < highest_m; s += 0.05F) {
+        const float x = float(i) + 0.5F + dx * s, y = float(j) + 0.5F + dy * s;
+        if (!(x >= 0.0F && y >= 0.0F && x < float(columns) && y < float(rows))) break;
+        const uint16_t *cell = p.stand + (int64_t(y) * columns + int64_t(x)) * CHANNELS;
+        if (cell[BODY] > 0) highest = std::max(highest, UNIT * cell[HEIGHT] - s * tangent);
+      }
+      p.stand[(j * columns + i) * CHANNELS + SUNLIT] =
+          uint16_t(std::min(65535.0F, highest / UNIT + 0.5F));
+    }
+  }
+}
+
 }  // namespace
 
 extern "C" {
@@ -1337,10 +1469,12 @@ void prepare_part(const Picture &p, int64_t part) {
   }
   p.drawn[2 * part + 1] = n;
   const Heading h(p);
-  const int64_t bins = p.bin_to - p.bin_from;
-  const int64_t last = p.bin_from + bins * (part + 1) / p.parts;
-  for (int64_t b = p.bin_from + bins * part / p.parts; b < last; b += BATCH)
-    profile(p, h, b, std::min(b + BATCH, last));
+  const int64_t batches = (p.bin_to - p.bin_from + BATCH - 1) / BATCH;
+  const int64_t last = batches * (part + 1) / p.parts;
+  for (int64_t k = batches * part / p.parts; k < last; ++k) {
+    const int64_t b = p.bin_from + k * BATCH;
+    profile(p, h, b, std::min(b + BATCH, p.bin_to));
+  }
 }
 
 void prepare(const Picture *picture, int64_t from, int64_t to) {
@@ -1377,8 +1511,19 @@ int64_t sort_stalks(const Picture *picture) {
 }
 
 // Columns of the parts [from, to) of a picture.
-void draw_part(const Picture &p, int64_t part) {
-  const Strip strip(p, part);
+void draw_part(const Picture &whole, int64_t part) {
+  const Strip strip(whole, part);
+  // A strip's pixels stay in the nearer caches: each takes the place of the one before.
+  static thread_local std::vector<float> depth;
+  static thread_local std::vector<uint32_t> key, colour;
+  const size_t pixels = size_t((strip.right - strip.left + 1) * whole.stride);
+  depth.resize(pixels);
+  key.resize(pixels);
+  colour.resize(pixels);
+  Picture p = whole;
+  p.depth = depth.data() - strip.left * p.stride;
+  p.key = key.data() - strip.left * p.stride;
+  p.colour = colour.data() - strip.left * p.stride;
   find_all(p, strip);
   draw_crowns(p, strip.left, strip.right);
   static thread_local uint32_t palette[1 << 16];
@@ -1386,6 +1531,9 @@ void draw_part(const Picture &p, int64_t part) {
   draw_stalks(p, strip, palette);
   fill_all(p, strip, palette);
   lay(p, strip);
+  for (int64_t u = strip.left; whole.labels && u < strip.right; ++u)
+    for (int64_t v = 0; v < p.rows; ++v)
+      whole.labels[v * p.columns + u] = uint8_t(p.colour[u * p.stride + v] >> 24);
 }
 
 void draw(const Picture *picture, int64_t from, int64_t to) {
@@ -1395,50 +1543,62 @@ void draw(const Picture *picture, int64_t from, int64_t to) {
 // The numbers that the plant's other code draws alike (sim_plant/noise.py): for a test.
 double noise_smooth(int64_t seed, double x, double y) { return smooth(int(seed), x, y); }
 
-// Fills SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
-// Nothing is higher than `tallest`. `crowns` (n, 4): x, y, z and radius of the trees' crowns in
-// coarse cells from the grid's corner.
-void shade(uint16_t *stand, int64_t rows, int64_t columns, double coarse, double tallest,
-           double east, double north, double up, const double *crowns, int64_t crown_count,
-           int64_t j0, int64_t j1, int64_t i0, int64_t i1) {
-  const double flat = std::max(std::sqrt(east * east + north * north), 1e-6);
-  const float tangent = float(up / flat), highest_m = float(tallest);
-  const float dx = float(east / flat / coarse), dy = float(north / flat / coarse);
+// What follows from `kind`, after it changed in the coarse cells [j0, j1) x [i0, i1). A strip of
+// crop narrower than `narrowest` cells is a row of stalks without a body.
+void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t narrowest) {
+  const Picture &p = *picture;
+  const double coarse = 2.0 * p.cell;
+  const auto row = [&](int64_t j) { return limited<int64_t>(j, 0, p.coarse_rows); };
+  const auto column = [&](int64_t i) { return limited<int64_t>(i, 0, p.coarse_columns); };
+  // How far a change reaches in this way.
+  const int64_t wide = (narrowest + 1) / 2;
+  j0 = row(j0 - wide), j1 = row(j1 + wide), i0 = column(i0 - wide), i1 = column(i1 + wide);
+  find_bodies(p, j0, j1, i0, i1, narrowest, wide);
+  constexpr float CAP_M = 1.0F;
+  const int64_t reach = int64_t(CAP_M / coarse + DIAGONAL);
+  measure_clear(p, row(j0 - reach), row(j1 + reach), column(i0 - reach), column(i1 + reach), reach,
+                float(coarse), CAP_M);
+  // Shadows fall away from the sun, those of crop, which alone is ever cut, no further than this.
+  const double flat = std::max(std::sqrt(p.sun[0] * p.sun[0] + p.sun[1] * p.sun[1]), 1e-6);
+  const double longest = p.tallest * flat / std::max(p.sun[2], 0.03) / coarse;
+  const double east = longest * p.sun[0] / flat, north = longest * p.sun[1] / flat;
+  i0 = column(i0 - 1 - int64_t(std::ceil(std::max(0.0, east))));
+  i1 = column(i1 + 1 + int64_t(std::ceil(std::max(0.0, -east))));
+  j0 = row(j0 - 1 - int64_t(std::ceil(std::max(0.0, north))));
+  j1 = row(j1 + 1 + int64_t(std::ceil(std::max(0.0, -north))));
+  shade(p, j0, j1, i0, i1);
   for (int64_t j = j0; j < j1; ++j) {
     for (int64_t i = i0; i < i1; ++i) {
-      float highest = 0.0F;
-      for (int64_t k = 0; k < crown_count; ++k) {
-        // Distance of the crown's centre from the ray towards the sun.
-        const double cx = crowns[4 * k] - double(i) - 0.5, cy = crowns[4 * k + 1] - double(j) - 0.5;
-        const double cz = crowns[4 * k + 2], radius = crowns[4 * k + 3];
-        const double along = cx * east + cy * north + cz * up;
-        if (cx * cx + cy * cy + cz * cz - along * along < radius * radius)
-          highest = std::max(highest, float(cz * coarse));
-      }
-      for (float s = 0.15F; s * tangent < highest_m; s += 0.05F) {
-        const float x = float(i) + 0.5F + dx * s, y = float(j) + 0.5F + dy * s;
-        if (!(x >= 0.0F && y >= 0.0F && x < float(columns) && y < float(rows))) break;
-        const uint16_t *cell = stand + (int64_t(y) * columns + int64_t(x)) * CHANNELS;
-        if (cell[BODY] > 0) highest = std::max(highest, UNIT * cell[HEIGHT] - s * tangent);
-      }
-      stand[(j * columns + i) * CHANNELS + SUNLIT] =
-          uint16_t(std::min(65535.0F, highest / UNIT + 0.5F));
+      const int64_t at = j * p.coarse_columns + i;
+      const uint8_t *upper = p.kind + 4 * j * p.coarse_columns + 2 * i,
+                    *lower = upper + 2 * p.coarse_columns;
+      p.marks[at] = int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | uint32_t(upper[0]) << 16 |
+                            uint32_t(upper[1]) << 20 | uint32_t(lower[0]) << 24 |
+                            uint32_t(lower[1]) << 28);
     }
   }
+  // What stands in these blocks is looked up anew.
+  const double per_block = coarse / BLOCK_M;
+  const auto block = [&](int64_t k, int64_t most) {
+    return limited<int64_t>(int64_t(double(k) * per_block), 0, most);
+  };
+  const int64_t b1 = block(j1, p.block_rows - 1), c1 = block(i1, p.block_columns - 1);
+  for (int64_t j = block(j0, p.block_rows - 1); j <= b1; ++j)
+    for (int64_t i = block(i0, p.block_columns - 1); i <= c1; ++i)
+      p.known[j * p.block_columns + i] = 0;
 }
 
 // Lays the blade's dust over a picture (rows, columns, 3) in place. A puff is born along the
 // blade's line every life/PUFFS seconds, rises, grows, drifts by `drift` (m/s in the vehicle frame)
 // and fades. `mount` (4, 3): right, down, forward of the camera in the vehicle frame, and its
-// place. `veil` (rows / scale, columns / scale): room for the opacity; `clouds`, 256 larger each
+// place. `veil` (rows / VEIL, columns / VEIL): room for the opacity; `clouds`, 256 larger each
 // way: noise.
-void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int64_t scale,
-                const double *mount, double focal, int64_t seed, double t, double drift_x,
+void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, const double *mount, double focal, int64_t seed, double t, double drift_x,
                 double drift_y, double ahead, double half_width, double density,
                 const float *clouds, const double *bgr) {
   constexpr int PUFFS = 14, OFFSETS = 256;
   constexpr double LIFE_S = 1.6, EVERY_S = LIFE_S / PUFFS;
-  const int h = int(rows / scale), w = int(columns / scale);
+  const int h = int(rows / VEIL), w = int(columns / VEIL);
   std::memset(veil, 0, size_t(h) * size_t(w) * sizeof(float));
   int top = h, bottom = 0, left = w, right = 0;
   const double newest = std::floor(t / EVERY_S);
@@ -1453,10 +1613,10 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int6
     const double z = mount[6] * px + mount[7] * py + mount[8] * pz;
     if (z < 0.3) continue;
     const double u =
-        focal * (mount[0] * px + mount[1] * py + mount[2] * pz) / z / double(scale) + 0.5 * w;
+        focal * (mount[0] * px + mount[1] * py + mount[2] * pz) / z / double(VEIL) + 0.5 * w;
     const double v =
-        focal * (mount[3] * px + mount[4] * py + mount[5] * pz) / z / double(scale) + 0.5 * h;
-    const double radius = focal * (0.22 + 0.35 * age) / z / double(scale);
+        focal * (mount[3] * px + mount[4] * py + mount[5] * pz) / z / double(VEIL) + 0.5 * h;
+    const double radius = focal * (0.22 + 0.35 * age) / z / double(VEIL);
     const float strength =
         float(density * (1.0 - share) * (0.4 + 0.6 * uniform(int(seed), index, 3)));
     const int across = int(mix(uint32_t(seed), uint32_t(index), 4) % OFFSETS);
@@ -1482,69 +1642,128 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, int6
   }
   if (top >= bottom) return;
   // Enlarged between the middles of the veil's pixels.
-  const int v0 = std::max(0, (top - 1) * int(scale)),
-            v1 = std::min(int(rows), (bottom + 1) * int(scale));
-  const int u0 = std::max(0, (left - 1) * int(scale)),
-            u1 = std::min(int(columns), (right + 1) * int(scale));
-  const float per_scale = 1.0F / float(scale);
-  float column[ROOM], line[3 * ROOM], place[ROOM], dust[3 * ROOM];
-  int32_t from[ROOM];
-  for (int u = u0; u < u1; ++u) {
-    const float x = limited((float(u) + 0.5F) * per_scale - 0.5F, 0.0F, float(w - 1));
-    from[u] = std::min(int(x), w - 2);
-    place[u] = x - float(from[u]);
-    for (int c = 0; c < 3; ++c) dust[3 * u + c] = float(bgr[c]);
-  }
+  const int v0 = std::max(0, (top - 1) * VEIL),
+            v1 = std::min(int(rows), (bottom + 1) * VEIL);
+  const int u0 = std::max(0, (left - 1) * VEIL),
+            u1 = std::min(int(columns), (right + 1) * VEIL);
+  float column[ROOM];
+  int16_t share[ROOM + VEIL], line[3 * ROOM], dust[3 * ROOM];
+  for (int k = 0; k < 3 * int(columns); ++k) dust[k] = int16_t(bgr[k % 3]);
   for (int v = v0; v < v1; ++v) {
-    const float y = limited((float(v) + 0.5F) * per_scale - 0.5F, 0.0F, float(h - 1));
+    const float y = limited((float(v) + 0.5F) / VEIL - 0.5F, 0.0F, float(h - 1));
     const int j = std::min(int(y), h - 2);
     const float fy = y - float(j);
     const float *one = veil + size_t(j) * size_t(w);
-    for (int i = 0; i < w; ++i) column[i] = one[i] + (one[i + w] - one[i]) * fy;
-    for (int u = u0; u < u1; ++u) {
-      const int i = from[u];
-      const float opacity = column[i] + (column[i + 1] - column[i]) * place[u];
-      line[3 * u] = line[3 * u + 1] = line[3 * u + 2] = opacity;
+    float most = 0.0F;
+    for (int i = 0; i < w; ++i) {
+      column[i] = one[i] + (one[i + w] - one[i]) * fy;
+      most = std::max(most, column[i]);
     }
+    if (most <= 0.0F) continue;
+    // In 256ths. Pixels come VEIL by VEIL between the middles of the veil's.
+    column[w] = column[w - 1];
+    for (int k = 0; k < VEIL / 2; ++k) share[k] = int16_t(256.0F * column[0]);
+    for (int i = 0; i < w; ++i)
+      for (int k = 0; k < VEIL; ++k) {
+        const float place = (float(k) + 0.5F) / VEIL;
+        share[VEIL * i + VEIL / 2 + k] =
+            int16_t(256.0F * (column[i] + (column[i + 1] - column[i]) * place));
+      }
+    for (int u = VEIL * w; u < int(columns); ++u) share[u] = share[VEIL * w - 1];
+    for (int u = u0; u < u1; ++u) line[3 * u] = line[3 * u + 1] = line[3 * u + 2] = share[u];
     uint8_t *out = image + (int64_t(v) * columns) * 3;
     for (int k = 3 * u0; k < 3 * u1; ++k)
-      out[k] = uint8_t(int32_t(float(out[k]) + (dust[k] - float(out[k])) * line[k]));
+      out[k] = uint8_t(out[k] + ((dust[k] - out[k]) * line[k] >> 8));
   }
 }
 
-// The sensor's answer, (rows, n): gain by value of a row, a shoulder above 200 counts that keeps
-// highlights from clipping hard, and noise, whose rows are `stride` apart. In steps of 1/32 count;
-// a gain of 1 is 32 / 255 * 65536.
-void expose(const uint8_t *light, const uint8_t *vignette, const uint16_t *gain,
-            const int8_t *rough, int64_t stride, uint8_t *out, int64_t rows, int64_t n) {
+// One row of a picture (rows, columns, 3) through the lens's blur: a binomial of 3 by 3 pixels. The
+// picture goes on mirrored beyond its border, the border itself not repeated. `down`: room for n + 6.
+inline void soften_row(const uint8_t *image, int64_t rows, int64_t n, int64_t v,
+                       uint16_t *__restrict down, uint8_t *__restrict out) {
+  const uint8_t *here = image + v * n;
+  const uint8_t *above = image + (v > 0 ? v - 1 : std::min<int64_t>(1, rows - 1)) * n;
+  const uint8_t *below = image + (v < rows - 1 ? v + 1 : std::max<int64_t>(0, rows - 2)) * n;
+  uint16_t *sum = down + 3;
+  for (int64_t k = 0; k < n; ++k) sum[k] = uint16_t(above[k] + 2 * here[k] + below[k]);
+  for (int c = 0; c < 3; ++c) {
+    sum[c - 3] = sum[c + 3];
+    sum[n + c] = sum[n + c - 6];
+  }
+  for (int64_t k = 0; k < n; ++k)
+    out[k] = uint8_t(uint16_t(sum[k - 3] + 2 * sum[k] + sum[k + 3] + 8) >> 4);
+}
+
+// The mean light of every eighth pixel of every eighth row, behind the lens's blur where that is
+// not yet in the picture, and behind `vignette` (rows, columns).
+double mean_light(const uint8_t *image, int64_t soft, const uint8_t *vignette, int64_t rows,
+                  int64_t columns) {
+  const int64_t n = 3 * columns;
+  std::vector<uint16_t> down(size_t(n + 6));
+  std::vector<uint8_t> row(static_cast<size_t>(n));
+  int64_t sum = 0, count = 0;
+  for (int64_t v = 0; v < rows; v += 8) {
+    if (!soft) soften_row(image, rows, n, v, down.data(), row.data());
+    const uint8_t *light = soft ? image + v * n : row.data();
+    for (int64_t u = 0; u < columns; u += 8, count += 3)
+      sum += (light[3 * u] + light[3 * u + 1] + light[3 * u + 2]) * vignette[v * columns + u];
+  }
+  return double(sum) / (255.0 * double(count));
+}
+
+// A row of the sensor's answer: gain by value, a shoulder above 200 counts that keeps highlights
+// from clipping hard, and noise. In steps of 1/32 count; a gain of 1 is 32 / 255 * 65536.
+inline void expose_row(const uint8_t *__restrict light, const uint8_t *__restrict vignette,
+                       const uint16_t *__restrict gain, const int8_t *__restrict rough,
+                       uint8_t *__restrict out, int64_t n) {
   constexpr int64_t RUN = 128;
   constexpr int STEPS = 32;
   uint16_t x[RUN];
-  for (int64_t v = 0; v < rows; ++v) {
-    for (int64_t i0 = 0; i0 < n; i0 += RUN) {
-      const int64_t m = std::min(RUN, n - i0), at = v * n + i0;
-      uint16_t loud = 0;
+  for (int64_t i0 = 0; i0 < n; i0 += RUN) {
+    const int64_t m = std::min(RUN, n - i0);
+    uint16_t loud = 0;
+    for (int64_t k = 0; k < m; ++k) {
+      const uint16_t product = uint16_t(light[i0 + k] * vignette[i0 + k]);
+      x[k] = uint16_t((uint32_t(product) * gain[i0 + k]) >> 16);
+      loud |= uint16_t(x[k] > 200 * STEPS);
+    }
+    if (loud) {
       for (int64_t k = 0; k < m; ++k) {
-        const uint16_t product = uint16_t(light[at + k] * vignette[at + k]);
-        x[k] = uint16_t((uint32_t(product) * gain[i0 + k]) >> 16);
-        loud |= uint16_t(x[k] > 200 * STEPS);
-      }
-      if (loud) {
-        for (int64_t k = 0; k < m; ++k) {
-          const float y = float(x[k]) * (1.0F / STEPS);
-          const float d = std::max(0.0F, y - 200.0F) * (1.0F / 55.0F);
-          // The exponential's series.
-          const float grown =
-              1.0F + d * (1.0F + d * (0.5F + d * (1.0F / 6.0F + d * (1.0F / 24.0F))));
-          x[k] = uint16_t(int32_t((std::min(y, 200.0F) + 55.0F - 55.0F / grown) * STEPS));
-        }
-      }
-      const int8_t *rough_row = rough + v * stride + i0;
-      for (int64_t k = 0; k < m; ++k) {
-        const int16_t y = int16_t(int16_t(x[k] + STEPS / 2) >> 5) + rough_row[k];
-        out[at + k] = uint8_t(std::min<int16_t>(255, std::max<int16_t>(0, y)));
+        const float y = float(x[k]) * (1.0F / STEPS);
+        const float d = std::max(0.0F, y - 200.0F) * (1.0F / 55.0F);
+        // The exponential's series.
+        const float grown = 1.0F + d * (1.0F + d * (0.5F + d * (1.0F / 6.0F + d * (1.0F / 24.0F))));
+        x[k] = uint16_t(int32_t((std::min(y, 200.0F) + 55.0F - 55.0F / grown) * STEPS));
       }
     }
+    for (int64_t k = 0; k < m; ++k) {
+      const int16_t y = int16_t(int16_t(x[k] + STEPS / 2) >> 5) + rough[i0 + k];
+      out[i0 + k] = uint8_t(std::min<int16_t>(255, std::max<int16_t>(0, y)));
+    }
+  }
+}
+
+// The sensor's answer (rows, columns, 3) to light, `soft` or blurred here. `vignette` (rows,
+// columns). `gain`: of blue, green and red. `rough` (rough_rows, columns + 128, 3): noise, of which
+// each row of the picture takes a row and its beginning by chance, drawn with `draw`.
+void expose(const uint8_t *light, int64_t soft, const uint8_t *vignette, const uint16_t *gain,
+            const int8_t *rough, int64_t rough_rows, uint32_t draw, uint8_t *out, int64_t rows,
+            int64_t columns) {
+  constexpr uint32_t OFFSETS = 128;
+  const int64_t n = 3 * columns, stride = 3 * (columns + OFFSETS);
+  std::vector<uint16_t> down(size_t(n + 6)), gains(static_cast<size_t>(n));
+  std::vector<uint8_t> row(static_cast<size_t>(n)), dark(static_cast<size_t>(n));
+  for (int64_t k = 0; k < n; ++k) gains[size_t(k)] = gain[k % 3];
+  for (int64_t v = 0; v < rows; ++v) {
+    if (!soft) soften_row(light, rows, n, v, down.data(), row.data());
+    const uint8_t *through = vignette + v * columns;
+    uint8_t *each = dark.data();
+    for (int64_t u = 0; u < columns; ++u)
+      each[3 * u] = each[3 * u + 1] = each[3 * u + 2] = through[u];
+    const uint32_t chance = mix(draw, uint32_t(v), 9);
+    const int8_t *rough_row =
+        rough + int64_t(chance % uint32_t(rough_rows)) * stride + 3 * ((chance >> 16) % OFFSETS);
+    expose_row(soft ? light + v * n : row.data(), each, gains.data(), rough_row, out + v * n, n);
   }
 }
 }

@@ -10,7 +10,7 @@ display-referred BGR; light multiplies them by a factor from the light table.
 from __future__ import annotations
 
 import ctypes
-from ctypes import c_double, c_int64, c_void_p
+from ctypes import c_double, c_int64, c_uint32, c_void_p
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -30,7 +30,7 @@ UNIT: Final = 1.0 / 4096.0
 SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
 PIECES: Final = 2 * SEGMENTS + 1
-PARTS: Final = 20
+PARTS: Final = 10
 """A picture's work is dealt out in so many parts, whatever the number of threads."""
 REACH_M: Final = 16.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
@@ -42,6 +42,8 @@ MOST_BLOCKS: Final = 100 * 100
 """More than are ever in view."""
 CLOUD_OFFSETS: Final = 256
 """How much larger than the veil the noise of the dust's puffs is."""
+NOISE_OFFSETS: Final = 128
+"""How many pixels wider than a picture the sensor's noise is."""
 CLOUD_PX: Final = 10.0
 """Wavelength of the noise in a puff, px of the veil."""
 
@@ -129,10 +131,12 @@ class Picture(ctypes.Structure):
         ("spans", c_void_p),  # int16 (capacity, 2): columns that a stalk covers
         ("sorted", c_void_p),  # int32: the stalks of a part's columns, part by part
         ("sorted_first", c_void_p),  # int64 (parts + 1): where a part's begin
+        ("image", c_void_p),  # uint8 (rows, columns, 3)
+        ("labels", c_void_p),  # uint8 (rows, columns), or none are wanted
+        # of a strip that is being drawn, by columns
         ("depth", c_void_p),  # float32 (columns, stride), m along the optical axis
         ("key", c_void_p),  # uint32 (columns, stride): depth, then whose colour
         ("colour", c_void_p),  # uint32 (columns, stride): label, red, green, blue
-        ("image", c_void_p),  # uint8 (rows, columns, 3)
         ("x0", c_double),
         ("y0", c_double),
         ("cell", c_double),
@@ -152,6 +156,7 @@ class Picture(ctypes.Structure):
         ("tangent", c_double),  # of the largest azimuth that profiles hold, either side
         ("corner", c_double),  # of the picture: its distance from the middle, normalised
         ("lens", c_double * 4),  # undistorted radius over distorted: 1 + r²(l0 + r²(l1 + ...))
+        ("sun", c_double * 3),  # unit vector east, north, up
         ("t", c_double),
         ("sway_x", c_double),  # tangents of the stalks' mean lean
         ("sway_y", c_double),
@@ -201,6 +206,9 @@ class Kernels:
         library = native.library()
         self._plan, self._prepare = library.plan, library.prepare
         self._sort, self._draw = library.sort_stalks, library.draw
+        self._refresh = library.refresh
+        self._refresh.argtypes = [c_void_p, *[c_int64] * 5]
+        self._refresh.restype = None
         for listing in (self._plan, self._sort):
             listing.argtypes = [c_void_p]
             listing.restype = c_int64
@@ -220,6 +228,11 @@ class Kernels:
         """The array that a field of the picture points at."""
         return self._held[name]
 
+    def refresh(self, j0: int, j1: int, i0: int, i1: int, narrowest: int) -> None:
+        """Fills the derived grids where `kind` changed in the coarse cells [j0, j1) x [i0, i1).
+        Crop that stands narrower than `narrowest` cells has no body."""
+        self._refresh(self._at, j0, j1, i0, i1, narrowest)
+
     def plan(self) -> int:
         """Fills `blocks` and `first`; returns how many stalks they hold at most."""
         return int(self._plan(self._at))
@@ -236,31 +249,6 @@ class Kernels:
     def draw(self, begin: int, end: int) -> None:
         """The strips [begin, end) of `parts` of the image's columns."""
         self._draw(self._at, begin, end)
-
-
-def shade(
-    stand: NDArray[np.uint16],
-    coarse: float,
-    tallest: float,
-    sun: tuple[float, float, float],
-    crowns: NDArray[np.float64],
-    j0: int,
-    j1: int,
-    i0: int,
-    i1: int,
-) -> None:
-    """Fills SUNLIT in a range of coarse cells of `coarse` m: how high the shadow of what stands
-    sunward reaches.
-
-    Nothing is higher than `tallest` m. `sun`: unit vector (east, north, up). `crowns` (n, 4): x, y,
-    z and radius of the trees' crowns in coarse cells from the grid's corner.
-    """
-    native.library().shade(
-        c_void_p(stand.ctypes.data), c_int64(stand.shape[0]), c_int64(stand.shape[1]),
-        c_double(coarse), c_double(tallest), *(c_double(k) for k in sun),
-        c_void_p(crowns.ctypes.data), c_int64(len(crowns)),
-        c_int64(j0), c_int64(j1), c_int64(i0), c_int64(i1),
-    )  # fmt: skip
 
 
 def raise_dust(
@@ -286,9 +274,23 @@ def raise_dust(
     rows, columns = image.shape[:2]
     native.library().raise_dust(
         c_void_p(image.ctypes.data), c_int64(rows), c_int64(columns), c_void_p(veil.ctypes.data),
-        c_int64(rows // veil.shape[0]), c_void_p(mount.ctypes.data), c_double(focal), c_int64(seed),
+        c_void_p(mount.ctypes.data), c_double(focal), c_int64(seed),
         c_double(t), c_double(drift[0]), c_double(drift[1]), c_double(ahead), c_double(half_width),
         c_double(density), c_void_p(clouds.ctypes.data), c_void_p(bgr.ctypes.data),
+    )  # fmt: skip
+
+
+def mean_light(image: NDArray[np.uint8], vignette: NDArray[np.uint8], *, soft: bool) -> float:
+    """The mean of every eighth pixel of every eighth row of an image (rows, columns, 3) behind
+    `vignette` (rows, columns) of 255; not `soft`: and behind the lens's blur."""
+    rows, columns, _ = image.shape
+    call = native.library().mean_light
+    call.restype = c_double
+    return float(
+        call(
+            c_void_p(image.ctypes.data), c_int64(soft), c_void_p(vignette.ctypes.data),
+            c_int64(rows), c_int64(columns),
+        )
     )  # fmt: skip
 
 
@@ -297,16 +299,22 @@ def expose(
     vignette: NDArray[np.uint8],
     gain: NDArray[np.float32],
     rough: NDArray[np.int8],
+    draw: int,
+    *,
+    soft: bool,
 ) -> NDArray[np.uint8]:
-    """The sensor's answer, (rows, columns times 3): vignette (of 255), gain by value of a row, a
-    shoulder above 200 counts that keeps highlights from clipping hard, and noise."""
-    rows, n = light.shape
-    out = np.empty((rows, n), np.uint8)
+    """The sensor's answer (rows, columns, 3) to light of that shape, `soft` or still to be blurred
+    by 3 by 3 pixels: `vignette` (rows, columns) of 255, gain by blue, green and red, a shoulder
+    above 200 counts that keeps highlights from clipping hard, and noise `rough` (any number of
+    rows, columns + NOISE_OFFSETS, 3). Each row of the picture takes one of its rows and a beginning
+    in that by chance, by the number `draw`."""
+    rows, columns, _ = light.shape
+    out = np.empty_like(light)
     steps = np.minimum(gain * (32 * 65536 / 255), 65535).astype(np.uint16)
     native.library().expose(
-        c_void_p(light.ctypes.data), c_void_p(vignette.ctypes.data),
-        c_void_p(steps.ctypes.data), c_void_p(rough.ctypes.data), c_int64(rough.strides[0]),
-        c_void_p(out.ctypes.data), c_int64(rows), c_int64(n),
+        c_void_p(light.ctypes.data), c_int64(soft), c_void_p(vignette.ctypes.data),
+        c_void_p(steps.ctypes.data), c_void_p(rough.ctypes.data), c_int64(len(rough)),
+        c_uint32(draw), c_void_p(out.ctypes.data), c_int64(rows), c_int64(columns),
     )  # fmt: skip
     return out
 

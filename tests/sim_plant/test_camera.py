@@ -8,11 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from sim_plant import labels, sky
-from sim_plant.camera import LOW, MAST, Camera, CameraSpec, cells_to
+from sim_plant import ground, labels, render, sky
+from sim_plant.camera import LOW, MAST, Camera, CameraSpec
 from sim_plant.field import Field
-from sim_plant.field_spec import FieldSpec
+from sim_plant.field_spec import FieldSpec, Tree
 from sim_plant.sky import WeatherSpec
 
 SPEC = FieldSpec(size_m=(8.0, 6.0), bare=0, thin=0, edge_wobble_m=0, crop_height_sd_m=0)
@@ -35,22 +36,69 @@ def test_pictures_do_not_depend_on_the_number_of_threads(mount: CameraSpec) -> N
     assert all(np.array_equal(pictures[0], p) for p in pictures[1:])
 
 
-def test_distances_between_cells_are_those_of_whole_numbers_wherever_arrays_lie() -> None:
-    """In float64 first: no rounding but the last."""
+def bodies(kind: NDArray[np.uint8], narrowest: int) -> NDArray[np.bool_]:
+    """Coarse cells with crop that stands `narrowest` fine cells wide, or with a solid thing, by
+    OpenCV: an even block reaches a cell further to the lower side, both times."""
+    crop = np.isin(kind, (ground.CROP, ground.NEIGHBOUR)).astype(np.uint8)
+    block = np.ones((narrowest, narrowest), np.uint8)
+    wide = cv2.morphologyEx(crop, cv2.MORPH_OPEN, block, borderType=cv2.BORDER_REPLICATE)
+    body = (wide > 0) | np.isin(kind, (ground.OBSTACLE, ground.TRUNK))
+    return np.asarray(body[::2, ::2] | body[1::2, ::2] | body[::2, 1::2] | body[1::2, 1::2])
+
+
+def test_what_is_derived_from_a_field_is_what_its_cells_say() -> None:
+    """Bodies by OpenCV, free distances in whole squares, kinds by hand."""
+    field = half_cut(spec=SPEC.model_copy(update={"trees": (Tree(x_m=7.0, y_m=5.0),)}))
+    # A strip of crop 10 cm wide, which has no body.
+    field.clear(((2, 3), (6, 3), (6, 4), (2, 4)))
+    field.clear(((2, 4.1), (6, 4.1), (6, 5), (2, 5)))
+    scene = Camera(field, MAST, seed=1).scene
+    body = bodies(scene.kind, 10)
+    assert 0.1 < body.mean() < 0.9
+    standing = np.isin(scene.kind, (ground.CROP, ground.OBSTACLE, ground.TRUNK, ground.NEIGHBOUR))
+    assert standing[::2, ::2][~body].any()
+    assert np.array_equal(scene.stand[..., render.BODY] > 0, body)
+    assert np.array_equal(scene.tops, scene.stand[..., render.HEIGHT] * body)
+    at = np.argwhere(body)
     rng = np.random.default_rng(1)
-    j, i = np.mgrid[0:61, 0:83]
-    for k in range(60):
-        body = np.empty(61 * 83 + k, np.bool_)[k:].reshape(61, 83)
-        body[:] = rng.random(body.shape) < 0.005
-        at = np.argwhere(body)
-        squares = (j[..., None] - at[:, 0]) ** 2 + (i[..., None] - at[:, 1]) ** 2
-        assert np.array_equal(cells_to(body), np.sqrt(squares.min(-1)).astype(np.float32))
+    for j, i in rng.integers(0, body.shape, (500, 2)):
+        cells = np.sqrt(np.float32(((at - (j, i)) ** 2).sum(1).min()))
+        free = np.clip((cells - np.float32(1.4143)) * np.float32(field.coarse), 0, 1)
+        assert scene.clear[j, i] == free
+        kinds = sum(int(scene.kind[2 * j + k // 2, 2 * i + k % 2]) << 4 * k for k in range(4))
+        assert int(scene.marks[j, i]) == kinds << 16 | int(scene.stand[j, i, render.SUNLIT])
 
 
-def test_where_no_cell_is_solid_every_distance_is_just_beyond_any() -> None:
-    """OpenCV answers with a float whose square overflows on some machines."""
-    with np.errstate(all="raise"):
-        assert (cells_to(np.zeros((5, 7), np.bool_)) == 12).all()
+@pytest.mark.parametrize("size", [(48, 64), (3, 5), (47, 33)])
+def test_the_lens_blurs_as_opencv_does(size: tuple[int, int]) -> None:
+    rng = np.random.default_rng(1)
+    light = rng.integers(0, 256, (*size, 3)).astype(np.uint8)
+    vignette = rng.integers(180, 256, size).astype(np.uint8)
+    rough = rng.integers(-9, 10, (7, size[1] + render.NOISE_OFFSETS, 3)).astype(np.int8)
+    gain = np.array([0.9, 1.0, 1.2], np.float32)
+    soft = np.asarray(cv2.GaussianBlur(light, (3, 3), 0), np.uint8)
+    given = [render.expose(p, vignette, gain, rough, 5, soft=p is soft) for p in (light, soft)]
+    assert np.array_equal(*given)
+    seen = soft[::8, ::8] * (vignette[::8, ::8, None] / 255)
+    for picture in (light, soft):
+        mean = render.mean_light(picture, vignette, soft=picture is soft)
+        assert mean == pytest.approx(seen.mean())
+
+
+def test_the_sensor_bends_highlights_and_adds_noise_of_its_rows() -> None:
+    light = np.broadcast_to(np.arange(256, dtype=np.uint8)[None, :, None], (9, 256, 3)).copy()
+    vignette = np.full((9, 256), 255, np.uint8)
+    silence = np.zeros((2, 256 + render.NOISE_OFFSETS, 3), np.int8)
+    plain = render.expose(light, vignette, np.ones(3, np.float32), silence, 1, soft=True)
+    assert np.array_equal(plain[0, :200, 0], np.arange(200))
+    bent = 200 + 55 * (1 - np.exp(-(np.arange(200, 256) - 200) / 55))
+    assert np.abs(plain[0, 200:, 0] - bent).max() < 1.0
+    rough = np.random.default_rng(1).normal(0, 3, (40, *silence.shape[1:])).round().astype(np.int8)
+    noisy = render.expose(light, vignette, np.ones(3, np.float32), rough, 1, soft=True)
+    noise = (noisy[:, 50:150].astype(int) - plain[:, 50:150]).reshape(9, -1)
+    assert noise.std() == pytest.approx(3.0, abs=0.2)
+    # Rows of a picture are strangers to each other.
+    assert np.abs(np.corrcoef(noise) - np.eye(9)).max() < 0.25
 
 
 def test_a_field_cut_to_the_last_stalk_is_pictured_without_a_number_that_overflows() -> None:
@@ -100,8 +148,8 @@ def test_incremental_updates_give_the_picture_of_a_camera_that_saw_the_final_fie
     late = Camera(field, MAST, seed=1)
     assert np.array_equal(watching.scene.kind, late.scene.kind)
     assert np.array_equal(watching.scene.stand, late.scene.stand)
-    # The free distance may stay a lower bound.
-    assert (watching.scene.clear <= late.scene.clear + 1e-6).all()
+    assert np.array_equal(watching.scene.clear, late.scene.clear)
+    assert np.array_equal(watching.scene.marks, late.scene.marks)
     pose = (9.0, 2.0, 1.5, 0.0)
     differs = watching.labels(*pose) != late.labels(*pose)
     assert differs.mean() < 0.002
