@@ -122,16 +122,18 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     def advance(self, until_s: float) -> list[tuple[float, bytes]]:
         """Runs to `until_s`; returns what the firmware sent, with the time of arrival."""
         received: list[tuple[float, bytes]] = []
-        target = self.target
+        target, faults = self.target, self.faults
         self.cut_cells = 0
         last = round(until_s * 1e6) // SLICE_US
         while self._slices < last:
             if self._slices % SLICES_PER_CUT == 0:
                 self._ground()
             begin = self._slices * SLICE_US
-            self.faults.step(self.now, self.pose, self._speed.item(), target, self._given)
-            sent = self.faults.to_firmware(self.now, bytes(self._sent))
+            sent = bytes(self._sent)
             self._sent.clear()
+            if faults.faults:
+                faults.step(self.now, self.pose, self._speed.item(), target, self._given)
+                sent = faults.to_firmware(self.now, sent)
             if sent:
                 target.write(sent)
             status = self._inner(begin, begin + SLICE_US)
@@ -142,7 +144,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
                 )
             self._slices += 1
             said = target.read()
-            data = self.faults.to_host(self.now, said)
+            data = faults.to_host(self.now, said) if faults.faults else said
             if data:
                 received.append((self.now, data))
             if self._slices % SLICES_PER_CUT == 0:

@@ -65,7 +65,18 @@ class Message:
         if len(payload) != cls.LAYOUT.size:
             raise ValueError(f"{cls.__name__}: {len(payload)} bytes instead of {cls.LAYOUT.size}")
         raws = cls.LAYOUT.unpack(payload)
-        return cls(*(codec.from_raw(raw) for codec, raw in zip(cls.CODECS, raws, strict=True)))
+        # What `from_raw` does, without a call for each field: telemetry comes fifty times a second.
+        values = [
+            None
+            if raw == none
+            else kind(raw)
+            if kind is not None
+            else raw
+            if scale is None
+            else raw * scale
+            for (_, scale, kind, none), raw in zip(cls.CODECS, raws, strict=True)
+        ]
+        return cls(*values)
 
 
 @dataclass(frozen=True, slots=True)
