@@ -11,7 +11,7 @@ import struct
 import sys
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 ROOT = Path(__file__).resolve().parent.parent
 SCHEMA = ROOT / "firmware" / "protocol.toml"
@@ -118,65 +118,85 @@ def header(schema: Table) -> str:
             if key != "doc":
                 out.append(f"  {key} = 1UL << {bit['bit']},{comment(bit['text'])}")
         out += ["};", ""]
-    out += [
-        "// Little-endian, whatever the compiler's machine is.",
-        "template <typename T>",
-        "inline T get(const uint8_t *from) {",
-        "  uint32_t bits = 0;",
-        "  for (size_t i = sizeof(T); i-- > 0;) bits = (bits << 8) | from[i];",
-        "  return static_cast<T>(bits);",
-        "}",
-        "template <typename T>",
-        "inline void put(uint8_t *to, T value) {",
-        "  uint32_t bits = static_cast<uint32_t>(value);",
-        "  for (size_t i = 0; i < sizeof(T); ++i, bits >>= 8) to[i] = static_cast<uint8_t>(bits);",
-        "}",
-        "",
-    ]
+    out += LITTLE_ENDIAN
     for name, message in schema["message"].items():
-        out += [f"// To the {message['to']}: {message['doc']}", f"struct {name} {{"]
-        out.append(f"  static constexpr uint8_t kId = {message['id']};")
-        out.append(f"  static constexpr uint8_t kSize = {size_of(message)};")
-        for field in message["fields"]:
-            out.append(f"  {C_TYPES[field['type']]} {field['name']};{comment(describe(field))}")
-        offset = 0
-        reads, writes = [], []
-        for field in message["fields"]:
-            ctype = C_TYPES[field["type"]]
-            at = f" + {offset}" if offset else ""
-            reads.append(f"    m.{field['name']} = get<{ctype}>(payload{at});")
-            writes.append(f"    put<{ctype}>(payload{at}, {field['name']});")
-            offset += struct.calcsize("<" + STRUCT_CODES[field["type"]])
-        if message["fields"] and message["to"] == "firmware":
-            out += [f"  static {name} read(const uint8_t *payload) {{", f"    {name} m;"]
-            out += [*reads, "    return m;", "  }"]
-        if message["fields"] and message["to"] == "host":
-            out += ["  void write(uint8_t *payload) const {", *writes, "  }"]
-        out += ["};", ""]
+        out += _struct(name, message)
+    out += [*_sizes(schema), *_params(schema)]
+    out += ["", "}  // namespace protocol", "}  // namespace daranti"]
+    return "\n".join(out) + "\n"
+
+
+LITTLE_ENDIAN: Final = [
+    "// Little-endian, whatever the compiler's machine is.",
+    "template <typename T>",
+    "inline T get(const uint8_t *from) {",
+    "  uint32_t bits = 0;",
+    "  for (size_t i = sizeof(T); i-- > 0;) bits = (bits << 8) | from[i];",
+    "  return static_cast<T>(bits);",
+    "}",
+    "template <typename T>",
+    "inline void put(uint8_t *to, T value) {",
+    "  uint32_t bits = static_cast<uint32_t>(value);",
+    "  for (size_t i = 0; i < sizeof(T); ++i, bits >>= 8) to[i] = static_cast<uint8_t>(bits);",
+    "}",
+    "",
+]
+
+
+def _struct(name: str, message: Table) -> list[str]:
+    """A message of the C++ side, read where it goes to the firmware, written where to the host."""
+    out = [f"// To the {message['to']}: {message['doc']}", f"struct {name} {{"]
+    out.append(f"  static constexpr uint8_t kId = {message['id']};")
+    out.append(f"  static constexpr uint8_t kSize = {size_of(message)};")
+    offset = 0
+    reads, writes = [], []
+    for field in message["fields"]:
+        ctype = C_TYPES[field["type"]]
+        out.append(f"  {ctype} {field['name']};{comment(describe(field))}")
+        at = f" + {offset}" if offset else ""
+        reads.append(f"    m.{field['name']} = get<{ctype}>(payload{at});")
+        writes.append(f"    put<{ctype}>(payload{at}, {field['name']});")
+        offset += struct.calcsize("<" + STRUCT_CODES[field["type"]])
+    if message["fields"] and message["to"] == "firmware":
+        out += [f"  static {name} read(const uint8_t *payload) {{", f"    {name} m;"]
+        out += [*reads, "    return m;", "  }"]
+    if message["fields"] and message["to"] == "host":
+        out += ["  void write(uint8_t *payload) const {", *writes, "  }"]
+    return [*out, "};", ""]
+
+
+def _sizes(schema: Table) -> list[str]:
+    """What the C++ side knows of messages whose id it has not compared yet."""
     commands = {n: m for n, m in schema["message"].items() if m["to"] == "firmware"}
-    out += ["// Payload length of a message to the firmware; -1 for an unknown id."]
-    out += ["inline int8_t command_size(uint8_t id) {", "  switch (id) {"]
-    out += [f"    case {n}::kId:\n      return {n}::kSize;" for n in commands]
-    out += ["    default:", "      return -1;", "  }", "}", ""]
     answers = [m for m in schema["message"].values() if m["to"] == "host"]
-    largest = max(size_of(m) for m in commands.values())
-    smallest = min(size_of(m) for m in commands.values())
-    out += [
-        f"constexpr uint8_t kMinCommandSize = {smallest};",
-        f"constexpr uint8_t kMaxCommandSize = {largest};",
+    sizes = [size_of(m) for m in commands.values()]
+    return [
+        "// Payload length of a message to the firmware; -1 for an unknown id.",
+        "inline int8_t command_size(uint8_t id) {",
+        "  switch (id) {",
+        *(f"    case {n}::kId:\n      return {n}::kSize;" for n in commands),
+        *("    default:", "      return -1;", "  }", "}", ""),
+        f"constexpr uint8_t kMinCommandSize = {min(sizes)};",
+        f"constexpr uint8_t kMaxCommandSize = {max(sizes)};",
         f"constexpr uint8_t kMaxAnswerSize = {max(size_of(m) for m in answers)};",
         "",
     ]
-    out += ["// Parameters, in the order of their ids.", "enum class Param : uint8_t {"]
-    out += [f"  {n},{comment(describe(p))}" for n, p in schema["param"].items()]
-    out += ["};", f"constexpr uint8_t kParams = {len(schema['param'])};", ""]
-    out += ["// X(name, default, min, max), raw", "#define DARANTI_PARAMS(X) \\"]
+
+
+def _params(schema: Table) -> list[str]:
+    """The parameters of the C++ side: their ids, defaults and limits."""
+    params = schema["param"]
     rows = [
         f"  X({n}, {raw(p, 'default')}, {raw(p, 'min')}, {raw(p, 'max')})"
-        for n, p in schema["param"].items()
+        for n, p in params.items()
     ]
-    out += [" \\\n".join(rows), "", "}  // namespace protocol", "}  // namespace daranti"]
-    return "\n".join(out) + "\n"
+    return [
+        *("// Parameters, in the order of their ids.", "enum class Param : uint8_t {"),
+        *(f"  {n},{comment(describe(p))}" for n, p in params.items()),
+        *("};", f"constexpr uint8_t kParams = {len(params)};", ""),
+        *("// X(name, default, min, max), raw", "#define DARANTI_PARAMS(X) \\"),
+        " \\\n".join(rows),
+    ]
 
 
 def field_type(field: Table) -> str:

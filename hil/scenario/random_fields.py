@@ -146,33 +146,45 @@ def keep_out(rng: np.random.Generator, ring: Ring) -> Ring | None:
 # ---- the whole scenario --------------------------------------------------------------------------
 
 
-def random_field(seed: int) -> Scenario:
-    """The scenario of a seed: shape, keep-out, crop, slope, weather, hour, camera mount, positions'
-    error and how well the operator aligned the machine."""
-    rng = np.random.default_rng([seed, 0xF1E1D])
-    shape = SHAPES[int(rng.integers(len(SHAPES)))]
-    ring = outline(rng, shape)
+class Drawn:
+    """Numbers of a stream, rounded so that a file of them reads well."""
 
-    def within(low: float, high: float) -> float:
-        return round(float(rng.uniform(low, high)), 3)
+    def __init__(self, *seed: int) -> None:
+        self.rng = np.random.default_rng(seed)
 
-    wanted = rng.random() < KEEP_OUT_SHARE
-    walked = keep_out(rng, ring)
+    def within(self, low: float, high: float) -> float:
+        """Uniform between two."""
+        return round(float(self.rng.uniform(low, high)), 3)
+
+    def likely(self, share: float) -> bool:
+        """True in this share of the draws."""
+        return bool(self.rng.random() < share)
+
+
+def _walked_around(drawn: Drawn, ring: Ring) -> tuple[Ring | None, tuple[Tree, ...]]:
+    """A keep-out and what stands in it; the numbers are drawn whether there is one or not."""
+    wanted = drawn.likely(KEEP_OUT_SHARE)
+    walked = keep_out(drawn.rng, ring)
     if not wanted or shapely.Polygon(ring).area < KEEP_OUT_MIN_M2:
         walked = None
-    height = within(3.0, 6.0)
-    trees: tuple[Tree, ...] = ()
-    if rng.random() < 0.5 and walked is not None:
-        x, y = np.mean(walked, axis=0).round(2).tolist()
-        trees = (Tree(x_m=x, y_m=y, height_m=height, crown_radius_m=0.3 * height),)
-    field = FieldSpec(
+    height = drawn.within(3.0, 6.0)
+    if not drawn.likely(0.5) or walked is None:
+        return walked, ()
+    x, y = np.mean(walked, axis=0).round(2).tolist()
+    return walked, (Tree(x_m=x, y_m=y, height_m=height, crown_radius_m=0.3 * height),)
+
+
+def _field(drawn: Drawn, ring: Ring) -> FieldSpec:
+    walked, trees = _walked_around(drawn, ring)
+    within = drawn.within
+    return FieldSpec(
         polygon=ring,
         gap_m=2.0,
         keep_outs=(walked,) if walked is not None else (),
         trees=trees,
         crop_height_m=within(0.8, 1.0),
         stalks_per_m2=within(250, 500),
-        drilled=bool(rng.random() < 0.3),
+        drilled=drawn.likely(0.3),
         edge_wobble_m=within(0.0, 0.03),
         weeds=within(0.0, 0.08),
         lodged=within(0.0, 0.05),
@@ -184,47 +196,60 @@ def random_field(seed: int) -> Scenario:
         long_slope_deg=within(-2, 2),
         bump_sd_deg=within(0.2, 1.2),
     )
-    weather = WeatherSpec(
+
+
+def _weather(drawn: Drawn) -> WeatherSpec:
+    within = drawn.within
+    return WeatherSpec(
         hour=within(9, 16),
         haze=within(0.001, 0.01),
         dust=within(0.0, 0.6),
-        cloud=within(0.0, 1.0) if rng.random() < 0.5 else 0.0,
+        cloud=within(0.0, 1.0) if drawn.likely(0.5) else 0.0,
         wind_mps=within(0.0, 6.0),
         wind_from_deg=within(0, 360),
     )
-    kit = np.random.default_rng([seed, 0xC0DE])
-    """Machine and phone have numbers of their own: the fields stay what they were."""
 
-    def kitted(low: float, high: float) -> float:
-        return round(float(kit.uniform(low, high)), 3)
 
-    what = f"random {shape}" + (" with a keep-out" if walked is not None else "")
+def _gyro(kit: Drawn) -> GyroSpec:
+    return GyroSpec(
+        noise_dps=kit.within(0.05, 0.3),
+        offset_dps=kit.within(0.0, 1.0),
+        walk_dps=kit.within(0.0, 0.006),
+        scale_error=kit.within(-0.015, 0.015),
+        vibration_dps=kit.within(0.1, 1.5),
+        delay_s=kit.within(0.04, 0.2),
+    )
+
+
+def random_field(seed: int) -> Scenario:
+    """The scenario of a seed: shape, keep-out, crop, slope, weather, hour, camera mount, positions'
+    error and how well the operator aligned the machine."""
+    drawn = Drawn(seed, 0xF1E1D)
+    shape = SHAPES[int(drawn.rng.integers(len(SHAPES)))]
+    ring = outline(drawn.rng, shape)
+    field = _field(drawn, ring)
+    weather = _weather(drawn)
+    # Machine and phone have numbers of their own: the fields stay what they were.
+    kit = Drawn(seed, 0xC0DE)
     return Scenario(
-        name=what,
+        name=f"random {shape}" + (" with a keep-out" if field.keep_outs else ""),
         seed=seed,
-        camera="mast" if rng.random() < 0.5 else "low",
+        camera="mast" if drawn.likely(0.5) else "low",
         field=field,
         weather=weather,
-        lens={"delay_s": kitted(0.05, 0.25)},
+        lens={"delay_s": kit.within(0.05, 0.25)},
         gnss=GnssSpec(
-            cep_m=within(0.5, 2.5),
-            antenna_x_m=kitted(-0.2, 0.5),
-            antenna_y_m=kitted(-0.3, 0.3),
-            smoothing_s=kitted(0.0, 1.5),
-            lag_s=kitted(0.0, 0.8),
+            cep_m=drawn.within(0.5, 2.5),
+            antenna_x_m=kit.within(-0.2, 0.5),
+            antenna_y_m=kit.within(-0.3, 0.3),
+            smoothing_s=kit.within(0.0, 1.5),
+            lag_s=kit.within(0.0, 0.8),
         ),
-        gyro=GyroSpec(
-            noise_dps=kitted(0.05, 0.3),
-            offset_dps=kitted(0.0, 1.0),
-            walk_dps=kitted(0.0, 0.006),
-            scale_error=kitted(-0.015, 0.015),
-            vibration_dps=kitted(0.1, 1.5),
-            delay_s=kitted(0.04, 0.2),
-        ),
+        gyro=_gyro(kit),
         start=Start(
-            corner=int(rng.integers(len(ring))),
-            before_m=within(0.0, 0.5),
-            lateral_error_m=within(-0.05, 0.05),
-            heading_error_deg=within(-2, 2),
+            corner=int(drawn.rng.integers(len(ring))),
+            before_m=drawn.within(0.0, 0.5),
+            lateral_error_m=drawn.within(-0.05, 0.05),
+            heading_error_deg=drawn.within(-2, 2),
         ),
     )
