@@ -228,9 +228,10 @@ struct daranti_target {
   uint64_t host_free = 0;  // when the host's line is free again
   uint64_t line_free = 0;  // when the firmware's line is free again
   uint32_t host_baud = kUsbBaud;
-  uint8_t temp = 0;            // of timer 1's 16-bit registers
-  uint64_t storing_until = 0;  // target time at which the EEPROM has its byte
+  uint8_t temp = 0;                        // of timer 1's 16-bit registers
+  uint64_t storing_until = 0;              // target time at which the EEPROM has its byte
   Hook eecr, adcsra, udr, pwm[kPwmCount];  // libsimavr's own
+  bool timed[kPwmCount] = {};              // whether a bootloader has it from libsimavr
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
@@ -333,12 +334,14 @@ struct daranti_target {
     uart->cycles_per_byte = self->line_free > now + kNextCycle ? self->line_free - now : kNextCycle;
     self->udr(avr, address, value);
   }
-  // A bootloader's timer runs; the firmware's write stops it and is only kept.
+  // A bootloader's timer runs; the firmware's first write stops it, and each is only kept.
   static void on_pwm(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     auto *self = static_cast<daranti_target *>(param);
     const bool loads = self->bootloader && avr->pc >= avr->reset_pc;
     for (size_t i = 0; i < kPwmCount; ++i) {
-      if (kPwmRegisters[i] == address) self->pwm[i](avr, address, loads ? value : 0);
+      if (kPwmRegisters[i] != address || !(loads || self->timed[i])) continue;
+      self->pwm[i](avr, address, loads ? value : 0);
+      self->timed[i] = loads;
     }
     if (!loads) avr->data[address] = value;
   }
