@@ -26,19 +26,41 @@ STEP = 0.02
 
 
 @njit(cache=True)
-def standing(crop, neighbour, margin, pose, forward, left):  # type: ignore[no-untyped-def]
-    """(len(forward), len(left)): whether either stands that far before and left of a pose."""
+def stands(crop, neighbour, margin, pose, forward, left):  # type: ignore[no-untyped-def]
+    """Whether anything does that far before and left of a pose."""
     x, y, yaw = pose
     c, s = math.cos(yaw), math.sin(yaw)
+    i = int((x + forward * c - left * s + margin) / CELL)
+    j = int((y + forward * s + left * c + margin) / CELL)
     rows, columns = crop.shape
-    found = np.zeros((len(forward), len(left)), np.bool_)
-    for n in range(len(forward)):
-        for m in range(len(left)):
-            i = int((x + forward[n] * c - left[m] * s + margin) / CELL)
-            j = int((y + forward[n] * s + left[m] * c + margin) / CELL)
-            if 0 <= i < columns and 0 <= j < rows:
-                found[n, m] = crop[j, i] or neighbour[j, i]
-    return found
+    return 0 <= i < columns and 0 <= j < rows and (crop[j, i] or neighbour[j, i])
+
+
+@njit(cache=True)
+def first_blocked(crop, neighbour, margin, pose, ahead, left):  # type: ignore[no-untyped-def]
+    """Of `ahead`, the first where anything stands on more than a fifth of `left`; -1: none."""
+    for n in range(len(ahead)):
+        there = 0
+        for left_m in left:
+            there += stands(crop, neighbour, margin, pose, ahead[n], left_m)
+        if there / len(left) > 0.2:
+            return n
+    return -1
+
+
+@njit(cache=True)
+def edge_along(crop, neighbour, margin, pose, ahead, left):  # type: ignore[no-untyped-def]
+    """Of each `ahead`, the first of `left` where anything stands, up to where there is none, or the
+    edge leaves the view or leaps."""
+    edge = np.zeros(len(ahead))
+    for n in range(len(ahead)):
+        k = 0
+        while k < len(left) and not stands(crop, neighbour, margin, pose, ahead[n], left[k]):
+            k += 1
+        if k in (0, len(left)) or (n > 0 and abs(left[k] - edge[n - 1]) >= 0.08):
+            return edge[:n]
+        edge[n] = left[k]
+    return edge
 
 
 @njit(cache=True)
@@ -122,6 +144,10 @@ class SimpleWorld:
         self.field_cells = int(inside.sum())
         self.neighbour_cells = int(self.neighbour.sum())
         v = self.vehicle
+        half = v.blade_width_m / 2
+        self.ahead = np.arange(v.blade_x_m, v.blade_x_m + 5.0, 0.05)
+        self.across = np.arange(-half + 0.01, half, 0.05)
+        self.left = np.arange(-half - 0.7, half, 0.01)
         self.x = self.width - v.blade_width_m / 2 + v.overlap_m
         self.y = -v.blade_x_m - 0.3
         self.yaw = math.pi / 2
@@ -138,13 +164,6 @@ class SimpleWorld:
         self.yaw = side.heading_rad
 
     # ---- vision ----
-    def _standing(
-        self, forward: NDArray[np.float64], left: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
-        """Whether anything stands there, (len(forward), len(left)); metres before and left of the
-        rear axle."""
-        return standing(self.crop, self.neighbour, self.margin, self.pose(), forward, left)
-
     def see(self, bgr: np.ndarray, *, stages: bool = False) -> CropView:
         del bgr, stages
         if self.unusable:
@@ -152,28 +171,22 @@ class SimpleWorld:
         if self.blind:
             return CropView(0.0, reason="dust")
         v = self.vehicle
-        f = np.arange(v.blade_x_m, v.blade_x_m + 5.0, 0.05)
-        half = v.blade_width_m / 2
-        lateral = np.arange(-half + 0.01, half, 0.05)
-        ahead = self._standing(f, lateral).mean(1) > 0.2
-        crop_ahead = float(f[np.argmax(ahead)] - v.blade_x_m) if ahead.any() else math.inf
-        lateral = np.arange(-half - 0.7, half, 0.01)
+        place = self.crop, self.neighbour, self.margin, self.pose()
+        first = first_blocked(*place, self.ahead, self.across)
+        crop_ahead = float(self.ahead[first] - v.blade_x_m) if first >= 0 else math.inf
+        nothing = CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
+        if crop_ahead > 2.5:
+            return nothing
         start = v.blade_x_m + crop_ahead + 0.1
-        if not math.isfinite(start) or crop_ahead > 2.5:
-            return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
         f = np.arange(start, start + 1.5, 0.1)
-        standing = self._standing(f, lateral)
-        rows = standing.any(1) & ~standing[:, 0]
-        edge = lateral[np.argmax(standing, axis=1)]
-        smooth = np.abs(np.diff(edge, prepend=edge[0])) < 0.08
-        broken = np.flatnonzero(~(rows & smooth))
-        n = int(broken[0]) if broken.size else len(f)
+        edge = edge_along(*place, f, self.left)
+        n = len(edge)
         if n < 5:
-            return CropView(0.0, crop_ahead_m=crop_ahead, ahead_confidence=1.0, reason="no edge")
+            return nothing
         along = f[:n] - f[:n].mean()
-        slope = float(along @ edge[:n] / (along @ along))
-        at = float(edge[:n].mean() - slope * (f[:n].mean() - start))
-        wanted = -(half - v.overlap_m)
+        slope = float(along @ edge / (along @ along))
+        at = float(edge.mean() - slope * (f[:n].mean() - start))
+        wanted = -(v.blade_width_m / 2 - v.overlap_m)
         return CropView(
             0.9,
             edge_offset_m=at - wanted,
@@ -212,7 +225,7 @@ class SimpleWorld:
         self.now += STEP
 
     def pose(self) -> tuple[float, float, float]:
-        return self.x, self.y, self.yaw
+        return float(self.x), float(self.y), float(self.yaw)
 
     def _cut(self, before: tuple[float, float, float]) -> None:
         v = self.vehicle

@@ -380,8 +380,8 @@ def test_a_run_that_never_took_a_step_leaves_what_was_there(tmp_path: Path) -> N
 @pytest.mark.parametrize("turns", [0, 1])
 def test_a_pause_of_any_length_changes_nothing_but_the_time(turns: int) -> None:
     """Paused while cutting, and in the middle of a turn."""
-    world = SimpleWorld(VEHICLE, width=7.0, height=7.0)
-    square = [(0.0, 0.0), (7.0, 0.0), (7.0, 7.0), (0.0, 7.0)]
+    world = SimpleWorld(VEHICLE, width=5.0, height=5.0)
+    square = [(0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0)]
     pilot = Pilot(VEHICLE, world, spiral(square, 1, VEHICLE))
     drive(world, pilot, 8.0 if turns == 0 else 200.0, until=lambda: 0 < turns <= pilot.turns)
     drive(world, pilot, 3.0)
