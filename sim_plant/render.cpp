@@ -1225,8 +1225,9 @@ void lay(const Picture &p, const Strip &strip) {
 // From one corner of a cell to the far one, and rounding, in cells.
 constexpr double DIAGONAL = 1.4143;
 
-// Fills BODY and `tops` of the coarse cells [j0, j1) x [i0, i1): where a solid thing stands, or crop
-// at least `narrowest` fine cells wide each way. `wide`: that many coarse cells further off matter.
+// Fills BODY and `tops` of the coarse cells [j0, j1) x [i0, i1): where a solid thing stands, or
+// crop at least `narrowest` fine cells wide each way. `wide`: that many coarse cells further off
+// matter.
 void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1,
                  int64_t narrowest, int64_t wide) {
   const int64_t rows = 2 * p.coarse_rows, columns = 2 * p.coarse_columns;
@@ -1285,7 +1286,8 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
 void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t reach,
                    float coarse, float cap) {
   const int64_t w = i1 - i0, far = reach + 1;
-  const int64_t top = std::max<int64_t>(0, j0 - reach), bottom = std::min(p.coarse_rows, j1 + reach);
+  const int64_t top = std::max<int64_t>(0, j0 - reach),
+                bottom = std::min(p.coarse_rows, j1 + reach);
   if (w <= 0 || bottom <= top) return;
   // Along each row first, squared.
   std::vector<uint16_t> along(size_t((bottom - top) * w)), least(static_cast<size_t>(w));
@@ -1572,9 +1574,9 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
       const int64_t at = j * p.coarse_columns + i;
       const uint8_t *upper = p.kind + 4 * j * p.coarse_columns + 2 * i,
                     *lower = upper + 2 * p.coarse_columns;
-      p.marks[at] = int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | uint32_t(upper[0]) << 16 |
-                            uint32_t(upper[1]) << 20 | uint32_t(lower[0]) << 24 |
-                            uint32_t(lower[1]) << 28);
+      p.marks[at] =
+          int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | uint32_t(upper[0]) << 16 |
+                  uint32_t(upper[1]) << 20 | uint32_t(lower[0]) << 24 | uint32_t(lower[1]) << 28);
     }
   }
   // What stands in these blocks is looked up anew.
@@ -1593,9 +1595,9 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
 // and fades. `mount` (4, 3): right, down, forward of the camera in the vehicle frame, and its
 // place. `veil` (rows / VEIL, columns / VEIL): room for the opacity; `clouds`, 256 larger each
 // way: noise.
-void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, const double *mount, double focal, int64_t seed, double t, double drift_x,
-                double drift_y, double ahead, double half_width, double density,
-                const float *clouds, const double *bgr) {
+void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, const double *mount,
+                double focal, int64_t seed, double t, double drift_x, double drift_y, double ahead,
+                double half_width, double density, const float *clouds, const double *bgr) {
   constexpr int PUFFS = 14, OFFSETS = 256;
   constexpr double LIFE_S = 1.6, EVERY_S = LIFE_S / PUFFS;
   const int h = int(rows / VEIL), w = int(columns / VEIL);
@@ -1642,10 +1644,8 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, cons
   }
   if (top >= bottom) return;
   // Enlarged between the middles of the veil's pixels.
-  const int v0 = std::max(0, (top - 1) * VEIL),
-            v1 = std::min(int(rows), (bottom + 1) * VEIL);
-  const int u0 = std::max(0, (left - 1) * VEIL),
-            u1 = std::min(int(columns), (right + 1) * VEIL);
+  const int v0 = std::max(0, (top - 1) * VEIL), v1 = std::min(int(rows), (bottom + 1) * VEIL);
+  const int u0 = std::max(0, (left - 1) * VEIL), u1 = std::min(int(columns), (right + 1) * VEIL);
   float column[ROOM];
   int16_t share[ROOM + VEIL], line[3 * ROOM], dust[3 * ROOM];
   for (int k = 0; k < 3 * int(columns); ++k) dust[k] = int16_t(bgr[k % 3]);
@@ -1678,7 +1678,8 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, cons
 }
 
 // One row of a picture (rows, columns, 3) through the lens's blur: a binomial of 3 by 3 pixels. The
-// picture goes on mirrored beyond its border, the border itself not repeated. `down`: room for n + 6.
+// picture goes on mirrored beyond its border, the border itself not repeated. `down`: room for n
+// + 6.
 inline void soften_row(const uint8_t *image, int64_t rows, int64_t n, int64_t v,
                        uint16_t *__restrict down, uint8_t *__restrict out) {
   const uint8_t *here = image + v * n;
