@@ -79,7 +79,7 @@ speed: setup ## what each part of the bench costs, against the stored baseline
 mutants: setup ## mutation testing of the firmware core (a few minutes)
 	@$(BIN)/python tools/mutate.py
 
-mutants-python: setup ## breaks the Python code, one line a time, and runs the tests that must notice (ten minutes)
+mutants-python: setup ## breaks the Python code, one line a time, and runs the tests that must notice (half an hour)
 	@$(BIN)/python tools/mutate_python.py
 
 mutants-board: setup ## mutation testing of the boards' code in simavr (ten minutes)

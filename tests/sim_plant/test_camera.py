@@ -306,6 +306,15 @@ def test_low_sun_is_warm() -> None:
     assert warmth(7.0) > warmth(9.0) > warmth(12.0)
 
 
+def test_the_tree_line_is_as_ragged_as_it_is_drawn() -> None:
+    """Its highest tree stands alone, and below the lowest no sky shows."""
+    far = sky.panorama(WeatherSpec(), np.random.default_rng(1))
+    tangent = np.linspace(sky.PANORAMA_TOP, sky.PANORAMA_BOTTOM, len(far))
+    trees = (far[..., 1] < 150)[tangent > 0.03].mean(1)
+    assert 0 < trees[trees > 0][0] < 0.05
+    assert (far[(tangent > 0.003) & (tangent < 0.012), :, 1] < 200).mean() > 0.99
+
+
 def test_wind_moves_the_stalks() -> None:
     mount = MAST.model_copy(update={"vibration_deg": 0.0})
     camera = Camera(half_cut(), mount, WeatherSpec(wind_mps=6), seed=1)

@@ -22,7 +22,7 @@ from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.field.boundary_file import load_field
-from host.field.survey import Survey, straight_sides, survey_track, with_keep_out
+from host.field.survey import Survey, any_edge, straight_sides, survey_track, with_keep_out
 from host.field.walk import (
     SPIKE_FIXES,
     Track,
@@ -279,6 +279,13 @@ def test_an_irregular_field_keeps_its_edge() -> None:
     assert len(found.polygon.exterior.coords) < 80
     straight = survey_track(tracked(lines), corners=4)
     assert any("--irregular keeps the edge" in text for text in straight.warnings)
+
+
+def test_smoothing_draws_no_bend_inwards() -> None:
+    """The mean of as many points of this circle lies 15 cm inside it."""
+    angles = np.linspace(0, math.tau, 160, endpoint=False)
+    edge = any_edge(8.0 * np.column_stack([np.cos(angles), np.sin(angles)]))
+    assert np.hypot(*edge.T) == pytest.approx(8.0, abs=0.02)
 
 
 def test_corners_that_are_not_there_are_refused() -> None:
