@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 
 from host.core.messages import Command, Request, State
@@ -146,9 +147,24 @@ def no_farther(
     covariance: NDArray[np.float64], heading_rad: float, sigma_m: float
 ) -> NDArray[np.float64]:
     """(n, 2, 2) covariances with no more than that standard deviation along a direction."""
-    way = np.array([math.cos(heading_rad), math.sin(heading_rad)])
-    along = np.sqrt(np.einsum("i,nij,j->n", way, covariance, way))
-    share = np.minimum(1.0, np.divide(sigma_m, along, out=np.ones_like(along), where=along > 0))
-    squeeze = np.eye(2) - (1.0 - share)[:, np.newaxis, np.newaxis] * np.outer(way, way)
-    found: NDArray[np.float64] = squeeze @ covariance @ squeeze
+    found = np.empty_like(covariance)
+    _squeeze(covariance, math.cos(heading_rad), math.sin(heading_rad), sigma_m, found)
     return found
+
+
+@njit(cache=True, nogil=True)
+def _squeeze(
+    covariance: NDArray[np.float64], wx: float, wy: float, most: float, out: NDArray[np.float64]
+) -> None:
+    """`no_farther` along (wx, wy); numpy takes ten times as long for a handful."""
+    for k in range(covariance.shape[0]):
+        c = covariance[k]
+        across = wx * (c[0, 0] * wx + c[0, 1] * wy) + wy * (c[1, 0] * wx + c[1, 1] * wy)
+        along = math.sqrt(across) if across > 0.0 else 0.0
+        gone = 1.0 - min(1.0, most / along) if along > 0.0 else 0.0
+        xx, xy, yy = 1.0 - gone * wx * wx, -gone * wx * wy, 1.0 - gone * wy * wy
+        # From the left, then from the right.
+        a00, a01 = xx * c[0, 0] + xy * c[1, 0], xx * c[0, 1] + xy * c[1, 1]
+        a10, a11 = xy * c[0, 0] + yy * c[1, 0], xy * c[0, 1] + yy * c[1, 1]
+        out[k, 0, 0], out[k, 0, 1] = a00 * xx + a01 * xy, a00 * xy + a01 * yy
+        out[k, 1, 0], out[k, 1, 1] = a10 * xx + a11 * xy, a10 * xy + a11 * yy
