@@ -57,24 +57,20 @@ def ninths(lit: Mask, counts: NDArray[np.int64]) -> None:
     pixel that a border divides counts on both sides by its share. All of it is the picture's number
     of pixels."""
     height, width = lit.shape
+    one = np.uint8(1)
+    columns = np.zeros(width, np.int32)
     for i in range(3):
+        columns[:] = 0
+        # The borders lie at thirds of a pixel.
+        top, bottom = height * i, height * (i + 1)
+        for v in range(top // 3, (bottom + 2) // 3):
+            row = lit[v]
+            share = np.int32(min(3 * v + 3, bottom) - max(3 * v, top))
+            for u in range(width):
+                columns[u] += share * np.int32(row[u] & one)
         for j in range(3):
-            counts[i, j] = 0
-    for v in range(height):
-        row = lit[v]
-        for j in range(3):
-            # The borders lie at thirds of a pixel.
-            begin, end = width * j, width * (j + 1)
-            whole = (begin + 2) // 3
-            total = np.int32(0)
-            for u in range(whole, end // 3):
-                total += np.int32(row[u] & np.uint8(1))
-            thirds = 3 * np.int64(total)
-            if whole * 3 > begin:
-                thirds += (min(whole * 3, end) - begin) * (row[whole - 1] & 1)
-            if end > whole * 3:
-                thirds += (end % 3) * (row[end // 3] & 1)
-            for i in range(3):
-                share = min(3 * v + 3, height * (i + 1)) - max(3 * v, height * i)
-                if share > 0:
-                    counts[i, j] += share * thirds
+            left, right = width * j, width * (j + 1)
+            total = 0
+            for u in range(left // 3, (right + 2) // 3):
+                total += (min(3 * u + 3, right) - max(3 * u, left)) * columns[u]
+            counts[i, j] = total

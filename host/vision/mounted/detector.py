@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from host.core.vehicle import Mount, Vehicle
 from host.vision.geometry import Camera
@@ -36,6 +37,7 @@ from host.vision.view import NAN, CropView
 Mode = Literal["paper", "robust"]
 
 Pictures = dict[str, Picture]
+Edge = NDArray[np.float32]
 
 AT_BLADE_M = 0.3
 """Crop nearer than this is being cut."""
@@ -162,6 +164,7 @@ class MountedDetector:
         if math.isnan(self._l_reference) and confidence >= SURE:
             self._l_reference = height
         offset = face.right_m - self._expected_m
+        e_outer, o_map, edge = self._drawn(face)
         return CropView(
             confidence if math.isfinite(offset) else 0.0,
             edge_offset_m=offset,
@@ -171,12 +174,12 @@ class MountedDetector:
             ahead_confidence=ahead_confidence,
             tip_share=HIDDEN_DENSE if self._below_tops else NAN,
             end_of_field=self._end_of_field(height),
-            e_outer_px=self._column(face.right_m, face),
-            o_map_px=self._column(self._expected_m, face),
+            e_outer_px=e_outer,
+            o_map_px=o_map,
             l_height_px=height,
             l_reference_px=self._l_reference,
             standing=face.standing,
-            edge_px=self._edge(face),
+            edge_px=edge,
             reason=self._reason(face, confidence, wanders),
             stages=pictures,
         )
@@ -256,19 +259,19 @@ class MountedDetector:
         beyond = sense * (height - self._l_reference) / tolerance
         return float(min(1.0, max(0.0, 0.5 * beyond)))
 
-    def _column(self, lateral_m: float, face: Face) -> float:
-        if math.isnan(lateral_m):
-            return NAN
+    def _drawn(self, face: Face) -> tuple[float, float, Edge | None]:
+        """Columns of E_outer and O_map, NaN without, and the upright border of the face, from the
+        ground to the tops. All at once: a call takes as long for one point as for twelve."""
         x = face.at_x_m if math.isfinite(face.at_x_m) else self._vehicle.blade_x_m
-        return float(self._camera.project([x, lateral_m, LOWEST_M])[0])
-
-    def _edge(self, face: Face) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]] | None:
-        """The upright border of the face, from the ground to the tops."""
-        if math.isnan(face.right_m):
-            return None
-        z = np.linspace(0.0, self._vehicle.crop_height_m, 10)
-        points = np.column_stack([np.full(10, face.at_x_m), np.full(10, face.right_m), z])
-        return self._camera.project(points).astype(np.float32)
+        ends = [[x, face.right_m, LOWEST_M], [x, self._expected_m, LOWEST_M]]
+        points = np.empty((12, 3))
+        points[:2] = ends
+        points[2:, 0], points[2:, 1] = face.at_x_m, face.right_m
+        points[2:, 2] = np.linspace(0.0, self._vehicle.crop_height_m, 10)
+        pixels = self._camera.project(points)
+        known = not math.isnan(face.right_m)
+        edge = pixels[2:].astype(np.float32) if known else None
+        return float(pixels[0, 0]), float(pixels[1, 0]), edge
 
     @staticmethod
     def _reason(face: Face, confidence: float, wanders: bool) -> str:

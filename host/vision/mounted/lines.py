@@ -202,7 +202,8 @@ def _unpacked(on: Mask, bits: Words, out: Mask) -> None:
         for word in range(row.shape[0]):
             bit = row[word]
             for k in range(32):
-                mask[32 * word + k] = -(np.uint8(bit >> np.uint32(k)) & np.uint8(1))
+                lit = bit & np.uint32(np.uint32(1) << np.uint32(k)) != np.uint32(0)
+                mask[32 * word + k] = np.uint8(255) if lit else np.uint8(0)
         for half in range(2):
             pixel, kept = on[2 * v + half], out[2 * v + half]
             for u in range(width):

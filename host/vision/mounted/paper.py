@@ -140,7 +140,7 @@ def staged_pictures(bgr: Picture, s: Stages) -> dict[str, Picture]:
 
 def l_height(upright: Mask, share: float = L_HEIGHT_SHARE) -> float:
     """The row below which `share` of the crop pixels lie; NaN without crop."""
-    rows = np.cumsum(cv2.reduce(upright // 255, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel())
+    rows = np.cumsum(cv2.reduce(upright & 1, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel())
     if rows[-1] == 0:
         return NAN
     return float(np.searchsorted(rows, (1.0 - share) * rows[-1]))

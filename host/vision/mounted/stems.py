@@ -51,8 +51,10 @@ class Stems:
 
     def _least_step(self, grey: Mask) -> float:
         ground = grey[self._cut]
-        counts = np.bincount(cv2.absdiff(ground[:, 2:], ground[:, :-2]).ravel(), minlength=256)
-        level = float(np.searchsorted(np.cumsum(counts), CUT_QUANTILE * counts.sum()))
+        steps = cv2.absdiff(ground[:, 2:], ground[:, :-2])
+        # Whole numbers, which float32 holds up to 16 million.
+        below = np.cumsum(cv2.calcHist([steps], [0], None, [256], [0, 256]).ravel(), dtype=np.int64)
+        level = float(np.searchsorted(below, CUT_QUANTILE * below[-1]))
         return min(max(level, STEP_RANGE[0]), STEP_RANGE[1])
 
 
