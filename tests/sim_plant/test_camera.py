@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 from concurrent.futures import ThreadPoolExecutor
 
@@ -153,6 +154,25 @@ def test_incremental_updates_give_the_picture_of_a_camera_that_saw_the_final_fie
     pose = (9.0, 2.0, 1.5, 0.0)
     differs = watching.labels(*pose) != late.labels(*pose)
     assert differs.mean() < 0.002
+
+
+@pytest.mark.parametrize(("hour", "month"), [(6.5, 4), (12.0, 12), (17.5, 4)])
+def test_shadows_that_a_cut_leaves_are_those_of_the_cut_field(hour: float, month: int) -> None:
+    """Sun in the east, south and west of a patch of crop amid open ground, low enough for shadows
+    of a metre and more."""
+    field = half_cut()
+    for x0, x1, y0, y1 in ((-1, 2.6, -1, 7), (3.5, 9, -1, 7), (-1, 9, -1, 1.2), (-1, 9, 1.8, 7)):
+        field.clear(((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+    weather = WeatherSpec(hour=hour, date=datetime.date(2026, month, 21))
+    watching = Camera(field, MAST, weather, seed=1)
+    whole = watching.scene.stand.copy()
+    for k in range(12):
+        field.cut((1.0 + 0.1 * k, 1.5, 0.0), (1.1 + 0.1 * k, 1.5, 0.0))
+        watching.capture(0.1 * k, 1.0 + 0.1 * k, 1.5, 0.0)
+    late = Camera(field, MAST, weather, seed=1)
+    assert np.count_nonzero(whole != late.scene.stand) > 300
+    assert np.array_equal(watching.scene.stand, late.scene.stand)
+    assert np.array_equal(watching.scene.marks, late.scene.marks)
 
 
 def _project(mount: CameraSpec, forward: float, left: float, up: float) -> tuple[float, float]:

@@ -46,6 +46,13 @@ def test_a_moving_machine_shakes_it_and_a_standing_one_does_not() -> None:
     assert math.degrees(np.std(moves)) == pytest.approx(1.0, rel=0.2)
 
 
+def test_noises_of_rate_and_force_are_strangers_to_each_other() -> None:
+    gyro = Gyro(CLEAN.model_copy(update={"noise_dps": 0.5}), 1, 0.0)
+    samples = [gyro.sample(k / 50, 0, 0, 0, 0.0) for k in range(2000)]
+    values = np.array([[*s.rate_radps, *s.force_mps2] for s in samples])
+    assert np.abs(np.corrcoef(values.T) - np.eye(6)).max() < 0.1
+
+
 def test_the_same_seed_gives_the_same_samples() -> None:
     one, other = (Gyro(GyroSpec(), 7, 0.2) for _ in range(2))
     assert [one.sample(t, 0.1, 0, 0, 1) for t in range(9)] == [
