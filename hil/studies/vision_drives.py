@@ -26,6 +26,7 @@ from host.core.vehicle import Mount, Vehicle
 from host.estimate.crop_ahead import CONFIDENT, Ahead, EndOfField
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
+from host.estimate.position import Position
 from host.vision.geometry import Camera as Eye
 from host.vision.mounted.detector import make_detector
 from host.vision.photo.detector import RobustPhoto
@@ -304,7 +305,8 @@ def _driven(drive: Drive, edge: Edge) -> Outcome:
     eye = PhotoOnMount(v, mount) if drive.mode == "photo" else make_detector(drive.mode, v, mount)
     rng = np.random.default_rng((drive.seed, drive.number, 1))
     scale, gain = 1 + DISTANCE_SD * rng.normal(), 1 + TURN_SD * rng.normal()
-    lane, ahead = Lane(v.blade_x_m), Ahead()
+    position, ahead = Position(v), Ahead()
+    lane = Lane(position, v.blade_x_m)
     lane.place(0.0, 0.0, 0.15, math.radians(8))
     found = Outcome(_conditions(scenario, edge), 0.0, [], [], [], [], None, 0)
     declared: float | None = None
@@ -314,7 +316,7 @@ def _driven(drive: Drive, edge: Edge) -> Outcome:
         way_m, (x, y, yaw) = seen.travelled_m, seen.pose
         speed = v.cutting_speed_mps
         motion = Motion(way_m / speed, speed, 0.0, scale * way_m, gain * yaw, x, y)
-        lane.predict(motion)
+        position.predict(motion, cutting=True)
         if view.confidence >= CONFIDENT:
             lane.correct(view.edge_offset_m, view.edge_heading_rad, view.confidence, (0.0, 0.0))
         if seen.cutting:

@@ -23,12 +23,12 @@ DOPPLER_GAP_S = 2.0
 
 
 class Estimator:
-    """`lane` steers; `position` is the place in the field frame, unknown until it is placed."""
+    """`position` is the filter, `lane` what of it steers."""
 
     def __init__(self, vehicle: Vehicle, plan: Plan) -> None:
         self.odometry = Odometry(vehicle)
-        self.lane = Lane(vehicle.blade_x_m)
         self.position = Position(vehicle, plan.boundary, plan.sigma_m)
+        self.lane = Lane(self.position, vehicle.blade_x_m)
         self.trails = Trails(vehicle)
         self.direction = DirectionCheck()
         self.cut = CutGuard(vehicle)
@@ -46,21 +46,23 @@ class Estimator:
         return self.odometry.now
 
     def take_innovations(self) -> list[Innovation]:
-        """What the filters made of their measurements since the last call, in no order."""
-        out = [*self.lane.innovations, *self.position.innovations]
-        self.lane.innovations.clear()
+        """What the filter made of their measurements since the last call, in no order."""
+        out = list(self.position.innovations)
         self.position.innovations.clear()
         return out
 
     def take_turned(self, turned: Turned) -> None:
         """The phone's gyroscope, before the telemetry of the same step."""
         self.odometry.take_turned(turned)
+        for rest in self.odometry.gyroscope.take_rests():
+            self.position.rested(*rest)
+            self._learn()
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""
         motion = self.odometry.update(telemetry)
-        self.lane.predict(motion)
         self.position.predict(motion, cutting=telemetry.blade)
+        self._learn()
         self.direction.move(motion)
         self.cut.take_telemetry(telemetry)
         self.speed.take_telemetry(telemetry)
@@ -76,3 +78,13 @@ class Estimator:
         self.speed.take_fix(fix, telemetry)
         self.odometry.learn(fix, telemetry, min(DOPPLER_GAP_S, fix.stamp - self._fix_stamp))
         self._fix_stamp = fix.stamp
+
+    def learn_curve(self) -> None:
+        """And what of the curvature that the pot does not show."""
+        self.odometry.turn_trim(self.position.take_curve())
+
+    def _learn(self) -> None:
+        """What the filter has found of the gyroscope's offset is taken off from here on."""
+        gyroscope = self.odometry.gyroscope
+        off, gyroscope.offset_sigma = self.position.take_gyro()
+        gyroscope.offset += off

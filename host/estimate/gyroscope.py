@@ -2,8 +2,8 @@
 
 The steering angle says what the machine turns only as well as its pot, its tyres and its way are
 known: some 3 % of a turn, and a few tenths of a degree a metre. A gyroscope has none of that; it
-has an offset, which every stand shows anew, as the zero-velocity updates of pedestrian navigation
-do (Foxlin, IEEE Computer Graphics and Applications 25(6), 2005).
+has an offset, a state of the filter (`host.estimate.position`): every stand shows it
+(`host.estimate.measurements.rest`), and a straight edge does.
 
 The two watch each other. Where they differ by more than both err together, the steering angle is
 believed, as on a machine without a gyroscope, until a turn has shown that they agree again.
@@ -14,15 +14,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from host.core.messages import Turned
 
-BIAS_SIGMA: Final = math.radians(3.0)
+OFFSET_SIGMA: Final = math.radians(3.0)
 """Of the offset, rad/s, before the machine has stood: a data sheet's over life."""
-BIAS_WALK: Final = math.radians(0.002)
-"""Its change, per square root of a second: a part that warms up by a kelvin a minute."""
-BIAS_KNOWN: Final = math.radians(0.1)
+OFFSET_KNOWN: Final = math.radians(0.1)
 """rad/s; known less well it is of no use beside the steering angle."""
 REST_NOISE: Final = math.radians(0.03)
 """What a gyroscope at rest errs at least, rad over the square root of a second; a phone's is half
@@ -44,6 +42,13 @@ AGREE_RAD: Final = math.radians(60.0)
 hangs agrees as long as nothing turns."""
 
 
+class Rest(NamedTuple):
+    """What it shows of its offset at rest, besides what is taken off it: rad/s, and variance."""
+
+    rate_radps: float
+    variance: float
+
+
 @dataclass(frozen=True, slots=True)
 class _Step:
     stamp: float
@@ -59,8 +64,9 @@ class Gyroscope:
     def __init__(self) -> None:
         self._last: Turned | None = None
         self._reckoned = 0.0
-        self._bias = 0.0
-        self._variance = BIAS_SIGMA**2
+        self.offset, self.offset_sigma = 0.0, OFFSET_SIGMA
+        """What is taken off the rate, rad/s, and how surely: the filter says it."""
+        self._rests: list[Rest] = []
         self._scale, self._scale_sigma = 1.0, SCALE_SIGMA
         self._leg = (0.0, 0.0)
         self.known_to = -math.inf
@@ -80,7 +86,7 @@ class Gyroscope:
     @property
     def useful(self) -> bool:
         """Whether its offset is known, and nothing contradicts it."""
-        return self._variance < BIAS_KNOWN**2 and not self.contradicted
+        return self.offset_sigma < OFFSET_KNOWN and not self.contradicted
 
     @property
     def stamp(self) -> float:
@@ -100,13 +106,13 @@ class Gyroscope:
         dt = turned.stamp - last.stamp
         if dt <= 0.0:
             return 0.0
-        self._variance += BIAS_WALK**2 * dt
         rate = (turned.yaw_rad - last.yaw_rad) / dt
         self.known_to = turned.stamp
         if standing:
-            return self._rest(rate, dt)
+            self._rest(rate, dt)
+            return 0.0
         self._rest_rate = None
-        seen = self._scale * (rate - self._bias) * dt
+        seen = self._scale * (rate - self.offset) * dt
         reckoned = reckoned_rad - before
         self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
         taken = seen - reckoned if self.useful else 0.0
@@ -115,21 +121,21 @@ class Gyroscope:
             self._steps.popleft()
         return taken + self._compared(reckoned)
 
-    def _rest(self, rate: float, dt: float) -> float:
-        """The machine stands: what it shows is its offset."""
+    def take_rests(self) -> list[Rest]:
+        """What stands have shown since the last call."""
+        rests, self._rests = self._rests, []
+        return rests
+
+    def _rest(self, rate: float, dt: float) -> None:
         before, self._rest_rate = self._rest_rate, rate
         if before is None:
-            return 0.0
+            return
         power = (rate - before) ** 2 * dt / 2
         self._rest_power += (power - self._rest_power) / REST_WORDS
-        noise = max(REST_NOISE**2, self._rest_power) / dt
-        off = rate - self._bias
-        if abs(off) > PUSHED + 3.0 * math.sqrt(self._variance + noise):
-            return 0.0
-        blend = self._variance / (self._variance + noise)
-        self._bias += blend * off
-        self._variance *= 1.0 - blend
-        return 0.0
+        variance = max(REST_NOISE**2, self._rest_power) / dt
+        off = rate - self.offset
+        if abs(off) <= PUSHED + 3.0 * math.sqrt(self.offset_sigma**2 + variance):
+            self._rests.append(Rest(off, variance))
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""

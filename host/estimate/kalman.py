@@ -1,8 +1,9 @@
-"""The one update that every filter here makes, and what it leaves for the record."""
+"""The one update that every measurement makes, and what it leaves for the record."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,29 +49,44 @@ class Filter:
         self.innovations: list[Innovation] = []
         """Since whoever reads them has emptied it; the latest KEPT at most."""
 
-    def fuse(self, measurement: Measurement, *, frozen: int | None = None) -> bool:
-        """Takes the measurement (Joseph form) and returns True, or refuses it. The state `frozen`
-        is considered and not changed."""
-        gain = self._gain(measurement, frozen)
+    def fuse(self, measurement: Measurement, *, frozen: Sequence[int] = ()) -> bool:
+        """Takes the measurement and returns True, or refuses it. The states `frozen` are considered
+        and not changed (Schmidt-Kalman)."""
+        gain, hp, s = self._gain(measurement, frozen)
         if gain is None:
             return False
-        h = measurement.h
         self._x = self._x + gain @ measurement.innovation
-        keep = np.eye(len(self._x)) - gain @ h
-        self._p = keep @ self._p @ keep.T + gain @ np.diag(measurement.variances) @ gain.T
+        taken = gain @ hp
+        # Joseph's form, multiplied out: it holds for any gain, and costs states squared.
+        self._p = self._p - taken - taken.T + gain @ s @ gain.T
         return True
 
-    def yield_to(self, bound: Measurement, *, frozen: slice) -> None:
-        """Moves the state towards a bound that it violates, but for what is `frozen`. It says
-        nothing of how surely the state is known there: the covariance stays."""
-        gain = self._gain(bound, frozen)
+    def yield_to(self, bound: Measurement, *, moves: Sequence[int]) -> None:
+        """Moves the states `moves` towards a bound that they violate. It says nothing of how surely
+        they are known there: the covariance stays."""
+        gain, _, _ = self._gain(bound, ())
         if gain is not None:
-            self._x = self._x + gain @ bound.innovation
+            at = list(moves)
+            self._x = self._x.copy()
+            self._x[at] += gain[at] @ bound.innovation
 
-    def _gain(self, measurement: Measurement, frozen: int | slice | None) -> Array | None:
-        """None beyond the measurement's gate. Leaves the innovation for the record."""
+    def doubt(self, measurement: Measurement, growth: float) -> None:
+        """Takes back some of what is known of the first thing that was measured: its standard
+        deviation grows so many times, and what hangs together with it grows along."""
+        h = measurement.h[0]
+        ph = self._p @ h
+        variance = float(h @ ph)
+        if variance > 0.0:
+            self._p = self._p + np.outer(ph, ph) * ((growth**2 - 1.0) / variance)
+
+    def _gain(
+        self, measurement: Measurement, frozen: Sequence[int]
+    ) -> tuple[Array | None, Array, Array]:
+        """The gain (None beyond the measurement's gate), H P and the innovation's covariance.
+        Leaves the innovation for the record."""
         h, z = measurement.h, measurement.innovation
-        s = h @ self._p @ h.T + np.diag(measurement.variances)
+        hp = h @ self._p
+        s = hp @ h.T + np.diag(measurement.variances)
         nis = float(z @ np.linalg.solve(s, z))
         used = nis <= measurement.gate
         self.innovations.append(
@@ -78,8 +94,8 @@ class Filter:
         )
         del self.innovations[:-KEPT]
         if not used:
-            return None
-        gain = np.asarray(np.linalg.solve(s, h @ self._p).T, np.float64)
-        if frozen is not None:
-            gain[frozen] = 0.0
-        return gain
+            return None, hp, s
+        gain = np.asarray(np.linalg.solve(s, hp).T, np.float64)
+        if frozen:
+            gain[list(frozen)] = 0.0
+        return gain, hp, s

@@ -98,7 +98,8 @@ class Odometry:
         """Since the drive was last switched; negative: since it was switched off."""
         self._coast = Coast()
         self._history: deque[Motion] = deque()
-        self._gyroscope = Gyroscope()
+        self.gyroscope = Gyroscope()
+        """Its offset is the filter's to say."""
         self._by_angle: deque[_Reckoned] = deque([_Reckoned(-math.inf, 0.0, 0.0)])
         self._missed_rad = 0.0
         """What the gyroscope has shown besides, still to be taken."""
@@ -168,7 +169,7 @@ class Odometry:
             past.yaw_rad + yaw_step,
             past.x_m + step * math.cos(middle),
             past.y_m + step * math.sin(middle),
-            self._gyroscope.useful and telemetry.stamp - self._gyroscope.known_to < FRESH_S,
+            self.gyroscope.useful and telemetry.stamp - self.gyroscope.known_to < FRESH_S,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
@@ -192,7 +193,7 @@ class Odometry:
 
     def take_turned(self, turned: Turned) -> None:
         """What the gyroscope says; it may be some tenths of a second old."""
-        gyroscope = self._gyroscope
+        gyroscope = self.gyroscope
         at = self._angle_at(turned.stamp)
         standing = gyroscope.stamp >= self._rests_since
         believed = not gyroscope.contradicted
@@ -236,7 +237,7 @@ class Odometry:
     def _learn_gain(self, seen_rad: float, reckoned_rad: float) -> None:
         """What a leg of a turn has turned, over what it was reckoned to: the pot's scale, and the
         slip of tyres. Compared at a stand, where nothing lags behind."""
-        if not self._gyroscope.useful or abs(reckoned_rad) < LEG_RAD:
+        if not self.gyroscope.useful or abs(reckoned_rad) < LEG_RAD:
             return
         low, high = YAW_GAIN_LIMITS
         more = LEG_SHARE * (seen_rad / reckoned_rad - 1.0)
@@ -274,7 +275,7 @@ class Odometry:
         true one but for sigma_rad by which the corner's angle may be otherwise."""
         noise = TURN_SIGMA_RAD**2 + sigma_rad**2
         if self.now.by_gyro:
-            self._gyroscope.turned(reckoned_rad, true_rad, math.sqrt(noise))
+            self.gyroscope.turned(reckoned_rad, true_rad, math.sqrt(noise))
             return
         slope = reckoned_rad / self.yaw_gain
         variance = (slope * self._yaw_gain_sigma) ** 2 + noise

@@ -1,15 +1,14 @@
-"""Where the machine is in the field frame, and how surely: dead reckoning anchored to the plan.
+"""The one filter: where the machine is in the field frame, where its lane runs, what its sensors
+and its wheels err, and how surely: dead reckoning anchored to the plan and to the crop's edge.
 
 A phone's position is good to some 2.5 m, slowly wandering: no use beside a gap of 2 m. But the
 operator puts the blade on a known corner, every side lies along a known line, and every end of a
-side is a known place: those anchor an extended Kalman filter over (x, y, yaw, the wheels' slip
-while cutting, the lane's offset and direction against its edge, the courses' direction against the
-plan's, the boundary's corners).
+side is a known place: those anchor an extended Kalman filter (`host.estimate.states`).
 
 A line is known only as well as it was cut: strip after strip may lie a little askew of the one
 before. So each lane has an offset and a direction of its own, known from the lane whose cutting has
 left its edge, and the receiver's Doppler courses, which no strip turns, tell them from the
-machine's.
+machine's. Beside that straight line the edge wanders, and the machine with it.
 
 A walked boundary is a metre off and some degrees. So its corners are landmarks: beside the first
 strips, and at their ends, the machine finds where the edges lie (host.estimate.outline).
@@ -19,31 +18,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate.kalman import Filter
-from host.estimate.measurements import begin, course, end, line
+from host.estimate import gyroscope
+from host.estimate.kalman import Filter, Measurement
+from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, straightened
+from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
-from host.estimate.states import LANE, LANE_YAW, PLAN_YAW, SLIP, STATES, YAW, X, Y
-from host.route.side import NO_EDGE, Side
+from host.estimate.states import (
+    CRAB,
+    CURVE,
+    GYRO,
+    LANE,
+    LANE_OFFSET,
+    LANE_YAW,
+    PLAN_YAW,
+    SLIP,
+    STATES,
+    WANDER,
+    YAW,
+    X,
+    Y,
+)
+from host.route.side import Side
 
 START_SIGMA = (0.1, 0.1, math.radians(2))
-LANE_SIGMA = (0.06, math.radians(0.5))
-"""Of the outer edge's line against the plan's, m and rad."""
-RING_SIGMA = (0.02, math.radians(0.2))
-RING_ENDS_M = 0.1
-"""What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
-so much."""
-STRAIGHTEN_M = 0.1
-"""By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
-beside it."""
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
 STEP_SIGMA = (0.03, 0.02)
@@ -56,37 +62,35 @@ YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
-GYRO_SIGMA_PER_ROOT_S = math.radians(0.1)
+GYRO_SIGMA_PER_ROOT_S = math.radians(0.08)
 GYRO_SIGMA_SHARE = 0.01
-"""The same by the gyroscope: its offset, which lasts, as noise of some tens of seconds (0.02 deg/s
-over 40 s), and its scale."""
-
-
-class _Lane(NamedTuple):
-    """What was found of a side's lane: (2,) its offset at the side's beginning, m left of the
-    plan's, and its direction, rad; (2, 2) their covariance."""
-
-    side: Side
-    x: NDArray[np.float64]
-    p: NDArray[np.float64]
-
-
-class Aside(NamedTuple):
-    """How far right of its usual place beside the edge a lane is laid, over ground that is cut."""
-
-    begin_m: float = 0.0
-    """At the side's beginning."""
-    slope: float = 0.0
-    """More with each metre, as a tangent."""
-
-
-def straightened(askew_rad: float, sigma_rad: float, length_m: float) -> Aside:
-    """Beside an edge that is turned left of the plan by askew_rad, give or take sigma_rad: what is
-    surely askew of it is taken off, as far as STRAIGHTEN_M allows. The blade never leaves crop
-    standing beside its edge, it overlaps at the one end or at the other."""
-    sure = max(0.0, abs(askew_rad) - sigma_rad)
-    turn = min(math.tan(sure), STRAIGHTEN_M / max(length_m, 1.0))
-    return Aside(0.0, turn) if askew_rad > 0.0 else Aside(turn * length_m, -turn)
+"""The same by the gyroscope: what a machine that drives shakes it by, and its scale."""
+GYRO_WALK = math.radians(0.003)
+"""Change of what it shows at rest, rad/s per square root of a second: a part that warms up by a
+kelvin a minute, twice."""
+CURVE_SIGMA_1PM = 0.006
+"""Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
+CURVE_PER_M = 0.0005
+"""Its growth per square root of a metre."""
+CRAB_SIGMA = 0.01
+"""Of what the machine drifts aside on a side slope, a share of its way: tyres of this load slip by
+half a degree on a slope of five (Lenain et al. 2006)."""
+CRAB_TURN_RAD = 0.7
+"""What is known of it is gone by a turn of so much: the slope is another's."""
+WANDER_SIGMA_M = 0.045
+WANDER_M = 0.7
+"""Of how the edge wanders beside its lane's straight line: standard deviation, and the way over
+which it is another's. Longer waves are the lane's."""
+BOUND_SIGMA_M = 0.15
+"""Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
+DOUBTED = 1.03
+"""Growth of the lane's standard deviation with each contradiction. A lane that a turn has left
+askew yields within half a metre; one that many pictures agreed on outlasts a patch of weeds or thin
+crop, whose border looks like the edge."""
+NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""A lane of which no plan knows: along x from the origin."""
+OPEN_SIGMA = (0.1, math.radians(5))
+"""Of where a machine without a plan, or not placed in it yet, begins beside its lane."""
 
 
 class Position(Filter):
@@ -103,14 +107,23 @@ class Position(Filter):
         self.outline = Outline(boundary if sigma_m > 0.0 else ())
         self._sigma_m = sigma_m
         states = STATES + self.outline.states
-        super().__init__(np.zeros(states), np.full((states, states), math.inf))
+        super().__init__(np.zeros(states), np.zeros((states, states)))
+        own = (SLIP_SIGMA, 0.0, 0.0, PLAN_SIGMA_RAD, CURVE_SIGMA_1PM, gyroscope.OFFSET_SIGMA)
+        self._p[SLIP:CRAB, SLIP:CRAB] = np.diag(np.square(own))
         self._vehicle = vehicle
         self._past: Motion | None = None
-        self._lanes: list[_Lane] = []
-        self._lane_of: Side | None = None
+        self._lanes = Lanes(vehicle.blade_width_m)
+        self._lane_of = NO_SIDE
         self.aside = Aside()
         """Of the present lane."""
         self.known = False
+        """Whether it has a place in the plan."""
+        self.open(0.0, 0.0, *OPEN_SIGMA)
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """(states,) the state. Not to be written to."""
+        return self._x
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -157,91 +170,110 @@ class Position(Filter):
         back = along_m + side.begin_seen_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
         x, y = side.x_m + c * back - s * inside, side.y_m + s * back + c * inside
-        corners = np.zeros(self.outline.states)
-        self._x = np.array(
-            [x, y, side.heading_rad + heading_rad, *np.zeros(STATES - SLIP), *corners]
-        )
-        sigmas = (*START_SIGMA, SLIP_SIGMA, *LANE_SIGMA, PLAN_SIGMA_RAD)
-        own = np.diag([*np.square(sigmas), *(corners + self._sigma_m**2)])
+        self._anew((x, y, side.heading_rad + heading_rad), START_SIGMA, LANE_SIGMA)
         # Where the edge truly is, there the operator has put the machine: so far past its corner.
-        with_corners = np.eye(len(own))
+        with_corners = np.eye(len(self._x))
         ahead = self.outline.of_corner(side.edge, (c, s))
         left = self.outline.along(side.edge, (side.x_m, side.y_m), (-s, c))
         with_corners[X, STATES:] = c * ahead - s * left
         with_corners[Y, STATES:] = s * ahead + c * left
         with_corners[YAW, STATES:] = self.outline.turning(side.edge)
-        self._p = with_corners @ own @ with_corners.T
+        self._p = with_corners @ self._p @ with_corners.T
         self.known = True
         self._lane_of = side
+
+    def open(
+        self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float
+    ) -> None:
+        """On a lane that is in no plan: the rear axle offset_m left of it, the vehicle heading_rad
+        left of its direction, with their standard deviations."""
+        self._lane_of, self.known = NO_SIDE, False
+        pose = (0.0, self._vehicle.inset_m + offset_m, heading_rad)
+        self._anew(pose, (offset_sd, offset_sd, heading_sd), (0.0, 0.0))
+
+    def _anew(
+        self,
+        pose: tuple[float, float, float],
+        pose_sd: tuple[float, float, float],
+        lane_sd: tuple[float, float],
+    ) -> None:
+        """Another place. What is known of the sensors and of the slip stays."""
+        self._x[: YAW + 1] = pose
+        self._x[LANE] = 0.0
+        self._x[STATES:] = 0.0
+        corners = np.full(self.outline.states, self._sigma_m)
+        lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *range(STATES, len(self._x))]
+        self._p[lost, :] = self._p[:, lost] = 0.0
+        self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
+        self.aside = Aside()
+        self._other_edge()
+
+    def _other_edge(self) -> None:
+        """Nothing is known of how this one wanders."""
+        self._x[WANDER] = 0.0
+        self._p[WANDER, :] = self._p[:, WANDER] = 0.0
+        self._p[WANDER, WANDER] = WANDER_SIGMA_M**2
 
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
         edge it has left. `straight`: it is the whole of a side, that may be straightened."""
-        past = self._lane_of
-        if past is not None:
-            done = _Lane(past, self._x[LANE].copy(), self._p[LANE, LANE].copy())
-            kept = [lane for lane in self._lanes if not self._left_by(past, lane)]
-            self._lanes = [*kept, done]
+        self._lanes.keep(Lain(self._lane_of, self._x[LANE].copy(), self._p[LANE, LANE].copy()))
         self._lane_of = side
-        last = self._beside(side)
-        lane, covariance = np.zeros(2), np.diag(LANE_SIGMA) ** 2
-        if last is not None:
-            moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
-            askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
-            grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
-            lane, covariance = moved @ last.x, moved @ last.p @ moved.T + grown
+        lane, covariance = self._lanes.beside(side)
         self.aside = Aside()
-        if straight and last is not None:
+        if straight and self._lanes.knows(side):
             sigma = math.sqrt(covariance[1, 1])
             self.aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
             lane = lane - np.array(self.aside)
         self._x[LANE] = lane
         self._p[LANE, :] = self._p[:, LANE] = 0.0
         self._p[LANE, LANE] = covariance
-
-    def _beside(self, side: Side) -> _Lane | None:
-        """The lane whose cutting has left a side's edge. Where the strips between were laid out
-        otherwise, the last along the same edge of the boundary: an inner strip is turned as that
-        is, it does not lie along the boundary again."""
-        left = [known for known in self._lanes if self._left_by(side, known)]
-        if left:
-            return left[-1]
-        same = [k for k in self._lanes if side.edge != NO_EDGE and k.side.edge == side.edge]
-        return same[-1] if same and side.inside_m > same[-1].side.inside_m else None
-
-    def _left_by(self, side: Side, lane: _Lane) -> bool:
-        return side.left_by(lane.side, self._vehicle.blade_width_m)
+        self._other_edge()
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
         past, self._past = self._past, motion
-        if past is None or not self.known:
+        if past is None:
             return
+        lasted = max(0.0, motion.stamp - past.stamp)
+        self._p[GYRO, GYRO] += GYRO_WALK**2 * lasted
         step = motion.distance_m - past.distance_m
         turn = motion.yaw_rad - past.yaw_rad
         if step == 0.0 and turn == 0.0:
             return
+        run = abs(step)
+        jacobian = np.eye(STATES)
+        if motion.by_gyro:
+            turn -= float(self._x[GYRO]) * lasted
+            jacobian[YAW, GYRO] = -lasted
+            yaw = GYRO_SIGMA_PER_ROOT_S**2 * lasted + GYRO_SIGMA_SHARE**2 * abs(turn)
+        else:
+            turn += float(self._x[CURVE]) * step
+            jacobian[YAW, CURVE] = step
+            yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
         middle = self._x[YAW] + turn / 2
         c, s = math.cos(middle), math.sin(middle)
         lost = step if cutting else 0.0
         step -= lost * float(self._x[SLIP])
-        self._x[:SLIP] += step * c, step * s, turn
-        moves = slice(0, SLIP + 1)
-        jacobian = np.eye(SLIP + 1)
-        jacobian[:YAW, YAW] = -step * s, step * c
+        aside = run * float(self._x[CRAB])
+        crab, wander = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / WANDER_M)
+        self._x[: YAW + 1] += step * c - aside * s, step * s + aside * c, turn
+        self._x[CRAB] *= crab
+        self._x[WANDER] *= wander
+        jacobian[:YAW, YAW] = -step * s - aside * c, step * c - aside * s
         jacobian[:YAW, SLIP] = -lost * c, -lost * s
+        jacobian[:YAW, CRAB] = -run * s, run * c
+        jacobian[:YAW] += jacobian[:YAW, YAW : YAW + 1] * (jacobian[YAW] - np.eye(STATES)[YAW]) / 2
+        jacobian[CRAB, CRAB], jacobian[WANDER, WANDER] = crab, wander
+        self._p[:STATES] = jacobian @ self._p[:STATES]
+        self._p[:, :STATES] = self._p[:, :STATES] @ jacobian.T
         # Neighbouring steps err alike: their errors grow along a metre as one.
-        run = abs(step)
         turned = np.array([[c, -s], [s, c]])
-        self._p[moves] = jacobian @ self._p[moves]
-        self._p[:, moves] = self._p[:, moves] @ jacobian.T
         self._p[:YAW, :YAW] += turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
-        if motion.by_gyro:
-            lasted = motion.stamp - past.stamp
-            grown = GYRO_SIGMA_PER_ROOT_S**2 * lasted + GYRO_SIGMA_SHARE**2 * abs(turn)
-        else:
-            grown = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
-        self._p[YAW, YAW] += grown
+        self._p[YAW, YAW] += yaw
+        self._p[CURVE, CURVE] += CURVE_PER_M**2 * run
+        self._p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
+        self._p[WANDER, WANDER] += WANDER_SIGMA_M**2 * (1.0 - wander**2)
 
     def at(self, side: Side) -> Place:
         """The place against a side."""
@@ -255,7 +287,7 @@ class Position(Filter):
     def against_lane(self) -> tuple[float, float, float, float]:
         """The rear axle's place against the present lane as it lies, not as the plan has it: how
         far left (m) and how far turned left (rad), and their standard deviations."""
-        place = self._on_lane()
+        place = self.on_lane()
         along = place.blade_m - self._vehicle.blade_x_m
         offset = place.across_m - place.lane_at(along)
         heading = math.remainder(place.turned_rad - self._x[LANE_YAW], math.tau)
@@ -264,9 +296,19 @@ class Position(Filter):
         sigmas = (math.sqrt(across @ self._p @ across), math.sqrt(turned @ self._p @ turned))
         return offset, heading, *sigmas
 
-    def _on_lane(self) -> Place:
-        assert self._lane_of is not None
+    def on_lane(self) -> Place:
+        """The place against the present lane's side."""
         return self.at(self._lane_of)
+
+    def sigma(self, h: NDArray[np.float64]) -> float:
+        """Standard deviation of what has the derivative `h`, (states,)."""
+        return math.sqrt(max(0.0, float(h @ self._p @ h)))
+
+    def beside_sigma_m(self, side: Side) -> float:
+        """Standard deviation of how far the machine is beside a side's line, as the plan has it."""
+        h = self.at(side).beside()
+        h[LANE] = 0.0
+        return self.sigma(h)
 
     def end_sigma_m(self, side: Side, way: int = 1) -> float:
         """Standard deviation of how far the blade is before a side's end, or past its beginning
@@ -296,10 +338,38 @@ class Position(Filter):
         h[STATES:] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
         return math.sqrt(h @ self._p @ h)
 
-    def follow(self, blade_offset_m: float, sigma_m: float) -> None:
-        """The lane filter's place of the blade's middle left of the present lane."""
-        self.fuse(line.line(self._on_lane(), blade_offset_m, sigma_m))
+    def see_edge(self, seen: Measurement, *, learn: bool) -> bool:
+        """A picture's edge of the present lane; `learn`: the curvature that the pot does not show,
+        too. False where it contradicts what is believed beyond its gate; then that is doubted."""
+        taken = self.fuse(seen, frozen=() if learn else (CURVE,))
+        if taken:
+            self._learn()
+        else:
+            self.doubt(seen, DOUBTED)
+        return taken
+
+    def lies_right(self, seen: Measurement) -> None:
+        """Crop goes on beside the blade, so the edge lies no further left than was seen. The
+        machine is farther left of it, and not turned otherwise."""
+        wide = seen.variances[:1] + BOUND_SIGMA_M**2
+        bound = Measurement("bound", seen.h[:1], seen.innovation[:1], wide)
+        self.yield_to(bound, moves=(X, Y, LANE_OFFSET))
+
+    def rested(self, rate_radps: float, variance: float) -> None:
+        """The machine stands, and so much the gyroscope shows, rad/s."""
+        self.fuse(rest.rest(self._x, rate_radps, variance))
         self._learn()
+
+    def take_curve(self) -> float:
+        """What is known of the curvature that the pot does not show since the last call, 1/m;
+        whoever reckons the motion corrects it from here on."""
+        curve, self._x[CURVE] = float(self._x[CURVE]), 0.0
+        return curve
+
+    def take_gyro(self) -> tuple[float, float]:
+        """The same of what the gyroscope shows at rest, rad/s, and its standard deviation."""
+        off, self._x[GYRO] = float(self._x[GYRO]), 0.0
+        return off, math.sqrt(self._p[GYRO, GYRO])
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""
@@ -350,13 +420,13 @@ class Position(Filter):
         direction, and how long the edge is would pass for a place beside it in the new one."""
         if not self.outline.states:
             return
-        edge = self._lane_of.edge if self._lane_of is not None else NO_EDGE
+        edge = self._lane_of.edge
         before = self.outline.heading_rad(edge)
         self.outline.move(self._x[STATES:])
         self._x[STATES:] = 0.0
         turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
         c, s = math.cos(turned), math.sin(turned)
-        turn = np.eye(len(self._x))
-        for k in (X, *range(STATES, len(self._x), 2)):
-            turn[k : k + 2, k : k + 2] = (c, -s), (s, c)
-        self._p = turn @ self._p @ turn.T
+        x, y = [X, *range(STATES, len(self._x), 2)], [Y, *range(STATES + 1, len(self._x), 2)]
+        p = self._p
+        p[x], p[y] = c * p[x] - s * p[y], s * p[x] + c * p[y]
+        p[:, x], p[:, y] = c * p[:, x] - s * p[:, y], s * p[:, x] + c * p[:, y]

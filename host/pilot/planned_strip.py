@@ -35,8 +35,6 @@ NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 REMNANT = 0.015
 """Share of the plan that may be given up as done where nothing shows it."""
-ANCHOR_EVERY_M = 0.5
-HEADING_SIGMA_RAD = math.radians(4)
 CORNER_M = 0.3
 """How far along a side a slanting border's corner may lie from where dead reckoning has it."""
 SQUARE_M = 0.1
@@ -67,8 +65,6 @@ gap that is harvested beside."""
 OUTWARD_M = 0.4
 """Most by which a turn leads the machine outside of an edge that it has not seen: from outside the
 crop's right end is in view, from inside nothing but crop."""
-FOUND_RAD = math.radians(3)
-"""Standard deviation of the heading against a new edge with which its direction is found."""
 UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
 LATE_SIGMAS = 3.0
@@ -120,7 +116,8 @@ class PlannedStrip(Strip):
         """As planned."""
         self._at = 0
         """Which of them the blade is at."""
-        self._anchored: Motion | None = None
+        self._on_lane = False
+        """Whether the present lane is its own, and no more the last strip's."""
         self._turned_from: _Before | None = None
         self._crop_to_m = 0.0
         """How far along the side crop has been seen to go on from what was cut."""
@@ -155,6 +152,7 @@ class PlannedStrip(Strip):
         start = self._pieces[self._at][0]
         position, piece = self.estimate.position, self.planned_piece
         position.place(piece, along_m - start, lane.offset_m, lane.heading_rad)
+        self._on_lane = True
         self._note_doubt()
 
     def _note_doubt(self) -> None:
@@ -293,33 +291,10 @@ class PlannedStrip(Strip):
         as_seen = replace(last, end_seen_m=share * last.end_seen_m)
         self.estimate.position.at_end(as_seen, ago, drift, doubt)
 
-    def believe_heading(self) -> None:
-        _, heading, _, sigma = self.estimate.position.against_lane()
-        if self.new and sigma > FOUND_RAD:
-            return  # the edge's direction is what is to be found: told once, with the turn
-        sigma = max(HEADING_SIGMA_RAD, sigma)
-        self.estimate.lane.correct_heading(heading, sigma, learn=self.teaches)
-
-    def recall_lane(self) -> None:
-        if not self.new:
-            return
-        lane = self.estimate.lane
-        offset, turned, *sigmas = self.estimate.position.against_lane()
-        sigma = math.hypot(sigmas[0], self.vehicle.blade_x_m * sigmas[1])
-        if lane.offset_sigma_m > sigma:
-            lane.place(offset, turned, *sigmas)
-
-    def cut(self, *, seen: bool = True) -> None:
-        """Its line is a known place, once per ANCHOR_EVERY_M; its way is the next round's edge; and
-        once, where the lane is known again, it tells how far the turn to it has turned."""
+    def cut(self) -> None:
+        """Its way is the next round's edge; and once, where the lane is known again, it tells how
+        far the turn to it has turned."""
         here = self.estimate.motion
-        since = self._anchored
-        due = since is None or abs(here.distance_m - since.distance_m) >= ANCHOR_EVERY_M
-        # A lane that no picture has told of is dead reckoning, which the position has already.
-        if seen and due:
-            self._anchored = here
-            lane = self.estimate.lane
-            self.estimate.position.follow(lane.blade_offset_m, lane.offset_sigma_m)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
         bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
         if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
@@ -335,10 +310,14 @@ class PlannedStrip(Strip):
                 self.estimate.odometry.turned(reckoned, true, askew)
 
     def begin_leg(self, turning: Turning) -> None:
-        offset, turned, *sigmas = self.estimate.position.against_lane()
-        known = zip(self.place_sigmas(turning), sigmas, strict=True)
-        sigmas = [max(pair) for pair in known]
-        self.estimate.lane.place(offset + self.outward_m, turned, *sigmas)
+        outward_m = self.outward_m
+        self.begin_lane()
+        self.estimate.lane.begin(-outward_m)
+
+    def begin_lane(self) -> None:
+        if not self._on_lane:
+            self._on_lane = True
+            self.estimate.position.begin(self.planned_piece, straight=not self.bent)
 
     def leave(self, following: Strip, end: EndOfField) -> tuple[float, float, float]:
         """By the position, in which the end that was seen has its part."""
@@ -350,16 +329,14 @@ class PlannedStrip(Strip):
             here, before = self.estimate.motion, None
             if self.ahead.entered and self.ahead.cut_m(here) > TURN_KNOWN_M:
                 before = _Before(here.yaw_rad, self._direction_rad(), self.planned_piece)
-            following.arrive(before, self._anchored)
+            following.arrive(before)
         return origin
 
-    def arrive(self, before: _Before | None, anchored: Motion | None) -> None:
-        """The turn to this strip begins: what was `before` it, where that is well known, and where
-        the position was anchored last."""
-        self._turned_from, self._anchored = before, anchored
+    def arrive(self, before: _Before | None) -> None:
+        """The turn to this strip begins: what was `before` it, where that is well known."""
+        self._turned_from = before
         self._at = 0
         self.estimate.trails.begin(self.planned_piece)
-        self.estimate.position.begin(self.planned_piece, straight=not self.bent)
         self._note_doubt()
 
     @property
@@ -370,8 +347,7 @@ class PlannedStrip(Strip):
     def outward_m(self) -> float:
         if not self.new:
             return 0.0
-        _, _, sigma, _ = self.estimate.position.against_lane()
-        return min(OUTWARD_M, sigma)
+        return min(OUTWARD_M, self.estimate.position.beside_sigma_m(self.planned_piece))
 
     @property
     def begin_doubt_m(self) -> float:
@@ -385,7 +361,7 @@ class PlannedStrip(Strip):
         strip = PlannedStrip(plan, self.index, self.vehicle, self.estimate, self.ahead)
         strip.search_m = self.search_m
         strip._at = min(self._at, len(strip._straight) - 1)
-        strip._anchored, strip._turned_from = self._anchored, self._turned_from
+        strip._turned_from, strip._on_lane = self._turned_from, self._on_lane
         strip._crop_to_m, strip._doubt_m = self._crop_to_m, self._doubt_m
         strip._expected_m = self._expected_m
         self.estimate.position.laid_anew(plan.boundary, strip.planned_piece)
@@ -393,11 +369,8 @@ class PlannedStrip(Strip):
 
     def _pass_bend(self) -> None:
         """The blade comes to the next bend: what is known goes on, against the line beyond."""
-        past, heading = self.planned_piece, self.piece.heading_rad
+        past = self.planned_piece
         self._at += 1
-        behind_m = self.vehicle.blade_x_m - BEND_AHEAD_M
-        turn = math.remainder(self.piece.heading_rad - heading, math.tau)
-        self.estimate.lane.bend(turn, behind_m)
         self.estimate.trails.end(past)
         self.estimate.trails.begin(self.planned_piece)
         self.estimate.position.begin(self.planned_piece, straight=False)

@@ -1,4 +1,4 @@
-"""What a picture tells: the edge to the lane filter, crop or clear ground before the blade to the
+"""What a picture tells: the edge to the lane, crop or clear ground before the blade to the
 account of the side's beginning and end.
 
 What a picture can tell depends on what the machine is doing: each behaviour has its `Gaze`.
@@ -128,8 +128,6 @@ class Sight:
         self.ahead = Ahead()
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
-        self.lane_at_m = math.inf
-        """The same of any picture that told something of the lane."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
@@ -217,7 +215,7 @@ class Sight:
         *,
         moved: bool,
     ) -> None:
-        self.edge_at_m = self.lane_at_m = then.distance_m
+        self.edge_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
         seen = (
@@ -228,11 +226,8 @@ class Sight:
         )
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
-        self._estimate.odometry.turn_trim(lane.take_bias())
-        if lane.contradicted:
-            strip.recall_lane()
+        self._estimate.learn_curve()
         if moved and not lane.contradicted:
-            strip.believe_heading()
             strip.seen_beside(view, then)
 
     def _take_corner(
@@ -248,7 +243,7 @@ class Sight:
         edge, ahead_m = corner
         if abs(edge + lane.blade_offset_m) > CORNER_SIGMAS * lane.offset_sigma_m:
             return  # another corner's: of what a round before has left, or of the next crop
-        self.edge_at_m = self.lane_at_m = then.distance_m
+        self.edge_at_m = then.distance_m
         lane.correct(edge, math.nan, CONFIDENT, since_shutter, ahead_m=ahead_m, learn=False)
 
     def _take_dusty_edge(
@@ -272,9 +267,7 @@ class Sight:
         self.dust_doubts = line > INWARD_M and self.ahead.in_dust(*EDGE_SURE)
         if not self.dust_doubts:
             here = line - lane.blade_offset_m
-            self.lane_at_m = then.distance_m
             lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
-            strip.believe_heading()
 
     def _watch_ahead(
         self, view: CropView, strip: Strip, gaze: Gaze, seen: EndOfField, ends: bool

@@ -59,8 +59,15 @@ def state(
 def follow(lane: Lane, motion: Motion, vehicle: Vehicle) -> float:
     """The law that the vehicle's file names, driving forward."""
     if vehicle.steering_law == "proportional":
-        return proportional(lane.blade_offset_m, vehicle)
-    return state(lane.offset_m, lane.heading_rad, motion.curvature_1pm, motion.speed_mps, vehicle)
+        return proportional(lane.off_m, vehicle)
+    offset = lane.offset_m - lane.aim_m
+    return state(offset, lane.heading_rad, motion.curvature_1pm, motion.speed_mps, vehicle)
+
+
+def back(lane: Lane, vehicle: Vehicle) -> float:
+    """Driving backward along the lane."""
+    offset, heading = lane.backwards
+    return reverse(offset - lane.aim_m, heading, vehicle)
 
 
 def reverse(offset_m: float, heading_rad: float, vehicle: Vehicle) -> float:

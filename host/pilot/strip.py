@@ -153,22 +153,17 @@ class Strip:
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
         """Vision saw the end; `looked`: after the machine had stopped to look."""
 
-    def believe_heading(self) -> None:
-        """The position's heading, for the lane filter where vision sees no direction."""
-
-    def recall_lane(self) -> None:
-        """Pictures contradict the lane: of one that nobody has seen before no more is unknown than
-        of the place in the field."""
-
-    def cut(self, *, seen: bool = True) -> None:
-        """The blade is cutting: what the way along the strip teaches. `seen`: a picture has told of
-        the lane of late."""
+    def cut(self) -> None:
+        """The blade is cutting: what the way along the strip teaches."""
 
     def begin_leg(self, turning: Turning) -> None:
-        """A turn backs along this strip from now on: the lane filter speaks of it."""
+        """A turn backs along this strip from now on: the lane is its."""
         offset, turned = turning.against_lane(self.estimate.motion)
         offset_sigma, heading_sigma = self.place_sigmas(turning)
         self.estimate.lane.place(offset, turned, offset_sigma, heading_sigma)
+
+    def begin_lane(self) -> None:
+        """The present lane is its own from now on, if it is not yet."""
 
     def leave(self, following: Strip, end: EndOfField) -> tuple[float, float, float]:
         """Ends this strip. The frame of the turn to the next, in dead reckoning's (x, y,

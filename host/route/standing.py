@@ -158,9 +158,11 @@ def _polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
 
 
 def turned(shape: shapely.Geometry, heading: float) -> shapely.Geometry:
-    """The shape turned so that `heading` points along x."""
+    """The shape turned so that `heading` points along x. Where its outline all but touches itself
+    the turned coordinates, rounded, may cross."""
     c, s = math.cos(heading), math.sin(heading)
-    return affine_transform(shape, [c, s, -s, c, 0, 0])
+    found = affine_transform(shape, [c, s, -s, c, 0, 0])
+    return found if found.is_valid else shapely.make_valid(found)
 
 
 def corridor(line: shapely.LineString, width_m: float) -> shapely.Polygon:

@@ -7,7 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from host.core.vehicle import Vehicle
 from host.estimate.kalman import Measurement
+from host.estimate.lane import Lane
+from host.estimate.measurements import edge
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.estimate.states import STATES
@@ -45,3 +48,23 @@ def wandered(position: Position, run_m: float, begun: Motion) -> None:
     """Straight on and back."""
     position.predict(replace(begun, distance_m=begun.distance_m + run_m), cutting=False)
     position.predict(begun, cutting=False)
+
+
+def followed(position: Position, blade_offset_m: float, sigma_m: float) -> None:
+    """The blade's middle is seen so far left of the present lane, give or take sigma_m, whatever
+    was expected."""
+    at = edge.edge(position.on_lane(), -blade_offset_m, math.nan, 1.0, (0.0, 0.0), 0.0)
+    variances = np.array([0.03**2 + sigma_m**2])
+    position.see_edge(replace(at, variances=variances, gate=math.inf), learn=False)
+
+
+class OnLane:
+    """A machine beside an edge of no plan."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.position = Position(vehicle)
+        self.lane = Lane(self.position, vehicle.blade_x_m)
+
+    def predict(self, motion: Motion) -> None:
+        """It moves on, cutting nothing."""
+        self.position.predict(motion, cutting=False)

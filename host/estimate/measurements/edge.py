@@ -1,10 +1,8 @@
-"""The crop's outer edge in a picture, for the lane: its offset, and its direction where the mount
-sees one.
+"""The crop's outer edge in a picture: its offset, and its direction where the mount sees one.
 
-What one picture errs, the next errs alike for half a metre: dust, a thin patch, the border's own
-unevenness. As a state of the filter (first-order Gauss-Markov along the way) that part made the
-lane follow the edge more slowly: four model fields of six were cut less straight. So it is not
-estimated; what the lane says of its own uncertainty has it (`Lane.offset_sigma_m`). Dust's
+An edge is no straight line. What it wanders beside the lane, and what dust, a thin patch and the
+detector make of it for half a metre alike, is a state of its own (WANDER, first-order Gauss-Markov
+along the way): the machine follows it, but its place in the field is not where it wanders. Dust's
 one-sided error is refused before (host.pilot.sight).
 """
 
@@ -15,14 +13,16 @@ import math
 import numpy as np
 
 from host.estimate.kalman import Array, Measurement
-from host.estimate.states import HEADING, LANE_STATES, OFFSET
+from host.estimate.place import Place
+from host.estimate.states import LANE_YAW, WANDER
 
 NOISE_M = 0.05
 """Of one sure picture's edge."""
 LASTING_SIGMA_M = 0.035
-"""Standard deviation of what lasts. The error of the detector's sure pictures of the cut is 0.03 to
-0.045 m, and half of it is gone after 0.25 to 0.5 m (library of the model eyes). Larger: the
-position leans less on the lane, and looks without dust come sooner."""
+"""Standard deviation of what the detector errs alike for a while: of that nothing tells the edge's
+own unevenness. The error of the detector's sure pictures of the cut is 0.03 to 0.045 m, and half of
+it is gone after 0.25 to 0.5 m (library of the model eyes). Larger: looks without dust come
+sooner."""
 AHEAD_NOISE_RAD = 0.15
 """What an edge seen farther ahead errs for each metre: pictures show no direction, and a side's
 first crop may have been trimmed by the turn before."""
@@ -34,8 +34,7 @@ GATE = (9.0, 11.8)
 
 
 def edge(
-    x: Array,
-    blade_x_m: float,
+    place: Place,
     edge_offset_m: float,
     edge_heading_rad: float,
     confidence: float,
@@ -45,19 +44,23 @@ def edge(
     """An edge made ahead_m before the blade's line (NaN heading: not seen). `since` is (distance
     travelled, yaw turned) from the shutter to now."""
     step, turn = since
-    at = blade_x_m + ahead_m
-    heading = x[HEADING] - turn
-    offset = x[OFFSET] - step * math.sin((heading + x[HEADING]) / 2)
+    at = place.blade_x_m + ahead_m
+    now, lane_yaw = place.turned_rad, float(place.x[LANE_YAW])
+    heading = now - turn
+    along = place.blade_m - step + ahead_m
+    offset = place.across_m - step * math.sin((heading + now) / 2)
     doubt = 1.0 + DOUBT * (1.0 - confidence)
-    h = np.zeros((1, LANE_STATES))
-    h[0, [OFFSET, HEADING]] = 1.0, at * math.cos(heading)
-    expected = offset + at * math.sin(heading)
-    z = [-edge_offset_m * math.cos(heading) - expected]
+    h = place.beside(along) + at * math.cos(heading) * place.turned()
+    h[WANDER] = -1.0
+    expected = offset + at * math.sin(heading) - place.lane_at(along) - float(place.x[WANDER])
+    z = [-edge_offset_m * math.cos(heading - lane_yaw) - expected]
     variances = [(NOISE_M * doubt) ** 2 + (AHEAD_NOISE_RAD * ahead_m) ** 2]
+    rows = [h]
     if math.isfinite(edge_heading_rad):
-        h = np.vstack([h, np.zeros(LANE_STATES)])
-        h[1, HEADING] = 1.0
-        z.append(-edge_heading_rad - heading)
+        turned: Array = place.turned()
+        turned[LANE_YAW] = -1.0
+        rows.append(turned)
+        z.append(-edge_heading_rad - (heading - lane_yaw))
         variances.append((DIRECTION_NOISE_RAD * doubt) ** 2)
     gate = GATE[len(z) - 1]
-    return Measurement("edge", h, np.array(z), np.array(variances), gate)
+    return Measurement("edge", np.array(rows), np.array(z), np.array(variances), gate)

@@ -78,7 +78,7 @@ class BackOff(Behaviour):
             self._from = None
             return context.hold()
         estimate, vehicle = context.estimate, context.vehicle
-        steer = steering_law.reverse(estimate.lane.offset_m, estimate.lane.heading_rad, vehicle)
+        steer = steering_law.back(estimate.lane, vehicle)
         steer -= estimate.odometry.trim_rad
         backing = context.drive(steer, -vehicle.manoeuvre_speed_mps, blade=False)
         return replace(backing, reason=f"backing off to look again: {context.reason}")

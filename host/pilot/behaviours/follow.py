@@ -10,7 +10,7 @@ from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.planned_strip import ANCHOR_EVERY_M, NO_CROP_M
+from host.pilot.planned_strip import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
 from host.pilot.stop_and_look import LONG_LOOK_S, LOOK_S, LOOKING
 
@@ -65,8 +65,7 @@ class Follow(Behaviour):
         if stops is not None:
             return context.stop() if stops.reason in Why else context.hold(), stops
         if context.sight.ahead.entered:
-            unseen_m = abs(context.motion.distance_m - context.sight.lane_at_m)
-            context.strip.cut(seen=unseen_m < ANCHOR_EVERY_M)
+            context.strip.cut()
         doubt = self._doubts(now)
         if doubt is not None:
             return self._hold(doubt), doubt

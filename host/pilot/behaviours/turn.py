@@ -142,7 +142,7 @@ class DriveTurn(Behaviour):
         room = min(ALIGN_ROOM_M[0] + context.strip.back_m, ALIGN_ROOM_M[1])
         if turning.backing and -room < to_go <= 0:
             lane = context.estimate.lane
-            return abs(lane.blade_offset_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
+            return abs(lane.off_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
         return to_go <= 0
 
     def _next(self, now: float) -> None:
@@ -155,5 +155,5 @@ class DriveTurn(Behaviour):
         if leg.follow is Along.NOTHING:
             return leg.steer_rad
         estimate, vehicle = self.context.estimate, self.context.vehicle
-        steer = steering_law.reverse(estimate.lane.offset_m, estimate.lane.heading_rad, vehicle)
+        steer = steering_law.back(estimate.lane, vehicle)
         return steer - estimate.odometry.trim_rad

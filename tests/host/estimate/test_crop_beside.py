@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from host.core.vehicle import Vehicle
 from host.estimate.lane import Lane
 from host.vision.mounted.profile import BIN_M, PIECE_M, goes_on_to
-
-AHEAD_M = 1.5
+from tests.helpers.places import OnLane
 
 
 def lane() -> Lane:
-    made = Lane(AHEAD_M)
+    made = OnLane(Vehicle()).lane
     made.place(0.0, 0.0, 0.1, 0.03)
     return made
 

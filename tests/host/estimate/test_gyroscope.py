@@ -9,7 +9,8 @@ import pytest
 
 from host.core.messages import State, Telemetry, Turned
 from host.core.vehicle import Vehicle
-from host.estimate.odometry import Odometry
+from host.estimate.estimator import Estimator
+from host.route.plan import Plan
 
 STEP_S = 0.05
 QUARTER = math.radians(90)
@@ -26,7 +27,7 @@ class Drive:
         offset_radps: float = 0.0,
         late_s: float = 0.1,
     ) -> None:
-        self.odometry = Odometry(Vehicle())
+        self.estimate = Estimator(Vehicle(), Plan())
         self.pot_off, self.pot_scale = pot_off_rad, pot_scale
         self.offset, self.late = offset_radps, late_s
         self.gyro_turns, self.breaks = True, False
@@ -46,8 +47,8 @@ class Drive:
             since = self.now if self.breaks else 0.0
             self._sent.append(Turned(self.now, self.shown, since))
             while self._sent and self._sent[0].stamp <= self.now - self.late + 1e-9:
-                self.odometry.take_turned(self._sent.pop(0))
-            self.odometry.update(
+                self.estimate.take_turned(self._sent.pop(0))
+            self.estimate.take_telemetry(
                 Telemetry(
                     stamp=self.now,
                     state=State.RUNNING,
@@ -73,7 +74,7 @@ class Drive:
     @property
     def error_rad(self) -> float:
         """Of the yaw by dead reckoning."""
-        return self.odometry.now.yaw_rad - self.yaw
+        return self.estimate.motion.yaw_rad - self.yaw
 
 
 def test_a_pot_of_a_wrong_scale_does_not_turn_the_yaw() -> None:
@@ -90,14 +91,14 @@ def test_what_it_shows_at_a_stand_is_its_offset() -> None:
     drive = Drive(offset_radps=math.radians(1.5))
     drive.go(4.0, 0.0)
     drive.go(40.0, 0.5)
-    assert drive.odometry.now.by_gyro
+    assert drive.estimate.odometry.now.by_gyro
     assert abs(drive.error_rad) < math.radians(0.5)
 
 
 def test_a_machine_that_never_stood_goes_by_the_steering_angle() -> None:
     drive = Drive(offset_radps=math.radians(1.5))
     drive.go(20.0, 0.5)
-    assert not drive.odometry.now.by_gyro
+    assert not drive.estimate.odometry.now.by_gyro
     assert drive.error_rad == pytest.approx(0.0, abs=1e-9)
 
 
@@ -105,7 +106,9 @@ def test_it_teaches_the_pots_zero_driving_straight() -> None:
     drive = Drive(pot_off_rad=math.radians(2.0))
     drive.go(3.0, 0.0)
     drive.go(20.0, 0.5)
-    assert drive.odometry.trim_rad == pytest.approx(math.radians(2.0), abs=math.radians(0.2))
+    assert drive.estimate.odometry.trim_rad == pytest.approx(
+        math.radians(2.0), abs=math.radians(0.2)
+    )
 
 
 def test_it_teaches_the_pots_scale_in_turns() -> None:
@@ -113,7 +116,7 @@ def test_it_teaches_the_pots_scale_in_turns() -> None:
     drive.go(3.0, 0.0)
     for _ in range(12):
         drive.quarter()
-    reckoned = math.tan(math.radians(45 * 0.93)) * drive.odometry.yaw_gain
+    reckoned = math.tan(math.radians(45 * 0.93)) * drive.estimate.odometry.yaw_gain
     assert reckoned == pytest.approx(math.tan(math.radians(45)), rel=0.02)
 
 
@@ -123,7 +126,7 @@ def test_one_that_hangs_is_not_believed_and_takes_nothing_along() -> None:
     drive.go(10.0, 0.5)
     drive.gyro_turns = False
     drive.quarter()
-    assert not drive.odometry.now.by_gyro
+    assert not drive.estimate.odometry.now.by_gyro
     assert abs(drive.error_rad) < math.radians(3)
 
 
@@ -134,10 +137,10 @@ def test_one_that_is_back_is_believed_after_a_turn_that_agrees() -> None:
     drive.quarter()
     drive.gyro_turns = True
     drive.go(10.0, 0.5)
-    assert not drive.odometry.now.by_gyro
+    assert not drive.estimate.odometry.now.by_gyro
     drive.quarter()
     drive.go(1.0, 0.5)
-    assert drive.odometry.now.by_gyro
+    assert drive.estimate.odometry.now.by_gyro
 
 
 def test_silence_of_the_phone_is_bridged_by_the_steering_angle_and_caught_up() -> None:
@@ -158,7 +161,7 @@ def test_a_machine_that_is_pushed_round_at_a_stand_does_not_teach_the_offset() -
     drive.go(9.0, 0.0)
     drive.offset = 0.0
     drive.go(20.0, 0.5)
-    assert drive.odometry.now.by_gyro
+    assert drive.estimate.odometry.now.by_gyro
     assert abs(drive.error_rad) < math.radians(1)
 
 
@@ -168,9 +171,9 @@ def test_an_offset_that_leaps_is_noticed_and_given_back_with_what_it_taught() ->
     drive.go(10.0, 0.5)
     drive.offset = math.radians(5.0)
     drive.go(4.0, 0.5)
-    assert not drive.odometry.now.by_gyro
+    assert not drive.estimate.odometry.now.by_gyro
     assert abs(drive.error_rad) < math.radians(1.5)
-    assert abs(drive.odometry.trim_rad) < math.radians(0.3)
+    assert abs(drive.estimate.odometry.trim_rad) < math.radians(0.3)
 
 
 def test_one_whose_samples_keep_missing_is_not_counted_as_known() -> None:
@@ -178,7 +181,7 @@ def test_one_whose_samples_keep_missing_is_not_counted_as_known() -> None:
     drive.go(3.0, 0.0)
     drive.breaks = True
     drive.go(3.0, 0.5)
-    assert not drive.odometry.now.by_gyro
+    assert not drive.estimate.odometry.now.by_gyro
 
 
 def test_one_that_is_shaken_at_rest_is_not_taken_for_sure() -> None:
@@ -187,5 +190,5 @@ def test_one_that_is_shaken_at_rest_is_not_taken_for_sure() -> None:
     for drive in (quiet, shaken):
         drive.go(2.0, 0.0)
         drive.go(1.0, 0.5)
-    assert quiet.odometry.now.by_gyro
-    assert not shaken.odometry.now.by_gyro
+    assert quiet.estimate.odometry.now.by_gyro
+    assert not shaken.estimate.odometry.now.by_gyro

@@ -12,22 +12,13 @@ from host.core.vehicle import Vehicle
 from host.estimate.estimator import Estimator
 from host.estimate.kalman import KEPT, Filter, Measurement
 from host.estimate.lane import Lane
-from host.estimate.measurements import begin, course, edge, end, heading, line
+from host.estimate.measurements import begin, course, edge, end, rest
 from host.estimate.odometry import Motion
 from host.estimate.place import Place
-from host.estimate.states import (
-    HEADING,
-    LANE_OFFSET,
-    LANE_STATES,
-    OFFSET,
-    PLAN_YAW,
-    STATES,
-    YAW,
-    X,
-    Y,
-)
+from host.estimate.states import GYRO, LANE_OFFSET, PLAN_YAW, STATES, WANDER, YAW, X, Y
 from host.route.plan import Plan
 from host.route.side import Side
+from tests.helpers.places import OnLane
 
 VEHICLE = Vehicle()
 SIDE = Side(0.0, 0.0, 0.0, 10.0, VEHICLE.pass_m, 10.0)
@@ -64,7 +55,7 @@ def test_a_measurement_moves_the_state_by_its_share_of_the_doubt() -> None:
 
 def test_a_frozen_state_is_considered_and_not_changed() -> None:
     one = read([0.0, 7.0])
-    one.fuse(measured(1.0, 2.0), frozen=1)
+    one.fuse(measured(1.0, 2.0), frozen=(1,))
     x, p = one.state
     assert x == pytest.approx([0.5, 7.0])
     assert p[1][1] == pytest.approx(4.0)
@@ -99,44 +90,37 @@ def test_the_estimator_hands_its_innovations_over_once() -> None:
 # ---- the measurements ----------------------------------------------------------------------------
 
 
-def test_an_edge_is_expected_where_offset_and_heading_have_it() -> None:
-    x = np.zeros(LANE_STATES)
-    x[[OFFSET, HEADING]] = 0.2, 0.1
-    ahead = VEHICLE.blade_x_m + 0.5
-    seen = -(0.2 + ahead * math.sin(0.1)) / math.cos(0.1)
-    one = edge.edge(x, VEHICLE.blade_x_m, seen, -0.1, 1.0, (0.0, 0.0), 0.5)
-    assert one.innovation == pytest.approx([0.0, 0.0])
-    assert edge.edge(x, VEHICLE.blade_x_m, seen, math.nan, 1.0, (0.0, 0.0), 0.5).gate == 9.0
-
-
-def test_an_unsure_edge_and_a_far_one_count_less() -> None:
-    def variance(confidence: float, ahead_m: float) -> float:
-        x = np.zeros(LANE_STATES)
-        one = edge.edge(x, 1.5, 0.0, math.nan, confidence, (0.0, 0.0), ahead_m)
-        return float(one.variances[0])
-
-    assert variance(0.5, 0.0) > 2 * variance(1.0, 0.0)
-    assert variance(1.0, 1.0) > 2 * variance(1.0, 0.0)
-
-
-def test_a_heading_is_one() -> None:
-    x = np.zeros(LANE_STATES)
-    x[HEADING] = 0.1
-    assert heading.heading(x, 0.3, 0.1).innovation == pytest.approx([0.2])
-
-
 def place(x_m: float, y_m: float, yaw_rad: float = 0.0, side: Side = SIDE) -> Place:
     x = np.zeros(STATES)
     x[[X, Y, YAW]] = x_m, y_m + VEHICLE.inset_m, yaw_rad
     return Place(x, side, VEHICLE.blade_x_m, VEHICLE.inset_m)
 
 
-def test_a_line_is_expected_beside_the_lane_as_it_lies() -> None:
-    here = place(2.0, 0.1, 0.05)
-    here.x[LANE_OFFSET] = 0.03
-    blade = 0.1 + VEHICLE.blade_x_m * math.sin(0.05) - 0.03
-    assert line.line(here, blade, 0.02).innovation == pytest.approx([0.0])
-    assert line.line(here, blade, 0.3).variances[0] > 0.3**2
+def test_an_edge_is_expected_beside_the_lane_as_it_lies() -> None:
+    here = place(2.0, 0.2, 0.1)
+    here.x[[LANE_OFFSET, WANDER]] = 0.03, 0.02
+    ahead = VEHICLE.blade_x_m + 0.5
+    seen = -(0.2 - 0.05 + ahead * math.sin(0.1)) / math.cos(0.1)
+    one = edge.edge(here, seen, -0.1, 1.0, (0.0, 0.0), 0.5)
+    assert one.innovation == pytest.approx([0.0, 0.0])
+    assert edge.edge(here, seen, math.nan, 1.0, (0.0, 0.0), 0.5).gate == 9.0
+
+
+def test_an_unsure_edge_and_a_far_one_count_less() -> None:
+    def variance(confidence: float, ahead_m: float) -> float:
+        one = edge.edge(place(0.0, 0.0), 0.0, math.nan, confidence, (0.0, 0.0), ahead_m)
+        return float(one.variances[0])
+
+    assert variance(0.5, 0.0) > 2 * variance(1.0, 0.0)
+    assert variance(1.0, 1.0) > 2 * variance(1.0, 0.0)
+
+
+def test_what_the_gyroscope_shows_at_rest_is_its_offset_besides_what_is_known_of_it() -> None:
+    x = np.zeros(STATES)
+    x[GYRO] = 0.01
+    one = rest.rest(x, 0.03, 0.02**2)
+    assert one.innovation == pytest.approx([0.02])
+    assert one.h[0, GYRO] == 1.0 and np.count_nonzero(one.h) == 1
 
 
 def test_a_course_tells_of_yaw_and_the_plans_direction() -> None:
@@ -174,15 +158,16 @@ def at(distance_m: float) -> Motion:
 
 
 def followed(rng: np.random.Generator, metres: float = 6.0, step_m: float = 0.05) -> Lane:
-    """A lane filter on a straight way whose pictures err as the detector's do, for half a metre
+    """A lane on a straight way whose pictures err as the detector's do, for half a metre
     alike; the truth is 0."""
-    lane = Lane(VEHICLE.blade_x_m)
-    lane.predict(at(0.0))
+    machine = OnLane(VEHICLE)
+    machine.predict(at(0.0))
+    lane = machine.lane
     lane.place(float(rng.normal(0.0, 0.1)), float(rng.normal(0.0, 0.03)), 0.1, 0.03)
     keeps = math.exp(-step_m / 0.5)
     lasting = float(rng.normal(0.0, 0.035))
     for k in range(1, round(metres / step_m)):
-        lane.predict(at(k * step_m))
+        machine.predict(at(k * step_m))
         lasting = keeps * lasting + float(rng.normal(0.0, 0.035 * math.sqrt(1 - keeps**2)))
         seen = lasting + float(rng.normal(0.0, 0.03))
         lane.correct(-seen, math.nan, 1.0, (0.0, 0.0), learn=False)
@@ -206,8 +191,9 @@ def test_the_lane_knows_its_error_where_what_lasts_is_counted(
 
 
 def test_a_picture_from_the_same_place_is_hardly_a_second_measurement() -> None:
-    lane = Lane(VEHICLE.blade_x_m)
-    lane.predict(at(0.0))
+    machine = OnLane(VEHICLE)
+    machine.predict(at(0.0))
+    lane = machine.lane
     for _ in range(200):
         lane.correct(0.0, math.nan, 1.0, (0.0, 0.0))
     assert lane.offset_sigma_m >= edge.LASTING_SIGMA_M

@@ -10,16 +10,11 @@ import pytest
 
 from host.core.vehicle import Vehicle
 from host.estimate.lane import Lane
+from host.estimate.lanes import STRAIGHTEN_M, straightened
 from host.estimate.odometry import Motion
-from host.estimate.position import (
-    START_SIGMA,
-    STRAIGHTEN_M,
-    YAW_SIGMA_SHARE,
-    Position,
-    straightened,
-)
+from host.estimate.position import START_SIGMA, YAW_SIGMA_SHARE, Position
 from host.route.side import Side
-from tests.helpers.places import driven, spun, sure_of
+from tests.helpers.places import OnLane, driven, followed, spun, sure_of
 
 VEHICLE = Vehicle()
 STEP_M = 0.05
@@ -36,44 +31,44 @@ def edge_at(offset_m: float, heading_rad: float) -> float:
     return -(offset_m + VEHICLE.blade_x_m * math.sin(heading_rad)) / math.cos(heading_rad)
 
 
-def bend(lane: Lane, curvature_1pm: float, steps: int, begin_m: float = 0.0) -> float:
-    """Drives on a bend that the pot does not show; the bias that the lane learns of it."""
+def bend(machine: OnLane, curvature_1pm: float, steps: int, begin_m: float = 0.0) -> float:
+    """Drives on a bend that the pot does not show; the curvature that is learned of it."""
     for k in range(steps):
         run = STEP_M * k
-        lane.predict(motion(begin_m + run))
+        machine.predict(motion(begin_m + run))
         offset, heading = curvature_1pm * run**2 / 2, curvature_1pm * run
-        lane.correct(edge_at(offset, heading), -heading, 1.0, (0.0, 0.0))
-    return lane.take_bias()
+        machine.lane.correct(edge_at(offset, heading), -heading, 1.0, (0.0, 0.0))
+    return machine.position.take_curve()
 
 
-def settled() -> Lane:
-    lane = Lane(VEHICLE.blade_x_m)
+def settled() -> OnLane:
+    machine = OnLane(VEHICLE)
     for _ in range(20):
-        lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
-    return lane
+        machine.lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
+    return machine
 
 
-def test_what_is_known_of_the_bias_outlives_a_turn() -> None:
-    fresh, known = Lane(VEHICLE.blade_x_m), Lane(VEHICLE.blade_x_m)
+def test_what_is_known_of_the_steerings_bias_outlives_a_turn() -> None:
+    fresh, known = OnLane(VEHICLE), OnLane(VEHICLE)
     bend(known, 0.0, 200)
-    known.place(0.0, 0.0, 0.1, math.radians(5))
+    known.lane.place(0.0, 0.0, 0.1, math.radians(5))
     assert abs(bend(known, 0.01, 40, 10.0)) < 0.5 * abs(bend(fresh, 0.01, 40))
 
 
-def test_a_contradiction_teaches_nothing_about_the_bias() -> None:
-    lane = settled()
+def test_a_contradiction_teaches_nothing_about_the_steerings_bias() -> None:
+    machine = settled()
     for k in range(400):
-        lane.predict(motion(0.01 * k))
-        if lane.correct(0.6, 0.0, 1.0, (0.0, 0.0)):
+        machine.predict(motion(0.01 * k))
+        if machine.lane.correct(0.6, 0.0, 1.0, (0.0, 0.0)):
             break
-    assert not lane.contradicted
-    assert abs(lane.take_bias()) < 0.003
+    assert not machine.lane.contradicted
+    assert abs(machine.position.take_curve()) < 0.003
 
 
 def test_the_less_sure_the_picture_the_less_it_moves_the_estimate() -> None:
     moved = []
     for confidence in (1.0, 0.75, 0.5):
-        lane = settled()
+        lane = settled().lane
         lane.correct(-0.05, 0.0, confidence, (0.0, 0.0))
         moved.append(lane.blade_offset_m)
     assert moved[0] > 1.5 * moved[1] > 0.0
@@ -83,7 +78,7 @@ def test_the_less_sure_the_picture_the_less_it_moves_the_estimate() -> None:
 def test_an_edge_seen_ahead_is_none_at_the_blade() -> None:
     """Askew by 10 degrees, the crop's corner 1.2 m ahead of the blade."""
     ahead_m, heading = 1.2, math.radians(10)
-    lane = Lane(VEHICLE.blade_x_m)
+    lane = OnLane(VEHICLE).lane
     lane.place(0.05, heading, 0.1, math.radians(1))
     seen = -(0.05 + (VEHICLE.blade_x_m + ahead_m) * math.sin(heading)) / math.cos(heading)
     for _ in range(20):
@@ -98,9 +93,10 @@ def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
     poses = [
         ((1 - math.cos(yaw)) / curvature, yaw) for yaw in np.arange(0, 120) * STEP_M * curvature
     ]
-    lane = Lane(VEHICLE.blade_x_m)
+    machine = OnLane(VEHICLE)
+    lane = machine.lane
     for k, (_, yaw) in enumerate(poses[:80]):
-        lane.predict(motion(STEP_M * k, yaw))
+        machine.predict(motion(STEP_M * k, yaw))
         if k < late:
             continue
         offset, heading = poses[k - late]
@@ -129,7 +125,7 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
         driven(position, x, y + inside * VEHICLE.pass_m, 0.0, motion(0.0))
         sure_of(position, *START_SIGMA)
         before = position.pose[1]
-        position.follow(0.1, 0.0)
+        followed(position, 0.1, 0.0)
         moved.append(position.pose[1] - before)
     assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
 
@@ -158,7 +154,7 @@ def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> Non
         position.predict(motion(run_m), cutting=False)
         sure_of(position, *SURE)
         along = position.along(ring(0))
-        position.follow(0.1 - math.radians(askew_deg) * along, 0.0)
+        followed(position, 0.1 - math.radians(askew_deg) * along, 0.0)
     inner = replace(ring(1), x_m=2.0)
     position.begin(inner, straight=False)
     there = driven(position, 2.0, VEHICLE.pass_m + VEHICLE.inset_m, 0.0, motion(run_m))
@@ -180,7 +176,7 @@ def beside_an_askew_lane(askew_deg: float, side: Side, *, straight: bool) -> Pos
         run_m += 0.5
         position.predict(motion(run_m), cutting=False)
         sure_of(position, *SURE)
-        position.follow(-math.radians(askew_deg) * position.along(first), 0.0)
+        followed(position, -math.radians(askew_deg) * position.along(first), 0.0)
     position.begin(side, straight=straight)
     driven(position, 2.0, side.y_m + VEHICLE.inset_m, 0.0, motion(run_m))
     return position
@@ -216,7 +212,7 @@ def turned_by_courses(askew_deg: float, rounds: int, noise_rad: float) -> list[f
         for _ in range(10):
             run_m += 0.5
             position.predict(motion(run_m), cutting=False)
-            position.follow(0.0, 0.03)
+            followed(position, 0.0, 0.03)
             position.course(true + rng.normal(0.0, noise_rad) - position.pose[2], 0.5)
         off.append(math.remainder(position.pose[2] - true, math.tau))
         back_m = run_m - 5.0
@@ -244,7 +240,7 @@ def test_a_walked_boundary_that_is_off_does_not_turn_the_machine_in_it() -> None
     for _ in range(40):
         run_m += 0.5
         position.predict(motion(run_m), cutting=False)
-        position.follow(0.0, 0.03)
+        followed(position, 0.0, 0.03)
         position.course(math.radians(4.0) - position.pose[2], 0.5)
     assert math.degrees(position.pose[2]) == pytest.approx(0.0, abs=0.4)
     settled_at = position.pose[2]
@@ -278,7 +274,7 @@ def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() 
         for _ in range(round(length_m / STEP_M)):
             run_m += STEP_M / (1 - slip)
             position.predict(motion(run_m), cutting=True)
-            position.follow(0.0, 0.0)
+            followed(position, 0.0, 0.0)
         missed.append(position.along(side) - length_m)
         position.at_end(side, 0.1)
         run_m -= length_m
@@ -298,7 +294,7 @@ def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() 
         position.place(side, 0.0, 0.0, 0.0)
         for k in range(6):
             position.predict(motion(0.5 * k), cutting=True)
-            position.follow(0.0, lane_sigma_m)
+            followed(position, 0.0, lane_sigma_m)
         sigmas.append(position.against_lane()[2])
     assert sigmas[0] < 0.04
     assert sigmas[1] > 2.0 * sigmas[0]

@@ -16,6 +16,7 @@ from host.route.boundary_edges import BoundaryEdges
 from host.route.plan import Plan
 from host.route.side import Side
 from host.runs.resume import remaining
+from tests.helpers.places import followed
 
 VEHICLE = Vehicle()
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
@@ -49,7 +50,7 @@ class Driven:
             self.distance += STEP_M
             self._move()
             if beside and k % 5 == 4:
-                self.position.follow(0.0, 0.02)
+                followed(self.position, 0.0, 0.02)
 
     def pivot(self, by_rad: float) -> None:
         self.yaw += by_rad

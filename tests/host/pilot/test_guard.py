@@ -18,6 +18,7 @@ from host.estimate.position import Position
 from host.field.areas import Verdict
 from host.pilot.guard import CREEP_MPS, Guard, SeenFree, no_farther
 from host.route.plan import Plan, spiral
+from tests.helpers.places import followed
 
 VEHICLE = Vehicle()
 RING = [(0.0, 0.0), (9.0, 0.0), (9.0, 7.0), (0.0, 7.0)]
@@ -41,7 +42,7 @@ def driven(before_end_m: float, sigma_m: float) -> Position:
     for distance_m in np.linspace(0.0, side.length_m - before_end_m, 15):
         motion = Motion(0.0, 0.5, 0.0, float(distance_m), 0.0, 0.0, 0.0)
         position.predict(motion, cutting=False)
-        position.follow(0.0, 0.02)
+        followed(position, 0.0, 0.02)
     return position
 
 

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from host.core.errors import UserError
 from host.core.messages import Fix, State, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.lane import Lane
 from host.estimate.odometry import Motion, Odometry
 from host.route import turn_legs
 from host.route.plan import KEEP_OUT_M, Plan, spiral
 from host.route.side import Side
 from host.route.turn_legs import Follow, Goal
+from tests.helpers.places import OnLane
 
 VEHICLE = Vehicle(overlap_m=0.05)
 """A pass takes 0.95 m."""
@@ -202,7 +202,7 @@ def test_telemetry_that_repeats_or_goes_back_moves_nothing() -> None:
 
 @given(st.floats(-0.15, 0.15), st.floats(-0.12, 0.12))
 def test_the_lane_filter_finds_where_the_vehicle_stands(offset: float, heading: float) -> None:
-    lane = Lane(VEHICLE.blade_x_m)
+    lane = OnLane(VEHICLE).lane
     edge = -(offset + VEHICLE.blade_x_m * math.sin(heading)) / math.cos(heading)
     for _ in range(40):
         assert lane.correct(edge, -heading, 1.0, (0.0, 0.0))
@@ -211,7 +211,7 @@ def test_the_lane_filter_finds_where_the_vehicle_stands(offset: float, heading: 
 
 
 def test_one_wild_measurement_is_refused() -> None:
-    lane = Lane(VEHICLE.blade_x_m)
+    lane = OnLane(VEHICLE).lane
     for _ in range(20):
         lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
     assert not lane.correct(0.8, 0.5, 1.0, (0.0, 0.0))
@@ -219,7 +219,7 @@ def test_one_wild_measurement_is_refused() -> None:
 
 
 def test_contradiction_that_lasts_raises_the_uncertainty_before_it_is_believed() -> None:
-    lane = Lane(VEHICLE.blade_x_m)
+    lane = OnLane(VEHICLE).lane
     for _ in range(20):
         lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
     worst = 0.0
@@ -295,15 +295,16 @@ def test_a_keep_out_anywhere_leaves_little_standing(x: float, y: float) -> None:
 @pytest.mark.parametrize("learn", [False, True])
 def test_the_bias_is_learned_only_where_it_may_be(learn: bool) -> None:
     """The vehicle bends to the left by 0.01 a metre, which the pot does not show."""
-    lane = Lane(VEHICLE.blade_x_m)
+    machine = OnLane(VEHICLE)
+    lane = machine.lane
     lane.place(0.0, 0.0, 0.01, 0.01)
     bend = 0.01
     for k in range(200):
         run = 0.05 * k
-        lane.predict(Motion(0.0, 0.5, 0.0, run, 0.0, run, 0.0))
+        machine.predict(Motion(0.0, 0.5, 0.0, run, 0.0, run, 0.0))
         offset, heading = bend * run**2 / 2, bend * run
         edge = -(offset + VEHICLE.blade_x_m * math.sin(heading)) / math.cos(heading)
         assert lane.correct(edge, -heading, 1.0, (0.0, 0.0), learn=learn)
-    bias = lane.take_bias()
+    bias = machine.position.take_curve()
     assert bias == (pytest.approx(bend, abs=0.003) if learn else 0.0)
-    assert lane.take_bias() == 0.0
+    assert machine.position.take_curve() == 0.0

@@ -196,7 +196,7 @@ def test_a_turn_leads_outside_of_an_edge_that_nobody_has_seen() -> None:
     context = along(10.0)
     following = context.planned(1)
     assert isinstance(following, PlannedStrip)
-    following.arrive(None, None)
+    following.arrive(None)
     assert 0.0 < following.outward_m <= OUTWARD_M
     assert following.begin_doubt_m > 0.0
     plan = outward(NEW, following)
@@ -290,7 +290,7 @@ def test_the_last_leg_of_a_turn_leads_outside_too() -> None:
     context = along(10.0)
     following = context.planned(1)
     assert isinstance(following, PlannedStrip)
-    following.arrive(None, None)
+    following.arrive(None)
     lane, position = context.estimate.lane, context.estimate.position
     legs = three_point(VEHICLE, math.pi / 2, lane_beside(VEHICLE, math.pi / 2))
     following.begin_leg(Turning(NOW, legs, (0.0, 0.0, 0.0)))

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from host.core.errors import EXIT_USER
 from host.core.vehicle import Vehicle
-from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
 from host.pilot import steering_law
 from host.tune.follow_margins import LAWS, SPEEDS_MPS, Law, gains, margins, opened
 from tests.helpers.console import Cli
+from tests.helpers.places import OnLane
 
 VEHICLE = Vehicle()
 SPEED = VEHICLE.cutting_speed_mps
@@ -87,7 +87,7 @@ def test_the_command_prints_the_margins_and_refuses_a_machine_without_any(
 def driven(vehicle: Vehicle, offset: float, heading: float, backwards: bool = False) -> float:
     """The largest offset or heading after 12 m of an ideal vehicle with lag."""
     bend, dt = 0.0, 0.01
-    lane = Lane(vehicle.blade_x_m)
+    lane = OnLane(vehicle).lane
     v = -vehicle.manoeuvre_speed_mps if backwards else vehicle.cutting_speed_mps
     for _ in range(round(12 / abs(v) / dt)):
         if backwards:

@@ -29,7 +29,6 @@ from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Frame, Request, Telemetry, Turned
 from host.core.vehicle import MAST, Vehicle
 from host.estimate.kalman import Innovation
-from host.estimate.lane import Lane
 from host.estimate.odometry import Odometry
 from host.estimate.position import Position
 from host.field.fence import Fence
@@ -57,6 +56,7 @@ from host.vision.view import CropView
 from host.vision.watched import WatchedDetector
 from tests.helpers.console import Cli
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
+from tests.helpers.places import OnLane
 
 LIMIT_S = 10.0
 BGR = np.full((MAST.height_px, MAST.width_px, 3), 90, np.uint8)
@@ -78,7 +78,7 @@ class Script:
         self.cut_m = 0.0
         self.plan = Plan()
         self.position = Position(Vehicle())
-        self.lane = Lane(Vehicle().blade_x_m)
+        self.lane = OnLane(Vehicle()).lane
         self.motion = Odometry(Vehicle()).now
         self._commands = iter(commands)
         self._then = then

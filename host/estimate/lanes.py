@@ -1,0 +1,88 @@
+"""The lanes that were cut: where each was found to lie, for the one whose edge it has left."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from host.estimate.kalman import Array
+from host.route.side import NO_EDGE, Side
+
+LANE_SIGMA = (0.06, math.radians(0.5))
+"""Of the outer edge's line against the plan's, m and rad."""
+RING_SIGMA = (0.02, math.radians(0.2))
+RING_ENDS_M = 0.1
+"""What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
+so much."""
+STRAIGHTEN_M = 0.1
+"""By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
+beside it."""
+
+
+class Lain(NamedTuple):
+    """What was found of a side's lane: (2,) its offset at the side's beginning, m left of the
+    plan's, and its direction, rad; (2, 2) their covariance."""
+
+    side: Side
+    x: Array
+    p: Array
+
+
+class Aside(NamedTuple):
+    """How far right of its usual place beside the edge a lane is laid, over ground that is cut."""
+
+    begin_m: float = 0.0
+    """At the side's beginning."""
+    slope: float = 0.0
+    """More with each metre, as a tangent."""
+
+
+def straightened(askew_rad: float, sigma_rad: float, length_m: float) -> Aside:
+    """Beside an edge that is turned left of the plan by askew_rad, give or take sigma_rad: what is
+    surely askew of it is taken off, as far as STRAIGHTEN_M allows. The blade never leaves crop
+    standing beside its edge, it overlaps at the one end or at the other."""
+    sure = max(0.0, abs(askew_rad) - sigma_rad)
+    turn = min(math.tan(sure), STRAIGHTEN_M / max(length_m, 1.0))
+    return Aside(0.0, turn) if askew_rad > 0.0 else Aside(turn * length_m, -turn)
+
+
+class Lanes:
+    """Remembers the last lane along every edge. `width_m`: of the blade."""
+
+    def __init__(self, width_m: float) -> None:
+        self._width = width_m
+        self._lain: list[Lain] = []
+
+    def keep(self, lain: Lain) -> None:
+        """It is cut; the one whose crop it has taken is forgotten."""
+        self._lain = [k for k in self._lain if not self._left_by(lain.side, k)] + [lain]
+
+    def beside(self, side: Side) -> tuple[Array, Array]:
+        """What is known of a side's lane before anything is seen of it: (2,) and (2, 2) as in
+        `Lain`."""
+        last = self._last(side)
+        if last is None:
+            return np.zeros(2), np.diag(LANE_SIGMA) ** 2
+        moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
+        askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
+        grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
+        return moved @ last.x, moved @ last.p @ moved.T + grown
+
+    def knows(self, side: Side) -> bool:
+        """Whether a lane has left its edge."""
+        return self._last(side) is not None
+
+    def _last(self, side: Side) -> Lain | None:
+        """The lane whose cutting has left a side's edge. Where the strips between were laid out
+        otherwise, the last along the same edge of the boundary: an inner strip is turned as that
+        is, it does not lie along the boundary again."""
+        left = [known for known in self._lain if self._left_by(side, known)]
+        if left:
+            return left[-1]
+        same = [k for k in self._lain if side.edge != NO_EDGE and k.side.edge == side.edge]
+        return same[-1] if same and side.inside_m > same[-1].side.inside_m else None
+
+    def _left_by(self, side: Side, lain: Lain) -> bool:
+        return side.left_by(lain.side, self._width)
