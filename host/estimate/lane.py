@@ -25,7 +25,8 @@ class Lane:
         self.contradicted = False
         """Whether the last measurement was refused."""
         self.aim_m = 0.0
-        """How far left of the lane the machine is to be driven, until a picture shows its edge."""
+        """How far left of the lane the machine is to be driven."""
+        self._until_seen = False
 
     @property
     def heading_rad(self) -> float:
@@ -83,9 +84,10 @@ class Lane:
         self.contradicted, self.aim_m = False, 0.0
         self._position.open(offset_m, heading_rad, offset_sd, heading_sd)
 
-    def begin(self, aim_m: float = 0.0) -> None:
-        """Another lane is the position's from now on."""
-        self.contradicted, self.aim_m = False, aim_m
+    def begin(self, aim_m: float = 0.0, *, until_seen: bool = False) -> None:
+        """Another lane is the position's from now on. `until_seen`: once a picture has shown its
+        edge, the machine is driven along it."""
+        self.contradicted, self.aim_m, self._until_seen = False, aim_m, until_seen
 
     def lies_right(self, edge_offset_most_m: float, since: tuple[float, float]) -> bool:
         """Crop was seen to go on beside the blade: the edge lies no further left than this, m. A
@@ -119,6 +121,6 @@ class Lane:
         place = self._position.on_lane()
         seen = edge.edge(place, edge_offset_m, edge_heading_rad, confidence, since, ahead_m)
         self.contradicted = not self._position.see_edge(seen, learn=learn)
-        if not self.contradicted:
+        if self._until_seen and not self.contradicted:
             self.aim_m = 0.0
         return not self.contradicted

@@ -98,7 +98,7 @@ def turn_on(context: Context, now: float, ended: Ended) -> Go:
     if ended.seen:
         context.ends.append(end)
     context.strip = following
-    if turning.backing:
+    if turning.backing or turning.beside:
         following.begin_leg(turning)
     sight.ahead.turn()
     if context.by_plan:

@@ -194,6 +194,10 @@ class PlannedStrip(Strip):
             self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
 
     @property
+    def measures(self) -> bool:
+        return self.estimate.position.outline.states > 0
+
+    @property
     def surely_own(self) -> bool:
         left = self.left_m() - SIGMAS * self._doubt_m
         return left > max(SURE_M, SURE_SHARE * self.side.length_m)
@@ -310,9 +314,14 @@ class PlannedStrip(Strip):
                 self.estimate.odometry.turned(reckoned, true, askew)
 
     def begin_leg(self, turning: Turning) -> None:
+        if turning.beside:
+            # Its edge is in view all the way back.
+            self.begin_lane()
+            self.estimate.lane.begin(turning.beside_m)
+            return
         outward_m = self.outward_m
         self.begin_lane()
-        self.estimate.lane.begin(-outward_m)
+        self.estimate.lane.begin(-outward_m, until_seen=True)
 
     def begin_lane(self) -> None:
         if not self._on_lane:

@@ -46,12 +46,17 @@ MOVING_MPS = 0.03
 CROP_SEEN_M = 0.1
 """Before the blade the new side's crop must begin for a picture taken while a turn backs along it
 to show the lane's edge."""
+BESIDE_M = 0.5
+"""From both ends of the next strip, beside which a shuttle backs, for what is seen at the blade to
+be its edge."""
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
 TIP_M = 1.0
 """Of a strip that is begun inside, at whose right the last one's tip may stand: what a turn leaves
 of its beginning at most, twice."""
+TIP_SIGMAS = 3.0
+"""Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
 LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
@@ -161,7 +166,8 @@ class Sight:
         backing = turning is not None and turning.backing
         # A turn is driven by dead reckoning until it backs along the next side; but round a corner
         # that was found just now the machine looks where it goes.
-        glances = in_leg and not backing and not strip.new
+        beside = turning is not None and turning.beside
+        glances = in_leg and not (backing or beside) and not strip.new
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)
@@ -293,12 +299,16 @@ class Sight:
 
     def _on_lane(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
-        next once the crop begins ahead of the blade; before that the picture shows the crop's
-        flank, and so it does where the crop's border slants across the strip, or a tip that stayed
+        next once the crop begins ahead of the blade, or beside it all the way; else the picture
+        shows the crop's flank, and so it does where the crop's border slants across the strip, or a tip that stayed
         where the strip before it was begun."""
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
-            if not (turning.backing and expected > CROP_SEEN_M):
+            along = turning.beside and min(-expected, strip.left_m()) > BESIDE_M
+            aside_m = strip.edge_m(view, then) + self._estimate.lane.aim_m
+            if not (along and abs(aside_m) < LEAP_M) and not (
+                turning.backing and expected > CROP_SEEN_M
+            ):
                 return False
         return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
 
@@ -306,7 +316,8 @@ class Sight:
         """Whether the right end of the crop at the blade may be what the strip before has left
         beside this one: a turn that lacks room ends with the blade inside the strip's beginning,
         and so did the turn before it."""
-        inside = not self.ahead.approached and not strip.new
+        lane = self._estimate.lane
         begun_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
-        outside_m = -(strip.edge_m(view, then) + self._estimate.lane.blade_offset_m)
-        return inside and begun_m < TIP_M and outside_m > LEAP_M
+        outside_m = -(strip.edge_m(view, then) + lane.blade_offset_m)
+        likely = not self.ahead.approached or outside_m > TIP_SIGMAS * lane.offset_sigma_m
+        return likely and not strip.new and begun_m < TIP_M and outside_m > LEAP_M

@@ -77,6 +77,11 @@ class Strip:
         """Whether the strip may end there."""
         return True
 
+    @property
+    def measures(self) -> bool:
+        """Whether the boundary is still being found by driving along it."""
+        return False
+
     def overrun(self) -> bool:
         """Whether the blade has passed the field's boundary, whatever vision says."""
         return False

@@ -61,6 +61,28 @@ class Turning:
         """Whether the present leg leads back along the new side."""
         return self.leg is not None and self.leg.follow is Follow.NEW_LANE
 
+    @property
+    def beside(self) -> bool:
+        """Whether the present leg leads back along the old side's lane, beside the new one's."""
+        return self.leg is not None and self.leg.follow is Follow.OLD_LANE
+
+    @property
+    def beside_m(self) -> float:
+        """How far left of the new lane the old one lies; negative: right of it."""
+        return self.turn.offset(0.0, 0.0)
+
+    def anchor(self, motion: Motion, offset_m: float, turned_rad: float) -> None:
+        """The rear axle is offset_m left of the new lane and the vehicle turned_rad left of it:
+        what is left of the turn is driven from there."""
+        x, y, _ = self._place(motion)
+        at, lane = self.turn.along(x, y), self.turn.lane_rad
+        c, s = math.cos(lane), math.sin(lane)
+        x = self.turn.lane_x_m + c * at - s * offset_m
+        y = self.turn.lane_y_m + s * at + c * offset_m
+        direction = motion.yaw_rad - lane - turned_rad
+        c, s = math.cos(direction), math.sin(direction)
+        self._origin = motion.x_m - c * x + s * y, motion.y_m - s * x - c * y, direction
+
     def next(self, now: float) -> None:
         """On to the leg after this one."""
         self._index += 1

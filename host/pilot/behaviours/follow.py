@@ -90,11 +90,12 @@ class Follow(Behaviour):
     def _left_alone(self, now: float) -> Go | None:
         """Clear ground longer than a patch, after a look: what comes next may be somebody else's,
         and a person must see. The last side ends there if the plan has next to nothing more, and
-        so does one whose end is still to be found, where it may be."""
+        so does any side of a boundary that is still to be found: the turn leads back into the
+        field."""
         context, guard = self.context, self.context.estimate.cut
         if not guard.refused:
             return None
-        if context.strip.new and context.strip.end_due(context.motion):
+        if context.strip.measures:
             here = EndOfField(now, context.motion, context.strip.index)
             return end_side(context, now, here, looked=True)
         left_m = context.strip.left_m()

@@ -56,17 +56,22 @@ class LookAtEnd(Behaviour):
         if context.strip.end_due(ahead.clear_since.motion):
             return end_side(context, now, ahead.clear_since, looked=True)
         if over or not context.estimate.lane.contradicted:
-            return self._go_on_beyond()
+            return self._go_on_beyond(now)
         return None
 
-    def _go_on_beyond(self) -> Go:
+    def _go_on_beyond(self, now: float) -> Go:
         """After a look that showed no crop where the plan has some. An edge beside the lane that
         stayed in view is the lane's."""
         context, ahead = self.context, self.context.sight.ahead
-        clear = ahead.end is not None
+        clear, here = ahead.end is not None, ahead.clear_since
         ahead.go_on()
         seen = context.sight.edge_at_m > context.look.at_m
         context.bare = 0 if seen else context.bare + clear
         if context.bare > BARE_LOOKS:
-            return Why.NO_CROP_LEFT.go() if context.strip.last else Why.CROP_GONE.go()
+            if context.strip.last:
+                return Why.NO_CROP_LEFT.go()
+            if context.strip.measures:
+                here = here or EndOfField(now, context.motion, context.strip.index)
+                return end_side(context, now, here, looked=True)
+            return Why.CROP_GONE.go()
         return (Why.EDGE_SEEN if seen else Why.BARE_GROUND).go()

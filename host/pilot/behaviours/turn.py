@@ -146,9 +146,12 @@ class DriveTurn(Behaviour):
         return to_go <= 0
 
     def _next(self, now: float) -> None:
-        self.turning.next(now)
-        if self.turning.backing:
-            self.context.strip.begin_leg(self.turning)
+        turning, lane = self.turning, self.context.estimate.lane
+        if turning.beside:
+            turning.anchor(self.context.motion, *lane.backwards)
+        turning.next(now)
+        if turning.backing:
+            self.context.strip.begin_leg(turning)
 
     def _steer(self, leg: Leg) -> float:
         """A leg along a lane is steered; the others hold their angle."""
