@@ -70,14 +70,10 @@ class Filter:
             self._x = self._x.copy()
             self._x[at] += gain[at] @ bound.innovation
 
-    def doubt(self, measurement: Measurement, growth: float) -> None:
-        """Takes back some of what is known of the first thing that was measured: its standard
-        deviation grows so many times, and what hangs together with it grows along."""
-        h = measurement.h[0]
-        ph = self._p @ h
-        variance = float(h @ ph)
-        if variance > 0.0:
-            self._p = self._p + np.outer(ph, ph) * ((growth**2 - 1.0) / variance)
+    def doubt(self, states: slice, growth: float) -> None:
+        """Takes back some of what is known of these states: their standard deviations grow so many
+        times."""
+        self._p[states, states] *= growth**2
 
     def _gain(
         self, measurement: Measurement, frozen: Sequence[int]

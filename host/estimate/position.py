@@ -58,7 +58,7 @@ across."""
 SLIP_SIGMA = 0.015
 """Of the share of their way that the driven wheels lose while they push the blade through crop,
 before anything is learned of it."""
-YAW_SIGMA_PER_M = math.radians(0.3)
+YAW_SIGMA_PER_M = math.radians(0.4)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
@@ -84,7 +84,8 @@ which it is another's. Longer waves are the lane's."""
 BOUND_SIGMA_M = 0.15
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
 DOUBTED = 1.03
-"""Growth of the lane's standard deviation with each contradiction. A lane that a turn has left
+"""Growth of the lane's standard deviations with each contradiction: where the machine is in the
+field, an edge that is elsewhere does not say. A lane that a turn has left
 askew yields within half a metre; one that many pictures agreed on outlasts a patch of weeds or thin
 crop, whose border looks like the edge."""
 NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -345,7 +346,7 @@ class Position(Filter):
         if taken:
             self._learn()
         else:
-            self.doubt(seen, DOUBTED)
+            self.doubt(LANE, DOUBTED)
         return taken
 
     def lies_right(self, seen: Measurement) -> None:

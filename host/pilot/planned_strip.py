@@ -55,6 +55,8 @@ SURE_SHARE = 0.4
 SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
+FOUND_SIGMA_M = 0.3
+"""Of an end that was found elsewhere, before its own measurement is taken."""
 UNKNOWN_M = 0.3
 """Standard deviation of a side's end from which on it is found by cutting towards it."""
 GOES_ON_M = 0.05
@@ -196,6 +198,12 @@ class PlannedStrip(Strip):
     @property
     def measures(self) -> bool:
         return self.estimate.position.outline.states > 0
+
+    def ends_at(self, along_m: float) -> None:
+        start = self._pieces[-1][0]
+        if abs(along_m - self.side.length_m) > SIGMAS * self._doubt_m:
+            last = self._straight[-1]
+            self.estimate.position.ends_at(last, along_m - start, FOUND_SIGMA_M**2)
 
     @property
     def surely_own(self) -> bool:

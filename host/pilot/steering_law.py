@@ -15,6 +15,8 @@ from host.estimate.odometry import Motion
 PROPORTIONAL_GAIN_1PM = 1.6
 REVERSE_GAINS = (3.0, 3.5)
 """Curvature per metre of offset and per radian of heading."""
+ASIDE_M = 0.2
+"""Of an offset, the most that is steered for backward: 10 degrees against the lane."""
 
 
 def _limit(curvature: float, vehicle: Vehicle) -> float:
@@ -65,9 +67,10 @@ def follow(lane: Lane, motion: Motion, vehicle: Vehicle) -> float:
 
 
 def back(lane: Lane, vehicle: Vehicle) -> float:
-    """Driving backward along the lane."""
+    """Driving backward along the lane, no more askew than a camera sees the edge from."""
     offset, heading = lane.backwards
-    return reverse(offset - lane.aim_m, heading, vehicle)
+    aside = max(-ASIDE_M, min(ASIDE_M, offset - lane.aim_m))
+    return reverse(aside, heading, vehicle)
 
 
 def reverse(offset_m: float, heading_rad: float, vehicle: Vehicle) -> float:

@@ -82,6 +82,9 @@ class Strip:
         """Whether the boundary is still being found by driving along it."""
         return False
 
+    def ends_at(self, along_m: float) -> None:
+        """A look without dust has shown that its crop ends there, wherever that was expected."""
+
     def overrun(self) -> bool:
         """Whether the blade has passed the field's boundary, whatever vision says."""
         return False

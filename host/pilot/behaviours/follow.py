@@ -20,6 +20,9 @@ weeds or thin crop, or where no edge line shows (short remnants, slanting ends),
 for some metres."""
 DUST_SIGMA_M = 0.12
 """From here on it is worth a stop to look without the blade's dust."""
+LOOK_AFTER_M = 1.5
+"""And so it is after so much way without a picture of the edge, however well the lane is known:
+what stands ahead is no better seen than that."""
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
@@ -97,6 +100,7 @@ class Follow(Behaviour):
             return None
         if context.strip.measures:
             here = EndOfField(now, context.motion, context.strip.index)
+            context.strip.ends_at(context.strip.along_m(context.motion) - guard.clear_m)
             return end_side(context, now, here, looked=True)
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
@@ -173,9 +177,9 @@ class Follow(Behaviour):
         if not strip.placed or not sight.ahead.entered or sight.ahead.clear_count > 0:
             return False
         along = strip.along_m(here)
+        doubtful = context.estimate.lane.offset_sigma_m > DUST_SIGMA_M or sight.dust_doubts
         return (
-            (context.estimate.lane.offset_sigma_m > DUST_SIGMA_M or sight.dust_doubts)
-            and sight.unseen_m(here) > UNSEEN_M
+            sight.unseen_m(here) > (UNSEEN_M if doubtful else LOOK_AFTER_M)
             and abs(here.distance_m - context.look.at_m) > LOOK_EVERY_M
             and strip.shows_edge(along - UNSEEN_M)
             and strip.shows_edge(along + END_CLEAR_M)

@@ -72,6 +72,7 @@ class LookAtEnd(Behaviour):
                 return Why.NO_CROP_LEFT.go()
             if context.strip.measures:
                 here = here or EndOfField(now, context.motion, context.strip.index)
+                context.strip.ends_at(context.strip.along_m(here.motion))
                 return end_side(context, now, here, looked=True)
             return Why.CROP_GONE.go()
         return (Why.EDGE_SEEN if seen else Why.BARE_GROUND).go()

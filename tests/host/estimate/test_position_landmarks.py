@@ -97,7 +97,7 @@ def along_second(off_rad: float) -> Position:
 def test_the_second_edges_direction_is_found_by_driving_along_it(off_deg: float) -> None:
     position = along_second(math.radians(off_deg))
     turned = position.outline.heading_rad(1) - position.outline.heading_rad(0)
-    assert math.degrees(turned) == pytest.approx(90.0 + off_deg, abs=1.0)
+    assert math.degrees(turned) == pytest.approx(90.0 + off_deg, abs=1.5)
 
 
 def likeliest_length_m(off_rad: float) -> float:
