@@ -73,7 +73,7 @@ class Lane:
     def _of_blade(self) -> Array:
         """(states,) the derivative of `blade_offset_m`."""
         place = self._position.on_lane()
-        h = place.beside() + self._blade_x * math.cos(place.turned_rad) * place.turned()
+        h = place.ahead(self._blade_x, place.blade_m)
         h[WANDER] = -1.0
         return h
 

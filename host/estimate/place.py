@@ -69,6 +69,14 @@ class Place:
         h[STATES:] = -self.outline.along(self.side.edge, self.side.pose(along)[:2], (-s, c))
         return h
 
+    def ahead(self, ahead_m: float, along_m: float) -> Array:
+        """(states,) the derivative of how far left of the lane a point of the machine ahead_m
+        before the rear axle lies, whose foot is along_m past the side's beginning. The line moves
+        by what it moves there: that it turns with the corners is in that."""
+        h = self.beside(along_m)
+        h[YAW] += ahead_m * math.cos(self.turned_rad)
+        return h
+
     def turned(self) -> Array:
         """(states,) the derivative of `turned_rad`."""
         h = np.zeros(len(self.x))

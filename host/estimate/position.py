@@ -175,7 +175,7 @@ class Position(Filter):
         # Where the edge truly is, there the operator has put the machine: so far past its corner.
         with_corners = np.eye(len(self._x))
         ahead = self.outline.of_corner(side.edge, (c, s))
-        left = self.outline.along(side.edge, (side.x_m, side.y_m), (-s, c))
+        left = self.outline.along(side.edge, side.pose(back)[:2], (-s, c))
         with_corners[X, STATES:] = c * ahead - s * left
         with_corners[Y, STATES:] = s * ahead + c * left
         with_corners[YAW, STATES:] = self.outline.turning(side.edge)

@@ -50,7 +50,7 @@ def edge(
     along = place.blade_m - step + ahead_m
     offset = place.across_m - step * math.sin((heading + now) / 2)
     doubt = 1.0 + DOUBT * (1.0 - confidence)
-    h = place.beside(along) + at * math.cos(heading) * place.turned()
+    h = place.ahead(at, along)
     h[WANDER] = -1.0
     expected = offset + at * math.sin(heading) - place.lane_at(along) - float(place.x[WANDER])
     z = [-edge_offset_m * math.cos(heading - lane_yaw) - expected]
