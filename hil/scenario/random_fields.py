@@ -35,7 +35,7 @@ MIN_NECK_M: Final = 3.5
 """Between sides that do not meet."""
 CONVEX_DEG: Final = (50.0, 155.0)
 """Inside a corner. A sharper one needs more than a gap of 2 m for the turn, a blunter one bends the
-edge by less than the lane filter takes for the same edge."""
+edge by less than the filter takes for the same edge."""
 REFLEX_DEG: Final = (205.0, 280.0)
 """Inside angle of a corner that points inwards."""
 KEEP_OUT_SHARE: Final = 0.5

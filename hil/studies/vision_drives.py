@@ -63,7 +63,7 @@ PROBE_M = np.arange(-1.0, 1.0, 0.005)
 SURE_FROM = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Confidences from which one may call a detector sure."""
 DISTANCE_SD, TURN_SD = 0.01, 0.03
-"""Of the odometry's scale, as the lane filter gets it."""
+"""Of the odometry's scale, as the filter gets it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,7 +108,7 @@ class Odometry:
         """(stamp, trim) since the gyroscope's comparison begins: what it taught may be wrong."""
         self._rests_since = math.inf
         self.trim_rad = 0.0
-        """True steering angle minus the pot's, as the lane filter learns it: its calibration, and
+        """True steering angle minus the pot's, as the filter learns it: its calibration, and
         what a side slope does."""
         self.yaw_gain, self._yaw_gain_sigma = YAW_GAIN_PRIOR
         """True yaw over what the steering angle and the way say, as learned in turns."""

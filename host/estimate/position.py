@@ -29,6 +29,12 @@ from host.estimate.kalman import Filter, Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, straightened
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.goes_on import to_border
+from host.estimate.motion_model import (
+    CURVE_SIGMA_1PM,
+    SLIP_SIGMA,
+    WANDER_SIGMA_M,
+    move,
+)
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
@@ -40,6 +46,7 @@ from host.estimate.states import (
     LANE_OFFSET,
     LANE_YAW,
     PLAN_YAW,
+    POSE,
     SLIP,
     STATES,
     WANDER,
@@ -52,35 +59,6 @@ from host.route.side import Side
 START_SIGMA = (0.1, 0.1, math.radians(2))
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-STEP_SIGMA = (0.03, 0.02)
-"""Error of a step as a share of it, along (wheels slip, most where they start and stop) and
-across."""
-SLIP_SIGMA = 0.015
-"""Of the share of their way that the driven wheels lose while they push the blade through crop,
-before anything is learned of it."""
-YAW_SIGMA_PER_M = math.radians(0.4)
-YAW_SIGMA_SHARE = 0.03
-"""Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
-(the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
-GYRO_SIGMA_PER_ROOT_S = math.radians(0.08)
-GYRO_SIGMA_SHARE = 0.01
-"""The same by the gyroscope: what a machine that drives shakes it by, and its scale."""
-GYRO_WALK = math.radians(0.003)
-"""Change of what it shows at rest, rad/s per square root of a second: a part that warms up by a
-kelvin a minute, twice."""
-CURVE_SIGMA_1PM = 0.006
-"""Of the curvature that the pot does not show (its calibration, a side slope), at the start."""
-CURVE_PER_M = 0.0005
-"""Its growth per square root of a metre."""
-CRAB_SIGMA = 0.01
-"""Of what the machine drifts aside on a side slope, a share of its way: tyres of this load slip by
-half a degree on a slope of five (Lenain et al. 2006)."""
-CRAB_TURN_RAD = 0.7
-"""What is known of it is gone by a turn of so much: the slope is another's."""
-WANDER_SIGMA_M = 0.045
-WANDER_M = 0.7
-"""Of how the edge wanders beside its lane's straight line: standard deviation, and the way over
-which it is another's. Longer waves are the lane's."""
 BOUND_SIGMA_M = 0.15
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
 DOUBTED = 1.03
@@ -164,14 +142,22 @@ class Position(Filter):
         moved: NDArray[np.float64] = points - self.outline.nearest(points) @ self.outline.moved_m
         return moved
 
-    def place(self, side: Side, along_m: float, offset_m: float, heading_rad: float) -> None:
+    def place(
+        self,
+        side: Side,
+        along_m: float,
+        offset_m: float,
+        heading_rad: float,
+        sigmas: tuple[float, float, float] = START_SIGMA,
+    ) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
-        axle offset_m left of the lane, the vehicle heading_rad left of its direction."""
+        axle offset_m left of the lane, the vehicle heading_rad left of its direction. `sigmas`: of
+        the axle's place, m, and of the direction, rad."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         back = along_m + side.begin_seen_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
         x, y = side.x_m + c * back - s * inside, side.y_m + s * back + c * inside
-        self._anew((x, y, side.heading_rad + heading_rad), START_SIGMA, LANE_SIGMA)
+        self._anew((x, y, side.heading_rad + heading_rad), sigmas, LANE_SIGMA)
         # Where the edge truly is, there the operator has put the machine: so far past its corner.
         with_corners = np.eye(len(self._x))
         ahead = self.outline.of_corner(side.edge, (c, s))
@@ -234,47 +220,8 @@ class Position(Filter):
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
         past, self._past = self._past, motion
-        if past is None:
-            return
-        lasted = max(0.0, motion.stamp - past.stamp)
-        self._p[GYRO, GYRO] += GYRO_WALK**2 * lasted
-        step = motion.distance_m - past.distance_m
-        turn = motion.yaw_rad - past.yaw_rad
-        if step == 0.0 and turn == 0.0:
-            return
-        run = abs(step)
-        jacobian = np.eye(STATES)
-        if motion.by_gyro:
-            turn -= float(self._x[GYRO]) * lasted
-            jacobian[YAW, GYRO] = -lasted
-            yaw = GYRO_SIGMA_PER_ROOT_S**2 * lasted + GYRO_SIGMA_SHARE**2 * abs(turn)
-        else:
-            turn += float(self._x[CURVE]) * step
-            jacobian[YAW, CURVE] = step
-            yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
-        middle = self._x[YAW] + turn / 2
-        c, s = math.cos(middle), math.sin(middle)
-        lost = step if cutting else 0.0
-        step -= lost * float(self._x[SLIP])
-        aside = run * float(self._x[CRAB])
-        crab, wander = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / WANDER_M)
-        self._x[: YAW + 1] += step * c - aside * s, step * s + aside * c, turn
-        self._x[CRAB] *= crab
-        self._x[WANDER] *= wander
-        jacobian[:YAW, YAW] = -step * s - aside * c, step * c - aside * s
-        jacobian[:YAW, SLIP] = -lost * c, -lost * s
-        jacobian[:YAW, CRAB] = -run * s, run * c
-        jacobian[:YAW] += jacobian[:YAW, YAW : YAW + 1] * (jacobian[YAW] - np.eye(STATES)[YAW]) / 2
-        jacobian[CRAB, CRAB], jacobian[WANDER, WANDER] = crab, wander
-        self._p[:STATES] = jacobian @ self._p[:STATES]
-        self._p[:, :STATES] = self._p[:, :STATES] @ jacobian.T
-        # Neighbouring steps err alike: their errors grow along a metre as one.
-        turned = np.array([[c, -s], [s, c]])
-        self._p[:YAW, :YAW] += turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
-        self._p[YAW, YAW] += yaw
-        self._p[CURVE, CURVE] += CURVE_PER_M**2 * run
-        self._p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
-        self._p[WANDER, WANDER] += WANDER_SIGMA_M**2 * (1.0 - wander**2)
+        if past is not None:
+            move(self._x, self._p, past, motion, cutting=cutting)
 
     def at(self, side: Side) -> Place:
         """The place against a side."""
@@ -346,7 +293,7 @@ class Position(Filter):
         if taken:
             self._learn()
         else:
-            self.doubt(LANE, DOUBTED)
+            self.doubt(LANE if self.known else POSE, DOUBTED)
         return taken
 
     def lies_right(self, seen: Measurement) -> None:

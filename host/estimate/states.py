@@ -11,4 +11,5 @@ plan's, rad; curvature that the pot does not show, 1/m; what the gyroscope shows
 what has been taken off it, rad/s; how far the machine drifts to its left, m for each metre; how far
 left of its lane's straight line the crop's edge lies here, m. Behind them, two by two, how far the
 boundary's corners lie from where they are taken to be, m."""
+POSE: Final = slice(X, YAW + 1)
 LANE: Final = slice(LANE_OFFSET, LANE_YAW + 1)

@@ -12,6 +12,7 @@ from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
+from host.estimate.position import START_SIGMA
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
 from host.route.plan import SEEN_SHARE, Plan
@@ -40,7 +41,7 @@ CORNER_M = 0.3
 SQUARE_M = 0.1
 """A border that crosses the strip over less is no slanting one."""
 TURN_KNOWN_M = 4.0
-"""Distance along a side after which the lane filter's direction is trusted."""
+"""Distance along a side after which the lane's direction is trusted."""
 TURN_LEAST_RAD = 0.5
 """A smaller turn says little of how much more or less than its steering the machine turns."""
 SHUTTLE_LEARN_M = 6.0
@@ -147,13 +148,15 @@ class PlannedStrip(Strip):
         """The same where it is found to lie."""
         return self.estimate.position.outline.found(self.planned_piece)
 
-    def place(self, along_m: float) -> None:
-        """The machine stands with the blade along_m past where vision sees the beginning."""
+    def place(self, along_m: float, sigma_m: float = START_SIGMA[1]) -> None:
+        """The machine stands with the blade along_m past where vision sees the beginning; sigma_m:
+        how surely it is known beside the edge."""
         lane = self.estimate.lane
         self._at = max(k for k, (start, _) in enumerate(self._pieces) if k == 0 or start <= along_m)
         start = self._pieces[self._at][0]
         position, piece = self.estimate.position, self.planned_piece
-        position.place(piece, along_m - start, lane.offset_m, lane.heading_rad)
+        sigmas = (START_SIGMA[0], sigma_m, START_SIGMA[2])
+        position.place(piece, along_m - start, lane.offset_m, lane.heading_rad, sigmas)
         self._on_lane = True
         self._note_doubt()
 

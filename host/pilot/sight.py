@@ -61,7 +61,7 @@ LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
 """In dust an edge that has moved inside by more is the dust's."""
-CORNER_SIGMA_M = 0.1
+CORNER_SIGMA_M = 0.15
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""
 CORNER_SIGMAS = 3.0
@@ -133,6 +133,8 @@ class Sight:
         self.ahead = Ahead()
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
+        self.lane_at_m = math.inf
+        """The same of any picture that told something of the lane."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
@@ -221,7 +223,7 @@ class Sight:
         *,
         moved: bool,
     ) -> None:
-        self.edge_at_m = then.distance_m
+        self.edge_at_m = self.lane_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
         seen = (
@@ -273,6 +275,7 @@ class Sight:
         self.dust_doubts = line > INWARD_M and self.ahead.in_dust(*EDGE_SURE)
         if not self.dust_doubts:
             here = line - lane.blade_offset_m
+            self.lane_at_m = then.distance_m
             lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
 
     def _watch_ahead(
@@ -299,9 +302,9 @@ class Sight:
 
     def _on_lane(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
-        next once the crop begins ahead of the blade, or beside it all the way; else the picture
-        shows the crop's flank, and so it does where the crop's border slants across the strip, or a tip that stayed
-        where the strip before it was begun."""
+        next once the crop begins ahead of the blade, or beside it all the way. Else the picture
+        shows the crop's flank; and so it does where the crop's border slants across the strip, or a
+        tip stayed where the strip before it was begun."""
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
             along = turning.beside and min(-expected, strip.left_m()) > BESIDE_M

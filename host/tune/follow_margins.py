@@ -3,7 +3,7 @@ speed, for the machine in the vehicle file.
 
 The vehicle: offset' = v heading, heading' = v curvature, the curvature a first-order lag behind
 what is asked for, and a dead time between decision and motor. Camera and vision delay nothing here:
-the lane filter predicts from the shutter to now.
+the filter predicts from the shutter to now.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ class Align(Behaviour):
             ahead_m = view.edge_ahead_m
             lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
         if isinstance(strip, PlannedStrip):
-            strip.place(-view.crop_ahead_m)
+            strip.place(-view.crop_ahead_m, *(() if seen else TRUSTED_SIGMA[:1]))
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
@@ -86,7 +86,7 @@ class Align(Behaviour):
         if now - context.since < TRUST_AFTER_S:
             return None
         context.estimate.lane.place(0.0, 0.0, *TRUSTED_SIGMA)
-        strip.place(0.0)
+        strip.place(0.0, TRUSTED_SIGMA[0])
         if not strip.may_be_cut():
             context.reason = Wait.NOTHING_AHEAD.go(left=f"{strip.left_m():.1f}").text
             return None

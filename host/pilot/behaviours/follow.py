@@ -20,9 +20,9 @@ weeds or thin crop, or where no edge line shows (short remnants, slanting ends),
 for some metres."""
 DUST_SIGMA_M = 0.12
 """From here on it is worth a stop to look without the blade's dust."""
-LOOK_AFTER_M = 1.5
-"""And so it is after so much way without a picture of the edge, however well the lane is known:
-what stands ahead is no better seen than that."""
+LOOK_AFTER_M = 1.0
+"""And so it is after so much way without a picture that tells of the edge, however well the lane is
+known: what stands ahead is no better seen than that."""
 LOOK_EVERY_M = 1.0
 END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
@@ -178,8 +178,9 @@ class Follow(Behaviour):
             return False
         along = strip.along_m(here)
         doubtful = context.estimate.lane.offset_sigma_m > DUST_SIGMA_M or sight.dust_doubts
+        untold_m = abs(here.distance_m - sight.lane_at_m)
         return (
-            sight.unseen_m(here) > (UNSEEN_M if doubtful else LOOK_AFTER_M)
+            (untold_m > LOOK_AFTER_M or (doubtful and sight.unseen_m(here) > UNSEEN_M))
             and abs(here.distance_m - context.look.at_m) > LOOK_EVERY_M
             and strip.shows_edge(along - UNSEEN_M)
             and strip.shows_edge(along + END_CLEAR_M)

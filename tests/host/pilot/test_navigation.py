@@ -1,4 +1,4 @@
-"""Plan, manoeuvre, odometry and lane filter as facts."""
+"""Plan, manoeuvre, odometry and lane as facts."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import pytest
 
 from host.core.messages import Command, Fix, Frame, Request, State
 from host.core.vehicle import Vehicle
-from host.estimate.position import YAW_SIGMA_SHARE
+from host.estimate.motion_model import YAW_SIGMA_SHARE
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import spiral
