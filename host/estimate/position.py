@@ -61,11 +61,11 @@ PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
 BOUND_SIGMA_M = 0.15
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
-DOUBTED = 1.03
-"""Growth of the lane's standard deviations with each contradiction: where the machine is in the
-field, an edge that is elsewhere does not say. A lane that a turn has left
-askew yields within half a metre; one that many pictures agreed on outlasts a patch of weeds or thin
-crop, whose border looks like the edge."""
+DOUBTED = {True: 1.03, False: 1.06}
+"""Growth of the lane's standard deviations with each contradiction, by whether the machine cuts and
+its dust is in the air: where the machine is in the field, an edge that is elsewhere does not say. A
+lane that a turn has left askew yields within half a metre; one that many pictures agreed on
+outlasts a patch of weeds or thin crop, whose border looks like the edge."""
 NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A lane of which no plan knows: along x from the origin."""
 OPEN_SIGMA = (0.1, math.radians(5))
@@ -84,7 +84,8 @@ class Position(Filter):
         """`boundary`: its corners, counter-clockwise, each known to sigma_m; 0: they lie where it
         says."""
         self.outline = Outline(boundary if sigma_m > 0.0 else ())
-        self._sigma_m = sigma_m
+        self.sigma_m = sigma_m
+        """Of a corner of the boundary before anything is seen of it, along x and along y."""
         states = STATES + self.outline.states
         super().__init__(np.zeros(states), np.zeros((states, states)))
         own = (SLIP_SIGMA, 0.0, 0.0, PLAN_SIGMA_RAD, CURVE_SIGMA_1PM, gyroscope.OFFSET_SIGMA)
@@ -188,7 +189,7 @@ class Position(Filter):
         self._x[: YAW + 1] = pose
         self._x[LANE] = 0.0
         self._x[STATES:] = 0.0
-        corners = np.full(self.outline.states, self._sigma_m)
+        corners = np.full(self.outline.states, self.sigma_m)
         lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *range(STATES, len(self._x))]
         self._p[lost, :] = self._p[:, lost] = 0.0
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
@@ -273,12 +274,22 @@ class Position(Filter):
         if not self.outline.states:
             return 0.0
         if not self.known:
-            return self._sigma_m
+            return self.sigma_m
         worst = 0.0
         for k in range(STATES, len(self._x)):
             own = X if (k - STATES) % 2 == 0 else Y
             worst = max(worst, self._p[k, k] + self._p[own, own] - 2 * self._p[k, own])
         return math.sqrt(worst)
+
+    @property
+    def astray_sigmas(self) -> float:
+        """How far a corner has been found from where the plan has it, among the others, in standard
+        deviations of what was known of it; 0 where the boundary is known."""
+        moved = self.outline.moved_m
+        if not moved.size:
+            return 0.0
+        off = moved - moved.mean(axis=0)
+        return float(np.hypot(off[:, 0], off[:, 1]).max()) / self.sigma_m
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""
@@ -286,14 +297,14 @@ class Position(Filter):
         h[STATES:] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
         return math.sqrt(h @ self._p @ h)
 
-    def see_edge(self, seen: Measurement, *, learn: bool) -> bool:
+    def see_edge(self, seen: Measurement, *, learn: bool, cutting: bool = True) -> bool:
         """A picture's edge of the present lane; `learn`: the curvature that the pot does not show,
         too. False where it contradicts what is believed beyond its gate; then that is doubted."""
         taken = self.fuse(seen, frozen=() if learn else (CURVE,))
         if taken:
             self._learn()
         else:
-            self.doubt(LANE if self.known else POSE, DOUBTED)
+            self.doubt(LANE if self.known else POSE, DOUBTED[cutting])
         return taken
 
     def lies_right(self, seen: Measurement) -> None:

@@ -23,6 +23,8 @@ from host.route.turn_legs import Turn
 
 CREEP_MPS = 0.15
 """Near the geofence."""
+ASTRAY_SIGMAS = 5.0
+"""Of a walked corner: what moves it farther is no walk's error."""
 LEADS_AWAY_S = 0.5
 LEADS_AWAY_M = 1e-3
 """Where the machine will be in so long its clearance must be more than now, for a motion near the
@@ -48,6 +50,11 @@ class Watched(Reason):
         Doing.FAULT,
         "{why}: it loses pulses, or hall_per_metre is wrong; check sensor, magnets and calibration",
     )
+    ASTRAY = (
+        Doing.FAULT,
+        "a corner of the boundary seems to lie {off_m} m from where it was walked: the machine "
+        "has lost its place, put it on a corner of what stands",
+    )
     GEOFENCE = Doing.FAULT, "{why}"
 
 
@@ -65,6 +72,9 @@ def watch(state: State, estimate: Estimator) -> Go | None:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
     if estimate.askew_rad != 0.0:
         return Watched.ASKEW.go(deg=f"{abs(math.degrees(estimate.askew_rad)):.0f}")
+    astray = estimate.position.astray_sigmas
+    if astray > ASTRAY_SIGMAS:
+        return Watched.ASTRAY.go(off_m=f"{astray * estimate.position.sigma_m:.0f}")
     return None
 
 

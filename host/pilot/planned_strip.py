@@ -56,6 +56,9 @@ SURE_SHARE = 0.4
 SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
+END_SIGMAS = 4.0
+"""Within so many of where a side was taken to end a look may find its end; more is another error.
+"""
 FOUND_SIGMA_M = 0.3
 """Of an end that was found elsewhere, before its own measurement is taken."""
 UNKNOWN_M = 0.3
@@ -198,9 +201,11 @@ class PlannedStrip(Strip):
         if self.new:
             self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
 
-    @property
-    def measures(self) -> bool:
-        return self.estimate.position.outline.states > 0
+    def may_end_at(self, along_m: float) -> bool:
+        if self.estimate.position.outline.states == 0:
+            return False
+        most_m = END_SIGMAS * max(self._doubt_m, UNKNOWN_M)
+        return along_m > max(0.0, self.side.length_m - EARLY_M - most_m)
 
     def ends_at(self, along_m: float) -> None:
         start = self._pieces[-1][0]

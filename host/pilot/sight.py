@@ -187,7 +187,8 @@ class Sight:
         if gaze.lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
                 if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
-                    self._take_edge(view, strip, then, since_shutter, moved=moved)
+                    cuts = gaze.cutting
+                    self._take_edge(view, strip, then, since_shutter, moved=moved, cutting=cuts)
             elif not in_leg:
                 self._take_corner(view, strip, then, since_shutter)
         if gaze.lane and cutting and not in_leg:
@@ -222,6 +223,7 @@ class Sight:
         since_shutter: tuple[float, float],
         *,
         moved: bool,
+        cutting: bool,
     ) -> None:
         self.edge_at_m = self.lane_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
@@ -233,7 +235,7 @@ class Sight:
             since_shutter,
         )
         learn = strip.teaches and cut_m > LEARN_AFTER_M
-        lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn)
+        lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn, cutting=cutting)
         self._estimate.learn_curve()
         if moved and not lane.contradicted:
             strip.seen_beside(view, then)

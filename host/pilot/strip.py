@@ -77,9 +77,8 @@ class Strip:
         """Whether the strip may end there."""
         return True
 
-    @property
-    def measures(self) -> bool:
-        """Whether the boundary is still being found by driving along it."""
+    def may_end_at(self, along_m: float) -> bool:
+        """Whether its end may lie there, of a boundary that is still to be found."""
         return False
 
     def ends_at(self, along_m: float) -> None:

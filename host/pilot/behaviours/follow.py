@@ -98,9 +98,10 @@ class Follow(Behaviour):
         context, guard = self.context, self.context.estimate.cut
         if not guard.refused:
             return None
-        if context.strip.measures:
+        end_m = context.strip.along_m(context.motion) - guard.clear_m
+        if context.strip.may_end_at(end_m):
             here = EndOfField(now, context.motion, context.strip.index)
-            context.strip.ends_at(context.strip.along_m(context.motion) - guard.clear_m)
+            context.strip.ends_at(end_m)
             return end_side(context, now, here, looked=True)
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:

@@ -70,9 +70,10 @@ class LookAtEnd(Behaviour):
         if context.bare > BARE_LOOKS:
             if context.strip.last:
                 return Why.NO_CROP_LEFT.go()
-            if context.strip.measures:
-                here = here or EndOfField(now, context.motion, context.strip.index)
-                context.strip.ends_at(context.strip.along_m(here.motion))
+            here = here or EndOfField(now, context.motion, context.strip.index)
+            end_m = context.strip.along_m(here.motion)
+            if context.strip.may_end_at(end_m):
+                context.strip.ends_at(end_m)
                 return end_side(context, now, here, looked=True)
             return Why.CROP_GONE.go()
         return (Why.EDGE_SEEN if seen else Why.BARE_GROUND).go()

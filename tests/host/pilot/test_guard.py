@@ -11,16 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.core.messages import Command, Request
+from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
+from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.field.areas import Verdict
-from host.pilot.guard import CREEP_MPS, Guard, SeenFree, no_farther
+from host.pilot.guard import CREEP_MPS, Guard, SeenFree, no_farther, watch
 from host.route.plan import Plan, spiral
 from tests.helpers.places import followed
 
 VEHICLE = Vehicle()
+TWENTY = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]
 RING = [(0.0, 0.0), (9.0, 0.0), (9.0, 7.0), (0.0, 7.0)]
 GAP_M = 2.0
 ON = Command(Request.DRIVE, 0.0, 0.5, True)
@@ -137,3 +139,17 @@ def test_along_a_direction_no_more_is_left_than_is_said_and_across_nothing_grows
 def test_what_is_known_well_enough_stays_as_it_is() -> None:
     whole = np.array([[[0.04, 0.01], [0.01, 0.09]], [[0.0, 0.0], [0.0, 0.0]]])
     assert np.array_equal(no_farther(whole, 0.7, 5.0), whole)
+
+
+def test_a_corner_that_is_found_farther_off_than_a_walk_errs_stops_the_machine() -> None:
+    """The geofence moves with the corners that are found: one that runs away must not."""
+    estimate = Estimator(VEHICLE, spiral(TWENTY, 0, VEHICLE, gap_m=2.0, sigma_m=1.0))
+    moved = np.zeros(estimate.position.outline.states)
+    moved[::2] = 9.0
+    estimate.position.outline.move(moved)
+    assert watch(State.RUNNING, estimate) is None, "all lie elsewhere: so the field was walked"
+    moved[:] = 0.0
+    moved[0] = 8.0
+    estimate.position.outline.move(moved)
+    go = watch(State.RUNNING, estimate)
+    assert go is not None and "6 m" in go.text

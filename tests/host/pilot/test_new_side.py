@@ -250,7 +250,7 @@ def test_a_glimpse_of_clear_ground_in_the_dust_is_not_forgotten(believed_m: floa
     assert world.neighbour_cut == 0
 
 
-@pytest.mark.parametrize("cut_m", [5.0, 9.5])
+@pytest.mark.parametrize("cut_m", [7.5, 9.5])
 def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
     cut_m: float,
 ) -> None:
