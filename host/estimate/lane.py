@@ -116,8 +116,8 @@ class Lane:
 
         `since` is (distance travelled, yaw turned) from the shutter to now. With `learn` the
         curvature that the pot does not show is estimated too; not after a turn, whose errors it
-        would take upon itself. `cutting`: the blade's dust is in the air. Returns False where the measurement contradicts the prediction
-        beyond the gate; it is then not used.
+        would take upon itself. `cutting`: the blade's dust is in the air. Returns False where the
+        measurement contradicts the prediction beyond the gate; it is then not used.
         """
         place = self._position.on_lane()
         seen = edge.edge(place, edge_offset_m, edge_heading_rad, confidence, since, ahead_m)
