@@ -134,7 +134,7 @@ class Sight:
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
-        """The same of any picture that told something of the lane."""
+        """The same of pictures in the dust that told of it together."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
@@ -225,7 +225,7 @@ class Sight:
         moved: bool,
         cutting: bool,
     ) -> None:
-        self.edge_at_m = self.lane_at_m = then.distance_m
+        self.edge_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
         seen = (

@@ -179,7 +179,7 @@ class Follow(Behaviour):
             return False
         along = strip.along_m(here)
         doubtful = context.estimate.lane.offset_sigma_m > DUST_SIGMA_M or sight.dust_doubts
-        untold_m = abs(here.distance_m - sight.lane_at_m)
+        untold_m = min(sight.unseen_m(here), abs(here.distance_m - sight.lane_at_m))
         return (
             (untold_m > LOOK_AFTER_M or (doubtful and sight.unseen_m(here) > UNSEEN_M))
             and abs(here.distance_m - context.look.at_m) > LOOK_EVERY_M
