@@ -70,10 +70,15 @@ class Filter:
             self._x = self._x.copy()
             self._x[at] += gain[at] @ bound.innovation
 
-    def doubt(self, states: slice, growth: float) -> None:
-        """Takes back some of what is known of these states: their standard deviations grow so many
-        times."""
-        self._p[states, states] *= growth**2
+    def doubt(self, measurement: Measurement, states: slice, growth: float) -> None:
+        """Takes back some of what these states say of what was measured: its standard deviation
+        grows so many times."""
+        h = np.zeros_like(measurement.h)
+        h[:, states] = measurement.h[:, states]
+        ph = np.zeros((len(self._p), len(h)))
+        ph[states] = self._p[states] @ h.T
+        grown = np.linalg.solve(h @ ph, ph.T)
+        self._p = self._p + (growth**2 - 1.0) * ph @ grown
 
     def _gain(
         self, measurement: Measurement, frozen: Sequence[int]

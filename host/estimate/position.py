@@ -46,7 +46,6 @@ from host.estimate.states import (
     LANE_OFFSET,
     LANE_YAW,
     PLAN_YAW,
-    POSE,
     SLIP,
     STATES,
     WANDER,
@@ -62,10 +61,12 @@ PLAN_SIGMA_RAD = math.radians(3)
 BOUND_SIGMA_M = 0.15
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
 DOUBTED = {True: 1.03, False: 1.06}
-"""Growth of the lane's standard deviations with each contradiction, by whether the machine cuts and
-its dust is in the air: where the machine is in the field, an edge that is elsewhere does not say. A
-lane that a turn has left askew yields within half a metre; one that many pictures agreed on
-outlasts a patch of weeds or thin crop, whose border looks like the edge."""
+"""Growth of the standard deviation of what was seen, with each contradiction, by whether the blade
+cuts and its dust is in the air. A lane that a turn has left askew yields within half a metre; one
+that many pictures agreed on outlasts a patch of weeds or thin crop, whose border looks like the
+edge."""
+DOUBTFUL: Final = slice(X, LANE_YAW + 1)
+"""What that takes back: the machine's place, and its lane's."""
 NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A lane of which no plan knows: along x from the origin."""
 OPEN_SIGMA = (0.1, math.radians(5))
@@ -304,7 +305,7 @@ class Position(Filter):
         if taken:
             self._learn()
         else:
-            self.doubt(LANE if self.known else POSE, DOUBTED[cutting])
+            self.doubt(seen, DOUBTFUL, DOUBTED[cutting])
         return taken
 
     def lies_right(self, seen: Measurement) -> None:
