@@ -283,14 +283,14 @@ class Position(Filter):
         return math.sqrt(worst)
 
     @property
-    def astray_sigmas(self) -> float:
-        """How far a corner has been found from where the plan has it, among the others, in standard
-        deviations of what was known of it; 0 where the boundary is known."""
+    def astray_m(self) -> float:
+        """How far a corner has been found from where the plan has it, among the others; 0 where the
+        boundary is known."""
         moved = self.outline.moved_m
         if not moved.size:
             return 0.0
         off = moved - moved.mean(axis=0)
-        return float(np.hypot(off[:, 0], off[:, 1]).max()) / self.sigma_m
+        return float(np.hypot(off[:, 0], off[:, 1]).max())
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""

@@ -24,7 +24,8 @@ from host.route.turn_legs import Turn
 CREEP_MPS = 0.15
 """Near the geofence."""
 ASTRAY_SIGMAS = 5.0
-"""Of a walked corner: what moves it farther is no walk's error."""
+ASTRAY_M = 2.0
+"""Of a walked corner: what moves it farther than both is no walk's error."""
 LEADS_AWAY_S = 0.5
 LEADS_AWAY_M = 1e-3
 """Where the machine will be in so long its clearance must be more than now, for a motion near the
@@ -72,9 +73,9 @@ def watch(state: State, estimate: Estimator) -> Go | None:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
     if estimate.askew_rad != 0.0:
         return Watched.ASKEW.go(deg=f"{abs(math.degrees(estimate.askew_rad)):.0f}")
-    astray = estimate.position.astray_sigmas
-    if astray > ASTRAY_SIGMAS:
-        return Watched.ASTRAY.go(off_m=f"{astray * estimate.position.sigma_m:.0f}")
+    astray_m = estimate.position.astray_m
+    if astray_m > max(ASTRAY_M, ASTRAY_SIGMAS * estimate.position.sigma_m):
+        return Watched.ASTRAY.go(off_m=f"{astray_m:.0f}")
     return None
 
 
