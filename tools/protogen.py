@@ -7,6 +7,7 @@ differs from what the schema says.
 from __future__ import annotations
 
 import argparse
+import math
 import struct
 import sys
 import tomllib
@@ -207,17 +208,45 @@ def field_type(field: Table) -> str:
     return f"{base} | None" if "none" in field else base
 
 
+def _of(name: str, fields: list[Table]) -> list[str]:
+    """A message's constructor from the integers on the wire, written out."""
+    values = []
+    for field in fields:
+        value = field["name"]
+        kind = field.get("enum") or field.get("bits")
+        if kind:
+            value = f"_{kind.upper()}({value})"
+        elif "scale" in field:
+            degree = math.pi / 180 if field.get("unit") == "deg" else 1.0
+            value = f"{value} * {field['scale'] * degree!r}"
+        if "none" in field:
+            value = f"None if {field['name']} == {field['none']} else {value}"
+        values.append(f"            {value},")
+    names = ", ".join(field["name"] for field in fields)
+    return [
+        "    @classmethod",
+        f"    def of(cls, *raws: int) -> {name}:",
+        '        """From the integers on the wire."""',
+        f"        ({names},) = raws" if fields else "        () = raws",
+        "        return cls(",
+        *values,
+        "        )",
+    ]
+
+
 def module(schema: Table) -> str:
     """The Python side: the hand-written runtime with the schema's types put in."""
     head, tail = RUNTIME.read_text().split("# ---- generated types go here ----\n")
     out = [f"VERSION = {schema['version']}", f"BAUD = {schema['baud']}", ""]
     for name, enum in schema["enum"].items():
         out += ["", f"class {name}(enum.IntEnum):", f'    """{enum["doc"]}"""', ""]
-        out += [f"    {key} = {value}" for key, value in enum.items() if key != "doc"] + [""]
+        out += [f"    {key} = {value}" for key, value in enum.items() if key != "doc"]
+        out += ["", "", f"_{name.upper()} = functools.cache({name})", ""]
     for name, bits in schema["bits"].items():
         members = {key: bit for key, bit in bits.items() if key != "doc"}
         out += ["", f"class {name}(enum.IntFlag):", f'    """{bits["doc"]}"""', ""]
-        out += [f"    {key} = 1 << {bit['bit']}" for key, bit in members.items()] + [""]
+        out += [f"    {key} = 1 << {bit['bit']}" for key, bit in members.items()]
+        out += ["", "", f"_{name.upper()} = functools.cache({name})", ""]
         out += ["", f"{name.upper()}_TEXTS: dict[{name}, tuple[str, str]] = {{"]
         for key, bit in members.items():
             out += [f"    {name}.{key}: (", f'        "{bit["text"]}",']
@@ -238,10 +267,9 @@ def module(schema: Table) -> str:
         for field in message["fields"]:
             scale = repr(field["scale"]) if "scale" in field else "None"
             scale += " * DEGREE" if field.get("unit") == "deg" else ""
-            kind = field.get("enum") or field.get("bits") or "None"
-            codec = f'"{field["name"]}", {scale}, {kind}, {field.get("none")}'
+            codec = f'"{field["name"]}", {scale}, {field.get("none")}'
             out.append(f"        Codec({codec}),")
-        out += ["    )", ""]
+        out += ["    )", "", *_of(name, message["fields"]), ""]
     out += ["", "MESSAGES: tuple[type[Message], ...] = ("]
     out += [f"    {name}," for name in schema["message"]] + [")", ""]
     out += ["PARAMS: dict[str, ParamSpec] = {"]

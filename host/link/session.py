@@ -33,6 +33,7 @@ READ_S = 0.005
 FIRMWARE_CLOCK_S = 2**32 * 1e-6
 """The firmware's microseconds wrap here, which is no reset."""
 
+_STATES = {int(state): state for state in State}
 Direction = Literal["to_firmware", "to_host"]
 Answer = protocol.Ack | protocol.ParamValue | protocol.LogEntry | protocol.HilOutputs
 
@@ -116,7 +117,7 @@ class Session:
         self._firmware_time = message.time
         self.telemetry = Telemetry(
             stamp=now,
-            state=State(message.state),
+            state=_STATES[message.state],
             faults=int(message.faults),
             setpoint_rad=message.setpoint,
             angle_rad=message.angle,
