@@ -103,26 +103,25 @@ class Gyro:
         return Sample(self.clock_s(t), (x, y, z), (fx, fy, fz))
 
 
+_ROW: Final = "[%d, [%.6f, %.6f, %.6f]]"
+_SENSORS: Final = tuple(
+    json.dumps({"unit": unit, "desc": axes, "data": []}).removesuffix("]}")
+    for unit, axes in (
+        ("rad/s", ["Gyro X", "Gyro Y", "Gyro Z"]),
+        ("m/s\u00b2", ["Ax", "Ay", "Az"]),
+    )
+)
+"""What stands before each sensor's rows."""
+
+
 def sensors_json(samples: Iterable[Sample]) -> bytes:
-    """The app's answer."""
-
-    def data(rows: list[tuple[float, tuple[float, float, float]]]) -> list[object]:
-        return [
-            [round(clock * 1e3), [round(x, 6), round(y, 6), round(z, 6)]]
-            for clock, (x, y, z) in rows
-        ]
-
-    kept = list(samples)
-    answer = {
-        "gyro": {
-            "unit": "rad/s",
-            "desc": ["Gyro X", "Gyro Y", "Gyro Z"],
-            "data": data([(s.clock_s, s.rate_radps) for s in kept]),
-        },
-        "accel": {
-            "unit": "m/s\u00b2",
-            "desc": ["Ax", "Ay", "Az"],
-            "data": data([(s.clock_s, s.force_mps2) for s in kept]),
-        },
-    }
-    return json.dumps(answer).encode()
+    """The app's answer. Put together as text: `json.dumps` takes four times as long."""
+    rates, forces = [], []
+    for clock_s, (x, y, z), (fx, fy, fz) in samples:
+        at = round(clock_s * 1e3)
+        rates.append(_ROW % (at, x, y, z))
+        forces.append(_ROW % (at, fx, fy, fz))
+    gyro, accel = _SENSORS
+    return (
+        f'{{"gyro": {gyro}{", ".join(rates)}]}}, "accel": {accel}{", ".join(forces)}]}}}}'
+    ).encode()

@@ -81,8 +81,7 @@ def _sensor(message: dict[str, object], name: str) -> Samples:
     xyz: list[Vector] = []
     for row in data:
         try:
-            milliseconds, values = row
-            x, y, z = values
+            milliseconds, (x, y, z) = row
             x, y, z = float(x) * scale, float(y) * scale, float(z) * scale
             at = float(milliseconds) / 1e3
         except (TypeError, ValueError, OverflowError) as error:
@@ -120,11 +119,12 @@ class Turning:
         fresh = [k for k, t in enumerate(gyro.clock_s) if self._clock is None or t > self._clock]
         if up is None or not fresh:
             return None
-        newest = max(gyro.clock_s[k] for k in fresh)
+        fresh.sort(key=gyro.clock_s.__getitem__)
+        newest = gyro.clock_s[fresh[-1]]
         drifted = UNHURRIED * max(0.0, now - self._heard) if math.isfinite(self._heard) else 0.0
         self._behind = min(self._behind + drifted, now - newest)
         self._heard = now
-        for k in sorted(fresh, key=gyro.clock_s.__getitem__):
+        for k in fresh:
             self._take(gyro.clock_s[k], gyro.xyz[k], up)
         return Turned(newest + self._behind - UNDERWAY_S, self._yaw, self._since)
 
@@ -133,8 +133,9 @@ class Turning:
         self._behind, self._heard = math.inf, -math.inf
 
     def _take(self, clock: float, xyz: Vector, up: Vector) -> None:
-        rate = sum(w * u for w, u in zip(xyz, up, strict=True))
-        broken = max(map(abs, xyz)) > MOST_RADPS
+        (x, y, z), (ux, uy, uz) = xyz, up
+        rate = x * ux + y * uy + z * uz
+        broken = max(abs(x), abs(y), abs(z)) > MOST_RADPS
         if self._clock is None or clock - self._clock > GAP_S or broken:
             self._yaw, self._since = 0.0, clock + self._behind
         else:
@@ -142,11 +143,11 @@ class Turning:
         self._clock, self._rate = clock, 0.0 if broken else rate
 
     def _level(self, accel: Samples) -> None:
+        low, high = GRAVITY_MPS2
         for clock, (x, y, z) in sorted(zip(accel.clock_s, accel.xyz, strict=True)):
             if self._levelled is not None and clock <= self._levelled:
                 continue
             size = math.sqrt(x * x + y * y + z * z)
-            low, high = GRAVITY_MPS2
             if not low < size < high:
                 continue
             if self._up is None or self._levelled is None:
@@ -154,8 +155,9 @@ class Turning:
             else:
                 blend = 1.0 - math.exp(-(clock - self._levelled) / LEVEL_S)
             self._levelled = clock
-            old = self._up or (x / size, y / size, z / size)
-            ux, uy, uz = (o + blend * (v / size - o) for o, v in zip(old, (x, y, z), strict=True))
+            x, y, z = x / size, y / size, z / size
+            ux, uy, uz = self._up or (x, y, z)
+            ux, uy, uz = ux + blend * (x - ux), uy + blend * (y - uy), uz + blend * (z - uz)
             length = math.sqrt(ux * ux + uy * uy + uz * uz)
             self._up = (ux / length, uy / length, uz / length) if length > 0.1 else None
 
