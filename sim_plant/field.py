@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -18,6 +19,24 @@ from sim_plant import ground, noise
 from sim_plant.blade import cut_between
 from sim_plant.field_spec import FieldSpec, Point, Side
 from sim_plant.ground import CROP, GRASS, NEIGHBOUR, OBSTACLE, SOIL, STUBBLE, TRUNK
+
+
+class Figures(NamedTuple):
+    """What compiled loops need of a field besides its grid: lengths in m, angles in degrees."""
+
+    seed: int
+    x_m: float
+    """Of the grid's origin."""
+    y_m: float
+    cell_m: float
+    bumps_1pm: float
+    bump_deg: float
+    side_slope_deg: float
+    long_slope_deg: float
+    beside_m: float
+    """Where the straw is laid: so far beside the blade,"""
+    straw_m: float
+    """and so wide."""
 
 
 @dataclass(slots=True)
@@ -205,8 +224,13 @@ class Field:
         self.tallest_crop_m = float(self.height.max())
         self.obstacles = self._place_obstacles()
 
+        self.figures = Figures(
+            seed, float(x0), float(y0), self.cell, 1.0 / spec.bump_m, spec.bump_sd_deg / 0.18,
+            spec.side_slope_deg, spec.long_slope_deg, *spec.windrow_m,
+        )  # fmt: skip
         self._initial = int(np.count_nonzero(self.kind == CROP))
-        self._counts = np.zeros(2, np.int64)
+        self.counts: NDArray[np.int64] = np.zeros(2, np.int64)
+        """Cells cut of the field's own crop, and of the neighbours'."""
         self._box = np.zeros(4, np.int64)
         self._watches: list[Watch] = []
 
@@ -273,15 +297,15 @@ class Field:
         centimetres or degrees should be split by the caller: the path between is taken as straight.
         Returns the number of cells cut, the neighbours' included.
         """
-        cut = cut_between(
-            self.kind, *self.origin, self.cell, old, new, ahead_m, width_m, *self.spec.windrow_m,
-            self.seed, self._counts, self._box,
-        )  # fmt: skip
-        box = self._box
-        if box[0] < box[1]:
-            for w in self._watches:
-                w.box.add(int(box[0]), int(box[1]), int(box[2]), int(box[3]))
+        cut = mow(self.figures, self.kind, old, new, ahead_m, width_m, self.counts, self._box)
+        self.changed(*self._box.tolist())
         return int(cut)
+
+    def changed(self, j0: int, j1: int, i0: int, i1: int) -> None:
+        """Tells the watchers of a range of cells, half-open; of none where j0 >= j1."""
+        if j0 < j1:
+            for w in self._watches:
+                w.box.add(j0, j1, i0, i1)
 
     def clear(self, polygon: tuple[Point, ...]) -> None:
         """Cuts everything of the field's own crop within a polygon, as an earlier job left it."""
@@ -291,23 +315,22 @@ class Field:
         y = self.origin[1] + (np.arange(rows) + 0.5) * self.cell
         hit = shapely.contains_xy(shape, *np.meshgrid(x, y)) & (self.kind == CROP)
         self.kind[hit] = STUBBLE
-        self._counts[0] += int(np.count_nonzero(hit))
-        for w in self._watches:
-            w.box.add(0, rows, 0, columns)
+        self.counts[0] += int(np.count_nonzero(hit))
+        self.changed(0, rows, 0, columns)
 
     # ---- truth ----------------------------------------------------------------------------------
 
     def coverage(self) -> float:
         """Share of the crop's area that was cut."""
-        return float(self._counts[0] / self._initial) if self._initial else 1.0
+        return float(self.counts[0] / self._initial) if self._initial else 1.0
 
     def missed_m2(self) -> float:
         """The field's own crop that still stands."""
-        return float((self._initial - self._counts[0]) * self.cell**2)
+        return float((self._initial - self.counts[0]) * self.cell**2)
 
     def neighbour_cut_m2(self) -> float:
         """The neighbours' crop that was cut."""
-        return float(self._counts[1] * self.cell**2)
+        return float(self.counts[1] * self.cell**2)
 
     def true_edge_offset(self, x: float, y: float, yaw: float, reach_m: float = 3.0) -> float:
         """Signed distance (m) from a point along its lateral direction (left positive) to the edge
@@ -358,20 +381,34 @@ class Field:
     def slopes(self, x: float, y: float, yaw: float) -> tuple[float, float]:
         """(roll, pitch) in radians that the ground gives the vehicle: roll positive clockwise seen
         from behind, pitch positive nose down."""
-        s = self.spec
-        return _slopes(
-            self.seed, x, y, yaw, 1.0 / s.bump_m, s.bump_sd_deg / 0.18, s.side_slope_deg,
-            s.long_slope_deg,
-        )  # fmt: skip
+        return slopes_at(self.figures, x, y, yaw)
 
 
 @njit(cache=True, nogil=True)
-def _slopes(
-    seed: int, x: float, y: float, yaw: float, k: float, sd: float, side_deg: float, long_deg: float
-) -> tuple[float, float]:
-    side = side_deg + sd * (noise.smooth(seed + 101, x * k, y * k) - 0.5)
-    long = long_deg + sd * (noise.smooth(seed + 102, x * k, y * k) - 0.5)
+def slopes_at(f: Figures, x: float, y: float, yaw: float) -> tuple[float, float]:
+    """`Field.slopes`."""
+    k, sd = f.bumps_1pm, f.bump_deg
+    side = f.side_slope_deg + sd * (noise.smooth(f.seed + 101, x * k, y * k) - 0.5)
+    long = f.long_slope_deg + sd * (noise.smooth(f.seed + 102, x * k, y * k) - 0.5)
     c, s = math.cos(yaw), math.sin(yaw)
     up = math.radians(long) * c + math.radians(side) * s
     left_up = -math.radians(long) * s + math.radians(side) * c
     return left_up, -up
+
+
+@njit(cache=True, nogil=True)
+def mow(
+    f: Figures,
+    kind: NDArray[np.uint8],
+    old: tuple[float, float, float],
+    new: tuple[float, float, float],
+    ahead_m: float,
+    width_m: float,
+    counts: NDArray[np.int64],
+    box: NDArray[np.int64],
+) -> int:
+    """`Field.cut`; `box` (4,) becomes the cells that changed: j0, j1, i0, i1, half-open."""
+    return cut_between(
+        kind, f.x_m, f.y_m, f.cell_m, old, new, ahead_m, width_m, f.beside_m, f.straw_m, f.seed,
+        counts, box,
+    )  # fmt: skip

@@ -20,9 +20,12 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from sim_plant.strict import NotNegative, Positive, Strict
 
+Floats = NDArray[np.float64]
 GRAVITY: Final = 9.81
 SHAKEN: Final = 0.5
 """m/s² that a moving machine shakes the accelerometer by, for each degree a second of the other."""
@@ -63,6 +66,20 @@ class Sample(NamedTuple):
     """What an accelerometer at rest shows upwards."""
 
 
+class Part(NamedTuple):
+    """What compiled loops need of one phone's sensors, SI units."""
+
+    walk: float
+    """Standard deviation of an offset's change from sample to sample."""
+    still: float
+    """Standard deviation of the rate's noise on a machine that stands, and on one that moves;"""
+    moving: float
+    force_still: float
+    """the same of the force's."""
+    force_moving: float
+    scale: float
+
+
 class Gyro:
     """One phone's. Samples must be asked in order of time; deterministic by (spec, seed)."""
 
@@ -70,37 +87,70 @@ class Gyro:
         """`pitch_rad`: how far the phone looks down."""
         self.spec = spec
         self._rng = np.random.default_rng([seed, 0x6779])
-        self._offset: list[float] = self._rng.normal(0.0, math.radians(spec.offset_dps), 3).tolist()
+        self.offset: Floats = self._rng.normal(0.0, math.radians(spec.offset_dps), 3)
+        """(3,) that each axis shows at rest, rad/s."""
         c, s = math.cos(pitch_rad), math.sin(pitch_rad)
-        self._axes = ((s, 0.0, c), (0.0, 1.0, 0.0), (-c, 0.0, s))
+        self.axes: Floats = np.array(((s, 0.0, c), (0.0, 1.0, 0.0), (-c, 0.0, s)))
         """Rows: the phone's axes in the vehicle's frame."""
+        still, moving = (
+            math.radians(math.hypot(spec.noise_dps, shake)) for shake in (0.0, spec.vibration_dps)
+        )
+        self.part = Part(
+            math.radians(spec.walk_dps) / math.sqrt(spec.rate_hz),
+            still,
+            moving,
+            0.02,
+            0.02 + SHAKEN * spec.vibration_dps,
+            1.0 + spec.scale_error,
+        )
 
     @staticmethod
     def clock_s(t: float) -> float:
         """What the phone's clock shows at simulated time t."""
         return EPOCH_S + t
 
+    def drawn(self, count: int) -> Floats:
+        """(count, 9) for the next samples: three for the walk, three for the rate, three for the
+        force."""
+        return self._rng.standard_normal((count, 9))
+
     def sample(self, t: float, yaw_radps: float, roll: float, pitch: float, v: float) -> Sample:
         """At simulated time t, on a machine that turns at that rate about its own vertical, banks
         and climbs by these angles, rad, and moves at v, m/s."""
-        spec, offset = self.spec, self._offset
-        walk = math.radians(spec.walk_dps) / math.sqrt(spec.rate_hz)
-        shake = spec.vibration_dps if abs(v) > MOVES_MPS else 0.0
-        noise = math.radians(math.hypot(spec.noise_dps, shake))
-        felt = 0.02 + SHAKEN * shake
-        # Three for the walk, three for the rate, three for the force. In plain numbers: to call
-        # numpy for three takes five times as long.
-        drawn = self._rng.standard_normal(9).tolist()
-        turned = yaw_radps * (1.0 + spec.scale_error)
-        ux, uy, uz = math.sin(pitch), -math.sin(roll), math.cos(pitch) * math.cos(roll)
-        rate, force = [], []
-        for k, (ax, ay, az) in enumerate(self._axes):
-            offset[k] += walk * drawn[k]
-            rate.append(az * turned + offset[k] + noise * drawn[3 + k])
-            force.append(GRAVITY * (ax * ux + ay * uy + az * uz) + felt * drawn[6 + k])
-        x, y, z = rate
-        fx, fy, fz = force
+        out = np.empty(6)
+        feel(self.part, self.axes, self.offset, self.drawn(1)[0], yaw_radps, roll, pitch, v, out)
+        return self.sampled(t, out)
+
+    def sampled(self, t: float, felt: Floats) -> Sample:
+        """A sample of time t from what `feel` gives."""
+        x, y, z, fx, fy, fz = felt.tolist()
         return Sample(self.clock_s(t), (x, y, z), (fx, fy, fz))
+
+
+@njit(cache=True, nogil=True)
+def feel(
+    part: Part,
+    axes: Floats,
+    offset: Floats,
+    drawn: Floats,
+    yaw_radps: float,
+    roll: float,
+    pitch: float,
+    v: float,
+    out: Floats,
+) -> None:
+    """`Gyro.sample` with what was drawn for it, (9,), into `out`: three rates, rad/s, then three
+    forces, m/s². Moves the offset on."""
+    moves = abs(v) > MOVES_MPS
+    noise = part.moving if moves else part.still
+    felt = part.force_moving if moves else part.force_still
+    turned = yaw_radps * part.scale
+    ux, uy, uz = math.sin(pitch), -math.sin(roll), math.cos(pitch) * math.cos(roll)
+    for k in range(3):
+        ax, ay, az = axes[k]
+        offset[k] += part.walk * drawn[k]
+        out[k] = az * turned + offset[k] + noise * drawn[3 + k]
+        out[3 + k] = GRAVITY * (ax * ux + ay * uy + az * uz) + felt * drawn[6 + k]
 
 
 _ROW: Final = "[%d, [%.6f, %.6f, %.6f]]"

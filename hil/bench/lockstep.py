@@ -1,6 +1,7 @@
 """The lockstep bench: firmware, machine, field and sensors under one clock.
 
-The bench alone advances time; the loop over milliseconds is hil/firmware/coupling.py.
+The bench alone advances time; the loop over slices is hil/bench/slices.py, the one over
+milliseconds hil/firmware/coupling.py.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import math
 from collections import deque
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 from hil.bench.injector import Injector
-from hil.firmware import coupling, provision, wiring
+from hil.bench.slices import MOST_SLICES, SLICE_US, Slices
+from hil.firmware import provision, wiring
 from hil.firmware.real_board import Board, Controller
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
@@ -22,11 +24,6 @@ from sim_plant.camera import Camera, Shot
 from sim_plant.field import Field
 from sim_plant.gnss import Gnss
 from sim_plant.gyro import Gyro, Sample
-
-SLICE_US: Final = 10_000
-"""Serial bytes are stamped to this."""
-SLICES_PER_CUT: Final = 2
-"""The blade cuts every 10 ms: 5 mm of way."""
 
 
 class Bench(contextlib.AbstractContextManager["Bench"]):
@@ -45,7 +42,6 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         self._camera_threads = camera_threads
         self.gnss = Gnss(world.gnss, seed)
         self.gyro = Gyro(world.gyro, seed, math.radians(world.lens.pitch_deg))
-        self._gyro_slices = max(1, round(1e6 / world.gyro.rate_hz / SLICE_US))
         self._samples: deque[Sample] = deque()
         self.cut_cells = 0
         """Crop cells cut during the last `advance`."""
@@ -53,26 +49,29 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         self._state = machine.initial(spec, *scenario.start_pose())
         # Views: to ask a record for a field takes as long as all that is done with it.
         self._place = tuple(self._state[name] for name in ("x", "y", "yaw"))
-        self._speed, self._spinning = self._state["v"], self._state["blade_spinning"]
+        self._speed = self._state["v"]
         steer_hz, drive_hz = provision.pwm_hz(self._told.parameters)
         self._params = machine.parameters(spec, seed, steer_pwm_hz=steer_hz, drive_pwm_hz=drive_hz)
         self._given = machine.inputs()
-        self._slices = 0
+        self._done = 0
+        """Slices."""
         self._sent = bytearray()
         self.on_slice: Callable[[bytes], None] | None = None
         """Called after every slice with what the firmware sent, before the cable had its way: for
         whoever watches more closely than the host steps."""
         self.faults = Injector(scenario.faults, seed)
-        self.target: Controller
-        records = (self._state, self._params, self._given)
-        if board is not None:
-            self.target = board
-            self._inner = board.bind(*records, wires=self.faults.taps)
-        else:
-            target = provision.target(scenario.firmware, self._told.parameters)
-            self.target = target
-            layout = wiring.layout(world.wiring, provision.BOARD[scenario.firmware])
-            self._inner = coupling.bind(target, *records, wires=self.faults.taps, layout=layout)
+        self.target: Controller = board or provision.target(
+            scenario.firmware, self._told.parameters
+        )
+        self._slices = Slices(
+            self.field,
+            self.gyro,
+            (self._state, self._params, self._given),
+            (spec.blade_x_m, spec.blade_width_m),
+            self.target,
+            self.faults.taps,
+            wiring.layout(world.wiring, provision.BOARD[scenario.firmware]),
+        )
 
     @cached_property
     def camera(self) -> Camera:
@@ -91,7 +90,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     @property
     def now(self) -> float:
         """Seconds since the start: whole nanoseconds, as a record keeps them."""
-        return self._slices * SLICE_US / 1e6
+        return self._done * SLICE_US / 1e6
 
     @property
     def state(self) -> Any:
@@ -122,13 +121,12 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     def advance(self, until_s: float) -> list[tuple[float, bytes]]:
         """Runs to `until_s`; returns what the firmware sent, with the time of arrival."""
         received: list[tuple[float, bytes]] = []
-        target, faults = self.target, self.faults
+        target, faults, slices = self.target, self.faults, self._slices
         self.cut_cells = 0
         last = round(until_s * 1e6) // SLICE_US
-        while self._slices < last:
-            if self._slices % SLICES_PER_CUT == 0:
-                self._ground()
-            begin = self._slices * SLICE_US
+        while self._done < last:
+            watched = bool(faults.faults) or self.on_slice is not None
+            count = 1 if watched else min(last - self._done, MOST_SLICES)
             sent = bytes(self._sent)
             self._sent.clear()
             if faults.faults:
@@ -136,41 +134,22 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
                 sent = faults.to_firmware(self.now, sent)
             if sent:
                 target.write(sent)
-            status = self._inner(begin, begin + SLICE_US)
+            status, said = slices.run(self._done, count)
+            for data in said:
+                self._done += 1
+                heard = faults.to_host(self.now, data) if faults.faults else data
+                if heard:
+                    received.append((self.now, heard))
+            self.cut_cells += slices.cells
+            self._samples += slices.samples
             if status != 0:
                 raise UserError(
-                    f"the {self.scenario.firmware} firmware crashed at {begin / 1e6:.2f} s "
+                    f"the {self.scenario.firmware} firmware crashed at {self.now:.2f} s "
                     f"(status {status}); the record up to then is kept"
                 )
-            self._slices += 1
-            said = target.read()
-            data = faults.to_host(self.now, said) if faults.faults else said
-            if data:
-                received.append((self.now, data))
-            if self._slices % SLICES_PER_CUT == 0:
-                self._cut()
-            if self._slices % self._gyro_slices == 0 and self.gyro.spec.fitted:
-                self._feel()
             if self.on_slice is not None:
-                self.on_slice(said)
+                self.on_slice(said[0])
         return received
-
-    def _ground(self) -> None:
-        roll, pitch = self.field.slopes(*self.pose)
-        self._given[0]["roll"], self._given[0]["pitch"] = roll, pitch
-        self._before = self.pose
-
-    def _cut(self) -> None:
-        cut = 0
-        if self._spinning.item():
-            spec = self._spec
-            cut = self.field.cut(
-                self._before, self.pose, ahead_m=spec.blade_x_m, width_m=spec.blade_width_m
-            )
-            self.cut_cells += cut
-        step = max(1e-6, abs(self._speed.item()) * SLICE_US * 1e-6 * SLICES_PER_CUT)
-        full = self._spec.blade_width_m * step / self.field.cell**2
-        self._given[0]["cutting"] = min(1.0, cut / full)
 
     def shutter(self) -> Shot:
         """Freezes what the camera sees now; `camera.develop` makes the picture, in any thread."""
@@ -187,14 +166,6 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
             float(s["v"]),
             float(s["yaw_rate"]),
             bool(s["blade_spinning"]),
-        )
-
-    def _feel(self) -> None:
-        """The gyroscope takes a sample."""
-        given, s = self._given[0], self.state
-        roll, pitch = float(given["roll"]), float(given["pitch"])
-        self._samples.append(
-            self.gyro.sample(self.now, float(s["yaw_rate"]), roll, pitch, float(s["v"]))
         )
 
     def felt(self) -> list[Sample]:

@@ -19,8 +19,9 @@ from typing import Final
 
 import numpy as np
 
-from hil.bench.lockstep import SLICE_US, Bench
+from hil.bench.lockstep import Bench
 from hil.bench.ports import IN_THE_MAKING, Port
+from hil.bench.slices import SLICE_US
 from hil.scenario.scenario import Scenario
 from host.core.frames import LocalFrame
 from host.core.vehicle_file import save_vehicle

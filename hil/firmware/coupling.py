@@ -56,7 +56,7 @@ FIXED: Final = int(Mode.FIXED)
 ESTOP_CLOSED_MV: Final = wiring.ESTOP_CLOSED_MV
 
 
-class _Native:
+class Native:
     """A function of a shared library for the compiled loop. Numba asks a ctypes pointer for its
     address at every call, which takes as long as three simulated milliseconds."""
 
@@ -65,12 +65,12 @@ class _Native:
         self.signature = ctypes_utils.make_function_type(function).sig  # type: ignore[no-untyped-call]
 
 
-def _address(native: _Native) -> int:
+def _address(native: Native) -> int:
     return native.address
 
 
-@typeof_impl.register(_Native)
-def _type_of(native: _Native, _: Any) -> Any:
+@typeof_impl.register(Native)
+def _type_of(native: Native, _: Any) -> Any:
     return types.ExternalFunctionPointer(native.signature, get_pointer=_address)
 
 
@@ -145,7 +145,7 @@ def _move(
 
 
 @njit(cache=True, nogil=True)
-def _run(
+def run(
     run_until: Any,
     set_analog: Any,
     set_pin: Any,
@@ -246,7 +246,7 @@ def bind_apart(
     """The machine without firmware: `run(begin_us, end_us)` moves it at `outputs` (steering and
     drive duty -1..1, blade; float64) and leaves what its sensors give in `sensors` (int64)."""
     records = (outputs, sensors, state, params, given, wires)
-    entry = _entry_point(_apart, (0, 0, *records))
+    entry = entry_point(_apart, (0, 0, *records))
 
     def run(begin_us: int, end_us: int) -> None:
         entry(begin_us, end_us, *records)
@@ -266,28 +266,28 @@ def bind(
     """The loop for these (1,) records: `run(begin_us, end_us)` returns the target's status.
     `wires`: the taps of every signal (hil/firmware/signal_wires.py), honest ones where none are
     given. `layout`: what the pins are wired to; None: an Uno's default wiring.
-
-    Numba's dispatcher would work out the records' types at every call, which costs more than ten
-    simulated milliseconds; the compiled entry point is called directly.
     """
     f = target.pointers
-    functions = tuple(_Native(k) for k in (f.run_until, f.set_analog_mv, f.set_pin, f.output))
+    functions = tuple(Native(k) for k in (f.run_until, f.set_analog_mv, f.set_pin, f.output))
     handle = target.handle
     taps = signal_wires.honest() if wires is None else wires
     records = (state, params, given, taps, log, wiring.layout() if layout is None else layout)
-    entry = _entry_point(_run, (*functions, handle, 0, 0, *records))
+    entry = entry_point(run, (*functions, handle, 0, 0, *records))
 
-    def run(begin_us: int, end_us: int) -> int:
+    def bound(begin_us: int, end_us: int) -> int:
         return int(entry(*functions, handle, begin_us, end_us, *records))
 
-    return run
+    return bound
 
 
 _compiled: dict[Any, Any] = {}
 """A loop's compiled code, once there: the arguments' types are always the same."""
 
 
-def _entry_point(dispatcher: Any, arguments: tuple[Any, ...]) -> Any:
+def entry_point(dispatcher: Any, arguments: tuple[Any, ...]) -> Any:
+    """The compiled code of a loop, which has been called once with these arguments by then.
+    Numba's dispatcher would work out the records' types at every call, which costs more than ten
+    simulated milliseconds."""
     if dispatcher not in _compiled:
         dispatcher(*arguments)
         types = tuple(numba.typeof(value) for value in arguments)  # type: ignore[no-untyped-call]

@@ -18,8 +18,9 @@ import cv2
 import numpy as np
 
 from hil.bench.bystander import sees
-from hil.bench.lockstep import SLICE_US, Bench
+from hil.bench.lockstep import Bench
 from hil.bench.rig import handouts
+from hil.bench.slices import SLICE_US
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario

@@ -21,7 +21,8 @@ import cv2
 from dask.local import SynchronousExecutor
 
 from hil.bench.harvest import Harvest
-from hil.bench.lockstep import SLICE_US, Bench
+from hil.bench.lockstep import Bench
+from hil.bench.slices import SLICE_US
 from hil.firmware.provision import Firmware
 from hil.firmware.signal_wires import Signal
 from hil.judge.fault_verdict import Situation, Verdict

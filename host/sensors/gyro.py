@@ -144,10 +144,10 @@ class Turning:
 
     def _level(self, accel: Samples) -> None:
         low, high = GRAVITY_MPS2
-        for clock, (x, y, z) in sorted(zip(accel.clock_s, accel.xyz, strict=True)):
+        for clock, (fx, fy, fz) in sorted(zip(accel.clock_s, accel.xyz, strict=True)):
             if self._levelled is not None and clock <= self._levelled:
                 continue
-            size = math.sqrt(x * x + y * y + z * z)
+            size = math.sqrt(fx * fx + fy * fy + fz * fz)
             if not low < size < high:
                 continue
             if self._up is None or self._levelled is None:
@@ -155,7 +155,7 @@ class Turning:
             else:
                 blend = 1.0 - math.exp(-(clock - self._levelled) / LEVEL_S)
             self._levelled = clock
-            x, y, z = x / size, y / size, z / size
+            x, y, z = fx / size, fy / size, fz / size
             ux, uy, uz = self._up or (x, y, z)
             ux, uy, uz = ux + blend * (x - ux), uy + blend * (y - uy), uz + blend * (z - uz)
             length = math.sqrt(ux * ux + uy * uy + uz * uz)

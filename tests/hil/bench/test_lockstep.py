@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from typing import Any
 
 import pytest
 
 from hil.bench.lockstep import Bench
-from hil.firmware import coupling, targets
+from hil.firmware import targets
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link.session import Session
@@ -58,6 +59,28 @@ def test_what_stands_in_the_blades_way_is_cut_while_it_turns_and_only_then() -> 
             driven(bench, 5.0, blade=blade)
             assert (bench.field.coverage() > 0.1) is blade
             assert bench.field.neighbour_cut_m2() == 0.0
+
+
+def test_how_many_slices_are_run_at_once_changes_nothing() -> None:
+    """Whoever watches each slice sees the same run as the host, which sees several at once."""
+    runs = []
+    for watched in (False, True):
+        said: list[bytes] = []
+        with made() as bench:
+            watch = bench.field.watch()
+            if watched:
+                bench.on_slice = said.append
+            driven(bench, 4.0, steer_deg=20.0)
+            watch.take()
+            bench.advance(4.6)
+            changed = watch.take()
+            assert changed is not None
+            felt = bench.felt()
+            seen = (*changed[:2], changed[2].tobytes())
+            runs.append((bench.pose, bench.field.coverage(), felt, seen))
+            assert len(said) == 460 * watched
+    assert runs[0] == runs[1]
+    assert len(runs[0][2]) > 100
 
 
 def test_cutting_loads_the_wheels() -> None:
@@ -134,10 +157,15 @@ def test_the_receiver_is_told_where_the_machine_truly_goes(monkeypatch: pytest.M
 def test_a_firmware_that_crashes_is_one_message_with_the_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def crashes(begin: int, _end: int) -> int:
-        return 7 if begin >= 250_000 else 0
+    with targets.desk() as target:
+        whole = target.pointers
 
-    monkeypatch.setattr(coupling, "bind", lambda *_records, **_layout: crashes)
+    @ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_uint64)
+    def crashes(handle: int, time_us: int) -> int:
+        return 7 if time_us > 250_000 else int(run_until(handle, time_us))
+
+    run_until = whole.run_until
+    monkeypatch.setattr(whole, "run_until", crashes)
     crashed = r"desk firmware crashed at 0\.25 s \(status 7\)"
     with made() as bench, pytest.raises(UserError, match=crashed):
         bench.advance(1.0)

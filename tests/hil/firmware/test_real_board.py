@@ -16,8 +16,9 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.bench.lockstep import SLICE_US, Bench
+from hil.bench.lockstep import Bench
 from hil.bench.ports import PseudoTerminal
+from hil.bench.slices import SLICE_US
 from hil.commands.rig import rig
 from hil.firmware import targets
 from hil.firmware.real_board import Board, Frames
