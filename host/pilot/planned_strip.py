@@ -15,7 +15,8 @@ from host.estimate.odometry import Motion
 from host.estimate.position import START_SIGMA
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
-from host.route.plan import SEEN_SHARE, Plan
+from host.route.cuts import SEEN_SHARE
+from host.route.plan import Plan
 from host.route.side import NO_EDGE, Side
 from host.vision.view import CropView
 

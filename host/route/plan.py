@@ -22,22 +22,18 @@ import shapely
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
 from host.route.boundary_edges import BoundaryEdges
+from host.route.cuts import Cuts
 from host.route.side import BENT_RAD, SAME_RAD, Side
 from host.route.standing import (
     MIN_EDGE_M,
     MIN_STRIP_M2,
     Edge,
-    edges_of,
-    parts_of,
-    strip_along,
 )
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
 Result = TypeVar("Result")
 Tell = Callable[[int, int], None]
 """Is told how many strips have been laid out, and how many it will be at most or little more."""
-SEEN_SHARE = 0.22
-"""Vision sees crop where it fills this share of the blade's width."""
 MAX_SIDES = 4000
 MAX_WALKED = 2000
 """Sides after which no further way to cut a field is tried."""
@@ -50,8 +46,6 @@ LARGE_M2, LEFT_SHARE = 1000.0, 0.005
 STRAIGHT_RAD = 0.02
 KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
-MAX_SHIFT_M = 0.35
-"""Beyond it the edge would pass under the machine's body."""
 WAYS = ("onward", "shuttle", "rounds")
 """What is preferred where there is a choice: the next edge, the same one again while an inner
 corner lies inside it, or what brings all edges to the keep-outs together."""
@@ -102,34 +96,6 @@ class Plan:
         if following.takes_again(this):
             return 0.0
         return (following.heading_rad - this.end_heading_rad) % math.tau
-
-
-def _cut(
-    standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
-) -> tuple[Side, list[shapely.Polygon]] | None:
-    """The side along an edge, and what stands after it; None for a sliver."""
-    strip = strip_along(standing, field, edge, width_m)
-    if strip is None:
-        return None
-    begin_seen, end_seen = (
-        float(np.quantile(rows, SEEN_SHARE)) for rows in (strip.begins_m, strip.ends_m)
-    )
-    side = Side(
-        *strip.begin,
-        edge.heading,
-        strip.length_m,
-        strip.width_m,
-        strip.fence_m,
-        strip.back_m,
-        min(strip.narrow_m, MAX_SHIFT_M),
-        strip.blind_end,
-        begin_seen,
-        end_seen,
-        strip.begins_m[0],
-        strip.ends_m[0],
-        strip.bends,
-    )
-    return side, parts_of(standing.difference(strip.area.buffer(1e-4, join_style="mitre")))
 
 
 def _follow(edges: list[Edge], past: Edge, x: float, y: float) -> Edge | None:
@@ -203,6 +169,7 @@ def _walk(
     rounds: _Rounds | None,
     names: BoundaryEdges,
     cut: Sequence[int],
+    known: Cuts,
 ) -> Generator[list[Side], None, tuple[list[Side], list[shapely.Polygon], float]]:
     """Sides from the edge that leaves corner `first`, the parts that the field falls into on the
     way and that no turn leads to, and what no side reaches, m². With `shuttle` an edge is taken
@@ -214,7 +181,7 @@ def _walk(
     dropped_m2 = 0.0
     name = names.namer()
     apart: list[shapely.Polygon] = []
-    edges = edges_of(standing)
+    edges = known.edges(standing)
     edge: Edge | None = edges[first % len(edges)]
     sides: list[Side] = []
     idle = 0
@@ -222,13 +189,13 @@ def _walk(
         if rounds is not None and not rounds.arrive(edge, edges):
             break
         following = edges[(edges.index(edge) + 1) % len(edges)]
-        done = _cut(standing, field, edge, width_m) if edge.open_ends else None
+        done = known.cut(standing, edge) if edge.open_ends else None
         idle += 1
         if done is not None:
             side, parts = done
             # Of what the strip has parted, the machine goes on with what it stands at.
             ends = shapely.MultiPoint([following.begin, edge.begin])
-            parts.sort(key=lambda part: part.distance(ends) > REACH * width_m)
+            parts = sorted(parts, key=lambda part: part.distance(ends) > REACH * width_m)
             standing = parts[0] if parts else shapely.Polygon()
             apart += [part for part in parts[1:] if part.area > APART_M2]
             dropped_m2 += sum(part.area for part in parts[1:] if part.area <= APART_M2)
@@ -237,7 +204,7 @@ def _walk(
         yield sides
         if standing.area < MIN_STRIP_M2:
             break
-        edges = edges_of(standing)
+        edges = known.edges(standing)
         if done is not None and rounds is not None:
             repeat = rounds.again(edges, done[0].back_m)
         else:
@@ -355,7 +322,8 @@ def strip_by_strip(
         return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
 
     names = BoundaryEdges(corners)
-    edges = edges_of(field)
+    known = Cuts(field, width_m)
+    edges = known.edges(field)
     corner = boundary[start % len(boundary)]
     first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
     walked, most = 0, most_strips(boundary, keep_outs)
@@ -367,7 +335,7 @@ def strip_by_strip(
         if not begun.open_ends or (cut and _edge_of(begun, names) != cut[0]):
             continue
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
-        steps = _walk(field, first + ahead, width_m, way == "shuttle", rounds, names, cut)
+        steps = _walk(field, first + ahead, width_m, way == "shuttle", rounds, names, cut, known)
         sides, apart, left_m2 = yield from (steps if best is None else _quietly(steps))
         if cut and not sides:
             continue

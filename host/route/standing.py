@@ -222,6 +222,7 @@ def strip_along(
     (x, y) = line.interpolate(first).coords[0]
     reach = shapely.distance(line, shapely.points(area.exterior.coords))
     begins, ends = _rows(line, area, first, last, min(width, float(reach.max())))
+    laid_along = functools.cache(lambda heading: (turned(field, heading), turned(area, heading)))
     return Strip(
         area,
         (float(x), float(y)),
@@ -229,9 +230,9 @@ def strip_along(
         min(width, float(reach.max())),
         width_m - width,
         _bends(edge, over_m - first),
-        last - first + _room(field, area, edge.end_heading, 1),
-        _room(field, area, edge.heading, -1),
-        _ends_at_hole(area, field, edge.end_heading),
+        last - first + _room(*laid_along(edge.end_heading), 1),
+        _room(*laid_along(edge.heading), -1),
+        _ends_at_hole(*laid_along(edge.end_heading)),
         begins,
         ends,
     )
@@ -250,10 +251,10 @@ def _bends(edge: Edge, begins_m: float) -> tuple[tuple[float, float], ...]:
     return tuple(bends)
 
 
-def _room(field: shapely.Polygon, strip: shapely.Polygon, heading: float, way: int) -> float:
+def _room(ahead: shapely.Geometry, along: shapely.Geometry, way: int) -> float:
     """From the strip's last (way 1) or first (-1) tip on along its heading there to the field's
-    boundary or a keep-out, m: on inner sides, what has been cut lies between."""
-    ahead, along = turned(field, heading), turned(strip, heading)
+    boundary or a keep-out, m: on inner sides, what has been cut lies between. Field (`ahead`) and
+    strip (`along`) are turned by that heading."""
     low_x, _, high_x, _ = along.bounds
     tip = high_x if way > 0 else low_x
     near = along.intersection(shapely.box(tip - AT_TIP_M, -1e6, tip + AT_TIP_M, 1e6)).bounds
@@ -269,21 +270,21 @@ def _rows(
     """begins_m and ends_m."""
     lefts = np.linspace(NEAR_M, width - NEAR_M, SEEN_ROWS)
     rows = shapely.intersection(strip, shapely.offset_curve(line, lefts, join_style="mitre"))
-    begins, ends = [], []
-    for row in rows:
-        points = shapely.points(shapely.get_coordinates(row))
-        alongs = shapely.line_locate_point(line, points) if len(points) else np.array([first])
-        begins.append(float(alongs.min()) - first)
-        ends.append(last - float(alongs.max()))
-    return tuple(begins), tuple(ends)
+    points, row = shapely.get_coordinates(rows, return_index=True)
+    alongs = shapely.line_locate_point(line, shapely.points(points))
+    begins, ends = np.full(SEEN_ROWS, first), np.full(SEEN_ROWS, first)
+    present, at = np.unique(row, return_index=True)
+    if present.size:
+        begins[present] = np.minimum.reduceat(alongs, at)
+        ends[present] = np.maximum.reduceat(alongs, at)
+    return tuple((begins - first).tolist()), tuple((last - ends).tolist())
 
 
-def _ends_at_hole(strip: shapely.Polygon, field: shapely.Polygon, heading: float) -> bool:
-    """Whether a strip ends at a keep-out."""
-    if not field.interiors:
+def _ends_at_hole(ahead: shapely.Geometry, along: shapely.Geometry) -> bool:
+    """Whether a strip ends at a keep-out. Field and strip as for `_room`."""
+    if not ahead.interiors:
         return False
-    along = turned(strip, heading)
     _, _, end, _ = along.bounds
     near = along.intersection(shapely.box(end - AT_TIP_M, -1e6, end + AT_TIP_M, 1e6)).bounds
     last = shapely.LineString([(end, near[1] + MIN_EDGE_M), (end, near[3] - MIN_EDGE_M)])
-    return any(ring.distance(last) < NEAR_M for ring in turned(field, heading).interiors)
+    return any(ring.distance(last) < NEAR_M for ring in ahead.interiors)

@@ -20,7 +20,8 @@ from host.pilot.guard import CREEP_MPS
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.pilot.planned_strip import END_PAST_M
-from host.route.plan import SEEN_SHARE, Plan, spiral
+from host.route.cuts import SEEN_SHARE
+from host.route.plan import Plan, spiral
 from host.route.side import Side
 from host.route.turn_choice import next_turn, room_along
 from host.route.turn_legs import Turn
