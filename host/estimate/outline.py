@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numba import njit
 
 from host.estimate.kalman import Array
 from host.route.boundary_edges import BoundaryEdges
@@ -26,6 +27,44 @@ BEYOND: Final = 0.5
 """Of an edge's length: farther beyond a corner its line is taken to move as it does there."""
 PARALLEL: Final = 0.2
 """Sine of the angle under which a border must cross a side to move its end."""
+
+
+@njit(cache=True, nogil=True)
+def _shares(
+    corners: Array, directions: Array, lengths: Array, edge: int, x: float, y: float
+) -> tuple[float, float]:
+    """How much the line of an edge moves, where it is nearest to a place, with the corner that it
+    leaves and with the one that it leads to."""
+    along = (x - corners[edge, 0]) * directions[edge, 0]
+    along += (y - corners[edge, 1]) * directions[edge, 1]
+    share = min(1.0 + BEYOND, max(-BEYOND, along / lengths[edge]))
+    return 1.0 - share, share
+
+
+@njit(cache=True, nogil=True)
+def _nearest(places: Array, corners: Array, directions: Array, lengths: Array, out: Array) -> None:
+    """`Outline.nearest`, into `out` of zeros."""
+    for m in range(len(places)):
+        best, edge, part = math.inf, 0, 0.0
+        for n in range(len(corners)):
+            x, y = places[m, 0] - corners[n, 0], places[m, 1] - corners[n, 1]
+            c, s = directions[n, 0], directions[n, 1]
+            share = min(1.0, max(0.0, (x * c + y * s) / lengths[n]))
+            off = math.hypot(x - share * c * lengths[n], y - share * s * lengths[n])
+            if off < best:
+                best, edge, part = off, n, share
+        out[m, edge] += 1.0 - part
+        out[m, (edge + 1) % len(corners)] += part
+
+
+@njit(cache=True, nogil=True)
+def _spread(moved: Array) -> float:
+    """How far the one of (n, 2) that is farthest from their middle is from it."""
+    x, y = moved[:, 0].mean(), moved[:, 1].mean()
+    most = 0.0
+    for k in range(len(moved)):
+        most = max(most, math.hypot(moved[k, 0] - x, moved[k, 1] - y))
+    return most
 
 
 class Outline:
@@ -45,6 +84,8 @@ class Outline:
         self._pieces: dict[int, tuple[Side, list[tuple[float, Side]]]] = {}
         self._nearest: tuple[Array, Array] | None = None
         """The last places asked for, and the answer."""
+        self.astray_m = 0.0
+        """How far a corner has been found from where the plan has it, among the others."""
 
     @property
     def states(self) -> int:
@@ -59,7 +100,7 @@ class Outline:
     @property
     def corners(self) -> list[tuple[float, float]]:
         """Where they are found to lie."""
-        return [(float(x), float(y)) for x, y in self._planned.corners + self.moved_m]
+        return [(x, y) for x, y in (self._planned.corners + self.moved_m).tolist()]
 
     def move(self, by_m: Array) -> None:
         """Every corner by so much, (states,)."""
@@ -67,6 +108,7 @@ class Outline:
             self.moved_m = self.moved_m + by_m.reshape(-1, 2)
             self._moved_any = bool(self.moved_m.any())
             self._edges = BoundaryEdges(self.corners)
+            self.astray_m = _spread(self.moved_m)
             self._found.clear()
             self._pieces.clear()
             self._nearest = None
@@ -77,21 +119,26 @@ class Outline:
 
     # ---- derivatives -----------------------------------------------------------------------------
 
-    @staticmethod
-    def _weights(e: BoundaryEdges, edge: int, x: float, y: float) -> Array:
-        """(n,) how much the line of an edge moves, where it is nearest to a place, with each
-        corner."""
-        out = np.zeros(len(e.corners))
-        if edge != NO_EDGE and len(out):
-            along = (np.array([x, y]) - e.corners[edge]) @ e.directions[edge] / e.lengths[edge]
-            share = min(1.0 + BEYOND, max(-BEYOND, float(along)))
-            out[edge] += 1.0 - share
-            out[(edge + 1) % len(out)] += share
-        return out
-
     def along(self, edge: int, at: tuple[float, float], way: tuple[float, float]) -> Array:
         """(states,) the derivative of how far, in direction `way`, that place of an edge moves."""
-        return np.outer(self._weights(self._edges, edge, *at), way).ravel()
+        out = np.zeros(self.moved_m.size)
+        if edge != NO_EDGE and out.size:
+            e = self._edges
+            first, second = _shares(e.corners, e.directions, e.lengths, edge, *at)
+            x, y = way
+            out[2 * edge : 2 * edge + 2] = first * x, first * y
+            to = 2 * ((edge + 1) % len(e.corners))
+            out[to : to + 2] = second * x, second * y
+        return out
+
+    def _planned_moves(self, edge: int, x: float, y: float) -> tuple[float, float]:
+        """How far the line of an edge moved where the plan has it nearest to a place."""
+        if edge == NO_EDGE or not self.moved_m.size:
+            return 0.0, 0.0
+        e, moved = self._planned, self.moved_m
+        first, second = _shares(e.corners, e.directions, e.lengths, edge, x, y)
+        (ax, ay), (bx, by) = moved[edge].tolist(), moved[(edge + 1) % len(moved)].tolist()
+        return first * ax + second * bx, first * ay + second * by
 
     def of_corner(self, edge: int, way: tuple[float, float]) -> Array:
         """(states,) the derivative of how far, in direction `way`, the corner that an edge leaves
@@ -137,15 +184,8 @@ class Outline:
         if self._nearest is not None and self._nearest[0] is places:
             return self._nearest[1]
         e = self._edges
-        away = places[:, np.newaxis] - (e.corners)
-        along = np.einsum("mnk,nk->mn", away, e.directions)
-        share = np.minimum(1.0, np.maximum(0.0, along / e.lengths))
-        beside = away - share[..., np.newaxis] * (e.directions * e.lengths[:, np.newaxis])
-        edge = np.argmin(np.hypot(beside[..., 0], beside[..., 1]), axis=1)
-        rows = np.arange(len(places))
         out = np.zeros((len(places), len(e.corners)))
-        out[rows, edge] = 1.0 - share[rows, edge]
-        out[rows, (edge + 1) % len(e.corners)] += share[rows, edge]
+        _nearest(places, e.corners, e.directions, e.lengths, out)
         self._nearest = places, out
         return out
 
@@ -211,7 +251,7 @@ class Outline:
         x, y, heading = side.pose(along)
         c, s = math.cos(heading), math.sin(heading)
         border = side.begins_at if way < 0 else side.ends_at
-        by_edge = self._weights(e, side.edge, x, y) @ moved
+        by_edge = self._planned_moves(side.edge, x, y)
         left, ahead = -s * by_edge[0] + c * by_edge[1], c * by_edge[0] + s * by_edge[1]
         if border == NO_EDGE and way < 0 and side.edge != NO_EDGE:
             ahead = c * moved[side.edge][0] + s * moved[side.edge][1]
@@ -219,7 +259,7 @@ class Outline:
             bc, bs = e.directions[border]
             across = bc * s - bs * c
             if abs(across) > PARALLEL:
-                by_border = self._weights(e, border, x, y) @ moved
+                by_border = self._planned_moves(border, x, y)
                 out = bc * by_border[1] - bs * by_border[0]
                 ahead = (out - left * (bc * c + bs * s)) / across
         return float(x + c * ahead - s * left), float(y + s * ahead + c * left)

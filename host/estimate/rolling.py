@@ -11,6 +11,7 @@ import math
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 PRIOR_MPS: Final = (0.1, 0.3, 0.3, 0.15)
@@ -29,6 +30,28 @@ TURNED_M: Final = 0.04
 again, by such a factor at least after so far (two pulses), has turned round."""
 
 
+@njit(cache=True, nogil=True)
+def _learn(
+    x: NDArray[np.float64],
+    p: NDArray[np.float64],
+    h: tuple[float, float, float, float],
+    lost_mps: float,
+) -> None:
+    """One step of the fit, in place, compiled: telemetry comes fifty times a second."""
+    ph = np.zeros(4)
+    variance, off = NOISE_MPS**2, lost_mps
+    for k in range(4):
+        p[k, k] += DRIFT_MPS**2
+        off -= h[k] * x[k]
+        for n in range(4):
+            ph[k] += p[k, n] * h[n]
+        variance += h[k] * ph[k]
+    for k in range(4):
+        x[k] += ph[k] / variance * off
+        for n in range(4):
+            p[k, n] -= ph[k] * ph[n] / variance
+
+
 class Slope:
     """A recursive least squares fit of (rolling loss, uphill x, uphill y, crop's drag), m/s of the
     duty's speed, in dead reckoning's frame."""
@@ -40,11 +63,8 @@ class Slope:
     def learn(self, yaw_rad: float, speed_mps: float, duty_mps: float, *, cutting: bool) -> None:
         """Driving steadily and straight at a speed whose duty gives duty_mps on the level."""
         sign = math.copysign(1.0, speed_mps)
-        h = np.array([1.0, sign * math.cos(yaw_rad), sign * math.sin(yaw_rad), float(cutting)])
-        self._p = self._p + np.eye(4) * DRIFT_MPS**2
-        gain = self._p @ h / (h @ self._p @ h + NOISE_MPS**2)
-        self._x = self._x + gain * (abs(duty_mps) - abs(speed_mps) - h @ self._x)
-        self._p = self._p - np.outer(gain, h @ self._p)
+        h = (1.0, sign * math.cos(yaw_rad), sign * math.sin(yaw_rad), float(cutting))
+        _learn(self._x, self._p, h, abs(duty_mps) - abs(speed_mps))
 
     def rolls(self, yaw_rad: float) -> int:
         """1 where a machine with this yaw rolls forward, -1 where backward, 0 where that is not

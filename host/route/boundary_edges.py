@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from host.route.side import NO_EDGE, Side
@@ -22,15 +23,34 @@ ACROSS: Final = 0.2
 """Of an edge's outward normal along a side, at least, for the side to end at it."""
 
 
+@njit(cache=True, nogil=True)
+def _measure(
+    corners: NDArray[np.float64],
+    lengths: NDArray[np.float64],
+    headings: NDArray[np.float64],
+    directions: NDArray[np.float64],
+) -> None:
+    """Of each edge of a ring, compiled: an outline that is being found is another ten times a
+    second."""
+    for k in range(len(corners)):
+        to = (k + 1) % len(corners)
+        x, y = corners[to, 0] - corners[k, 0], corners[to, 1] - corners[k, 1]
+        lengths[k], headings[k] = math.hypot(x, y), math.atan2(y, x)
+        if lengths[k] > 0.0:
+            directions[k, 0], directions[k, 1] = x / lengths[k], y / lengths[k]
+        else:
+            directions[k, 0], directions[k, 1] = math.nan, math.nan
+
+
 class BoundaryEdges:
     """The edges of a counter-clockwise ring (n, 2) of corners, m; edge k leaves corner k."""
 
     def __init__(self, ring: Sequence[tuple[float, float]]) -> None:
         self.corners: NDArray[np.float64] = np.array(ring, float).reshape(-1, 2)
-        ways = np.roll(self.corners, -1, axis=0) - self.corners
-        self.lengths = np.hypot(*ways.T)
-        self.directions = ways / self.lengths[:, np.newaxis]
-        self.headings = np.arctan2(ways[:, 1], ways[:, 0])
+        count = len(self.corners)
+        self.lengths, self.headings = np.empty(count), np.empty(count)
+        self.directions = np.empty((count, 2))
+        _measure(self.corners, self.lengths, self.headings, self.directions)
 
     def _against(self, x: float, y: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(n,) how far along each edge a place lies, and how far left of it, m."""
