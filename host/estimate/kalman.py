@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -41,6 +42,36 @@ class Innovation:
     used: bool
 
 
+@njit(cache=True, nogil=True)
+def _fuse(
+    x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: int
+) -> tuple[float, float]:
+    """Joseph's form for one number, in place; nothing beyond the gate. `held`: a state that is
+    considered and not changed, -1 for none. Returns the innovation's variance and its normalised
+    square. Compiled: numpy takes ten times as long for so few states."""
+    n = len(x)
+    hp = np.zeros(n)
+    for k in range(n):
+        if h[k] != 0.0:
+            for i in range(n):
+                hp[i] += h[k] * p[k, i]
+    variance = noise
+    for k in range(n):
+        variance += hp[k] * h[k]
+    nis = z * z / variance
+    if nis > gate:
+        return variance, nis
+    gain = hp / variance
+    if held >= 0:
+        gain[held] = 0.0
+    for k in range(n):
+        x[k] += gain[k] * z
+        for i in range(n):
+            taken = gain[k] * hp[i] + hp[k] * gain[i]
+            p[k, i] += gain[k] * gain[i] * variance - taken
+    return variance, nis
+
+
 class Filter:
     """State and covariance. Subclasses predict."""
 
@@ -52,6 +83,8 @@ class Filter:
     def fuse(self, measurement: Measurement, *, frozen: Sequence[int] = ()) -> bool:
         """Takes the measurement and returns True, or refuses it. The states `frozen` are considered
         and not changed (Schmidt-Kalman)."""
+        if len(measurement.innovation) == 1 and len(frozen) <= 1:
+            return self._fuse_one(measurement, frozen)
         gain, hp, s = self._gain(measurement, frozen)
         if gain is None:
             return False
@@ -60,6 +93,22 @@ class Filter:
         # Joseph's form, multiplied out: it holds for any gain, and costs states squared.
         self._p = self._p - taken - taken.T + gain @ s @ gain.T
         return True
+
+    def _fuse_one(self, measurement: Measurement, frozen: Sequence[int]) -> bool:
+        """`fuse` of a single number, as most are."""
+        z, x, held = float(measurement.innovation[0]), self._x.copy(), frozen[0] if frozen else -1
+        variance, nis = _fuse(
+            x, self._p, measurement.h[0], z, float(measurement.variances[0]), measurement.gate, held
+        )
+        used = nis <= measurement.gate
+        self._note(Innovation(measurement.name, z, math.sqrt(variance), nis, 1, used))
+        if used:
+            self._x = x
+        return used
+
+    def _note(self, innovation: Innovation) -> None:
+        self.innovations.append(innovation)
+        del self.innovations[:-KEPT]
 
     def yield_to(self, bound: Measurement, *, moves: Sequence[int]) -> None:
         """Moves the states `moves` towards a bound that they violate. It says nothing of how surely
@@ -90,10 +139,7 @@ class Filter:
         s = hp @ h.T + np.diag(measurement.variances)
         nis = float(z @ np.linalg.solve(s, z))
         used = nis <= measurement.gate
-        self.innovations.append(
-            Innovation(measurement.name, float(z[0]), math.sqrt(s[0, 0]), nis, len(z), used)
-        )
-        del self.innovations[:-KEPT]
+        self._note(Innovation(measurement.name, float(z[0]), math.sqrt(s[0, 0]), nis, len(z), used))
         if not used:
             return None, hp, s
         gain = np.asarray(np.linalg.solve(s, hp).T, np.float64)

@@ -65,8 +65,8 @@ class Place:
         c, s = self.direction
         h = np.zeros(len(self.x))
         along = self.blade_m if along_m is None else along_m
-        h[[X, Y, LANE_OFFSET, LANE_YAW]] = -s, c, -1.0, -along
-        h[STATES:] = -self.outline.along(self.side.edge, self.side.pose(along)[:2], (-s, c))
+        h[X], h[Y], h[LANE_OFFSET], h[LANE_YAW] = -s, c, -1.0, -along
+        h[STATES:] = self.outline.along(self.side.edge, self.side.pose(along)[:2], (s, -c))
         return h
 
     def ahead(self, ahead_m: float, along_m: float) -> Array:

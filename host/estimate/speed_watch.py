@@ -4,12 +4,12 @@ gross error within seconds, and against the receiver's speed, which tells a smal
 from __future__ import annotations
 
 import math
-import statistics
 from collections import deque
 from typing import Final
 
 from host.core.messages import Fix, Telemetry
 from host.core.vehicle import Vehicle
+from host.estimate.course_check import mean_and_error
 
 STEADY_S: Final = 1.0
 """With the drive on, until the speed is no longer the start's."""
@@ -46,6 +46,8 @@ class SpeedWatch:
         self._ratio = 1.0
         self._speeds: deque[float] = deque(maxlen=MOST_FIXES)
         """Of the sensor over the receiver."""
+        self._by_receiver = ""
+        """What they show to be wrong."""
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Compares sensor and duty."""
@@ -77,6 +79,7 @@ class SpeedWatch:
         straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
         if self._same_s > RECEIVER_S and counted > MOVING_MPS and straight:
             self._speeds.append(counted / max(fix.speed_mps, 0.1))
+            self._by_receiver = self._compared()
 
     @property
     def wrong(self) -> str:
@@ -85,13 +88,13 @@ class SpeedWatch:
             return (
                 f"the wheels' sensor says {self._ratio:.2f} of the speed that the drive duty gives"
             )
+        return self._by_receiver
+
+    def _compared(self) -> str:
         off = next((share for count, share in OFF if len(self._speeds) >= count), math.inf)
         if math.isinf(off):
             return ""
-        mean = statistics.fmean(self._speeds)
-        if abs(mean - 1.0) <= off:
-            return ""
-        error = statistics.stdev(self._speeds) / math.sqrt(len(self._speeds))
+        mean, error = mean_and_error(self._speeds)
         if abs(mean - 1.0) > max(off, SIGNIFICANT * error):
             return f"the wheels' sensor says {mean:.2f} of the receiver's speed"
         return ""
