@@ -21,6 +21,8 @@ ROOM_M = 0.6
 SHUTTLE_ROOM_M = 0.15
 """The same of a shuttle's S, which is driven at a creep. What follows it, straight back, the
 geofence may end sooner: then so much of the strip's beginning stays."""
+ALIKE_M = 1e-3
+"""Rooms that differ by less are the same."""
 EARLY_M = (0.0, 0.2, 0.4, 0.6, 0.8)
 """How much sooner than it should a shuttle's S may begin, best first: crop that is pressed down
 before it is cut costs less than a strip that begins askew."""
@@ -53,13 +55,14 @@ def next_turn(plan: Plan, index: int, vehicle: Vehicle, room_m: Callable[[Turn],
 
 
 def _first_with(wanted_m: float, turns: Iterable[Turn], room_m: Callable[[Turn], float]) -> Turn:
-    """The first that has the room, else the one that has the most."""
+    """The first that has the room, else the one that has the most. Turns often have the same least
+    room, where they begin: the last bit of it must not choose between them."""
     rooms: list[tuple[float, Turn]] = []
     for turn in turns:
         rooms.append((room_m(turn), turn))
         if rooms[-1][0] >= wanted_m:
             return turn
-    return max(rooms, key=lambda pair: pair[0])[1]
+    return max(rooms, key=lambda pair: round(pair[0] / ALIKE_M))[1]
 
 
 def turn_origin(this: Side, following: Side, vehicle: Vehicle) -> Pose2:

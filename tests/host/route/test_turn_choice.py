@@ -74,6 +74,13 @@ def test_where_none_has_room_it_is_the_one_with_most(most: int) -> None:
     assert next_turn(Plan((FIRST, CORNER)), 0, VEHICLE, room) == TURNS[most]
 
 
+def test_rounding_does_not_choose_between_turns_with_the_same_room() -> None:
+    def room(turn: Turn) -> float:
+        return 0.2 + 1e-12 * TURNS.index(turn)
+
+    assert next_turn(Plan((FIRST, CORNER)), 0, VEHICLE, room) == TURNS[0]
+
+
 def test_the_papers_arc_is_driven_where_the_plan_says_so() -> None:
     assert chosen(FIRST, CORNER, turn="arc") == arc(VEHICLE, math.pi / 2, LANE)
 
