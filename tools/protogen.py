@@ -208,6 +208,27 @@ def field_type(field: Table) -> str:
     return f"{base} | None" if "none" in field else base
 
 
+def scale_of(field: Table) -> float:
+    """What one on the wire is of the value in Python."""
+    return float(field["scale"] * (math.pi / 180 if field.get("unit") == "deg" else 1.0))
+
+
+def _raws(fields: list[Table]) -> list[str]:
+    """A message's integers on the wire, written out."""
+    values = []
+    for field in fields:
+        own = f"self.{field['name']}"
+        value = f"round({own} / {scale_of(field)!r})" if "scale" in field else f"int({own})"
+        if "none" in field:
+            value = f"{field['none']} if {own} is None else {value}"
+        values.append(f"            {value},")
+    return [
+        "    def raws(self) -> tuple[int, ...]:",
+        '        """The integers on the wire."""',
+        *(("        return (", *values, "        )") if fields else ("        return ()",)),
+    ]
+
+
 def _of(name: str, fields: list[Table]) -> list[str]:
     """A message's constructor from the integers on the wire, written out."""
     values = []
@@ -217,8 +238,7 @@ def _of(name: str, fields: list[Table]) -> list[str]:
         if kind:
             value = f"_{kind.upper()}({value})"
         elif "scale" in field:
-            degree = math.pi / 180 if field.get("unit") == "deg" else 1.0
-            value = f"{value} * {field['scale'] * degree!r}"
+            value = f"{value} * {scale_of(field)!r}"
         if "none" in field:
             value = f"None if {field['name']} == {field['none']} else {value}"
         values.append(f"            {value},")
@@ -263,13 +283,7 @@ def module(schema: Table) -> str:
         layout = "<" + "".join(STRUCT_CODES[f["type"]] for f in message["fields"])
         out.append(f"    ID: ClassVar[int] = {message['id']}")
         out.append(f'    LAYOUT: ClassVar[struct.Struct] = struct.Struct("{layout}")')
-        out.append("    CODECS: ClassVar[tuple[Codec, ...]] = (")
-        for field in message["fields"]:
-            scale = repr(field["scale"]) if "scale" in field else "None"
-            scale += " * DEGREE" if field.get("unit") == "deg" else ""
-            codec = f'"{field["name"]}", {scale}, {field.get("none")}'
-            out.append(f"        Codec({codec}),")
-        out += ["    )", "", *_of(name, message["fields"]), ""]
+        out += ["", *_raws(message["fields"]), "", *_of(name, message["fields"]), ""]
     out += ["", "MESSAGES: tuple[type[Message], ...] = ("]
     out += [f"    {name}," for name in schema["message"]] + [")", ""]
     out += ["PARAMS: dict[str, ParamSpec] = {"]

@@ -27,8 +27,6 @@ MOST_SLICES: Final = 64
 SAID_BYTES: Final = 4096
 """What is kept of a slice: forty times what the line carries in it."""
 
-NOTHING_CUT: Final = (1 << 30, 0, 1 << 30, 0)
-"""Of a tally's range of cells."""
 TALLY: Final = np.dtype(
     [
         ("cells", np.int64),  # cut
@@ -43,6 +41,14 @@ TALLY: Final = np.dtype(
     ],
     align=True,
 )
+
+
+@njit(cache=True, nogil=True)
+def _clear(tally: Any) -> None:
+    """Nothing has been cut or felt yet."""
+    t = tally[0]
+    t.cells, t.samples = 0, 0
+    t.j0, t.j1, t.i0, t.i1 = 1 << 30, 0, 1 << 30, 0
 
 
 @njit(cache=True, nogil=True)
@@ -125,6 +131,7 @@ def _together(
 ) -> int:
     """Slices with a firmware whose functions the loop may call. Returns the target's status, and in
     `sizes` how many bytes each slice said, -1 where it did not come to its end."""
+    _clear(tally)
     sizes[:] = -1
     for k in range(count):
         number = first + k
@@ -203,6 +210,7 @@ class Slices:
         inner = board.bind(state, params, given, wires=wires)
 
         def run(first: int, count: int, drawn: Floats) -> int:
+            _clear(tally)
             self._sizes[:] = -1
             for k in range(count):
                 number = first + k
@@ -222,16 +230,14 @@ class Slices:
         """`count` slices, MOST_SLICES at most, from number `first` on. Returns the target's status
         and what the firmware sent in each slice that came to its end: where the status is not 0, it
         crashed in the next."""
-        t, every = self._tally[0], self._every
-        t["cells"], t["samples"] = 0, 0
-        t["j0"], t["j1"], t["i0"], t["i1"] = NOTHING_CUT
+        every = self._every
         due = (first + count) // every - first // every if every else 0
         status = self._run(first, count, self._gyro.drawn(due))
         sizes = self._sizes[:count].tolist()
         said = [self._said[k, :size].tobytes() for k, size in enumerate(sizes) if size >= 0]
-        self.cells = int(t["cells"])
-        self._field.changed(int(t["j0"]), int(t["j1"]), int(t["i0"]), int(t["i1"]))
+        self.cells, *changed, samples, _, _, _ = self._tally[0].item()
+        self._field.changed(*changed)
         numbers = range(first + every - first % every, first + count + 1, every) if every else ()
-        taken = zip(numbers, self._felt[: int(t["samples"])], strict=False)
+        taken = zip(numbers, self._felt[:samples], strict=False)
         self.samples = [self._gyro.sampled(k * SLICE_US / 1e6, felt) for k, felt in taken]
         return status, said

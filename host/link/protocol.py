@@ -13,25 +13,7 @@ import functools
 import math
 import struct
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
-
-DEGREE = math.pi / 180
-
-
-class Codec(NamedTuple):
-    """How one field goes from its value to the integer on the wire."""
-
-    name: str
-    scale: float | None
-    none: int | None
-
-    def to_raw(self, value: float | None) -> int:
-        """The nearest integer; `none` where the field allows it."""
-        if value is None:
-            if self.none is None:
-                raise ValueError(f"{self.name} must not be None")
-            return self.none
-        return int(value) if self.scale is None else round(value / self.scale)
+from typing import ClassVar
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +22,19 @@ class Message:
 
     ID: ClassVar[int]
     LAYOUT: ClassVar[struct.Struct]
-    CODECS: ClassVar[tuple[Codec, ...]]
 
     def payload(self) -> bytes:
         """Raises ValueError where a value does not fit its field."""
-        raws = [codec.to_raw(getattr(self, codec.name)) for codec in self.CODECS]
         try:
-            return self.LAYOUT.pack(*raws)
+            return self.LAYOUT.pack(*self.raws())
         except struct.error as error:
             raise ValueError(f"{self}: a value does not fit its field ({error})") from error
+        except TypeError as error:
+            raise ValueError(f"{self}: a value must not be None") from error
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire, the nearest ones. Written out for each message, as `of` is."""
+        raise NotImplementedError
 
     @classmethod
     def parse(cls, payload: bytes) -> Message:
@@ -313,9 +299,12 @@ class Hello(Message):
 
     ID: ClassVar[int] = 1
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("protocol_version", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.protocol_version),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Hello:
@@ -334,9 +323,12 @@ class Arm(Message):
 
     ID: ClassVar[int] = 2
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("protocol_version", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.protocol_version),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Arm:
@@ -353,8 +345,10 @@ class Stop(Message):
 
     ID: ClassVar[int] = 3
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return ()
 
     @classmethod
     def of(cls, *raws: int) -> Stop:
@@ -370,8 +364,10 @@ class Clear(Message):
 
     ID: ClassVar[int] = 4
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return ()
 
     @classmethod
     def of(cls, *raws: int) -> Clear:
@@ -394,11 +390,14 @@ class Drive(Message):
 
     ID: ClassVar[int] = 5
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hhB")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("steer", 0.01 * DEGREE, None),
-        Codec("speed", 0.001, None),
-        Codec("blade", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            round(self.steer / 0.00017453292519943296),
+            round(self.speed / 0.001),
+            int(self.blade),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Drive:
@@ -428,15 +427,18 @@ class Version(Message):
 
     ID: ClassVar[int] = 65
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBBBBIB")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("protocol_version", None, None),
-        Codec("firmware_major", None, None),
-        Codec("firmware_minor", None, None),
-        Codec("build", None, None),
-        Codec("reset_cause", None, None),
-        Codec("commit", None, None),
-        Codec("modified", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.protocol_version),
+            int(self.firmware_major),
+            int(self.firmware_minor),
+            int(self.build),
+            int(self.reset_cause),
+            int(self.commit),
+            int(self.modified),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Version:
@@ -463,11 +465,14 @@ class Ack(Message):
 
     ID: ClassVar[int] = 66
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BBB")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("request_id", None, None),
-        Codec("request_seq", None, None),
-        Codec("result", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.request_id),
+            int(self.request_seq),
+            int(self.result),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Ack:
@@ -510,21 +515,24 @@ class Telemetry(Message):
 
     ID: ClassVar[int] = 67
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IBIhhhhBhiHBH")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("time", 1e-06, None),
-        Codec("state", None, None),
-        Codec("faults", None, None),
-        Codec("setpoint", 0.01 * DEGREE, None),
-        Codec("angle", 0.01 * DEGREE, None),
-        Codec("steer_duty", None, None),
-        Codec("drive_duty", None, None),
-        Codec("blade", None, None),
-        Codec("speed", 0.001, -32768),
-        Codec("distance", 0.001, None),
-        Codec("battery", 0.001, None),
-        Codec("last_seq", None, None),
-        Codec("frames_bad", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            round(self.time / 1e-06),
+            int(self.state),
+            int(self.faults),
+            round(self.setpoint / 0.00017453292519943296),
+            round(self.angle / 0.00017453292519943296),
+            int(self.steer_duty),
+            int(self.drive_duty),
+            int(self.blade),
+            -32768 if self.speed is None else round(self.speed / 0.001),
+            round(self.distance / 0.001),
+            round(self.battery / 0.001),
+            int(self.last_seq),
+            int(self.frames_bad),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Telemetry:
@@ -578,20 +586,23 @@ class Readings(Message):
 
     ID: ClassVar[int] = 70
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hhHHHHHHHHHH")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("steer_current", 0.01, None),
-        Codec("drive_current", 0.01, None),
-        Codec("pot", 0.0625, None),
-        Codec("battery", 0.0625, None),
-        Codec("steer_sense", 0.0625, None),
-        Codec("drive_sense", 0.0625, None),
-        Codec("estop", 0.0625, None),
-        Codec("hall", None, None),
-        Codec("blade_turns", None, None),
-        Codec("overruns", None, None),
-        Codec("line_errors", None, None),
-        Codec("stale", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            round(self.steer_current / 0.01),
+            round(self.drive_current / 0.01),
+            round(self.pot / 0.0625),
+            round(self.battery / 0.0625),
+            round(self.steer_sense / 0.0625),
+            round(self.drive_sense / 0.0625),
+            round(self.estop / 0.0625),
+            int(self.hall),
+            int(self.blade_turns),
+            int(self.overruns),
+            int(self.line_errors),
+            int(self.stale),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Readings:
@@ -622,9 +633,12 @@ class ParamGet(Message):
 
     ID: ClassVar[int] = 6
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("param", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.param),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> ParamGet:
@@ -646,10 +660,13 @@ class ParamSet(Message):
 
     ID: ClassVar[int] = 7
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Bh")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("param", None, None),
-        Codec("value", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.param),
+            int(self.value),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> ParamSet:
@@ -667,8 +684,10 @@ class ParamSave(Message):
 
     ID: ClassVar[int] = 8
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return ()
 
     @classmethod
     def of(cls, *raws: int) -> ParamSave:
@@ -684,8 +703,10 @@ class ParamDefaults(Message):
 
     ID: ClassVar[int] = 9
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return ()
 
     @classmethod
     def of(cls, *raws: int) -> ParamDefaults:
@@ -706,10 +727,13 @@ class Ident(Message):
 
     ID: ClassVar[int] = 10
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hH")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("duty", None, None),
-        Codec("duration", 0.001, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.duty),
+            round(self.duration / 0.001),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> Ident:
@@ -744,16 +768,19 @@ class HilSensors(Message):
 
     ID: ClassVar[int] = 11
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHH")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("pot", 0.001, None),
-        Codec("battery", 0.001, None),
-        Codec("steer_current", 0.001, None),
-        Codec("drive_current", 0.001, None),
-        Codec("estop", 0.001, None),
-        Codec("hall", None, None),
-        Codec("hall_backward", None, None),
-        Codec("blade_turns", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            round(self.pot / 0.001),
+            round(self.battery / 0.001),
+            round(self.steer_current / 0.001),
+            round(self.drive_current / 0.001),
+            round(self.estop / 0.001),
+            int(self.hall),
+            int(self.hall_backward),
+            int(self.blade_turns),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> HilSensors:
@@ -780,9 +807,12 @@ class LogGet(Message):
 
     ID: ClassVar[int] = 12
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<B")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("index", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.index),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> LogGet:
@@ -799,8 +829,10 @@ class LogClear(Message):
 
     ID: ClassVar[int] = 13
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return ()
 
     @classmethod
     def of(cls, *raws: int) -> LogClear:
@@ -829,14 +861,17 @@ class LogEntry(Message):
 
     ID: ClassVar[int] = 71
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<BHIHBB")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("index", None, None),
-        Codec("number", None, None),
-        Codec("faults", None, None),
-        Codec("uptime", None, None),
-        Codec("reset_cause", None, None),
-        Codec("state", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.index),
+            int(self.number),
+            int(self.faults),
+            int(self.uptime),
+            int(self.reset_cause),
+            int(self.state),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> LogEntry:
@@ -863,10 +898,13 @@ class ParamValue(Message):
 
     ID: ClassVar[int] = 68
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Bh")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("param", None, None),
-        Codec("value", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.param),
+            int(self.value),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> ParamValue:
@@ -890,11 +928,14 @@ class HilOutputs(Message):
 
     ID: ClassVar[int] = 69
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<hhB")
-    CODECS: ClassVar[tuple[Codec, ...]] = (
-        Codec("steer_duty", None, None),
-        Codec("drive_duty", None, None),
-        Codec("blade", None, None),
-    )
+
+    def raws(self) -> tuple[int, ...]:
+        """The integers on the wire."""
+        return (
+            int(self.steer_duty),
+            int(self.drive_duty),
+            int(self.blade),
+        )
 
     @classmethod
     def of(cls, *raws: int) -> HilOutputs:
