@@ -119,9 +119,21 @@ def placed(
     outline: NDArray[np.float64], x_m: float, y_m: float, heading_rad: float
 ) -> NDArray[np.float64]:
     """An outline of the vehicle frame in the field frame."""
-    c, s = math.cos(heading_rad), math.sin(heading_rad)
-    found: NDArray[np.float64] = outline @ np.array([[c, s], [-s, c]]) + (x_m, y_m)
+    found = np.empty_like(outline)
+    _place(outline, x_m, y_m, heading_rad, found)
     return found
+
+
+@njit(cache=True, nogil=True)
+def _place(
+    outline: NDArray[np.float64], x: float, y: float, heading: float, found: NDArray[np.float64]
+) -> None:
+    """`placed`; numpy takes five times as long for a handful."""
+    c, s = math.cos(heading), math.sin(heading)
+    for k in range(len(outline)):
+        ahead, left = outline[k]
+        found[k, 0] = x + c * ahead - s * left
+        found[k, 1] = y + s * ahead + c * left
 
 
 class Level(enum.IntEnum):
