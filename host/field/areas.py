@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
+from host.field import sweep
 
 GAP_MARGIN_M = 0.2
 """The permitted area ends this far before the neighbour's crop."""
@@ -158,71 +159,6 @@ class Verdict:
 
 CLEAR = Verdict(Level.CLEAR, "", math.nan)
 
-_OCTAGON = np.array(
-    [
-        (math.cos(a) / math.cos(math.pi / 8), math.sin(a) / math.cos(math.pi / 8))
-        for a in np.arange(8) * math.tau / 8
-    ]
-)
-"""Around the unit circle, so that what it sweeps holds what the circle sweeps."""
-
-
-@njit(cache=True, nogil=True)
-def _sweep_is_free(
-    sides: NDArray[np.float64],
-    outline: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    octagon: NDArray[np.float64],
-    sigmas: float,
-    more_m: float,
-    way_x: float,
-    way_y: float,
-) -> bool:
-    """Whether the sweep of `Geofence.check` certainly lies where it may: each side of any area
-    (n, 4) passes the upright box around it, or has all of it on one side of its line, and the
-    permitted area, but no keep-out, is around it. False where only a closer look can tell."""
-    corners = octagon.shape[0]
-    swept = np.empty((outline.shape[0] * corners, 2))
-    low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
-    for k in range(outline.shape[0]):
-        of = min(k, covariance.shape[0] - 1)
-        xx, xy, yy = covariance[of, 0, 0], covariance[of, 0, 1], covariance[of, 1, 1]
-        root = xx * yy - xy * xy
-        if not math.isfinite(root + xx + yy):
-            return False
-        root = math.sqrt(max(0.0, root))
-        spread = math.sqrt(max(0.0, xx + yy + 2.0 * root))
-        scale = sigmas / spread if spread > 0.0 else 0.0
-        for q in range(octagon.shape[0]):
-            ox, oy = octagon[q, 0], octagon[q, 1]
-            x = outline[k, 0] + scale * (ox * (xx + root) + oy * xy) + more_m * ox
-            y = outline[k, 1] + scale * (ox * xy + oy * (yy + root)) + more_m * oy
-            swept[k * corners + q, 0], swept[k * corners + q, 1] = x, y
-            low_x, high_x = min(low_x, x, x + way_x), max(high_x, x, x + way_x)
-            low_y, high_y = min(low_y, y, y + way_y), max(high_y, y, y + way_y)
-    of_x, of_y = swept[0]
-    inside = False
-    for k in range(sides.shape[0]):
-        ax, ay, bx, by = sides[k]
-        if (ay > of_y) != (by > of_y) and of_x < ax + (of_y - ay) * (bx - ax) / (by - ay):
-            inside = not inside
-        beside = max(ax, bx) < low_x or min(ax, bx) > high_x
-        if beside or max(ay, by) < low_y or min(ay, by) > high_y:
-            continue
-        # All corners of the box on one side of the line: it passes by.
-        nx, ny = by - ay, ax - bx
-        middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
-        reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
-        if abs(middle) > reach + 1e-9:
-            continue
-        sense = 1.0 if middle > 0.0 else -1.0
-        way = sense * (nx * way_x + ny * way_y)
-        least = min(0.0, way) - 1e-9
-        for q in range(swept.shape[0]):
-            if sense * (nx * (swept[q, 0] - ax) + ny * (swept[q, 1] - ay)) + least <= 0.0:
-                return False
-    return inside
-
 
 class Geofence:
     """Whether a machine whose position is uncertain stays where it may be.
@@ -252,11 +188,14 @@ class Geofence:
         self._stop_s, self._slow_s, self._slow_m = stop_s, slow_s, slow_m
         for geometry in (self._permitted, self._border, self._keep_outs):
             shapely.prepare(geometry)
-        rings = [self._border, *self._permitted.interiors]
-        for keep_out in self._keep_outs.geoms:
-            rings += [keep_out.exterior, *keep_out.interiors]
-        corners = [shapely.get_coordinates(ring) for ring in rings]
-        self._sides = np.concatenate([np.hstack([c[:-1], c[1:]]) for c in corners])
+        rings = [(0, ring) for ring in (self._border, *self._permitted.interiors)]
+        for k, keep_out in enumerate(self._keep_outs.geoms):
+            rings += [(1 + k, ring) for ring in (keep_out.exterior, *keep_out.interiors)]
+        corners = [(of, shapely.get_coordinates(ring)) for of, ring in rings]
+        self._sides = np.concatenate([np.hstack([c[:-1], c[1:]]) for _, c in corners])
+        self._rings = np.repeat([of for of, _ in corners], [len(c) - 1 for _, c in corners])
+        """Of which of them each side is: 0 the border, the keep-outs from 1 on."""
+        self._gaps = np.empty(1 + len(self._keep_outs.geoms))
 
     def check(
         self,
@@ -269,83 +208,49 @@ class Geofence:
         that is not known moves the more the farther out it is; NaN or infinite where there is none.
         `velocity`: m/s, field frame."""
         each = covariance if covariance.ndim == 3 else covariance[np.newaxis]
-        if _sweep_is_free(
-            self._sides, outline, each, _OCTAGON, self.sigmas, self._slow_m,
-            velocity[0] * self._slow_s, velocity[1] * self._slow_s,
-        ):  # fmt: skip
-            return CLEAR
-        xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-        root = xx * yy - xy * xy
-        if not np.isfinite(root + xx + yy).all():
+        vx, vy = velocity
+        swept = np.empty((8 * len(outline), 2))
+        known_m = sweep.spread(outline, each, self.sigmas, self._slow_m, swept)
+        if math.isnan(known_m):
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        # The symmetric square root of 2x2 matrices in closed form.
-        root = np.sqrt(np.maximum(0.0, root))
-        spread = np.sqrt(np.maximum(0.0, xx + yy + 2 * root))
-        scale = np.divide(self.sigmas, spread, out=np.zeros_like(spread), where=spread > 0)
-        half = np.stack([xx + root, xy, xy, yy + root], axis=-1) * scale[..., np.newaxis]
-        half = half.reshape(*spread.shape, 2, 2)
-        ellipse = _OCTAGON @ half
-        wide = ellipse + self._slow_m * _OCTAGON
-        if self._inside(outline, wide, velocity, self._slow_s):
+        if sweep.is_free(self._sides, swept, vx * self._slow_s, vy * self._slow_s):
             return CLEAR
-        clearance = self._clearance(outline)
-        level = Level.SLOW
-        if not self._inside(outline, ellipse, velocity, self._stop_s):
-            level = Level.STOP
+        sweep.spread(outline, each, self.sigmas, 0.0, swept)
+        goes_on = sweep.is_free(self._sides, swept, vx * self._stop_s, vy * self._stop_s)
+        clearance, keep_out = self._clearance(outline)
         where = f"{clearance:.1f} m to" if clearance >= 0 else "beyond"
-        keep_out = self._nearest_keep_out(outline)
         nearest = "the permitted area's border" if keep_out is None else f"keep-out {keep_out + 1}"
-        reason = (
-            f"geofence: {where} {nearest}, "
-            f"position known to {np.linalg.norm(half, 2, axis=(-2, -1)).max():.1f} m"
-        )
+        reason = f"geofence: {where} {nearest}, position known to {known_m:.1f} m"
+        level = Level.SLOW if goes_on else Level.STOP
         return Verdict(level, reason, clearance, keep_out is not None)
 
     def clearance(self, outline: NDArray[np.float64]) -> float:
         """Metres from an outline to the permitted area's border or the nearest keep-out, negative
         beyond; for choosing between manoeuvres before one is driven."""
-        return self._clearance(outline)
+        return self._clearance(outline)[0]
 
-    def _inside(
-        self,
-        outline: NDArray[np.float64],
-        around: NDArray[np.float64],
-        velocity: tuple[float, float],
-        horizon_s: float,
-    ) -> bool:
-        swept = (outline[:, None, :] + around).reshape(-1, 2)
-        if velocity != (0.0, 0.0):
-            way = (velocity[0] * horizon_s, velocity[1] * horizon_s)
-            swept = np.concatenate([swept, swept + way])
-        # The box around the sweep is a tenth of the work, and mostly enough.
-        if self._free(shapely.box(*swept.min(axis=0), *swept.max(axis=0))):
-            return True
-        return self._free(shapely.convex_hull(shapely.linestrings(swept)))
+    def _clearance(self, outline: NDArray[np.float64]) -> tuple[float, int | None]:
+        """Negative: how far the furthest corner is beyond, or how deep in a keep-out. And which
+        keep-out the machine would touch first; None where the border is nearer."""
+        if not sweep.is_free(self._sides, outline, 0.0, 0.0):
+            return self._depth(outline)
+        sweep.gaps(self._sides, self._rings, outline, self._gaps)
+        border, *keep_outs = self._gaps.tolist()
+        nearest = min(keep_outs, default=math.inf)
+        if nearest <= border:
+            return nearest, keep_outs.index(nearest)
+        return border, None
 
-    def _free(self, shape: shapely.Geometry) -> bool:
-        return bool(self._permitted.contains_properly(shape)) and not bool(
-            self._keep_outs.intersects(shape)
-        )
-
-    def _clearance(self, outline: NDArray[np.float64]) -> float:
-        """Negative: how far the furthest corner is beyond, or how deep in a keep-out."""
+    def _depth(self, outline: NDArray[np.float64]) -> tuple[float, int | None]:
+        """The same where the outline touches a border or lies beyond."""
         shape = shapely.convex_hull(shapely.linestrings(outline))
-        border = float(self._border.distance(shape))
+        away = clearance = float(self._border.distance(shape))
         if not self._permitted.contains(shape):
-            corners = shapely.points(outline)
-            beyond = shapely.distance(self._permitted, corners)
-            border = -float(beyond.max())
-        if self._keep_outs.is_empty:
-            return border
-        if self._keep_outs.intersects(shape):
-            overlap = self._keep_outs.intersection(shape)
-            return min(border, -math.sqrt(float(overlap.area)))
-        return min(border, float(self._keep_outs.distance(shape)))
-
-    def _nearest_keep_out(self, outline: NDArray[np.float64]) -> int | None:
-        """The one that the machine would touch first; None where the border is nearer."""
-        shape = shapely.convex_hull(shapely.linestrings(outline))
+            clearance = -float(shapely.distance(self._permitted, shapely.points(outline)).max())
         distances = [float(keep_out.distance(shape)) for keep_out in self._keep_outs.geoms]
-        if distances and min(distances) <= float(self._border.distance(shape)):
-            return distances.index(min(distances))
-        return None
+        nearest = min(distances, default=math.inf)
+        if nearest == 0.0:
+            overlap = self._keep_outs.intersection(shape)
+            clearance = min(clearance, -math.sqrt(float(overlap.area)))
+        clearance = min(clearance, nearest)
+        return clearance, distances.index(nearest) if nearest <= away else None

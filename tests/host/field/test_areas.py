@@ -214,6 +214,45 @@ def test_knowing_less_never_permits_more(
     assert less >= FENCE.check(outline, known, velocity).level
 
 
+def test_it_says_what_shapely_says_of_the_same_shapes() -> None:
+    """About the border and a well, by polygons of many corners
+    instead of octagons: the sweep holds them, and is but a little larger."""
+    rng = np.random.default_rng(3)
+    permitted = AREAS.permitted
+    assert permitted is not None
+    circle = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, math.tau, 65)[:-1]])
+    levels = []
+    for _ in range(1500):
+        ring = (permitted.exterior, AREAS.keep_outs[0].exterior)[int(rng.integers(2))]
+        at = ring.interpolate(rng.uniform(0, ring.length))
+        place = (at.x + rng.normal(0, 1.8), at.y + rng.normal(0, 1.8), rng.uniform(-4, 4))
+        outline, known = placed(OUTLINE, *place), covariance(*rng.uniform(0.0, 0.4, 3))
+        velocity = rng.normal(0, 0.4, 2)
+        verdict = FENCE.check(outline, known, (velocity[0], velocity[1]))
+        values, vectors = np.linalg.eigh(known)
+        ellipse = circle @ (vectors * np.sqrt(np.maximum(values, 0.0)) * 2.0 @ vectors.T)
+        free = []
+        for grown, more_m, ahead_s in ((1.0, 0.15, 2.0), (1.1, 0.17, 2.0), (1.0, 0.0, 0.6),
+                                       (1.1, 0.0, 0.6)):  # fmt: skip
+            around = grown * ellipse + more_m * circle
+            swept = (outline[:, None] + around).reshape(-1, 2)
+            swept = np.concatenate([swept, swept + velocity * ahead_s])
+            hull = shapely.MultiPoint(swept).convex_hull
+            free.append(
+                permitted.contains_properly(hull) and not AREAS.keep_outs[0].intersects(hull)
+            )
+        at_most = Level.CLEAR if free[0] else Level.SLOW if free[2] else Level.STOP
+        at_least = Level.CLEAR if free[1] else Level.SLOW if free[3] else Level.STOP
+        assert at_most <= verdict.level <= at_least
+        hull = shapely.MultiPoint(outline).convex_hull
+        gap_m = min(permitted.exterior.distance(hull), AREAS.keep_outs[0].distance(hull))
+        if gap_m > 0 and permitted.contains(hull) and verdict.level is not Level.CLEAR:
+            assert verdict.clearance_m == pytest.approx(gap_m)
+            assert verdict.at_keep_out == (AREAS.keep_outs[0].distance(hull) == gap_m)
+        levels.append(verdict.level)
+    assert all(levels.count(level) > 100 for level in Level)
+
+
 @given(places, velocities)
 def test_speed_never_permits_more(
     place: tuple[float, float, float], velocity: tuple[float, float]

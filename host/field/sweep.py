@@ -1,0 +1,158 @@
+"""What a machine's outline sweeps, whose place is uncertain, against the sides of areas: compiled,
+since it is asked at each step."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_CORNERS: Final = 8
+_OCTAGON: Final = np.array(
+    [
+        (math.cos(a) / math.cos(math.pi / _CORNERS), math.sin(a) / math.cos(math.pi / _CORNERS))
+        for a in np.arange(_CORNERS) * math.tau / _CORNERS
+    ]
+)
+"""Around the unit circle, so that what it sweeps holds what the circle sweeps."""
+NEAR_M: Final = 1e-9
+"""Rounding."""
+
+
+@njit(cache=True, nogil=True)
+def spread(outline: Array, covariance: Array, sigmas: float, more_m: float, out: Array) -> float:
+    """Around each corner of an outline (n, 2) the octagon that holds its ellipse of `sigmas`
+    standard deviations and a circle of `more_m`, into `out`, (8 n, 2). `covariance`: of each
+    corner, (n, 2, 2), or of all, (1, 2, 2). Returns the longest half axis of the ellipses, m; NaN
+    where one is not finite."""
+    longest = 0.0
+    for k in range(outline.shape[0]):
+        of = min(k, covariance.shape[0] - 1)
+        xx, xy, yy = covariance[of, 0, 0], covariance[of, 0, 1], covariance[of, 1, 1]
+        root = xx * yy - xy * xy
+        if not math.isfinite(root + xx + yy):
+            return math.nan
+        # The symmetric square root of a 2x2 matrix in closed form.
+        root = math.sqrt(max(0.0, root))
+        whole = math.sqrt(max(0.0, xx + yy + 2.0 * root))
+        scale = sigmas / whole if whole > 0.0 else 0.0
+        xx, xy, yy = scale * (xx + root), scale * xy, scale * (yy + root)
+        longest = max(longest, 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
+        for q in range(_CORNERS):
+            ox, oy = _OCTAGON[q, 0], _OCTAGON[q, 1]
+            out[k * _CORNERS + q, 0] = outline[k, 0] + ox * xx + oy * xy + more_m * ox
+            out[k * _CORNERS + q, 1] = outline[k, 1] + ox * xy + oy * yy + more_m * oy
+    return longest
+
+
+@njit(cache=True, nogil=True)
+def _farthest(along: Array, beside: Array, sense: float) -> float:
+    """How far along the line beside = 0 the hull of points on both sides of it reaches, in the
+    direction `sense`. From pair to pair: the line through a point on either side that leaves all
+    others behind it is an edge of the hull."""
+    left, right = -1, -1
+    for k in range(len(along)):
+        if beside[k] >= 0.0 and (left < 0 or sense * along[k] > sense * along[left]):
+            left = k
+        if beside[k] <= 0.0 and (right < 0 or sense * along[k] > sense * along[right]):
+            right = k
+    best = -math.inf
+    for _ in range(len(along)):
+        before = best
+        for side in (1.0, -1.0):
+            for k in range(len(along)):
+                if side * beside[k] < 0.0:
+                    continue
+                a, b = (k, right) if side > 0.0 else (left, k)
+                apart = beside[a] - beside[b]
+                if apart > 0.0:
+                    at = along[a] + (along[b] - along[a]) * beside[a] / apart
+                else:
+                    at = along[a] if sense * along[a] > sense * along[b] else along[b]
+                if sense * at > best:
+                    best = sense * at
+                    left, right = a, b
+        if best <= before:
+            break
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _meets(points: Array, way_x: float, way_y: float, side: Array) -> bool:
+    """Whether a side (4,) touches the hull of points (n, 2) and of these moved by a way."""
+    ax, ay, bx, by = side
+    length = math.hypot(bx - ax, by - ay)
+    if length == 0.0:
+        return False
+    c, s = (bx - ax) / length, (by - ay) / length
+    n = len(points)
+    along, beside = np.empty(2 * n), np.empty(2 * n)
+    most, least = -math.inf, math.inf
+    for k in range(n):
+        x, y = points[k, 0] - ax, points[k, 1] - ay
+        along[k], beside[k] = x * c + y * s, y * c - x * s
+        along[n + k] = along[k] + way_x * c + way_y * s
+        beside[n + k] = beside[k] + way_y * c - way_x * s
+        most, least = max(most, beside[k], beside[n + k]), min(least, beside[k], beside[n + k])
+    if least > 0.0 or most < 0.0:
+        return False
+    return _farthest(along, beside, 1.0) >= 0.0 and -_farthest(along, beside, -1.0) <= length
+
+
+@njit(cache=True, nogil=True)
+def is_free(sides: Array, points: Array, way_x: float, way_y: float) -> bool:
+    """Whether the hull of points (n, 2), and of these moved by a way, touches none of the sides
+    (m, 4) of any area, and lies in the permitted area, but in no keep-out."""
+    low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
+    for k in range(len(points)):
+        x, y = points[k]
+        low_x, high_x = min(low_x, x, x + way_x), max(high_x, x, x + way_x)
+        low_y, high_y = min(low_y, y, y + way_y), max(high_y, y, y + way_y)
+    of_x, of_y = points[0]
+    inside = False
+    for k in range(len(sides)):
+        ax, ay, bx, by = sides[k]
+        if (ay > of_y) != (by > of_y) and of_x < ax + (of_y - ay) * (bx - ax) / (by - ay):
+            inside = not inside
+        beside = max(ax, bx) < low_x or min(ax, bx) > high_x
+        if beside or max(ay, by) < low_y or min(ay, by) > high_y:
+            continue
+        # All corners of the box on one side of the line: it passes by.
+        nx, ny = by - ay, ax - bx
+        middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
+        reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
+        if abs(middle) <= reach + NEAR_M and _meets(points, way_x, way_y, sides[k]):
+            return False
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def _apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """From a point to a straight piece, m."""
+    ux, uy = bx - ax, by - ay
+    long2 = ux * ux + uy * uy
+    share = 0.0
+    if long2 > 0.0:
+        share = min(1.0, max(0.0, ((x - ax) * ux + (y - ay) * uy) / long2))
+    return math.hypot(x - ax - share * ux, y - ay - share * uy)
+
+
+@njit(cache=True, nogil=True)
+def gaps(sides: Array, rings: NDArray[np.int64], outline: Array, out: Array) -> None:
+    """From the hull of an outline (n, 2) that touches no side to each ring, m, into `out`: its
+    corners to the sides, and the sides' corners to whatever runs from corner to corner of it, of
+    which the hull's own edges are nearest. `rings`: (m,) which each side is of."""
+    out[:] = math.inf
+    for k in range(len(sides)):
+        ax, ay, bx, by = sides[k]
+        nearest = out[rings[k]]
+        for i in range(len(outline)):
+            nearest = min(nearest, _apart(outline[i, 0], outline[i, 1], ax, ay, bx, by))
+            for j in range(i):
+                x, y, to_x, to_y = outline[i, 0], outline[i, 1], outline[j, 0], outline[j, 1]
+                nearest = min(nearest, _apart(ax, ay, x, y, to_x, to_y))
+        out[rings[k]] = nearest
