@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from host.core.messages import Turned
@@ -49,8 +48,7 @@ class Rest(NamedTuple):
     variance: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
+class _Step(NamedTuple):
     stamp: float
     seen_rad: float
     reckoned_rad: float
@@ -139,8 +137,10 @@ class Gyroscope:
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
-        seen = sum(step.seen_rad for step in self._steps)
-        by_angle = sum(step.reckoned_rad for step in self._steps)
+        seen = by_angle = 0.0
+        for _, shown, turned, _ in self._steps:
+            seen += shown
+            by_angle += turned
         most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), abs(by_angle))
         if abs(seen - by_angle) > most:
             back = -sum(step.taken_rad for step in self._steps)

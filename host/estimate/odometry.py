@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
@@ -73,8 +74,7 @@ class Motion:
     """Whether the gyroscope tells the yaw, and not the steering angle alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Reckoned:
+class _Reckoned(NamedTuple):
     """By steering angle and way alone."""
 
     stamp: float

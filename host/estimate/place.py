@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from host.route.side import Side
 NO_OUTLINE = Outline()
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """Of a position's state `x` beside `side`, where it is found to lie; inset_m: the rear axle's
     usual distance from the edge."""
 
