@@ -8,6 +8,7 @@ system. Every worker runs one run at a time in one thread.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import itertools
 import json
@@ -65,6 +66,9 @@ class Job:
 def run_job(job: Job) -> dict[str, Any]:
     """Runs a job into its folder and returns its summary. A run that crashes is a result, too."""
     cv2.setNumThreads(1)
+    # What is imported by now stays, and need not be looked through for garbage again and again.
+    gc.collect()
+    gc.freeze()
     place = job.place
     if (place / "summary.json").exists():
         return summary_of(place)
