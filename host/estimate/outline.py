@@ -185,6 +185,8 @@ class Outline:
             return self._nearest[1]
         e = self._edges
         out = np.zeros((len(places), len(e.corners)))
+        if not self.states:
+            return out
         _nearest(places, e.corners, e.directions, e.lengths, out)
         self._nearest = places, out
         return out

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate import gyroscope
+from host.estimate import gyroscope, spread
 from host.estimate.kalman import Filter, Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -127,13 +127,8 @@ class Position(Filter):
         nearest to each: the direction's uncertainty moves them the more, the farther from the rear
         axle they are."""
         x, y, _ = self.pose
-        by_state = np.zeros((len(points), 2, len(self._x)))
-        by_state[:, 0, X] = by_state[:, 1, Y] = 1.0
-        by_state[:, 0, YAW], by_state[:, 1, YAW] = y - points[:, 1], points[:, 0] - x
-        if self.outline.states:
-            near = self.outline.nearest(points)
-            by_state[:, 0, STATES::2] = by_state[:, 1, STATES + 1 :: 2] = -near
-        found: NDArray[np.float64] = by_state @ self._p @ by_state.transpose(0, 2, 1)
+        found = np.empty((len(points), 2, 2))
+        spread.of_points(self._p, x, y, points, self.outline.nearest(points), found)
         return found
 
     def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -286,11 +281,7 @@ class Position(Filter):
     def astray_m(self) -> float:
         """How far a corner has been found from where the plan has it, among the others; 0 where the
         boundary is known."""
-        moved = self.outline.moved_m
-        if not moved.size:
-            return 0.0
-        off = moved - moved.mean(axis=0)
-        return float(np.hypot(off[:, 0], off[:, 1]).max())
+        return self.outline.astray_m
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""
@@ -385,8 +376,4 @@ class Position(Filter):
         self.outline.move(self._x[STATES:])
         self._x[STATES:] = 0.0
         turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
-        c, s = math.cos(turned), math.sin(turned)
-        x, y = [X, *range(STATES, len(self._x), 2)], [Y, *range(STATES + 1, len(self._x), 2)]
-        p = self._p
-        p[x], p[y] = c * p[x] - s * p[y], s * p[x] + c * p[y]
-        p[:, x], p[:, y] = c * p[:, x] - s * p[:, y], s * p[:, x] + c * p[:, y]
+        spread.turn(self._p, math.cos(turned), math.sin(turned))

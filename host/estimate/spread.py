@@ -1,0 +1,54 @@
+"""Two large products of the covariance that are due at each step or picture, compiled: of most of
+its states they take nothing, or one and the same."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from host.estimate.kalman import Array
+from host.estimate.states import STATES, YAW, X, Y
+
+
+@njit(cache=True, nogil=True)
+def of_points(p: Array, x: float, y: float, points: Array, near: Array, found: Array) -> None:
+    """Into `found`, (n, 2, 2), m²: of points (n, 2) of a machine whose rear axle is at x, y,
+    against a border that moves by `near`, (n, corners), of each corner."""
+    corners = near.shape[1]
+    count = 3 + 2 * corners
+    states = np.empty(count, np.int64)
+    by = np.zeros((2, count))
+    for m in range(len(points)):
+        states[0], states[1], states[2] = X, Y, YAW
+        by[:, :] = 0.0
+        by[0, 0] = by[1, 1] = 1.0
+        by[0, 2], by[1, 2] = y - points[m, 1], points[m, 0] - x
+        used = 3
+        for k in range(corners):
+            if near[m, k] != 0.0:
+                states[used], states[used + 1] = STATES + 2 * k, STATES + 2 * k + 1
+                by[0, used] = by[1, used + 1] = -near[m, k]
+                used += 2
+        for r in range(2):
+            for c in range(r + 1):
+                total = 0.0
+                for i in range(used):
+                    if by[r, i] != 0.0:
+                        for j in range(used):
+                            total += by[r, i] * p[states[i], states[j]] * by[c, j]
+                found[m, r, c] = found[m, c, r] = total
+
+
+@njit(cache=True, nogil=True)
+def turn(p: Array, c: float, s: float) -> None:
+    """Turns place and corners, all that has x and y in the field, by an angle with that cosine and
+    sine, in place."""
+    n = len(p)
+    for k in range(n):
+        p[X, k], p[Y, k] = c * p[X, k] - s * p[Y, k], s * p[X, k] + c * p[Y, k]
+        for a in range(STATES, n, 2):
+            p[a, k], p[a + 1, k] = c * p[a, k] - s * p[a + 1, k], s * p[a, k] + c * p[a + 1, k]
+    for k in range(n):
+        p[k, X], p[k, Y] = c * p[k, X] - s * p[k, Y], s * p[k, X] + c * p[k, Y]
+        for a in range(STATES, n, 2):
+            p[k, a], p[k, a + 1] = c * p[k, a] - s * p[k, a + 1], s * p[k, a] + c * p[k, a + 1]
