@@ -16,7 +16,7 @@ across."""
 SLIP_SIGMA = 0.015
 """Of the share of their way that the driven wheels lose while they push the blade through crop,
 before anything is learned of it."""
-YAW_SIGMA_PER_M = math.radians(0.4)
+YAW_SIGMA_PER_M = math.radians(0.3)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""
@@ -35,8 +35,8 @@ CRAB_SIGMA = 0.01
 half a degree on a slope of five (Lenain et al. 2006)."""
 CRAB_TURN_RAD = 0.7
 """What is known of it is gone by a turn of so much: the slope is another's."""
-WANDER_SIGMA_M = 0.045
-WANDER_M = 0.7
+WANDER_SIGMA_M = 0.02
+WANDER_M = 0.5
 """Of how the edge wanders beside its lane's straight line: standard deviation, and the way over
 which it is another's. Longer waves are the lane's."""
 

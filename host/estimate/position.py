@@ -115,7 +115,8 @@ class Position(Filter):
     def course_rad(self) -> float:
         """The course that the receiver should show, driving forward. Where the boundary is still to
         be found, it may lie some degrees askew of the courses; one that is known may not."""
-        return float(self._x[YAW] + (self._x[PLAN_YAW] if self.outline.states else 0.0))
+        askew = self._x[PLAN_YAW] if self.outline.states else 0.0
+        return float(self._x[YAW] + self._x[CRAB] + askew)
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -245,6 +246,10 @@ class Position(Filter):
         """The place against the present lane's side."""
         return self.at(self._lane_of)
 
+    def less_sure(self, place_m: float, yaw_rad: float) -> None:
+        """Of its place, m in every direction, and of its direction."""
+        self._p[[X, Y, YAW], [X, Y, YAW]] += np.square([place_m, place_m, yaw_rad])
+
     def sigma(self, h: NDArray[np.float64]) -> float:
         """Standard deviation of what has the derivative `h`, (states,)."""
         return math.sqrt(max(0.0, float(h @ self._p @ h)))
@@ -292,10 +297,8 @@ class Position(Filter):
     def see_edge(self, seen: Measurement, *, learn: bool, cutting: bool = True) -> bool:
         """A picture's edge of the present lane; `learn`: the curvature that the pot does not show,
         too. False where it contradicts what is believed beyond its gate; then that is doubted."""
-        taken = self.fuse(seen, frozen=() if learn else (CURVE,))
-        if taken:
-            self._learn()
-        else:
+        taken = self._take(seen, frozen=() if learn else (CURVE,))
+        if not taken:
             self.doubt(seen, DOUBTFUL, DOUBTED[cutting])
         return taken
 
@@ -308,8 +311,14 @@ class Position(Filter):
 
     def rested(self, rate_radps: float, variance: float) -> None:
         """The machine stands, and so much the gyroscope shows, rad/s."""
-        self.fuse(rest.rest(self._x, rate_radps, variance))
-        self._learn()
+        self._take(rest.rest(self._x, rate_radps, variance))
+
+    def _take(self, measurement: Measurement, frozen: Sequence[int] = (CURVE,)) -> bool:
+        """Only an edge along which the machine drives shows what the pot does not."""
+        taken = self.fuse(measurement, frozen=frozen)
+        if taken:
+            self._learn()
+        return taken
 
     def take_curve(self) -> float:
         """What is known of the curvature that the pot does not show since the last call, 1/m;
@@ -324,13 +333,12 @@ class Position(Filter):
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""
-        self.fuse(course.course(self._x, left_rad + self.course_rad - self._x[YAW], speed_mps))
-        self._learn()
+        left = left_rad + self.course_rad - float(self._x[YAW])
+        self._take(course.course(self._x, left, speed_mps))
 
     def at_begin(self, side: Side, ago_m: float) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since."""
-        self.fuse(begin.begin(self.at(side), self._p, ago_m))
-        self._learn()
+        self._take(begin.begin(self.at(side), self._p, ago_m))
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
@@ -338,8 +346,7 @@ class Position(Filter):
         along = np.zeros((1, len(self._x)))
         along[0, :YAW] = math.cos(side.heading_rad), math.sin(side.heading_rad)
         self._p = self._p + along.T @ along * drift_m**2
-        self.fuse(end.end(self.at(side), self._p, ago_m, doubt_m))
-        self._learn()
+        self._take(end.end(self.at(side), self._p, ago_m, doubt_m))
 
     def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:
         """A side's end is now taken to lie along_m past its beginning, with that variance against

@@ -336,6 +336,7 @@ class PlannedStrip(Strip):
             self.begin_lane()
             self.estimate.lane.begin(turning.beside_m)
             return
+        self.estimate.position.less_sure(*self.turn_sigmas(turning))
         outward_m = self.outward_m
         self.begin_lane()
         self.estimate.lane.begin(-outward_m, until_seen=True)

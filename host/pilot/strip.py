@@ -17,6 +17,8 @@ from host.vision.view import CropView
 PLACE_SIGMA_M = 0.12
 PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
+TURN_M = 3.2
+"""Way of a turn (docs/understand/navigation.md, a corner of 90 degrees)."""
 
 
 class Strip:
@@ -166,8 +168,9 @@ class Strip:
     def begin_leg(self, turning: Turning) -> None:
         """A turn backs along this strip from now on: the lane is its."""
         offset, turned = turning.against_lane(self.estimate.motion)
-        offset_sigma, heading_sigma = self.place_sigmas(turning)
-        self.estimate.lane.place(offset, turned, offset_sigma, heading_sigma)
+        place_m, yaw_rad = self.turn_sigmas(turning)
+        sigmas = (PLACE_SIGMA_M + place_m, PLACE_SIGMA_RAD + yaw_rad)
+        self.estimate.lane.place(offset, turned, *sigmas)
 
     def begin_lane(self) -> None:
         """The present lane is its own from now on, if it is not yet."""
@@ -184,6 +187,7 @@ class Strip:
         `far`: as far on as that may be, where a turn must find room."""
         return None
 
-    def place_sigmas(self, turning: Turning) -> tuple[float, float]:
+    def turn_sigmas(self, turning: Turning) -> tuple[float, float]:
+        """What a wrong speed does to the pose in a turn, m and rad."""
         scale = self.estimate.odometry.scale_sigma
-        return PLACE_SIGMA_M + 2 * scale, PLACE_SIGMA_RAD + turning.turn.lane_rad * scale
+        return TURN_M * scale, turning.turn.lane_rad * scale

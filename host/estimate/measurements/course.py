@@ -10,7 +10,7 @@ import numpy as np
 
 from host.estimate.kalman import Array, Measurement
 from host.estimate.odometry import DOPPLER_MPS
-from host.estimate.states import PLAN_YAW, YAW
+from host.estimate.states import CRAB, PLAN_YAW, YAW
 
 SHARE = 1.2
 """A phone's course is smoothed: one fix errs much like the last, and each counts as one this much
@@ -18,8 +18,9 @@ worse than its speed is."""
 
 
 def course(x: Array, left_rad: float, speed_mps: float) -> Measurement:
-    """The course lies left_rad left of the yaw, at that speed over ground."""
+    """The course lies left_rad left of the yaw, at that speed over ground. A machine that drifts
+    aside goes elsewhere than it heads."""
     h = np.zeros((1, len(x)))
-    h[0, [YAW, PLAN_YAW]] = 1.0
+    h[0, [YAW, PLAN_YAW, CRAB]] = 1.0
     sigma = math.atan2(SHARE * DOPPLER_MPS, abs(speed_mps))
-    return Measurement("course", h, np.array([left_rad - x[PLAN_YAW]]), np.array([sigma**2]))
+    return Measurement("course", h, np.array([left_rad - x[PLAN_YAW] - x[CRAB]]), np.array([sigma**2]))

@@ -66,7 +66,7 @@ def test_a_side_is_cut_and_nothing_else(camera: str) -> None:
     summary = run.truth.summary()
     assert run.bench.field.coverage() > 0.08
     assert summary["neighbour_cut_m2"] == 0
-    assert float(summary["lateral_rms_m"] or 0.0) < 0.14
+    assert float(summary["lateral_rms_m"] or 0.0) < 0.12
 
 
 def test_answers_lie_about_the_truth_as_the_detectors_did() -> None:

@@ -128,7 +128,7 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
         before = position.pose[1]
         followed(position, 0.1, 0.0)
         moved.append(position.pose[1] - before)
-    assert 0.1 > moved[0] > 1.1 * moved[1] > 1.1 * 1.1 * moved[2] > 0.0
+    assert 0.1 > moved[0] > 1.2 * moved[1] > 1.2 * moved[2] > 0.0
 
 
 @pytest.mark.parametrize("askew_deg", [-8.0, -2.0, 2.0, 8.0])
@@ -145,7 +145,7 @@ def test_beside_an_edge_that_lies_askew_a_lane_lies_less_askew_and_leaves_nothin
     assert straightened(askew, abs(askew), length_m) == (0.0, 0.0), "what may be nothing"
 
 
-@pytest.mark.parametrize("askew_deg", [0.0, 1.0])
+@pytest.mark.parametrize("askew_deg", [0.0, 2.0])
 def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> None:
     """0.1 m right of the plan's lane at its beginning, and askew; another edge's lane is not."""
     position, run_m = Position(VEHICLE), 0.0
@@ -160,8 +160,8 @@ def test_the_next_round_knows_where_the_last_strip_lies(askew_deg: float) -> Non
     position.begin(inner, straight=False)
     there = driven(position, 2.0, VEHICLE.pass_m + VEHICLE.inset_m, 0.0, motion(run_m))
     offset, heading, _, _ = position.against_lane()
-    assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.04)
-    assert math.degrees(heading) == pytest.approx(-askew_deg, abs=0.45)
+    assert offset == pytest.approx(0.1 - math.radians(askew_deg) * 2.0, abs=0.02)
+    assert math.degrees(heading) == pytest.approx(-askew_deg, abs=0.3)
     across = replace(ring(1), heading_rad=math.pi / 2)
     position.begin(across)
     driven(position, -VEHICLE.inset_m + across.x_m, 1.0, math.pi / 2, there)
@@ -188,7 +188,7 @@ def test_a_lane_far_inside_is_turned_as_the_last_along_its_edge(edge: int, deg: 
     """Strips that were laid out otherwise lie between; of another edge nothing is known."""
     far = replace(ring(3), edges=(edge,), places_m=((0.0, 3 * VEHICLE.pass_m),))
     position = beside_an_askew_lane(2.0, far, straight=False)
-    assert math.degrees(position.against_lane()[1]) == pytest.approx(deg, abs=0.6)
+    assert math.degrees(position.against_lane()[1]) == pytest.approx(deg, abs=0.3)
 
 
 def test_a_lane_that_was_straightened_is_known_to_lie_so() -> None:
@@ -231,7 +231,7 @@ def test_strips_that_turn_do_not_turn_the_position_with_them() -> None:
     assert off[-1] < 0.5 * 16.5
     assert off[-1] - off[-4] < 0.6 * 3 * 1.5
     straight = turned_by_courses(0.0, 12, 0.12)
-    assert max(abs(math.degrees(o)) for o in straight) < 1.8
+    assert max(abs(math.degrees(o)) for o in straight) < 1.5
 
 
 def test_a_walked_boundary_that_is_off_does_not_turn_the_machine_in_it() -> None:
@@ -389,7 +389,7 @@ def test_a_lane_that_a_turn_left_askew_yields_soon_and_a_sure_one_outlasts_a_pat
     askew = settled().lane
     askew.place(0.0, 0.0, 0.12, math.radians(2.5))
     assert pictures_until_believed(askew, 0.45) <= 10
-    assert 15 < pictures_until_believed(settled().lane, 0.3) < 200
+    assert 30 < pictures_until_believed(settled().lane, 0.3) < 200
 
 
 def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None:

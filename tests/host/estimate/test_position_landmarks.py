@@ -12,6 +12,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
+from host.estimate.states import CRAB
 from host.route.boundary_edges import BoundaryEdges
 from host.route.plan import Plan
 from host.route.side import Side
@@ -57,8 +58,9 @@ class Driven:
         self._move()
 
     def turn_to_second(self, by_rad: float) -> None:
-        """From the end of the first side, on the spot where the rear axle meets the next lane."""
-        beyond = VEHICLE.blade_x_m - VEHICLE.inset_m
+        """From the end of the first side, on the spot where the rear axle meets the next lane, which
+        lies as far inside of its edge as the last one."""
+        beyond = VEHICLE.blade_x_m - VEHICLE.inset_m * math.tan(by_rad / 2)
         self.on(beyond, beside=False)
         self.pivot(by_rad)
         self.position.begin(SECOND)
@@ -97,7 +99,7 @@ def along_second(off_rad: float) -> Position:
 def test_the_second_edges_direction_is_found_by_driving_along_it(off_deg: float) -> None:
     position = along_second(math.radians(off_deg))
     turned = position.outline.heading_rad(1) - position.outline.heading_rad(0)
-    assert math.degrees(turned) == pytest.approx(90.0 + off_deg, abs=1.5)
+    assert math.degrees(turned) == pytest.approx(90.0 + off_deg, abs=1.0)
 
 
 def likeliest_length_m(off_rad: float) -> float:
@@ -167,7 +169,7 @@ def test_a_boundary_that_is_known_is_none_to_be_found() -> None:
         driven.turn_to_second(math.pi / 2)
         driven.on(4.0)
         position.course(0.02, 0.5)
-        assert position.course_rad == position.pose[2]
+        assert position.course_rad == position.pose[2] + position.x[CRAB]
         assert position.at(FIRST).side is FIRST
     one, other = positions
     assert one.pose == other.pose

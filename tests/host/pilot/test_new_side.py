@@ -245,7 +245,7 @@ def test_a_glimpse_of_clear_ground_in_the_dust_is_not_forgotten(believed_m: floa
     plan = spiral(said, 1, VEHICLE, gap_m=world.gap, sigma_m=0.3)
     pilot = Pilot(VEHICLE, Eyes(world, dusty), plan)
     drive(world, pilot, 60.0, until=lambda: pilot.done or pilot.turns == 1)
-    assert world.y + VEHICLE.blade_x_m < 5.0 + 0.6 * world.gap
+    assert world.y + VEHICLE.blade_x_m < 5.0 + world.gap
     drive(world, pilot, 40.0, until=lambda: pilot.done)
     assert world.neighbour_cut == 0
 

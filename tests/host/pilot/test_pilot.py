@@ -316,7 +316,7 @@ def test_a_turn_that_the_geofence_cuts_short_goes_on_the_other_way(gap_m: float)
     pilot = Pilot(VEHICLE, world, plan)
     harvest(world, pilot, 900.0)
     assert pilot.phase is Phase.FINISHED, pilot.reason
-    assert world.coverage > 0.92
+    assert world.coverage > 0.96, "what any finished field has at least"
     assert world.neighbour_cut == 0
 
 

@@ -55,7 +55,7 @@ def only_the_first_strip(plan: Plan) -> tuple[SimpleWorld, Pilot]:
 
 
 @pytest.mark.parametrize(
-    ("beside_m", "least_m", "most_m"), [(0.4, 0.15, 0.55), (math.nan, -0.1, 0.1)]
+    ("beside_m", "least_m", "most_m"), [(0.4, 0.15, 0.45), (math.nan, -0.1, 0.1)]
 )
 def test_a_machine_with_crop_on_its_right_steers_right_to_where_that_ends(
     beside_m: float, least_m: float, most_m: float
@@ -419,8 +419,8 @@ def test_a_doubtful_lane_is_found_by_the_corner_behind_a_slanting_border(beside_
     drive(world, pilot, 20.0, until=lambda: world.y + VEHICLE.blade_x_m > 2.5)
     assert pilot.phase is Phase.FOLLOW
     left_m = 10.0 - VEHICLE.inset_m - world.x
-    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.6 * abs(beside_m))
-    assert abs(left_m) < 0.65 * abs(beside_m)
+    assert pilot.lane.offset_m == pytest.approx(left_m, abs=0.5 * abs(beside_m))
+    assert abs(left_m) < 0.6 * abs(beside_m)
 
 
 @pytest.mark.parametrize("aside_m", [-0.7, 0.7])
@@ -807,7 +807,7 @@ def test_a_turn_by_a_speed_that_is_only_modelled_leaves_it_less_sure_of_its_plac
         eyes.spoil = lambda view: replace(view, confidence=0.0)
         drive(world, pilot, 60.0, until=lambda p=pilot: p.phase is Phase.SEARCH)
         sigmas.append(pilot.lane.offset_sigma_m)
-    assert sigmas[1] > 1.05 * sigmas[0]
+    assert sigmas[1] > 1.3 * sigmas[0]
 
 
 def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
