@@ -16,7 +16,7 @@ across."""
 SLIP_SIGMA = 0.015
 """Of the share of their way that the driven wheels lose while they push the blade through crop,
 before anything is learned of it."""
-YAW_SIGMA_PER_M = math.radians(0.3)
+YAW_SIGMA_PER_M = math.radians(0.4)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`)."""

@@ -168,9 +168,8 @@ class Strip:
     def begin_leg(self, turning: Turning) -> None:
         """A turn backs along this strip from now on: the lane is its."""
         offset, turned = turning.against_lane(self.estimate.motion)
-        place_m, yaw_rad = self.turn_sigmas(turning)
-        sigmas = (PLACE_SIGMA_M + place_m, PLACE_SIGMA_RAD + yaw_rad)
-        self.estimate.lane.place(offset, turned, *sigmas)
+        place_m, turned_rad = self.turn_sigmas(turning)
+        self.estimate.lane.place(offset, turned, place_m, PLACE_SIGMA_RAD + turned_rad)
 
     def begin_lane(self) -> None:
         """The present lane is its own from now on, if it is not yet."""
@@ -188,6 +187,7 @@ class Strip:
         return None
 
     def turn_sigmas(self, turning: Turning) -> tuple[float, float]:
-        """What a wrong speed does to the pose in a turn, m and rad."""
+        """What a turn by dead reckoning does to the place, m, and a wrong speed in it to the
+        direction, rad."""
         scale = self.estimate.odometry.scale_sigma
-        return TURN_M * scale, turning.turn.lane_rad * scale
+        return PLACE_SIGMA_M + TURN_M * scale, turning.turn.lane_rad * scale
