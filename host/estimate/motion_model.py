@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,13 +36,26 @@ CRAB_SIGMA = 0.01
 half a degree on a slope of five (Lenain et al. 2006)."""
 CRAB_TURN_RAD = 0.7
 """What is known of it is gone by a turn of so much: the slope is another's."""
-WANDER_SIGMA_M = 0.02
-WANDER_M = 0.5
-"""Of how the edge wanders beside its lane's straight line: standard deviation, and the way over
-which it is another's. Longer waves are the lane's."""
 
 
-def move(x: Array, p: Array, past: Motion, motion: Motion, *, cutting: bool) -> None:
+class Wander(NamedTuple):
+    """How an edge, and what the detector makes of it, lie beside the lane's straight line: a
+    first-order Gauss-Markov process along the way. Longer waves are the lane's."""
+
+    sigma_m: float
+    over_m: float
+    """The way over which it is another's."""
+
+
+DRILLED = Wander(0.02, 0.5)
+"""Of a straight edge, the detector's error alone (docs/understand/vision.md)."""
+CUT = Wander(0.035, 1.0)
+"""Of an edge that the machine has left, its way too."""
+
+
+def move(
+    x: Array, p: Array, past: Motion, motion: Motion, wander: Wander, *, cutting: bool
+) -> None:
     """Moves the state `x` and its covariance `p` from one motion to a later one, in place."""
     lasted = max(0.0, motion.stamp - past.stamp)
     p[GYRO, GYRO] += GYRO_WALK**2 * lasted
@@ -64,15 +78,15 @@ def move(x: Array, p: Array, past: Motion, motion: Motion, *, cutting: bool) -> 
     lost = step if cutting else 0.0
     step -= lost * float(x[SLIP])
     aside = run * float(x[CRAB])
-    crab, wander = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / WANDER_M)
+    crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander.over_m)
     x[: YAW + 1] += step * c - aside * s, step * s + aside * c, turn
     x[CRAB] *= crab
-    x[WANDER] *= wander
+    x[WANDER] *= same
     jacobian[:YAW, YAW] = -step * s - aside * c, step * c - aside * s
     jacobian[:YAW, SLIP] = -lost * c, -lost * s
     jacobian[:YAW, CRAB] = -run * s, run * c
     jacobian[:YAW] += jacobian[:YAW, YAW : YAW + 1] * (jacobian[YAW] - np.eye(STATES)[YAW]) / 2
-    jacobian[CRAB, CRAB], jacobian[WANDER, WANDER] = crab, wander
+    jacobian[CRAB, CRAB], jacobian[WANDER, WANDER] = crab, same
     p[:STATES] = jacobian @ p[:STATES]
     p[:, :STATES] = p[:, :STATES] @ jacobian.T
     # Neighbouring steps err alike: their errors grow along a metre as one.
@@ -81,4 +95,4 @@ def move(x: Array, p: Array, past: Motion, motion: Motion, *, cutting: bool) -> 
     p[YAW, YAW] += yaw
     p[CURVE, CURVE] += CURVE_PER_M**2 * run
     p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
-    p[WANDER, WANDER] += WANDER_SIGMA_M**2 * (1.0 - wander**2)
+    p[WANDER, WANDER] += wander.sigma_m**2 * (1.0 - same**2)

@@ -31,8 +31,9 @@ from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.motion_model import (
     CURVE_SIGMA_1PM,
+    CUT,
+    DRILLED,
     SLIP_SIGMA,
-    WANDER_SIGMA_M,
     move,
 )
 from host.estimate.odometry import Motion
@@ -95,6 +96,7 @@ class Position(Filter):
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
         self._lane_of = NO_SIDE
+        self._wander = DRILLED
         self.aside = Aside()
         """Of the present lane."""
         self.known = False
@@ -165,16 +167,17 @@ class Position(Filter):
         with_corners[YAW, STATES:] = self.outline.turning(side.edge)
         self._p = with_corners @ self._p @ with_corners.T
         self.known = True
-        self._lane_of = side
+        self._other_edge(side)
 
     def open(
         self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float
     ) -> None:
         """On a lane that is in no plan: the rear axle offset_m left of it, the vehicle heading_rad
         left of its direction, with their standard deviations."""
-        self._lane_of, self.known = NO_SIDE, False
+        self.known = False
         pose = (0.0, self._vehicle.inset_m + offset_m, heading_rad)
         self._anew(pose, (offset_sd, offset_sd, heading_sd), (0.0, 0.0))
+        self._other_edge(NO_SIDE)
 
     def _anew(
         self,
@@ -191,13 +194,14 @@ class Position(Filter):
         self._p[lost, :] = self._p[:, lost] = 0.0
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
         self.aside = Aside()
-        self._other_edge()
 
-    def _other_edge(self) -> None:
-        """Nothing is known of how this one wanders."""
+    def _other_edge(self, side: Side) -> None:
+        """Nothing is known yet of how this one wanders."""
+        left = side.inside_m > 0.0 or self._lanes.knows(side)
+        self._lane_of, self._wander = side, CUT if left else DRILLED
         self._x[WANDER] = 0.0
         self._p[WANDER, :] = self._p[:, WANDER] = 0.0
-        self._p[WANDER, WANDER] = WANDER_SIGMA_M**2
+        self._p[WANDER, WANDER] = self._wander.sigma_m**2
 
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
@@ -213,13 +217,13 @@ class Position(Filter):
         self._x[LANE] = lane
         self._p[LANE, :] = self._p[:, LANE] = 0.0
         self._p[LANE, LANE] = covariance
-        self._other_edge()
+        self._other_edge(side)
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
         past, self._past = self._past, motion
         if past is not None:
-            move(self._x, self._p, past, motion, cutting=cutting)
+            move(self._x, self._p, past, motion, self._wander, cutting=cutting)
 
     def at(self, side: Side) -> Place:
         """The place against a side."""

@@ -23,4 +23,6 @@ def course(x: Array, left_rad: float, speed_mps: float) -> Measurement:
     h = np.zeros((1, len(x)))
     h[0, [YAW, PLAN_YAW, CRAB]] = 1.0
     sigma = math.atan2(SHARE * DOPPLER_MPS, abs(speed_mps))
-    return Measurement("course", h, np.array([left_rad - x[PLAN_YAW] - x[CRAB]]), np.array([sigma**2]))
+    return Measurement(
+        "course", h, np.array([left_rad - x[PLAN_YAW] - x[CRAB]]), np.array([sigma**2])
+    )
