@@ -59,7 +59,7 @@ from host.route.side import Side
 START_SIGMA = (0.1, 0.1, math.radians(2))
 PLAN_SIGMA_RAD = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-BOUND_SIGMA_M = 0.15
+BOUND_SIGMA_M = 0.2
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
 DOUBTED = {True: 1.03, False: 1.06}
 """Growth of the standard deviation of what was seen, with each contradiction, by whether the blade
@@ -197,7 +197,7 @@ class Position(Filter):
 
     def _other_edge(self, side: Side) -> None:
         """Nothing is known yet of how this one wanders."""
-        left = side.inside_m > 0.0 or self._lanes.knows(side)
+        left = side.inside_m > self._vehicle.blade_width_m / 2 or self._lanes.knows(side)
         self._lane_of, self._wander = side, CUT if left else DRILLED
         self._x[WANDER] = 0.0
         self._p[WANDER, :] = self._p[:, WANDER] = 0.0

@@ -131,6 +131,8 @@ class Sight:
         self.usable = Steady()
         """Pictures are to be believed."""
         self.ahead = Ahead()
+        self._doubtful: Strip | None = None
+        """The strip whose lane was so when its corner was in view."""
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
@@ -248,8 +250,12 @@ class Sight:
         reckoning does."""
         lane, corner = self._estimate.lane, strip.corner(view, then)
         in_dust = view.edge_ahead_m < NEAR_CROP_M
-        if corner is None or in_dust or lane.offset_sigma_m < CORNER_SIGMA_M:
+        if corner is None or in_dust:
             return
+        if strip is not self._doubtful:
+            if lane.offset_sigma_m < CORNER_SIGMA_M:
+                return
+            self._doubtful = strip
         edge, ahead_m = corner
         if abs(edge + lane.blade_offset_m) > CORNER_SIGMAS * lane.offset_sigma_m:
             return  # another corner's: of what a round before has left, or of the next crop

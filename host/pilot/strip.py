@@ -169,7 +169,8 @@ class Strip:
         """A turn backs along this strip from now on: the lane is its."""
         offset, turned = turning.against_lane(self.estimate.motion)
         place_m, turned_rad = self.turn_sigmas(turning)
-        self.estimate.lane.place(offset, turned, place_m, PLACE_SIGMA_RAD + turned_rad)
+        sigmas = PLACE_SIGMA_M + place_m, PLACE_SIGMA_RAD + turned_rad
+        self.estimate.lane.place(offset, turned, *sigmas)
 
     def begin_lane(self) -> None:
         """The present lane is its own from now on, if it is not yet."""
@@ -187,7 +188,6 @@ class Strip:
         return None
 
     def turn_sigmas(self, turning: Turning) -> tuple[float, float]:
-        """What a turn by dead reckoning does to the place, m, and a wrong speed in it to the
-        direction, rad."""
+        """What a wrong speed does in a turn, to the place, m, and to the direction, rad."""
         scale = self.estimate.odometry.scale_sigma
-        return PLACE_SIGMA_M + TURN_M * scale, turning.turn.lane_rad * scale
+        return TURN_M * scale, turning.turn.lane_rad * scale

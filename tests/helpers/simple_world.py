@@ -38,12 +38,12 @@ def stands(crop, neighbour, margin, pose, forward, left):  # type: ignore[no-unt
 
 @njit(cache=True)
 def first_blocked(crop, neighbour, margin, pose, ahead, left):  # type: ignore[no-untyped-def]
-    """Of `ahead`, the first where anything stands on more than a fifth of `left`; -1: none."""
+    """Of `ahead`, the first where anything stands on a fifth of `left` or more; -1: none."""
     for n in range(len(ahead)):
         there = 0
         for left_m in left:
             there += stands(crop, neighbour, margin, pose, ahead[n], left_m)
-        if there / len(left) > 0.2:
+        if there >= 0.2 * len(left):
             return n
     return -1
 
