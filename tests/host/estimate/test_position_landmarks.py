@@ -58,8 +58,8 @@ class Driven:
         self._move()
 
     def turn_to_second(self, by_rad: float) -> None:
-        """From the end of the first side, on the spot where the rear axle meets the next lane, which
-        lies as far inside of its edge as the last one."""
+        """From the end of the first side, on the spot where the rear axle meets the next lane, as
+        far inside of its edge as it was."""
         beyond = VEHICLE.blade_x_m - VEHICLE.inset_m * math.tan(by_rad / 2)
         self.on(beyond, beside=False)
         self.pivot(by_rad)
