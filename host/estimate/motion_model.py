@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
+from numba import njit
 
 from host.estimate.kalman import Array
 from host.estimate.odometry import Motion
-from host.estimate.states import CRAB, CURVE, GYRO, SLIP, STATES, WANDER, YAW
+from host.estimate.states import CRAB, CURVE, GYRO, SLIP, WANDER, YAW, X, Y
 
 STEP_SIGMA = (0.03, 0.02)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
@@ -64,36 +64,63 @@ def move(
     turn = motion.yaw_rad - past.yaw_rad
     if step == 0.0 and turn == 0.0:
         return
+    _move(x, p, step, turn, lasted, motion.by_gyro, cutting, *wander)
+
+
+@njit(cache=True, nogil=True)
+def _move(
+    x: Array,
+    p: Array,
+    step: float,
+    turn: float,
+    lasted: float,
+    by_gyro: bool,
+    cutting: bool,
+    wander_sigma_m: float,
+    wander_m: float,
+) -> None:
+    """`move` by a step and a turn, compiled: of the Jacobian all rows are the unit matrix's but
+    those of the pose, of CRAB and of WANDER, and those hold few states."""
     run = abs(step)
-    jacobian = np.eye(STATES)
-    if motion.by_gyro:
-        turn -= float(x[GYRO]) * lasted
-        jacobian[YAW, GYRO] = -lasted
+    if by_gyro:
+        turn -= x[GYRO] * lasted
+        turns_by, of_turn = GYRO, -lasted
         yaw = GYRO_SIGMA_PER_ROOT_S**2 * lasted + GYRO_SIGMA_SHARE**2 * abs(turn)
     else:
-        turn += float(x[CURVE]) * step
-        jacobian[YAW, CURVE] = step
+        turn += x[CURVE] * step
+        turns_by, of_turn = CURVE, step
         yaw = YAW_SIGMA_PER_M**2 * run + YAW_SIGMA_SHARE**2 * abs(turn)
     middle = x[YAW] + turn / 2
     c, s = math.cos(middle), math.sin(middle)
     lost = step if cutting else 0.0
-    step -= lost * float(x[SLIP])
-    aside = run * float(x[CRAB])
-    crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander.over_m)
-    x[: YAW + 1] += step * c - aside * s, step * s + aside * c, turn
+    step -= lost * x[SLIP]
+    aside = run * x[CRAB]
+    crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander_m)
+    ahead, left = step * c - aside * s, step * s + aside * c
+    x[X] += ahead
+    x[Y] += left
+    x[YAW] += turn
     x[CRAB] *= crab
     x[WANDER] *= same
-    jacobian[:YAW, YAW] = -step * s - aside * c, step * c - aside * s
-    jacobian[:YAW, SLIP] = -lost * c, -lost * s
-    jacobian[:YAW, CRAB] = -run * s, run * c
-    jacobian[:YAW] += jacobian[:YAW, YAW : YAW + 1] * (jacobian[YAW] - np.eye(STATES)[YAW]) / 2
-    jacobian[CRAB, CRAB], jacobian[WANDER, WANDER] = crab, same
-    p[:STATES] = jacobian @ p[:STATES]
-    p[:, :STATES] = p[:, :STATES] @ jacobian.T
+    for columns in (False, True):
+        q = p.T if columns else p
+        for k in range(len(x)):
+            by_turn = of_turn * q[turns_by, k]
+            # The way was made at the middle of the turn.
+            yawed = q[YAW, k] + by_turn / 2
+            slip, crabbed = lost * q[SLIP, k], run * q[CRAB, k]
+            q[X, k] += -left * yawed - c * slip - s * crabbed
+            q[Y, k] += ahead * yawed - s * slip + c * crabbed
+            q[YAW, k] += by_turn
+            q[CRAB, k] *= crab
+            q[WANDER, k] *= same
     # Neighbouring steps err alike: their errors grow along a metre as one.
-    turned = np.array([[c, -s], [s, c]])
-    p[:YAW, :YAW] += turned @ np.diag(np.square(STEP_SIGMA) * run) @ turned.T
+    along, across = STEP_SIGMA[0] ** 2 * run, STEP_SIGMA[1] ** 2 * run
+    p[X, X] += c * c * along + s * s * across
+    p[Y, Y] += s * s * along + c * c * across
+    p[X, Y] += c * s * (along - across)
+    p[Y, X] += c * s * (along - across)
     p[YAW, YAW] += yaw
     p[CURVE, CURVE] += CURVE_PER_M**2 * run
     p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
-    p[WANDER, WANDER] += wander.sigma_m**2 * (1.0 - same**2)
+    p[WANDER, WANDER] += wander_sigma_m**2 * (1.0 - same**2)
