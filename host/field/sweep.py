@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _CORNERS: Final = 8
+"""Of the polygon that stands for a circle: it reaches 8 % beyond it."""
 _OCTAGON: Final = np.array(
     [
         (math.cos(a) / math.cos(math.pi / _CORNERS), math.sin(a) / math.cos(math.pi / _CORNERS))
