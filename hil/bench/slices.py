@@ -4,7 +4,7 @@ blade in the crop, the gyroscope. All slices up to the host's next step take one
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -43,6 +43,25 @@ TALLY: Final = np.dtype(
 )
 
 
+class Around(NamedTuple):
+    """The field and the gyroscope of a bench, as the compiled loop has them."""
+
+    figures: Figures
+    kind: NDArray[np.uint8]
+    counts: NDArray[np.int64]
+    """Of the field."""
+    blade: tuple[float, float]
+    """Its line ahead of the rear axle, and its width, m."""
+    every: int
+    """Slices between two samples of the gyroscope; 0: there is none."""
+    part: Part
+    axes: Floats
+    offset: Floats
+    """Of the gyroscope."""
+    felt: Floats
+    """(MOST_SLICES, 6) its samples."""
+
+
 @njit(cache=True, nogil=True)
 def _clear(tally: Any) -> None:
     """Nothing has been cut or felt yet."""
@@ -61,31 +80,17 @@ def _begin(number: int, figures: Figures, state: Any, given: Any, tally: Any) ->
 
 
 @njit(cache=True, nogil=True)
-def _end(
-    number: int,
-    figures: Figures,
-    state: Any,
-    given: Any,
-    tally: Any,
-    kind: NDArray[np.uint8],
-    counts: NDArray[np.int64],
-    blade: tuple[float, float],
-    every: int,
-    part: Part,
-    axes: Floats,
-    offset: Floats,
-    drawn: Floats,
-    felt: Floats,
-) -> None:
+def _end(number: int, state: Any, given: Any, tally: Any, around: Around, drawn: Floats) -> None:
     """What the blade has cut, and every so many slices a sample of the gyroscope."""
     s, t, u = state[0], tally[0], given[0]
-    ahead_m, width_m = blade
+    figures, every = around.figures, around.every
+    ahead_m, width_m = around.blade
     if (number + 1) % SLICES_PER_CUT == 0:
         cut = 0
         if s.blade_spinning != 0:
             box = np.empty(4, np.int64)
             old, new = (t.x, t.y, t.yaw), (s.x, s.y, s.yaw)
-            cut = mow(figures, kind, old, new, ahead_m, width_m, counts, box)
+            cut = mow(figures, around.kind, old, new, ahead_m, width_m, around.counts, box)
             t.cells += cut
             if box[0] < box[1]:
                 t.j0, t.j1 = min(t.j0, box[0]), max(t.j1, box[1])
@@ -95,7 +100,10 @@ def _end(
         u.cutting = min(1.0, cut / full)
     if every > 0 and (number + 1) % every == 0:
         k = t.samples
-        feel(part, axes, offset, drawn[k], s.yaw_rate, u.roll, u.pitch, s.v, felt[k])
+        feel(
+            around.part, around.axes, around.offset, drawn[k], s.yaw_rate, u.roll, u.pitch, s.v,
+            around.felt[k],
+        )  # fmt: skip
         t.samples += 1
 
 
@@ -115,19 +123,11 @@ def _together(
     wires: Any,
     log: Any,
     layout: Any,
-    figures: Figures,
     state: Any,
     given: Any,
     tally: Any,
-    kind: NDArray[np.uint8],
-    counts: NDArray[np.int64],
-    blade: tuple[float, float],
-    every: int,
-    part: Part,
-    axes: Floats,
-    offset: Floats,
+    around: Around,
     drawn: Floats,
-    felt: Floats,
 ) -> int:
     """Slices with a firmware whose functions the loop may call. Returns the target's status, and in
     `sizes` how many bytes each slice said, -1 where it did not come to its end."""
@@ -135,7 +135,7 @@ def _together(
     sizes[:] = -1
     for k in range(count):
         number = first + k
-        _begin(number, figures, state, given, tally)
+        _begin(number, around.figures, state, given, tally)
         status: int = coupling.run(
             run_until, set_analog, set_pin, output, handle, number * SLICE_US,
             (number + 1) * SLICE_US, state, params, given, wires, log, layout,
@@ -143,10 +143,7 @@ def _together(
         if status != 0:
             return status
         sizes[k] = read(handle, said[k].ctypes, said.shape[1])
-        _end(
-            number, figures, state, given, tally, kind, counts, blade, every, part, axes, offset,
-            drawn, felt,
-        )  # fmt: skip
+        _end(number, state, given, tally, around, drawn)
     return 0
 
 
@@ -169,12 +166,13 @@ class Slices:
     ) -> None:
         """`records`: machine.STATE, PARAMS and INPUTS, (1,) each; `blade`: its line ahead of the
         rear axle and its width, m; `layout`: what the pins are wired to, but for a real board."""
-        self._field, self._gyro = field, gyro
-        every = max(1, round(1e6 / gyro.spec.rate_hz / SLICE_US))
-        self._every = every if gyro.spec.fitted else 0
-        self._records, self._blade = records, blade
+        self._field, self._gyro, self._records = field, gyro, records
+        every = max(1, round(1e6 / gyro.spec.rate_hz / SLICE_US)) if gyro.spec.fitted else 0
+        self._around = Around(
+            field.figures, field.kind, field.counts, blade, every, gyro.part, gyro.axes,
+            gyro.offset, np.zeros((MOST_SLICES, 6)),
+        )  # fmt: skip
         self._tally = np.zeros(1, TALLY)
-        self._felt = np.zeros((MOST_SLICES, 6))
         self._said = np.zeros((MOST_SLICES, SAID_BYTES), np.uint8)
         self._sizes = np.zeros(MOST_SLICES, np.int64)
         self._run: Run = (
@@ -190,23 +188,21 @@ class Slices:
     def _on_target(self, target: Controller, wires: machine.Record, layout: machine.Record) -> Run:
         assert isinstance(target, Target)
         state, params, given = self._records
-        field, gyro, f = self._field, self._gyro, target.pointers
+        f = target.pointers
         functions = tuple(
             Native(k) for k in (f.run_until, f.set_analog_mv, f.set_pin, f.output, f.read)
         )
         first = (*functions, target.handle)
         fixed = (
-            self._said, self._sizes, params, wires, coupling.NO_LOG, layout, field.figures, state,
-            given, self._tally, field.kind, field.counts, self._blade, self._every, gyro.part,
-            gyro.axes, gyro.offset,
+            self._said, self._sizes, params, wires, coupling.NO_LOG, layout, state, given,
+            self._tally, self._around,
         )  # fmt: skip
-        entry = entry_point(_together, (*first, 0, 0, *fixed, np.empty((0, 9)), self._felt))
-        felt = self._felt
-        return lambda number, count, drawn: int(entry(*first, number, count, *fixed, drawn, felt))
+        entry = entry_point(_together, (*first, 0, 0, *fixed, np.empty((0, 9))))
+        return lambda number, count, drawn: int(entry(*first, number, count, *fixed, drawn))
 
     def _on_board(self, board: Board, wires: machine.Record) -> Run:
         state, params, given = self._records
-        field, gyro, tally = self._field, self._gyro, self._tally
+        around, tally = self._around, self._tally
         inner = board.bind(state, params, given, wires=wires)
 
         def run(first: int, count: int, drawn: Floats) -> int:
@@ -214,14 +210,11 @@ class Slices:
             self._sizes[:] = -1
             for k in range(count):
                 number = first + k
-                _begin(number, field.figures, state, given, tally)
+                _begin(number, around.figures, state, given, tally)
                 inner(number * SLICE_US, (number + 1) * SLICE_US)
                 said = np.frombuffer(board.read(), np.uint8)[:SAID_BYTES]
                 self._said[k, : len(said)], self._sizes[k] = said, len(said)
-                _end(
-                    number, field.figures, state, given, tally, field.kind, field.counts,
-                    self._blade, self._every, gyro.part, gyro.axes, gyro.offset, drawn, self._felt,
-                )  # fmt: skip
+                _end(number, state, given, tally, around, drawn)
             return 0
 
         return run
@@ -230,7 +223,7 @@ class Slices:
         """`count` slices, MOST_SLICES at most, from number `first` on. Returns the target's status
         and what the firmware sent in each slice that came to its end: where the status is not 0, it
         crashed in the next."""
-        every = self._every
+        every = self._around.every
         due = (first + count) // every - first // every if every else 0
         status = self._run(first, count, self._gyro.drawn(due))
         sizes = self._sizes[:count].tolist()
@@ -238,6 +231,6 @@ class Slices:
         self.cells, *changed, samples, _, _, _ = self._tally[0].item()
         self._field.changed(*changed)
         numbers = range(first + every - first % every, first + count + 1, every) if every else ()
-        taken = zip(numbers, self._felt[:samples], strict=False)
+        taken = zip(numbers, self._around.felt[:samples], strict=False)
         self.samples = [self._gyro.sampled(k * SLICE_US / 1e6, felt) for k, felt in taken]
         return status, said

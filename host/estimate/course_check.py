@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection
 from typing import Final
 
 from host.core.messages import Fix
+from host.estimate.mean import mean_and_error
 from host.estimate.odometry import Motion
 
 RUN_M: Final = 1.0
@@ -31,15 +31,6 @@ AVERAGED: Final = (30, 60)
 ASKEW_RAD: Final = math.radians(7.0)
 SIGNIFICANT: Final = 4.0
 """Standard errors of the mean."""
-
-
-def mean_and_error(values: Collection[float]) -> tuple[float, float]:
-    """Mean of two values or more, and its standard error. `statistics` reckons in fractions, which
-    takes a hundred times as long."""
-    count = len(values)
-    mean = math.fsum(values) / count
-    squares = math.fsum((value - mean) ** 2 for value in values)
-    return mean, math.sqrt(squares / (count - 1) / count)
 
 
 class DirectionCheck:

@@ -9,7 +9,7 @@ from typing import Final
 
 from host.core.messages import Fix, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.course_check import mean_and_error
+from host.estimate.mean import mean_and_error
 
 STEADY_S: Final = 1.0
 """With the drive on, until the speed is no longer the start's."""

@@ -7,6 +7,7 @@ A frame on the wire: COBS(id, seq, payload, CRC-16/CCITT-FALSE little-endian) 0x
 
 from __future__ import annotations
 
+import abc
 import binascii
 import enum
 import functools
@@ -17,7 +18,7 @@ from typing import ClassVar
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class Message(abc.ABC):
     """Base of all messages; the fields are in SI units."""
 
     ID: ClassVar[int]
@@ -32,9 +33,9 @@ class Message:
         except TypeError as error:
             raise ValueError(f"{self}: a value must not be None") from error
 
+    @abc.abstractmethod
     def raws(self) -> tuple[int, ...]:
         """The integers on the wire, the nearest ones. Written out for each message, as `of` is."""
-        raise NotImplementedError
 
     @classmethod
     def parse(cls, payload: bytes) -> Message:
@@ -44,10 +45,10 @@ class Message:
         return cls.of(*cls.LAYOUT.unpack(payload))
 
     @classmethod
+    @abc.abstractmethod
     def of(cls, *raws: int) -> Message:
         """From the integers on the wire. Written out for each message: telemetry comes fifty times
         a second. Raises ValueError for an enum value out of range."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,12 @@ import pytest
 
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Array, Measurement
-from host.estimate.measurements import begin, edge, end
+from host.estimate.measurements import begin, course, edge, end
+from host.estimate.motion_model import DRILLED, move
+from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
-from host.estimate.states import STATES, YAW, X, Y
+from host.estimate.states import CRAB, STATES, WANDER, YAW, X, Y
 from host.route.plan import spiral
 
 VEHICLE = Vehicle()
@@ -60,3 +62,54 @@ def test_a_measurements_derivative_is_that_of_what_it_expects(
         slope = -(innovation(change) - before) / STEP
         # How a border slants against the strip changes too; that is left out, and small.
         assert stated[k] == pytest.approx(slope, abs=0.06 if take is seen else 0.25), k
+
+
+def test_a_courses_derivative_is_that_of_the_course_it_expects() -> None:
+    """It is given against the machine's yaw: what that moves, moves what was measured."""
+    seen_rad, yaw = 0.3, 0.1
+    state = np.linspace(0.01, 0.02, STATES)
+    state[YAW] = yaw
+
+    def at(change: Array) -> Measurement:
+        x = state + change
+        return course.course(x, seen_rad - float(x[YAW]), 0.5)
+
+    before = at(np.zeros(STATES))
+    for k in range(STATES):
+        change = np.zeros(STATES)
+        change[k] = STEP
+        slope = -(at(change).innovation[0] - before.innovation[0]) / STEP
+        assert before.h[0, k] == pytest.approx(slope, abs=1e-6), k
+
+
+@pytest.mark.parametrize("by_gyro", [False, True])
+@pytest.mark.parametrize("cutting", [False, True])
+def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool) -> None:
+    """The covariance after a step, less what the step itself errs, is that of the moved state."""
+    rng = np.random.default_rng(7)
+    state = 0.02 * rng.standard_normal(STATES + 2)
+    state[CRAB] = 0.0  # what a turn takes of the drift is taken to be known
+    past = motion(0.0, 0.0, 1.0, by_gyro)
+    later = motion(0.4, 0.15, 1.5, by_gyro)
+
+    def moved(x: Array, p: Array) -> tuple[Array, Array]:
+        x, p = x.copy(), p.copy()
+        move(x, p, past, later, DRILLED, cutting=cutting)
+        return x, p
+
+    nothing = np.zeros((len(state), len(state)))
+    own, noise = moved(state, nothing)
+    jacobian = np.empty_like(nothing)
+    for k in range(len(state)):
+        change = np.zeros(len(state))
+        change[k] = STEP
+        jacobian[:, k] = (moved(state + change, nothing)[0] - own) / STEP
+    a = rng.standard_normal(nothing.shape)
+    before = a @ a.T
+    _, after = moved(state, before)
+    assert after - noise == pytest.approx(jacobian @ before @ jacobian.T, abs=2e-3)
+    assert own[WANDER] == pytest.approx(state[WANDER] * math.exp(-0.4 / DRILLED.over_m))
+
+
+def motion(distance_m: float, yaw_rad: float, stamp: float, by_gyro: bool) -> Motion:
+    return Motion(stamp, 0.5, 0.0, distance_m, yaw_rad, 0.0, 0.0, by_gyro)

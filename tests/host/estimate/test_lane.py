@@ -14,6 +14,7 @@ from host.estimate.lanes import STRAIGHTEN_M, straightened
 from host.estimate.motion_model import YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import START_SIGMA, Position
+from host.estimate.states import WANDER
 from host.route.side import Side
 from tests.helpers.places import OnLane, driven, followed, spun, sure_of
 
@@ -181,6 +182,21 @@ def beside_an_askew_lane(askew_deg: float, side: Side, *, straight: bool) -> Pos
     position.begin(side, straight=straight)
     driven(position, 2.0, side.y_m + VEHICLE.inset_m, 0.0, motion(run_m))
     return position
+
+
+def test_an_edge_that_the_machine_has_left_may_wander_more_than_a_drilled_one() -> None:
+    def may_wander_m(position: Position) -> float:
+        return position.sigma(np.eye(len(position.x))[WANDER])
+
+    position = Position(VEHICLE)
+    position.place(ring(0), 1.0, 0.0, 0.0)
+    drilled_m = may_wander_m(position)
+    position.begin(ring(1))
+    left_m = may_wander_m(position)
+    assert left_m > 1.5 * drilled_m
+    inside = replace(ring(0), edges=(0,), places_m=((0.0, 3 * VEHICLE.pass_m),))
+    position.place(inside, 1.0, 0.0, 0.0)
+    assert may_wander_m(position) == left_m, "whatever has cut beside it before"
 
 
 @pytest.mark.parametrize(("edge", "deg"), [(3, -2.0), (1, 0.0)])

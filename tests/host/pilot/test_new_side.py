@@ -245,7 +245,7 @@ def test_a_glimpse_of_clear_ground_in_the_dust_is_not_forgotten(believed_m: floa
     plan = spiral(said, 1, VEHICLE, gap_m=world.gap, sigma_m=0.3)
     pilot = Pilot(VEHICLE, Eyes(world, dusty), plan)
     drive(world, pilot, 60.0, until=lambda: pilot.done or pilot.turns == 1)
-    assert world.y + VEHICLE.blade_x_m < 5.0 + world.gap
+    assert world.y + VEHICLE.blade_x_m < 5.0 + 0.6 * world.gap
     drive(world, pilot, 40.0, until=lambda: pilot.done)
     assert world.neighbour_cut == 0
 
@@ -263,6 +263,13 @@ def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
         cut_m, abs=0.6
     )
     context = along(cut_m, KNOWN)
+    context.estimate.cut.refused = True
+    assert is_for(Follow(context).step(NOW)[1], Followed.CLEAR_GROUND)
+
+
+def test_clear_ground_far_from_any_end_that_the_walk_may_mean_stops_the_machine() -> None:
+    """What is wrong by so much is the place, and beyond may stand the neighbour's crop."""
+    context = along(5.0)
     context.estimate.cut.refused = True
     assert is_for(Follow(context).step(NOW)[1], Followed.CLEAR_GROUND)
 
