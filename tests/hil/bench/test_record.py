@@ -7,6 +7,7 @@ import math
 import multiprocessing
 import os
 import random
+import struct
 import time
 from pathlib import Path
 
@@ -120,6 +121,19 @@ def test_a_record_that_cannot_be_written_is_one_message(tmp_path: Path) -> None:
         Recorder(tmp_path / "file" / "run.mcap")
 
 
+CUT_TAIL = (McapError, struct.error)
+"""What the library's reader raises where a file ends: between two fields, or within one."""
+
+
+def messages_by_the_library(path: Path) -> int:
+    """How many messages another reader finds before the file ends."""
+    seen = 0
+    with path.open("rb") as file, contextlib.suppress(*CUT_TAIL):
+        for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+            seen += 1
+    return seen
+
+
 def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with Recorder(path) as recorder:
@@ -129,10 +143,11 @@ def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
     before = list(record.read(path))
     assert len(before) == 3000
     counts = []
-    for size in range(len(whole), 200, -len(whole) // 40):
+    for size in range(len(whole), 200, -len(whole) // 97):
         path.write_bytes(whole[:size])
         got = list(record.read(path))
         assert got == before[: len(got)]
+        assert len(got) == messages_by_the_library(path)
         counts.append(len(got))
     assert counts == sorted(counts, reverse=True)
     assert counts[len(counts) // 2] > 1000
@@ -174,11 +189,7 @@ def test_a_run_killed_at_any_moment_leaves_a_record_that_replays(
         killed_run(path, draw.randrange(400_000))
         with path.open("rb") as file:
             assert next(iter(NonSeekingReader(file).iter_metadata())).name == record.ABOUT
-        seen = 0
-        with path.open("rb") as file, contextlib.suppress(McapError):  # raised at the cut tail
-            for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
-                seen += 1
-        assert seen == sum(1 for _ in record.read(path))
+        assert messages_by_the_library(path) == sum(1 for _ in record.read(path))
         outcome = replay(path)
         assert not outcome.pilot, outcome.pilot[0]
         assert not outcome.firmware, outcome.firmware[0]
