@@ -138,12 +138,12 @@ def _scene_of(field: Field) -> render.Scene:
         (render.TONE, field.tone),
     ):
         stand[..., channel] = np.clip(grid / render.UNIT + 0.5, 0, 65535)
+    land = np.zeros(coarse, render.LAND)
+    land["looks"] = stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16
     return render.Scene(
         kind=field.kind.copy(),
-        marks=np.zeros(coarse, np.int32),
-        looks=stand[..., render.TONE] | stand[..., render.GREEN].astype(np.int32) << 16,
-        clear=np.zeros(coarse, np.float32),
-        tops=np.zeros(coarse, np.uint16),
+        way=np.zeros(coarse, render.WAY),
+        land=land,
         stand=stand,
         x0=float(field.origin[0]),
         y0=float(field.origin[1]),
@@ -267,7 +267,7 @@ class Camera:
             sway_x=sway * math.cos(toward), sway_y=sway * math.sin(toward), gust=_GUSTS,
             haze=weather.haze, haze_bgr=(196.0, 208.0, 214.0), crop_bgr=tuple(crop),
             green_bgr=tuple(green), straw_bgr=straw, unripe_loss=tuple(1 - green / crop),
-            coarse_rows=scene.clear.shape[0], coarse_columns=scene.clear.shape[1],
+            coarse_rows=scene.way.shape[0], coarse_columns=scene.way.shape[1],
             block_rows=block_rows, block_columns=block_columns,
             beyond_is_crop=spec.neighbours != "none", pack_size=packs.shape[1], most=most,
             crown_count=len(self._crowns), tile_size=tiles.shape[1],
@@ -279,12 +279,11 @@ class Camera:
         kernels = render.Kernels(picture)
         empty = (np.zeros((bins, render.PIECES), np.float32) for _ in range(3))
         kernels.hold(
-            kind=scene.kind, marks=scene.marks, clear=scene.clear, tops=scene.tops,
-            stand=scene.stand, packs=packs,
+            kind=scene.kind, way=scene.way, land=scene.land, stand=scene.stand, packs=packs,
             # Pages that no block in view has touched take no memory.
             grown=np.zeros((block_rows * block_columns, render.GROWN_FIELDS, most), np.float32),
             known=self._known, grown_count=np.zeros(self._known.size, np.int32),
-            crowns=self._crowns, tiles=tiles, looks=scene.looks,
+            crowns=self._crowns, tiles=tiles,
             panorama=bright[..., 0] | bright[..., 1] << 8 | bright[..., 2] << 16,
             limit=next(empty), rise=next(empty), back=next(empty),
             met=np.zeros((bins, render.PIECES), np.int32), pieces=np.zeros(bins, np.int32),

@@ -103,6 +103,17 @@ T limited(T x, T low, T high) {
 // A table of 256 floats would be shorter; but to gather from one takes longer than to compute.
 constexpr int LIGHT_TERMS = 5;
 
+// What a ray along the ground asks of a coarse cell, in one word of memory; `WAY` of render.py.
+struct Way {
+  float clear;
+  uint16_t top, kinds;
+};
+
+// What its light and colour follow from; `LAND` of render.py.
+struct Land {
+  int32_t marks, looks;
+};
+
 // A stalk as it grows in a block; `GROWN` of render.py.
 struct Grown {
   float x, y, height, lean_x, lean_y, shade, stub, nod, rank, blue, green, red;
@@ -147,10 +158,8 @@ constexpr int64_t PALETTE_STALKS = PALETTE / STALK_COLOURS;
 struct Picture {
   // The field.
   const uint8_t *kind;
-  int32_t *marks;
-  const int32_t *looks;
-  float *clear;
-  uint16_t *tops;
+  Way *way;
+  Land *land;
   uint16_t *stand;
   const Grown *packs;
   float *grown;
@@ -297,7 +306,32 @@ void note_pieces(const Picture &p, int64_t b, const float *start, const float *t
   p.pieces[b] = m - 1;
 }
 
-// The profiles of the bins [b0, b1), BATCH of them at most. The azimuth of bin b is
+constexpr int WIDTH = 16;
+typedef float Floats __attribute__((vector_size(4 * WIDTH)));
+typedef int32_t Ints __attribute__((vector_size(4 * WIDTH)));
+typedef uint32_t Words __attribute__((vector_size(4 * WIDTH)));
+constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F,  3.5F,  4.5F,  5.5F,  6.5F,  7.5F,
+                            8.5F, 9.5F, 10.5F, 11.5F, 12.5F, 13.5F, 14.5F, 15.5F};
+// Makes truncation of a column a floor.
+constexpr float COLUMNS = 4096.0F;
+
+Floats larger(Floats a, Floats b) { return a > b ? a : b; }
+
+
+Floats between(Floats x, float low, float high) {
+  x = x < low ? Floats{} + low : x;
+  return x < high ? x : Floats{} + high;
+}
+
+// Whether a lane of a comparison is true.
+bool any(Ints x) {
+  int32_t sum = 0;
+  for (int k = 0; k < WIDTH; ++k) sum |= x[k];
+  return sum != 0;
+}
+
+// The profiles of the bins [b0, b1), WIDTH of them at most. The azimuth of bin b is
 // atan(bin_tangent(b)) to the left of the heading. Free ground is crossed by leaps of the clear
 // distance, crop by steps of 8 cm and more with the distance.
 void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
@@ -306,54 +340,47 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
   const float roof = float(p.roof) + 0.1F - eye;
   const int columns = int(p.coarse_columns);
   const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
-  float dx[BATCH], dy[BATCH], px[BATCH], py[BATCH], clear[BATCH], body[BATCH], height[BATCH],
-      leap[BATCH];
-  int32_t at[BATCH], marks[BATCH], fresh[BATCH];
-  float r[BATCH] = {}, now[BATCH], hidden[BATCH] = {};
-  int32_t going[BATCH], n[BATCH] = {};
-  float start[BATCH][SEGMENTS], top[BATCH][SEGMENTS];
-  for (int k = 0; k < BATCH; ++k) {
+  Floats dx, dy, r = {}, hidden = {}, now = Floats{} - 1.0F;
+  Ints going = Ints{} - 1, n = {};
+  for (int k = 0; k < WIDTH; ++k) {
     const float lateral = bin_tangent(std::min(b0 + k, b1 - 1), p);
     const float stretch = std::sqrt(1.0F + lateral * lateral);
     dx[k] = (float(head.hx) - lateral * float(head.hy)) / stretch * inv;
     dy[k] = (float(head.hy) + lateral * float(head.hx)) / stretch * inv;
-    now[k] = -1.0F;
-    going[k] = 1;
   }
-  for (int32_t any = 1; any;) {
-    for (int k = 0; k < BATCH; ++k) {
-      px[k] = px0 + r[k] * dx[k];
-      py[k] = py0 + r[k] * dy[k];
-      going[k] &= int(px[k] >= 0.0F) & int(py[k] >= 0.0F) & int(px[k] < n_i) & int(py[k] < n_j);
-      at[k] =
-          int(limited(py[k], 0.0F, n_j - 1.0F)) * columns + int(limited(px[k], 0.0F, n_i - 1.0F));
+  float start[WIDTH][SEGMENTS], top[WIDTH][SEGMENTS];
+  do {
+    const Floats px = px0 + r * dx, py = py0 + r * dy;
+    going &= (px >= 0.0F) & (py >= 0.0F) & (px < n_i) & (py < n_j);
+    const Ints i = __builtin_convertvector(between(px, 0.0F, n_i - 1.0F), Ints);
+    const Ints j = __builtin_convertvector(between(py, 0.0F, n_j - 1.0F), Ints);
+    const Ints at = j * columns + i;
+    Ints word;
+    Floats clear;
+    for (int k = 0; k < WIDTH; ++k) {
+      const Way &cell = p.way[at[k]];
+      clear[k] = cell.clear;
+      word[k] = cell.top | cell.kinds << 16;
     }
-    for (int k = 0; k < BATCH; ++k) {
-      clear[k] = p.clear[at[k]];
-      body[k] = float(p.tops[at[k]]);
-      marks[k] = p.marks[at[k]];
-    }
-    int32_t some = 0;
-    for (int k = 0; k < BATCH; ++k) {
-      const int quarter = 2 * (int(2.0F * py[k]) & 1) + (int(2.0F * px[k]) & 1);
-      const int kind = marks[k] >> (16 + 4 * quarter) & 15;
-      const bool free = clear[k] > 0.0F;
-      const bool here = !free & (body[k] > 0.0F),
-                 crop = here & ((kind == CROP) | (kind == NEIGHBOUR));
-      const bool thing = here & ((kind == OBSTACLE) | (kind == TRUNK));
-      const float high = UNIT * body[k];
-      height[k] = crop ? 0.8F * high : thing ? high : 0.0F;
-      // Along an edge the distance to it would make the steps too many.
-      const float over = std::max(clear[k] + 0.005F, 0.008F * r[k]);
-      leap[k] = free ? over : crop ? 0.08F + 0.03F * r[k] : half_cell;
-      // Nothing farther away rises above what stands here.
-      going[k] &= 1 - (int(hidden[k] > 0.0F) & int(roof <= hidden[k] * r[k]));
-      fresh[k] = going[k] & (int(now[k] < 0.0F) | int((height[k] > 0.0F) != (now[k] > 0.0F)) |
-                             int(std::abs(height[k] - now[k]) > 0.06F));
-      some |= fresh[k];
-    }
-    if (some) {
-      for (int k = 0; k < BATCH; ++k) {
+    const Floats body = __builtin_convertvector(word & 0xFFFF, Floats);
+    const Ints quarter = 2 * (__builtin_convertvector(2.0F * py, Ints) & 1) +
+                         (__builtin_convertvector(2.0F * px, Ints) & 1);
+    const Ints kind = word >> (16 + 4 * quarter) & 15;
+    const Ints free = clear > 0.0F, here = ~free & (body > 0.0F);
+    const Ints crop = here & ((kind == int(CROP)) | (kind == int(NEIGHBOUR)));
+    const Ints thing = here & ((kind == int(OBSTACLE)) | (kind == int(TRUNK)));
+    const Floats high = UNIT * body;
+    Floats height = crop ? 0.8F * high : thing ? high : Floats{};
+    // Along an edge the distance to it would make the steps too many.
+    const Floats over = larger(clear + 0.005F, 0.008F * r);
+    const Floats leap = free ? over : crop ? 0.08F + 0.03F * r : Floats{} + half_cell;
+    // Nothing farther away rises above what stands here.
+    going &= ~((hidden > 0.0F) & (roof <= hidden * r));
+    const Floats other = height - now;
+    const Ints fresh = going & ((now < 0.0F) | ((height > 0.0F) ^ (now > 0.0F)) |
+                                (other > 0.06F) | (other < -0.06F));
+    if (any(fresh)) {
+      for (int k = 0; k < WIDTH; ++k) {
         if (!fresh[k]) continue;
         float high = height[k];
         // The crop's upper border is ragged.
@@ -366,13 +393,9 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
         now[k] = height[k];
       }
     }
-    any = 0;
-    for (int k = 0; k < BATCH; ++k) {
-      r[k] = going[k] ? r[k] + leap[k] : r[k];
-      going[k] &= int(n[k] < SEGMENTS - 1) & int(r[k] < 80.0F);
-      any |= going[k];
-    }
-  }
+    r = going ? r + leap : r;
+    going &= (n < SEGMENTS - 1) & (r < 80.0F);
+  } while (any(going));
   for (int k = 0; k < int(b1 - b0); ++k) {
     start[k][n[k]] = r[k];
     top[k][n[k]] = p.beyond_is_crop ? float(p.canopy) : 0.0F;
@@ -737,18 +760,6 @@ void draw_crowns(const Picture &p, int64_t left, int64_t right) {
   }
 }
 
-constexpr int WIDTH = 16;
-typedef float Floats __attribute__((vector_size(4 * WIDTH)));
-typedef int32_t Ints __attribute__((vector_size(4 * WIDTH)));
-typedef uint32_t Words __attribute__((vector_size(4 * WIDTH)));
-constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F,  3.5F,  4.5F,  5.5F,  6.5F,  7.5F,
-                            8.5F, 9.5F, 10.5F, 11.5F, 12.5F, 13.5F, 14.5F, 15.5F};
-// Makes truncation of a column a floor.
-constexpr float COLUMNS = 4096.0F;
-
-Floats larger(Floats a, Floats b) { return a > b ? a : b; }
-
 // Draws WIDTH rows from v on, the first n of them: in each the columns from `from` on that lie
 // before `to`, at least one, where nothing nearer was drawn. All of them lie in [low, high), and
 // `from` and `to` are COLUMNS larger than columns.
@@ -929,7 +940,8 @@ template <int hit>
 void light_land(const Pair &pair, const int32_t *row, Coming &out) {
   constexpr bool ground = hit == GROUND, top = hit == CANOPY;
   const Picture &p = pair.p;
-  const Light &light = pair.light;
+  // A copy, which nothing that is written here can change.
+  const Light light = pair.light;
   float R[9];
   for (int q = 0; q < 9; ++q) R[q] = float(p.axes[q]);
   const float inv = float(0.5 / p.cell);
@@ -980,8 +992,8 @@ void light_land(const Pair &pair, const int32_t *row, Coming &out) {
                   ry = limited(cj - 0.5F, 0.0F, last_j - 0.001F);
       const int i = int(rx), j = int(ry), corner = j * n_i + i;
       const float fx = rx - float(i), fy = ry - float(j);
-      const int32_t m0 = p.marks[corner], m1 = p.marks[corner + 1];
-      const int32_t m2 = p.marks[corner + n_i], m3 = p.marks[corner + n_i + 1];
+      const int32_t m0 = p.land[corner].marks, m1 = p.land[corner + 1].marks;
+      const int32_t m2 = p.land[corner + n_i].marks, m3 = p.land[corner + n_i + 1].marks;
       const float a = float(m0 & 0xFFFF), b = float(m1 & 0xFFFF);
       const float c = float(m2 & 0xFFFF), d = float(m3 & 0xFFFF);
       const float shadow = ((a + (b - a) * fx) * (1.0F - fy) + (c + (d - c) * fx) * fy) * UNIT;
@@ -991,10 +1003,10 @@ void light_land(const Pair &pair, const int32_t *row, Coming &out) {
       mark = at == corner + n_i ? m2 : mark;
       mark = at == corner + n_i + 1 ? m3 : mark;
     } else {
-      mark = p.marks[at];
+      mark = p.land[at].marks;
     }
     marks[k] = mark & 0xFFFF;
-    looks[k] = p.looks[at];
+    looks[k] = p.land[at].looks;
     kinds[k] = mark >> (16 + 4 * quarter) & 15;
     flat[k] = ground ? 0 : int(kinds[k] >= OBSTACLE);
     ao[k] = 0.8F + 0.4F * UNIT * float(looks[k] & 0xFFFF);
@@ -1275,7 +1287,7 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
       const int64_t at = j * p.coarse_columns + i;
       uint16_t *cell = p.stand + at * CHANNELS;
       cell[BODY] = body;
-      p.tops[at] = body ? cell[HEIGHT] : uint16_t(0);
+      p.way[at].top = body ? cell[HEIGHT] : uint16_t(0);
     }
   }
 }
@@ -1292,16 +1304,16 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
   // Along each row first, squared.
   std::vector<uint16_t> along(size_t((bottom - top) * w)), least(static_cast<size_t>(w));
   for (int64_t j = top; j < bottom; ++j) {
-    const uint16_t *tops = p.tops + j * p.coarse_columns;
+    const Way *way = p.way + j * p.coarse_columns;
     uint16_t *out = along.data() + (j - top) * w;
     int64_t away = far;
     for (int64_t i = std::max<int64_t>(0, i0 - reach); i < i1; ++i) {
-      away = tops[i] > 0 ? 0 : std::min(far, away + 1);
+      away = way[i].top > 0 ? 0 : std::min(far, away + 1);
       if (i >= i0) out[i - i0] = uint16_t(away);
     }
     away = far;
     for (int64_t i = std::min(p.coarse_columns, i1 + reach) - 1; i >= i0; --i) {
-      away = tops[i] > 0 ? 0 : std::min(far, away + 1);
+      away = way[i].top > 0 ? 0 : std::min(far, away + 1);
       if (i < i1) out[i - i0] = std::min(out[i - i0], uint16_t(away));
     }
     for (int64_t i = 0; i < w; ++i) out[i] = uint16_t(out[i] * out[i]);
@@ -1312,9 +1324,9 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
       const uint16_t *in = along.data() + (k - top) * w, down = uint16_t((k - j) * (k - j));
       for (int64_t i = 0; i < w; ++i) least[i] = std::min(least[i], uint16_t(in[i] + down));
     }
-    float *out = p.clear + j * p.coarse_columns + i0;
+    Way *out = p.way + j * p.coarse_columns + i0;
     for (int64_t i = 0; i < w; ++i)
-      out[i] = limited((std::sqrt(float(least[i])) - float(DIAGONAL)) * coarse, 0.0F, cap);
+      out[i].clear = limited((std::sqrt(float(least[i])) - float(DIAGONAL)) * coarse, 0.0F, cap);
   }
 }
 
@@ -1574,9 +1586,10 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
       const int64_t at = j * p.coarse_columns + i;
       const uint8_t *upper = p.kind + 4 * j * p.coarse_columns + 2 * i,
                     *lower = upper + 2 * p.coarse_columns;
-      p.marks[at] =
-          int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | uint32_t(upper[0]) << 16 |
-                  uint32_t(upper[1]) << 20 | uint32_t(lower[0]) << 24 | uint32_t(lower[1]) << 28);
+      const uint32_t kinds = upper[0] | uint32_t(upper[1]) << 4 | uint32_t(lower[0]) << 8 |
+                             uint32_t(lower[1]) << 12;
+      p.way[at].kinds = uint16_t(kinds);
+      p.land[at].marks = int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | kinds << 16);
     }
   }
   // What stands in these blocks is looked up anew.

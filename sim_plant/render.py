@@ -67,15 +67,30 @@ GROWN: Final = np.dtype(
 STALK_BYTES: Final = 68
 """Of a stalk as it is drawn."""
 
+WAY: Final = np.dtype(
+    [
+        ("clear", np.float32),  # a lower bound of the distance to standing crop, m
+        ("top", np.uint16),  # HEIGHT where a body stands, or 0
+        ("kinds", np.uint16),  # of the cell's four quarters, 4 bit each
+    ]
+)
+"""What a ray along the ground asks of a coarse cell: in one place of memory, since the cells that
+rays meet lie far apart."""
+LAND: Final = np.dtype(
+    [
+        ("marks", np.int32),  # SUNLIT, then `kinds` of WAY
+        ("looks", np.int32),  # TONE, then GREEN
+    ]
+)
+"""What a coarse cell's light and colour follow from."""
+
 
 class Scene(NamedTuple):
     """The field's grids as the renderer reads them; see `Picture`."""
 
     kind: NDArray[np.uint8]
-    marks: NDArray[np.int32]
-    looks: NDArray[np.int32]
-    clear: NDArray[np.float32]
-    tops: NDArray[np.uint16]
+    way: NDArray[Any]
+    land: NDArray[Any]
     stand: NDArray[np.uint16]
     x0: float
     y0: float
@@ -102,13 +117,8 @@ class Picture(ctypes.Structure):
     _fields_ = (
         # The field. Coarse grids have half of `kind`'s rows and columns.
         ("kind", c_void_p),  # uint8
-        (
-            "marks",
-            c_void_p,
-        ),  # int32, coarse: SUNLIT, then the four kinds of a coarse cell, 4 bit each
-        ("looks", c_void_p),  # int32, coarse: TONE, then GREEN
-        ("clear", c_void_p),  # float32, coarse: a lower bound of the distance to standing crop, m
-        ("tops", c_void_p),  # uint16, coarse: HEIGHT where a body stands, or 0
+        ("way", c_void_p),  # coarse, of WAY
+        ("land", c_void_p),  # coarse, of LAND
         ("stand", c_void_p),  # uint16, coarse (rows, columns, 8), in 1/UNIT
         ("packs", c_void_p),  # (PACKS, stalks) of GROWN
         ("grown", c_void_p),  # float32 (blocks, GROWN_FIELDS, most): stalks looked up before
