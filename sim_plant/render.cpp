@@ -310,6 +310,7 @@ constexpr int WIDTH = 16;
 typedef float Floats __attribute__((vector_size(4 * WIDTH)));
 typedef int32_t Ints __attribute__((vector_size(4 * WIDTH)));
 typedef uint32_t Words __attribute__((vector_size(4 * WIDTH)));
+typedef uint64_t Pairs __attribute__((vector_size(4 * WIDTH)));
 constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F,  3.5F,  4.5F,  5.5F,  6.5F,  7.5F,
                             8.5F, 9.5F, 10.5F, 11.5F, 12.5F, 13.5F, 14.5F, 15.5F};
@@ -325,8 +326,10 @@ Floats between(Floats x, float low, float high) {
 }
 
 // Whether a lane of a comparison is true.
-bool any(Ints x) {
-  int32_t sum = 0;
+template <typename T>
+bool any(T of) {
+  const Words x = (Words)of;
+  uint32_t sum = 0;
   for (int k = 0; k < WIDTH; ++k) sum |= x[k];
   return sum != 0;
 }
@@ -355,13 +358,18 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
     const Ints i = __builtin_convertvector(between(px, 0.0F, n_i - 1.0F), Ints);
     const Ints j = __builtin_convertvector(between(py, 0.0F, n_j - 1.0F), Ints);
     const Ints at = j * columns + i;
-    Ints word;
-    Floats clear;
+    int32_t cells[WIDTH], words[WIDTH];
+    float clears[WIDTH];
+    std::memcpy(cells, &at, sizeof at);
     for (int k = 0; k < WIDTH; ++k) {
-      const Way &cell = p.way[at[k]];
-      clear[k] = cell.clear;
-      word[k] = cell.top | cell.kinds << 16;
+      const Way &cell = p.way[cells[k]];
+      clears[k] = cell.clear;
+      words[k] = cell.top | cell.kinds << 16;
     }
+    Floats clear;
+    Ints word;
+    std::memcpy(&clear, clears, sizeof clear);
+    std::memcpy(&word, words, sizeof word);
     const Floats body = __builtin_convertvector(word & 0xFFFF, Floats);
     const Ints quarter = 2 * (__builtin_convertvector(2.0F * py, Ints) & 1) +
                          (__builtin_convertvector(2.0F * px, Ints) & 1);
@@ -520,19 +528,7 @@ int64_t project(const Picture &p, int64_t k, Stalk *out, int16_t *spans) {
   const int bj = int(block / p.block_columns), bi = int(block % p.block_columns);
   const int64_t shown = p.first[k + 1] - p.first[k];
   const float *in = p.grown + size_t(block) * FIELDS * size_t(p.most);
-  int count = p.grown_count[block];
-  if (shown < p.pack_size) {
-    // Those of the pack's first `shown` that grew.
-    int low = 0;
-    while (low < count) {
-      const int middle = (low + count) / 2;
-      const float order = in[(middle / BATCH * FIELDS + ORDER) * BATCH + middle % BATCH];
-      if (order < float(shown))
-        low = middle + 1;
-      else
-        count = middle;
-    }
-  }
+  const int count = p.grown_count[block];
   if (count == 0) return 0;
   const double x_block = p.x0 + bi * BLOCK_M, y_block = p.y0 + bj * BLOCK_M;
   const float wider = std::min(4.6F, float(p.pack_size) / float(std::max<int64_t>(1, shown)));
@@ -558,10 +554,13 @@ int64_t project(const Picture &p, int64_t k, Stalk *out, int16_t *spans) {
   const float hb = float(p.haze_bgr[0]), hg = float(p.haze_bgr[1]), hr = float(p.haze_bgr[2]);
   int64_t n = 0;
   for (int base = 0; base < count; base += WIDE) {
-    const int m = std::min(WIDE, count - base);
     // Beyond the count there is room, and something of no meaning.
     const float *f = in + base * FIELDS;
     constexpr int row = BATCH;
+    int m = std::min(WIDE, count - base);
+    // Of the pack only its first are shown.
+    while (m > 0 && f[ORDER * row + m - 1] >= float(shown)) --m;
+    if (m == 0) break;
     for (int q = 0; q < WIDE; ++q) {
       const float height = f[TALLNESS * row + q];
       const float phase = clock + f[PHASE * row + q];
@@ -872,6 +871,14 @@ inline int32_t spread(int32_t n) {
 struct Waiting {
   int n = 0;
   int32_t row[ROOM / 2];
+
+  void add_one(int v) { row[n++] = v; }
+
+  // WIDTH / 2 squares, each below the other.
+  void add(int v) {
+    for (int k = 0; k < WIDTH / 2; ++k) row[n + k] = v + 2 * k;
+    n += WIDTH / 2;
+  }
 
   void fill_up() {
     const int last = n > 0 ? row[n - 1] : 0;
@@ -1330,6 +1337,18 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
   }
 }
 
+// The blocks that stalks of a coarse cell belong to are looked up anew.
+void forget(const Picture &p, int64_t j, int64_t i) {
+  const double per_block = 2.0 * p.cell / BLOCK_M;
+  const auto last = [&](int64_t k, int64_t blocks) {
+    return std::min(int64_t(double(k + 1) * per_block), blocks - 1);
+  };
+  const int64_t b1 = last(j, p.block_rows), c1 = last(i, p.block_columns);
+  for (int64_t b = int64_t(double(j) * per_block); b <= b1; ++b)
+    for (int64_t c = int64_t(double(i) * per_block); c <= c1; ++c)
+      p.known[b * p.block_columns + c] = 0;
+}
+
 // Fills SUNLIT in a range of coarse cells: how high the shadow of what stands sunward reaches.
 void shade(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1) {
   const int64_t rows = p.coarse_rows, columns = p.coarse_columns;
@@ -1356,8 +1375,10 @@ void shade(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1) {
         const uint16_t *cell = p.stand + (int64_t(y) * columns + int64_t(x)) * CHANNELS;
         if (cell[BODY] > 0) highest = std::max(highest, UNIT * cell[HEIGHT] - s * tangent);
       }
-      p.stand[(j * columns + i) * CHANNELS + SUNLIT] =
-          uint16_t(std::min(65535.0F, highest / UNIT + 0.5F));
+      const uint16_t sunlit = uint16_t(std::min(65535.0F, highest / UNIT + 0.5F));
+      uint16_t &before = p.stand[(j * columns + i) * CHANNELS + SUNLIT];
+      if (sunlit != before) forget(p, j, i);
+      before = sunlit;
     }
   }
 }
@@ -1566,6 +1587,8 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
   const auto column = [&](int64_t i) { return limited<int64_t>(i, 0, p.coarse_columns); };
   // How far a change reaches in this way.
   const int64_t wide = (narrowest + 1) / 2;
+  for (int64_t j = j0; j < j1; ++j)
+    for (int64_t i = i0; i < i1; ++i) forget(p, j, i);
   j0 = row(j0 - wide), j1 = row(j1 + wide), i0 = column(i0 - wide), i1 = column(i1 + wide);
   find_bodies(p, j0, j1, i0, i1, narrowest, wide);
   constexpr float CAP_M = 1.0F;
@@ -1592,15 +1615,6 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
       p.land[at].marks = int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | kinds << 16);
     }
   }
-  // What stands in these blocks is looked up anew.
-  const double per_block = coarse / BLOCK_M;
-  const auto block = [&](int64_t k, int64_t most) {
-    return limited<int64_t>(int64_t(double(k) * per_block), 0, most);
-  };
-  const int64_t b1 = block(j1, p.block_rows - 1), c1 = block(i1, p.block_columns - 1);
-  for (int64_t j = block(j0, p.block_rows - 1); j <= b1; ++j)
-    for (int64_t i = block(i0, p.block_columns - 1); i <= c1; ++i)
-      p.known[j * p.block_columns + i] = 0;
 }
 
 // Lays the blade's dust over a picture (rows, columns, 3) in place. A puff is born along the
