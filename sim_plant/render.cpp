@@ -886,6 +886,11 @@ struct Waiting {
   }
 };
 
+// Whether a batch's squares lie each below the other. A list filled up ends on two of the same.
+inline bool in_a_row(const int32_t *row) {
+  return row[BATCH - 1] - row[0] == 2 * (BATCH - 1) && row[BATCH - 1] != row[BATCH - 2];
+}
+
 // A batch of squares whose texels are on their way from memory: a pixel's colour is its texel's
 // times the square's `gain` plus `fog`.
 struct Coming {
@@ -964,6 +969,16 @@ void light_land(const Pair &pair, const int32_t *row, Coming &out) {
       foot[BATCH];
   int32_t marks[BATCH], looks[BATCH], kinds[BATCH], tiles[BATCH], here[BATCH], outside[BATCH],
       flat[BATCH];
+  float depth[4][BATCH];
+  for (int c = 0; c < 2; ++c) {
+    const float *in = pair.depth[c];
+    if (in_a_row(row)) {
+      in += row[0];
+      for (int k = 0; k < BATCH; ++k) depth[c][k] = in[2 * k], depth[c + 2][k] = in[2 * k + 1];
+    } else {
+      for (int k = 0; k < BATCH; ++k) depth[c][k] = in[row[k]], depth[c + 2][k] = in[row[k] + 1];
+    }
+  }
   for (int q = 0; q < 4; ++q) {
     for (int k = 0; k < BATCH; ++k) {
       float a, b;
@@ -971,7 +986,7 @@ void light_land(const Pair &pair, const int32_t *row, Coming &out) {
       const float east = a * R[0] + b * R[3] + R[6];
       const float north = a * R[1] + b * R[4] + R[7];
       const float up = a * R[2] + b * R[5] + R[8];
-      float t = pair.depth[q & 1][row[k] + (q >> 1)];
+      float t = depth[q][k];
       if (!ground)
         t -= (top ? CANOPY_BACK_M : FACE_BACK_M - 0.01F) / std::sqrt(east * east + north * north);
       pt[q][k] = t;
@@ -1114,19 +1129,34 @@ void light_land(const Pair &pair, const int32_t *row, Coming &out) {
 void paint_land(const Pair &pair, const int32_t *row, const Coming &in) {
   const Picture &p = pair.p;
   const float hb = float(p.haze_bgr[0]), hg = float(p.haze_bgr[1]), hr = float(p.haze_bgr[2]);
+  int32_t texels[4][BATCH];
   for (int q = 0; q < 4; ++q) {
-    int32_t texels[BATCH];
-    for (int k = 0; k < BATCH; ++k) texels[k] = p.tiles[in.texel[q][k]];
+    for (int k = 0; k < BATCH; ++k) texels[q][k] = p.tiles[in.texel[q][k]];
     for (int k = 0; k < BATCH; ++k) {
-      const int32_t texel = in.masonry[k] >= 0 ? in.masonry[k] : texels[k];
+      const int32_t texel = in.masonry[k] >= 0 ? in.masonry[k] : texels[q][k];
       const float fog = in.fog[k];
       const float b = float(texel & 255) * in.gain[0][k] + fog * hb;
       const float g = float(texel >> 8 & 255) * in.gain[1][k] + fog * hg;
       const float r = float(texel >> 16) * in.gain[2][k] + fog * hr;
-      texels[k] = int32_t(packed(b, g, r)) | in.label[k];
+      texels[q][k] = int32_t(packed(b, g, r)) | in.label[k];
     }
-    uint32_t *colour = pair.colour[q & 1] + (q >> 1);
-    for (int k = 0; k < BATCH; ++k) take(colour[row[k]], uint32_t(texels[k]));
+  }
+  for (int c = 0; c < 2; ++c) {
+    uint32_t *colour = pair.colour[c];
+    if (in_a_row(row)) {
+      colour += row[0];
+      uint32_t fresh[2 * BATCH];
+      for (int k = 0; k < BATCH; ++k) {
+        fresh[2 * k] = uint32_t(texels[c][k]);
+        fresh[2 * k + 1] = uint32_t(texels[c + 2][k]);
+      }
+      for (int k = 0; k < 2 * BATCH; ++k) take(colour[k], fresh[k]);
+    } else {
+      for (int k = 0; k < BATCH; ++k) {
+        take(colour[row[k]], uint32_t(texels[c][k]));
+        take(colour[row[k] + 1], uint32_t(texels[c + 2][k]));
+      }
+    }
   }
 }
 
