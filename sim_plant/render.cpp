@@ -1192,15 +1192,17 @@ void fill(const Picture &p, const Heading &h, const Light &light, const uint32_t
         colour[v] = (key[v] & 0xFFFF) == PAINTED ? colour[v] : palette[key[v] & 0xFFFF];
     }
   }
+  uint32_t met[ROOM / 2];
+  for (int k = 0; k < rows / 2; ++k)
+    met[k] = std::max(std::max(keys[0][2 * k] & 0xFFFF, keys[0][2 * k + 1] & 0xFFFF),
+                      std::max(keys[1][2 * k] & 0xFFFF, keys[1][2 * k + 1] & 0xFFFF));
   Waiting sky, ground, canopy, face;
-  for (int v = 0; v < rows; v += 2) {
-    const uint32_t met = std::max(std::max(keys[0][v] & 0xFFFF, keys[0][v + 1] & 0xFFFF),
-                                  std::max(keys[1][v] & 0xFFFF, keys[1][v + 1] & 0xFFFF));
-    sky.row[sky.n] = ground.row[ground.n] = canopy.row[canopy.n] = face.row[face.n] = v;
-    sky.n += met == (MET | SKY);
-    ground.n += met == (MET | GROUND);
-    canopy.n += met == (MET | CANOPY);
-    face.n += met == (MET | FACE);
+  for (int k = 0; k < rows / 2; ++k) {
+    sky.row[sky.n] = ground.row[ground.n] = canopy.row[canopy.n] = face.row[face.n] = 2 * k;
+    sky.n += met[k] == (MET | SKY);
+    ground.n += met[k] == (MET | GROUND);
+    canopy.n += met[k] == (MET | CANOPY);
+    face.n += met[k] == (MET | FACE);
   }
   for (Waiting *list : {&sky, &ground, &canopy, &face}) list->fill_up();
   for (int k = 0; k < sky.n; k += BATCH) fill_sky(pair, sky.row + k);
