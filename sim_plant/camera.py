@@ -277,7 +277,6 @@ class Camera:
             light=self._light_terms(light),
         )  # fmt: skip
         kernels = render.Kernels(picture)
-        empty = (np.zeros((bins, render.PIECES), np.float32) for _ in range(3))
         kernels.hold(
             kind=scene.kind, way=scene.way, land=scene.land, stand=scene.stand, packs=packs,
             # Pages that no block in view has touched take no memory.
@@ -285,8 +284,8 @@ class Camera:
             known=self._known, grown_count=np.zeros(self._known.size, np.int32),
             crowns=self._crowns, tiles=tiles,
             panorama=bright[..., 0] | bright[..., 1] << 8 | bright[..., 2] << 16,
-            limit=next(empty), rise=next(empty), back=next(empty),
-            met=np.zeros((bins, render.PIECES), np.int32), pieces=np.zeros(bins, np.int32),
+            profiles=np.zeros((bins, render.PIECES, render.PIECE_BYTES), np.uint8),
+            pieces=np.zeros(bins, np.int32),
             blocks=np.zeros(render.MOST_BLOCKS, np.int32),
             first=np.zeros(render.MOST_BLOCKS + 1, np.int64),
             drawn=np.zeros((render.PARTS, 2), np.int64),

@@ -114,6 +114,12 @@ struct Land {
   int32_t marks, looks;
 };
 
+// Of what the rays of one azimuth meet; `note_pieces` says what each is.
+struct Piece {
+  float limit, rise, back;
+  uint32_t met;
+};
+
 // A stalk as it grows in a block; `GROWN` of render.py.
 struct Grown {
   float x, y, height, lean_x, lean_y, shade, stub, nod, rank, blue, green, red;
@@ -170,10 +176,7 @@ struct Picture {
   const int32_t *tiles;
   const int32_t *panorama;
   // Work.
-  float *limit;
-  float *rise;
-  float *back;
-  int32_t *met;
+  Piece *profiles;
   int32_t *pieces;
   int32_t *blocks;
   int64_t *first;
@@ -274,18 +277,11 @@ int fine_kind(const Picture &p, int j, int i) { return p.kind[j * 2 * p.coarse_c
 // down from the n + 1 distances at which another height begins.
 void note_pieces(const Picture &p, int64_t b, const float *start, const float *top, int n) {
   const float eye = float(p.z);
-  float *limits = p.limit + b * PIECES;
-  float *rises = p.rise + b * PIECES;
-  float *backs = p.back + b * PIECES;
-  int32_t *mets = p.met + b * PIECES;
+  Piece *out = p.profiles + b * PIECES;
   int m = 0;
   float highest = -std::numeric_limits<float>::infinity();
-  const auto add = [&](float limit, float rise, float back, int met) {
-    limits[m] = limit;
-    rises[m] = rise;
-    backs[m] = back;
-    mets[m] = met;
-    ++m;
+  const auto add = [&](float limit, float rise, float back, uint32_t met) {
+    out[m++] = {limit, rise, back, met};
   };
   for (int k = 0; k <= n; ++k) {
     const float rise = top[k] - eye;
@@ -693,17 +689,22 @@ void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
     const float z = a * h.rz + b * h.dz + h.fz;
     up[1][v] = std::abs(z) > tiny ? z : -tiny;
   }
-  int k = 0;
+  const Piece *const profiles = p.profiles;
+  const int32_t *const pieces = p.pieces;
+  const Piece *meets = profiles + bin[0] * PIECES;
+  int k = 0, before = bin[0];
   for (int v = 0; v < rows; v += 2) {
-    const float *limits = p.limit + bin[v] * PIECES;
+    if (bin[v] != before) {
+      before = bin[v];
+      meets = profiles + before * PIECES;
+      k = std::min(k, pieces[before]);
+    }
     const float slope = up[0][v] * per_flat[v];
-    k = std::min(k, p.pieces[bin[v]]);
-    while (k > 0 && slope < limits[k - 1]) --k;
-    while (slope >= limits[k]) ++k;
-    const int32_t at = bin[v] * PIECES + k;
-    rise[v] = rise[v + 1] = p.rise[at];
-    back[v] = back[v + 1] = p.back[at];
-    met[v] = met[v + 1] = MET | uint32_t(p.met[at]);
+    while (k > 0 && slope < meets[k - 1].limit) --k;
+    while (slope >= meets[k].limit) ++k;
+    rise[v] = rise[v + 1] = meets[k].rise;
+    back[v] = back[v + 1] = meets[k].back;
+    met[v] = met[v + 1] = MET | meets[k].met;
   }
   for (int64_t c = 0; c < columns; ++c) {
     float *depth = p.depth + (u + c) * p.stride;

@@ -64,6 +64,8 @@ GROWN: Final = np.dtype(
     ]
 )
 """A stalk as it grows in a block."""
+PIECE_BYTES: Final = 16
+"""Of a piece of a profile."""
 STALK_BYTES: Final = 68
 """Of a stalk as it is drawn."""
 
@@ -129,10 +131,7 @@ class Picture(ctypes.Structure):
         ("tiles", c_void_p),  # int32 (tile, texel), packed: blue in the lowest byte, green, red
         ("panorama", c_void_p),  # int32, packed like a texel, as bright as the sky is at this hour
         # Work.
-        ("limit", c_void_p),  # float32 (bins, PIECES), like the next two
-        ("rise", c_void_p),
-        ("back", c_void_p),
-        ("met", c_void_p),  # int32 (bins, PIECES)
+        ("profiles", c_void_p),  # (bins, PIECES) of PIECE_BYTES
         ("pieces", c_void_p),  # int32 (bins)
         ("blocks", c_void_p),  # int32: those in view
         ("first", c_void_p),  # int64: of the k-th block in view, its first place among the stalks
