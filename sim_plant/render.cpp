@@ -105,9 +105,11 @@ constexpr int LIGHT_TERMS = 5;
 
 // What a ray along the ground asks of a coarse cell, in one word of memory; `WAY` of render.py.
 struct Way {
-  float clear;
-  uint16_t top, kinds;
+  uint16_t next, kinds;
 };
+// Of `Way::next`: less is a squared distance to the nearest body, in cells; from here on comes the
+// height of the body that stands here.
+constexpr int BODY_FROM = 1024;
 
 // What its light and colour follow from; `LAND` of render.py.
 struct Land {
@@ -330,6 +332,11 @@ bool any(T of) {
   return sum != 0;
 }
 
+// From one corner of a cell to the far one, and rounding, in cells.
+constexpr double DIAGONAL = 1.4143;
+// No free distance is looked for beyond.
+constexpr float CAP_M = 1.0F;
+
 // The profiles of the bins [b0, b1), WIDTH of them at most. The azimuth of bin b is
 // atan(bin_tangent(b)) to the left of the heading. Free ground is crossed by leaps of the clear
 // distance, crop by steps of 8 cm and more with the distance.
@@ -338,6 +345,7 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
   const float px0 = float((p.x - p.x0) * 0.5 / p.cell), py0 = float((p.y - p.y0) * 0.5 / p.cell);
   const float roof = float(p.roof) + 0.1F - eye;
   const int columns = int(p.coarse_columns);
+  const float coarse = float(2.0 * p.cell);
   const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
   Floats dx, dy, r = {}, hidden = {}, now = Floats{} - 1.0F;
   Ints going = Ints{} - 1, n = {};
@@ -355,18 +363,19 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
     const Ints j = __builtin_convertvector(between(py, 0.0F, n_j - 1.0F), Ints);
     const Ints at = j * columns + i;
     int32_t cells[WIDTH], words[WIDTH];
-    float clears[WIDTH];
     std::memcpy(cells, &at, sizeof at);
-    for (int k = 0; k < WIDTH; ++k) {
-      const Way &cell = p.way[cells[k]];
-      clears[k] = cell.clear;
-      words[k] = cell.top | cell.kinds << 16;
-    }
-    Floats clear;
+    for (int k = 0; k < WIDTH; ++k) std::memcpy(words + k, p.way + cells[k], sizeof(Way));
     Ints word;
-    std::memcpy(&clear, clears, sizeof clear);
     std::memcpy(&word, words, sizeof word);
-    const Floats body = __builtin_convertvector(word & 0xFFFF, Floats);
+    const Ints next = word & 0xFFFF;
+    const Floats body = __builtin_convertvector(next < BODY_FROM ? Ints{} : next - BODY_FROM, Floats);
+    float away[WIDTH];
+    const Floats squared = __builtin_convertvector(next, Floats);
+    std::memcpy(away, &squared, sizeof away);
+    for (int k = 0; k < WIDTH; ++k) away[k] = std::sqrt(away[k]);
+    Floats clear;
+    std::memcpy(&clear, away, sizeof away);
+    clear = body > 0.0F ? Floats{} : between((clear - float(DIAGONAL)) * coarse, 0.0F, CAP_M);
     const Ints quarter = 2 * (__builtin_convertvector(2.0F * py, Ints) & 1) +
                          (__builtin_convertvector(2.0F * px, Ints) & 1);
     const Ints kind = word >> (16 + 4 * quarter) & 15;
@@ -1274,9 +1283,6 @@ void lay(const Picture &p, const Strip &strip) {
   }
 }
 
-// From one corner of a cell to the far one, and rounding, in cells.
-constexpr double DIAGONAL = 1.4143;
-
 // Fills BODY and `tops` of the coarse cells [j0, j1) x [i0, i1): where a solid thing stands, or
 // crop at least `narrowest` fine cells wide each way. `wide`: that many coarse cells further off
 // matter.
@@ -1327,7 +1333,8 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
       const int64_t at = j * p.coarse_columns + i;
       uint16_t *cell = p.stand + at * CHANNELS;
       cell[BODY] = body;
-      p.way[at].top = body ? cell[HEIGHT] : uint16_t(0);
+      const int height = body ? cell[HEIGHT] : 0;
+      p.way[at].next = uint16_t(height > 0 ? std::min(65535, BODY_FROM + height) : 0);
     }
   }
 }
@@ -1335,8 +1342,7 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
 // Fills `clear` of the coarse cells [j0, j1) x [i0, i1): the distance to the nearest body, of which
 // those more than `reach` cells away do not count, less what point and body may lie nearer than
 // their cells' middles; in m, `cap` at most.
-void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t reach,
-                   float coarse, float cap) {
+void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t reach) {
   const int64_t w = i1 - i0, far = reach + 1;
   const int64_t top = std::max<int64_t>(0, j0 - reach),
                 bottom = std::min(p.coarse_rows, j1 + reach);
@@ -1348,12 +1354,12 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
     uint16_t *out = along.data() + (j - top) * w;
     int64_t away = far;
     for (int64_t i = std::max<int64_t>(0, i0 - reach); i < i1; ++i) {
-      away = way[i].top > 0 ? 0 : std::min(far, away + 1);
+      away = way[i].next >= BODY_FROM ? 0 : std::min(far, away + 1);
       if (i >= i0) out[i - i0] = uint16_t(away);
     }
     away = far;
     for (int64_t i = std::min(p.coarse_columns, i1 + reach) - 1; i >= i0; --i) {
-      away = way[i].top > 0 ? 0 : std::min(far, away + 1);
+      away = way[i].next >= BODY_FROM ? 0 : std::min(far, away + 1);
       if (i < i1) out[i - i0] = std::min(out[i - i0], uint16_t(away));
     }
     for (int64_t i = 0; i < w; ++i) out[i] = uint16_t(out[i] * out[i]);
@@ -1366,7 +1372,7 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
     }
     Way *out = p.way + j * p.coarse_columns + i0;
     for (int64_t i = 0; i < w; ++i)
-      out[i].clear = limited((std::sqrt(float(least[i])) - float(DIAGONAL)) * coarse, 0.0F, cap);
+      out[i].next = out[i].next >= BODY_FROM ? out[i].next : std::min(least[i], uint16_t(BODY_FROM - 1));
   }
 }
 
@@ -1624,10 +1630,9 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
     for (int64_t i = i0; i < i1; ++i) forget(p, j, i);
   j0 = row(j0 - wide), j1 = row(j1 + wide), i0 = column(i0 - wide), i1 = column(i1 + wide);
   find_bodies(p, j0, j1, i0, i1, narrowest, wide);
-  constexpr float CAP_M = 1.0F;
   const int64_t reach = int64_t(CAP_M / coarse + DIAGONAL);
-  measure_clear(p, row(j0 - reach), row(j1 + reach), column(i0 - reach), column(i1 + reach), reach,
-                float(coarse), CAP_M);
+  measure_clear(p, row(j0 - reach), row(j1 + reach), column(i0 - reach), column(i1 + reach),
+                reach);
   // Shadows fall away from the sun, those of crop, which alone is ever cut, no further than this.
   const double flat = std::max(std::sqrt(p.sun[0] * p.sun[0] + p.sun[1] * p.sun[1]), 1e-6);
   const double longest = p.tallest * flat / std::max(p.sun[2], 0.03) / coarse;
