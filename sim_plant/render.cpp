@@ -337,40 +337,65 @@ constexpr double DIAGONAL = 1.4143;
 // No free distance is looked for beyond.
 constexpr float CAP_M = 1.0F;
 
-// The profiles of the bins [b0, b1), WIDTH of them at most. The azimuth of bin b is
-// atan(bin_tangent(b)) to the left of the heading. Free ground is crossed by leaps of the clear
+// The profiles of WIDTH bins on their way outward. Free ground is crossed by leaps of the clear
 // distance, crop by steps of 8 cm and more with the distance.
-void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
-  const float inv = float(0.5 / p.cell), half_cell = float(0.5 * p.cell), eye = float(p.z);
-  const float px0 = float((p.x - p.x0) * 0.5 / p.cell), py0 = float((p.y - p.y0) * 0.5 / p.cell);
-  const float roof = float(p.roof) + 0.1F - eye;
-  const int columns = int(p.coarse_columns);
-  const float coarse = float(2.0 * p.cell);
-  const float n_i = float(p.coarse_columns), n_j = float(p.coarse_rows);
-  Floats dx, dy, r = {}, hidden = {}, now = Floats{} - 1.0F;
-  Ints going = Ints{} - 1, n = {};
-  for (int k = 0; k < WIDTH; ++k) {
-    const float lateral = bin_tangent(std::min(b0 + k, b1 - 1), p);
-    const float stretch = std::sqrt(1.0F + lateral * lateral);
-    dx[k] = (float(head.hx) - lateral * float(head.hy)) / stretch * inv;
-    dy[k] = (float(head.hy) + lateral * float(head.hx)) / stretch * inv;
-  }
+struct March {
+  const Picture *p;
+  int64_t b0, b1;
+  float px0, py0, roof, half_cell, eye, coarse;
+  Floats dx, dy, r, hidden, now, px, py;
+  Ints going, n;
+  int32_t cells[WIDTH];
   float start[WIDTH][SEGMENTS], top[WIDTH][SEGMENTS];
-  do {
-    const Floats px = px0 + r * dx, py = py0 + r * dy;
+
+  // The bins [first, end), WIDTH of them at most. The azimuth of bin b is atan(bin_tangent(b)) to
+  // the left of the heading.
+  void begin(const Picture &of, const Heading &head, int64_t first, int64_t end) {
+    p = &of;
+    b0 = first;
+    b1 = end;
+    const float inv = float(0.5 / of.cell);
+    px0 = float((of.x - of.x0) * 0.5 / of.cell);
+    py0 = float((of.y - of.y0) * 0.5 / of.cell);
+    half_cell = float(0.5 * of.cell);
+    coarse = float(2.0 * of.cell);
+    eye = float(of.z);
+    roof = float(of.roof) + 0.1F - eye;
+    r = hidden = Floats{};
+    now = Floats{} - 1.0F;
+    going = Ints{} - 1;
+    n = Ints{};
+    for (int k = 0; k < WIDTH; ++k) {
+      const float lateral = bin_tangent(std::min(b0 + k, b1 - 1), of);
+      const float stretch = std::sqrt(1.0F + lateral * lateral);
+      dx[k] = (float(head.hx) - lateral * float(head.hy)) / stretch * inv;
+      dy[k] = (float(head.hy) + lateral * float(head.hx)) / stretch * inv;
+    }
+  }
+
+  // Asks for the cells that the rays have come to.
+  void look() {
+    const float n_i = float(p->coarse_columns), n_j = float(p->coarse_rows);
+    px = px0 + r * dx;
+    py = py0 + r * dy;
     going &= (px >= 0.0F) & (py >= 0.0F) & (px < n_i) & (py < n_j);
     const Ints i = __builtin_convertvector(between(px, 0.0F, n_i - 1.0F), Ints);
     const Ints j = __builtin_convertvector(between(py, 0.0F, n_j - 1.0F), Ints);
-    const Ints at = j * columns + i;
-    int32_t cells[WIDTH], words[WIDTH];
-    std::memcpy(cells, &at, sizeof at);
-    for (int k = 0; k < WIDTH; ++k) std::memcpy(words + k, p.way + cells[k], sizeof(Way));
-    Ints word;
-    std::memcpy(&word, words, sizeof word);
-    const Ints next = word & 0xFFFF;
-    const Floats body = __builtin_convertvector(next < BODY_FROM ? Ints{} : next - BODY_FROM, Floats);
-    float away[WIDTH];
+    const Ints at = j * int(p->coarse_columns) + i;
+    int32_t places[WIDTH];
+    std::memcpy(places, &at, sizeof at);
+    for (int k = 0; k < WIDTH; ++k) std::memcpy(cells + k, p->way + places[k], sizeof(Way));
+  }
+
+  // Notes what stands there and goes on; returns whether a ray still goes.
+  bool step() {
+    Ints cell;
+    std::memcpy(&cell, cells, sizeof cell);
+    const Ints next = cell & 0xFFFF;
+    const Floats body =
+        __builtin_convertvector(next < BODY_FROM ? Ints{} : next - BODY_FROM, Floats);
     const Floats squared = __builtin_convertvector(next, Floats);
+    float away[WIDTH];
     std::memcpy(away, &squared, sizeof away);
     for (int k = 0; k < WIDTH; ++k) away[k] = std::sqrt(away[k]);
     Floats clear;
@@ -378,12 +403,12 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
     clear = body > 0.0F ? Floats{} : between((clear - float(DIAGONAL)) * coarse, 0.0F, CAP_M);
     const Ints quarter = 2 * (__builtin_convertvector(2.0F * py, Ints) & 1) +
                          (__builtin_convertvector(2.0F * px, Ints) & 1);
-    const Ints kind = word >> (16 + 4 * quarter) & 15;
+    const Ints kind = cell >> (16 + 4 * quarter) & 15;
     const Ints free = clear > 0.0F, here = ~free & (body > 0.0F);
     const Ints crop = here & ((kind == int(CROP)) | (kind == int(NEIGHBOUR)));
     const Ints thing = here & ((kind == int(OBSTACLE)) | (kind == int(TRUNK)));
     const Floats high = UNIT * body;
-    Floats height = crop ? 0.8F * high : thing ? high : Floats{};
+    const Floats height = crop ? 0.8F * high : thing ? high : Floats{};
     // Along an edge the distance to it would make the steps too many.
     const Floats over = larger(clear + 0.005F, 0.008F * r);
     const Floats leap = free ? over : crop ? 0.08F + 0.03F * r : Floats{} + half_cell;
@@ -392,28 +417,57 @@ void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
     const Floats other = height - now;
     const Ints fresh = going & ((now < 0.0F) | ((height > 0.0F) ^ (now > 0.0F)) |
                                 (other > 0.06F) | (other < -0.06F));
-    if (any(fresh)) {
-      for (int k = 0; k < WIDTH; ++k) {
-        if (!fresh[k]) continue;
-        float high = height[k];
-        // The crop's upper border is ragged.
-        if ((high > 0.0F) != (now[k] > 0.0F) && high > 0.0F && leap[k] > half_cell)
-          high += 0.16F * float(uniform(5, int(30.0F * px[k]), int(30.0F * py[k]))) - 0.10F;
-        start[k][n[k]] = r[k];
-        top[k][n[k]] = high;
-        ++n[k];
-        hidden[k] = std::max(hidden[k], (high - eye) / std::max(r[k], 1e-6F));
-        now[k] = height[k];
-      }
-    }
+    if (any(fresh))
+      for (int k = 0; k < WIDTH; ++k)
+        if (fresh[k]) note(k, height[k], leap[k]);
     r = going ? r + leap : r;
     going &= (n < SEGMENTS - 1) & (r < 80.0F);
-  } while (any(going));
-  for (int k = 0; k < int(b1 - b0); ++k) {
-    start[k][n[k]] = r[k];
-    top[k][n[k]] = p.beyond_is_crop ? float(p.canopy) : 0.0F;
-    note_pieces(p, b0 + k, start[k], top[k], n[k]);
+    return any(going);
   }
+
+  void note(int k, float height, float leap) {
+    float high = height;
+    // The crop's upper border is ragged.
+    if ((high > 0.0F) != (now[k] > 0.0F) && high > 0.0F && leap > half_cell)
+      high += 0.16F * float(uniform(5, int(30.0F * px[k]), int(30.0F * py[k]))) - 0.10F;
+    start[k][n[k]] = r[k];
+    top[k][n[k]] = high;
+    ++n[k];
+    hidden[k] = std::max(hidden[k], (high - eye) / std::max(r[k], 1e-6F));
+    now[k] = height;
+  }
+
+  void end() {
+    for (int k = 0; k < int(b1 - b0); ++k) {
+      start[k][n[k]] = r[k];
+      top[k][n[k]] = p->beyond_is_crop ? float(p->canopy) : 0.0F;
+      note_pieces(*p, b0 + k, start[k], top[k], n[k]);
+    }
+  }
+};
+
+// The profiles of the bins [b0, b1), MARCHES * WIDTH of them at most: while the cells of one march
+// come from memory, the others go on.
+constexpr int MARCHES = 4;
+void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
+  March marches[MARCHES];
+  int on_the_way[MARCHES], count = 0;
+  for (int64_t b = b0; b < b1; b += WIDTH) {
+    marches[count].begin(p, head, b, std::min(b + WIDTH, b1));
+    on_the_way[count] = count;
+    ++count;
+  }
+  const int all = count;
+  while (count > 0) {
+    for (int k = 0; k < count; ++k) marches[on_the_way[k]].look();
+    int left = 0;
+    for (int k = 0; k < count; ++k) {
+      const int which = on_the_way[k];
+      if (marches[which].step()) on_the_way[left++] = which;
+    }
+    count = left;
+  }
+  for (int k = 0; k < all; ++k) marches[k].end();
 }
 
 // Looks up what stands in a block, once until something near it changes.
@@ -1543,12 +1597,10 @@ void prepare_part(const Picture &p, int64_t part) {
   }
   p.drawn[2 * part + 1] = n;
   const Heading h(p);
-  const int64_t batches = (p.bin_to - p.bin_from + BATCH - 1) / BATCH;
-  const int64_t last = batches * (part + 1) / p.parts;
-  for (int64_t k = batches * part / p.parts; k < last; ++k) {
-    const int64_t b = p.bin_from + k * BATCH;
-    profile(p, h, b, std::min(b + BATCH, p.bin_to));
-  }
+  const int64_t batches = (p.bin_to - p.bin_from + WIDTH - 1) / WIDTH;
+  const int64_t last = std::min(p.bin_to, p.bin_from + batches * (part + 1) / p.parts * WIDTH);
+  for (int64_t b = p.bin_from + batches * part / p.parts * WIDTH; b < last; b += MARCHES * WIDTH)
+    profile(p, h, b, std::min(b + MARCHES * WIDTH, last));
 }
 
 void prepare(const Picture *picture, int64_t from, int64_t to) {
