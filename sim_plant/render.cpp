@@ -1589,8 +1589,8 @@ void prepare_part(const Picture &p, int64_t part) {
   int64_t n = p.first[k0];
   p.drawn[2 * part] = n;
   for (int64_t k = k0; k < k1; ++k) {
-    // The next block is on its way meanwhile.
-    const int64_t next = p.blocks[std::min(k + 1, p.block_count - 1)];
+    // The block after the next is on its way meanwhile.
+    const int64_t next = p.blocks[std::min(k + 2, p.block_count - 1)];
     const float *soon = p.grown + size_t(next) * FIELDS * size_t(p.most);
     for (int field = 0; field < FIELDS; ++field) __builtin_prefetch(soon + field * BATCH);
     n += project(p, k, p.stalks + n, p.spans + 2 * n);
