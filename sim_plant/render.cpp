@@ -1398,14 +1398,16 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
 // their cells' middles; in m, `cap` at most.
 void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t reach) {
   const int64_t w = i1 - i0, far = reach + 1;
+  // From row to row; whole vectors.
+  const int64_t stride = (w + 31) / 32 * 32;
   const int64_t top = std::max<int64_t>(0, j0 - reach),
                 bottom = std::min(p.coarse_rows, j1 + reach);
   if (w <= 0 || bottom <= top) return;
   // Along each row first, squared.
-  std::vector<uint16_t> along(size_t((bottom - top) * w)), least(static_cast<size_t>(w));
+  std::vector<uint16_t> along(size_t((bottom - top) * stride)), least(static_cast<size_t>(stride));
   for (int64_t j = top; j < bottom; ++j) {
     const Way *way = p.way + j * p.coarse_columns;
-    uint16_t *out = along.data() + (j - top) * w;
+    uint16_t *out = along.data() + (j - top) * stride;
     int64_t away = far;
     for (int64_t i = std::max<int64_t>(0, i0 - reach); i < i1; ++i) {
       away = way[i].next >= BODY_FROM ? 0 : std::min(far, away + 1);
@@ -1416,13 +1418,13 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
       away = way[i].next >= BODY_FROM ? 0 : std::min(far, away + 1);
       if (i < i1) out[i - i0] = std::min(out[i - i0], uint16_t(away));
     }
-    for (int64_t i = 0; i < w; ++i) out[i] = uint16_t(out[i] * out[i]);
+    for (int64_t i = 0; i < stride; ++i) out[i] = uint16_t(out[i] * out[i]);
   }
   for (int64_t j = j0; j < j1; ++j) {
     std::fill(least.begin(), least.end(), uint16_t(2 * far * far));
     for (int64_t k = std::max(top, j - reach); k < std::min(bottom, j + reach + 1); ++k) {
-      const uint16_t *in = along.data() + (k - top) * w, down = uint16_t((k - j) * (k - j));
-      for (int64_t i = 0; i < w; ++i) least[i] = std::min(least[i], uint16_t(in[i] + down));
+      const uint16_t *in = along.data() + (k - top) * stride, down = uint16_t((k - j) * (k - j));
+      for (int64_t i = 0; i < stride; ++i) least[i] = std::min(least[i], uint16_t(in[i] + down));
     }
     Way *out = p.way + j * p.coarse_columns + i0;
     for (int64_t i = 0; i < w; ++i)
@@ -1762,7 +1764,10 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, cons
   if (top >= bottom) return;
   // Enlarged between the middles of the veil's pixels.
   const int v0 = std::max(0, (top - 1) * VEIL), v1 = std::min(int(rows), (bottom + 1) * VEIL);
-  const int u0 = std::max(0, (left - 1) * VEIL), u1 = std::min(int(columns), (right + 1) * VEIL);
+  // Whole vectors: where no dust is nothing changes.
+  constexpr int WHOLE = 64;
+  const int k0 = std::max(0, 3 * (left - 1) * VEIL) / WHOLE * WHOLE;
+  const int k1 = std::min(3 * int(columns), (3 * (right + 1) * VEIL / WHOLE + 1) * WHOLE);
   float column[ROOM];
   int16_t share[ROOM + VEIL], line[3 * ROOM], dust[3 * ROOM];
   for (int k = 0; k < 3 * int(columns); ++k) dust[k] = int16_t(bgr[k % 3]);
@@ -1771,12 +1776,12 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, cons
     const int j = std::min(int(y), h - 2);
     const float fy = y - float(j);
     const float *one = veil + size_t(j) * size_t(w);
-    float most = 0.0F;
+    int32_t dusty = 0;
     for (int i = 0; i < w; ++i) {
       column[i] = one[i] + (one[i + w] - one[i]) * fy;
-      most = std::max(most, column[i]);
+      dusty |= int32_t(column[i] > 0.0F);
     }
-    if (most <= 0.0F) continue;
+    if (!dusty) continue;
     // In 256ths. Pixels come VEIL by VEIL between the middles of the veil's.
     column[w] = column[w - 1];
     for (int k = 0; k < VEIL / 2; ++k) share[k] = int16_t(256.0F * column[0]);
@@ -1787,9 +1792,10 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, cons
             int16_t(256.0F * (column[i] + (column[i + 1] - column[i]) * place));
       }
     for (int u = VEIL * w; u < int(columns); ++u) share[u] = share[VEIL * w - 1];
-    for (int u = u0; u < u1; ++u) line[3 * u] = line[3 * u + 1] = line[3 * u + 2] = share[u];
+    for (int u = 0; u < int(columns); ++u)
+      line[3 * u] = line[3 * u + 1] = line[3 * u + 2] = share[u];
     uint8_t *out = image + (int64_t(v) * columns) * 3;
-    for (int k = 3 * u0; k < 3 * u1; ++k)
+    for (int k = k0; k < k1; ++k)
       out[k] = uint8_t(out[k] + ((dust[k] - out[k]) * line[k] >> 8));
   }
 }
