@@ -289,7 +289,8 @@ class Camera:
             blocks=np.zeros(render.MOST_BLOCKS, np.int32),
             first=np.zeros(render.MOST_BLOCKS + 1, np.int64),
             drawn=np.zeros((render.PARTS, 2), np.int64),
-            sorted_first=np.zeros(render.PARTS + 1, np.int64),
+            sorted=np.zeros((render.PARTS, render.PALETTE_STALKS), np.int32),
+            dealt=np.zeros(render.PARTS, np.int64),
             image=self._image,
         )  # fmt: skip
         return kernels
@@ -451,10 +452,7 @@ class Camera:
                 spans=np.empty((picture.capacity, 2), np.int16),
             )
         self._shared(kernels.prepare)
-        if (room := kernels.sort()) > picture.sorted_room:
-            picture.sorted_room = int(1.3 * room)
-            kernels.hold(sorted=np.empty(picture.sorted_room, np.int32))
-            kernels.sort()
+        kernels.sort()
         self._shared(kernels.draw)
         if self._header is not None:
             header, mask = self._header

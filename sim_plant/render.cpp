@@ -186,7 +186,7 @@ struct Picture {
   Stalk *stalks;
   int16_t *spans;
   int32_t *sorted;
-  int64_t *sorted_first;
+  int64_t *dealt;
   uint8_t *image;
   uint8_t *labels;
   // A strip's own.
@@ -219,7 +219,6 @@ struct Picture {
   int64_t seed;
   int64_t parts;
   int64_t stride;
-  int64_t sorted_room;
   int64_t bin_from, bin_to;
 };
 
@@ -1298,17 +1297,17 @@ void find_all(const Picture &p, const Strip &strip) {
     find(p, h, u, std::min<int64_t>(2, strip.right - u));
 }
 
-// Draws a strip's stalks and fills its palette: of all those that it can hold, the nearest.
+// Draws a strip's stalks and fills its palette.
 void draw_stalks(const Picture &p, const Strip &strip, uint32_t *palette) {
-  const int64_t first = p.sorted_first[strip.part];
-  const int64_t last = std::min(p.sorted_first[strip.part + 1], first + PALETTE_STALKS) - 1;
-  for (int64_t n = first; n <= last; ++n) {
+  const int32_t *which = p.sorted + strip.part * PALETTE_STALKS;
+  const int64_t last = p.dealt[strip.part] - 1;
+  for (int64_t n = 0; n <= last; ++n) {
     // What comes next is on its way meanwhile.
-    const char *soon = reinterpret_cast<const char *>(p.stalks + p.sorted[std::min(n + 6, last)]);
+    const char *soon = reinterpret_cast<const char *>(p.stalks + which[std::min(n + 6, last)]);
     __builtin_prefetch(soon);
     __builtin_prefetch(soon + 63);
-    const Stalk &stalk = p.stalks[p.sorted[n]];
-    const uint32_t place = uint32_t(n - first) * STALK_COLOURS;
+    const Stalk &stalk = p.stalks[which[n]];
+    const uint32_t place = uint32_t(n) * STALK_COLOURS;
     std::memcpy(palette + place, stalk.stripes, sizeof stalk.stripes);
     std::memcpy(palette + place + 2, stalk.stems, sizeof stalk.stems);
     draw_stalk(p, stalk, place, int(strip.left), int(strip.right));
@@ -1609,33 +1608,26 @@ void prepare(const Picture *picture, int64_t from, int64_t to) {
   for (int64_t part = from; part < to; ++part) prepare_part(*picture, part);
 }
 
-// Deals the stalks out to the parts whose columns they cover, in their order. Returns how many
-// `sorted` must hold, and does nothing more where that is more than `sorted_room`.
-int64_t sort_stalks(const Picture *picture) {
+// Deals the stalks out to the parts whose columns they cover, in their order: the nearest, as many
+// as a part's palette holds.
+void sort_stalks(const Picture *picture) {
   const Picture &p = *picture;
-  constexpr int MOST = 256;
-  int64_t count[MOST + 1] = {};
   int32_t part_of[ROOM];
   for (int64_t part = 0; part < p.parts; ++part) {
     const Strip strip(p, part);
     for (int64_t u = strip.left; u < strip.right; ++u) part_of[u] = int32_t(part);
+    p.dealt[part] = 0;
   }
-  const auto each = [&](auto &&with) {
-    for (int64_t part = 0; part < p.parts; ++part) {
-      for (int64_t n = p.drawn[2 * part]; n < p.drawn[2 * part + 1]; ++n) {
-        const int from = std::max<int>(p.spans[2 * n], 0),
-                  to = std::min<int>(p.spans[2 * n + 1], int(p.columns) - 1);
-        if (from > to) continue;
-        for (int strip = part_of[from]; strip <= part_of[to]; ++strip) with(strip, n);
-      }
+  for (int64_t part = 0; part < p.parts; ++part) {
+    for (int64_t n = p.drawn[2 * part]; n < p.drawn[2 * part + 1]; ++n) {
+      const int from = std::max<int>(p.spans[2 * n], 0),
+                to = std::min<int>(p.spans[2 * n + 1], int(p.columns) - 1);
+      if (from > to) continue;
+      for (int64_t strip = part_of[from]; strip <= part_of[to]; ++strip)
+        if (p.dealt[strip] < PALETTE_STALKS)
+          p.sorted[strip * PALETTE_STALKS + p.dealt[strip]++] = int32_t(n);
     }
-  };
-  each([&](int strip, int64_t) { ++count[strip + 1]; });
-  for (int64_t k = 0; k < p.parts; ++k) count[k + 1] += count[k];
-  if (count[p.parts] > p.sorted_room) return count[p.parts];
-  std::memcpy(p.sorted_first, count, size_t(p.parts + 1) * sizeof(int64_t));
-  each([&](int strip, int64_t n) { p.sorted[count[strip]++] = int32_t(n); });
-  return p.sorted_first[p.parts];
+  }
 }
 
 // Columns of the parts [from, to) of a picture.

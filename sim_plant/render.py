@@ -38,6 +38,8 @@ GROWN_FIELDS: Final = 17
 """Floats that `render.cpp` keeps of a stalk where it stands."""
 LIGHT_TERMS: Final = 5
 """Of the polynomial that gives a colour's light by its share of the sun: to a grey level."""
+PALETTE_STALKS: Final = 10_880
+"""So many stalks are drawn in a part's columns: the nearest."""
 MOST_BLOCKS: Final = 100 * 100
 """More than are ever in view."""
 CLOUD_OFFSETS: Final = 256
@@ -138,8 +140,8 @@ class Picture(ctypes.Structure):
         ("drawn", c_void_p),  # int64 (parts, 2): the stalks that a part prepared
         ("stalks", c_void_p),  # (capacity) of STALK_BYTES
         ("spans", c_void_p),  # int16 (capacity, 2): columns that a stalk covers
-        ("sorted", c_void_p),  # int32: the stalks of a part's columns, part by part
-        ("sorted_first", c_void_p),  # int64 (parts + 1): where a part's begin
+        ("sorted", c_void_p),  # int32 (parts, PALETTE_STALKS): the stalks of a part's columns
+        ("dealt", c_void_p),  # int64 (parts): how many they are
         ("image", c_void_p),  # uint8 (rows, columns, 3)
         ("labels", c_void_p),  # uint8 (rows, columns), or none are wanted
         # of a strip that is being drawn, by columns
@@ -199,7 +201,6 @@ class Picture(ctypes.Structure):
         ("seed", c_int64),
         ("parts", c_int64),
         ("stride", c_int64),  # pixels from a column to the next
-        ("sorted_room", c_int64),
         ("bin_from", c_int64),  # the azimuths in the picture
         ("bin_to", c_int64),
     )
@@ -218,9 +219,8 @@ class Kernels:
         self._refresh = library.refresh
         self._refresh.argtypes = [c_void_p, *[c_int64] * 5]
         self._refresh.restype = None
-        for listing in (self._plan, self._sort):
-            listing.argtypes = [c_void_p]
-            listing.restype = c_int64
+        self._plan.argtypes = self._sort.argtypes = [c_void_p]
+        self._plan.restype, self._sort.restype = c_int64, None
         for call in (self._prepare, self._draw):
             call.argtypes = [c_void_p, c_int64, c_int64]
             call.restype = None
@@ -250,10 +250,9 @@ class Kernels:
         """What `draw` needs: the parts [begin, end) of `parts`; all must be done before."""
         self._prepare(self._at, begin, end)
 
-    def sort(self) -> int:
-        """Deals the stalks out to the parts of `draw`; returns how many `sorted` must hold. Where
-        that is more than `sorted_room`, it has to be called again."""
-        return int(self._sort(self._at))
+    def sort(self) -> None:
+        """Deals the stalks out to the parts of `draw`."""
+        self._sort(self._at)
 
     def draw(self, begin: int, end: int) -> None:
         """The strips [begin, end) of `parts` of the image's columns."""
