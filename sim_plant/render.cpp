@@ -870,16 +870,20 @@ void draw_stalk(const Picture &p, const Stalk &e, uint32_t place, int left, int 
     const int ears = int(e.u1);
     for (int v = va; v < vh; v += WIDTH) {
       const int n = std::min(WIDTH, vh - v);
+      const float first = 0.5F + (float(v) - e.v1), last = (float(n) - 0.5F) + (float(v) - e.v1);
+      // The nod falls from the first row to the last, and the slant adds to it or takes from it.
+      const float rest_a = 1.0F - std::max(0.0F, first * per_head);
+      const float rest_b = 1.0F - std::max(0.0F, last * per_head);
+      const float a = du * first, b = du * last;
+      const float c = e.nod * rest_a * rest_a, d = e.nod * rest_b * rest_b;
+      columns(base + std::min(a, b) + std::min(c, d) - wide - 0.01F,
+              base + std::max(a, b) + std::max(c, d) + wide + 1.01F, low, high);
+      if (low >= high) continue;
       const Floats down = LANES_F + (float(v) - e.v1);
       const Floats q = larger(Floats{}, down * per_head), rest = 1.0F - q;
       const Floats w = larger(Floats{} + slant, e.ear * (0.4F + 2.4F * q * rest));
       const Floats at = base + du * down + e.nod * rest * rest;
       const Ints plain = ((LANES + (v + ears)) & 3) == 0;
-      // The nod falls from the first row to the last, and the slant adds to it or takes from it.
-      const float a = du * down[0], b = du * down[n - 1];
-      const float c = e.nod * rest[0] * rest[0], d = e.nod * rest[n - 1] * rest[n - 1];
-      columns(base + std::min(a, b) + std::min(c, d) - wide - 0.01F,
-              base + std::max(a, b) + std::max(c, d) + wide + 1.01F, low, high);
       paint(p, v, n, at - w, at + w, e.z1 + dz * down,
             plain ? Words{} + place : Words{} + (place + 1), low, high);
     }
@@ -889,14 +893,15 @@ void draw_stalk(const Picture &p, const Stalk &e, uint32_t place, int left, int 
   for (int v = std::max(va, vh); v <= vb; v += WIDTH) {
     const int n = std::min(WIDTH, vb + 1 - v);
     const float first = float(v) - e.v1;
+    const float a = base + du * (first + 0.5F), b = base + du * (first + (float(n) - 0.5F));
+    columns(std::min(a, b) - stem, std::max(std::max(a, b) + stem, std::max(a, b) - stem + 1.0F),
+            low, high);
+    if (low >= high) continue;
     const Floats down = LANES_F + first;
     const Floats at = base + du * down;
     const Ints shade = __builtin_convertvector((down - top) * to_shade, Ints);
     const Words with =
         (Words)(shade < SHADES ? (shade > 0 ? shade : Ints{}) : Ints{} + (SHADES - 1));
-    const float a = base + du * (first + 0.5F), b = base + du * (first + (float(n) - 0.5F));
-    columns(std::min(a, b) - stem, std::max(std::max(a, b) + stem, std::max(a, b) - stem + 1.0F),
-            low, high);
     paint(p, v, n, at - stem, at + stem, e.z1 + dz * down, with + (place + 2), low, high);
   }
 }
