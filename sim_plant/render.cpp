@@ -835,13 +835,20 @@ inline void paint(const Picture &p, int v, int n, Floats from, Floats to, Floats
   const Words key = (Words)(((Ints)z >> DEPTH_SHIFT) - DEPTH_NONE) << 16 | with;
   const int64_t stride = p.stride;
   uint32_t *at = p.key + low * stride + v;
-  for (int u = low; u < high; ++u, at += stride) {
-    Words there;
-    std::memcpy(&there, at, sizeof there);
-    const Words fresh = (uint32_t(u) - here) < wide ? key : there;
-    there = fresh < there ? fresh : there;
-    std::memcpy(at, &there, sizeof there);
-  }
+  int u = low;
+  do {
+    Words one, two;
+    std::memcpy(&one, at, sizeof one);
+    std::memcpy(&two, at + stride, sizeof two);
+    const Words first = (uint32_t(u) - here) < wide ? key : one;
+    const Words second = (uint32_t(u + 1) - here) < wide ? key : two;
+    one = first < one ? first : one;
+    two = second < two ? second : two;
+    std::memcpy(at, &one, sizeof one);
+    std::memcpy(at + stride, &two, sizeof two);
+    at += 2 * stride;
+    u += 2;
+  } while (u < high);
 }
 
 // `place`: of the stalk's first colour in the strip's palette.
