@@ -822,6 +822,9 @@ void draw_crowns(const Picture &p, int64_t left, int64_t right) {
   }
 }
 
+// Columns that are drawn together: most stalks cover fewer, and how many is hard to foresee.
+constexpr int AT_ONCE = 4;
+
 // Draws WIDTH rows from v on, the first n of them: in each the columns from `from` on that lie
 // before `to`, at least one, where nothing nearer was drawn. All of them lie in [low, high), and
 // `from` and `to` are COLUMNS larger than columns.
@@ -835,20 +838,15 @@ inline void paint(const Picture &p, int v, int n, Floats from, Floats to, Floats
   const Words key = (Words)(((Ints)z >> DEPTH_SHIFT) - DEPTH_NONE) << 16 | with;
   const int64_t stride = p.stride;
   uint32_t *at = p.key + low * stride + v;
-  int u = low;
-  do {
-    Words one, two;
-    std::memcpy(&one, at, sizeof one);
-    std::memcpy(&two, at + stride, sizeof two);
-    const Words first = (uint32_t(u) - here) < wide ? key : one;
-    const Words second = (uint32_t(u + 1) - here) < wide ? key : two;
-    one = first < one ? first : one;
-    two = second < two ? second : two;
-    std::memcpy(at, &one, sizeof one);
-    std::memcpy(at + stride, &two, sizeof two);
-    at += 2 * stride;
-    u += 2;
-  } while (u < high);
+  for (int u = low; u < high; u += AT_ONCE, at += AT_ONCE * stride) {
+    Words there[AT_ONCE];
+    for (int k = 0; k < AT_ONCE; ++k) std::memcpy(&there[k], at + k * stride, sizeof there[k]);
+    for (int k = 0; k < AT_ONCE; ++k) {
+      const Words fresh = (uint32_t(u + k) - here) < wide ? key : there[k];
+      there[k] = fresh < there[k] ? fresh : there[k];
+    }
+    for (int k = 0; k < AT_ONCE; ++k) std::memcpy(at + k * stride, &there[k], sizeof there[k]);
+  }
 }
 
 // `place`: of the stalk's first colour in the strip's palette.
@@ -1648,7 +1646,7 @@ void draw_part(const Picture &whole, int64_t part) {
   // A strip's pixels stay in the nearer caches: each takes the place of the one before.
   static thread_local std::vector<float> depth;
   static thread_local std::vector<uint32_t> key, colour;
-  const size_t pixels = size_t((strip.right - strip.left + 1) * whole.stride);
+  const size_t pixels = size_t((strip.right - strip.left + AT_ONCE) * whole.stride);
   depth.resize(pixels);
   key.resize(pixels);
   colour.resize(pixels);
