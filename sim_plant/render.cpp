@@ -1601,9 +1601,11 @@ void prepare_part(const Picture &p, int64_t part) {
   p.drawn[2 * part] = n;
   for (int64_t k = k0; k < k1; ++k) {
     // The block after the next is on its way meanwhile.
-    const int64_t next = p.blocks[std::min(k + 2, p.block_count - 1)];
-    const float *soon = p.grown + size_t(next) * FIELDS * size_t(p.most);
-    for (int field = 0; field < FIELDS; ++field) __builtin_prefetch(soon + field * BATCH);
+    const int64_t soon = std::min(k + 2, p.block_count - 1);
+    const float *grown = p.grown + size_t(p.blocks[soon]) * FIELDS * size_t(p.most);
+    const int64_t shown = p.first[soon + 1] - p.first[soon];
+    for (int64_t line = 0; line < (shown + BATCH - 1) / BATCH * FIELDS; ++line)
+      __builtin_prefetch(grown + line * BATCH);
     n += project(p, k, p.stalks + n, p.spans + 2 * n);
   }
   p.drawn[2 * part + 1] = n;
