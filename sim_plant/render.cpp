@@ -751,22 +751,38 @@ void find(const Picture &p, const Heading &h, int64_t u, int64_t columns) {
     const float z = a * h.rz + b * h.dz + h.fz;
     up[1][v] = std::abs(z) > tiny ? z : -tiny;
   }
-  const Piece *const profiles = p.profiles;
-  const int32_t *const pieces = p.pieces;
-  const Piece *meets = profiles + bin[0] * PIECES;
-  int k = 0, before = bin[0];
-  for (int v = 0; v < rows; v += 2) {
-    if (bin[v] != before) {
-      before = bin[v];
-      meets = profiles + before * PIECES;
-      k = std::min(k, pieces[before]);
+  float slope[ROOM / 2], rises[ROOM / 2], backs[ROOM / 2];
+  int32_t azimuth[ROOM / 2];
+  uint32_t mets[ROOM / 2];
+  for (int k = 0; k < rows / 2; ++k) {
+    slope[k] = up[0][2 * k] * per_flat[2 * k];
+    azimuth[k] = bin[2 * k];
+  }
+  const Piece *meets = nullptr;
+  Piece piece = {};
+  int at = 0, before = -1;
+  float least = 0.0F;
+  for (int k = 0; k < rows / 2; ++k) {
+    // Most squares meet what the one above met.
+    if (azimuth[k] != before || slope[k] < least || slope[k] >= piece.limit) {
+      if (azimuth[k] != before) {
+        before = azimuth[k];
+        meets = p.profiles + before * PIECES;
+        at = std::min(at, p.pieces[before]);
+      }
+      while (at > 0 && slope[k] < meets[at - 1].limit) --at;
+      while (slope[k] >= meets[at].limit) ++at;
+      piece = meets[at];
+      least = at > 0 ? meets[at - 1].limit : -std::numeric_limits<float>::infinity();
     }
-    const float slope = up[0][v] * per_flat[v];
-    while (k > 0 && slope < meets[k - 1].limit) --k;
-    while (slope >= meets[k].limit) ++k;
-    rise[v] = rise[v + 1] = meets[k].rise;
-    back[v] = back[v + 1] = meets[k].back;
-    met[v] = met[v + 1] = MET | meets[k].met;
+    rises[k] = piece.rise;
+    backs[k] = piece.back;
+    mets[k] = MET | piece.met;
+  }
+  for (int k = 0; k < rows / 2; ++k) {
+    rise[2 * k] = rise[2 * k + 1] = rises[k];
+    back[2 * k] = back[2 * k + 1] = backs[k];
+    met[2 * k] = met[2 * k + 1] = mets[k];
   }
   for (int64_t c = 0; c < columns; ++c) {
     float *depth = p.depth + (u + c) * p.stride;
