@@ -316,7 +316,6 @@ constexpr float COLUMNS = 4096.0F;
 
 Floats larger(Floats a, Floats b) { return a > b ? a : b; }
 
-
 Floats between(Floats x, float low, float high) {
   x = x < low ? Floats{} + low : x;
   return x < high ? x : Floats{} + high;
@@ -414,8 +413,8 @@ struct March {
     // Nothing farther away rises above what stands here.
     going &= ~((hidden > 0.0F) & (roof <= hidden * r));
     const Floats other = height - now;
-    const Ints fresh = going & ((now < 0.0F) | ((height > 0.0F) ^ (now > 0.0F)) |
-                                (other > 0.06F) | (other < -0.06F));
+    const Ints fresh = going & ((now < 0.0F) | ((height > 0.0F) ^ (now > 0.0F)) | (other > 0.06F) |
+                                (other < -0.06F));
     if (any(fresh))
       for (int k = 0; k < WIDTH; ++k)
         if (fresh[k]) note(k, height[k], leap[k]);
@@ -969,16 +968,15 @@ struct Waiting {
     n += WIDTH / 2;
   }
 
+  // With the last batch's first square.
   void fill_up() {
-    const int last = n > 0 ? row[n - 1] : 0;
-    for (int k = n; k < n + BATCH; ++k) row[k] = last;
+    const int first = n % BATCH > 0 ? row[n - n % BATCH] : 0;
+    for (int k = n; k < n + BATCH; ++k) row[k] = first;
   }
 };
 
-// Whether a batch's squares lie each below the other. A list filled up ends on two of the same.
-inline bool in_a_row(const int32_t *row) {
-  return row[BATCH - 1] - row[0] == 2 * (BATCH - 1) && row[BATCH - 1] != row[BATCH - 2];
-}
+// Whether a batch's squares lie each below the other. One filled up ends where it begins.
+inline bool in_a_row(const int32_t *row) { return row[BATCH - 1] - row[0] == 2 * (BATCH - 1); }
 
 // A batch of squares whose texels are on their way from memory: a pixel's colour is its texel's
 // times the square's `gain` plus `fog`.
@@ -1421,7 +1419,8 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
 // Fills `clear` of the coarse cells [j0, j1) x [i0, i1): the distance to the nearest body, of which
 // those more than `reach` cells away do not count, less what point and body may lie nearer than
 // their cells' middles; in m, `cap` at most.
-void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1, int64_t reach) {
+void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1,
+                   int64_t reach) {
   const int64_t w = i1 - i0, far = reach + 1;
   // From row to row; whole vectors.
   const int64_t stride = (w + 31) / 32 * 32;
@@ -1453,7 +1452,8 @@ void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t
     }
     Way *out = p.way + j * p.coarse_columns + i0;
     for (int64_t i = 0; i < w; ++i)
-      out[i].next = out[i].next >= BODY_FROM ? out[i].next : std::min(least[i], uint16_t(BODY_FROM - 1));
+      out[i].next =
+          out[i].next >= BODY_FROM ? out[i].next : std::min(least[i], uint16_t(BODY_FROM - 1));
   }
 }
 
@@ -1705,8 +1705,7 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
   j0 = row(j0 - wide), j1 = row(j1 + wide), i0 = column(i0 - wide), i1 = column(i1 + wide);
   find_bodies(p, j0, j1, i0, i1, narrowest, wide);
   const int64_t reach = int64_t(CAP_M / coarse + DIAGONAL);
-  measure_clear(p, row(j0 - reach), row(j1 + reach), column(i0 - reach), column(i1 + reach),
-                reach);
+  measure_clear(p, row(j0 - reach), row(j1 + reach), column(i0 - reach), column(i1 + reach), reach);
   // Shadows fall away from the sun, those of crop, which alone is ever cut, no further than this.
   const double flat = std::max(std::sqrt(p.sun[0] * p.sun[0] + p.sun[1] * p.sun[1]), 1e-6);
   const double longest = p.tallest * flat / std::max(p.sun[2], 0.03) / coarse;
@@ -1721,8 +1720,8 @@ void refresh(Picture *picture, int64_t j0, int64_t j1, int64_t i0, int64_t i1, i
       const int64_t at = j * p.coarse_columns + i;
       const uint8_t *upper = p.kind + 4 * j * p.coarse_columns + 2 * i,
                     *lower = upper + 2 * p.coarse_columns;
-      const uint32_t kinds = upper[0] | uint32_t(upper[1]) << 4 | uint32_t(lower[0]) << 8 |
-                             uint32_t(lower[1]) << 12;
+      const uint32_t kinds =
+          upper[0] | uint32_t(upper[1]) << 4 | uint32_t(lower[0]) << 8 | uint32_t(lower[1]) << 12;
       p.way[at].kinds = uint16_t(kinds);
       p.land[at].marks = int32_t(uint32_t(p.stand[at * CHANNELS + SUNLIT]) | kinds << 16);
     }
@@ -1815,8 +1814,7 @@ void raise_dust(uint8_t *image, int64_t rows, int64_t columns, float *veil, cons
     for (int u = 0; u < int(columns); ++u)
       line[3 * u] = line[3 * u + 1] = line[3 * u + 2] = share[u];
     uint8_t *out = image + (int64_t(v) * columns) * 3;
-    for (int k = k0; k < k1; ++k)
-      out[k] = uint8_t(out[k] + ((dust[k] - out[k]) * line[k] >> 8));
+    for (int k = k0; k < k1; ++k) out[k] = uint8_t(out[k] + ((dust[k] - out[k]) * line[k] >> 8));
   }
 }
 

@@ -71,10 +71,13 @@ PIECE_BYTES: Final = 16
 STALK_BYTES: Final = 68
 """Of a stalk as it is drawn."""
 
+BODY_FROM: Final = 1024
+"""Of `next` of WAY."""
 WAY: Final = np.dtype(
     [
-        ("clear", np.float32),  # a lower bound of the distance to standing crop, m
-        ("top", np.uint16),  # HEIGHT where a body stands, or 0
+        # The squared distance to the nearest body, in cells; where a body stands, BODY_FROM and its
+        # HEIGHT.
+        ("next", np.uint16),
         ("kinds", np.uint16),  # of the cell's four quarters, 4 bit each
     ]
 )

@@ -59,15 +59,22 @@ def test_what_is_derived_from_a_field_is_what_its_cells_say() -> None:
     standing = np.isin(scene.kind, (ground.CROP, ground.OBSTACLE, ground.TRUNK, ground.NEIGHBOUR))
     assert standing[::2, ::2][~body].any()
     assert np.array_equal(scene.stand[..., render.BODY] > 0, body)
-    assert np.array_equal(scene.tops, scene.stand[..., render.HEIGHT] * body)
+    stands = scene.way["next"] >= render.BODY_FROM
+    assert np.array_equal(stands, body)
+    top = scene.way["next"][stands] - render.BODY_FROM
+    assert np.array_equal(top, scene.stand[..., render.HEIGHT][stands])
     at = np.argwhere(body)
     rng = np.random.default_rng(1)
+    # Bodies farther away than a metre do not count.
+    reach = int(1.0 / field.coarse + 1.4143)
     for j, i in rng.integers(0, body.shape, (500, 2)):
-        cells = np.sqrt(np.float32(((at - (j, i)) ** 2).sum(1).min()))
-        free = np.clip((cells - np.float32(1.4143)) * np.float32(field.coarse), 0, 1)
-        assert scene.clear[j, i] == free
+        squared = ((at - (j, i)) ** 2).sum(1).min()
+        near = scene.way["next"][j, i]
+        assert stands[j, i] or near == squared or near > reach**2 < squared
         kinds = sum(int(scene.kind[2 * j + k // 2, 2 * i + k % 2]) << 4 * k for k in range(4))
-        assert int(scene.marks[j, i]) == kinds << 16 | int(scene.stand[j, i, render.SUNLIT])
+        assert int(scene.way["kinds"][j, i]) == kinds
+        marks = int(scene.land["marks"][j, i]) & 0xFFFFFFFF
+        assert marks == kinds << 16 | int(scene.stand[j, i, render.SUNLIT])
 
 
 @pytest.mark.parametrize("size", [(48, 64), (3, 5), (47, 33)])
@@ -149,11 +156,20 @@ def test_incremental_updates_give_the_picture_of_a_camera_that_saw_the_final_fie
     late = Camera(field, MAST, seed=1)
     assert np.array_equal(watching.scene.kind, late.scene.kind)
     assert np.array_equal(watching.scene.stand, late.scene.stand)
-    assert np.array_equal(watching.scene.clear, late.scene.clear)
-    assert np.array_equal(watching.scene.marks, late.scene.marks)
+    assert np.array_equal(watching.scene.way, late.scene.way)
+    assert np.array_equal(watching.scene.land, late.scene.land)
     pose = (9.0, 2.0, 1.5, 0.0)
-    differs = watching.labels(*pose) != late.labels(*pose)
-    assert differs.mean() < 0.002
+    assert np.array_equal(watching.labels(*pose), late.labels(*pose))
+    assert np.array_equal(watching.capture(*pose), late.capture(*pose))
+
+
+@pytest.mark.parametrize("mount", [LOW, MAST])
+def test_every_pixel_is_painted(mount: CameraSpec) -> None:
+    """Whatever its neighbours meet: what is found and not painted yet has a label of its own."""
+    camera = Camera(half_cut(), mount, seed=1)
+    for k in range(12):
+        label = camera.labels(0.1 * k, 0.3 * k, 0.5 + 0.2 * k, 0.5 * k, 0.05, 0.05)
+        assert label.max() <= labels.EDGE
 
 
 @pytest.mark.parametrize(("hour", "month"), [(6.5, 4), (12.0, 12), (17.5, 4)])
@@ -172,7 +188,11 @@ def test_shadows_that_a_cut_leaves_are_those_of_the_cut_field(hour: float, month
     late = Camera(field, MAST, weather, seed=1)
     assert np.count_nonzero(whole != late.scene.stand) > 300
     assert np.array_equal(watching.scene.stand, late.scene.stand)
-    assert np.array_equal(watching.scene.marks, late.scene.marks)
+    assert np.array_equal(watching.scene.land, late.scene.land)
+    # Stalks stand in the light of today, too: from where the patch's shadow falls to each side.
+    for x, y, yaw in ((0.0, 1.5, 0.0), (6.0, 1.5, math.pi), (3.0, 4.5, -math.pi / 2)):
+        pose = (9.0, x, y, yaw)
+        assert np.array_equal(watching.capture(*pose), late.capture(*pose))
 
 
 def _project(mount: CameraSpec, forward: float, left: float, up: float) -> tuple[float, float]:
