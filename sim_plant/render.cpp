@@ -960,14 +960,6 @@ struct Waiting {
   int n = 0;
   int32_t row[ROOM / 2];
 
-  void add_one(int v) { row[n++] = v; }
-
-  // WIDTH / 2 squares, each below the other.
-  void add(int v) {
-    for (int k = 0; k < WIDTH / 2; ++k) row[n + k] = v + 2 * k;
-    n += WIDTH / 2;
-  }
-
   // With the last batch's first square.
   void fill_up() {
     const int first = n % BATCH > 0 ? row[n - n % BATCH] : 0;
