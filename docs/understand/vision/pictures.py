@@ -28,7 +28,7 @@ from sim_plant.field_spec import FieldSpec
 from sim_plant.sky import WeatherSpec
 
 HERE = Path(__file__).parent
-VIEWS = 16
+VIEWS = 40
 RIGHT, WRONG = 0.93, 0.80
 """mIoU from which an edge counts as right, and below which as wrong."""
 SIZE = (640, 480)

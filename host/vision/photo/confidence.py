@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from host.vision.photo.curve import Curve
 from host.vision.photo.fisher import Features
 from host.vision.photo.split import Side, beyond, divided, whiten
+from host.vision.photo.texture import WITHOUT_LIGHT, unlit
 
 TOLERANCE = 0.015
 """The confidence is the probability that at most this share of the picture lies on the wrong side
 of the edge: where the picture is 4 m wide, 6 cm beside the true one on average."""
 WEIGHTS = Path(__file__).with_name("confidence.json")
-WITHOUT_LIGHT = 9
-"""The first columns of `texture.combine`, by which the line is searched."""
 CUES: dict[str, tuple[int, ...]] = {
     "colour": (0, 1, 7),
     "texture": (2, 3, 4, 5),
@@ -37,11 +36,8 @@ CUES: dict[str, tuple[int, ...]] = {
     "brightness": tuple(range(WITHOUT_LIGHT + 1)),
     "unlit": tuple(range(WITHOUT_LIGHT + 1, 2 * WITHOUT_LIGHT + 1)),
 }
-"""Columns of `texture.combine`, and of `_unlit` after them, by which the picture is divided again.
-"""
-DARK = 25.0
-"""Of 255, added to brightness before colour and texture are seen relative to it: there is little of
-either in the dark."""
+"""Columns of `texture.combine`, and of `texture.unlit` after them, by which the picture is divided
+again."""
 
 REASONS = {
     "colour": "colour divides the picture elsewhere: a side is of mixed kinds",
@@ -92,7 +88,7 @@ def quantities(
     """What speaks for and against an edge, in the order of REASONS. `features`: (h, w, 10) of
     `texture.combine`; `size`: width and height of the picture whose pixels the curve is in."""
     small = cv2.resize(features, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    small = np.dstack([small, _unlit(np.asarray(small, np.float32))])
+    small = np.dstack([small, unlit(np.asarray(small, np.float32))])
     rows, columns = small.shape[:2]
     shorter = min(size)
     standing = curve.scaled(columns / size[0]).standing((columns, rows))
@@ -113,13 +109,3 @@ def quantities(
             abs(float(standing.mean()) - 0.5),
         ]
     )
-
-
-def _unlit(features: Features) -> Features:
-    """(h, w, 10) features to (h, w, 9) without brightness, relative to it: shade scales colour and
-    texture alike."""
-    light = features[..., WITHOUT_LIGHT:]
-    out = features[..., :WITHOUT_LIGHT].copy()
-    out[..., :2] = 100.0 * (out[..., :2] - 128.0) / (light + DARK)
-    out[..., 2:7] -= np.log(light + 0.5 * DARK)
-    return np.asarray(out, np.float32)

@@ -15,7 +15,15 @@ from host.vision.photo.curve import Curve, follow
 from host.vision.photo.fisher import Features
 from host.vision.photo.score import edge_of
 from host.vision.photo.split import Line, Search, Side, best_line, whiten
-from host.vision.photo.texture import Means, combine, measure, pooled, reduced
+from host.vision.photo.texture import (
+    WITHOUT_LIGHT,
+    Means,
+    combine,
+    measure,
+    pooled,
+    reduced,
+    unlit,
+)
 from host.vision.pictures import Picture
 from host.vision.view import NAN, CropView
 
@@ -26,7 +34,7 @@ CELL_PX = 4
 """Side of the cells over which features are averaged."""
 SIGMAS = (1.5, 3.6)
 """Px: the scales of grain."""
-SEARCH_SIGMA = 0.8
+SEARCH_SIGMA = 1.0
 """Cells over which texture is pooled."""
 LEAST_PX = 64
 """A picture's shorter side."""
@@ -65,11 +73,18 @@ def trace(bgr: Picture, side: Side, search: Search) -> Trace:
     sharp = reduced(bgr, EDGE_PX)
     cells = measure(reduced(sharp, SEARCH_PX), (CELL_PX, CELL_PX), SIGMAS)
     features = combine(pooled(cells, SEARCH_SIGMA), with_light=True)
-    found = whiten(np.ascontiguousarray(features[..., : confidence.WITHOUT_LIGHT]))
-    line = best_line(found, side, search)
+    line = best_line(searched(features), side, search, sets=2)
     height, width = sharp.shape[:2]
-    curve = follow(sharp, line.scaled(width / found.shape[1]))
+    curve = follow(sharp, line.scaled(width / features.shape[1]))
     return Trace(cells, features, curve, (width, height))
+
+
+def searched(features: Features) -> Features:
+    """(h, w, 18) in which the line is searched, of (h, w, 10) features of `texture.combine`: colour
+    and texture as they are, and the same relative to brightness, two sets that are whitened each.
+    What divides both is more than a shadow or a veil of dust."""
+    plain = np.ascontiguousarray(features[..., :WITHOUT_LIGHT])
+    return np.concatenate([whiten(plain), whiten(unlit(features))], axis=-1)
 
 
 class RobustPhoto:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -234,7 +234,7 @@ def beyond(angle_rad: float, border: int, bins: int, shape: tuple[int, int]) -> 
 
 
 def _around(line: Line) -> NDArray[np.float32]:
-    fan = line.angle_rad + np.radians(np.arange(-4.0, 4.1, 1.0))
+    fan = line.angle_rad + np.radians(np.arange(-3.0, 3.1, 1.5))
     return np.asarray(fan, np.float32)
 
 
@@ -248,10 +248,17 @@ def _apart(features: Features, line: Line) -> float:
     return max(0.1, kinds.discriminant().apart) if kinds else 0.1
 
 
-def best_line(features: Features, side: Side, search: Search | None = None) -> Line:
-    """The dividing line of whitened (h, w, n) features on a grid of square cells, in cells (cell
-    (i, j) covers [j, j + 1) x [i, i + 1))."""
-    search = search or Search()
+def best_line(
+    features: Features, side: Side, search: Search | None = None, *, sets: int = 1
+) -> Line:
+    """The dividing line of (h, w, n) features on a grid of square cells, in cells (cell (i, j)
+    covers [j, j + 1) x [i, i + 1)). The features are so many `sets` of whitened ones side by side,
+    and what a line explains is the mean over them."""
+    found = _best_line(features, side, search or Search())
+    return replace(found, explained=found.explained / sets)
+
+
+def _best_line(features: Features, side: Side, search: Search) -> Line:
     # the direction shows at half the sharpness too
     half = cv2.resize(features, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     half = np.asarray(half, np.float32).reshape(*half.shape[:2], -1)

@@ -16,6 +16,11 @@ two blurs take away, squares of light and yellow, and the cube of the relief."""
 Means = NDArray[np.float32]
 """(h, w, QUANTITIES)."""
 
+WITHOUT_LIGHT = 9
+"""The first features of `combine`, by which the line is searched."""
+DARK = 25.0
+"""Of 255, added to brightness before colour and texture are seen relative to it: there is little of
+either in the dark."""
 REACH_SIGMAS = 2.5
 """Half the width of a blur."""
 RELIEF = np.float32(60)
@@ -151,3 +156,14 @@ def combine(means: Means, with_light: bool) -> NDArray[np.float32]:
         out[9] = light
     together = cv2.transpose(out.reshape(len(out), -1))
     return np.asarray(together, np.float32).reshape(height, width, -1)
+
+
+def unlit(features: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w, WITHOUT_LIGHT) of (h, w, 10) features of `combine`: colour and the logarithms of
+    texture relative to brightness. A shadow has no border in them: it scales light, colour and
+    texture alike."""
+    light = features[..., WITHOUT_LIGHT:]
+    out = features[..., :WITHOUT_LIGHT].copy()
+    out[..., :2] = 100.0 * (out[..., :2] - 128.0) / (light + DARK)
+    out[..., 2:7] -= np.log(light + 0.5 * DARK)
+    return np.asarray(out, np.float32)
