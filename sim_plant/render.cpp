@@ -653,6 +653,9 @@ int64_t project(const Picture &p, int64_t k, Stalk *out, int16_t *spans) {
       const int nj = int(limited(cell_y + (ay - near * ay) * to_cell, 0.0F, float(fine_rows - 1)));
       before[q] = nj * fine_columns + ni;
     }
+    int32_t some = 0;
+    for (int q = 0; q < m; ++q) some |= seen[q];
+    if (!some) continue;
     for (int q = 0; q < WIDE; ++q)
       hides[q] = (f[SWAY * row + q] > 0.0F) & int(standing(p.kind[before[q]]));
     for (int shade = 0; shade < 2 + SHADES; ++shade) {
