@@ -1355,8 +1355,8 @@ void lay(const Picture &p, const Strip &strip) {
   }
 }
 
-// Fills BODY and `tops` of the coarse cells [j0, j1) x [i0, i1): where a solid thing stands, or
-// crop at least `narrowest` fine cells wide each way. `wide`: that many coarse cells further off
+// Fills BODY and `Way::next` of the coarse cells [j0, j1) x [i0, i1): where a solid thing stands,
+// or crop at least `narrowest` fine cells wide each way. `wide`: that many coarse cells further off
 // matter.
 void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1,
                  int64_t narrowest, int64_t wide) {
@@ -1366,41 +1366,44 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
   const int64_t u0 = std::max<int64_t>(0, 2 * (i0 - wide)), u1 = std::min(columns, 2 * (i1 + wide));
   const int64_t h = v1 - v0, w = u1 - u0, before = narrowest / 2, after = narrowest - 1 - before;
   if (h <= 0 || w <= 0) return;
-  std::vector<uint8_t> one(size_t(h * w)), two(size_t(h * w)), line(size_t(w + narrowest));
+  // From row to row; whole vectors.
+  const int64_t stride = (w + 63) / 64 * 64;
+  std::vector<uint8_t> one(size_t(h * stride)), two(size_t(h * stride));
+  std::vector<uint8_t> line(size_t(stride + narrowest));
   for (int64_t v = 0; v < h; ++v) {
     const uint8_t *kind = p.kind + (v0 + v) * columns + u0;
     for (int64_t u = 0; u < w; ++u)
-      one[v * w + u] = uint8_t(int(kind[u] == CROP) | int(kind[u] == NEIGHBOUR));
+      one[size_t(v * stride + u)] = uint8_t(int(kind[u] == CROP) | int(kind[u] == NEIGHBOUR));
   }
   // The least of each neighbourhood, then the greatest of those.
   for (const bool least : {true, false}) {
     const auto gather = [&](uint8_t *out, const uint8_t *in) {
-      for (int64_t u = 0; u < w; ++u) {
+      for (int64_t u = 0; u < stride; ++u) {
         const uint8_t x = in[u], y = out[u];
         out[u] = least ? uint8_t(x & y) : uint8_t(x | y);
       }
     };
     for (int64_t v = 0; v < h; ++v) {
-      const uint8_t *in = one.data() + v * w;
+      const uint8_t *in = one.data() + v * stride;
       std::memset(line.data(), in[0], size_t(before));
       std::memcpy(line.data() + before, in, size_t(w));
       std::memset(line.data() + before + w, in[w - 1], size_t(after));
-      uint8_t *out = two.data() + v * w;
-      std::memcpy(out, line.data(), size_t(w));
+      uint8_t *out = two.data() + v * stride;
+      std::memcpy(out, line.data(), size_t(stride));
       for (int64_t k = 1; k < narrowest; ++k) gather(out, line.data() + k);
     }
     for (int64_t v = 0; v < h; ++v) {
-      uint8_t *out = one.data() + v * w;
-      std::memcpy(out, two.data() + std::max<int64_t>(0, v - before) * w, size_t(w));
+      uint8_t *out = one.data() + v * stride;
+      std::memcpy(out, two.data() + std::max<int64_t>(0, v - before) * stride, size_t(stride));
       for (int64_t k = 1 - before; k <= after; ++k)
-        gather(out, two.data() + limited<int64_t>(v + k, 0, h - 1) * w);
+        gather(out, two.data() + limited<int64_t>(v + k, 0, h - 1) * stride);
     }
   }
   for (int64_t j = j0; j < j1; ++j) {
     for (int64_t i = i0; i < i1; ++i) {
       const uint8_t *kind = p.kind + 2 * j * columns + 2 * i;
-      const uint8_t *crop = one.data() + (2 * j - v0) * w + (2 * i - u0);
-      const bool body = crop[0] || crop[1] || crop[w] || crop[w + 1] || solid(kind[0]) ||
+      const uint8_t *crop = one.data() + (2 * j - v0) * stride + (2 * i - u0);
+      const bool body = crop[0] || crop[1] || crop[stride] || crop[stride + 1] || solid(kind[0]) ||
                         solid(kind[1]) || solid(kind[columns]) || solid(kind[columns + 1]);
       const int64_t at = j * p.coarse_columns + i;
       uint16_t *cell = p.stand + at * CHANNELS;
@@ -1411,9 +1414,8 @@ void find_bodies(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i
   }
 }
 
-// Fills `clear` of the coarse cells [j0, j1) x [i0, i1): the distance to the nearest body, of which
-// those more than `reach` cells away do not count, less what point and body may lie nearer than
-// their cells' middles; in m, `cap` at most.
+// Fills `Way::next` of the coarse cells [j0, j1) x [i0, i1) without a body: the squared distance to
+// the nearest one, of which those more than `reach` cells away do not count.
 void measure_clear(const Picture &p, int64_t j0, int64_t j1, int64_t i0, int64_t i1,
                    int64_t reach) {
   const int64_t w = i1 - i0, far = reach + 1;
