@@ -195,9 +195,8 @@ class Field:
         )
         ground = _patches(seed + 23, half, block, 0.8, spec.grass) > 0.5
         self.kind: NDArray[np.uint8] = np.where(
-            np.repeat(np.repeat(ground, 2, 0), 2, 1), GRASS, SOIL
+            np.repeat(np.repeat(ground, 2, 0), 2, 1), np.uint8(GRASS), np.uint8(SOIL)
         )
-        self.kind = self.kind.astype(np.uint8)
         self.kind[inward > 0] = CROP
         beyond = inward < -spec.gap_m
         if spec.neighbours == "none":

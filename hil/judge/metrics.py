@@ -4,6 +4,7 @@ Nothing here reaches the host."""
 
 from __future__ import annotations
 
+import bisect
 import math
 from dataclasses import dataclass, field
 
@@ -145,9 +146,12 @@ class Truth:
 
     def _end(self, end: EndOfField) -> None:
         """Signed distance from the last crop cut to where the end was declared."""
-        index = min(
-            range(len(self._travel)), key=lambda k: abs(self._travel[k][0] - end.stamp), default=0
-        )
+        index = bisect.bisect_left(self._travel, (end.stamp,))
+        before = max(0, index - 1)
+        if index == len(self._travel) or end.stamp - self._travel[before][0] <= (
+            self._travel[index][0] - end.stamp
+        ):
+            index = before
         _, travelled, last_cut_then, x, y, yaw = self._travel[index]
         last_cut = max(last_cut_then, self._last_cut_at)
         self.ends.append(travelled - last_cut)

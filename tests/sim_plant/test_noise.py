@@ -49,3 +49,18 @@ def test_the_pictures_kernels_draw_the_same_noise() -> None:
         strict=True,
     ):
         assert render.smooth(seed, x, y) == noise.smooth(seed, x, y)
+
+
+@pytest.mark.parametrize(
+    ("seed", "cell_m", "wave_m"), [(3, 0.05, 0.8), (-7, 0.05, 0.06), (9, 1, 10)]
+)
+def test_a_grid_of_noise_is_two_octaves_at_the_middles_of_its_cells(
+    seed: int, cell_m: float, wave_m: float
+) -> None:
+    grid = noise.smooth_grid(seed, 31, 47, cell_m, wave_m)
+    k = cell_m / wave_m
+    for j in range(31):
+        for i in range(47):
+            x, y = (i + 0.5) * k, (j + 0.5) * k
+            octaves = 2 * noise.smooth(seed, x, y) + noise.smooth(seed + 1, 2.1 * x, 2.1 * y)
+            assert grid[j, i] == np.float32(octaves / 3)
