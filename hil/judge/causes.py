@@ -120,7 +120,7 @@ def went_wrong(run: dict[str, Any]) -> str:
             return word
     if run["outcome"] != "finished":
         return str(run["outcome"])
-    return "crop left" if run["coverage"] < COVERED else ""
+    return "crop left" if run.get("coverage", 1.0) < COVERED else ""
 
 
 def causes(

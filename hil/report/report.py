@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import glob
 import io
 import json
 import math
 import re
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +29,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hil.judge import pictures, plots
-from hil.judge.causes import Cause
+from hil.judge.causes import Cause, hesitations, went_wrong
+from hil.judge.causes import causes as causes_of
 from hil.judge.fault_verdict import Verdict
 from hil.judge.figures import MISSED, better, cells_of
 from hil.judge.overview import overview
@@ -43,8 +46,8 @@ VIDEO_FRAMES = 400
 """At most so many; a longer run is shown in steps."""
 VIDEO_FPS = 12.0
 """Of that film."""
-WORST = 6
-"""Maps shown of a campaign."""
+WORST = 12
+"""Maps shown of a campaign, at most."""
 
 CAMPAIGN, VERDICTS, RIG = "campaign.json", "verdicts.jsonl", "rig.json"
 RECORD = "record.mcap"
@@ -314,9 +317,14 @@ def _spread_of(summaries: Sequence[dict[str, Any]]) -> Figure:
 
 
 def _map(folder: Path, summary: dict[str, Any]) -> str | None:
-    name = str(summary.get("map", summary["run"]))
-    for runs in ("runs", "maps/runs"):
-        uri = _file(folder / runs / name / "map.png")
+    """Of a run that kept its record, or of the same field driven again for its map."""
+    run = str(summary["run"])
+    drawn = str(summary.get("map", run))
+    # The settings' hash apart, which is of the files that are kept, too.
+    same = glob.escape(run.rpartition("-")[0])
+    again = sorted(folder.glob(f"maps/runs/{same}-*/map.png"))
+    for path in (*(folder / r / drawn / "map.png" for r in ("runs", "maps/runs")), *again):
+        uri = _file(path)
         if uri is not None:
             return uri
     return None
@@ -332,8 +340,9 @@ def cause_sections(causes: Sequence[Cause], apart: Sequence[dict[str, Any]]) -> 
             cells += [f"{c.left_m2:.1f}", c.circumstance, ", ".join(c.examples)]
             grid.rows.append(("bad" if c.outcome not in ("fault", "crop left") else "", cells))
         text = (
-            "Left: crop that still stands, in the median of these runs. Told by: the circumstance "
-            "that is the more frequent among these runs, by Fisher's exact test."
+            "In: the pilot's state before. Left: crop that still stands, in the median of these "
+            "runs. Told by: the circumstance that is the more frequent among these runs, by "
+            "Fisher's exact test."
         )
         sections.append(Section("What went wrong, by how often", text, grid))
     if apart:
@@ -347,6 +356,23 @@ def cause_sections(causes: Sequence[Cause], apart: Sequence[dict[str, Any]]) -> 
     return sections
 
 
+def _hesitation_sections(summaries: Sequence[dict[str, Any]]) -> list[Section]:
+    grid = Grid(("reason", "times", "runs", "s in all"))
+    for reason, times, runs, seconds in hesitations(summaries):
+        grid.rows.append(("", [reason, str(times), str(runs), f"{seconds:.0f}"]))
+    return [Section("Hesitations, by the time they take", grid=grid)] if grid.rows else []
+
+
+def _ended(summaries: Sequence[dict[str, Any]]) -> Section:
+    """How many runs ended how."""
+    count = Counter(str(s["outcome"]) for s in summaries)
+    wrong = Counter(went_wrong(s) for s in summaries if s["outcome"] == "finished")
+    ends = ", ".join(f"{n} {outcome}" for outcome, n in count.most_common())
+    but = ", ".join(f"{n} {word}" for word, n in wrong.most_common() if word)
+    text = f"{len(summaries)} runs: {ends}." + (f" Of those that finished: {but}." if but else "")
+    return Section("How they ended", text)
+
+
 def campaign_sections(
     folder: Path,
     summaries: Sequence[dict[str, Any]],
@@ -354,12 +380,6 @@ def campaign_sections(
     against: Sequence[dict[str, Any]] | None = None,
 ) -> list[Section]:
     """Sections of a campaign; `rows` and `against` as overview gives them."""
-    sections = [Section("Every run's coverage", pictures=[(_drawn(_spread_of(summaries)), "")])]
-    before = {str(row["scenario"]): row for row in against or ()}
-    for row in rows:
-        other = before.get(str(row["scenario"]))
-        grid = compared(row, other, ("this", "against"))
-        sections.append(Section(f"Scenario {row['scenario']}", grid=grid))
     columns = ("run", "outcome", "coverage", "neighbour_cut_m2", "outside_m", "why")
     grid = Grid(columns)
     ordered = sorted(
@@ -369,8 +389,21 @@ def campaign_sections(
         mark = "" if s["outcome"] == "finished" else "bad"
         cells = [s["run"], s["outcome"], *(show(s.get(k)) for k in columns[2:5]), s["reason"]]
         grid.rows.append((mark, cells))
-    maps = [(uri, str(s["run"])) for s in ordered[:WORST] if (uri := _map(folder, s)) is not None]
-    sections.append(Section("The worst", pictures=maps))
+    maps = [
+        (uri, f"{s['run']}: {s['outcome']}, coverage {show(s.get('coverage'))}. {s['reason']}")
+        for s in ordered
+        if (uri := _map(folder, s)) is not None
+    ]
+    sections = [Section("The worst", pictures=maps[:WORST])] if maps else []
+    sections += _hesitation_sections(summaries)
+    sections.append(Section("Every run's coverage", pictures=[(_drawn(_spread_of(summaries)), "")]))
+    before = {str(row["scenario"]): row for row in against or ()}
+    # That of all first.
+    for row in sorted(rows, key=lambda row: row["scenario"] != "all"):
+        other = before.get(str(row["scenario"]))
+        sections.append(
+            Section(f"Scenario {row['scenario']}", grid=compared(row, other, ("this", "against")))
+        )
     sections.append(Section("All runs, the worst first", grid=grid))
     return sections
 
@@ -383,7 +416,8 @@ def campaign_report(
     apart: Sequence[dict[str, Any]] = (),
 ) -> Path:
     """report.html of a campaign."""
-    sections = cause_sections(causes, apart) + campaign_sections(folder, summaries, rows)
+    sections = [_ended(summaries), *cause_sections(causes, apart)]
+    sections += campaign_sections(folder, summaries, rows)
     return write(folder, f"{len(summaries)} runs", sections)
 
 
@@ -443,7 +477,9 @@ def report_of(where: Path, against: Path | None = None) -> Path:
         if against is not None and others is None:
             raise UserError(f"{against} is not a campaign's folder: it has no campaign.json")
         before = overview(others) if others is not None else None
-        sections = campaign_sections(where, summaries, overview(summaries), before)
+        # Without the worlds, no cause is told by a circumstance.
+        sections = [_ended(summaries), *cause_sections(causes_of(summaries, []), ())]
+        sections += campaign_sections(where, summaries, overview(summaries), before)
         cut = "" if (where / CAMPAIGN).exists() else ", broken off"
         return write(where, f"{len(summaries)} runs{cut}", sections)
     summary = plots.summary_beside(where)

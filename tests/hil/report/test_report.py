@@ -11,6 +11,8 @@ from dataclasses import asdict
 from html.parser import HTMLParser
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
@@ -278,12 +280,53 @@ def test_a_campaigns_report_shows_every_run(tmp_path: Path) -> None:
         for k in range(5)
     ]  # fmt: skip
     runs.append({"scenario": "b", "run": "b-0", "outcome": "crashed", "reason": "boom"})
+    runs[0]["events"] = [
+        {"t": 1.0, "phase": "hesitate", "reason": "dust 3 m ahead"},
+        {"t": 8.0, "phase": "follow", "reason": ""},
+    ]
     rows = [{"scenario": "a", "runs": 5, "finished": 5}, {"scenario": "b", "runs": 1}]
     path = campaign_report(tmp_path, runs, rows)
     complete(path)
     text = path.read_text()
     assert all(str(run["run"]) in text for run in runs)
     assert text.index("b-0") < text.index("a-4")
+    assert "6 runs: 5 finished, 1 crashed. Of those that finished: 5 crop left." in text
+    # The hesitation of 7 s.
+    assert re.search(r"dust # m ahead</td>\s*<td[^>]*>1</td>\s*<td[^>]*>1</td>\s*<td[^>]*>7<", text)
+
+
+def test_a_campaigns_report_says_first_what_went_wrong(tmp_path: Path) -> None:
+    """Made anew from its folder, too, where the worlds are not at hand."""
+    runs = [
+        {"scenario": "a", "run": f"a-{k}", "outcome": "fault", "coverage": 0.5, "missed_m2": 9.0,
+         "reason": f"lost after {k} s", "events": [{"t": 0.0, "phase": "turn", "reason": ""}] * 2}
+        for k in range(4)
+    ]  # fmt: skip
+    (tmp_path / "campaign.json").write_text(json.dumps(runs))
+    text = report_of(tmp_path).read_text()
+    complete(tmp_path / "report.html")
+    assert "4 runs: 4 fault." in text
+    assert text.index("lost after # s") < text.index("lost after 3 s")
+    assert "The worst" not in text
+
+
+def test_a_campaigns_worst_runs_are_shown_by_the_maps_that_were_drawn_of_them(
+    tmp_path: Path,
+) -> None:
+    """In the run's own folder, or where the same field was driven again for its map."""
+    runs = [
+        {"scenario": "a", "run": f"a-{k}-5c33", "outcome": "fault", "coverage": k / 10,
+         "reason": f"lost {k}"}
+        for k in range(3)
+    ]  # fmt: skip
+    (tmp_path / "campaign.json").write_text(json.dumps(runs))
+    for folder in ("runs/a-2-5c33", "maps/runs/a-1-2fbc"):
+        (tmp_path / folder).mkdir(parents=True)
+        cv2.imwrite(str(tmp_path / folder / "map.png"), np.zeros((4, 4, 3), np.uint8))
+    text = report_of(tmp_path).read_text()
+    assert "a-1-5c33: fault, coverage 0.1" in text
+    assert "a-2-5c33: fault, coverage 0.2" in text
+    assert "a-0-5c33: fault" not in text
 
 
 def test_a_fault_matrix_report_marks_what_is_unsafe(tmp_path: Path) -> None:
