@@ -21,6 +21,7 @@ from host.vision.mounted.face import (
     Face,
     FaceFinder,
 )
+from host.vision.mounted.lens import LensWatch
 from host.vision.mounted.paper import (
     L_TOLERANCE,
     Chain,
@@ -67,6 +68,14 @@ WANDER_RAD = math.radians(3.0)
 """By how much its foot may rise in the picture within them. It sinks before a machine that comes
 nearer, and a machine that nods lifts it by a degree; what rises more is no foot, but where blur,
 glare or shade lets stems fade."""
+BESIDE_M = 0.2
+"""To either side of the right end, so far is looked for what covers the lens,"""
+BELOW_CAMERA = 0.85
+"""and up to this share of the camera's height: what is seen above that lies far off and hardly
+moves, lens or not."""
+COVERED = 0.2
+"""Share of either side from which on the right end may be the border of what covers it. Chosen with
+`BESIDE_M` on twelve drives of seed 31."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
@@ -114,6 +123,9 @@ class MountedDetector:
         self._camera = camera
         self._vehicle = vehicle
         self._finder = FaceFinder(camera, vehicle)
+        x, y, z = (float(c) for c in camera.position)
+        level = float(camera.project([[x + FAR_M * 100, y, z]])[0, 1])
+        self._lens = LensWatch(camera.size, int(min(max(level, 0.0), camera.size[1] - 1.0)))
         self._expected_m = -vehicle.inset_m
         self._l_reference = NAN
         # such a camera looks through the blade's dust; one above the tops looks over most of it
@@ -141,6 +153,7 @@ class MountedDetector:
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
         grown = statistics.median(self._all_tops) if len(self._all_tops) >= TRACK else NAN
+        self._lens.see(seen.grey)
         face = self._finder.find(seen, stands, expected, tops, grown)
         late = self._near and not self._cutting and self._below_tops
         if late and face.ahead_m > NEAR_M:
@@ -153,10 +166,12 @@ class MountedDetector:
             self._cutting = self._cutting or face.ahead_m < AT_BLADE_M
             self._near = self._near or self._cutting
         wanders = self._wanders(face)
+        covered = self._covered(face)
         confidence = face.right_confidence * self._steadiness(face, expected)
         ahead_confidence = face.ahead_confidence * self._lasting(face)
-        if wanders:
+        if covered or wanders:
             confidence *= DOUBT
+        if wanders:
             # behind what was cut last, the next crop comes and goes about where it is out of sight
             ahead_confidence *= 1.0 if self._near else DOUBT
         self._no_dust = False
@@ -180,7 +195,7 @@ class MountedDetector:
             l_reference_px=self._l_reference,
             standing=face.standing,
             edge_px=edge,
-            reason=self._reason(face, confidence, wanders),
+            reason=self._reason(face, confidence, wanders, covered),
             stages=pictures,
         )
 
@@ -228,6 +243,23 @@ class MountedDetector:
                 self._track.append(face.right_m)
         return DOUBT if away > (TRACK_M if known else LEAP_M) else 1.0
 
+    def _covered(self, face: Face) -> bool:
+        """Whether something on the lens hides where the crop ends."""
+        if not (self._lens.covered.any() and math.isfinite(face.right_m + face.at_x_m)):
+            return False
+        top = min(self._vehicle.crop_height_m, BELOW_CAMERA * float(self._camera.position[2]))
+        aside, z = np.meshgrid(np.linspace(0.01, BESIDE_M, 6), np.linspace(LOWEST_M, top, 12))
+        x = np.full(aside.size, face.at_x_m)
+        return any(
+            self._lens.share(
+                self._camera.project(
+                    np.column_stack([x, face.right_m + side * aside.ravel(), z.ravel()])
+                )
+            )
+            > COVERED
+            for side in (-1.0, 1.0)
+        )
+
     def _wanders(self, face: Face) -> bool:
         """Whether the crop ahead, before it is cut, seems to come and go."""
         if self._cutting:
@@ -274,9 +306,11 @@ class MountedDetector:
         return float(pixels[0, 0]), float(pixels[1, 0]), edge
 
     @staticmethod
-    def _reason(face: Face, confidence: float, wanders: bool) -> str:
+    def _reason(face: Face, confidence: float, wanders: bool, covered: bool) -> str:
         if confidence >= SURE:
             return ""
+        if covered:
+            return "something on the lens hides where the crop ends: wipe it"
         if wanders:
             return "the crop ahead seems to come and go: blur, glare or shade hides its foot"
         if face.right_confidence >= SURE:
