@@ -69,8 +69,7 @@ def test_a_machine_that_stands_tells_nothing_of_its_lens() -> None:
 
 
 def test_what_was_found_on_the_lens_stays_known_at_rest() -> None:
-    pictures = muddy(passing(2 * KNOWN))
-    watch = watched(pictures + [pictures[-1]] * 100)
+    watch = watched(muddy(passing(2 * KNOWN) + passing(100, moves=0.0)))
     assert watch.covered[CELLS].all()
 
 
