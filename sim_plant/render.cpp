@@ -446,7 +446,7 @@ struct March {
 
 // The profiles of the bins [b0, b1), MARCHES * WIDTH of them at most: while the cells of one march
 // come from memory, the others go on.
-constexpr int MARCHES = 4;
+constexpr int MARCHES = 6;
 void profile(const Picture &p, const Heading &head, int64_t b0, int64_t b1) {
   March marches[MARCHES];
   int on_the_way[MARCHES], count = 0;

@@ -30,7 +30,7 @@ UNIT: Final = 1.0 / 4096.0
 SEGMENTS: Final = 48
 """Changes of height along an azimuth that a profile holds."""
 PIECES: Final = 2 * SEGMENTS + 1
-PARTS: Final = 10
+PARTS: Final = 6
 """A picture's work is dealt out in so many parts, whatever the number of threads."""
 REACH_M: Final = 16.0
 """Stalks are drawn up to here; the canopy's texture beyond."""
