@@ -34,8 +34,8 @@ WINDOW_S: Final = 4.0
 """Over which it is compared with the steering angle."""
 DIFFER_RAD: Final = math.radians(4.0)
 DIFFER_SHARE: Final = 0.3
-"""By which the two may differ, and as a share of what was turned: the pot's slack and the slip of
-tyres at full lock."""
+"""By which the two may differ, and as a share of what was turned, to and fro: the pot's slack, the
+slip of tyres at full lock, and a gyroscope that tells of a turn when the machine turns back."""
 AGREE_RAD: Final = math.radians(60.0)
 """To be turned in agreement before a gyroscope that was contradicted is believed again: one that
 hangs agrees as long as nothing turns."""
@@ -137,11 +137,12 @@ class Gyroscope:
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
-        seen = by_angle = 0.0
+        seen = by_angle = to_and_fro = 0.0
         for _, shown, turned, _ in self._steps:
             seen += shown
             by_angle += turned
-        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), abs(by_angle))
+            to_and_fro += abs(turned)
+        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), to_and_fro)
         if abs(seen - by_angle) > most:
             back = -sum(step.taken_rad for step in self._steps)
             self._steps.clear()

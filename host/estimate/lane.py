@@ -49,10 +49,12 @@ class Lane:
 
     @property
     def blade_offset_m(self) -> float:
-        """The blade's middle left of the lane, positive: minus the edge offset that vision sees."""
+        """The blade's middle left of the lane, positive: minus the edge offset that vision sees.
+        An edge that is seen from beside it is not followed where it seems to wander."""
         place = self._position.on_lane()
         turned = self._blade_x * math.sin(place.turned_rad)
-        return place.across_m + turned - place.lane_m - float(place.x[WANDER])
+        wander = 0.0 if self._position.beside else float(place.x[WANDER])
+        return place.across_m + turned - place.lane_m - wander
 
     @property
     def off_m(self) -> float:
@@ -74,7 +76,7 @@ class Lane:
         """(states,) the derivative of `blade_offset_m`."""
         place = self._position.on_lane()
         h = place.ahead(self._blade_x, place.blade_m)
-        h[WANDER] = -1.0
+        h[WANDER] = 0.0 if self._position.beside else -1.0
         return h
 
     def place(

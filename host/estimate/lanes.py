@@ -21,6 +21,11 @@ STRAIGHTEN_M = 0.1
 beside it."""
 
 
+CATCH_UP_M = 0.05
+"""Of a plan's overlap, by which a lane that lies outside of its plan takes a wider strip: without
+it the strips fall behind the plan by what the detector errs, until one of them is not there."""
+
+
 class Lain(NamedTuple):
     """What was found of a side's lane: (2,) its offset at the side's beginning, m left of the
     plan's, and its direction, rad; (2, 2) their covariance."""
@@ -46,6 +51,13 @@ def straightened(askew_rad: float, sigma_rad: float, length_m: float) -> Aside:
     sure = max(0.0, abs(askew_rad) - sigma_rad)
     turn = min(math.tan(sure), STRAIGHTEN_M / max(length_m, 1.0))
     return Aside(0.0, turn) if askew_rad > 0.0 else Aside(turn * length_m, -turn)
+
+
+def caught_up(aside: Aside, left_m: float, sigma_m: float) -> Aside:
+    """The same of a lane that begins left_m left of the plan's, give or take sigma_m: what is
+    surely outside of it is taken back."""
+    behind = max(0.0, -left_m - sigma_m)
+    return aside._replace(begin_m=aside.begin_m - min(behind, CATCH_UP_M))
 
 
 class Lanes:

@@ -9,14 +9,35 @@ from numba import njit
 
 from host.estimate.kalman import Array
 from host.estimate.odometry import Motion
-from host.estimate.states import CRAB, CURVE, GYRO, SLIP, WANDER, YAW, X, Y
+from host.estimate.states import (
+    CRAB,
+    CURVE,
+    GRADE_X,
+    GRADE_Y,
+    GYRO,
+    SCALE,
+    SLIP,
+    WANDER,
+    YAW,
+    X,
+    Y,
+)
 
 STEP_SIGMA = (0.03, 0.02)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
 across."""
+ROLL_SIGMA = 0.5
+"""Error along of a machine that rolls with its drive off, per square root of a metre: 0.1 m the
+other way is 0.2 m off."""
 SLIP_SIGMA = 0.015
-"""Of the share of their way that the driven wheels lose while they push the blade through crop,
-before anything is learned of it."""
+"""Of the share of their way that the driven wheels lose by pushing the blade through crop, before
+anything is learned of it."""
+SCALE_SIGMA = 0.02
+"""Of what they always lose: tyres slip by as much as rolling resistance is of the load that they
+can pull, some 2 %, and the sensor's scale was taped to 1 %."""
+GRADE_SIGMA = 0.012
+"""Of what they lose uphill, as much as they gain downhill: 1.4 % on a slope of 2 degrees (a tyre
+whose slip grows by 1 % with each 30 N of pull)."""
 YAW_SIGMA_PER_M = math.radians(0.25)
 YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
@@ -56,6 +77,12 @@ CUT = Wander(0.035, 0.7)
 of 8 random fields, from the fourth metre on)."""
 
 
+BESIDE = Wander(0.3, 10.0)
+"""Of the next strip's edge as a machine sees it that backs beside it: the detector looks for the
+right end of what stands before the blade, and what it then takes of an edge at the picture's border
+is 0.2 to 0.3 m off, all along."""
+
+
 def move(
     x: Array, p: Array, past: Motion, motion: Motion, wander: Wander, *, cutting: bool
 ) -> None:
@@ -66,7 +93,8 @@ def move(
     turn = motion.yaw_rad - past.yaw_rad
     if step == 0.0 and turn == 0.0:
         return
-    _move(x, p, step, turn, lasted, motion.by_gyro, cutting, *wander)
+    along = ROLL_SIGMA if motion.rolls else STEP_SIGMA[0]
+    _move(x, p, step, turn, lasted, motion.by_gyro, cutting, along, *wander)
 
 
 @njit(cache=True, nogil=True)
@@ -78,6 +106,7 @@ def _move(
     lasted: float,
     by_gyro: bool,
     cutting: bool,
+    along_sigma: float,
     wander_sigma_m: float,
     wander_m: float,
 ) -> None:
@@ -95,7 +124,9 @@ def _move(
     middle = x[YAW] + turn / 2
     c, s = math.cos(middle), math.sin(middle)
     lost = step if cutting else 0.0
-    step -= lost * x[SLIP]
+    grade, across = x[GRADE_X] * c + x[GRADE_Y] * s, x[GRADE_Y] * c - x[GRADE_X] * s
+    whole = step
+    step -= lost * x[SLIP] + whole * x[SCALE] + run * grade
     aside = run * x[CRAB]
     crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander_m)
     ahead, left = step * c - aside * s, step * s + aside * c
@@ -110,14 +141,16 @@ def _move(
             by_turn = of_turn * q[turns_by, k]
             # The way was made at the middle of the turn.
             yawed = q[YAW, k] + by_turn / 2
-            slip, crabbed = lost * q[SLIP, k], run * q[CRAB, k]
+            slip = lost * q[SLIP, k] + whole * q[SCALE, k]
+            slip += run * (c * q[GRADE_X, k] + s * q[GRADE_Y, k] + across * yawed)
+            crabbed = run * q[CRAB, k]
             q[X, k] += -left * yawed - c * slip - s * crabbed
             q[Y, k] += ahead * yawed - s * slip + c * crabbed
             q[YAW, k] += by_turn
             q[CRAB, k] *= crab
             q[WANDER, k] *= same
     # Neighbouring steps err alike: their errors grow along a metre as one.
-    along, across = STEP_SIGMA[0] ** 2 * run, STEP_SIGMA[1] ** 2 * run
+    along, across = along_sigma**2 * run, STEP_SIGMA[1] ** 2 * run
     p[X, X] += c * c * along + s * s * across
     p[Y, Y] += s * s * along + c * c * across
     p[X, Y] += c * s * (along - across)

@@ -72,6 +72,9 @@ class Motion:
     y_m: float
     by_gyro: bool = False
     """Whether the gyroscope tells the yaw, and not the steering angle alone."""
+    rolls: bool = False
+    """Whether it moves with its drive off, long after that could still be coasting: which way, one
+    hall sensor does not tell."""
 
 
 class _Reckoned(NamedTuple):
@@ -170,6 +173,7 @@ class Odometry:
             past.x_m + step * math.cos(middle),
             past.y_m + step * math.sin(middle),
             self.gyroscope.useful and telemetry.stamp - self.gyroscope.known_to < FRESH_S,
+            step != 0.0 and self._driven_s < -STOPS_S,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:

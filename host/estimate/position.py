@@ -26,14 +26,19 @@ from numpy.typing import NDArray
 from host.core.vehicle import Vehicle
 from host.estimate import gyroscope, spread
 from host.estimate.kalman import Filter, Measurement
-from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, straightened
+from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
+from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.motion_model import (
+    BESIDE,
     CURVE_SIGMA_1PM,
     CUT,
     DRILLED,
+    GRADE_SIGMA,
+    SCALE_SIGMA,
     SLIP_SIGMA,
+    STEP_SIGMA,
     move,
 )
 from host.estimate.odometry import Motion
@@ -42,11 +47,14 @@ from host.estimate.place import Place
 from host.estimate.states import (
     CRAB,
     CURVE,
+    GRADE_X,
+    GRADE_Y,
     GYRO,
     LANE,
     LANE_OFFSET,
     LANE_YAW,
     PLAN_YAW,
+    SCALE,
     SLIP,
     STATES,
     WANDER,
@@ -92,11 +100,16 @@ class Position(Filter):
         super().__init__(np.zeros(states), np.zeros((states, states)))
         own = (SLIP_SIGMA, 0.0, 0.0, PLAN_SIGMA_RAD, CURVE_SIGMA_1PM, gyroscope.OFFSET_SIGMA)
         self._p[SLIP:CRAB, SLIP:CRAB] = np.diag(np.square(own))
+        wheels = (SCALE_SIGMA, GRADE_SIGMA, GRADE_SIGMA)
+        self._p[SCALE:STATES, SCALE:STATES] = np.diag(np.square(wheels))
         self._vehicle = vehicle
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
         self._lane_of = NO_SIDE
         self._wander = DRILLED
+        self.beside = False
+        """Whether the edge of its lane is seen from beside it, and not followed where it wanders.
+        """
         self.aside = Aside()
         """Of the present lane."""
         self.known = False
@@ -131,7 +144,7 @@ class Position(Filter):
         axle they are."""
         x, y, _ = self.pose
         found = np.empty((len(points), 2, 2))
-        spread.of_points(self._p, x, y, points, self.outline.nearest(points), found)
+        spread.of_points(self._p, STATES, x, y, points, self.outline.nearest(points), found)
         return found
 
     def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -195,10 +208,11 @@ class Position(Filter):
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
         self.aside = Aside()
 
-    def _other_edge(self, side: Side) -> None:
-        """Nothing is known yet of how this one wanders."""
+    def _other_edge(self, side: Side, *, beside: bool = False) -> None:
+        """Nothing is known yet of how this one wanders, as it is seen."""
         left = side.inside_m > self._vehicle.blade_width_m / 2 or self._lanes.knows(side)
-        self._lane_of, self._wander = side, CUT if left else DRILLED
+        self._lane_of, self.beside = side, beside
+        self._wander = BESIDE if beside else CUT if left else DRILLED
         self._x[WANDER] = 0.0
         self._p[WANDER, :] = self._p[:, WANDER] = 0.0
         self._p[WANDER, WANDER] = self._wander.sigma_m**2
@@ -212,12 +226,19 @@ class Position(Filter):
         self.aside = Aside()
         if straight and self._lanes.knows(side):
             sigma = math.sqrt(covariance[1, 1])
-            self.aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
+            aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
+            self.aside = caught_up(aside, float(lane[0]), math.sqrt(covariance[0, 0]))
             lane = lane - np.array(self.aside)
         self._x[LANE] = lane
         self._p[LANE, :] = self._p[:, LANE] = 0.0
         self._p[LANE, LANE] = covariance
         self._other_edge(side)
+
+    def look(self, side: Side, *, beside: bool) -> None:
+        """The edge of the present lane, this side's, is seen from beside it from here on, or from
+        where it is to be cut."""
+        if beside is not self.beside:
+            self._other_edge(side, beside=beside)
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
@@ -264,13 +285,16 @@ class Position(Filter):
         h[LANE] = 0.0
         return self.sigma(h)
 
-    def end_sigma_m(self, side: Side, way: int = 1) -> float:
+    def end_sigma_m(self, side: Side, way: int = 1, back_m: float = 0.0) -> float:
         """Standard deviation of how far the blade is before a side's end, or past its beginning
-        (way -1)."""
+        (way -1), once the machine has backed so far along it."""
         if not self.known:
             return 0.0
-        h = to_border(self.at(side), way)
-        return math.sqrt(h @ self._p @ h)
+        place = self.at(side)
+        h = to_border(place, way)
+        h[SCALE] -= back_m
+        h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
+        return math.sqrt(h @ self._p @ h + STEP_SIGMA[0] ** 2 * back_m)
 
     @property
     def corners_sigma_m(self) -> float:
@@ -340,9 +364,10 @@ class Position(Filter):
         left = left_rad + self.course_rad - float(self._x[YAW])
         self._take(course.course(self._x, left, speed_mps))
 
-    def at_begin(self, side: Side, ago_m: float) -> None:
-        """The blade met the beginning of a side's crop, and has travelled ago_m since."""
-        self._take(begin.begin(self.at(side), self._p, ago_m))
+    def at_begin(self, side: Side, ago_m: float, sigma_m: float = MET_SIGMA_M) -> None:
+        """The blade met the beginning of a side's crop, and has travelled ago_m since (negative: is
+        to travel), with that standard deviation."""
+        self._take(begin.begin(self.at(side), self._p, ago_m, sigma_m))
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
@@ -387,4 +412,7 @@ class Position(Filter):
         self.outline.move(self._x[STATES:])
         self._x[STATES:] = 0.0
         turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
-        spread.turn(self._p, math.cos(turned), math.sin(turned))
+        c, s = math.cos(turned), math.sin(turned)
+        x, y = self._x[[GRADE_X, GRADE_Y]]
+        self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
+        spread.turn(self._p, GRADE_X, c, s)

@@ -1,5 +1,6 @@
 """Two large products of the covariance that are due at each step or picture, compiled: of most of
-its states they take nothing, or one and the same."""
+its states they take nothing, or one and the same. Where the corners stand among the states is an
+argument: compiled code that is cached would not see another number of states."""
 
 from __future__ import annotations
 
@@ -7,13 +8,16 @@ import numpy as np
 from numba import njit
 
 from host.estimate.kalman import Array
-from host.estimate.states import STATES, YAW, X, Y
+from host.estimate.states import YAW, X, Y
 
 
 @njit(cache=True, nogil=True)
-def of_points(p: Array, x: float, y: float, points: Array, near: Array, found: Array) -> None:
+def of_points(
+    p: Array, first: int, x: float, y: float, points: Array, near: Array, found: Array
+) -> None:
     """Into `found`, (n, 2, 2), m²: of points (n, 2) of a machine whose rear axle is at x, y,
-    against a border that moves by `near`, (n, corners), of each corner."""
+    against a border that moves by `near`, (n, corners), of each corner; their states begin at
+    `first`."""
     corners = near.shape[1]
     count = 3 + 2 * corners
     states = np.empty(count, np.int64)
@@ -26,7 +30,7 @@ def of_points(p: Array, x: float, y: float, points: Array, near: Array, found: A
         used = 3
         for k in range(corners):
             if near[m, k] != 0.0:
-                states[used], states[used + 1] = STATES + 2 * k, STATES + 2 * k + 1
+                states[used], states[used + 1] = first + 2 * k, first + 2 * k + 1
                 by[0, used] = by[1, used + 1] = -near[m, k]
                 used += 2
         for r in range(2):
@@ -40,15 +44,15 @@ def of_points(p: Array, x: float, y: float, points: Array, near: Array, found: A
 
 
 @njit(cache=True, nogil=True)
-def turn(p: Array, c: float, s: float) -> None:
-    """Turns place and corners, all that has x and y in the field, by an angle with that cosine and
-    sine, in place."""
+def turn(p: Array, first: int, c: float, s: float) -> None:
+    """Turns the place, and all from the state `first` on, whose x and y in the field stand there
+    one after the other, by an angle with that cosine and sine, in place."""
     n = len(p)
     for k in range(n):
         p[X, k], p[Y, k] = c * p[X, k] - s * p[Y, k], s * p[X, k] + c * p[Y, k]
-        for a in range(STATES, n, 2):
+        for a in range(first, n, 2):
             p[a, k], p[a + 1, k] = c * p[a, k] - s * p[a + 1, k], s * p[a, k] + c * p[a + 1, k]
     for k in range(n):
         p[k, X], p[k, Y] = c * p[k, X] - s * p[k, Y], s * p[k, X] + c * p[k, Y]
-        for a in range(STATES, n, 2):
+        for a in range(first, n, 2):
             p[k, a], p[k, a + 1] = c * p[k, a] - s * p[k, a + 1], s * p[k, a] + c * p[k, a + 1]

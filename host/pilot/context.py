@@ -129,6 +129,7 @@ class Context:
         """Along the strip from here on."""
         self.turning = None
         self.strip.begin_lane()
+        self.strip.saw_begin()
         self.estimate.cut.begin(self.strip.clear_end_m)
         self.sight.ahead.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing

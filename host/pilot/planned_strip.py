@@ -10,6 +10,7 @@ from typing import NamedTuple
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
+from host.estimate.measurements import begin
 from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
 from host.estimate.position import START_SIGMA
@@ -74,6 +75,8 @@ OUTWARD_M = 0.4
 crop's right end is in view, from inside nothing but crop."""
 UNSURE_SHARE = 0.5
 """Of a side, at most, in which clear ground may be its end for that."""
+LEFT_OVER_M = 1.0
+"""Beyond a side's end, on ground that is cut: what stands there for longer is another side's."""
 LATE_SIGMAS = 3.0
 """Crop that goes on farther than so many is not the side's: something else is wrong."""
 CUT_BEFORE_M = 0.4
@@ -125,6 +128,8 @@ class PlannedStrip(Strip):
         """Which of them the blade is at."""
         self._on_lane = False
         """Whether the present lane is its own, and no more the last strip's."""
+        self._pressed_m = 0.0
+        """So much of its beginning is pressed down: no edge of it tells where it lies."""
         self._turned_from: _Before | None = None
         self._crop_to_m = 0.0
         """How far along the side crop has been seen to go on from what was cut."""
@@ -203,10 +208,11 @@ class PlannedStrip(Strip):
             self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
 
     def may_end_at(self, along_m: float) -> bool:
-        if self.estimate.position.outline.states == 0:
-            return False
-        most_m = END_SIGMAS * max(self._doubt_m, UNKNOWN_M)
-        return along_m > max(0.0, self.side.length_m - EARLY_M - most_m)
+        position = self.estimate.position
+        doubt_m = max(self._doubt_m, UNKNOWN_M)
+        if position.outline.states == 0:
+            doubt_m = position.end_sigma_m(self._straight[-1])
+        return along_m > max(0.0, self.side.length_m - EARLY_M - END_SIGMAS * doubt_m)
 
     def ends_at(self, along_m: float) -> None:
         start = self._pieces[-1][0]
@@ -225,7 +231,11 @@ class PlannedStrip(Strip):
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma
         farthest *= self.along_m(self.estimate.motion)
-        return farthest > self._planned.fence_m + LATE_M + LATE_SIGMAS * self._doubt_m
+        doubt_m = self._doubt_m
+        if self.plan.gap_m is not None:  # a geofence watches
+            doubt_m = max(doubt_m, self.estimate.position.end_sigma_m(self._straight[-1]))
+        last_m = min(self._planned.fence_m, self.side.length_m + LEFT_OVER_M)
+        return farthest > last_m + LATE_M + LATE_SIGMAS * doubt_m
 
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
@@ -242,8 +252,6 @@ class PlannedStrip(Strip):
         return self.new and self.along_m(here) - self._crop_to_m > BLIND_M and self.end_due(here)
 
     def sure_ahead_m(self) -> float:
-        if self._doubt_m == 0.0:
-            return math.inf
         return max(0.0, self.side.length_m - self._crop_to_m)
 
     def to_blind_end_m(self) -> float:
@@ -293,8 +301,21 @@ class PlannedStrip(Strip):
         seen = self.ahead.crop_at_m - here.distance_m
         return min(seen, -self.along_m(here)) < BLADE_ON_M
 
+    @property
+    def _begin_seen(self) -> bool:
+        """Whether the turn to it has shown where its crop begins. Where the border slants, what is
+        seen from afar is another of its rows."""
+        return math.isfinite(self.ahead.begins_at_m) and not self.begins_slanting
+
+    def saw_begin(self) -> None:
+        if self._begin_seen:
+            ago_m = self.estimate.motion.distance_m - self.ahead.begins_at_m
+            self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
+
     def met_begin(self, ago_m: float) -> None:
-        self.estimate.position.at_begin(self._straight[0], ago_m)
+        if not self._begin_seen:
+            early_m = begin.EARLY_M if self.index > 0 else 0.0
+            self.estimate.position.at_begin(self._straight[0], ago_m - early_m)
 
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
         here = self.estimate.motion
@@ -316,6 +337,8 @@ class PlannedStrip(Strip):
         """Its way is the next round's edge; and once, where the lane is known again, it tells how
         far the turn to it has turned."""
         here = self.estimate.motion
+        if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
+            self.estimate.position.look(self.planned_piece, beside=False)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
         bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
         if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
@@ -334,11 +357,14 @@ class PlannedStrip(Strip):
         if turning.beside:
             # Its edge is in view all the way back.
             self.begin_lane()
+            self.estimate.position.look(self.planned_piece, beside=True)
             self.estimate.lane.begin(turning.beside_m)
             return
         self.estimate.position.less_sure(*self.turn_sigmas(turning))
         outward_m = self.outward_m
         self.begin_lane()
+        self._pressed_m = turning.turn.pressed_m
+        self.estimate.position.look(self.planned_piece, beside=self._pressed_m > 0.0)
         self.estimate.lane.begin(-outward_m, until_seen=True)
 
     def begin_lane(self) -> None:
@@ -379,9 +405,8 @@ class PlannedStrip(Strip):
     @property
     def begin_doubt_m(self) -> float:
         position = self.estimate.position
-        if not position.outline.states:
-            return 0.0
-        return SIGMAS * position.end_sigma_m(self._straight[0], -1)
+        back_m = max(0.0, self.along_m(self.estimate.motion))
+        return SIGMAS * position.end_sigma_m(self._straight[0], -1, back_m)
 
     def laid_anew(self, plan: Plan) -> PlannedStrip:
         """The same strip in the plan as it has been laid out anew around what was found."""
@@ -389,6 +414,7 @@ class PlannedStrip(Strip):
         strip.search_m = self.search_m
         strip._at = min(self._at, len(strip._straight) - 1)
         strip._turned_from, strip._on_lane = self._turned_from, self._on_lane
+        strip._pressed_m = self._pressed_m
         strip._crop_to_m, strip._doubt_m = self._crop_to_m, self._doubt_m
         strip._expected_m = self._expected_m
         self.estimate.position.laid_anew(plan.boundary, strip.planned_piece)

@@ -202,7 +202,15 @@ class Sight:
         self.ahead.note(view, then)
         if view.ahead_confidence >= CONFIDENT:
             ends = gaze.ends and (not gaze.settles or settled(frame.stamp))
+            if turning is not None and self._backs_away(turning, then):
+                self.ahead.back_away(view, then)
             self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
+
+    def _backs_away(self, turning: Turning, then: Motion) -> bool:
+        """Whether crop before the blade is where the next side begins."""
+        expected = turning.crop_expected_m(then, self._vehicle.blade_x_m)
+        backs = turning.backing and then.speed_mps < -MOVING_MPS
+        return backs and turning.turn.pressed_m == 0.0 and expected > 0.0
 
     def _take_bound(
         self, view: CropView, strip: Strip, then: Motion, since_shutter: tuple[float, float]
@@ -305,7 +313,9 @@ class Sight:
         settling = then.stamp - since < LEAP_STAYS_S
         dusty = gaze.cutting or (gaze.hesitates and settling)
         leap = edge_m + self._estimate.lane.blade_offset_m
-        least = INWARD_M if self.ahead.in_dust(*EDGE_SURE) else LEAP_M
+        # Before the side's crop is met the blade raises no dust.
+        in_dust = self.ahead.entered and self.ahead.in_dust(*EDGE_SURE)
+        least = INWARD_M if in_dust else LEAP_M
         return dusty and strip.placed and least < leap < self._vehicle.blade_width_m
 
     def _on_lane(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:

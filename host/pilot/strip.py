@@ -156,6 +156,10 @@ class Strip:
         where the edge is to be found."""
         return True
 
+    def saw_begin(self) -> None:
+        """The machine stands where it is to drive along the strip, and has seen what it can of its
+        beginning."""
+
     def met_begin(self, ago_m: float) -> None:
         """The blade met the crop, and has travelled ago_m since."""
 

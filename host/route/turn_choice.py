@@ -23,7 +23,7 @@ SHUTTLE_ROOM_M = 0.15
 geofence may end sooner: then so much of the strip's beginning stays."""
 ALIKE_M = 1e-3
 """Rooms that differ by less are the same."""
-EARLY_M = (0.0, 0.2, 0.4, 0.6, 0.8)
+EARLY_M = (0.0, 0.2, 0.4, 0.6, 0.8, 1.2, 1.6, 2.0)
 """How much sooner than it should a shuttle's S may begin, best first: crop that is pressed down
 before it is cut costs less than a strip that begins askew."""
 

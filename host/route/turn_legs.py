@@ -82,6 +82,8 @@ class Turn:
     lane_y_m: float
     lane_rad: float
     crop_begins_m: float
+    pressed_m: float = 0.0
+    """How much of the new side's beginning wheels press down."""
 
     def offset(self, x: float, y: float) -> float:
         """Signed distance of a point left of the lane."""
@@ -203,7 +205,7 @@ def shuttle(
         Leg(-steer, True, Goal.HEADING, 0.0),
         line_up,
     )
-    return Turn(legs, 0.0, shift_m, 0.0, begins)
+    return Turn(legs, 0.0, shift_m, 0.0, begins, early_m)
 
 
 class Driven(NamedTuple):

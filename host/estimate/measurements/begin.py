@@ -8,14 +8,19 @@ from host.estimate.kalman import Array, Measurement
 from host.estimate.measurements.border import SLANT_SHARE, SLOPE_MOST, border
 from host.estimate.place import Place
 
-SIGMA_M = 0.25
-"""Of the beginning by the first picture that shows crop at the blade: the detector's own promise
-(`CropView.ahead_confidence`)."""
+SEEN_SIGMA_M = 0.15
+"""Of the beginning as a machine sees it that backs away from it: 0.1 m for one picture, and the
+first stems stand a little inside."""
+MET_SIGMA_M = 0.25
+EARLY_M = 0.2
+"""Of the beginning by the first picture that shows crop at the blade of a machine that drives up to
+it: the detector's own promise (`CropView.ahead_confidence`); it takes crop for met so long before.
+"""
 
 
-def begin(place: Place, p: Array, ago_m: float) -> Measurement:
+def begin(place: Place, p: Array, ago_m: float, sigma_m: float = MET_SIGMA_M) -> Measurement:
     """The blade met it, and has travelled ago_m since."""
     side = place.side
-    sigma = math.hypot(SIGMA_M, SLANT_SHARE * side.begin_seen_m)
+    sigma = math.hypot(sigma_m, SLANT_SHARE * side.begin_seen_m)
     slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
     return border("begin", place, p, side.begin_seen_m + ago_m, sigma, slope, way=-1)

@@ -30,6 +30,8 @@ NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
 KEEP_OUT_REST_M = 3.0
 """Of a side, at most, that may stay standing beside a keep-out: of more a person must know."""
+END_REST_M = 1.0
+"""The same before its end: no more than a walked corner errs."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -75,13 +77,16 @@ class Follow(Behaviour):
         return self._drive(now), None
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
-        """Beside a keep-out a side ends where the geofence has it end, which knows how surely the
-        machine knows its place; what is left of it stays."""
+        """A side that is about to end, and one beside a keep-out, ends where the geofence has it
+        end, which knows how surely the machine knows its place; what is left of it stays."""
         context, strip = self.context, self.context.strip
-        outside = verdict.at_keep_out and verdict.clearance_m >= 0.0
-        if outside and strip.left_m() < KEEP_OUT_REST_M:
-            here = EndOfField(now, context.motion, strip.index)
-            return end_side(context, now, here, refused=True)
+        here = EndOfField(now, context.motion, strip.index)
+        if verdict.clearance_m >= 0.0 and strip.placed:
+            if verdict.at_keep_out and strip.left_m() < KEEP_OUT_REST_M:
+                return end_side(context, now, here, refused=True)
+            if strip.left_m() < END_REST_M and not context.by_plan:
+                context.by_plan = True
+                return end_side(context, now, here)
         return super().blocked(now, verdict)
 
     def _hold(self, go: Go) -> Command:
@@ -163,7 +168,8 @@ class Follow(Behaviour):
     def _doubts(self, now: float) -> Go | None:
         """Whether the edge is too unsure to cut on, or might be seen without the dust."""
         context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
-        if now - sight.seen.stamp > STOP_AFTER_S or lane.offset_sigma_m > LANE_SIGMA_M:
+        unknown = lane.offset_sigma_m > LANE_SIGMA_M and not context.estimate.position.beside
+        if now - sight.seen.stamp > STOP_AFTER_S or unknown:
             sight.seen.broken = now
             return Why.EDGE_LOST.go(why=context.why_unseen("no sure view"))
         if not self._worth_a_look():

@@ -213,7 +213,7 @@ def begin_again(options: list[str]) -> None:
 
 
 @needs_firmware
-@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.long)], ids=["8", "200"])
+@pytest.mark.parametrize("count", [24, pytest.param(200, marks=pytest.mark.long)], ids=str)
 def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: int) -> None:
     asked = options(tmp_path, count)
     with contextlib.ExitStack() as other:
@@ -235,7 +235,7 @@ def test_a_campaign_killed_halfway_goes_on_where_it_was(tmp_path: Path, count: i
 
 
 @needs_firmware
-@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.long)], ids=["8", "200"])
+@pytest.mark.parametrize("count", [24, pytest.param(200, marks=pytest.mark.long)], ids=str)
 def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path, count: int) -> None:
     """A scheduler and two workers; halfway one of them and the campaign itself are killed, and the
     campaign is started again."""

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, NEAR_CROP_M, Ahead, EndOfField
+from host.estimate.crop_ahead import (
+    BEGIN_PICTURES,
+    END_CLEAR_M,
+    END_PICTURES,
+    NEAR_CROP_M,
+    Ahead,
+    EndOfField,
+)
 from host.estimate.odometry import Motion
 from host.vision.view import CropView
 
@@ -36,6 +43,18 @@ def test_the_side_begins_at_the_first_picture_with_crop_at_the_blade_and_once() 
     assert ahead.entered_at == at(0.1)
     assert not shown(ahead, 0.2, 0.0)
     assert ahead.entered_at == at(0.1)
+
+
+def test_a_machine_that_backs_away_sees_where_the_crop_begins() -> None:
+    """Neither what is seen too near or too far, nor one strange picture among many counts."""
+    ahead = Ahead()
+    for k, ahead_m in enumerate((0.02, 0.1, 0.2, 0.3, 0.9, 0.5)):
+        ahead.back_away(crop(ahead_m), at(5.0 - 0.1 * k))
+        assert math.isnan(ahead.begins_at_m) is (k < BEGIN_PICTURES), k
+    ahead.back_away(crop(1.5), at(4.3))
+    assert ahead.begins_at_m == pytest.approx(5.0)
+    ahead.turn()
+    assert math.isnan(ahead.begins_at_m)
 
 
 def test_crop_that_dust_hides_is_met_where_it_was_seen_and_that_is_no_sight_of_its_beginning() -> (

@@ -26,10 +26,12 @@ class Drive:
         pot_scale: float = 1.0,
         offset_radps: float = 0.0,
         late_s: float = 0.1,
+        unknown_s: float = 0.0,
     ) -> None:
+        """`unknown_s`: of late_s, what its stamps do not know."""
         self.estimate = Estimator(Vehicle(), Plan())
         self.pot_off, self.pot_scale = pot_off_rad, pot_scale
-        self.offset, self.late = offset_radps, late_s
+        self.offset, self.late, self.unknown = offset_radps, late_s, unknown_s
         self.gyro_turns, self.breaks = True, False
         self.shake, self.random = 0.0, random.Random(1)
         self.now = self.distance = self.yaw = self.shown = 0.0
@@ -45,8 +47,9 @@ class Drive:
             self.shown += (turn if self.gyro_turns else 0.0) + self.offset * STEP_S
             self.shown += self.random.gauss(0.0, self.shake) * STEP_S
             since = self.now if self.breaks else 0.0
-            self._sent.append(Turned(self.now, self.shown, since))
-            while self._sent and self._sent[0].stamp <= self.now - self.late + 1e-9:
+            self._sent.append(Turned(self.now + self.unknown, self.shown, since))
+            known = self.late - self.unknown
+            while self._sent and self._sent[0].stamp <= self.now - known + 1e-9:
                 self.estimate.take_turned(self._sent.pop(0))
             self.estimate.take_telemetry(
                 Telemetry(
@@ -192,3 +195,16 @@ def test_one_that_is_shaken_at_rest_is_not_taken_for_sure() -> None:
         drive.go(1.0, 0.5)
     assert quiet.estimate.odometry.now.by_gyro
     assert not shaken.estimate.odometry.now.by_gyro
+
+
+@pytest.mark.parametrize("unknown_s", [0.0, 0.15])
+def test_one_that_tells_late_of_a_turn_to_and_fro_is_believed(unknown_s: float) -> None:
+    """A shuttle's S: while the machine turns back it still tells of the way out."""
+    drive = Drive(late_s=0.2, unknown_s=unknown_s)
+    drive.go(3.0, 0.0)
+    for steer_deg in (48, -48):
+        for _ in range(30):
+            drive.go(0.1, -0.33, math.radians(steer_deg))
+            assert not drive.estimate.odometry.gyroscope.contradicted
+    drive.go(1.0, 0.0)
+    assert drive.estimate.odometry.now.by_gyro

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
+from host.estimate.kalman import Measurement
 from host.estimate.lane import Lane
-from host.estimate.lanes import STRAIGHTEN_M, straightened
+from host.estimate.lanes import STRAIGHTEN_M, Aside, caught_up, straightened
 from host.estimate.motion_model import YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import START_SIGMA, Position
-from host.estimate.states import WANDER
+from host.estimate.states import GRADE_X, GRADE_Y, SCALE, STATES, WANDER
 from host.route.side import Side
 from tests.helpers.places import OnLane, driven, followed, spun, sure_of
 
@@ -109,6 +110,14 @@ def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
     assert lane.offset_m == pytest.approx(offset, abs=0.02)
 
 
+def sure_at(position: Position, side: Side, along_m: float) -> None:
+    """The blade stands there, to a centimetre."""
+    h = np.zeros((1, STATES))
+    h[0, 0] = math.cos(side.heading_rad)
+    off = along_m - position.along(side)
+    position.fuse(Measurement("there", h, np.array([off]), np.array([0.01**2])))
+
+
 def ring(index: int, length_m: float = 10.0) -> Side:
     """Each lies a pass inside the one before."""
     return Side(0.0, index * VEHICLE.pass_m, 0.0, length_m, VEHICLE.pass_m, length_m)
@@ -125,7 +134,7 @@ def test_the_further_inside_the_less_a_sides_line_proves() -> None:
         position.predict(motion(0.0), cutting=False)
         x, y, _ = position.pose
         driven(position, x, y + inside * VEHICLE.pass_m, 0.0, motion(0.0))
-        sure_of(position, *START_SIGMA)
+        sure_of(position, 0.05, 0.05, START_SIGMA[2])
         before = position.pose[1]
         followed(position, 0.1, 0.0)
         moved.append(position.pose[1] - before)
@@ -280,6 +289,86 @@ def test_the_less_sure_the_distance_the_more_an_end_places_the_machine() -> None
     assert moved[1] < 0.9 * moved[2] < 0.5
 
 
+@pytest.mark.parametrize("uphill", [0.015, -0.015])
+def test_what_the_wheels_always_lose_and_what_they_lose_uphill_are_told_apart(
+    uphill: float,
+) -> None:
+    """To and fro along a side between ends that are known: a slope takes from the one way what it
+    gives to the other."""
+    lost, length_m = 0.02, 20.0
+    side = Side(0.0, 0.0, 0.0, length_m, VEHICLE.pass_m, length_m)
+    position, missed, run_m = Position(VEHICLE), [], 0.0
+    position.place(side, 0.0, 0.0, 0.0)
+    for _ in range(4):
+        for way in (1, -1):
+            before = run_m
+            for _ in range(round(length_m / STEP_M)):
+                run_m += way * STEP_M / (1 - lost - way * uphill)
+                position.predict(motion(run_m), cutting=False)
+            there_m = length_m if way > 0 else 0.0
+            missed.append(position.along(side) - there_m)
+            sure_at(position, side, there_m)
+            assert abs(run_m - before) > 0.9 * length_m
+    assert abs(missed[0]) > 0.05
+    assert max(abs(off_m) for off_m in missed[-2:]) < 0.06
+    slope = position.x[[GRADE_X, GRADE_Y]]
+    assert slope[0] == pytest.approx(uphill, abs=0.004) and abs(slope[1]) < 0.001
+    assert position.x[SCALE] == pytest.approx(lost, abs=0.006)
+
+
+def test_a_machine_that_has_rolled_knows_its_place_along_less() -> None:
+    def sigma_m(*, rolls: bool) -> float:
+        position = Position(VEHICLE)
+        position.place(ring(0), 0.0, 0.0, 0.0)
+        position.predict(motion(0.0), cutting=False)
+        position.predict(replace(motion(0.2), rolls=rolls), cutting=False)
+        return position.end_sigma_m(ring(0))
+
+    assert sigma_m(rolls=True) > sigma_m(rolls=False) + 0.1
+
+
+def test_how_sure_a_machine_is_where_it_will_have_backed_to() -> None:
+    """As sure as it then is."""
+    position = Position(VEHICLE)
+    position.place(ring(0), 1.0, 0.0, 0.0)
+    position.predict(motion(0.0), cutting=False)
+    position.predict(motion(8.0), cutting=False)
+    sure_at(position, ring(0), 9.0)
+    position.predict(motion(8.0), cutting=False)
+    ahead_of_time = position.end_sigma_m(ring(0), -1, 8.0)
+    assert ahead_of_time > position.end_sigma_m(ring(0), -1) + 0.05
+    position.predict(motion(0.0), cutting=False)
+    assert position.end_sigma_m(ring(0), -1) == pytest.approx(ahead_of_time, rel=0.02)
+
+
+def test_an_edge_that_is_seen_from_beside_moves_a_machine_little() -> None:
+    def place_m(*, beside: bool) -> float:
+        machine = OnLane(VEHICLE)
+        machine.position.look(machine.position.on_lane().side, beside=beside)
+        for _ in range(20):
+            machine.lane.correct(0.1, math.nan, 1.0, (0.0, 0.0))
+        return abs(machine.lane.blade_offset_m)
+
+    assert place_m(beside=False) > 0.08
+    assert place_m(beside=True) < 0.03
+
+
+def test_how_surely_a_lane_is_known_from_beside_is_the_machines_place() -> None:
+    machine = OnLane(VEHICLE)
+    known_m = machine.lane.offset_sigma_m
+    machine.position.look(machine.position.on_lane().side, beside=True)
+    assert machine.lane.offset_sigma_m == pytest.approx(known_m, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("left_m", "taken_m"), [(-0.3, 0.05), (-0.08, 0.02), (-0.05, 0.0), (0.3, 0)]
+)
+def test_strips_that_fall_behind_their_plan_catch_up(left_m: float, taken_m: float) -> None:
+    caught = caught_up(Aside(0.02, 0.001), left_m, 0.06)
+    assert caught.begin_m == pytest.approx(0.02 - taken_m)
+    assert caught.slope == 0.001
+
+
 def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() -> None:
     slip, length_m = 0.03, 20.0
     side = Side(0.0, 0.0, 0.0, length_m, VEHICLE.pass_m, length_m)
@@ -300,7 +389,9 @@ def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() 
     assert abs(missed[-1]) < 0.3 * missed[0]
     backed = position.along(side)
     position.predict(motion(run_m - 1.0), cutting=False)
-    assert position.along(side) == pytest.approx(backed - 1.0), "without the blade none is lost"
+    assert position.along(side) == pytest.approx(backed - 1.0, abs=0.01), (
+        "but pushing, none is lost"
+    )
 
 
 def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() -> None:

@@ -232,3 +232,20 @@ def test_crop_before_the_blade_is_no_slope() -> None:
         slope.learn(0.0, 0.3, 0.6, cutting=True)
         slope.learn(math.pi, 0.3, 0.4, cutting=True)
     assert [slope.rolls(k * math.pi) for k in range(2)] == [-1, 1]
+
+
+def test_a_machine_that_moves_with_its_drive_off_rolls() -> None:
+    """Not while it runs out, nor where it stands."""
+    slide = Slide(0.35)
+    slide.drive(2.0, 110)
+    assert not slide.odometry.now.rolls
+    rolled = []
+    for _ in range(250):
+        slide.drive(0.02, 0)
+        rolled.append(slide.odometry.now.rolls)
+    assert not any(rolled[:10])
+    assert any(rolled)
+    level = Slide(0.0)
+    level.drive(2.0, 110)
+    level.drive(5.0, 0)
+    assert not level.odometry.now.rolls

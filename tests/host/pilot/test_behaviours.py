@@ -22,7 +22,7 @@ from host.pilot.behaviours.connect import ARM_RETRY_S, Connect
 from host.pilot.behaviours.connect import Why as Connected
 from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
-from host.pilot.behaviours.follow import KEEP_OUT_REST_M, SPIN_S, Follow
+from host.pilot.behaviours.follow import END_REST_M, KEEP_OUT_REST_M, SPIN_S, Follow
 from host.pilot.behaviours.follow import Why as Followed
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as EdgeLook
@@ -41,8 +41,9 @@ from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
+from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
-from host.route.turn_legs import Goal
+from host.route.turn_legs import Goal, shuttle
 from host.vision.view import CropView
 
 VEHICLE = Vehicle()
@@ -77,9 +78,9 @@ def told(speed_mps: float = 0.0, at_m: float = 0.0, state: State = State.RUNNING
 
 
 def moved(context: Context, to_m: float, speed_mps: float = 0.0, *, stamp: float = NOW) -> None:
-    """The machine has come so far along its wheels."""
+    """The machine has come so far along its wheels, driven."""
     context.telemetry = replace(told(speed_mps, to_m), stamp=stamp)
-    context.estimate.take_telemetry(context.telemetry)
+    context.estimate.take_telemetry(replace(context.telemetry, drive_duty=120))
 
 
 def seeing(context: Context, view: CropView, *, stamp: float = NOW) -> None:
@@ -272,7 +273,7 @@ def test_follow_looks_once_for_an_edge_that_dust_hides() -> None:
 
 
 def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> None:
-    past = PLAN.sides[0].fence_m + 1.5
+    past = PLAN.sides[0].fence_m + 2.5
     context = on_side(cut_m=past)
     assert is_for(Follow(context).step(NOW)[1], SideEnd.BY_PLAN)
     again = on_side(cut_m=past)
@@ -303,6 +304,42 @@ def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
     assert context.strip.index == (1 if reason is SideEnd.KEEP_OUT else 0)
     assert before.along_m(context.motion) == along_m, "no end was seen that tells of the place"
     assert context.ends == []
+
+
+def test_a_side_that_is_about_to_end_ends_where_the_geofence_stops_the_machine_once() -> None:
+    """Twice in a row it is no end, and well before it none at all."""
+    verdict = replace(TOO_NEAR, at_keep_out=False, clearance_m=0.1)
+    context = on_side(cut_m=PLAN.sides[0].length_m - END_REST_M + 0.1)
+    assert is_for(Follow(context).blocked(NOW, verdict), SideEnd.BY_PLAN)
+    assert context.strip.index == 1 and context.ends == []
+    again = on_side(cut_m=PLAN.sides[0].length_m - END_REST_M + 0.1)
+    again.by_plan = True
+    assert is_for(Follow(again).blocked(NOW, verdict), Watched.GEOFENCE)
+    before = on_side(cut_m=PLAN.sides[0].length_m - END_REST_M - 0.1)
+    assert is_for(Follow(before).blocked(NOW, verdict), Watched.GEOFENCE)
+
+
+def test_along_what_a_shuttle_has_pressed_down_no_edge_is_followed() -> None:
+    context = on_side(cut_m=0.2)
+    strip, position = context.strip, context.estimate.position
+    turn = shuttle(VEHICLE, -8.0, VEHICLE.pass_m, 3.0, early_m=1.0)
+    turning = Turning(NOW, turn, (0.0, 0.0, 0.0))
+    while not turning.backing:
+        turning.next(NOW)
+    strip.begin_leg(turning)
+    strip.cut()
+    assert position.beside
+    moved(context, 1.5)
+    strip.cut()
+    assert not position.beside
+
+
+def test_a_side_does_not_run_on_over_ground_that_is_cut_but_for_what_it_may_have_left() -> None:
+    inner = replace(PLAN.sides[0], fence_m=PLAN.sides[0].length_m + 9.0)
+    plan = replace(PLAN, sides=(inner, *PLAN.sides[1:]))
+    for past_m, ends in ((0.5, False), (5.0, True)):
+        strip = on_side(plan=plan, cut_m=inner.length_m + past_m).strip
+        assert strip.overrun() is ends
 
 
 @pytest.mark.parametrize(

@@ -173,6 +173,7 @@ def test_where_room_lacks_behind_a_shuttle_it_begins_sooner(tight: int) -> None:
     assert ends[0] - as_usual[0] == pytest.approx(EARLY_M[tight])
     assert ends[1:] == pytest.approx(as_usual[1:])
     assert turn.legs[-1] == usual.legs[-1]
+    assert (turn.pressed_m, usual.pressed_m) == (EARLY_M[tight], 0.0)
 
 
 def test_a_small_shift_takes_no_s() -> None:
