@@ -24,6 +24,9 @@ is 1.2 m wide; of it braking takes 0.3 m."""
 CONFIDENT: Final = 0.5
 AT_BLADE_M: Final = 0.15
 """Crop nearer than this is at the blade."""
+AT_BLADE_PICTURES: Final = 3
+"""In a row that show crop there, for clear ground to have ended: of crop half a metre before the
+blade, one picture in ten takes it for crop at the blade (library of the model eyes)."""
 CLEAR_M: Final = 0.3
 """Crop farther than this is not what the blade is cutting."""
 DUTY_SHARES: Final = (0.5, 0.85)
@@ -56,7 +59,10 @@ class CutGuard:
         """Whether a picture has shown this side's crop at the blade."""
         self._clear_from_m: float | None = None
         self._held_since: float | None = None
-        self._crop_at_look = False
+        self._at_blade = 0
+        """Pictures in a row that showed crop there."""
+        self._looks = [0, 0]
+        """Of those of the look, how many showed clear ground, and how many crop at the blade."""
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
         self.refused = False
@@ -73,6 +79,7 @@ class CutGuard:
         self._slack_m = slack_m
         self._cutting = False
         self._clear_from_m = self._held_since = None
+        self._at_blade = 0
         self._crossing = False
         self.refused = False
 
@@ -110,12 +117,16 @@ class CutGuard:
             return
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
         looks = self._held_since is not None and stamp > self._held_since + SETTLE_S
-        if view.crop_ahead_m < AT_BLADE_M:
-            self._crop_at_look = self._crop_at_look or looks
+        at_blade = view.crop_ahead_m < AT_BLADE_M
+        self._at_blade = self._at_blade + 1 if at_blade else 0
+        self._looks[at_blade] += looks
+        if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
-            ends_it = self._clear_from_m is None or not dusty
-            if (patch or (own and in_line)) and ends_it and self._held_since is None:
+            goes_on = own and in_line
+            surely = (goes_on or self._at_blade >= AT_BLADE_PICTURES) and not dusty
+            ends_it = self._clear_from_m is None or surely
+            if (patch or goes_on) and ends_it and self._held_since is None:
                 self._cutting, self._clear_from_m, self._crossing = True, None, False
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
             self._clear_from_m = then_m
@@ -135,11 +146,12 @@ class CutGuard:
                 return replace(command, blade=False)
             if not forward:
                 return command
-            self._held_since, self._crop_at_look = now, False
+            self._held_since, self._looks = now, [0, 0]
         if not forward:
             return command
         if now - self._held_since > LOOK_S:
-            if self._crop_at_look:
+            clear, crop = self._looks
+            if crop > clear:
                 self._held_since = self._clear_from_m = None
                 return command
             if own:

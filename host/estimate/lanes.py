@@ -19,8 +19,6 @@ so much."""
 STRAIGHTEN_M = 0.1
 """By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
 beside it."""
-
-
 CATCH_UP_M = 0.05
 """Of a plan's overlap, by which a lane that lies outside of its plan takes a wider strip: without
 it the strips fall behind the plan by what the detector errs, until one of them is not there."""

@@ -307,7 +307,12 @@ class PlannedStrip(Strip):
         seen from afar is another of its rows."""
         return math.isfinite(self.ahead.begins_at_m) and not self.begins_slanting
 
+    def _look_from_lane(self) -> None:
+        """It is no more seen from beside, but where its edge is pressed down."""
+        self.estimate.position.look(self.planned_piece, beside=self._pressed_m > 0.0)
+
     def saw_begin(self) -> None:
+        self._look_from_lane()  # a turn that was broken off has not led along it
         if self._begin_seen:
             ago_m = self.estimate.motion.distance_m - self.ahead.begins_at_m
             self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
@@ -354,6 +359,7 @@ class PlannedStrip(Strip):
                 self.estimate.odometry.turned(reckoned, true, askew)
 
     def begin_leg(self, turning: Turning) -> None:
+        self._pressed_m = turning.turn.pressed_m
         if turning.beside:
             # Its edge is in view all the way back.
             self.begin_lane()
@@ -363,8 +369,7 @@ class PlannedStrip(Strip):
         self.estimate.position.less_sure(*self.turn_sigmas(turning))
         outward_m = self.outward_m
         self.begin_lane()
-        self._pressed_m = turning.turn.pressed_m
-        self.estimate.position.look(self.planned_piece, beside=self._pressed_m > 0.0)
+        self._look_from_lane()
         self.estimate.lane.begin(-outward_m, until_seen=True)
 
     def begin_lane(self) -> None:

@@ -124,3 +124,23 @@ def test_before_its_crop_a_side_has_no_clear_ground_to_count() -> None:
     drive = Drive(field((2.5, 5.0)))
     assert drive.run(6.0) == GO
     assert drive.x > 2.8
+
+
+@pytest.mark.parametrize("hall", [1.0, 0.5])
+def test_a_picture_now_and_then_that_takes_the_next_crop_for_crop_at_the_blade_ends_no_gap(
+    hall: float,
+) -> None:
+    """Neither on the way across, nor in the look that follows."""
+    count = 0
+    true_ahead = field((0.0, 4.0), (5.6, 9.0))
+
+    def shown(x: float) -> float:
+        nonlocal count
+        count += 1
+        ahead = true_ahead(x)
+        return 0.0 if ahead < 1.2 and count % 3 == 0 else ahead
+
+    drive = Drive(shown, hall=hall)
+    drive.run(30.0)
+    assert drive.guard.refused
+    assert 4.0 < drive.bladed_to < 5.6

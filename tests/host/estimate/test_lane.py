@@ -11,7 +11,7 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Measurement
 from host.estimate.lane import Lane
-from host.estimate.lanes import STRAIGHTEN_M, Aside, caught_up, straightened
+from host.estimate.lanes import CATCH_UP_M, STRAIGHTEN_M, Aside, caught_up, straightened
 from host.estimate.motion_model import YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import START_SIGMA, Position
@@ -360,6 +360,16 @@ def test_how_surely_a_lane_is_known_from_beside_is_the_machines_place() -> None:
     assert machine.lane.offset_sigma_m == pytest.approx(known_m, abs=0.01)
 
 
+def test_a_side_beside_a_lane_that_fell_behind_takes_more() -> None:
+    position = Position(VEHICLE)
+    position.place(ring(0), 2.0, 0.0, 0.0)
+    sure_of(position, 0.01, 0.01, 0.001)
+    for _ in range(20):
+        followed(position, 0.3, 0.0)  # the machine is left of its edge: that lies outside
+    position.begin(ring(1))
+    assert -CATCH_UP_M <= position.aside.begin_m < -0.01
+
+
 @pytest.mark.parametrize(
     ("left_m", "taken_m"), [(-0.3, 0.05), (-0.08, 0.02), (-0.05, 0.0), (0.3, 0)]
 )
@@ -389,9 +399,9 @@ def test_what_the_wheels_lose_while_cutting_is_learned_from_the_ends_of_sides() 
     assert abs(missed[-1]) < 0.3 * missed[0]
     backed = position.along(side)
     position.predict(motion(run_m - 1.0), cutting=False)
-    assert position.along(side) == pytest.approx(backed - 1.0, abs=0.01), (
-        "but pushing, none is lost"
-    )
+    always = float(position.x[SCALE] - position.x[GRADE_X])
+    assert abs(always) < 0.01
+    assert position.along(side) == pytest.approx(backed - 1.0 + always), "nothing by pushing"
 
 
 def test_a_lane_known_by_dead_reckoning_alone_does_not_make_the_position_sure() -> None:

@@ -11,6 +11,7 @@ import pytest
 from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
+from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours import BEHAVIOURS
@@ -319,14 +320,55 @@ def test_a_side_that_is_about_to_end_ends_where_the_geofence_stops_the_machine_o
     assert is_for(Follow(before).blocked(NOW, verdict), Watched.GEOFENCE)
 
 
-def test_along_what_a_shuttle_has_pressed_down_no_edge_is_followed() -> None:
-    context = on_side(cut_m=0.2)
-    strip, position = context.strip, context.estimate.position
-    turn = shuttle(VEHICLE, -8.0, VEHICLE.pass_m, 3.0, early_m=1.0)
+def backing(context: Context, early_m: float) -> Turning:
+    """A shuttle's last leg, back along the strip to before its crop."""
+    turn = shuttle(VEHICLE, 0.0, VEHICLE.pass_m, 3.0, early_m=early_m)
     turning = Turning(NOW, turn, (0.0, 0.0, 0.0))
     while not turning.backing:
         turning.next(NOW)
-    strip.begin_leg(turning)
+    context.strip.begin_leg(turning)
+    return turning
+
+
+@pytest.mark.parametrize(
+    ("early_m", "from_m", "seen"), [(0.0, -0.1, True), (0.4, -0.1, False), (0.0, 1.5, False)]
+)
+def test_where_a_strip_begins_shows_while_the_machine_backs_away_from_it(
+    early_m: float, from_m: float, seen: bool
+) -> None:
+    """Not over what its wheels have pressed down, nor with the blade inside the strip."""
+    context = on_side(cut_m=None, eye=Shown(replace(CUTTING, crop_ahead_m=0.5)))
+    turning = backing(context, early_m)
+    for k in range(10):
+        stamp = NOW + 0.1 * k
+        moved(context, from_m - 0.03 * k, -0.3, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+    assert math.isfinite(context.sight.ahead.begins_at_m) is seen
+
+
+def test_crop_that_is_met_driving_up_to_it_stands_a_little_farther_on() -> None:
+    """The detector takes it for met so long before."""
+    context = on_side(1, cut_m=None)
+    moved(context, -EARLY_M)
+    before = context.strip.along_m(context.motion)
+    context.strip.met_begin(0.0)
+    assert context.strip.along_m(context.motion) == pytest.approx(before, abs=0.01)
+
+
+def test_a_shuttle_that_is_broken_off_beside_its_strip_looks_at_it_from_there_no_more() -> None:
+    context = on_side(cut_m=None)
+    turn = shuttle(VEHICLE, -8.0, VEHICLE.pass_m, 3.0)
+    context.strip.begin_leg(Turning(NOW, turn, (0.0, 0.0, 0.0)))
+    assert context.estimate.position.beside
+    context.begin_strip()
+    assert not context.estimate.position.beside
+
+
+def test_along_what_a_shuttle_has_pressed_down_no_edge_is_followed() -> None:
+    context = on_side(cut_m=0.2)
+    strip, position = context.strip, context.estimate.position
+    backing(context, 1.0)
     strip.cut()
     assert position.beside
     moved(context, 1.5)

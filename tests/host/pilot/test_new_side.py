@@ -174,9 +174,9 @@ def test_an_end_is_no_nearer_than_the_crop_that_was_seen_and_gives_way_to_it() -
     assert strip.sure_ahead_m() == pytest.approx(strip.side.length_m)
     strip.goes_on(context.motion)
     assert strip.sure_ahead_m() == pytest.approx(strip.left_m())
-    moved(context, 12.0)
+    moved(context, 12.6)
     strip.goes_on(context.motion)
-    assert strip.side.length_m > max(strip.along_m(context.motion), 11.5)
+    assert strip.side.length_m > max(strip.along_m(context.motion), 12.0)
     known = strip_of(along(8.0, KNOWN))
     assert known.sure_ahead_m() == pytest.approx(known.side.length_m)
 
@@ -192,7 +192,16 @@ def test_a_turn_leads_outside_of_an_edge_that_nobody_has_seen() -> None:
     assert plan.sides[1].shift_m == pytest.approx(NEW.sides[1].shift_m + following.outward_m)
     assert plan.gap_m == pytest.approx(2.0 - following.begin_doubt_m)
     known = on_side(plan=KNOWN, cut_m=10.0).planned(1)
-    assert outward(KNOWN, known).sides == KNOWN.sides
+    there = outward(KNOWN, known)
+    assert there.sides == KNOWN.sides
+    assert there.gap_m == pytest.approx(2.0 - known.begin_doubt_m)
+
+
+def test_before_it_backs_to_a_beginning_a_machine_knows_what_it_will_doubt_of_it() -> None:
+    strip = strip_of(along(0.0, KNOWN))
+    strip.place(8.0)
+    now_m = strip.estimate.position.end_sigma_m(strip.planned_piece, -1)
+    assert strip.begin_doubt_m > 2.0 * now_m + 0.1
 
 
 def test_a_corner_that_may_be_otherwise_teaches_the_steering_less() -> None:
