@@ -36,6 +36,8 @@ REASONS = 40
     "--set", "settings", multiple=True, metavar="FIELD=A,B", help="Sweeps a scenario field."
 )
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/campaign"))
+@click.option("--commissioned", is_flag=True,
+              help="Commission each machine in the loop first.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--keep-records", is_flag=True, help="Keep the records of finished runs, too.")
@@ -54,6 +56,7 @@ def campaign(
     seeds: str,
     settings: tuple[str, ...],
     out: Path,
+    commissioned: bool,
     workers: int,
     scheduler: str | None,
     keep_records: bool,
@@ -74,7 +77,7 @@ def campaign(
     except ValueError as error:
         raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
     chosen = scenarios_of(names, numbers, settings, eyes, random_fields=random_fields)
-    jobs = jobs_of(chosen, out, keep_records)
+    jobs = jobs_of(chosen, out, keep_records, commissioned=commissioned)
 
     def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:
         with Watch(what, len(todo)) as watch:

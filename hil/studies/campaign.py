@@ -17,7 +17,7 @@ import shutil
 import tempfile
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,12 @@ from hil.bench.model_eyes import LIBRARY
 from hil.judge.causes import circumstances, disagreements
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, assigned, changed, load, merge
+from hil.studies.commissioning import commission, walk_of
 from hil.studies.spread import spread
 from host.core.errors import UserError
+
+BELIEF_FOLDER = "belief"
+"""In a run's folder: what commissioning has left."""
 
 # ---- one run -------------------------------------------------------------------------------------
 
@@ -45,12 +49,14 @@ class Job:
     """As JSON."""
     folder: str
     keep_records: bool
+    commissioned: bool = False
+    """Whether the machine is commissioned in the loop first, and harvests with what that found."""
 
     @property
     def key(self) -> str:
         """The run's name: scenario, seed, and a digest of everything else it depends on."""
         chosen = Scenario.model_validate_json(self.scenario)
-        depends = self.scenario.encode()
+        depends = self.scenario.encode() + b"commissioned" * self.commissioned
         if chosen.eyes == "model":
             depends += LIBRARY.read_bytes() if LIBRARY.exists() else b""
         digest = hashlib.sha256(depends).hexdigest()[:10]
@@ -75,7 +81,12 @@ def run_job(job: Job) -> dict[str, Any]:
     place.parent.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=f".{job.key}-", dir=place.parent))
     chosen = Scenario.model_validate_json(job.scenario)
+    described = chosen.model_dump(mode="json")
     try:
+        if job.commissioned:
+            commission(chosen, work / BELIEF_FOLDER, walk_of(chosen))
+            chosen = changed(chosen, {"belief": {"folder": str(work / BELIEF_FOLDER)}})
+            described["belief"]["folder"] = str(place / BELIEF_FOLDER)
         summary = harvest.harvest(chosen, work)
     except Exception as error:  # one run's failure must not end the others
         summary = {
@@ -87,7 +98,7 @@ def run_job(job: Job) -> dict[str, Any]:
         (work / "traceback.txt").write_text(traceback.format_exc(), encoding="utf-8")
         (work / "summary.json").write_text(json.dumps(summary, indent=2), encoding="utf-8")
     (work / "scenario.yaml").write_text(
-        yaml.safe_dump(json.loads(job.scenario), sort_keys=False), encoding="utf-8"
+        yaml.safe_dump(described, sort_keys=False), encoding="utf-8"
     )
     if summary["outcome"] == "finished" and not job.keep_records:
         (work / "record.mcap").unlink(missing_ok=True)
@@ -110,14 +121,17 @@ def summary_of(place: Path) -> dict[str, Any]:
 # ---- the campaign --------------------------------------------------------------------------------
 
 
-def jobs_of(chosen: Iterable[Scenario], out: Path, keep_records: bool) -> list[Job]:
+def jobs_of(
+    chosen: Iterable[Scenario], out: Path, keep_records: bool, *, commissioned: bool = False
+) -> list[Job]:
     """One job per scenario. UserError where two are the same run."""
     folder = str((out / "runs").resolve())
     jobs = []
     for s in chosen:
         lean = s.eyes == "model" and not keep_records
         quiet = {"record": {"film": False, "files": "figures" if lean else "all"}}
-        jobs.append(Job(changed(s, quiet).model_dump_json(), folder, keep_records))
+        described = changed(s, quiet).model_dump_json()
+        jobs.append(Job(described, folder, keep_records, commissioned))
     if len({job.scenario for job in jobs}) != len(jobs):
         raise UserError("the same scenario and seed are named twice; name each once")
     return jobs
@@ -197,13 +211,13 @@ def with_pictures(job: Job, out: Path) -> Job:
     """The same field by the real detector on pictures, its run under `out`."""
     chosen = Scenario.model_validate_json(job.scenario)
     other = changed(chosen, {"eyes": "picture", "record": {"files": "all"}})
-    return Job(other.model_dump_json(), str((out / "runs").resolve()), job.keep_records)
+    return replace(job, scenario=other.model_dump_json(), folder=str((out / "runs").resolve()))
 
 
 def with_files(job: Job, out: Path) -> Job:
     """The same run again under `out`, which gives the same, with its map and its record."""
     chosen = changed(Scenario.model_validate_json(job.scenario), {"record": {"files": "all"}})
-    return Job(chosen.model_dump_json(), str((out / "runs").resolve()), job.keep_records)
+    return replace(job, scenario=chosen.model_dump_json(), folder=str((out / "runs").resolve()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ from hil.scenario.belief import (
     Errors,
     Walk,
     boundary_off_m,
+    drawn_walk,
     measured_vehicle,
     taped_keep_outs,
     walked,
@@ -278,6 +279,11 @@ def _pot(off_counts: float) -> dict[str, float]:
 
 
 # ---- the whole -----------------------------------------------------------------------------------
+
+
+def walk_of(scenario: Scenario) -> Walk:
+    """The walk around a scenario's field, by the phone and in the laps that its seed draws."""
+    return drawn_walk(scenario.belief.errors, Draw(scenario.seed)) or Walk()
 
 
 def commission(

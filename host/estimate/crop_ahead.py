@@ -17,6 +17,13 @@ CONFIDENT: Final = 0.5
 END_CLEAR_M: Final = 0.8
 """Clear ground ahead of the blade that ends a side: less than a gap, more than a thin patch."""
 END_PICTURES: Final = 3
+AT_BLADE_M: Final = 0.15
+"""Crop nearer than this is at the blade."""
+AT_BLADE_PICTURES: Final = 3
+"""In a row that show crop there, for clear ground to have ended: of crop half a metre before the
+blade, one picture in ten takes it for crop at the blade (library of the model eyes)."""
+CLEAR_M: Final = 0.3
+"""Crop farther than this is not what the blade is cutting."""
 NEAR_CROP_M: Final = 0.2
 BEGINS_M: Final = (0.05, 1.0)
 """Before the blade, where a machine that backs away from crop sees within a decimetre where it
@@ -59,6 +66,11 @@ class Ahead:
         self.seems_clear_since: Motion | None = None
         """The first of the latest pictures without crop before the blade, sure or not: what a
         detector doubts until it has stayed was there from the first."""
+        self.clear_at_blade_since: Motion | None = None
+        """The first of the latest without crop at the blade, whatever stands before that: in dust,
+        something always seems to."""
+        self._at_blade = 0
+        """Pictures in a row that showed crop there."""
         self.sure: deque[bool] = deque(maxlen=END_SURE[1])
         """Whether the latest pictures in the crop showed its edge surely, the newest last."""
 
@@ -93,7 +105,7 @@ class Ahead:
     def begin(self, here: Motion) -> None:
         """The side: no crop has been met."""
         self.begun_at = here
-        self.entered_at = self.seems_clear_since = None
+        self.entered_at = self.seems_clear_since = self.clear_at_blade_since = None
         self.go_on()
 
     def go_on(self) -> None:
@@ -111,6 +123,12 @@ class Ahead:
             self.seems_clear_since = None
         elif view.crop_ahead_m >= END_CLEAR_M:
             self.seems_clear_since = self.seems_clear_since or then
+        at_blade = view.crop_ahead_m < AT_BLADE_M
+        self._at_blade = self._at_blade + 1 if at_blade else 0
+        if self._at_blade >= AT_BLADE_PICTURES:
+            self.clear_at_blade_since = None
+        elif view.crop_ahead_m > CLEAR_M:
+            self.clear_at_blade_since = self.clear_at_blade_since or then
 
     def sight(self, view: CropView, then: Motion) -> None:
         """Of a sure picture: where the crop begins. Crop that was seen does not recede: where dust

@@ -16,19 +16,12 @@ from typing import Final
 
 from host.core.messages import Command, Request, Telemetry
 from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import AT_BLADE_M, AT_BLADE_PICTURES, CLEAR_M, CONFIDENT
 from host.vision.view import CropView
 
 PATCH_M: Final = 0.6
 """Clear ground that the blade may cross inside a field. The narrowest gap that is harvested beside
 is 1.2 m wide; of it braking takes 0.3 m."""
-CONFIDENT: Final = 0.5
-AT_BLADE_M: Final = 0.15
-"""Crop nearer than this is at the blade."""
-AT_BLADE_PICTURES: Final = 3
-"""In a row that show crop there, for clear ground to have ended: of crop half a metre before the
-blade, one picture in ten takes it for crop at the blade (library of the model eyes)."""
-CLEAR_M: Final = 0.3
-"""Crop farther than this is not what the blade is cutting."""
 DUTY_SHARES: Final = (0.5, 0.85)
 """Of the speed that a drive duty gives on level stubble: what it gives up a slope of 5 degrees, and
 in crop."""

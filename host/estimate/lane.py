@@ -25,7 +25,9 @@ class Lane:
         self.contradicted = False
         """Whether the last measurement was refused."""
         self.aim_m = 0.0
-        """How far left of the lane the machine is to be driven."""
+        """How far left of the lane the machine is to be driven until its edge is found,"""
+        self.clear_m = 0.0
+        """and besides, to keep clear of what stands beside it."""
         self._until_seen = False
 
     @property
@@ -59,7 +61,12 @@ class Lane:
     @property
     def off_m(self) -> float:
         """The same, left of where the machine is to be driven."""
-        return self.blade_offset_m - self.aim_m
+        return self.blade_offset_m - self.aim_m - self.clear_m
+
+    @property
+    def driven_off_m(self) -> float:
+        """Rear axle left of where it is to be driven, at `heading_rad`."""
+        return self.offset_m - self.aim_m - self.clear_m
 
     @property
     def offset_sigma_m(self) -> float:

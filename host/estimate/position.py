@@ -275,6 +275,10 @@ class Position(Filter):
         """Of its place, m in every direction, and of its direction."""
         self._p[[X, Y, YAW], [X, Y, YAW]] += np.square([place_m, place_m, yaw_rad])
 
+    def less_sure_along(self, side: Side, along_m: float) -> None:
+        """Of its place along a side."""
+        self._p[:YAW, :YAW] += np.outer(d := np.array(self.at(side).direction), d) * along_m**2
+
     def sigma(self, h: NDArray[np.float64]) -> float:
         """Standard deviation of what has the derivative `h`, (states,)."""
         return math.sqrt(max(0.0, float(h @ self._p @ h)))

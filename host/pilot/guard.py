@@ -16,6 +16,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.estimator import Estimator
 from host.estimate.position import Position
 from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
+from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
 from host.route.plan import Plan
 from host.route.turn_choice import ROOM_M, room_along
@@ -99,15 +100,25 @@ class Guard:
         self._position = position
         self._outline = outline_of(vehicle)
         self._fence: Geofence | None = None
+        self._clear = KeepClear((), 0.0, vehicle, position)
         if plan.boundary and plan.gap_m is not None:
             field = shapely.Polygon(plan.boundary, plan.keep_outs)
             margin = min(GAP_MARGIN_M, plan.gap_m)
-            self._fence = Geofence(areas_of(field, plan.gap_m, margin_m=margin))
+            areas = areas_of(field, plan.gap_m, margin_m=margin)
+            self._fence = Geofence(areas)
+            rings = [shapely.get_coordinates(out.exterior) for out in areas.keep_outs]
+            self._clear = KeepClear(rings, self._fence.sigmas, vehicle, position)
 
     @property
     def fenced(self) -> bool:
         """Whether there is a geofence."""
         return self._fence is not None
+
+    @property
+    def aside_m(self) -> float:
+        """How far left of its lane the machine is to be driven, to keep clear of a keep-out beside
+        it; 0 without a place."""
+        return self._clear.aside_m() if self._position.known else 0.0
 
     def room_m(self, turn: Turn, at: tuple[float, float, float] | None) -> float:
         """The least clearance along a turn that begins at `at` (x, y, heading in the field frame);

@@ -166,6 +166,7 @@ class Pilot:
         if self.paused and not self.done:
             self._behaviour.paused(now)
             return replace(context.hold(), reason=PAUSED)
+        context.estimate.lane.clear_m = context.guard.aside_m
         command, go = self._behaviour.step(now)
         self._go(now, go)
         if self._behaviour.gaze.on_side:

@@ -25,6 +25,8 @@ END_PAST_M = 0.15
 """Beyond the plan's end of a side, from where on clear ground is more likely than dust."""
 DOUBTED_M = 0.3
 """Before the first sure picture without crop, at most: what a detector waits for, at full speed."""
+DUSTY_END_SIGMA_M = 0.35
+"""Of an end that only a look has shown: 0.4 m from both mounts (model eyes, 38 such ends)."""
 EARLY_M = 0.8
 LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
@@ -208,17 +210,22 @@ class PlannedStrip(Strip):
             self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
 
     def may_end_at(self, along_m: float) -> bool:
-        position = self.estimate.position
-        doubt_m = max(self._doubt_m, UNKNOWN_M)
-        if position.outline.states == 0:
-            doubt_m = position.end_sigma_m(self._straight[-1])
+        doubt_m = max(self._doubt_m, self._end_sigma_m, UNKNOWN_M)
         return along_m > max(0.0, self.side.length_m - EARLY_M - END_SIGMAS * doubt_m)
 
     def ends_at(self, along_m: float) -> None:
-        start = self._pieces[-1][0]
-        if abs(along_m - self.side.length_m) > SIGMAS * self._doubt_m:
-            last = self._straight[-1]
-            self.estimate.position.ends_at(last, along_m - start, FOUND_SIGMA_M**2)
+        off_m = abs(along_m - self.side.length_m)
+        last, position = self._straight[-1], self.estimate.position
+        if off_m <= SIGMAS * max(self._doubt_m, 0.0 if self.new else self._end_sigma_m):
+            return
+        if self.new:
+            position.ends_at(last, along_m - self._pieces[-1][0], FOUND_SIGMA_M**2)
+        else:
+            position.less_sure_along(last, off_m)
+
+    @property
+    def _end_sigma_m(self) -> float:
+        return self.estimate.position.end_sigma_m(self._straight[-1])
 
     @property
     def surely_own(self) -> bool:
@@ -324,13 +331,16 @@ class PlannedStrip(Strip):
 
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
         here = self.estimate.motion
-        first = self.ahead.seems_clear_since or end.motion
-        ended_m = max(first.distance_m, end.motion.distance_m - DOUBTED_M)
-        doubt = 0.0
+        sure_m, doubt = end.motion.distance_m, 0.0
         if looked and self.ahead.in_dust(*END_SURE):
-            # Somewhere between where dust began to look like clear ground and here.
-            doubt = (here.distance_m - ended_m) / 2
-        ago = here.distance_m - ended_m - doubt
+            # Somewhere between where dust first let clear ground through and the first sure sight.
+            first = self.ahead.clear_at_blade_since or end.motion
+            half = max(0.0, sure_m - first.distance_m) / 2
+            ended_m, doubt = sure_m - half, math.hypot(half, DUSTY_END_SIGMA_M)
+        else:
+            first = self.ahead.seems_clear_since or end.motion
+            ended_m = max(first.distance_m, sure_m - DOUBTED_M)
+        ago = here.distance_m - ended_m
         drift = self.estimate.odometry.scale_sigma * self.ahead.cut_m(end.motion)
         share = view.tip_share if view is not None else math.nan
         share = share / SEEN_SHARE if math.isfinite(share) else 1.0

@@ -62,14 +62,14 @@ def follow(lane: Lane, motion: Motion, vehicle: Vehicle) -> float:
     """The law that the vehicle's file names, driving forward."""
     if vehicle.steering_law == "proportional":
         return proportional(lane.off_m, vehicle)
-    offset = lane.offset_m - lane.aim_m
-    return state(offset, lane.heading_rad, motion.curvature_1pm, motion.speed_mps, vehicle)
+    offset, heading = lane.driven_off_m, lane.heading_rad
+    return state(offset, heading, motion.curvature_1pm, motion.speed_mps, vehicle)
 
 
 def back(lane: Lane, vehicle: Vehicle) -> float:
     """Driving backward along the lane, no more askew than a camera sees the edge from."""
     offset, heading = lane.backwards
-    aside = max(-ASIDE_M, min(ASIDE_M, offset - lane.aim_m))
+    aside = max(-ASIDE_M, min(ASIDE_M, offset - lane.aim_m - lane.clear_m))
     return reverse(aside, heading, vehicle)
 
 

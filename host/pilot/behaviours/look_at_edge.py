@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from host.estimate.crop_ahead import EndOfField
-from host.estimate.cut_guard import CLEAR_M
+from host.estimate.crop_ahead import CLEAR_M, EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import STAND_S, Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side
