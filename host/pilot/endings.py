@@ -23,11 +23,7 @@ class SideEnd(Reason):
     LAST = Doing.FINISH, "the last side of the plan is cut"
     SEEN = Doing.TURN, "end of {side}: no crop before the blade"
     KEEP_OUT = Doing.TURN, "end of {side}: the keep-out's margin"
-    BESIDE_BENT = (
-        Doing.FAULT,
-        "{side} is cut, and the next strip begins beside its beginning: the edge bends, so the "
-        "machine cannot back along it; put it there by hand and resume",
-    )
+    BENT = Doing.RETRACE, "end of {side}: back along its bends, to where the next strip begins"
     BY_PLAN = Doing.TURN, "end of {side}: the plan's, which vision has not seen"
 
 
@@ -73,20 +69,20 @@ def end_side(
     return turn_on(context, now, ended)
 
 
-def turn_on(context: Context, now: float, ended: Ended) -> Go:
-    """Lays out the turn from the side that has ended to the next."""
+def turn_on(context: Context, now: float, ended: Ended, *, retraced: bool = False) -> Go:
+    """Lays out the turn from the side that has ended to the next; `retraced`: the machine has
+    backed along its bends."""
     strip, sight, end = context.strip, context.sight, ended.end
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()
-    if strip.bent and context.plan.corner_rad(strip.index) == 0.0:
-        context.ends.append(end)
-        return SideEnd.BESIDE_BENT.go(side=strip.name)
-    following = context.planned(strip.index + 1)
-    origin = strip.leave(following, end)
     shuttles = context.plan.corner_rad(strip.index) == 0.0
-    # A corner's turn needs room at this side's end, a shuttle's at the next one's beginning.
-    room_from = strip.end_pose(far=not shuttles)
+    if strip.bent and shuttles and not retraced:
+        context.ended = ended
+        return SideEnd.BENT.go(side=strip.name)
+    following = context.planned(strip.index + 1)
+    origin = strip.leave(following, end, shuttles=shuttles)
+    room_from = strip.end_pose(shuttles=shuttles)
     doubt_m = following.begin_doubt_m if shuttles else 0.0
     turn = next_turn(
         outward(context.plan, following),

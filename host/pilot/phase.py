@@ -41,6 +41,7 @@ class Doing(enum.Enum):
     LOOK_AT_END = "look at the end"
     BACK_OFF = "back off"
     LAY_OUT = "lay out"
+    RETRACE = "retrace"
     TURN = "turn"
     SEARCH = "search"
     FINISH = "finish"

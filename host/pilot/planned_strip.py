@@ -387,11 +387,23 @@ class PlannedStrip(Strip):
             self._on_lane = True
             self.estimate.position.begin(self.planned_piece, straight=not self.bent)
 
-    def leave(self, following: Strip, end: EndOfField) -> tuple[float, float, float]:
+    def back_along(self) -> tuple[float, float] | None:
+        """Where the machine is beside the straight piece that its rear axle is on, m and rad left
+        of it; None once the blade is back before the first bend."""
+        places = [self.estimate.position.at(piece) for piece in self._straight]
+        axle_m = self.vehicle.blade_x_m
+        if places[0].blade_m < self._pieces[1][0]:
+            return None
+        at = max(k for k, place in enumerate(places) if k == 0 or place.blade_m > axle_m)
+        return places[at].across_m, places[at].turned_rad
+
+    def leave(
+        self, following: Strip, end: EndOfField, *, shuttles: bool = False
+    ) -> tuple[float, float, float]:
         """By the position, in which the end that was seen has its part."""
         while self._at + 1 < len(self._straight):
             self._pass_bend()
-        origin = self._origin()
+        origin = self._origin(self.side if shuttles else self.piece)
         self.estimate.trails.end(self.planned_piece)
         if isinstance(following, PlannedStrip):
             here, before = self.estimate.motion, None
@@ -444,18 +456,19 @@ class PlannedStrip(Strip):
         self.estimate.position.begin(self.planned_piece, straight=False)
         self._turned_from = None
 
-    def end_pose(self, *, far: bool) -> tuple[float, float, float] | None:
-        side, position = self._pieces[-1][1], self.estimate.position
+    def end_pose(self, *, shuttles: bool) -> tuple[float, float, float] | None:
+        position = self.estimate.position
+        side = self.side if shuttles else self._pieces[-1][1]
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         along = side.length_m - self.vehicle.blade_x_m
-        if far and position.outline.states:
+        if not shuttles and position.outline.states:
             along += SIGMAS * position.end_sigma_m(self._straight[-1])
         inside = self.vehicle.inset_m - side.shift_m
         x, y = side.x_m + c * along - s * inside, side.y_m + s * along + c * inside
         return x, y, side.heading_rad
 
-    def _origin(self) -> tuple[float, float, float]:
-        here, side = self.estimate.motion, self.piece
+    def _origin(self, side: Side) -> tuple[float, float, float]:
+        here = self.estimate.motion
         x, y, yaw = self.estimate.position.pose
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         dx, dy = x - side.x_m, y - side.y_m

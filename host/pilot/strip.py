@@ -179,16 +179,20 @@ class Strip:
     def begin_lane(self) -> None:
         """The present lane is its own from now on, if it is not yet."""
 
-    def leave(self, following: Strip, end: EndOfField) -> tuple[float, float, float]:
+    def leave(
+        self, following: Strip, end: EndOfField, *, shuttles: bool = False
+    ) -> tuple[float, float, float]:
         """Ends this strip. The frame of the turn to the next, in dead reckoning's (x, y,
-        direction): the rear axle's place on the lane when the blade stands at the strip's end."""
+        direction): the rear axle's place on the lane when the blade stands at the strip's end. A
+        turn that `shuttles` counts a strip that bends as if it ran straight on from its
+        beginning."""
         here = self.estimate.motion
         # The lane's direction, not the vehicle's momentary heading, is what the corner adds to.
         return end.motion.x_m, end.motion.y_m, here.yaw_rad - self.estimate.lane.heading_rad
 
-    def end_pose(self, *, far: bool) -> tuple[float, float, float] | None:
-        """(x, y, heading) of the rear axle on the lane at the strip's end, in the field frame;
-        `far`: as far on as that may be, where a turn must find room."""
+    def end_pose(self, *, shuttles: bool) -> tuple[float, float, float] | None:
+        """(x, y, heading) of the rear axle on the lane at the strip's end, in the field frame, as
+        `leave` has it: of a corner's turn, which must find room there, as far on as that may be."""
         return None
 
     def turn_sigmas(self, turning: Turning) -> tuple[float, float]:

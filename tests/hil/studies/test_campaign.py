@@ -140,6 +140,19 @@ def test_a_run_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert load(str(job.place / "scenario.yaml")) == Scenario.model_validate_json(job.scenario)
 
 
+@needs_firmware
+def test_a_commissioned_run_harvests_with_what_was_found(tmp_path: Path) -> None:
+    brief = {"field": {"size_m": [14.0, 11.0]}, "eyes": "model", "limits": {"time_s": 1.0}}
+    (plain,) = jobs_of([load("default", brief)], tmp_path, False)
+    (job,) = jobs_of([load("default", brief)], tmp_path, False, commissioned=True)
+    assert job.key != plain.key
+    assert run_job(job)["outcome"] == "broken off"
+    folder = job.place / "belief"
+    again = load(str(job.place / "scenario.yaml"))
+    assert again.belief.folder == str(folder)
+    assert again.told == changed(load("default", brief), {"belief": {"folder": str(folder)}}).told
+
+
 def test_a_run_that_crashes_is_a_result_with_its_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -313,8 +313,8 @@ def test_the_last_leg_of_a_turn_leads_outside_too() -> None:
 
 def test_a_turn_must_find_room_where_the_end_may_lie_farther_on() -> None:
     sure, unsure = along(9.5, KNOWN), along(9.5)
-    near, far = sure.strip.end_pose(far=True), unsure.strip.end_pose(far=True)
-    mean = unsure.strip.end_pose(far=False)
+    near, far = sure.strip.end_pose(shuttles=False), unsure.strip.end_pose(shuttles=False)
+    mean = unsure.strip.end_pose(shuttles=True)
     assert near is not None and far is not None and mean is not None
     assert mean[1] == pytest.approx(near[1], abs=0.05), "what a shuttle backs away from"
     sigma = unsure.estimate.position.end_sigma_m(NEW.sides[0])
@@ -329,7 +329,7 @@ def test_a_shuttle_must_find_room_where_the_next_strip_may_begin(
     plan = spiral(ring, 0, VEHICLE, gap_m=2.0, sigma_m=0.3)
     index = next(k for k in range(len(plan.sides)) if plan.corner_rad(k) == 0.0)
     context = along(0.0, replace(plan, sides=plan.sides[index:]))
-    pose = context.strip.end_pose(far=False)
+    pose = context.strip.end_pose(shuttles=True)
     found: list[tuple[float, float]] = []
 
     def chosen(_: Plan, __: int, ___: Vehicle, room_m: Callable[[Turn], float]) -> Turn:

@@ -1,0 +1,79 @@
+"""How far beside its lane the machine is driven where a keep-out stands beside it: as far away from
+that as the place is known, over ground that is cut. The geofence would stop it there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.core.vehicle import Vehicle
+from host.estimate.position import Position
+from host.estimate.states import LANE_OFFSET, LANE_YAW
+from host.field.areas import outline_of, placed
+
+ROOM_M: Final = 0.1
+"""More than the geofence asks for: the lane is not followed better than that."""
+MOST_M: Final = 0.5
+"""Half of the blade cuts still."""
+SLOPE: Final = 0.1
+"""Of the way around: 6 degrees against the lane."""
+FAR_M: Final = 1.5
+"""Nothing so far away is in the way of a machine that still knows its place."""
+BESIDE: Final = 0.5
+"""Of the blade's half width: what stands nearer to the lane stands before the machine."""
+
+
+class KeepClear:
+    """`keep_outs`: (n, 2) corners of each with its margin, in the plan's frame; `sigmas`: of its
+    place that the geofence counts."""
+
+    def __init__(
+        self,
+        keep_outs: Sequence[NDArray[np.float64]],
+        sigmas: float,
+        vehicle: Vehicle,
+        position: Position,
+    ) -> None:
+        self._keep_outs = keep_outs
+        self._sigmas = sigmas
+        self._vehicle = vehicle
+        self._position = position
+        self._outline = outline_of(vehicle)
+
+    def aside_m(self) -> float:
+        """How far left of its lane the machine is to be driven here; negative: right."""
+        aside = 0.0
+        for keep_out in self._keep_outs:
+            found = self._past(keep_out)
+            aside = found if abs(found) > abs(aside) else aside
+        return aside
+
+    def _past(self, keep_out: NDArray[np.float64]) -> float:
+        """The same because of one."""
+        position, vehicle = self._position, self._vehicle
+        place = position.on_lane()
+        (c, s), side = place.direction, place.side
+        here = np.array([position.pose[:2]])
+        dx, dy = (keep_out - [side.x_m, side.y_m] + here - position.as_planned(here)).T
+        along = c * dx + s * dy
+        lane = place.inset_m - side.shift_m + place.x[LANE_OFFSET] + place.x[LANE_YAW] * along
+        left = c * dy - s * dx - lane
+        half = vehicle.blade_width_m / 2
+        low, high = float(left.min()), float(left.max())
+        if low < BESIDE * half and high > -BESIDE * half:
+            return 0.0
+        gap = max(low, -high) - half
+        rear = place.blade_m - vehicle.blade_x_m - vehicle.rear_overhang_m
+        away = max(0.0, float(along.min()) - place.blade_m, rear - float(along.max()))
+        if gap + SLOPE * away > FAR_M:
+            return 0.0
+        points = placed(self._outline, *position.pose)
+        covariance = position.covariance_of(points)
+        across = np.array([-s, c])
+        sigma = math.sqrt(float((covariance @ across @ across).max()))
+        short = self._sigmas * sigma + ROOM_M - gap - SLOPE * away
+        return math.copysign(min(max(0.0, short), MOST_M), -low)

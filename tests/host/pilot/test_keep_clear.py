@@ -1,0 +1,91 @@
+"""Facts about driving around what stands beside a lane: as far as the place is uncertain, to the
+side where the ground is cut, and no farther."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from host.core.vehicle import Vehicle
+from host.estimate.odometry import Motion
+from host.estimate.position import Position
+from host.pilot.guard import Guard
+from host.pilot.keep_clear import FAR_M, MOST_M, ROOM_M, SLOPE, KeepClear
+from host.route.plan import spiral
+
+VEHICLE = Vehicle()
+RING = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]
+SIDE = spiral(RING, 0, VEHICLE, gap_m=2.0).sides[0]
+LEFT_END_M = VEHICLE.inset_m + VEHICLE.blade_width_m / 2
+RIGHT_END_M = VEHICLE.inset_m - VEHICLE.blade_width_m / 2
+SIGMAS = 2.0
+AT_M = 8.0
+"""Where the blade is, along the side."""
+
+
+def placed(sigma_m: float, at_m: float = AT_M) -> Position:
+    position = Position(VEHICLE)
+    position.place(SIDE, at_m, 0.0, 0.0, (0.01, sigma_m, 0.0))
+    position.predict(Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), cutting=False)
+    return position
+
+
+def post(x_m: float, y_m: float, across_m: float = 0.4) -> NDArray[np.float64]:
+    half = across_m / 2
+    corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
+    return np.array([(x_m + dx, y_m + dy) for dx, dy in corners])
+
+
+def aside(keep_out: NDArray[np.float64], sigma_m: float = 0.2, at_m: float = AT_M) -> float:
+    return KeepClear([keep_out], SIGMAS, VEHICLE, placed(sigma_m, at_m)).aside_m()
+
+
+def left_of_the_blade(gap_m: float, x_m: float = AT_M - 0.5) -> NDArray[np.float64]:
+    return post(x_m, LEFT_END_M + gap_m + 0.2)
+
+
+@pytest.mark.parametrize("sigma_m", [0.1, 0.15, 0.2])
+def test_it_is_passed_as_far_off_as_the_place_is_known(sigma_m: float) -> None:
+    found = aside(left_of_the_blade(0.2), sigma_m)
+    assert found == pytest.approx(0.2 - SIGMAS * sigma_m - ROOM_M, abs=0.01)
+
+
+def test_a_place_that_is_known_needs_no_way_around() -> None:
+    assert aside(left_of_the_blade(0.2), 0.02) == 0.0
+
+
+def test_what_stands_on_the_right_is_passed_on_the_left() -> None:
+    found = aside(post(AT_M - 0.5, RIGHT_END_M - 0.2 - 0.2))
+    assert found == pytest.approx(SIGMAS * 0.2 + ROOM_M - 0.2, abs=0.01)
+
+
+def test_half_of_the_blade_goes_on_cutting() -> None:
+    assert aside(left_of_the_blade(0.2), 2.0) == -MOST_M
+
+
+@pytest.mark.parametrize("away_m", [1.0, 2.0])
+def test_the_way_around_begins_before_it_and_ends_behind_it(away_m: float) -> None:
+    beside = aside(left_of_the_blade(0.1))
+    ahead = aside(left_of_the_blade(0.1, AT_M + away_m + 0.2))
+    rear = AT_M - VEHICLE.blade_x_m - VEHICLE.rear_overhang_m
+    behind = aside(left_of_the_blade(0.1, rear - away_m - 0.2))
+    assert ahead == pytest.approx(beside + SLOPE * away_m, abs=0.01)
+    assert behind == pytest.approx(ahead, abs=0.01)
+
+
+def test_nothing_far_off_is_in_the_way() -> None:
+    assert aside(left_of_the_blade(FAR_M + 0.1), 2.0) == 0.0
+
+
+def test_before_what_stands_ahead_it_does_not_turn_aside() -> None:
+    assert aside(post(AT_M + 1.0, VEHICLE.inset_m)) == 0.0
+
+
+def test_the_guard_knows_the_keep_outs_of_its_plan_with_their_margin() -> None:
+    ring = [(x, y) for x, y in left_of_the_blade(0.45).tolist()]
+    plan = spiral(RING, 0, VEHICLE, gap_m=2.0, keep_outs=[ring])
+    assert Guard(plan, VEHICLE, placed(0.2)).aside_m == pytest.approx(
+        0.45 - 0.3 - SIGMAS * 0.2 - ROOM_M, abs=0.01
+    )
+    assert Guard(plan, VEHICLE, Position(VEHICLE)).aside_m == 0.0
