@@ -131,7 +131,7 @@ class Context:
         self.strip.begin_lane()
         self.strip.saw_begin()
         self.estimate.cut.begin(self.strip.clear_end_m)
-        self.sight.ahead.begin(self.motion)
+        self.sight.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
         self.backs = self.bare = 0
 

@@ -57,6 +57,8 @@ TIP_M = 1.0
 of its beginning at most, twice."""
 TIP_SIGMAS = 3.0
 """Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
+FOLLOWED = 3
+"""Pictures after which an edge is followed, from which another may leap."""
 LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
@@ -137,8 +139,15 @@ class Sight:
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
         """The same of pictures in the dust that told of it together."""
+        self._known_edges = 0
+        """Pictures whose edge has corrected the lane since the strip was begun."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
+
+    def begin(self, here: Motion) -> None:
+        """Along a strip, from here on: no crop of it has been met, and no edge is followed yet."""
+        self.ahead.begin(here)
+        self._known_edges = 0
 
     def unseen_m(self, motion: Motion) -> float:
         """How far the machine has come since an edge corrected the lane."""
@@ -247,6 +256,7 @@ class Sight:
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn, cutting=cutting)
         self._estimate.learn_curve()
+        self._known_edges += not lane.contradicted
         if moved and not lane.contradicted:
             strip.seen_beside(view, then)
 
@@ -309,7 +319,10 @@ class Sight:
             strip.goes_on(seen.motion)
 
     def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
-        """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
+        """Whether an edge lies so far inside of the one that is followed that it is rather a patch
+        of weeds' or the dust's."""
+        if self._known_edges < FOLLOWED:
+            return False
         settling = then.stamp - since < LEAP_STAYS_S
         dusty = gaze.cutting or (gaze.hesitates and settling)
         leap = edge_m + self._estimate.lane.blade_offset_m
