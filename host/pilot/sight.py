@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from host.core.messages import Frame
 from host.core.vehicle import Vehicle
+from host.estimate import steady_looks
 from host.estimate.crop_ahead import (
     CONFIDENT,
     EDGE_SURE,
@@ -24,6 +25,7 @@ from host.estimate.crop_ahead import (
 from host.estimate.dusty_edge import CONFIDENCE, DustyEdge
 from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
+from host.estimate.steady_looks import SteadyLooks
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
 from host.vision.view import CropView, Detector
@@ -123,6 +125,7 @@ class Sight:
         self._detector = detector
         self._estimate = estimate
         self._dusty = DustyEdge()
+        self._looks = SteadyLooks()
         self._crop_beside: deque[bool] = deque(maxlen=BESIDE_OF)
         self.view: CropView | None = None
         """What the last picture shows."""
@@ -148,6 +151,7 @@ class Sight:
         """Along a strip, from here on: no crop of it has been met, and no edge is followed yet."""
         self.ahead.begin(here)
         self._known_edges = 0
+        self._looks.begin()
 
     def unseen_m(self, motion: Motion) -> float:
         """How far the machine has come since an edge corrected the lane."""
@@ -208,12 +212,28 @@ class Sight:
             else:
                 self._take_bound(view, strip, then, since_shutter)
         self._take_dusty_edge(view, strip, turning, gaze, then)
+        if gaze.lane and gaze.settles and settled(frame.stamp):
+            edge_m = strip.edge_m(view, then)
+            near = view.edge_ahead_m <= NEAR_CROP_M and strip.shows_edge(strip.along_m(then))
+            if near and math.isfinite(edge_m):
+                self._looks.note(edge_m + estimate.lane.blade_offset_m)
         self.ahead.note(view, then)
         if view.ahead_confidence >= CONFIDENT:
             ends = gaze.ends and (not gaze.settles or settled(frame.stamp))
             if turning is not None and self._backs_away(turning, then):
                 self.ahead.back_away(view, then)
             self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
+
+    def take_looks(self) -> bool:
+        """A look without a sure edge is over. Whether it and the one before it have the edge in one
+        line: that is the lane's."""
+        lane, at_m = self._estimate.lane, self._estimate.motion.distance_m
+        edge_m = self._looks.over(at_m)
+        if edge_m is None:
+            return False
+        here = edge_m - lane.blade_offset_m
+        self.lane_at_m = at_m
+        return lane.correct(here, math.nan, steady_looks.CONFIDENCE, (0.0, 0.0), cutting=False)
 
     def _backs_away(self, turning: Turning, then: Motion) -> bool:
         """Whether crop before the blade is where the next side begins."""

@@ -14,6 +14,7 @@ class Why(Reason):
     """Out of the look."""
 
     SEEN = Doing.FOLLOW, "the edge is in view again"
+    LOOKS_AGREE = Doing.FOLLOW, "no look is sure of the edge, but this and the last agree"
     NO_CLEARER = Doing.FOLLOW, "no clearer view: by dead reckoning"
     STILL_TO_FIND = Doing.BACK_OFF, "no clearer view of a side that is still to be found: {why}"
 
@@ -44,6 +45,8 @@ class LookAtEdge(Behaviour):
         at the blade leads on: what stands beyond clear ground is somebody else's."""
         context = self.context
         view, strip = context.sight.view, context.strip
+        if context.sight.take_looks():
+            return Why.LOOKS_AGREE.go()
         if not strip.new or view is None:
             return Why.NO_CLEARER.go()
         if not context.sight.sees_ahead():
