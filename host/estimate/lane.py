@@ -28,6 +28,8 @@ class Lane:
         """How far left of the lane the machine is to be driven until its edge is found,"""
         self.clear_m = 0.0
         """and besides, to keep clear of what stands beside it."""
+        self.holds = False
+        """Whether an edge that contradicts it is not believed however long it stays."""
         self._until_seen = False
 
     @property
@@ -130,7 +132,9 @@ class Lane:
         """
         place = self._position.on_lane()
         seen = edge.edge(place, edge_offset_m, edge_heading_rad, confidence, since, ahead_m)
-        self.contradicted = not self._position.see_edge(seen, learn=learn, cutting=cutting)
+        self.contradicted = not self._position.see_edge(
+            seen, learn=learn, cutting=cutting, doubts=not self.holds
+        )
         if self._until_seen and not self.contradicted:
             self.aim_m = 0.0
         return not self.contradicted

@@ -326,11 +326,13 @@ class Position(Filter):
         h[STATES:] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
         return math.sqrt(h @ self._p @ h)
 
-    def see_edge(self, seen: Measurement, *, learn: bool, cutting: bool = True) -> bool:
+    def see_edge(
+        self, seen: Measurement, *, learn: bool, cutting: bool = True, doubts: bool = True
+    ) -> bool:
         """A picture's edge of the present lane; `learn`: the curvature that the pot does not show,
         too. False where it contradicts what is believed beyond its gate; then that is doubted."""
         taken = self._take(seen, frozen=() if learn else (CURVE,))
-        if not taken:
+        if not taken and doubts:
             self.doubt(seen, DOUBTFUL, DOUBTED[cutting])
         return taken
 

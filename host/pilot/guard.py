@@ -114,11 +114,11 @@ class Guard:
         """Whether there is a geofence."""
         return self._fence is not None
 
-    @property
-    def aside_m(self) -> float:
-        """How far left of its lane the machine is to be driven, to keep clear of a keep-out beside
-        it; 0 without a place."""
-        return self._clear.aside_m() if self._position.known else 0.0
+    def keep_clear(self) -> KeepClear:
+        """What the keep-outs near the machine's present place ask for."""
+        if self._position.known:
+            self._clear.look()
+        return self._clear
 
     def room_m(self, turn: Turn, at: tuple[float, float, float] | None) -> float:
         """The least clearance along a turn that begins at `at` (x, y, heading in the field frame);

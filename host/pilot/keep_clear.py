@@ -43,14 +43,18 @@ class KeepClear:
         self._vehicle = vehicle
         self._position = position
         self._outline = outline_of(vehicle)
-
-    def aside_m(self) -> float:
+        self.aside_m = 0.0
         """How far left of its lane the machine is to be driven here; negative: right."""
-        aside = 0.0
+        self.near = False
+        """Whether one stands so near that no picture may lead the machine elsewhere than it
+        believes to be."""
+
+    def look(self) -> None:
+        """From the machine's present place."""
+        self.aside_m, self.near = 0.0, False
         for keep_out in self._keep_outs:
             found = self._past(keep_out)
-            aside = found if abs(found) > abs(aside) else aside
-        return aside
+            self.aside_m = found if abs(found) > abs(self.aside_m) else self.aside_m
 
     def _past(self, keep_out: NDArray[np.float64]) -> float:
         """The same because of one."""
@@ -64,11 +68,12 @@ class KeepClear:
         left = c * dy - s * dx - lane
         half = vehicle.blade_width_m / 2
         low, high = float(left.min()), float(left.max())
-        if low < BESIDE * half and high > -BESIDE * half:
-            return 0.0
         gap = max(low, -high) - half
         rear = place.blade_m - vehicle.blade_x_m - vehicle.rear_overhang_m
         away = max(0.0, float(along.min()) - place.blade_m, rear - float(along.max()))
+        self.near = self.near or max(gap, away) < FAR_M
+        if low < BESIDE * half and high > -BESIDE * half:
+            return 0.0
         if gap + SLOPE * away > FAR_M:
             return 0.0
         points = placed(self._outline, *position.pose)

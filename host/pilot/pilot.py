@@ -166,7 +166,8 @@ class Pilot:
         if self.paused and not self.done:
             self._behaviour.paused(now)
             return replace(context.hold(), reason=PAUSED)
-        context.estimate.lane.clear_m = context.guard.aside_m
+        keep_clear, lane = context.guard.keep_clear(), context.estimate.lane
+        lane.clear_m, lane.holds = keep_clear.aside_m, keep_clear.near
         command, go = self._behaviour.step(now)
         self._go(now, go)
         if self._behaviour.gaze.on_side:

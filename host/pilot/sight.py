@@ -133,6 +133,8 @@ class Sight:
         """Of its shutter."""
         self.seen = Steady()
         """The edge, or what stands ahead, is in view."""
+        self.seen_at_m = -math.inf
+        """The travelled distance then."""
         self.usable = Steady()
         """Pictures are to be believed."""
         self.ahead = Ahead()
@@ -189,7 +191,9 @@ class Sight:
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)
         sure = view.confidence >= CONFIDENT
-        self.seen.note(frame.stamp, sure or view.ahead_confidence >= CONFIDENT)
+        seen = sure or view.ahead_confidence >= CONFIDENT
+        self.seen.note(frame.stamp, seen)
+        self.seen_at_m = then.distance_m if seen else self.seen_at_m
         cutting = gaze.cutting and then.speed_mps > MOVING_MPS
         in_crop = not view.crop_ahead_m >= END_CLEAR_M
         if cutting and in_crop and strip.shows_edge(strip.along_m(then)):

@@ -38,7 +38,9 @@ def post(x_m: float, y_m: float, across_m: float = 0.4) -> NDArray[np.float64]:
 
 
 def aside(keep_out: NDArray[np.float64], sigma_m: float = 0.2, at_m: float = AT_M) -> float:
-    return KeepClear([keep_out], SIGMAS, VEHICLE, placed(sigma_m, at_m)).aside_m()
+    clear = KeepClear([keep_out], SIGMAS, VEHICLE, placed(sigma_m, at_m))
+    clear.look()
+    return clear.aside_m
 
 
 def left_of_the_blade(gap_m: float, x_m: float = AT_M - 0.5) -> NDArray[np.float64]:
@@ -85,7 +87,19 @@ def test_before_what_stands_ahead_it_does_not_turn_aside() -> None:
 def test_the_guard_knows_the_keep_outs_of_its_plan_with_their_margin() -> None:
     ring = [(x, y) for x, y in left_of_the_blade(0.45).tolist()]
     plan = spiral(RING, 0, VEHICLE, gap_m=2.0, keep_outs=[ring])
-    assert Guard(plan, VEHICLE, placed(0.2)).aside_m == pytest.approx(
+    assert Guard(plan, VEHICLE, placed(0.2)).keep_clear().aside_m == pytest.approx(
         0.45 - 0.3 - SIGMAS * 0.2 - ROOM_M, abs=0.01
     )
-    assert Guard(plan, VEHICLE, Position(VEHICLE)).aside_m == 0.0
+    assert Guard(plan, VEHICLE, Position(VEHICLE)).keep_clear().aside_m == 0.0
+
+
+@pytest.mark.parametrize(("x_m", "y_m", "near"), [
+    (AT_M, LEFT_END_M + 1.0, True),
+    (AT_M + 1.0, VEHICLE.inset_m, True),
+    (AT_M, LEFT_END_M + FAR_M + 0.3, False),
+    (AT_M + FAR_M + 0.3, VEHICLE.inset_m, False),
+])  # fmt: skip
+def test_near_one_it_says_so(x_m: float, y_m: float, near: bool) -> None:
+    clear = KeepClear([post(x_m, y_m)], SIGMAS, VEHICLE, placed(0.1))
+    clear.look()
+    assert clear.near is near
