@@ -72,6 +72,8 @@ class Context:
         """Where sides were declared ended, by pictures."""
         self.by_plan = False
         """Whether the last end was the plan's alone: twice in a row it is none."""
+        self.left_m2 = 0.0
+        """What was left standing beside keep-outs that the plan would have cut."""
         self.backs = 0
         """How often the machine has backed off on this side."""
         self.bare = 0

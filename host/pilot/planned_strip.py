@@ -235,6 +235,15 @@ class PlannedStrip(Strip):
     def left_m(self) -> float:
         return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))
 
+    @property
+    def left_m2(self) -> float:
+        return self.left_m() * self._planned.width_m
+
+    @property
+    def rest_m2(self) -> float:
+        rest = self.plan.sides[self.index + 1 :]
+        return sum(side.length_m * side.width_m for side in rest)
+
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma
         farthest *= self.along_m(self.estimate.motion)

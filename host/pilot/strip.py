@@ -122,6 +122,16 @@ class Strip:
         return 0.0
 
     @property
+    def left_m2(self) -> float:
+        """The same as an area."""
+        return 0.0
+
+    @property
+    def rest_m2(self) -> float:
+        """What the plan has after it."""
+        return 0.0
+
+    @property
     def surely_own(self) -> bool:
         """Whether the plan has crop before the blade by more than any belief errs."""
         return False

@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-import shapely
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
@@ -92,8 +91,7 @@ class Anew:
 
 def _share(sides: Sequence[Side], plan: Plan) -> float:
     """Of the field that is cut by these sides."""
-    area_m2 = float(shapely.Polygon(plan.boundary).area)
-    return sum(s.length_m * s.width_m for s in sides) / area_m2
+    return sum(s.length_m * s.width_m for s in sides) / plan.area_m2
 
 
 def around(

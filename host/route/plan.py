@@ -79,6 +79,11 @@ class Plan:
     way: str = "onward"
     """Which of WAYS the field is cut in."""
 
+    @property
+    def area_m2(self) -> float:
+        """Of the field, its keep-outs with it."""
+        return float(shapely.Polygon(self.boundary).area)
+
     def name(self, index: int) -> str:
         """Which side of the whole plan `sides[index]` is, in words that count from 1."""
         number = self.done + index + 1

@@ -28,8 +28,9 @@ END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
 NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
-KEEP_OUT_REST_M = 3.0
-"""Of a side, at most, that may stay standing beside a keep-out: of more a person must know."""
+KEEP_OUT_SHARE, KEEP_OUT_M2 = 0.03, 8.0
+"""Of the field, and at most, that may stay standing beside its keep-outs, besides what the plan
+leaves there: of more a person must know."""
 END_REST_M = 1.0
 """The same before its end: no more than a walked corner errs."""
 BLIND_ON_M = 1.5
@@ -54,6 +55,7 @@ class Why(Reason):
         "clear ground for {clear} m where the plan has crop{more}: what stands beyond may be the "
         "neighbour's; check the boundary and the corner that the machine was put at",
     )
+    LEFT_AT_KEEP_OUT = Doing.FINISH, "what is left stands too near a keep-out"
     CROP_GONE = Doing.FAULT, "the crop that the plan has here is not to be found"
 
 
@@ -84,12 +86,18 @@ class Follow(Behaviour):
         end, which knows how surely the machine knows its place; what is left of it stays."""
         context, strip = self.context, self.context.strip
         here = EndOfField(now, context.motion, strip.index)
-        if verdict.clearance_m >= 0.0 and strip.placed:
-            if verdict.at_keep_out and strip.left_m() < KEEP_OUT_REST_M:
+        if verdict.at_keep_out and strip.placed:
+            most_m2 = min(KEEP_OUT_SHARE * context.plan.area_m2, KEEP_OUT_M2)
+            left_m2 = context.left_m2 + strip.left_m2
+            if left_m2 + strip.rest_m2 < most_m2:
+                return Why.LEFT_AT_KEEP_OUT.go()
+            if verdict.clearance_m >= 0.0 and left_m2 < most_m2:
+                context.left_m2 = left_m2
                 return end_side(context, now, here, refused=True)
-            if strip.left_m() < END_REST_M and not context.by_plan:
-                context.by_plan = True
-                return end_side(context, now, here)
+        ends = strip.placed and strip.left_m() < END_REST_M and not context.by_plan
+        if verdict.clearance_m >= 0.0 and ends:
+            context.by_plan = True
+            return end_side(context, now, here)
         return super().blocked(now, verdict)
 
     def _hold(self, go: Go) -> Command:
