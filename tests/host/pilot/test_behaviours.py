@@ -23,12 +23,13 @@ from host.pilot.behaviours.connect import ARM_RETRY_S, Connect
 from host.pilot.behaviours.connect import Why as Connected
 from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
-from host.pilot.behaviours.follow import END_REST_M, KEEP_OUT_REST_M, SPIN_S, Follow
+from host.pilot.behaviours.follow import END_REST_M, KEEP_OUT_M2, KEEP_OUT_SHARE, SPIN_S, Follow
 from host.pilot.behaviours.follow import Why as Followed
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as EdgeLook
 from host.pilot.behaviours.look_at_end import BARE_LOOKS, LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
+from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
 from host.pilot.behaviours.turn import CORRECTION_M, CORRECTIONS, STEER_TIMEOUT_S, DriveTurn
@@ -284,13 +285,17 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
     assert command.request is Request.STOP
 
 
+LEFT_MOST_M2 = min(KEEP_OUT_SHARE * PLAN.area_m2, KEEP_OUT_M2)
+LEFT_MOST_M = LEFT_MOST_M2 / PLAN.sides[0].width_m
+
+
 @pytest.mark.parametrize(
     ("at_keep_out", "clear_m", "left_m", "reason"),
     [
-        (True, 0.1, KEEP_OUT_REST_M - 0.1, SideEnd.KEEP_OUT),
-        (True, 0.1, KEEP_OUT_REST_M + 0.1, Watched.GEOFENCE),
-        (True, -0.1, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
-        (False, 0.1, KEEP_OUT_REST_M - 0.1, Watched.GEOFENCE),
+        (True, 0.1, LEFT_MOST_M - 0.1, SideEnd.KEEP_OUT),
+        (True, 0.1, LEFT_MOST_M + 0.1, Watched.GEOFENCE),
+        (True, -0.1, LEFT_MOST_M - 0.1, Watched.GEOFENCE),
+        (False, 0.1, LEFT_MOST_M - 0.1, Watched.GEOFENCE),
     ],
 )
 def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
@@ -305,6 +310,24 @@ def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
     assert context.strip.index == (1 if reason is SideEnd.KEEP_OUT else 0)
     assert before.along_m(context.motion) == along_m, "no end was seen that tells of the place"
     assert context.ends == []
+
+
+def test_what_is_left_beside_keep_outs_is_counted_together() -> None:
+    verdict = replace(TOO_NEAR, at_keep_out=True, clearance_m=0.1)
+    context = on_side(cut_m=PLAN.sides[0].length_m - LEFT_MOST_M + 0.1)
+    context.left_m2 = 0.2
+    assert is_for(Follow(context).blocked(NOW, verdict), Watched.GEOFENCE)
+    context.left_m2 = 0.0
+    assert is_for(Follow(context).blocked(NOW, verdict), SideEnd.KEEP_OUT)
+    assert context.left_m2 == pytest.approx(LEFT_MOST_M2 - 0.1 * PLAN.sides[0].width_m)
+
+
+@pytest.mark.parametrize("clear_m", [0.1, -0.1])
+def test_the_harvest_is_over_where_all_that_is_left_stands_at_a_keep_out(clear_m: float) -> None:
+    last = len(PLAN.sides) - 1
+    context = on_side(last, cut_m=PLAN.sides[last].length_m - 1.0)
+    verdict = replace(TOO_NEAR, at_keep_out=True, clearance_m=clear_m)
+    assert is_for(Follow(context).blocked(NOW, verdict), Followed.LEFT_AT_KEEP_OUT)
 
 
 def test_a_side_that_is_about_to_end_ends_where_the_geofence_stops_the_machine_once() -> None:
@@ -843,3 +866,51 @@ def test_a_phase_is_what_the_operator_knows() -> None:
         Doing.LOOK_AT_END,
         Doing.BACK_OFF,
     }
+
+
+# ---- retrace -------------------------------------------------------------------------------------
+
+
+def bent_plan() -> Plan:
+    """Two strips along one edge, which bends to the left halfway."""
+    ring = [(0.0, 0.0), (7.0, 0.0), (13.0, 2.0), (13.0, 12.0), (0.0, 12.0)]
+    first = spiral(ring, 0, VEHICLE, gap_m=2.0).sides[0]
+    assert len(first.bends) == 1
+    x, y, _ = first.pose(0.0, first.width_m)
+    second = replace(first, x_m=x, y_m=y, bends=((7.0 - 0.1, first.bends[0][1]),))
+    return replace(PLAN, sides=(first, second), boundary=tuple(ring))
+
+
+def test_along_a_strip_that_bends_the_machine_goes_back_before_it_shuttles() -> None:
+    plan = bent_plan()
+    bend_m = plan.sides[0].bends[0][0]
+    context = on_side(plan=plan, cut_m=plan.sides[0].length_m)
+    here = EndOfField(NOW, context.motion, 0)
+    assert is_for(end_side(context, NOW, here), SideEnd.BENT)
+    strip = context.strip
+    assert isinstance(strip, PlannedStrip)
+    strip.place(bend_m + 3.0)
+    retrace = Retrace(context)
+    command, go = retrace.step(NOW)
+    assert go is None
+    assert command.speed_mps < 0.0
+    assert not command.blade
+    assert command.steer_rad == pytest.approx(0.0, abs=0.02), "it is on the second piece"
+    strip.place(bend_m - 0.3)
+    command, go = retrace.step(NOW)
+    assert is_for(go, SideEnd.SEEN)
+    assert command.speed_mps == 0.0
+    assert context.turning is not None and context.turning.beside
+    assert context.strip.index == 1
+
+
+@pytest.mark.parametrize("left_m", [-0.2, 0.2])
+def test_going_back_it_steers_towards_its_swath(left_m: float) -> None:
+    plan = bent_plan()
+    context = on_side(plan=plan, cut_m=plan.sides[0].length_m)
+    end_side(context, NOW, EndOfField(NOW, context.motion, 0))
+    assert isinstance(context.strip, PlannedStrip)
+    context.estimate.lane.place(left_m, 0.0, 0.05, 0.02)
+    context.strip.place(plan.sides[0].bends[0][0] + 3.0)
+    command, _ = Retrace(context).step(NOW)
+    assert command.steer_rad * left_m < 0.0
