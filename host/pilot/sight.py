@@ -60,7 +60,8 @@ of its beginning at most, twice."""
 TIP_SIGMAS = 3.0
 """Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
 FOLLOWED = 3
-"""Pictures after which an edge is followed, from which another may leap."""
+"""Pictures, the blade in the strip's crop, after which an edge is followed from which another may
+leap: what is seen from afar is rather another strip's."""
 LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
@@ -145,7 +146,7 @@ class Sight:
         self.lane_at_m = math.inf
         """The same of pictures in the dust that told of it together."""
         self._known_edges = 0
-        """Pictures whose edge has corrected the lane since the strip was begun."""
+        """Pictures whose edge has corrected the lane since the blade met the strip's crop."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
@@ -280,7 +281,7 @@ class Sight:
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn, cutting=cutting)
         self._estimate.learn_curve()
-        self._known_edges += not lane.contradicted
+        self._known_edges += ahead.entered and not lane.contradicted
         if moved and not lane.contradicted:
             strip.seen_beside(view, then)
 
@@ -345,7 +346,7 @@ class Sight:
     def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
         """Whether an edge lies so far inside of the one that is followed that it is rather a patch
         of weeds' or the dust's."""
-        if self._known_edges < FOLLOWED:
+        if self.ahead.entered and self._known_edges < FOLLOWED:
             return False
         settling = then.stamp - since < LEAP_STAYS_S
         dusty = gaze.cutting or (gaze.hesitates and settling)
