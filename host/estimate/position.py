@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate import gyroscope, spread
+from host.estimate import prior, spread
 from host.estimate.kalman import Filter, Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -32,12 +32,8 @@ from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.motion_model import (
     BESIDE,
-    CURVE_SIGMA_1PM,
     CUT,
     DRILLED,
-    GRADE_SIGMA,
-    SCALE_SIGMA,
-    SLIP_SIGMA,
     STEP_SIGMA,
     move,
 )
@@ -55,7 +51,6 @@ from host.estimate.states import (
     LANE_YAW,
     PLAN_YAW,
     SCALE,
-    SLIP,
     STATES,
     WANDER,
     YAW,
@@ -64,9 +59,6 @@ from host.estimate.states import (
 )
 from host.route.side import Side
 
-START_SIGMA = (0.1, 0.1, math.radians(2))
-PLAN_SIGMA_RAD = math.radians(3)
-"""Of a walked boundary's direction against the courses'."""
 BOUND_SIGMA_M = 0.2
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
 DOUBTED = {True: 1.03, False: 1.06}
@@ -78,8 +70,6 @@ DOUBTFUL: Final = slice(X, LANE_YAW + 1)
 """What that takes back: the machine's place, and its lane's."""
 NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A lane of which no plan knows: along x from the origin."""
-OPEN_SIGMA = (0.1, math.radians(5))
-"""Of where a machine without a plan, or not placed in it yet, begins beside its lane."""
 
 
 class Position(Filter):
@@ -97,24 +87,19 @@ class Position(Filter):
         self.sigma_m = sigma_m
         """Of a corner of the boundary before anything is seen of it, along x and along y."""
         states = STATES + self.outline.states
-        super().__init__(np.zeros(states), np.zeros((states, states)))
-        own = (SLIP_SIGMA, 0.0, 0.0, PLAN_SIGMA_RAD, CURVE_SIGMA_1PM, gyroscope.OFFSET_SIGMA)
-        self._p[SLIP:CRAB, SLIP:CRAB] = np.diag(np.square(own))
-        wheels = (SCALE_SIGMA, GRADE_SIGMA, GRADE_SIGMA)
-        self._p[SCALE:STATES, SCALE:STATES] = np.diag(np.square(wheels))
+        super().__init__(np.zeros(states), prior.covariance(states))
         self._vehicle = vehicle
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
         self._lane_of = NO_SIDE
         self._wander = DRILLED
         self.beside = False
-        """Whether the edge of its lane is seen from beside it, and not followed where it wanders.
-        """
+        """Whether its lane's edge is seen from beside it, and not followed where it wanders."""
         self.aside = Aside()
         """Of the present lane."""
         self.known = False
         """Whether it has a place in the plan."""
-        self.open(0.0, 0.0, *OPEN_SIGMA)
+        self.open(0.0, 0.0, *prior.OPEN_SIGMA)
 
     @property
     def x(self) -> NDArray[np.float64]:
@@ -161,7 +146,7 @@ class Position(Filter):
         along_m: float,
         offset_m: float,
         heading_rad: float,
-        sigmas: tuple[float, float, float] = START_SIGMA,
+        sigmas: tuple[float, float, float] = prior.START_SIGMA,
     ) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
         axle offset_m left of the lane, the vehicle heading_rad left of its direction. `sigmas`: of
@@ -308,17 +293,9 @@ class Position(Filter):
             return 0.0
         if not self.known:
             return self.sigma_m
-        worst = 0.0
-        for k in range(STATES, len(self._x)):
-            own = X if (k - STATES) % 2 == 0 else Y
-            worst = max(worst, self._p[k, k] + self._p[own, own] - 2 * self._p[k, own])
-        return math.sqrt(worst)
-
-    @property
-    def astray_m(self) -> float:
-        """How far a corner has been found from where the plan has it, among the others; 0 where the
-        boundary is known."""
-        return self.outline.astray_m
+        p, at = self._p, np.arange(STATES, len(self._x))
+        own = np.resize([X, Y], len(at))
+        return math.sqrt((p[at, at] + p[own, own] - 2 * p[at, own]).max())
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""
@@ -378,9 +355,7 @@ class Position(Filter):
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
         drift_m is what a wrong scale of the distances may have done along it."""
-        along = np.zeros((1, len(self._x)))
-        along[0, :YAW] = math.cos(side.heading_rad), math.sin(side.heading_rad)
-        self._p = self._p + along.T @ along * drift_m**2
+        self.less_sure_along(side, drift_m)
         self._take(end.end(self.at(side), self._p, ago_m, doubt_m))
 
     def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:

@@ -74,7 +74,7 @@ def watch(state: State, estimate: Estimator) -> Go | None:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
     if estimate.askew_rad != 0.0:
         return Watched.ASKEW.go(deg=f"{abs(math.degrees(estimate.askew_rad)):.0f}")
-    astray_m = estimate.position.astray_m
+    astray_m = estimate.position.outline.astray_m
     if astray_m > max(ASTRAY_M, ASTRAY_SIGMAS * estimate.position.sigma_m):
         return Watched.ASTRAY.go(off_m=f"{astray_m:.0f}")
     return None

@@ -9,7 +9,8 @@ from host.estimate.crop_ahead import CONFIDENT, EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.planned_strip import NO_CROP_M, PlannedStrip
+from host.pilot.plan_side import NO_CROP_M
+from host.pilot.planned_strip import PlannedStrip
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants

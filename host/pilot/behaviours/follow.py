@@ -10,7 +10,7 @@ from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.planned_strip import NO_CROP_M
+from host.pilot.plan_side import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
 from host.pilot.stop_and_look import LONG_LOOK_S, LOOK_S, LOOKING
 

@@ -9,7 +9,7 @@ from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
 from host.pilot.endings import Blind, blind
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.planned_strip import NO_CROP_M
+from host.pilot.plan_side import NO_CROP_M
 from host.pilot.sight import Gaze
 
 PICTURES = 5

@@ -25,7 +25,8 @@ from host.pilot.context import Context, Ended
 from host.pilot.endings import Elsewhere, SideEnd, end_side, outward, turn_on
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.pilot.planned_strip import BLIND_M, OUTWARD_M, SIGMAS, TURN_KNOWN_M, PlannedStrip
+from host.pilot.plan_side import BLIND_M, OUTWARD_M, SIGMAS
+from host.pilot.planned_strip import TURN_KNOWN_M, PlannedStrip
 from host.pilot.stop_and_look import LONG_LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral

@@ -19,7 +19,7 @@ from host.pilot.context import RESUME_AFTER_S
 from host.pilot.guard import CREEP_MPS
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.pilot.planned_strip import END_PAST_M
+from host.pilot.plan_side import END_PAST_M
 from host.route.cuts import SEEN_SHARE
 from host.route.plan import Plan, spiral
 from host.route.side import Side

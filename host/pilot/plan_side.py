@@ -1,0 +1,269 @@
+"""A side of the plan: where it is found to lie, and where it may end."""
+
+from __future__ import annotations
+
+import math
+
+from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import Ahead
+from host.estimate.estimator import Estimator
+from host.estimate.measurements.goes_on import goes_on
+from host.estimate.odometry import Motion
+from host.estimate.prior import START_SIGMA
+from host.pilot.strip import Strip
+from host.route.plan import Plan
+from host.route.side import NO_EDGE, Side
+
+END_PAST_M = 0.15
+"""Beyond the plan's end of a side, from where on clear ground is more likely than dust."""
+EARLY_M = 0.8
+LATE_M = 0.9
+"""How far before or after the plan's end of a side vision may end it; less than a gap."""
+LAST_EARLY_M = 0.3
+"""On the last side: no turn needs the room, and what seemed clear is cut on the way to its end."""
+SKIP_SIDE_M = 3.0
+"""A side up to this long without any crop is driven along to the next."""
+NO_CROP_M = 1.2
+"""Crop this much farther after a turn than the plan says is somebody else's, or none."""
+REMNANT = 0.015
+"""Share of the plan that may be given up as done where nothing shows it."""
+CORNER_M = 0.3
+"""How far along a side a slanting border's corner may lie from where dead reckoning has it."""
+SQUARE_M = 0.1
+"""A border that crosses the strip over less is no slanting one."""
+SHUTTLE_LEARN_M = 6.0
+"""A shorter strip of a shuttle ends while it is being straightened still, and the next is begun by
+the same turn: strip after strip would teach the bias what that leaves."""
+SURE_M = 3.0
+"""Of a side that is left, by which crop before the blade is the field's own: three times what a
+corner of a walked boundary errs;"""
+SURE_SHARE = 0.4
+"""and the share of it, for an odometer that loses half of its pulses: at the true end it still has
+0.38 of the side to go."""
+SIGMAS = 2.0
+"""Of an end that was never seen: clear ground within so many of its standard deviations may be it,
+crop beyond as many may be the neighbour's."""
+END_SIGMAS = 4.0
+"""Within so many of where a side was taken to end a look may find its end; more is another error.
+"""
+FOUND_SIGMA_M = 0.3
+"""Of an end that was found elsewhere, before its own measurement is taken."""
+UNKNOWN_M = 0.3
+"""Standard deviation of a side's end from which on it is found by cutting towards it."""
+GOES_ON_M = 0.05
+"""By which an end must give way at least, for the plan's sides to be moved."""
+BLIND_M = 0.6
+"""Where a new side may end, the way in dust after which it is looked for: half of the narrowest
+gap that is harvested beside."""
+OUTWARD_M = 0.4
+"""Most by which a turn leads the machine outside of an edge that it has not seen: from outside the
+crop's right end is in view, from inside nothing but crop."""
+UNSURE_SHARE = 0.5
+"""Of a side, at most, in which clear ground may be its end for that."""
+LEFT_OVER_M = 1.0
+"""Beyond a side's end, on ground that is cut: what stands there for longer is another side's."""
+LATE_SIGMAS = 3.0
+"""Crop that goes on farther than so many is not the side's: something else is wrong."""
+CUT_BEFORE_M = 0.4
+"""Half of the way in which the end of a side lies that was cut to it in an earlier run: what the
+progress errs, and what a person puts the machine wrong."""
+
+
+class PlanSide(Strip):
+    """A side of the plan, on which the machine knows its place."""
+
+    placed = True
+
+    def __init__(
+        self, plan: Plan, index: int, vehicle: Vehicle, estimate: Estimator, ahead: Ahead
+    ) -> None:
+        super().__init__(plan, index, vehicle, estimate, ahead)
+        side, areas = plan.sides[index], [side.length_m * side.width_m for side in plan.sides]
+        self._planned = side
+        self.last = index + 1 >= len(plan.sides)
+        self.remnant = sum(areas[index:]) < REMNANT * sum(areas)
+        self.blind_end = side.blind_end
+        self.begins_slanting = side.edge_begin_m > SQUARE_M
+        self.skippable = side.length_m < SKIP_SIDE_M
+        self.search_reach_m = 0.0
+        if not self.remnant:
+            self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
+        first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
+        self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
+        self.back_m, self.shift_m = side.back_m, side.shift_m
+        self.clear_end_m = side.end_seen_m + max(0.0, side.fence_m - side.length_m)
+        self.resumed = index == 0 and side.begins_at == NO_EDGE
+        """Whether it was begun in an earlier run."""
+        self.bent = bool(side.bends)
+        self._straight = [piece for _, piece in side.pieces()]
+        """As planned."""
+        self._at = 0
+        """Which of them the blade is at."""
+        self._on_lane = False
+        """Whether the present lane is its own, and no more the last strip's."""
+        self._crop_to_m = 0.0
+        """How far along the side crop has been seen to go on from what was cut."""
+        self._expected_m, self._doubt_m = side.length_m, 0.0
+        """Where the side was taken to end before anything was seen of it, and how surely."""
+
+    @property
+    def side(self) -> Side:
+        """Where it is found to lie."""
+        return self.estimate.position.outline.found(self._planned)
+
+    @property
+    def _pieces(self) -> list[tuple[float, Side]]:
+        """(where along the side it begins, it) of each straight piece, where they are found."""
+        return self.estimate.position.outline.pieces(self._planned)
+
+    @property
+    def planned_piece(self) -> Side:
+        """The straight piece of the side that the blade is at, as planned: what the position takes
+        for a side."""
+        return self._straight[self._at]
+
+    @property
+    def piece(self) -> Side:
+        """The same where it is found to lie."""
+        return self.estimate.position.outline.found(self.planned_piece)
+
+    def place(self, along_m: float, sigma_m: float = START_SIGMA[1]) -> None:
+        """The machine stands with the blade along_m past where vision sees the beginning; sigma_m:
+        how surely it is known beside the edge."""
+        lane = self.estimate.lane
+        self._at = max(k for k, (start, _) in enumerate(self._pieces) if k == 0 or start <= along_m)
+        start = self._pieces[self._at][0]
+        position, piece = self.estimate.position, self.planned_piece
+        sigmas = (START_SIGMA[0], sigma_m, START_SIGMA[2])
+        position.place(piece, along_m - start, lane.offset_m, lane.heading_rad, sigmas)
+        self._on_lane = True
+        self._note_doubt()
+
+    def _note_doubt(self) -> None:
+        position = self.estimate.position
+        known = position.outline.states == 0
+        self._doubt_m = 0.0 if known else position.end_sigma_m(self._straight[-1])
+        self._expected_m = self.side.length_m
+
+    def along_m(self, motion: Motion) -> float:
+        """By the position, in which what was seen of the beginning has its part."""
+        travelled = self.estimate.motion.distance_m - motion.distance_m
+        start = self._pieces[self._at][0]
+        return start + self.estimate.position.along(self.planned_piece) - travelled
+
+    def past_end(self, motion: Motion) -> bool:
+        return self.along_m(motion) > self.side.length_m + END_PAST_M
+
+    def end_due(self, motion: Motion) -> bool:
+        """Clear ground well before the plan's end is a bare patch: the machine creeps on over it. A
+        slanting border's tip is too narrow to be seen. A side that is shorter than that allows does
+        not end before it begins."""
+        return self.along_m(motion) > max(0.0, self._end_from_m())
+
+    def _end_from_m(self) -> float:
+        """Along the side, from where on clear ground may be its end; negative: before it begins."""
+        doubt = 2 * self.estimate.odometry.scale_sigma
+        early = LAST_EARLY_M if self.last else EARLY_M + 2 * self.side.end_seen_m
+        length = self.side.length_m
+        early += min(SIGMAS * self._doubt_m, UNSURE_SHARE * length)
+        return (1 - doubt) * length - early
+
+    def may_be_cut(self) -> bool:
+        """Whether a side that was begun in an earlier run may have been cut to its end by then."""
+        return self.resumed and self._end_from_m() < 0.0
+
+    def was_cut(self) -> None:
+        """It was: its end is hereabouts."""
+        if self.new:
+            self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
+
+    def may_end_at(self, along_m: float) -> bool:
+        doubt_m = max(self._doubt_m, self._end_sigma_m, UNKNOWN_M)
+        return along_m > max(0.0, self.side.length_m - EARLY_M - END_SIGMAS * doubt_m)
+
+    def ends_at(self, along_m: float) -> None:
+        off_m = abs(along_m - self.side.length_m)
+        last, position = self._straight[-1], self.estimate.position
+        if off_m <= SIGMAS * max(self._doubt_m, 0.0 if self.new else self._end_sigma_m):
+            return
+        if self.new:
+            position.ends_at(last, along_m - self._pieces[-1][0], FOUND_SIGMA_M**2)
+        else:
+            position.less_sure_along(last, off_m)
+
+    @property
+    def _end_sigma_m(self) -> float:
+        return self.estimate.position.end_sigma_m(self._straight[-1])
+
+    @property
+    def surely_own(self) -> bool:
+        left = self.left_m() - SIGMAS * self._doubt_m
+        return left > max(SURE_M, SURE_SHARE * self.side.length_m)
+
+    def left_m(self) -> float:
+        return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))
+
+    @property
+    def left_m2(self) -> float:
+        return self.left_m() * self._planned.width_m
+
+    @property
+    def rest_m2(self) -> float:
+        rest = self.plan.sides[self.index + 1 :]
+        return sum(side.length_m * side.width_m for side in rest)
+
+    def overrun(self) -> bool:
+        farthest = 1 + self.estimate.odometry.scale_sigma
+        farthest *= self.along_m(self.estimate.motion)
+        doubt_m = self._doubt_m
+        if self.plan.gap_m is not None:  # a geofence watches
+            doubt_m = max(doubt_m, self.estimate.position.end_sigma_m(self._straight[-1]))
+        last_m = min(self._planned.fence_m, self.side.length_m + LEFT_OVER_M)
+        return farthest > last_m + LATE_M + LATE_SIGMAS * doubt_m
+
+    def goes_on(self, motion: Motion) -> None:
+        """Crop stood at the blade then: a side whose end is not known yet does not end before."""
+        self._crop_to_m = max(self._crop_to_m, self.along_m(motion))
+        if not self.new:
+            return
+        start, last = self._pieces[-1]
+        known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
+        if known is not None and known[0] > start + last.length_m + GOES_ON_M:
+            self.estimate.position.ends_at(self._straight[-1], known[0] - start, known[1])
+
+    def blind(self) -> bool:
+        here = self.estimate.motion
+        return self.new and self.along_m(here) - self._crop_to_m > BLIND_M and self.end_due(here)
+
+    def sure_ahead_m(self) -> float:
+        return max(0.0, self.side.length_m - self._crop_to_m)
+
+    def to_blind_end_m(self) -> float:
+        if not self.blind_end:
+            return math.inf
+        here = self.estimate.motion
+        coast = here.speed_mps * self.vehicle.drive_lag_s
+        return self.side.length_m - self.along_m(here) - coast
+
+    def shows_edge(self, along_m: float) -> bool:
+        side = self.side
+        begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
+        return (side.edge_begin_m <= SQUARE_M or along_m >= begin) and (
+            side.edge_end_m <= SQUARE_M or along_m <= end
+        )
+
+    @property
+    def new(self) -> bool:
+        return self._doubt_m >= UNKNOWN_M
+
+    @property
+    def outward_m(self) -> float:
+        if not self.new:
+            return 0.0
+        return min(OUTWARD_M, self.estimate.position.beside_sigma_m(self.planned_piece))
+
+    @property
+    def begin_doubt_m(self) -> float:
+        position = self.estimate.position
+        back_m = max(0.0, self.along_m(self.estimate.motion))
+        return SIGMAS * position.end_sigma_m(self._straight[0], -1, back_m)
