@@ -20,6 +20,9 @@ from host.pilot.sight import Gaze
 BACK_AFTER_S = 6.0
 BACK_M = 0.6
 """Less than clear ground that ends a side."""
+LOOKED_S = 12.0
+"""After so long without an edge, and having backed off, it goes on in crop that is surely the
+field's."""
 BACKS = 3
 """At most, on a side."""
 
@@ -28,6 +31,7 @@ class Why(Reason):
     """Out of the doubt."""
 
     SEEN = Doing.FOLLOW, "the edge is in view again"
+    OWN_CROP = Doing.FOLLOW, "no clearer view, in crop that is surely the field's"
 
 
 class BackOff(Behaviour):
@@ -51,6 +55,10 @@ class BackOff(Behaviour):
         known = context.estimate.lane.offset_sigma_m < LANE_SIGMA_M
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
+        sees = now - context.sight.usable.stamp < SLOW_AFTER_S
+        own = sees and self._backed and self._from is None and context.strip.surely_own
+        if own and now - context.since > LOOKED_S:
+            return context.hold(), Why.OWN_CROP.go()
         return self._move(now), None
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:

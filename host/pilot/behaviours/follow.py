@@ -180,7 +180,8 @@ class Follow(Behaviour):
         """Whether the edge is too unsure to cut on, or might be seen without the dust."""
         context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
         unknown = lane.offset_sigma_m > LANE_SIGMA_M and not context.estimate.position.beside
-        if (now - sight.seen.stamp > STOP_AFTER_S and not self._passes_blind(now)) or unknown:
+        lost = now - sight.seen.stamp > STOP_AFTER_S or unknown
+        if lost and not self._passes_blind(now):
             sight.seen.broken = now
             return Why.EDGE_LOST.go(why=context.why_unseen("no sure view"))
         if not self._worth_a_look():
@@ -190,13 +191,13 @@ class Follow(Behaviour):
 
     def _passes_blind(self, now: float) -> bool:
         """Whether it drives on by dead reckoning where it has backed off already and lost the edge
-        again: a camera among stalks that stand beside the blade shows no more. Only in crop that is
-        the field's beyond doubt, and no farther than such stalks can stand."""
+        again: a camera among stalks that stand beside the blade shows no more, and a machine that
+        stands inside of the edge sees crop on both sides. Only in crop that is the field's beyond
+        doubt, and without any sight of it no farther than such stalks can stand."""
         context, sight = self.context, self.context.sight
         blind_m = context.motion.distance_m - sight.seen_at_m
         sees = now - sight.usable.stamp < STOP_AFTER_S
-        again = context.backs > 0 and sight.ahead.entered
-        return again and sees and context.strip.surely_own and blind_m < BLIND_ON_M
+        return context.backs > 0 and sees and context.strip.surely_own and blind_m < BLIND_ON_M
 
     def _worth_a_look(self) -> bool:
         """Whether the lane has become doubtful where its edge might be seen but for dust."""
