@@ -21,8 +21,9 @@ LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
 LAST_EARLY_M = 0.3
 """On the last side: no turn needs the room, and what seemed clear is cut on the way to its end."""
-SKIP_SIDE_M = 3.0
-"""A side up to this long without any crop is driven along to the next."""
+SKIP_SIDE_M, SKIP_SHARE, SKIP_M2 = 3.0, 0.02, 8.0
+"""A side up to this long without any crop is driven along to the next, and so is one that is no
+more than this share of the field, and this large at most."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 REMNANT = 0.015
@@ -84,7 +85,8 @@ class PlanSide(Strip):
         self.remnant = sum(areas[index:]) < REMNANT * sum(areas)
         self.blind_end = side.blind_end
         self.begins_slanting = side.edge_begin_m > SQUARE_M
-        self.skippable = side.length_m < SKIP_SIDE_M
+        little_m2 = min(SKIP_SHARE * sum(areas), SKIP_M2)
+        self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < little_m2
         self.search_reach_m = 0.0
         if not self.remnant:
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
