@@ -21,13 +21,14 @@ LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
 LAST_EARLY_M = 0.3
 """On the last side: no turn needs the room, and what seemed clear is cut on the way to its end."""
-SKIP_SIDE_M, SKIP_SHARE, SKIP_M2 = 3.0, 0.02, 8.0
-"""A side up to this long without any crop is driven along to the next, and so is one that is no
-more than this share of the field, and this large at most."""
+LITTLE_SHARE, LITTLE_M2 = 0.02, 8.0
+"""Of the field, and at most, that is next to nothing: it may be given up as done where nothing
+shows it."""
+SKIP_SIDE_M = 3.0
+"""A side up to this long without any crop is driven along to the next, and so is one that is next
+to nothing."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
-REMNANT = 0.015
-"""Share of the plan that may be given up as done where nothing shows it."""
 CORNER_M = 0.3
 """How far along a side a slanting border's corner may lie from where dead reckoning has it."""
 SQUARE_M = 0.1
@@ -82,13 +83,12 @@ class PlanSide(Strip):
         side, areas = plan.sides[index], [side.length_m * side.width_m for side in plan.sides]
         self._planned = side
         self.last = index + 1 >= len(plan.sides)
-        self.remnant = sum(areas[index:]) < REMNANT * sum(areas)
         self.blind_end = side.blind_end
         self.begins_slanting = side.edge_begin_m > SQUARE_M
-        little_m2 = min(SKIP_SHARE * sum(areas), SKIP_M2)
-        self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < little_m2
+        self._little_m2 = min(LITTLE_SHARE * sum(areas), LITTLE_M2)
+        self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < self._little_m2
         self.search_reach_m = 0.0
-        if not self.remnant:
+        if sum(areas[index:]) >= self._little_m2:
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
@@ -213,6 +213,10 @@ class PlanSide(Strip):
     def rest_m2(self) -> float:
         rest = self.plan.sides[self.index + 1 :]
         return sum(side.length_m * side.width_m for side in rest)
+
+    @property
+    def remnant(self) -> bool:
+        return self.left_m2 + self.rest_m2 < self._little_m2
 
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma

@@ -27,8 +27,6 @@ class Strip:
 
     last = False
     """Whether the plan has no side after it."""
-    remnant = False
-    """Whether what the plan has left is next to nothing."""
     blind_end = False
     """Whether it ends in standing crop, where no picture shows it."""
     begins_slanting = False
@@ -130,6 +128,11 @@ class Strip:
     def rest_m2(self) -> float:
         """What the plan has after it."""
         return 0.0
+
+    @property
+    def remnant(self) -> bool:
+        """Whether what the plan has left is next to nothing."""
+        return False
 
     @property
     def surely_own(self) -> bool:

@@ -8,7 +8,7 @@ from host.estimate.kalman import Array, Measurement
 from host.estimate.measurements.border import SLANT_SHARE, SLOPE_MOST, border
 from host.estimate.place import Place
 
-SIGMA_M = 0.2
+SIGMA_M = 0.15
 """Where it slants, a border that lies a little askew is met elsewhere by the square of 1/cos as
 much, and dust hides its last tip."""
 EARLY_M = 0.1

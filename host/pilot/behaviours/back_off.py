@@ -56,7 +56,8 @@ class BackOff(Behaviour):
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
         sees = now - context.sight.usable.stamp < SLOW_AFTER_S
-        own = sees and self._backed and self._from is None and context.strip.surely_own
+        backed = self._from is None and (self._backed or context.backs >= BACKS)
+        own = sees and backed and context.strip.surely_own
         if own and now - context.since > LOOKED_S:
             return context.hold(), Why.OWN_CROP.go()
         return self._move(now), None

@@ -122,6 +122,8 @@ class Follow(Behaviour):
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
             return Why.LAST_CLEAR.go()
+        if context.strip.remnant:
+            return Why.REMNANT_GONE.go()
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
         return Why.CLEAR_GROUND.go(clear=f"{guard.clear_m:.1f}", more=more)
 

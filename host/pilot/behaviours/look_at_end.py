@@ -68,7 +68,7 @@ class LookAtEnd(Behaviour):
         seen = context.sight.edge_at_m > context.look.at_m
         context.bare = 0 if seen else context.bare + clear
         if context.bare > BARE_LOOKS:
-            if context.strip.last:
+            if context.strip.last or context.strip.remnant:
                 return Why.NO_CROP_LEFT.go()
             here = here or EndOfField(now, context.motion, context.strip.index)
             end_m = context.strip.along_m(here.motion)
