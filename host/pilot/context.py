@@ -32,6 +32,10 @@ RESUME_AFTER_S = 0.5
 STOPPED_MPS = 0.03
 CREEPING_MPS = 0.2
 """A braked machine on a slope of 7 degrees: it cannot stand better than that."""
+BEGINNING_M = 3.0
+"""Of a strip: what its turn has left askew is straightened by then."""
+BLIND_ON_M = 1.5
+"""What a turn leaves of a strip's beginning at most."""
 STAND_S = 1.5
 """After so long told to stand, creeping counts as standing."""
 
@@ -145,6 +149,16 @@ class Context:
     def blind(self, now: float) -> bool:
         """Whether pictures are missing or show nothing of the world of now, for too long."""
         return now - self.sight.usable.stamp > STOP_AFTER_S
+
+    def goes_unseeing(self, now: float) -> bool:
+        """Whether the machine may drive on by dead reckoning that has lost the edge at a strip's
+        beginning, and looked for it in vain: a low camera among stalks that the turn has left
+        beside the blade shows no more, and a machine inside of the edge sees crop on both sides.
+        Only in crop that is the field's beyond doubt, and without any sight of it no farther than
+        such stalks can stand."""
+        blind_m = self.motion.distance_m - self.sight.seen_at_m
+        begins = self.strip.along_m(self.motion) < BEGINNING_M and blind_m < BLIND_ON_M
+        return begins and self.strip.surely_own and not self.blind(now)
 
     # ---- commands --------------------------------------------------------------------------------
 

@@ -59,9 +59,6 @@ TIP_M = 1.0
 of its beginning at most, twice."""
 TIP_SIGMAS = 3.0
 """Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
-FOLLOWED = 3
-"""Pictures, the blade in the strip's crop, after which an edge is followed from which another may
-leap: what is seen from afar is rather another strip's."""
 LEAP_STAYS_S = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M = 0.06
@@ -145,15 +142,12 @@ class Sight:
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
         """The same of pictures in the dust that told of it together."""
-        self._known_edges = 0
-        """Pictures whose edge has corrected the lane since the blade met the strip's crop."""
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
     def begin(self, here: Motion) -> None:
-        """Along a strip, from here on: no crop of it has been met, and no edge is followed yet."""
+        """Along a strip, from here on: no crop of it has been met."""
         self.ahead.begin(here)
-        self._known_edges = 0
         self._looks.begin()
 
     def unseen_m(self, motion: Motion) -> float:
@@ -281,7 +275,6 @@ class Sight:
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn, cutting=cutting)
         self._estimate.learn_curve()
-        self._known_edges += ahead.entered and not lane.contradicted
         if moved and not lane.contradicted:
             strip.seen_beside(view, then)
 
@@ -344,10 +337,7 @@ class Sight:
             strip.goes_on(seen.motion)
 
     def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
-        """Whether an edge lies so far inside of the one that is followed that it is rather a patch
-        of weeds' or the dust's."""
-        if self.ahead.entered and self._known_edges < FOLLOWED:
-            return False
+        """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
         settling = then.stamp - since < LEAP_STAYS_S
         dusty = gaze.cutting or (gaze.hesitates and settling)
         leap = edge_m + self._estimate.lane.blade_offset_m

@@ -21,8 +21,7 @@ BACK_AFTER_S = 6.0
 BACK_M = 0.6
 """Less than clear ground that ends a side."""
 LOOKED_S = 12.0
-"""After so long without an edge, and having backed off, it goes on in crop that is surely the
-field's."""
+"""After so long without an edge, and having backed off, it goes on at a strip's beginning."""
 BACKS = 3
 """At most, on a side."""
 
@@ -55,10 +54,8 @@ class BackOff(Behaviour):
         known = context.estimate.lane.offset_sigma_m < LANE_SIGMA_M
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
-        sees = now - context.sight.usable.stamp < SLOW_AFTER_S
         backed = self._from is None and (self._backed or context.backs >= BACKS)
-        own = sees and backed and context.strip.surely_own
-        if own and now - context.since > LOOKED_S:
+        if backed and now - context.since > LOOKED_S and context.goes_unseeing(now):
             return context.hold(), Why.OWN_CROP.go()
         return self._move(now), None
 

@@ -33,9 +33,6 @@ KEEP_OUT_SHARE, KEEP_OUT_M2 = 0.03, 8.0
 leaves there: of more a person must know."""
 END_REST_M = 1.0
 """The same before its end: no more than a walked corner errs."""
-BLIND_ON_M = 1.5
-"""Through crop that a low camera sees nothing but: what a turn leaves of a strip's beginning at
-most."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -183,23 +180,13 @@ class Follow(Behaviour):
         context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
         unknown = lane.offset_sigma_m > LANE_SIGMA_M and not context.estimate.position.beside
         lost = now - sight.seen.stamp > STOP_AFTER_S or unknown
-        if lost and not self._passes_blind(now):
+        if lost and not (context.backs > 0 and context.goes_unseeing(now)):
             sight.seen.broken = now
             return Why.EDGE_LOST.go(why=context.why_unseen("no sure view"))
         if not self._worth_a_look():
             return None
         context.look.begin(now, context.motion.distance_m)
         return Why.EDGE_UNSURE.go()
-
-    def _passes_blind(self, now: float) -> bool:
-        """Whether it drives on by dead reckoning where it has backed off already and lost the edge
-        again: a camera among stalks that stand beside the blade shows no more, and a machine that
-        stands inside of the edge sees crop on both sides. Only in crop that is the field's beyond
-        doubt, and without any sight of it no farther than such stalks can stand."""
-        context, sight = self.context, self.context.sight
-        blind_m = context.motion.distance_m - sight.seen_at_m
-        sees = now - sight.usable.stamp < STOP_AFTER_S
-        return context.backs > 0 and sees and context.strip.surely_own and blind_m < BLIND_ON_M
 
     def _worth_a_look(self) -> bool:
         """Whether the lane has become doubtful where its edge might be seen but for dust."""

@@ -24,7 +24,6 @@ from host.pilot.behaviours.connect import Why as Connected
 from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
 from host.pilot.behaviours.follow import (
-    BLIND_ON_M,
     END_REST_M,
     KEEP_OUT_M2,
     KEEP_OUT_SHARE,
@@ -43,11 +42,17 @@ from host.pilot.behaviours.turn import CORRECTION_M, CORRECTIONS, STEER_TIMEOUT_
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
-from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, STAND_S, Context
+from host.pilot.context import (
+    BEGINNING_M,
+    BLIND_ON_M,
+    RESUME_AFTER_S,
+    SLOW_AFTER_S,
+    STAND_S,
+    Context,
+)
 from host.pilot.endings import GIVE_UP_S, Blind, Patience, SideEnd, end_side
 from host.pilot.guard import Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.plan_side import SURE_M
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
@@ -530,12 +535,11 @@ def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -
     assert stands(again.step(late)[0])
 
 
-@pytest.mark.parametrize("cut_m", [2.0, PLAN.sides[0].length_m - SURE_M + 0.1])
+@pytest.mark.parametrize("cut_m", [BEGINNING_M - 0.1, BEGINNING_M + 0.1])
 @pytest.mark.parametrize("sees", [True, False])
-def test_having_backed_it_goes_on_in_crop_that_is_surely_the_fields(
-    cut_m: float, sees: bool
-) -> None:
+def test_having_backed_it_goes_on_at_a_strips_beginning(cut_m: float, sees: bool) -> None:
     context = on_side(cut_m=cut_m)
+    context.sight.seen_at_m = cut_m
     context.sight.seen.broken = NOW
     context.backs = BACKS
     behaviour = BackOff(context)
@@ -543,23 +547,23 @@ def test_having_backed_it_goes_on_in_crop_that_is_surely_the_fields(
     context.sight.usable.stamp = early
     assert is_for(behaviour.step(early)[1], None)
     context.sight.usable.stamp = late if sees else NOW
-    own = sees and cut_m == 2.0
+    own = sees and cut_m < BEGINNING_M
     assert is_for(behaviour.step(late)[1], BackedOff.OWN_CROP if own else None)
 
 
 @pytest.mark.parametrize(
-    ("backs", "blind_m", "left_m", "lost"),
+    ("backs", "blind_m", "cut_m", "lost"),
     [
-        (1, BLIND_ON_M - 0.1, 5.0, False),
-        (1, BLIND_ON_M + 0.1, 5.0, True),
-        (0, BLIND_ON_M - 0.1, 5.0, True),
-        (1, BLIND_ON_M - 0.1, SURE_M - 0.1, True),
+        (1, BLIND_ON_M - 0.1, 2.0, False),
+        (1, BLIND_ON_M + 0.1, 2.0, True),
+        (0, BLIND_ON_M - 0.1, 2.0, True),
+        (1, BLIND_ON_M - 0.1, BEGINNING_M + 0.1, True),
     ],
 )
-def test_only_in_such_crop_and_having_backed_it_drives_on_unseeing(
-    backs: int, blind_m: float, left_m: float, lost: bool
+def test_only_there_and_having_backed_it_drives_on_unseeing(
+    backs: int, blind_m: float, cut_m: float, lost: bool
 ) -> None:
-    context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
+    context = on_side(cut_m=cut_m)
     context.backs = backs
     context.sight.seen.stamp = NOW - STOP_AFTER_S - 0.1
     context.sight.seen_at_m = context.motion.distance_m - blind_m
