@@ -211,11 +211,25 @@ def test_dead_reckoning_along_crop_without_an_edge_lasts_only_a_while() -> None:
     pilot = Pilot(VEHICLE, eyes, long)
     drive(world, pilot, 8.0)
     before = world.y
-    eyes.spoil = lambda view: replace(view, confidence=0.0)
+    eyes.spoil = lambda view: replace(view, confidence=0.0, edge_offset_m=math.nan)
     drive(world, pilot, 60.0)
     assert pilot.phase is Phase.HESITATE
     assert 1.0 < world.y - before < 12.0
     assert pilot.lane.offset_sigma_m < 0.35
+
+
+def test_an_edge_of_which_no_look_is_sure_is_followed_where_it_stays_in_one_line() -> None:
+    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
+    eyes = Eyes(world, lambda view: view)
+    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
+    pilot = Pilot(VEHICLE, eyes, long)
+    drive(world, pilot, 8.0)
+    before = world.y
+    eyes.spoil = lambda view: replace(view, confidence=0.0)
+    drive(world, pilot, 90.0, until=lambda: pilot.done)
+    assert world.y - before > 15.0
+    assert abs(pilot.lane.blade_offset_m) < 0.1
+    assert any("this and the last agree" in t.reason for t in pilot.transitions)
 
 
 def test_no_leap_of_the_edge_counts_from_the_beginning_of_a_side_on() -> None:
