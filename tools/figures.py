@@ -61,7 +61,10 @@ def found(summary: dict[str, Any], key: str) -> Any:
 
 def add(name: str, what: str, command: str, source: Path | None, keys: list[str]) -> None:
     """Stores one result. SystemExit with a message where a figure is not to be had."""
-    summary = json.loads(source.read_text(encoding="utf-8")) if source is not None else {}
+    try:
+        summary = json.loads(source.read_text(encoding="utf-8")) if source is not None else {}
+    except (OSError, ValueError) as error:
+        sys.exit(f"{source}: no summary to read ({error}); where there is none, say -")
     figures: dict[str, Any] = {}
     for key in keys:
         label, given, value = key.partition("=")
