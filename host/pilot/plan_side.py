@@ -180,7 +180,9 @@ class PlanSide(Strip):
             self.estimate.position.at_end(self._straight[-1], 0.0, 0.0, CUT_BEFORE_M)
 
     def may_end_at(self, along_m: float) -> bool:
-        doubt_m = max(self._doubt_m, self._end_sigma_m, UNKNOWN_M)
+        doubt_m = max(self._doubt_m, self._end_sigma_m)
+        if self.estimate.position.outline.states:
+            doubt_m = max(doubt_m, UNKNOWN_M)
         return along_m > max(0.0, self.side.length_m - EARLY_M - END_SIGMAS * doubt_m)
 
     def ends_at(self, along_m: float) -> None:
