@@ -69,6 +69,19 @@ def test_a_contradiction_teaches_nothing_about_the_steerings_bias() -> None:
     assert abs(machine.position.take_curve()) < 0.003
 
 
+@pytest.mark.parametrize("holds", [False, True])
+def test_an_edge_that_contradicts_is_believed_in_the_end_but_for_a_lane_that_holds(
+    holds: bool,
+) -> None:
+    machine = settled()
+    machine.lane.holds = holds
+    before = machine.lane.blade_offset_m
+    for _ in range(120):
+        machine.lane.correct(0.7, math.nan, 0.9, (0.0, 0.0), cutting=False)
+    moved = abs(machine.lane.blade_offset_m - before) > 0.5
+    assert moved is not holds
+
+
 def test_the_less_sure_the_picture_the_less_it_moves_the_estimate() -> None:
     moved = []
     for confidence in (1.0, 0.75, 0.5):

@@ -436,6 +436,30 @@ def test_follow_gives_up_crop_that_is_not_to_be_found(
     assert is_for(go, reason or Followed.REMNANT_GONE)
 
 
+def test_a_longer_strip_is_driven_along_where_it_is_next_to_nothing_of_a_large_field() -> None:
+    large = replace(PLAN.sides[2], length_m=300.0)
+    context = on_side(
+        1, replace(PLAN, sides=(PLAN.sides[0], replace(PLAN.sides[1], length_m=5.0), large)),
+        cut_m=None,
+    )  # fmt: skip
+    context.strip.search_m = 1.0
+    moved(context, 1.1)
+    assert is_for(Follow(context).step(NOW)[1], SideEnd.SEEN)
+
+
+@pytest.mark.parametrize(
+    ("left_m", "reason"), [(2.0, Followed.REMNANT_GONE), (4.0, Followed.CLEAR_GROUND)]
+)
+def test_clear_ground_where_next_to_nothing_is_left_ends_the_field(
+    left_m: float, reason: Reason
+) -> None:
+    side = PLAN.sides[0]
+    plan = replace(PLAN, sides=(replace(side, length_m=150.0), side, replace(side, length_m=0.01)))
+    context = on_side(1, plan, cut_m=side.length_m - left_m)
+    context.estimate.cut.refused = True
+    assert is_for(Follow(context).step(NOW)[1], reason)
+
+
 # ---- the looks, the doubt ------------------------------------------------------------------------
 
 

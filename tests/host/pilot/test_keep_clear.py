@@ -3,6 +3,9 @@ side where the ground is cut, and no farther."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,7 +15,10 @@ from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.pilot.guard import Guard
 from host.pilot.keep_clear import FAR_M, MOST_M, ROOM_M, SLOPE, KeepClear
+from host.pilot.pilot import Pilot
 from host.route.plan import spiral
+from tests.helpers.eyes import Eyes
+from tests.helpers.simple_world import SimpleWorld, drive
 
 VEHICLE = Vehicle()
 RING = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)]
@@ -103,3 +109,24 @@ def test_near_one_it_says_so(x_m: float, y_m: float, near: bool) -> None:
     clear = KeepClear([post(x_m, y_m)], SIGMAS, VEHICLE, placed(0.1))
     clear.look()
     assert clear.near is near
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_machine_that_is_unsure_of_its_lane_drives_around_what_stands_beside_it(
+    stands: bool,
+) -> None:
+    ring = [(0.0, 0.0), (12.0, 0.0), (12.0, 30.0), (0.0, 30.0)]
+    beside = post(12.0 - LEFT_END_M - 0.3 - 0.15 - 0.2, 9.0).tolist()
+    plan = spiral(ring, 1, VEHICLE, gap_m=2.0)
+    plan = replace(plan, keep_outs=(tuple((x, y) for x, y in beside),) if stands else ())
+    world = SimpleWorld(VEHICLE, width=12.0, height=30.0)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, plan)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 4.0)
+    lane_m = world.x
+    eyes.spoil = lambda view: replace(view, confidence=0.0, edge_offset_m=math.nan)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 10.0 or pilot.done)
+    assert (world.x - lane_m > 0.05) is stands
+    eyes.spoil = lambda view: view
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 17.0)
+    assert world.x == pytest.approx(lane_m, abs=0.03), "and comes back behind it"

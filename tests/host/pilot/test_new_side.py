@@ -280,6 +280,20 @@ def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
     assert is_for(Follow(context).step(NOW)[1], known)
 
 
+def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted() -> None:
+    """A boundary that is known stays where it is."""
+    strip = strip_of(along(9.0, KNOWN))
+    position, piece = strip.estimate.position, strip.planned_piece
+    before_m, length_m = position.end_sigma_m(piece), strip.side.length_m
+    beside_m = position.beside_sigma_m(piece)
+    strip.ends_at(length_m - 0.1)
+    assert position.end_sigma_m(piece) == before_m, "that is what its place may err"
+    strip.ends_at(length_m - 1.5)
+    assert position.end_sigma_m(piece) == pytest.approx(math.hypot(before_m, 1.5), rel=0.01)
+    assert position.beside_sigma_m(piece) == pytest.approx(beside_m), "along it only"
+    assert strip.side.length_m == length_m
+
+
 def test_clear_ground_far_from_any_end_that_the_walk_may_mean_stops_the_machine() -> None:
     """What is wrong by so much is the place, and beyond may stand the neighbour's crop."""
     context = along(5.0)

@@ -204,12 +204,18 @@ def test_a_look_that_shows_no_more_does_not_hold_it_up() -> None:
     assert 0 < share < 0.35, "off as soon as it stands"
 
 
-def test_dead_reckoning_along_crop_without_an_edge_lasts_only_a_while() -> None:
+def along_a_long_side() -> tuple[SimpleWorld, Eyes, Pilot]:
+    """Of 40 m, its first metres cut."""
     world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
     eyes = Eyes(world, lambda view: view)
-    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
-    pilot = Pilot(VEHICLE, eyes, long)
+    ring = [(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)]
+    pilot = Pilot(VEHICLE, eyes, spiral(ring, 1, VEHICLE, gap_m=2.0))
     drive(world, pilot, 8.0)
+    return world, eyes, pilot
+
+
+def test_dead_reckoning_along_crop_without_an_edge_lasts_only_a_while() -> None:
+    world, eyes, pilot = along_a_long_side()
     before = world.y
     eyes.spoil = lambda view: replace(view, confidence=0.0, edge_offset_m=math.nan)
     drive(world, pilot, 60.0)
@@ -219,11 +225,7 @@ def test_dead_reckoning_along_crop_without_an_edge_lasts_only_a_while() -> None:
 
 
 def test_an_edge_of_which_no_look_is_sure_is_followed_where_it_stays_in_one_line() -> None:
-    world = SimpleWorld(VEHICLE, width=10.0, height=40.0)
-    eyes = Eyes(world, lambda view: view)
-    long = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 40.0), (0.0, 40.0)], 1, VEHICLE, gap_m=2.0)
-    pilot = Pilot(VEHICLE, eyes, long)
-    drive(world, pilot, 8.0)
+    world, eyes, pilot = along_a_long_side()
     before = world.y
     eyes.spoil = lambda view: replace(view, confidence=0.0)
     drive(world, pilot, 90.0, until=lambda: pilot.done)
