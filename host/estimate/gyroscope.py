@@ -137,12 +137,9 @@ class Gyroscope:
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
-        seen = by_angle = to_and_fro = 0.0
-        for _, shown, turned, _ in self._steps:
-            seen += shown
-            by_angle += turned
-            to_and_fro += abs(turned)
-        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), to_and_fro)
+        _, shown, turned, _ = zip(*self._steps, strict=True)
+        seen, by_angle = sum(shown), sum(turned)
+        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), sum(map(abs, turned)))
         if abs(seen - by_angle) > most:
             back = -sum(step.taken_rad for step in self._steps)
             self._steps.clear()

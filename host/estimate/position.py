@@ -238,7 +238,10 @@ class Position(Filter):
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
-        return self.at(side).blade_m
+        found = self.outline.found(side)
+        c, s = math.cos(found.heading_rad), math.sin(found.heading_rad)
+        dx, dy = self._x[X] - found.x_m, self._x[Y] - found.y_m
+        return float(dx * c + dy * s) + self._vehicle.blade_x_m
 
     def against_lane(self) -> tuple[float, float, float, float]:
         """The rear axle's place against the present lane as it lies, not as the plan has it: how

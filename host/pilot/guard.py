@@ -106,7 +106,7 @@ class Guard:
             margin = min(GAP_MARGIN_M, plan.gap_m)
             areas = areas_of(field, plan.gap_m, margin_m=margin)
             self._fence = Geofence(areas)
-            rings = [shapely.get_coordinates(out.exterior) for out in areas.keep_outs]
+            rings = [list(out.exterior.coords) for out in areas.keep_outs]
             self._clear = KeepClear(rings, self._fence.sigmas, vehicle, position)
 
     @property

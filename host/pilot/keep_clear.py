@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.estimate.position import Position
@@ -28,12 +27,12 @@ BESIDE: Final = 0.5
 
 
 class KeepClear:
-    """`keep_outs`: (n, 2) corners of each with its margin, in the plan's frame; `sigmas`: of its
+    """`keep_outs`: (x, y) corners of each with its margin, in the plan's frame; `sigmas`: of its
     place that the geofence counts."""
 
     def __init__(
         self,
-        keep_outs: Sequence[NDArray[np.float64]],
+        keep_outs: Sequence[Sequence[tuple[float, float]]],
         sigmas: float,
         vehicle: Vehicle,
         position: Position,
@@ -56,21 +55,25 @@ class KeepClear:
             found = self._past(keep_out)
             self.aside_m = found if abs(found) > abs(self.aside_m) else self.aside_m
 
-    def _past(self, keep_out: NDArray[np.float64]) -> float:
+    def _past(self, keep_out: Sequence[tuple[float, float]]) -> float:
         """The same because of one."""
         position, vehicle = self._position, self._vehicle
         place = position.on_lane()
         (c, s), side = place.direction, place.side
         here = np.array([position.pose[:2]])
-        dx, dy = (keep_out - [side.x_m, side.y_m] + here - position.as_planned(here)).T
-        along = c * dx + s * dy
-        lane = place.inset_m - side.shift_m + place.x[LANE_OFFSET] + place.x[LANE_YAW] * along
-        left = c * dy - s * dx - lane
-        half = vehicle.blade_width_m / 2
-        low, high = float(left.min()), float(left.max())
+        blade, half = place.blade_m, vehicle.blade_width_m / 2
+        offset, turned = float(place.x[LANE_OFFSET]), float(place.x[LANE_YAW])
+        ((mx, my),) = (here - position.as_planned(here)).tolist()
+        along, left = [], []
+        for x, y in keep_out:
+            dx, dy = x - side.x_m + mx, y - side.y_m + my
+            along.append(c * dx + s * dy)
+            lane = place.inset_m - side.shift_m + offset + turned * along[-1]
+            left.append(c * dy - s * dx - lane)
+        low, high = min(left), max(left)
         gap = max(low, -high) - half
-        rear = place.blade_m - vehicle.blade_x_m - vehicle.rear_overhang_m
-        away = max(0.0, float(along.min()) - place.blade_m, rear - float(along.max()))
+        rear = blade - vehicle.blade_x_m - vehicle.rear_overhang_m
+        away = max(0.0, min(along) - blade, rear - max(along))
         self.near = self.near or max(gap, away) < FAR_M
         if low < BESIDE * half and high > -BESIDE * half:
             return 0.0

@@ -8,7 +8,6 @@ phone is mounted, the rate about the vertical is what counts.
 from __future__ import annotations
 
 import http.client
-import json
 import math
 import socket
 from collections.abc import Callable, Iterator
@@ -16,6 +15,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 from urllib.parse import urlsplit
+
+from pydantic_core import from_json
 
 from host.core.errors import UserError
 from host.core.messages import Turned
@@ -61,8 +62,8 @@ def parsed(answer: bytes) -> tuple[Samples, Samples]:
     """(gyroscope in rad/s, accelerometer in m/s²) of an answer. NoSensorError where one is missing,
     ValueError where it is not what the app sends."""
     try:
-        message = json.loads(answer)
-    except (RecursionError, ValueError) as error:
+        message = from_json(answer)
+    except ValueError as error:
         raise ValueError(NO_ANSWER) from error
     if not isinstance(message, dict):
         raise ValueError(NO_ANSWER)

@@ -6,9 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.estimate.odometry import Motion
@@ -37,19 +35,19 @@ def placed(sigma_m: float, at_m: float = AT_M) -> Position:
     return position
 
 
-def post(x_m: float, y_m: float, across_m: float = 0.4) -> NDArray[np.float64]:
+def post(x_m: float, y_m: float, across_m: float = 0.4) -> list[tuple[float, float]]:
     half = across_m / 2
     corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
-    return np.array([(x_m + dx, y_m + dy) for dx, dy in corners])
+    return [(x_m + dx, y_m + dy) for dx, dy in corners]
 
 
-def aside(keep_out: NDArray[np.float64], sigma_m: float = 0.2, at_m: float = AT_M) -> float:
+def aside(keep_out: list[tuple[float, float]], sigma_m: float = 0.2, at_m: float = AT_M) -> float:
     clear = KeepClear([keep_out], SIGMAS, VEHICLE, placed(sigma_m, at_m))
     clear.look()
     return clear.aside_m
 
 
-def left_of_the_blade(gap_m: float, x_m: float = AT_M - 0.5) -> NDArray[np.float64]:
+def left_of_the_blade(gap_m: float, x_m: float = AT_M - 0.5) -> list[tuple[float, float]]:
     return post(x_m, LEFT_END_M + gap_m + 0.2)
 
 
@@ -91,7 +89,7 @@ def test_before_what_stands_ahead_it_does_not_turn_aside() -> None:
 
 
 def test_the_guard_knows_the_keep_outs_of_its_plan_with_their_margin() -> None:
-    ring = [(x, y) for x, y in left_of_the_blade(0.45).tolist()]
+    ring = left_of_the_blade(0.45)
     plan = spiral(RING, 0, VEHICLE, gap_m=2.0, keep_outs=[ring])
     assert Guard(plan, VEHICLE, placed(0.2)).keep_clear().aside_m == pytest.approx(
         0.45 - 0.3 - SIGMAS * 0.2 - ROOM_M, abs=0.01
@@ -116,9 +114,9 @@ def test_a_machine_that_is_unsure_of_its_lane_drives_around_what_stands_beside_i
     stands: bool,
 ) -> None:
     ring = [(0.0, 0.0), (12.0, 0.0), (12.0, 30.0), (0.0, 30.0)]
-    beside = post(12.0 - LEFT_END_M - 0.3 - 0.15 - 0.2, 9.0).tolist()
+    beside = post(12.0 - LEFT_END_M - 0.3 - 0.15 - 0.2, 9.0)
     plan = spiral(ring, 1, VEHICLE, gap_m=2.0)
-    plan = replace(plan, keep_outs=(tuple((x, y) for x, y in beside),) if stands else ())
+    plan = replace(plan, keep_outs=(tuple(beside),) if stands else ())
     world = SimpleWorld(VEHICLE, width=12.0, height=30.0)
     eyes = Eyes(world, lambda view: view)
     pilot = Pilot(VEHICLE, eyes, plan)
