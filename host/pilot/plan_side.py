@@ -103,8 +103,9 @@ class PlanSide(Strip):
         """Which of them the blade is at."""
         self._on_lane = False
         """Whether the present lane is its own, and no more the last strip's."""
-        self._crop_to_m = 0.0
-        """How far along the side crop has been seen to go on from what was cut."""
+        self._crop_at_m = -math.inf
+        """The travelled distance up to which crop has been seen to go on from what was cut: how
+        far along the side that is, is found out with where the side begins."""
         self._expected_m, self._doubt_m = side.length_m, 0.0
         """Where the side was taken to end before anything was seen of it, and how surely."""
 
@@ -152,6 +153,12 @@ class PlanSide(Strip):
         travelled = self.estimate.motion.distance_m - motion.distance_m
         start = self._pieces[self._at][0]
         return start + self.estimate.position.along(self.planned_piece) - travelled
+
+    @property
+    def _crop_to_m(self) -> float:
+        """How far along the side crop goes on from what was cut."""
+        here = self.estimate.motion
+        return max(0.0, self.along_m(here) - (here.distance_m - self._crop_at_m))
 
     def past_end(self, motion: Motion) -> bool:
         return self.along_m(motion) > self.side.length_m + END_PAST_M
@@ -231,7 +238,7 @@ class PlanSide(Strip):
 
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
-        self._crop_to_m = max(self._crop_to_m, self.along_m(motion))
+        self._crop_at_m = max(self._crop_at_m, motion.distance_m)
         if not self.new:
             return
         start, last = self._pieces[-1]

@@ -206,7 +206,7 @@ class PlannedStrip(PlanSide):
         strip._at = min(self._at, len(strip._straight) - 1)
         strip._turned_from, strip._on_lane = self._turned_from, self._on_lane
         strip._pressed_m = self._pressed_m
-        strip._crop_to_m, strip._doubt_m = self._crop_to_m, self._doubt_m
+        strip._crop_at_m, strip._doubt_m = self._crop_at_m, self._doubt_m
         strip._expected_m = self._expected_m
         self.estimate.position.laid_anew(plan.boundary, strip.planned_piece)
         return strip

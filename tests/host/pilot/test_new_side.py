@@ -182,6 +182,22 @@ def test_an_end_is_no_nearer_than_the_crop_that_was_seen_and_gives_way_to_it() -
     assert known.sure_ahead_m() == pytest.approx(known.side.length_m)
 
 
+def test_crop_that_goes_on_moves_an_end_once_however_many_pictures_show_it() -> None:
+    """Where the side begins is not known better than where the machine is: it moves along with the
+    end, and what was seen must not be counted from it."""
+    context = along(8.0)
+    strip = strip_of(context)
+    position = context.estimate.position
+    position.less_sure_along(strip.planned_piece, 1.0)
+    moved(context, 11.5)
+    strip.goes_on(context.motion)
+    once = strip.side
+    for _ in range(30):
+        strip.goes_on(context.motion)
+    assert strip.along_m(context.motion) <= strip.side.length_m
+    assert math.dist((once.x_m, once.y_m), (strip.side.x_m, strip.side.y_m)) < 0.2
+
+
 def test_a_turn_leads_outside_of_an_edge_that_nobody_has_seen() -> None:
     context = along(10.0)
     following = context.planned(1)
