@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 import click
 from rich.table import Table
 
+from hil.studies.beside_views import KINDS, Judged, judged
 from hil.studies.camera_troubles import DISTURBED, FORMATS, NONE, TROUBLES
 from hil.studies.spread import spread
 from hil.studies.vision_curves import draw_curves
@@ -70,6 +73,27 @@ def show_curves(named: Curves) -> Table:
     return table
 
 
+def _show_beside(seed: int, count: int, mounts: tuple[str, ...], out: Path) -> None:
+    """Prints and writes what the detector makes of standing views."""
+    table = Table("views", "asked", "edge said", "RMS cm", "sure")
+    found: dict[str, Judged] = {}
+    with Watch(f"{count} views of {len(KINDS)} kinds", len(mounts) * len(KINDS)) as watch:
+        for mount in mounts:
+            for kind in KINDS:
+                one = found[f"{mount}, {kind}"] = judged(seed, count, mount, kind)
+                rms = "-" if math.isnan(one.rms_m) else _figure(one.rms_m, 100)
+                table.add_row(f"{mount}, {kind}", str(one.views), str(one.seen), rms, str(one.sure))
+                watch.step()
+    record = {
+        name: asdict(one) | {"rms_m": one.rms_m if one.seen else None}
+        for name, one in found.items()
+    }
+    path = out / "beside.json"
+    path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    PlainConsole().print_table(table)
+    echo(f"written: {path}")
+
+
 def chosen(named: tuple[str, ...]) -> tuple[str, ...]:
     """The troubles that a command line names, each once, without any first. UserError."""
     out = [NONE]
@@ -108,6 +132,9 @@ def photographed(folder: Path, mode: Mode) -> dict[str, list[Said]]:
               help=f"Of the camera, besides none: {', '.join((*EACH, *TROUBLES))}.")  # fmt: skip
 @click.option("--photographs", type=click.Path(path_type=Path, file_okay=False, exists=True),
               help="Folder of labelled data (wheat-edge/), to be judged besides.")  # fmt: skip
+@click.option("--beside", type=click.IntRange(1, 10_000), metavar="N",
+              help="Instead of drives: N standing views of each kind from each mount, of crop "
+                   "beside the way and of what an earlier strip has left.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/vision"),
@@ -120,6 +147,7 @@ def vision(
     dust: float | None,
     troubles: tuple[str, ...],
     photographs: Path | None,
+    beside: int | None,
     seed: int,
     workers: int,
     out: Path,
@@ -138,6 +166,9 @@ def vision(
     except OSError as error:
         raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
     names = mounts or ("low", "mast")
+    if beside is not None:
+        _show_beside(seed, beside, names, out)
+        return
     count = max(1, round(1e3 * km / length_m / len(names)))
     make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust)
     drives = [

@@ -312,7 +312,7 @@ def _driven(drive: Drive, edge: Edge) -> Outcome:
     declared: float | None = None
     last_cut, first_cut, false_ends = 0.0, math.nan, 0
     for seen in drive_along(edge):
-        view = eye.see(seen.bgr)
+        view = eye.see(seen.bgr).with_lying()
         way_m, (x, y, yaw) = seen.travelled_m, seen.pose
         speed = v.cutting_speed_mps
         motion = Motion(way_m / speed, speed, 0.0, scale * way_m, gain * yaw, x, y)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 NAN = float("nan")
+LIES = "what lies ahead is neither stubble nor standing: crop that lies?"
+BESIDE_M = (0.4, 2.0)
+"""Before the blade's line, where crop beside the machine's way is looked for,"""
+BESIDE_AHEAD_M = sum(BESIDE_M) / 2
+"""and the middle of that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +31,9 @@ class CropView:
     edge_offset_most_m: float = NAN
     """Crop goes on without a break from the blade's way to here, on the same scale: however little
     is known of the edge, it lies no further left. NaN: no crop stands at the blade."""
+    edge_beside_m: float = NAN
+    """The right end of the crop that stands beside the machine's way, left of it, `BESIDE_AHEAD_M`
+    before the blade's line, on the same scale. NaN: none is seen there."""
     edge_ahead_m: float = 0.0
     """How far ahead of the blade's line the edge was seen, along the vehicle: before crop that is
     not being cut yet, `edge_offset_m` is that of its near corner, and says of the blade's line only
@@ -38,6 +46,10 @@ class CropView:
     cutting, inf where none stands in view, NaN where unknown."""
     ahead_confidence: float = 0.0
     """The same meaning for `crop_ahead_m`, within 0.25 m."""
+    lies_confidence: float = 0.0
+    """That crop lies flattened at the blade, where `crop_ahead_m` says that none stands. Swath that
+    an earlier strip has left across the way looks alike: `with_lying` is for who knows that none
+    is there."""
     tip_share: float = NAN
     """Share of the blade's width down to which crop that is being cut still counts as ahead: at a
     slanting end it says how near the last tip that is lost. NaN: as the plan has it."""
@@ -59,6 +71,19 @@ class CropView:
     """False where the picture shows nothing of the world of now, whatever is in it."""
     stages: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """The intermediate pictures (SY, TSY, VTSY, lines) when they were asked for."""
+
+    def with_lying(self) -> CropView:
+        """The same where crop that seems to lie is crop: at the blade, its right end unsure."""
+        if self.lies_confidence < 0.5:
+            return self
+        return replace(
+            self,
+            confidence=0.5 * self.confidence,
+            crop_ahead_m=0.0,
+            ahead_confidence=self.lies_confidence,
+            edge_offset_most_m=NAN,
+            reason=LIES,
+        )
 
 
 class Detector(Protocol):

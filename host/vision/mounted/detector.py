@@ -22,6 +22,7 @@ from host.vision.mounted.face import (
     FaceFinder,
 )
 from host.vision.mounted.lens import LensWatch
+from host.vision.mounted.lying import LyingCrop
 from host.vision.mounted.paper import (
     L_TOLERANCE,
     Chain,
@@ -126,6 +127,7 @@ class MountedDetector:
         x, y, z = (float(c) for c in camera.position)
         level = float(camera.project([[x + FAR_M * 100, y, z]])[0, 1])
         self._lens = LensWatch(camera.size, int(min(max(level, 0.0), camera.size[1] - 1.0)))
+        self._lying = LyingCrop(camera, vehicle)
         self._expected_m = -vehicle.inset_m
         self._l_reference = NAN
         # such a camera looks through the blade's dust; one above the tops looks over most of it
@@ -143,6 +145,8 @@ class MountedDetector:
         """How far below the horizon the foot of crop ahead was seen, rad."""
         self._elsewhere = 0
         self._clear = 0
+        self._lay = False
+        """Whether the last picture showed crop that lies."""
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         return self._scale.grown(self._see(self._scale.shrunk(bgr), stages))
@@ -158,6 +162,7 @@ class MountedDetector:
         late = self._near and not self._cutting and self._below_tops
         if late and face.ahead_m > NEAR_M:
             face = self._finder.last(self._source.look(bgr, False, True)[0], face, grown)
+        lies = self._lies(bgr, face, expected)
         if self._cutting and face.ahead_m < AT_BLADE_M and math.isfinite(face.tops_px):
             self._tops.append(face.tops_px)
             self._all_tops.append(face.tops_px)
@@ -184,6 +189,7 @@ class MountedDetector:
             confidence if math.isfinite(offset) else 0.0,
             edge_offset_m=offset,
             edge_offset_most_m=self._most(face),
+            edge_beside_m=face.beside_m - self._expected_m,
             edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
             crop_ahead_m=face.ahead_m,
             ahead_confidence=ahead_confidence,
@@ -195,6 +201,7 @@ class MountedDetector:
             l_reference_px=self._l_reference,
             standing=face.standing,
             edge_px=edge,
+            lies_confidence=lies,
             reason=self._reason(face, confidence, wanders, covered),
             stages=pictures,
         )
@@ -242,6 +249,20 @@ class MountedDetector:
             if not leapt:
                 self._track.append(face.right_m)
         return DOUBT if away > (TRACK_M if known else LEAP_M) else 1.0
+
+    def _lies(self, bgr: Picture, face: Face, expected: float) -> float:
+        """How surely crop lies at the blade, where none stands."""
+        if self._cutting and face.ahead_m < AT_BLADE_M:
+            if min(face.ahead_confidence, face.right_confidence) >= SURE:
+                self._lying.learn(bgr, face.right_m)
+            return 0.0
+        if not self._near or face.ahead_m < NEAR_M:
+            return 0.0
+        lies = self._lying.confidence(bgr, expected)
+        if self._lay and lies < SURE:
+            self._clear = 0  # what is clear now was not before
+        self._lay = lies >= SURE
+        return lies
 
     def _covered(self, face: Face) -> bool:
         """Whether something on the lens hides where the crop ends."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
+from host.vision.mounted.beside import right_end_beside
 from host.vision.mounted.density import PIXELS, mark_dense, ninths
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
 from host.vision.mounted.feet import BLOCK_PX, block_sums, feet_of
@@ -131,6 +132,8 @@ class Face:
     """Dust lies over a part of the ground that the blade is about to reach."""
     out_to_m: float = NAN
     """To where crop goes on to the right of the machine's way without a break; NaN: not known."""
+    beside_m: float = NAN
+    """The right end of crop beside the machine's way (`host.vision.mounted.beside`)."""
     tops_px: float = NAN
     """Rows between the horizon and the tops of what stands in the blade's way."""
 
@@ -239,8 +242,9 @@ class FaceFinder:
                 at_blade = not lower and self._stands_at(seen, stands_m, ahead, height)
             if at_blade or ahead < stands_m + self._no_crop_m:
                 dust, ahead = ahead - stands_m, stands_m
+        stands_beside = right_end_beside(x, y, self._vehicle.blade_x_m)
         if ahead > FAR_M:
-            return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled)
+            return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled, beside_m=stands_beside)
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         height = self._height(grown_px)
@@ -252,7 +256,9 @@ class FaceFinder:
             if len(beside) >= BESIDE_BLOCKS:
                 face_x = float(np.median(beside))
                 right, sure, out_to = self._right_end(seen, face_x, dust, left, expected_m, height)
-        return Face(ahead, sight, right, sure, face_x, standing, veiled, out_to, tops)
+        return Face(
+            ahead, sight, right, sure, face_x, standing, veiled, out_to, stands_beside, tops
+        )
 
     def last(self, faint: Evidence, seems: Face, grown_px: float = NAN) -> Face:
         """What `seems` clear ground to a camera below the tops, looked at again without dust in the

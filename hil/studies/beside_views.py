@@ -1,0 +1,127 @@
+"""Rendered views of what drives along edges hold little of: crop beside a machine that has come off
+its strip, and what an earlier strip has left beside the edge that is cut.
+
+`daranti-hil vision --beside N`. The machine stands, or all but stands; a view is a function of
+(seed, number, kind) alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.studies.vision_drives import Drive, Edge, prepared
+from host.estimate.crop_ahead import CONFIDENT, END_CLEAR_M
+from host.vision.mounted.beside import REACH_M
+from host.vision.mounted.detector import make_detector
+from host.vision.view import BESIDE_AHEAD_M, CropView
+from sim_plant.camera import Camera
+
+Kind = Literal["beside", "far", "remnant", "plain"]
+KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain")
+OFF_M: Final = {"beside": (0.95, 1.6), "far": (2.4, 4.0)}
+"""How far right of its lane the machine stands."""
+GAP_M, WIDE_M = (0.3, 0.8), (0.15, 0.4)
+"""Between the edge and what an earlier strip has left, and how wide that is."""
+ASKEW_RAD: Final = 0.12
+STANDS_M: Final = (4.0, 9.0)
+"""Along the edge."""
+PICTURES: Final = 4
+"""Of a view, the last of which counts: the detector remembers."""
+WITHIN_M: Final = 0.12
+"""Of the true edge: the one that is meant."""
+NEXT_M: Final = REACH_M + 0.6
+"""Left of where an edge should be, crop that is out of reach: half a blade, and what views err."""
+FAR_M: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """Views of one kind from one mount."""
+
+    views: int
+    seen: int
+    """Where the edge that is asked for was said; of far crop: where any was."""
+    rms_m: float
+    """Of those, NaN without."""
+    sure: int
+    """Of the edge before the blade."""
+
+
+def _cleared(edge: Edge, below_m: float, above_m: float = -FAR_M, to_x: float = FAR_M) -> None:
+    """Cuts all crop between two lines along the edge, up to a place along it."""
+    edge.crop.clear(((-FAR_M, above_m), (to_x, above_m), (to_x, below_m), (-FAR_M, below_m)))
+
+
+def views(seed: int, count: int, mount: str, kind: Kind) -> Iterator[tuple[CropView, float]]:
+    """What the detector says, and how much farther left than it should the true edge lies
+    (`edge_offset_m`): the one beside the machine's way, or the one before its blade."""
+    for number in range(count):
+        edge = prepared(Drive(seed, number, mount, "robust", 20.0, "", dust=0.0))
+        rng = np.random.default_rng((seed, number, KINDS.index(kind)))
+        v = edge.vehicle
+        lane_m = 0.5 * v.blade_width_m - v.overlap_m
+        x = float(rng.uniform(*STANDS_M))
+        if kind in OFF_M:
+            off_m, yaw = float(rng.uniform(*OFF_M[kind])), float(rng.uniform(-ASKEW_RAD, ASKEW_RAD))
+            y = edge.depth_m + lane_m - off_m
+            _cleared(edge, edge.depth_m)
+            ahead_m = v.blade_x_m + BESIDE_AHEAD_M
+            true_m = (off_m - lane_m) / math.cos(yaw) - math.tan(yaw) * ahead_m + v.inset_m
+        else:
+            off_m, yaw = float(rng.uniform(-0.1, 0.1)), float(rng.uniform(-0.05, 0.05))
+            line_m = edge.depth_m + 1.6
+            y = line_m + lane_m + off_m
+            gap_m, wide_m = float(rng.uniform(*GAP_M)), float(rng.uniform(*WIDE_M))
+            if kind == "remnant":
+                _cleared(edge, line_m - gap_m - wide_m)
+                _cleared(edge, line_m, line_m - gap_m)
+            else:
+                _cleared(edge, line_m)
+            _cleared(edge, line_m + 1.0, line_m, x + v.blade_x_m + float(rng.uniform(0.0, 0.05)))
+            true_m = -off_m - math.tan(yaw) * v.blade_x_m
+        yield _seen(edge, (x, y, yaw)), true_m
+
+
+def _seen(edge: Edge, pose: tuple[float, float, float]) -> CropView:
+    scenario = edge.scenario
+    camera = Camera(edge.crop, scenario.world.lens, scenario.weather, scenario.seed, threads=1)
+    detector = make_detector("robust", edge.vehicle, scenario.mount)
+    roll, pitch = edge.crop.slopes(*pose)
+    view = CropView(0.0)
+    for k in range(PICTURES):
+        bgr = camera.capture(0.1 * k, *pose, roll, pitch, 0.0, 0.0, False)
+        coded: NDArray[np.uint8] = np.frombuffer(camera.encode(bgr), np.uint8)
+        view = detector.see(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8))
+    return view
+
+
+def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
+    """All views of a kind. Crop beside the way is asked for only where none is said ahead, and
+    where it is within reach."""
+    asked = seen = sure = 0
+    errors: list[float] = []
+    for view, true_m in views(seed, count, mount, kind):
+        sure += view.confidence >= CONFIDENT
+        if kind in ("remnant", "plain"):
+            asked += 1
+            off = view.edge_offset_m - true_m
+            if abs(off) < WITHIN_M:
+                seen += 1
+                errors.append(off)
+            continue
+        within = true_m < REACH_M if kind == "beside" else true_m > NEXT_M
+        if view.crop_ahead_m < END_CLEAR_M or not within:
+            continue
+        asked += 1
+        if math.isfinite(view.edge_beside_m):
+            seen += 1
+            errors.append(view.edge_beside_m - true_m)
+    rms = math.sqrt(float(np.mean(np.square(errors)))) if errors else math.nan
+    return Judged(asked, seen, rms, sure)

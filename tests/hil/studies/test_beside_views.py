@@ -1,0 +1,23 @@
+"""Facts about the standing views that say how well crop beside the machine is seen."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.studies.beside_views import judged
+
+
+@pytest.mark.parametrize("mount", ["low", "mast"])
+def test_crop_beside_the_way_is_seen_and_none_where_it_is_far(mount: str) -> None:
+    beside, far = (judged(5, 3, mount, kind) for kind in ("beside", "far"))
+    assert beside.views > 0
+    assert beside.seen >= beside.views - 1
+    assert beside.rms_m < 0.2
+    assert far.seen == 0
+
+
+def test_what_an_earlier_strip_has_left_is_not_the_edge_but_makes_it_unsure() -> None:
+    remnant, plain = (judged(5, 4, "low", kind) for kind in ("remnant", "plain"))
+    assert (remnant.views, plain.views) == (4, 4)
+    assert plain.seen >= 3
+    assert remnant.sure <= plain.sure
