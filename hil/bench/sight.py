@@ -12,6 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hil.bench.misread import Misreading
+from host.vision.mounted.beside import OUTSIDE_M, REACH_M
+from host.vision.view import BESIDE_AHEAD_M, BESIDE_M
 from sim_plant.field import Field
 from sim_plant.ground import CROP, NEIGHBOUR, kind_at
 
@@ -19,7 +21,7 @@ CUTTING_M: Final = 0.3
 """Crop nearer than this is being cut."""
 NEAR_SHARE: Final = 0.2
 """Of the blade's width that must be filled for crop to count as ahead."""
-REACH_M: Final = 8.0
+FARTHEST_M: Final = 8.0
 """What lies farther ahead no detector tells apart."""
 COLUMNS: Final = 20
 """Across the blade's width."""
@@ -27,6 +29,8 @@ SPAN_M: Final = (-1.6, 1.0)
 """Beside the vehicle's middle, right to left, where the face's right end is looked for."""
 RUN_M: Final = 0.1
 """What is narrower is no end of a face."""
+REMNANT_M: Final = 0.45
+"""What is narrower, and has more crop to its left, is no strip's edge but an earlier one's rest."""
 DEPTH_M: Final = 3.0
 """No more of the crop behind its face is looked at."""
 
@@ -41,6 +45,10 @@ class Sight:
     """How far that crop goes on."""
     right_m: float
     """The face's right end in the vehicle frame, left positive."""
+    remnant: bool
+    """Whether something narrow stands right of that end, behind clear ground."""
+    beside_m: float
+    """The right end of what stands beside the machine's way, left of it, a little ahead."""
     slope: float
     """Of the right end, left per metre ahead."""
     density: float
@@ -51,9 +59,10 @@ class Sight:
     y_m: float
     yaw_rad: float
     read_ahead_m: float
-    """`ahead_m` and `right_m` as the host would read them from where it believes the camera and the
-    blade to be (hil/bench/misread.py)."""
+    """`ahead_m`, `right_m` and `beside_m` as the host would read them from where it believes the
+    camera and the blade to be (hil/bench/misread.py)."""
     read_right_m: float
+    read_beside_m: float
 
 
 @njit(cache=True, nogil=True)
@@ -74,13 +83,16 @@ def _right(
     y: float,
     yaw: float,
     first_m: float,
-) -> float:
-    """Lateral place of the right end of what stands within a quarter metre behind `first_m`."""
+) -> tuple[float, float]:
+    """Lateral place of the right end of what stands within a quarter metre behind `first_m`; and
+    1 where something narrower stands right of it, behind clear ground, which is what an earlier
+    strip has left and no edge to the detector, 0 without."""
     c = math.cos(yaw)
     s = math.sin(yaw)
-    run = 0
     step = 0.01
     n = int((SPAN_M[1] - SPAN_M[0]) / step)
+    narrow = math.nan
+    begin = clear = run = 0
     for k in range(n):
         left = SPAN_M[0] + (k + 0.5) * step
         count = 0
@@ -89,12 +101,53 @@ def _right(
             if _standing(kind, x0, y0, cell, x + ahead * c - left * s, y + ahead * s + left * c):
                 count += 1
         if count >= 2:
-            run += 1
-            if run * step >= RUN_M:
-                # crop up to the border of what is looked at has no end there
-                return left - (run - 0.5) * step if k >= run else math.nan
+            if clear * step >= RUN_M or run == 0:
+                begin = k
+            clear = 0
+            run = k + 1 - begin
+            if run * step >= REMNANT_M:
+                if begin == 0:
+                    # crop up to the border of what is looked at has no end there
+                    return math.nan, 0.0
+                end = SPAN_M[0] + (begin + 0.5) * step
+                return end, 0.0 if math.isnan(narrow) else 1.0
         else:
-            run = 0
+            clear += 1
+            if clear * step >= RUN_M and run * step >= RUN_M:
+                if begin > 0 and math.isnan(narrow):
+                    narrow = SPAN_M[0] + (begin + 0.5) * step
+                run = 0
+            elif run * step < RUN_M:
+                run = 0
+    if run * step >= RUN_M and begin > 0:
+        return SPAN_M[0] + (begin + 0.5) * step, 0.0 if math.isnan(narrow) else 1.0
+    return narrow, 0.0
+
+
+@njit(cache=True, nogil=True)
+def _beside(
+    kind: NDArray[np.uint8],
+    x0: float,
+    y0: float,
+    cell: float,
+    x: float,
+    y: float,
+    yaw: float,
+    blade_x: float,
+) -> float:
+    """Lateral place from which on crop stands along `BESIDE_M`, left of the machine's way."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    run, step, rows = 0, 0.02, 6
+    for k in range(int((REACH_M - OUTSIDE_M) / step)):
+        left = OUTSIDE_M + k * step
+        count = 0
+        for q in range(rows):
+            ahead = blade_x + BESIDE_M[0] + (BESIDE_M[1] - BESIDE_M[0]) * q / (rows - 1)
+            if _standing(kind, x0, y0, cell, x + ahead * c - left * s, y + ahead * s + left * c):
+                count += 1
+        run = run + 1 if count >= rows // 2 else 0
+        if run * step >= 2 * RUN_M:
+            return left - (run - 1) * step
     return math.nan
 
 
@@ -121,7 +174,7 @@ def _look(
     gap = 0.0
     step = cell
     d = 0.01
-    while d < REACH_M:
+    while d < FARTHEST_M:
         here = 0
         for k in range(COLUMNS):
             if ahead == math.inf and hit[k]:
@@ -148,12 +201,12 @@ def _look(
         d += step
     out[0] = ahead if ahead > 0.02 else 0.0
     out[1] = depth
-    out[2] = math.nan
-    out[3] = math.nan
+    out[2:] = math.nan
     if ahead < math.inf:
-        out[2] = _right(kind, x0, y0, cell, x, y, yaw, blade_x + ahead)
-        behind = _right(kind, x0, y0, cell, x, y, yaw, blade_x + ahead + 0.4)
-        out[3] = (behind - out[2]) / 0.4
+        out[2], out[3] = _right(kind, x0, y0, cell, x, y, yaw, blade_x + ahead)
+        behind, _ = _right(kind, x0, y0, cell, x, y, yaw, blade_x + ahead + 0.4)
+        out[4] = (behind - out[2]) / 0.4
+    out[5] = _beside(kind, x0, y0, cell, x, y, yaw, blade_x)
 
 
 def look(
@@ -167,9 +220,9 @@ def look(
 ) -> Sight:
     """The sight from a pose (x, y, yaw of the rear axle)."""
     x, y, yaw = pose
-    out = np.empty(4)
+    out = np.empty(6)
     _look(field.kind, *field.origin, field.cell, x, y, yaw, blade_x_m, blade_width_m, out)
-    ahead, depth, right, slope = out.tolist()
+    ahead, depth, right, remnant, slope, beside = out.tolist()
     density = 1.0
     if math.isfinite(right):
         fx, left = blade_x_m + ahead + 0.1, right + 0.1
@@ -180,7 +233,23 @@ def look(
         rows, columns = field.density.shape
         if 0 <= i < columns and 0 <= j < rows:
             density = float(field.density[j, i] * (1.0 - field.lodge[j, i] / 1.2))
-    read = ahead, right
+    read, read_beside = (ahead, right), beside
     if misreading is not None:
         read = misreading.of(ahead, right, cutting=ahead < CUTTING_M)
-    return Sight(ahead, depth, right, slope, density, speed_mps, blade, x, y, yaw, *read)
+        _, read_beside = misreading.of(BESIDE_AHEAD_M, beside, cutting=False)
+    return Sight(
+        ahead,
+        depth,
+        right,
+        remnant > 0.0,
+        beside,
+        slope,
+        density,
+        speed_mps,
+        blade,
+        x,
+        y,
+        yaw,
+        *read,
+        read_beside,
+    )

@@ -83,6 +83,18 @@ def test_answers_lie_about_the_truth_as_the_detectors_did() -> None:
     )
 
 
+@pytest.mark.parametrize(("camera", "off_m"), [("low", 0.09), ("mast", 0.04)])
+def test_crop_beside_the_way_is_seen_as_far_off_as_it_was_measured(
+    camera: str, off_m: float
+) -> None:
+    start = {"lateral_error_m": -0.7}
+    standing = Standing(scenario(camera=camera, belief="exact", start=start))
+    truth = PerfectEye(standing.bench)
+    expected = truth.sight().beside_m + standing.bench.scenario.vehicle.inset_m
+    errors = np.array([view.edge_beside_m - expected for view in standing.answers(2000)])
+    assert float(np.std(errors)) == pytest.approx(off_m, rel=0.25)
+
+
 def test_a_new_detector_gives_the_same_answers() -> None:
     standing = Standing(scenario())
     first = standing.answers(20)

@@ -53,6 +53,38 @@ def test_beyond_the_end_the_neighbour_is_a_gap_away(crop: Field) -> None:
     assert math.isnan(seen.right_m)
 
 
+@pytest.mark.parametrize("off_m", [0.8, 1.0, 1.2])
+def test_crop_beside_the_way_is_seen_where_none_stands_ahead(crop: Field, off_m: float) -> None:
+    """Northward, the east side's crop so far to the left of the machine's middle."""
+    seen = look(crop, (10.0 + off_m, 2.0, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.ahead_m > 2.0
+    assert seen.beside_m == pytest.approx(off_m, abs=0.05)
+    alone = Field(PLAIN.model_copy(update={"neighbours": "none"}), 1)
+    past_end = look(alone, (10.0 + off_m, 9.0, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M)
+    assert math.isnan(past_end.beside_m)
+
+
+@pytest.mark.parametrize(
+    ("width_m", "right_m", "remnant"), [(0.3, -0.42, True), (0.8, -1.52, False)]
+)
+def test_what_an_earlier_strip_has_left_is_no_edge_unless_it_is_wide(
+    width_m: float, right_m: float, remnant: bool
+) -> None:
+    """The last strip was cut 0.3 m too far inside, or 0.8 m."""
+    crop = Field(PLAIN, 1)
+    edge = 8.9 - width_m + 0.8
+    crop.clear(((edge - 0.3, -5.0), (edge, -5.0), (edge, 15.0), (edge - 0.3, 15.0)))
+    outer = edge + width_m
+    crop.clear(((outer, -5.0), (15.0, -5.0), (15.0, 15.0), (outer, 15.0)))
+    inner = edge - 0.3
+    crop.clear(((inner - 1.0, -5.0), (inner, -5.0), (inner, 5.0), (inner - 1.0, 5.0)))
+    middle = inner - 0.42
+    seen = look(crop, (middle, 5.0 - BLADE_X_M, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M)
+    assert seen.ahead_m < 0.05
+    assert seen.right_m == pytest.approx(right_m, abs=0.03)
+    assert seen.remnant is remnant
+
+
 def test_where_nothing_stands_nothing_is_ahead() -> None:
     bare = Field(PLAIN.model_copy(update={"neighbours": "none"}), 1)
     seen = look(bare, (9.58, 10.1 - BLADE_X_M, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M)
