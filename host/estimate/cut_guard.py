@@ -76,6 +76,12 @@ class CutGuard:
         self._crossing = False
         self.refused = False
 
+    def go_back(self) -> None:
+        """The machine is to go back over clear ground that it has come over. From there on the same
+        clear ground is as long as it was, and no longer."""
+        self._held_since = None
+        self._crossing = self.refused = False
+
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""
         dt = telemetry.stamp - self._stamp

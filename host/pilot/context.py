@@ -36,6 +36,8 @@ BEGINNING_M = 3.0
 """Of a strip: what its turn has left askew is straightened by then."""
 BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
+REGAINS = 2
+"""Times, at most, that the machine goes back to the crop beside it, on a side."""
 STAND_S = 1.5
 """After so long told to stand, creeping counts as standing."""
 
@@ -80,6 +82,8 @@ class Context:
         """What was left standing beside keep-outs that the plan would have cut."""
         self.backs = 0
         """How often the machine has backed off on this side."""
+        self.regained = 0
+        """How often it has gone back on this side because its crop stood beside it."""
         self.bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
 
@@ -139,7 +143,7 @@ class Context:
         self.estimate.cut.begin(self.strip.clear_end_m)
         self.sight.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
-        self.backs = self.bare = 0
+        self.backs = self.bare = self.regained = 0
 
     def why_unseen(self, otherwise: str) -> str:
         """What the last picture says of why it shows nothing."""
@@ -149,6 +153,11 @@ class Context:
     def blind(self, now: float) -> bool:
         """Whether pictures are missing or show nothing of the world of now, for too long."""
         return now - self.sight.usable.stamp > STOP_AFTER_S
+
+    def may_regain(self) -> bool:
+        """Whether the machine has come off its strip's crop, which is seen beside it, and has not
+        come back to it in vain."""
+        return self.regained < REGAINS and self.sight.beside(self.motion)
 
     def goes_unseeing(self, now: float) -> bool:
         """Whether the machine may drive on by dead reckoning that has lost the edge at a strip's

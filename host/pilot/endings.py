@@ -33,6 +33,12 @@ class Elsewhere(Reason):
     FOUND = Doing.LAY_OUT, "end of {side}: laying out the rest around the boundary as found"
 
 
+class Beside(Reason):
+    """The machine has come off its crop."""
+
+    REGAIN = Doing.REGAIN, "the crop stands beside the machine: going back to drive along it"
+
+
 class Patience(Reason):
     """A hesitation has lasted too long."""
 

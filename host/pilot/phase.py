@@ -42,6 +42,7 @@ class Doing(enum.Enum):
     BACK_OFF = "back off"
     LAY_OUT = "lay out"
     RETRACE = "retrace"
+    REGAIN = "regain"
     TURN = "turn"
     SEARCH = "search"
     FINISH = "finish"

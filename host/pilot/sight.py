@@ -28,7 +28,7 @@ from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
-from host.vision.view import CropView, Detector
+from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, CropView, Detector
 
 STOP_AFTER_S = 0.8
 """Without a picture to be believed, or without the edge, the machine stops."""
@@ -48,12 +48,14 @@ MOVING_MPS = 0.03
 CROP_SEEN_M = 0.1
 """Before the blade the new side's crop must begin for a picture taken while a turn backs along it
 to show the lane's edge."""
-BESIDE_M = 0.5
+ALONG_M = 0.5
 """From both ends of the next strip, beside which a shuttle backs, for what is seen at the blade to
 be its edge."""
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
+BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
+"""How sure the edge of crop beside the machine is, and the way for which that is there."""
 TIP_M = 1.0
 """Of a strip that is begun inside, at whose right the last one's tip may stand: what a turn leaves
 of its beginning at most, twice."""
@@ -138,6 +140,8 @@ class Sight:
         self.ahead = Ahead()
         self._doubtful: Strip | None = None
         """The strip whose lane was so when its corner was in view."""
+        self.beside_at_m = -math.inf
+        """The travelled distance at the last picture of crop beside the way, and none ahead."""
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
@@ -149,10 +153,15 @@ class Sight:
         """Along a strip, from here on: no crop of it has been met."""
         self.ahead.begin(here)
         self._looks.begin()
+        self.beside_at_m = -math.inf
 
     def unseen_m(self, motion: Motion) -> float:
-        """How far the machine has come since an edge corrected the lane."""
+        """Way since an edge corrected the lane."""
         return abs(motion.distance_m - self.edge_at_m)
+
+    def beside(self, here: Motion) -> bool:
+        """Whether the strip's crop stands beside the machine's way."""
+        return abs(here.distance_m - self.beside_at_m) < BESIDE_LASTS_M
 
     def sees_ahead(self) -> bool:
         """Whether the last picture says surely what stands before the blade."""
@@ -183,6 +192,8 @@ class Sight:
         beside = turning is not None and turning.beside
         glances = in_leg and not (backing or beside) and not strip.new
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
+        # Elsewhere swath may lie across: it must lead no blade through a gap.
+        view = self._of_lane(view.with_lying() if strip.surely_own else view, strip, then)
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)
         sure = view.confidence >= CONFIDENT
@@ -222,6 +233,21 @@ class Sight:
             if turning is not None and self._backs_away(turning, then):
                 self.ahead.back_away(view, then)
             self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
+
+    def _of_lane(self, view: CropView, strip: Strip, then: Motion) -> CropView:
+        """Where nothing stands right ahead of the blade, the edge of what stands beside its way is
+        the lane's. What stands across the way, without a right end, is another field's."""
+        across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
+        clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
+        if across or not (clear and strip.placed and math.isfinite(view.edge_beside_m)):
+            return view
+        if min(strip.along_m(then), strip.left_m() - BESIDE_AHEAD_M) <= 0.0:
+            return view
+        self.beside_at_m = then.distance_m
+        if view.confidence >= CONFIDENT and view.crop_ahead_m < BESIDE_M[1]:
+            return view
+        edge_m, at_m = view.edge_beside_m, BESIDE_AHEAD_M
+        return replace(view, edge_offset_m=edge_m, edge_ahead_m=at_m, confidence=BESIDE_SURE)
 
     def take_looks(self) -> bool:
         """A look without a sure edge is over. Whether it and the one before it have the edge in one
@@ -353,7 +379,7 @@ class Sight:
         tip stayed where the strip before it was begun."""
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
-            along = turning.beside and min(-expected, strip.left_m()) > BESIDE_M
+            along = turning.beside and min(-expected, strip.left_m()) > ALONG_M
             aside_m = strip.edge_m(view, then) + self._estimate.lane.aim_m
             if not (along and abs(aside_m) < LEAP_M) and not (
                 turning.backing and expected > CROP_SEEN_M

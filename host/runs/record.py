@@ -102,7 +102,8 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
         "daranti.CropView",
         _schema(
             **_numbers("confidence", "edge_offset_m", "edge_heading_rad", "crop_ahead_m"),
-            **_numbers("edge_offset_most_m", "edge_ahead_m", "tip_share"),
+            **_numbers("edge_offset_most_m", "edge_beside_m", "edge_ahead_m", "tip_share"),
+            **_numbers("lies_confidence"),
             **_numbers("ahead_confidence", "end_of_field", "e_outer_px", "o_map_px"),
             **_numbers("l_height_px", "l_reference_px"),
             reason=_TEXT,

@@ -14,6 +14,7 @@ from host.pilot.behaviours.follow import Follow
 from host.pilot.behaviours.lay_out import LayOut
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_end import LookAtEnd
+from host.pilot.behaviours.regain import Regain
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import Search
 from host.pilot.behaviours.turn import DriveTurn
@@ -29,6 +30,7 @@ BEHAVIOURS: Mapping[Doing, type[Behaviour]] = {
     Doing.BACK_OFF: BackOff,
     Doing.LAY_OUT: LayOut,
     Doing.RETRACE: Retrace,
+    Doing.REGAIN: Regain,
     Doing.TURN: DriveTurn,
     Doing.WAIT_FOR_CAMERA: WaitForCamera,
     Doing.SEARCH: Search,

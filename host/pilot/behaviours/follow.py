@@ -8,7 +8,7 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
-from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
@@ -61,7 +61,7 @@ class Follow(Behaviour):
 
     phase = Phase.FOLLOW
     gaze = Gaze(cutting=True, on_side=True, ends=True)
-    reasons = (Why, SideEnd, Elsewhere)
+    reasons = (Why, Beside, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -116,6 +116,8 @@ class Follow(Behaviour):
             here = EndOfField(now, context.motion, context.strip.index)
             context.strip.ends_at(end_m)
             return end_side(context, now, here, looked=True)
+        if context.may_regain():
+            return Beside.REGAIN.go()
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
             return Why.LAST_CLEAR.go()
@@ -164,6 +166,8 @@ class Follow(Behaviour):
             return end_side(context, now, here)
         searched = not ahead.entered and context.cut_m > strip.search_m
         if searched and ahead.crop_at_m - context.motion.distance_m > NO_CROP_M:
+            if context.may_regain():
+                return Beside.REGAIN.go()
             if strip.remnant:
                 return Why.REMNANT_GONE.go()
             # A short side may have gone with its neighbours.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from host.estimate.crop_ahead import EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.look_at_edge import rolls_on
-from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import Gaze
 from host.pilot.stop_and_look import LOOKING
@@ -33,7 +33,7 @@ class LookAtEnd(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(on_side=True, hesitates=True, ends=True, settles=True)
-    reasons = (Why, SideEnd, Elsewhere)
+    reasons = (Why, Beside, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -75,5 +75,5 @@ class LookAtEnd(Behaviour):
             if context.strip.may_end_at(end_m):
                 context.strip.ends_at(end_m)
                 return end_side(context, now, here, looked=True)
-            return Why.CROP_GONE.go()
+            return (Beside.REGAIN if context.may_regain() else Why.CROP_GONE).go()
         return (Why.EDGE_SEEN if seen else Why.BARE_GROUND).go()

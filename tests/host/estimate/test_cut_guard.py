@@ -113,6 +113,21 @@ def test_it_may_always_back_off_and_the_next_side_begins_anew() -> None:
     assert drive.run(1.0) == GO
 
 
+def test_who_has_gone_back_may_come_as_far_as_before_and_no_farther() -> None:
+    drive = Drive(field((0.2, 3.0)))
+    drive.run(20.0)
+    assert drive.guard.refused
+    first, clear_m = drive.x, drive.guard.clear_m
+    drive.run(4.0, Command(Request.DRIVE, 0.0, -0.3, False))
+    drive.guard.go_back()
+    assert not drive.guard.refused
+    assert drive.run(0.5) == GO
+    drive.run(20.0)
+    assert drive.guard.refused
+    assert drive.x == pytest.approx(first, abs=0.05)
+    assert drive.guard.clear_m == pytest.approx(clear_m, abs=0.05)
+
+
 def test_a_slanting_end_is_allowed_its_tip() -> None:
     drive = Drive(field((0.2, 3.0)))
     drive.guard.begin(slack_m=0.5)

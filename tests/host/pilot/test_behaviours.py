@@ -35,6 +35,8 @@ from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as EdgeLook
 from host.pilot.behaviours.look_at_end import BARE_LOOKS, LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
+from host.pilot.behaviours.regain import RUN_UP_M, Regain
+from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
@@ -45,12 +47,13 @@ from host.pilot.behaviours.wait_for_camera import Why as Waited
 from host.pilot.context import (
     BEGINNING_M,
     BLIND_ON_M,
+    REGAINS,
     RESUME_AFTER_S,
     SLOW_AFTER_S,
     STAND_S,
     Context,
 )
-from host.pilot.endings import GIVE_UP_S, Blind, Patience, SideEnd, end_side
+from host.pilot.endings import GIVE_UP_S, Beside, Blind, Patience, SideEnd, end_side
 from host.pilot.guard import Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import PlannedStrip
@@ -937,6 +940,7 @@ def test_a_phase_is_what_the_operator_knows() -> None:
         Doing.LOOK_AT_EDGE,
         Doing.LOOK_AT_END,
         Doing.BACK_OFF,
+        Doing.REGAIN,
     }
 
 
@@ -986,3 +990,87 @@ def test_going_back_it_steers_towards_its_swath(left_m: float) -> None:
     context.strip.place(plan.sides[0].bends[0][0] + 3.0)
     command, _ = Retrace(context).step(NOW)
     assert command.steer_rad * left_m < 0.0
+
+
+# ---- crop beside the machine ---------------------------------------------------------------------
+
+BESIDE = replace(
+    CUTTING, confidence=0.0, edge_offset_m=math.nan, crop_ahead_m=math.inf, edge_beside_m=0.6
+)
+"""Nothing stands ahead, and crop beside the way."""
+
+
+@pytest.mark.parametrize(("cut_m", "is_lane"), [(5.0, True), (9.5, False)])
+def test_where_nothing_stands_ahead_the_edge_beside_the_way_is_the_lanes(
+    cut_m: float, is_lane: bool
+) -> None:
+    """But where the side is about to end, what stands there is another's."""
+    eye = Shown(BESIDE)
+    context = on_side(cut_m=cut_m, eye=eye)
+    context.estimate.position.less_sure(0.3, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    frame = Frame(context.motion.stamp, np.zeros((1, 1, 3), np.uint8))
+    context.sight.edge_at_m = cut_m - 0.5
+    since = NOW - 10.0  # it stands, and looks
+    context.sight.take(frame, LookAtEnd.gaze, context.strip, None, since, lambda _: True)
+    moved_m = context.estimate.lane.blade_offset_m - before
+    assert (moved_m < -0.3) is is_lane, "the lane lies left of the machine"
+    assert context.sight.beside(context.motion) is is_lane
+
+
+@pytest.mark.parametrize(("cut_m", "ahead_m"), [(4.0, 0.0), (7.5, math.inf), (9.7, math.inf)])
+def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt(
+    cut_m: float, ahead_m: float
+) -> None:
+    """Elsewhere it may be swath, and a gap behind it."""
+    view = replace(BESIDE, ahead_confidence=1.0, edge_beside_m=math.nan, lies_confidence=0.8)
+    context = on_side(cut_m=cut_m, eye=Shown(view))
+    frame = Frame(context.motion.stamp, np.zeros((1, 1, 3), np.uint8))
+    context.sight.take(frame, Follow.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+    assert context.sight.view is not None
+    assert context.sight.view.crop_ahead_m == ahead_m
+
+
+def refused(context: Context, *, beside: bool) -> Go | None:
+    """What following makes of clear ground that a look has confirmed."""
+    context.estimate.cut.refused = True
+    context.sight.beside_at_m = context.motion.distance_m if beside else -math.inf
+    return Follow(context).step(NOW)[1]
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_clear_ground_with_crop_beside_it_sends_the_machine_back_twice(beside: bool) -> None:
+    context = on_side(cut_m=3.0)
+    wanted = Beside.REGAIN if beside else Followed.CLEAR_GROUND
+    assert is_for(refused(context, beside=beside), wanted)
+    context.regained = REGAINS
+    assert is_for(refused(context, beside=beside), Followed.CLEAR_GROUND)
+    context.begin_strip()
+    assert context.regained == 0, "another strip"
+
+
+def test_it_goes_back_the_way_it_came_with_its_blade_off() -> None:
+    context = on_side(cut_m=5.0)
+    refused(context, beside=True)
+    regain = Regain(context)
+    regain.enter(NOW)
+    from_m = context.motion.distance_m
+    for back_m in np.arange(0.0, RUN_UP_M, 0.2).tolist():
+        moved(context, from_m - back_m, stamp=NOW + 5.0 + back_m)
+        command, go = regain.step(NOW + 5.0 + back_m)
+        assert go is None
+        assert (command.speed_mps < 0.0, command.blade, command.steer_rad) == (True, False, 0.0)
+    moved(context, from_m - RUN_UP_M - 0.05, stamp=NOW + 9.0)
+    command, go = regain.step(NOW + 9.0)
+    assert is_for(go, Regained.BACK)
+    assert command.speed_mps == 0.0
+    assert not context.estimate.cut.refused
+
+
+def test_it_goes_back_no_farther_than_the_geofence_lets_it() -> None:
+    context = on_side(cut_m=5.0)
+    refused(context, beside=True)
+    regain = Regain(context)
+    regain.enter(NOW)
+    assert is_for(regain.blocked(NOW, TOO_NEAR), Regained.BACK)
+    assert not context.estimate.cut.refused
