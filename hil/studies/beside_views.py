@@ -39,6 +39,7 @@ WITHIN_M: Final = 0.12
 NEXT_M: Final = REACH_M + 0.6
 """Left of where an edge should be, crop that is out of reach: half a blade, and what views err."""
 FAR_M: Final = 60.0
+"""Farther than any field reaches."""
 
 
 @dataclass(frozen=True, slots=True)

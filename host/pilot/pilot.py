@@ -203,7 +203,7 @@ class Pilot:
         )
         strip, sight = context.strip, context.sight
         if self._behaviour.gaze.on_side and sight.view is not None:
-            dusty = strip.new and self._behaviour.gaze.cutting and sight.ahead.in_dust(*EDGE_SURE)
+            dusty = self._behaviour.gaze.cutting and sight.ahead.in_dust(*EDGE_SURE)
             context.estimate.cut.take_picture(
                 sight.stamp, sight.view, own=strip.surely_own, dusty=dusty
             )

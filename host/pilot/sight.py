@@ -301,7 +301,7 @@ class Sight:
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn, cutting=cutting)
         self._estimate.learn_curve()
-        if moved and not lane.contradicted:
+        if moved and not lane.contradicted and not self.beside(then):
             strip.seen_beside(view, then)
 
     def _take_corner(
