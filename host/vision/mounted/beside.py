@@ -20,8 +20,7 @@ REACH_M: Final = 1.5
 
 def right_end_beside(x: Floats, y: Floats, blade_x_m: float) -> float:
     """Where its right end lies, m left of the vehicle's x axis, of the feet of standing crop (n,)
-    `x`, `y`, m in the vehicle frame; NaN without. 0.09 m RMS off from the low camera and 0.03 m
-    from the mast, standing (35 rendered views each)."""
+    `x`, `y`, m in the vehicle frame; NaN without (docs/understand/vision.md says how exact)."""
     ahead = x - blade_x_m
     feet = y[(ahead > BESIDE_M[0]) & (ahead < BESIDE_M[1]) & (y > OUTSIDE_M) & (y < REACH_M)]
     return float(np.median(feet)) if len(feet) >= BLOCKS else NAN
