@@ -12,8 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hil.bench.misread import Misreading
-from host.vision.mounted.beside import OUTSIDE_M, REACH_M
-from host.vision.view import BESIDE_AHEAD_M, BESIDE_M
+from host.vision.view import BESIDE_AHEAD_M
 from sim_plant.field import Field
 from sim_plant.ground import CROP, NEIGHBOUR, kind_at
 
@@ -29,6 +28,13 @@ SPAN_M: Final = (-1.6, 1.0)
 """Beside the vehicle's middle, right to left, where the face's right end is looked for."""
 RUN_M: Final = 0.1
 """What is narrower is no end of a face."""
+BESIDE_FROM_M: Final = (0.4, 2.0)
+"""Ahead of the blade, where crop is looked for that stands beside the machine's way,"""
+BESIDE_LEFT_M: Final = (0.2, 1.5)
+"""and how far left of its middle. What the detector takes is its own affair: where the two differ,
+`daranti-hil vision --beside` shows it."""
+BESIDE_WIDE_M: Final = 0.2
+"""What is narrower beside the way is no crop."""
 REMNANT_M: Final = 0.45
 """What is narrower, and has more crop to its left, is no strip's edge but an earlier one's rest."""
 DEPTH_M: Final = 3.0
@@ -74,6 +80,27 @@ def _standing(
 
 
 @njit(cache=True, nogil=True)
+def _rows(
+    kind: NDArray[np.uint8],
+    x0: float,
+    y0: float,
+    cell: float,
+    place: tuple[float, float],
+    way: tuple[float, float],
+    first_m: float,
+    apart_m: float,
+    rows: int,
+) -> int:
+    """At how many of so many places, from `first_m` ahead of one on, crop stands."""
+    count = 0
+    for q in range(rows):
+        ahead = first_m + apart_m * q
+        if _standing(kind, x0, y0, cell, place[0] + ahead * way[0], place[1] + ahead * way[1]):
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
 def _right(
     kind: NDArray[np.uint8],
     x0: float,
@@ -95,12 +122,8 @@ def _right(
     begin = clear = run = 0
     for k in range(n):
         left = SPAN_M[0] + (k + 0.5) * step
-        count = 0
-        for q in range(5):
-            ahead = first_m + 0.04 + 0.05 * q
-            if _standing(kind, x0, y0, cell, x + ahead * c - left * s, y + ahead * s + left * c):
-                count += 1
-        if count >= 2:
+        place = (x - left * s, y + left * c)
+        if _rows(kind, x0, y0, cell, place, (c, s), first_m + 0.04, 0.05, 5) >= 2:
             if clear * step >= RUN_M or run == 0:
                 begin = k
             clear = 0
@@ -135,18 +158,16 @@ def _beside(
     yaw: float,
     blade_x: float,
 ) -> float:
-    """Lateral place from which on crop stands along `BESIDE_M`, left of the machine's way."""
+    """Lateral place from which on crop stands along `BESIDE_FROM_M`, left of the machine's way."""
     c, s = math.cos(yaw), math.sin(yaw)
     run, step, rows = 0, 0.02, 6
-    for k in range(int((REACH_M - OUTSIDE_M) / step)):
-        left = OUTSIDE_M + k * step
-        count = 0
-        for q in range(rows):
-            ahead = blade_x + BESIDE_M[0] + (BESIDE_M[1] - BESIDE_M[0]) * q / (rows - 1)
-            if _standing(kind, x0, y0, cell, x + ahead * c - left * s, y + ahead * s + left * c):
-                count += 1
+    apart = (BESIDE_FROM_M[1] - BESIDE_FROM_M[0]) / (rows - 1)
+    for k in range(int((BESIDE_LEFT_M[1] - BESIDE_LEFT_M[0]) / step)):
+        left = BESIDE_LEFT_M[0] + k * step
+        place = (x - left * s, y + left * c)
+        count = _rows(kind, x0, y0, cell, place, (c, s), blade_x + BESIDE_FROM_M[0], apart, rows)
         run = run + 1 if count >= rows // 2 else 0
-        if run * step >= 2 * RUN_M:
+        if run * step >= BESIDE_WIDE_M:
             return left - (run - 1) * step
     return math.nan
 

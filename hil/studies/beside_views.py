@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bench.sight import BESIDE_LEFT_M
 from hil.studies.vision_drives import Drive, Edge, prepared
 from host.estimate.crop_ahead import CONFIDENT, END_CLEAR_M
-from host.vision.mounted.beside import REACH_M
 from host.vision.mounted.detector import make_detector
 from host.vision.view import BESIDE_AHEAD_M, CropView
 from sim_plant.camera import Camera
@@ -36,7 +36,7 @@ PICTURES: Final = 4
 """Of a view, the last of which counts: the detector remembers."""
 WITHIN_M: Final = 0.12
 """Of the true edge: the one that is meant."""
-NEXT_M: Final = REACH_M + 0.6
+NEXT_M: Final = BESIDE_LEFT_M[1] + 0.6
 """Left of where an edge should be, crop that is out of reach: half a blade, and what views err."""
 FAR_M: Final = 60.0
 """Farther than any field reaches."""
@@ -117,7 +117,7 @@ def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
                 seen += 1
                 errors.append(off)
             continue
-        within = true_m < REACH_M if kind == "beside" else true_m > NEXT_M
+        within = true_m < BESIDE_LEFT_M[1] if kind == "beside" else true_m > NEXT_M
         if view.crop_ahead_m < END_CLEAR_M or not within:
             continue
         asked += 1

@@ -4,7 +4,8 @@ Pictures say where crop ends before the blade; the way driven since then is coun
 hall sensor and drive duty says more, so that neither alone can hide it. Clear ground that is longer
 than a patch may be a gap: the machine stands, looks once more without the blade's dust, and goes no
 farther unless crop stands right at the blade. Only where the plan has crop by more than any belief
-errs does it go on, its blade off, and cuts again where the edge that it followed goes on in line.
+errs, and pictures show its edge all the way, does it go on, its blade off, and cuts again where the
+edge that it followed goes on in line.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ DOUBTED: Final = 1.25
 as long as a slope may explain it."""
 IN_LINE_M: Final = 0.4
 """Beside its place, at most, an edge is the one that was followed before the clear ground."""
+SHOWN_M, SHOWN_FOR_M = 0.6, 0.5
+"""Beside its place, at most, an edge along which clear ground is crossed: half a blade's width and
+what a lane errs; and the way for which one that was seen is there."""
 SETTLE_S: Final = 2.0
 """After the machine was told to stand, until its blade's dust has settled;"""
 LOOK_S: Final = 3.5
@@ -58,6 +62,8 @@ class CutGuard:
         """Of those of the look, how many showed clear ground, and how many crop at the blade."""
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
+        self._edge_at_m = -math.inf
+        """The way at the last picture that surely showed an edge beside the machine."""
         self.refused = False
         """Whether the machine has stood and looked, and what lies beyond must not be cut."""
 
@@ -116,6 +122,8 @@ class CutGuard:
             return
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
         looks = self._held_since is not None and stamp > self._held_since + SETTLE_S
+        if view.confidence >= CONFIDENT and abs(view.edge_offset_m) < SHOWN_M:
+            self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
         self._at_blade = self._at_blade + 1 if at_blade else 0
         self._looks[at_blade] += looks
@@ -131,17 +139,22 @@ class CutGuard:
             self._clear_from_m = then_m
 
     @property
+    def _shown(self) -> bool:
+        """Whether a picture has shown an edge beside the machine of late."""
+        return self._way_m - self._edge_at_m < SHOWN_FOR_M
+
+    @property
     def _allowed_m(self) -> float:
         return PATCH_M + self._slack_m
 
     def limit(self, now: float, command: Command, *, own: bool = False) -> Command:
         """The command as it may be carried out. Where the plan has crop beyond doubt (`own`), long
-        clear ground is crossed with the blade off, after the same look."""
+        clear ground is crossed with the blade off, after the same look, along an edge in sight."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
         if self._held_since is None:
             if self.clear_m < self._allowed_m:
                 return command
-            if self._crossing and own:
+            if self._crossing and own and self._shown:
                 return replace(command, blade=False)
             if not forward:
                 return command
@@ -153,7 +166,7 @@ class CutGuard:
             if crop > clear:
                 self._held_since = self._clear_from_m = None
                 return command
-            if own:
+            if own and self._shown:
                 self._held_since, self._crossing = None, True
                 return replace(command, blade=False)
             self.refused = True
