@@ -9,7 +9,7 @@ import pytest
 
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.cut_guard import LOOK_S, PATCH_M, CutGuard
+from host.estimate.cut_guard import LOOK_S, PATCH_M, SHOWN_M, CutGuard
 from host.vision.view import CropView
 
 STEP_S = 0.05
@@ -33,10 +33,14 @@ class Drive:
         self.t = self.x = 0.0
         self.bladed_to = 0.0
         self.last = GO
+        self.own = False
+        """Whether the plan has crop here beyond doubt."""
+        self.edge_m = math.nan
+        """Where pictures surely show an edge; NaN: they show none."""
 
     def run(self, seconds: float, command: Command = GO) -> Command:
         for _ in range(round(seconds / STEP_S)):
-            passed = self.guard.limit(self.t, command)
+            passed = self.guard.limit(self.t, command, own=self.own)
             self.last = passed
             self.t += STEP_S
             self.x += passed.speed_mps * STEP_S
@@ -50,8 +54,13 @@ class Drive:
             )
             self.guard.take_telemetry(telemetry)
             ahead = self.crop_ahead(self.x)
-            view = CropView(0.9, crop_ahead_m=ahead, ahead_confidence=0.9 if self.sure else 0.2)
-            self.guard.take_picture(self.t, view)
+            view = CropView(
+                0.0 if math.isnan(self.edge_m) else 0.9,
+                edge_offset_m=self.edge_m,
+                crop_ahead_m=ahead,
+                ahead_confidence=0.9 if self.sure else 0.2,
+            )
+            self.guard.take_picture(self.t, view, own=self.own)
         return self.last
 
 
@@ -111,6 +120,33 @@ def test_it_may_always_back_off_and_the_next_side_begins_anew() -> None:
     drive.guard.begin()
     drive.crop_ahead = field((0.0, 100.0))
     assert drive.run(1.0) == GO
+
+
+@pytest.mark.parametrize(
+    ("edge_m", "crosses"),
+    [(0.0, True), (SHOWN_M - 0.1, True), (SHOWN_M + 0.1, False), (math.nan, False)],
+)
+def test_a_plan_leads_over_clear_ground_only_along_an_edge_in_sight(
+    edge_m: float, crosses: bool
+) -> None:
+    drive = Drive(field((0.2, 3.0), (6.0, 30.0)))
+    drive.own, drive.edge_m = True, edge_m
+    drive.run(20.0)
+    assert drive.guard.refused is not crosses
+    assert (drive.x > 5.5) is crosses
+    assert drive.bladed_to < 3.0 + PATCH_M + 0.1 or drive.x > 6.0
+
+
+def test_a_crossing_ends_where_the_edge_is_out_of_sight() -> None:
+    drive = Drive(field((0.2, 3.0), (12.0, 30.0)))
+    drive.own, drive.edge_m = True, 0.0
+    drive.run(16.0)
+    here = drive.x
+    assert 4.0 < here < 9.0
+    drive.edge_m = math.nan
+    drive.run(20.0)
+    assert drive.guard.refused
+    assert drive.x < here + 0.8
 
 
 def test_who_has_gone_back_may_come_as_far_as_before_and_no_farther() -> None:

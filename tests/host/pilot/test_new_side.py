@@ -78,6 +78,32 @@ def test_dust_that_looks_like_crop_leads_nobody_through_a_gap(believed_m: float)
     assert world.y + VEHICLE.blade_x_m < 5.0 + 1.2
 
 
+@pytest.mark.parametrize("believed_m", [7.0, 8.0])
+def test_nor_does_it_where_the_boundary_is_said_to_be_known(believed_m: float) -> None:
+    """It lies metres nearer than the plan has it."""
+    true = [(0.0, 0.0), (6.0, 0.0), (6.0, 5.0), (0.0, 5.0)]
+    said = [(0.0, 0.0), (6.0, 0.0), (6.0, believed_m), (0.0, believed_m)]
+    world = SimpleWorld(VEHICLE, width=6.0, height=5.0, polygon=true)
+    world.stand_at(spiral(true, 1, VEHICLE).sides[0])
+    at_m = math.inf
+
+    def dusty(view: CropView) -> CropView:
+        """The end shows for a moment, before the dust is there."""
+        nonlocal at_m
+        blade_m = world.y + VEHICLE.blade_x_m
+        if abs(world.speed) < 0.02 or blade_m < 4.0:
+            return view
+        if blade_m > 5.0 and view.crop_ahead_m > 0.8:
+            at_m = min(at_m, blade_m)
+        seen = at_m < blade_m < at_m + 0.03
+        return view if seen else replace(view, confidence=0.0, crop_ahead_m=0.0)
+
+    pilot = Pilot(VEHICLE, Eyes(world, dusty), spiral(said, 1, VEHICLE, gap_m=world.gap))
+    drive(world, pilot, 120.0, until=lambda: pilot.phase in (Phase.TURN, Phase.FAULT))
+    assert world.neighbour_cut == 0
+    assert world.y + VEHICLE.blade_x_m < 5.0 + 1.2
+
+
 def test_a_new_side_is_looked_at_where_it_may_have_ended_in_the_dust() -> None:
     context = along(9.0)
     assert is_for(Follow(context).step(NOW)[1], Followed.IN_DUST)

@@ -13,6 +13,7 @@ from host.core.vehicle import LOW, MAST, Mount, Vehicle
 from host.vision.geometry import Camera
 from host.vision.mounted.detector import MountedDetector, make_detector
 from host.vision.mounted.lying import LEAST_LEARNT, LyingCrop
+from host.vision.view import CropView
 from tests.helpers.scenery import field
 
 MOUNTS = {"low": LOW, "mast": MAST}
@@ -135,6 +136,16 @@ def test_pictures_without_crop_count_anew_after_crop_that_lies(mount: Mount) -> 
     assert eye.see(bare(mount)).with_lying().ahead_confidence < 0.5
 
 
+@pytest.mark.parametrize(("lies", "ahead_m", "sure"), [(0.5, 0.0, 0.45), (0.49, 2.0, 0.9)])
+def test_who_takes_it_for_crop_is_unsure_of_its_end(
+    lies: float, ahead_m: float, sure: float
+) -> None:
+    view = CropView(0.9, edge_offset_m=0.1, crop_ahead_m=2.0, lies_confidence=lies)
+    assert view.with_lying().crop_ahead_m == ahead_m
+    assert view.with_lying().confidence == pytest.approx(sure)
+    assert view.crop_ahead_m == 2.0
+
+
 def test_without_ground_beside_the_crop_nothing_is_said() -> None:
     """Crop on both sides: an opening cut."""
     camera, vehicle = Camera(MAST), Vehicle()
@@ -145,6 +156,7 @@ def test_without_ground_beside_the_crop_nothing_is_said() -> None:
     assert lying.confidence(lies, -0.45) >= 0.5
     assert lying.confidence(lies, -1.25) == 0.0
     assert math.isnan(lying.rougher(lies, -1.25))
+    assert math.isnan(lying.rougher(lies, -1.15)), "a few cells of it are no ground"
 
 
 @each_mount
