@@ -13,6 +13,8 @@ from host.pilot.turn_progress import Turning
 from host.route.plan import Plan
 from host.route.turn_choice import next_turn
 
+UNREACHED_SHARE = 0.03
+"""Of the field: what little stands around keep-outs the plan has shown before."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 
@@ -21,6 +23,11 @@ class SideEnd(Reason):
     """A side is cut."""
 
     LAST = Doing.FINISH, "the last side of the plan is cut"
+    LAST_REACHED = (
+        Doing.FINISH,
+        "the last side of the plan is cut, and {left} m2 that none of its sides reaches stand: "
+        "plan them as a field of their own",
+    )
     SEEN = Doing.TURN, "end of {side}: no crop before the blade"
     KEEP_OUT = Doing.TURN, "end of {side}: the keep-out's margin"
     BENT = Doing.RETRACE, "end of {side}: back along its bends, to where the next strip begins"
@@ -64,7 +71,7 @@ def end_side(
         context.by_plan = False
     if strip.last:
         context.ends.append(end)
-        return SideEnd.LAST.go()
+        return last(context)
     seen = sight.ahead.entered and not (context.by_plan or refused)
     ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
@@ -75,13 +82,22 @@ def end_side(
     return turn_on(context, now, ended)
 
 
+def last(context: Context) -> Go:
+    """The end of the plan's last side. Around corners that were found elsewhere a plan may reach
+    less than the one that the owner saw: that is said."""
+    left_m2 = context.plan.unreached_m2
+    if left_m2 > UNREACHED_SHARE * context.plan.area_m2:
+        return SideEnd.LAST_REACHED.go(left=f"{left_m2:.0f}")
+    return SideEnd.LAST.go()
+
+
 def turn_on(context: Context, now: float, ended: Ended, *, retraced: bool = False) -> Go:
     """Lays out the turn from the side that has ended to the next; `retraced`: the machine has
     backed along its bends."""
     strip, sight, end = context.strip, context.sight, ended.end
     if strip.last:
         context.ends.append(end)
-        return SideEnd.LAST.go()
+        return last(context)
     shuttles = context.plan.corner_rad(strip.index) == 0.0
     if strip.bent and shuttles and not retraced:
         context.ended = ended

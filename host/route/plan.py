@@ -84,6 +84,11 @@ class Plan:
         """Of the field, its keep-outs with it."""
         return float(shapely.Polygon(self.boundary).area)
 
+    @property
+    def unreached_m2(self) -> float:
+        """What stays standing once all sides are cut, its `parts` with it."""
+        return self.leftover_m2 + sum(float(shapely.Polygon(part).area) for part in self.parts)
+
     def name(self, index: int) -> str:
         """Which side of the whole plan `sides[index]` is, in words that count from 1."""
         number = self.done + index + 1

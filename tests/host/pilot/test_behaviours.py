@@ -860,6 +860,20 @@ def test_the_end_stays_stopped(kind: type[Finish] | type[Fault]) -> None:
 def test_a_plans_last_side_ends_the_field() -> None:
     context = on_side(len(PLAN.sides) - 1)
     assert is_for(end_side(context, NOW, clear_ahead(context)), SideEnd.LAST)
+
+
+@pytest.mark.parametrize(("leftover_m2", "part", "told"), [(2.0, False, ""), (4.0, False, "4 m2"),
+                                                           (0.0, True, "25 m2")])  # fmt: skip
+def test_what_no_side_of_the_plan_reaches_is_told_at_its_end(
+    leftover_m2: float, part: bool, told: str
+) -> None:
+    """Of a field of 100 m2, next to nothing is not."""
+    parts = (((0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0)),) if part else ()
+    plan = replace(PLAN, sides=PLAN.sides[:1], leftover_m2=leftover_m2, parts=parts)
+    context = on_side(plan=plan)
+    go = end_side(context, NOW, clear_ahead(context))
+    assert is_for(go, SideEnd.LAST_REACHED if told else SideEnd.LAST)
+    assert told in go.text
     assert len(context.ends) == 1
 
 
