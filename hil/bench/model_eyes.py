@@ -59,7 +59,7 @@ picture, it does for good."""
 COLUMNS: Final = (
     "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "blade",
     "fresh", "read_ahead_m", "read_right_m", "confidence", "edge_offset_m", "edge_ahead_m",
-    "crop_ahead_m", "ahead_confidence", "tip_share", "usable", "reason",
+    "crop_ahead_m", "ahead_confidence", "lies_confidence", "tip_share", "usable", "reason",
 )  # fmt: skip
 """Of the library; truths first, then the answer."""
 
@@ -491,6 +491,7 @@ class ModelDetector:
             edge_heading_rad=NAN,
             crop_ahead_m=ahead,
             ahead_confidence=float(c["ahead_confidence"][row]),
+            lies_confidence=float(c["lies_confidence"][row]),
             tip_share=float(c["tip_share"][row]),
             reason=errors.reasons[int(c["reason"][row])] if sure else NO_RIGHT_END,
             usable=bool(c["usable"][row]),
