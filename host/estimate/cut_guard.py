@@ -34,6 +34,8 @@ IN_LINE_M: Final = 0.4
 SHOWN_M, SHOWN_FOR_M = 0.6, 0.5
 """Beside its place, at most, an edge along which clear ground is crossed: half a blade's width and
 what a lane errs; and the way for which one that was seen is there."""
+ALONGSIDE_M: Final = 1.0
+"""The same of crop that stands beside the machine's way, left of it: a gap is wider."""
 SETTLE_S: Final = 2.0
 """After the machine was told to stand, until its blade's dust has settled;"""
 LOOK_S: Final = 3.5
@@ -122,7 +124,8 @@ class CutGuard:
             return
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
         looks = self._held_since is not None and stamp > self._held_since + SETTLE_S
-        if view.confidence >= CONFIDENT and abs(view.edge_offset_m) < SHOWN_M:
+        along = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < SHOWN_M
+        if along or view.edge_beside_m < ALONGSIDE_M:
             self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
         self._at_blade = self._at_blade + 1 if at_blade else 0

@@ -9,7 +9,7 @@ import pytest
 
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.cut_guard import LOOK_S, PATCH_M, SHOWN_M, CutGuard
+from host.estimate.cut_guard import ALONGSIDE_M, LOOK_S, PATCH_M, SHOWN_M, CutGuard
 from host.vision.view import CropView
 
 STEP_S = 0.05
@@ -37,6 +37,8 @@ class Drive:
         """Whether the plan has crop here beyond doubt."""
         self.edge_m = math.nan
         """Where pictures surely show an edge; NaN: they show none."""
+        self.beside_m = math.nan
+        """The same of crop left of the machine's way."""
 
     def run(self, seconds: float, command: Command = GO) -> Command:
         for _ in range(round(seconds / STEP_S)):
@@ -57,6 +59,7 @@ class Drive:
             view = CropView(
                 0.0 if math.isnan(self.edge_m) else 0.9,
                 edge_offset_m=self.edge_m,
+                edge_beside_m=self.beside_m,
                 crop_ahead_m=ahead,
                 ahead_confidence=0.9 if self.sure else 0.2,
             )
@@ -123,14 +126,21 @@ def test_it_may_always_back_off_and_the_next_side_begins_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("edge_m", "crosses"),
-    [(0.0, True), (SHOWN_M - 0.1, True), (SHOWN_M + 0.1, False), (math.nan, False)],
+    ("edge_m", "beside_m", "crosses"),
+    [
+        (0.0, math.nan, True),
+        (SHOWN_M - 0.1, math.nan, True),
+        (SHOWN_M + 0.1, math.nan, False),
+        (math.nan, math.nan, False),
+        (math.nan, ALONGSIDE_M - 0.1, True),
+        (math.nan, ALONGSIDE_M + 0.1, False),
+    ],
 )
 def test_a_plan_leads_over_clear_ground_only_along_an_edge_in_sight(
-    edge_m: float, crosses: bool
+    edge_m: float, beside_m: float, crosses: bool
 ) -> None:
     drive = Drive(field((0.2, 3.0), (6.0, 30.0)))
-    drive.own, drive.edge_m = True, edge_m
+    drive.own, drive.edge_m, drive.beside_m = True, edge_m, beside_m
     drive.run(20.0)
     assert drive.guard.refused is not crosses
     assert (drive.x > 5.5) is crosses
