@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from host.pilot.behaviours import BEHAVIOURS  # noqa: E402
+from host.pilot.endings import Over  # noqa: E402
 from host.pilot.guard import Watched  # noqa: E402
 from host.pilot.phase import Reason  # noqa: E402
 
@@ -57,6 +58,11 @@ def chart() -> str:
             "These end any behaviour but CONNECT and FINISH (`host/pilot/guard.py`):",
             "",
             *(f"- to {reason.to.name}: {_words(reason)}" for reason in Watched),
+            "",
+            "This takes the place of any reason to FINISH while much still stands "
+            "(`host/pilot/endings.py`):",
+            "",
+            *(f"- to {reason.to.name}: {_words(reason)}" for reason in Over),
             "",
         ]
     )

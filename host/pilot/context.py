@@ -78,14 +78,20 @@ class Context:
         """Where sides were declared ended, by pictures."""
         self.by_plan = False
         """Whether the last end was the plan's alone: twice in a row it is none."""
-        self.left_m2 = 0.0
-        """What was left standing beside keep-outs that the plan would have cut."""
+        self._shown_m2 = plan.unreached_m2
+        self.beside_keep_outs_m2 = 0.0
+        """What was left standing there that the plan would have cut."""
         self.backs = 0
         """How often the machine has backed off on this side."""
         self.regained = 0
         """How often it has gone back on this side because its crop stood beside it."""
         self.bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
+
+    @property
+    def left_m2(self) -> float:
+        """What stays standing besides what the plan had shown at first."""
+        return self.plan.unreached_m2 - self._shown_m2 + self.beside_keep_outs_m2
 
     @property
     def motion(self) -> Motion:

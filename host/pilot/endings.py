@@ -13,8 +13,9 @@ from host.pilot.turn_progress import Turning
 from host.route.plan import Plan
 from host.route.turn_choice import next_turn
 
-UNREACHED_SHARE = 0.03
-"""Of the field: what little stands around keep-outs the plan has shown before."""
+LEFT_SHARE, LEFT_M2 = 0.03, 8.0
+"""Of the field, and at most, that may stay standing besides what the plan had shown: of more a
+person must know."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 
@@ -23,15 +24,20 @@ class SideEnd(Reason):
     """A side is cut."""
 
     LAST = Doing.FINISH, "the last side of the plan is cut"
-    LAST_REACHED = (
-        Doing.FINISH,
-        "the last side of the plan is cut, and {left} m2 that none of its sides reaches stand: "
-        "plan them as a field of their own",
-    )
     SEEN = Doing.TURN, "end of {side}: no crop before the blade"
     KEEP_OUT = Doing.TURN, "end of {side}: the keep-out's margin"
     BENT = Doing.RETRACE, "end of {side}: back along its bends, to where the next strip begins"
     BY_PLAN = Doing.TURN, "end of {side}: the plan's, which vision has not seen"
+
+
+class Over(Reason):
+    """The plan is cut, and the field is not."""
+
+    MUCH_LEFT = (
+        Doing.FAULT,
+        "{reason}, and some {left} m2 stand that it could not reach or not keep clear of keep-outs "
+        "beside: plan them as a field of their own",
+    )
 
 
 class Elsewhere(Reason):
@@ -71,7 +77,7 @@ def end_side(
         context.by_plan = False
     if strip.last:
         context.ends.append(end)
-        return last(context)
+        return SideEnd.LAST.go()
     seen = sight.ahead.entered and not (context.by_plan or refused)
     ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
@@ -82,13 +88,17 @@ def end_side(
     return turn_on(context, now, ended)
 
 
-def last(context: Context) -> Go:
-    """The end of the plan's last side. Around corners that were found elsewhere a plan may reach
-    less than the one that the owner saw: that is said."""
-    left_m2 = context.plan.unreached_m2
-    if left_m2 > UNREACHED_SHARE * context.plan.area_m2:
-        return SideEnd.LAST_REACHED.go(left=f"{left_m2:.0f}")
-    return SideEnd.LAST.go()
+def over(context: Context, go: Go) -> Go:
+    """What the harvest ends with, where a transition would finish it. Around corners that were
+    found elsewhere a plan may reach less than the one that the owner saw."""
+    if go.reason.to is not Doing.FINISH or context.left_m2 <= left_most_m2(context.plan):
+        return go
+    return Over.MUCH_LEFT.go(reason=go.text, left=f"{context.left_m2:.0f}")
+
+
+def left_most_m2(plan: Plan) -> float:
+    """How much of its field may stay standing."""
+    return min(LEFT_SHARE * plan.area_m2, LEFT_M2)
 
 
 def turn_on(context: Context, now: float, ended: Ended, *, retraced: bool = False) -> Go:
@@ -97,7 +107,7 @@ def turn_on(context: Context, now: float, ended: Ended, *, retraced: bool = Fals
     strip, sight, end = context.strip, context.sight, ended.end
     if strip.last:
         context.ends.append(end)
-        return last(context)
+        return SideEnd.LAST.go()
     shuttles = context.plan.corner_rad(strip.index) == 0.0
     if strip.bent and shuttles and not retraced:
         context.ended = ended

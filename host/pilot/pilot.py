@@ -19,6 +19,7 @@ from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.context import Context
+from host.pilot.endings import over
 from host.pilot.guard import watch
 from host.pilot.phase import Doing, Go, Phase, Transition
 from host.pilot.strip import Strip
@@ -216,6 +217,7 @@ class Pilot:
         if go is None:
             return
         context, before = self._context, self._behaviour
+        go = over(context, go)
         before.exit()
         code = f"{self.doing.value}: {go.reason.name}"
         self.doing = go.reason.to

@@ -8,7 +8,7 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
-from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side, left_most_m2
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
@@ -28,9 +28,6 @@ END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
 NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
-KEEP_OUT_SHARE, KEEP_OUT_M2 = 0.03, 8.0
-"""Of the field, and at most, that may stay standing beside its keep-outs, besides what the plan
-leaves there: of more a person must know."""
 END_REST_M = 1.0
 """The same before its end: no more than a walked corner errs."""
 SPIN_S = 0.6
@@ -80,16 +77,16 @@ class Follow(Behaviour):
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
         """A side that is about to end, and one beside a keep-out, ends where the geofence has it
-        end, which knows how surely the machine knows its place; what is left of it stays."""
+        end, which knows how surely the machine knows its place; what is left of it stays, and is
+        told when all else is cut."""
         context, strip = self.context, self.context.strip
         here = EndOfField(now, context.motion, strip.index)
         if verdict.at_keep_out and strip.placed:
-            most_m2 = min(KEEP_OUT_SHARE * context.plan.area_m2, KEEP_OUT_M2)
             left_m2 = context.left_m2 + strip.left_m2
-            if left_m2 + strip.rest_m2 < most_m2:
+            if left_m2 + strip.rest_m2 < left_most_m2(context.plan):
                 return Why.LEFT_AT_KEEP_OUT.go()
-            if verdict.clearance_m >= 0.0 and left_m2 < most_m2:
-                context.left_m2 = left_m2
+            if verdict.clearance_m >= 0.0:
+                context.beside_keep_outs_m2 += strip.left_m2
                 return end_side(context, now, here, refused=True)
         ends = strip.placed and strip.left_m() < END_REST_M and not context.by_plan
         if verdict.clearance_m >= 0.0 and ends:

@@ -25,8 +25,6 @@ from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
 from host.pilot.behaviours.follow import (
     END_REST_M,
-    KEEP_OUT_M2,
-    KEEP_OUT_SHARE,
     SPIN_S,
     Follow,
 )
@@ -53,7 +51,17 @@ from host.pilot.context import (
     STAND_S,
     Context,
 )
-from host.pilot.endings import GIVE_UP_S, Beside, Blind, Patience, SideEnd, end_side
+from host.pilot.endings import (
+    GIVE_UP_S,
+    Beside,
+    Blind,
+    Over,
+    Patience,
+    SideEnd,
+    end_side,
+    left_most_m2,
+    over,
+)
 from host.pilot.guard import Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import PlannedStrip
@@ -301,7 +309,7 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
     assert command.request is Request.STOP
 
 
-LEFT_MOST_M2 = min(KEEP_OUT_SHARE * PLAN.area_m2, KEEP_OUT_M2)
+LEFT_MOST_M2 = left_most_m2(PLAN)
 LEFT_MOST_M = LEFT_MOST_M2 / PLAN.sides[0].width_m
 
 
@@ -309,7 +317,7 @@ LEFT_MOST_M = LEFT_MOST_M2 / PLAN.sides[0].width_m
     ("at_keep_out", "clear_m", "left_m", "reason"),
     [
         (True, 0.1, LEFT_MOST_M - 0.1, SideEnd.KEEP_OUT),
-        (True, 0.1, LEFT_MOST_M + 0.1, Watched.GEOFENCE),
+        (True, 0.1, LEFT_MOST_M + 0.1, SideEnd.KEEP_OUT),
         (True, -0.1, LEFT_MOST_M - 0.1, Watched.GEOFENCE),
         (False, 0.1, LEFT_MOST_M - 0.1, Watched.GEOFENCE),
     ],
@@ -328,14 +336,18 @@ def test_a_side_at_a_keep_out_ends_where_the_geofence_stops_the_machine(
     assert context.ends == []
 
 
-def test_what_is_left_beside_keep_outs_is_counted_together() -> None:
+def test_what_is_left_beside_keep_outs_is_counted_together_and_told_at_the_end() -> None:
     verdict = replace(TOO_NEAR, at_keep_out=True, clearance_m=0.1)
     context = on_side(cut_m=PLAN.sides[0].length_m - LEFT_MOST_M + 0.1)
-    context.left_m2 = 0.2
-    assert is_for(Follow(context).blocked(NOW, verdict), Watched.GEOFENCE)
-    context.left_m2 = 0.0
     assert is_for(Follow(context).blocked(NOW, verdict), SideEnd.KEEP_OUT)
     assert context.left_m2 == pytest.approx(LEFT_MOST_M2 - 0.1 * PLAN.sides[0].width_m)
+    assert over(context, SideEnd.LAST.go()) == SideEnd.LAST.go()
+    context.beside_keep_outs_m2 += 0.2
+    told = over(context, SideEnd.LAST.go())
+    assert is_for(told, Over.MUCH_LEFT)
+    assert told.text.startswith(SideEnd.LAST.text) and f"{context.left_m2:.0f} m2" in told.text
+    going_on = SideEnd.KEEP_OUT.go(side="side 1")
+    assert over(context, going_on) == going_on
 
 
 @pytest.mark.parametrize("clear_m", [0.1, -0.1])
@@ -862,19 +874,21 @@ def test_a_plans_last_side_ends_the_field() -> None:
     assert is_for(end_side(context, NOW, clear_ahead(context)), SideEnd.LAST)
 
 
-@pytest.mark.parametrize(("leftover_m2", "part", "told"), [(2.0, False, ""), (4.0, False, "4 m2"),
-                                                           (0.0, True, "25 m2")])  # fmt: skip
-def test_what_no_side_of_the_plan_reaches_is_told_at_its_end(
-    leftover_m2: float, part: bool, told: str
+@pytest.mark.parametrize(
+    ("shown_m2", "left_m2", "part", "told"),
+    [(0.0, 2.0, False, ""), (0.0, 4.0, False, "4 m2"), (0.0, 0.0, True, "25 m2"),
+     (5.0, 5.0, False, "")],
+)  # fmt: skip
+def test_what_a_plan_laid_anew_does_not_reach_is_told_at_its_end(
+    shown_m2: float, left_m2: float, part: bool, told: str
 ) -> None:
-    """Of a field of 100 m2, next to nothing is not."""
+    """Of a field of 100 m2, next to nothing is not, nor what the first plan had shown."""
+    context = on_side(plan=replace(PLAN, leftover_m2=shown_m2))
     parts = (((0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0)),) if part else ()
-    plan = replace(PLAN, sides=PLAN.sides[:1], leftover_m2=leftover_m2, parts=parts)
-    context = on_side(plan=plan)
-    go = end_side(context, NOW, clear_ahead(context))
-    assert is_for(go, SideEnd.LAST_REACHED if told else SideEnd.LAST)
+    context.plan = replace(PLAN, leftover_m2=left_m2, parts=parts)
+    go = over(context, SideEnd.LAST.go())
+    assert is_for(go, Over.MUCH_LEFT if told else SideEnd.LAST)
     assert told in go.text
-    assert len(context.ends) == 1
 
 
 # ---- what pictures tell --------------------------------------------------------------------------
