@@ -7,13 +7,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from host.core.messages import Command
+from host.estimate.crop_ahead import EndOfField
 from host.estimate.odometry import Motion
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.follow import LANE_SIGMA_M
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, Context
-from host.pilot.endings import Patience, gave_up
+from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import Gaze
 
@@ -21,7 +22,10 @@ BACK_AFTER_S = 6.0
 BACK_M = 0.6
 """Less than clear ground that ends a side."""
 LOOKED_S = 12.0
-"""After so long without an edge, and having backed off, it goes on at a strip's beginning."""
+"""After so long without an edge, and having backed off, it goes on at a strip's beginning, and
+leaves one that is all but cut."""
+END_REST_M = 0.5
+"""Of such a one, at most: there the edge is often none, a last tip or an earlier round's rest."""
 BACKS = 3
 """At most, on a side."""
 
@@ -38,7 +42,7 @@ class BackOff(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(on_side=True, hesitates=True)
-    reasons = (Why, Patience)
+    reasons = (Why, SideEnd, Elsewhere, Patience)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -55,8 +59,14 @@ class BackOff(Behaviour):
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
         backed = self._from is None and (self._backed or context.backs >= BACKS)
-        if backed and now - context.since > LOOKED_S and context.goes_unseeing(now):
-            return context.hold(), Why.OWN_CROP.go()
+        if backed and now - context.since > LOOKED_S:
+            if context.goes_unseeing(now):
+                return context.hold(), Why.OWN_CROP.go()
+            strip = context.strip
+            if strip.placed and strip.left_m() < END_REST_M and not context.by_plan:
+                context.by_plan = True
+                end = EndOfField(now, context.motion, strip.index)
+                return context.hold(), end_side(context, now, end)
         return self._move(now), None
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:

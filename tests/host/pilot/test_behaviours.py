@@ -18,6 +18,7 @@ from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours.align import TRUST_AFTER_S, Align
 from host.pilot.behaviours.align import Why as Aligned
 from host.pilot.behaviours.back_off import BACK_AFTER_S, BACK_M, BACKS, LOOKED_S, BackOff
+from host.pilot.behaviours.back_off import END_REST_M as BACKED_REST_M
 from host.pilot.behaviours.back_off import Why as BackedOff
 from host.pilot.behaviours.connect import ARM_RETRY_S, Connect
 from host.pilot.behaviours.connect import Why as Connected
@@ -588,6 +589,28 @@ def test_having_backed_it_goes_on_at_a_strips_beginning(cut_m: float, sees: bool
     context.sight.usable.stamp = late if sees else NOW
     own = sees and cut_m < BEGINNING_M
     assert is_for(behaviour.step(late)[1], BackedOff.OWN_CROP if own else None)
+
+
+@pytest.mark.parametrize(
+    ("left_m", "again", "ends"),
+    [
+        (BACKED_REST_M - 0.1, False, True),
+        (-0.2, False, True),
+        (BACKED_REST_M - 0.1, True, False),
+        (BACKED_REST_M + 0.1, False, False),
+    ],
+)
+def test_having_backed_in_vain_it_leaves_a_side_that_is_all_but_cut_once(
+    left_m: float, again: bool, ends: bool
+) -> None:
+    context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
+    context.sight.seen.broken = NOW
+    context.backs, context.by_plan = BACKS, again
+    late = NOW + LOOKED_S + 0.1
+    context.sight.usable.stamp = late
+    assert is_for(BackOff(context).step(late)[1], SideEnd.BY_PLAN if ends else None)
+    assert context.strip.index == int(ends)
+    assert context.ends == [], "no picture showed it"
 
 
 @pytest.mark.parametrize(
