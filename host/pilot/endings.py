@@ -13,9 +13,10 @@ from host.pilot.turn_progress import Turning
 from host.route.plan import Plan
 from host.route.turn_choice import next_turn
 
-LEFT_SHARE, LEFT_M2 = 0.03, 8.0
-"""Of the field, and at most, that may stay standing besides what the plan had shown: of more a
-person must know."""
+LEFT_M2 = 1.0
+"""That stays standing besides what the plan had shown: of more the owner is told."""
+LEFT_SHARE = 0.05
+"""Of the field: with more than that it is not harvested."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 
@@ -33,10 +34,14 @@ class SideEnd(Reason):
 class Over(Reason):
     """The plan is cut, and the field is not."""
 
+    SOME_LEFT = (
+        Doing.FINISH,
+        "{reason}; some {left} m2 stand where it could not reach, or beside keep-outs",
+    )
     MUCH_LEFT = (
         Doing.FAULT,
-        "{reason}, and some {left} m2 stand that it could not reach or not keep clear of keep-outs "
-        "beside: plan them as a field of their own",
+        "{reason}, but some {left} m2 stand where it could not reach, or beside keep-outs: plan "
+        "them as a field of their own",
     )
 
 
@@ -91,14 +96,11 @@ def end_side(
 def over(context: Context, go: Go) -> Go:
     """What the harvest ends with, where a transition would finish it. Around corners that were
     found elsewhere a plan may reach less than the one that the owner saw."""
-    if go.reason.to is not Doing.FINISH or context.left_m2 <= left_most_m2(context.plan):
+    left_m2 = context.left_m2
+    if go.reason.to is not Doing.FINISH or left_m2 <= LEFT_M2:
         return go
-    return Over.MUCH_LEFT.go(reason=go.text, left=f"{context.left_m2:.0f}")
-
-
-def left_most_m2(plan: Plan) -> float:
-    """How much of its field may stay standing."""
-    return min(LEFT_SHARE * plan.area_m2, LEFT_M2)
+    much = left_m2 > LEFT_SHARE * context.plan.area_m2
+    return (Over.MUCH_LEFT if much else Over.SOME_LEFT).go(reason=go.text, left=f"{left_m2:.0f}")
 
 
 def turn_on(context: Context, now: float, ended: Ended, *, retraced: bool = False) -> Go:

@@ -54,13 +54,14 @@ from host.pilot.context import (
 )
 from host.pilot.endings import (
     GIVE_UP_S,
+    LEFT_M2,
+    LEFT_SHARE,
     Beside,
     Blind,
     Over,
     Patience,
     SideEnd,
     end_side,
-    left_most_m2,
     over,
 )
 from host.pilot.guard import Watched
@@ -310,7 +311,7 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
     assert command.request is Request.STOP
 
 
-LEFT_MOST_M2 = left_most_m2(PLAN)
+LEFT_MOST_M2 = LEFT_SHARE * PLAN.area_m2
 LEFT_MOST_M = LEFT_MOST_M2 / PLAN.sides[0].width_m
 
 
@@ -342,11 +343,16 @@ def test_what_is_left_beside_keep_outs_is_counted_together_and_told_at_the_end()
     context = on_side(cut_m=PLAN.sides[0].length_m - LEFT_MOST_M + 0.1)
     assert is_for(Follow(context).blocked(NOW, verdict), SideEnd.KEEP_OUT)
     assert context.left_m2 == pytest.approx(LEFT_MOST_M2 - 0.1 * PLAN.sides[0].width_m)
-    assert over(context, SideEnd.LAST.go()) == SideEnd.LAST.go()
-    context.beside_keep_outs_m2 += 0.2
-    told = over(context, SideEnd.LAST.go())
-    assert is_for(told, Over.MUCH_LEFT)
-    assert told.text.startswith(SideEnd.LAST.text) and f"{context.left_m2:.0f} m2" in told.text
+    for left_m2, told in (
+        (LEFT_M2 - 0.1, SideEnd.LAST),
+        (LEFT_M2 + 0.1, Over.SOME_LEFT),
+        (LEFT_MOST_M2 + 0.1, Over.MUCH_LEFT),
+    ):
+        context.beside_keep_outs_m2 = left_m2
+        go = over(context, SideEnd.LAST.go())
+        assert is_for(go, told)
+        assert go.text.startswith(SideEnd.LAST.text)
+        assert (f"{left_m2:.0f} m2" in go.text) is (told is not SideEnd.LAST)
     going_on = SideEnd.KEEP_OUT.go(side="side 1")
     assert over(context, going_on) == going_on
 
@@ -899,19 +905,18 @@ def test_a_plans_last_side_ends_the_field() -> None:
 
 @pytest.mark.parametrize(
     ("shown_m2", "left_m2", "part", "told"),
-    [(0.0, 2.0, False, ""), (0.0, 4.0, False, "4 m2"), (0.0, 0.0, True, "25 m2"),
-     (5.0, 5.0, False, "")],
+    [(0.0, 0.9, False, None), (0.0, 4.0, False, Over.SOME_LEFT), (0.0, 0.0, True, Over.MUCH_LEFT),
+     (5.0, 5.0, False, None)],
 )  # fmt: skip
 def test_what_a_plan_laid_anew_does_not_reach_is_told_at_its_end(
-    shown_m2: float, left_m2: float, part: bool, told: str
+    shown_m2: float, left_m2: float, part: bool, told: Over | None
 ) -> None:
     """Of a field of 100 m2, next to nothing is not, nor what the first plan had shown."""
     context = on_side(plan=replace(PLAN, leftover_m2=shown_m2))
     parts = (((0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0)),) if part else ()
     context.plan = replace(PLAN, leftover_m2=left_m2, parts=parts)
     go = over(context, SideEnd.LAST.go())
-    assert is_for(go, Over.MUCH_LEFT if told else SideEnd.LAST)
-    assert told in go.text
+    assert is_for(go, told or SideEnd.LAST)
 
 
 # ---- what pictures tell --------------------------------------------------------------------------
