@@ -30,13 +30,7 @@ from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, strai
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import (
-    BESIDE,
-    CUT,
-    DRILLED,
-    STEP_SIGMA,
-    move,
-)
+from host.estimate.motion_model import BESIDE, CUT, DRILLED, STEP_SIGMA, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
