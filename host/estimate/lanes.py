@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from host.estimate.kalman import Array
+from host.estimate.states import LANE, SIGHT
 from host.route.side import NO_EDGE, Side
 
 LANE_SIGMA = (0.06, math.radians(0.5))
@@ -19,6 +20,8 @@ so much."""
 STRAIGHTEN_M = 0.1
 """By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
 beside it."""
+TINY = 1e-12
+"""Keeps a variance of nothing from being divided by, m²."""
 CATCH_UP_M = 0.05
 """Of a plan's overlap, by which a lane that lies outside of its plan takes a wider strip: without
 it the strips fall behind the plan by what the detector errs, until one of them is not there."""
@@ -26,11 +29,21 @@ it the strips fall behind the plan by what the detector errs, until one of them 
 
 class Lain(NamedTuple):
     """What was found of a side's lane: (2,) its offset at the side's beginning, m left of the
-    plan's, and its direction, rad; (2, 2) their covariance."""
+    plan's, and its direction, rad, where pictures show edges sight_m left of their true place; (2,)
+    what more of that does to the two; (2, 2) the covariance of the rest of what they err."""
 
     side: Side
     x: Array
+    sight_m: float
+    by_sight: Array
     p: Array
+
+    @classmethod
+    def of(cls, side: Side, x: Array, p: Array) -> Lain:
+        """The lane of the filter's state `x` and covariance `p`."""
+        by_sight = p[LANE, SIGHT] / max(p[SIGHT, SIGHT], TINY)
+        rest = p[LANE, LANE] - np.outer(by_sight, p[SIGHT, LANE])
+        return cls(side, x[LANE].copy(), float(x[SIGHT]), by_sight, rest)
 
 
 class Aside(NamedTuple):
@@ -69,16 +82,19 @@ class Lanes:
         """It is cut; the one whose crop it has taken is forgotten."""
         self._lain = [k for k in self._lain if not self._left_by(lain.side, k)] + [lain]
 
-    def beside(self, side: Side) -> tuple[Array, Array]:
-        """What is known of a side's lane before anything is seen of it: (2,) and (2, 2) as in
-        `Lain`."""
+    def beside(self, side: Side, sight_m: float) -> Lain:
+        """What is known of a side's lane before anything is seen of it: as it will be seen, beside
+        where the machine has driven along the last."""
+        seen = np.array([1.0, 0.0])
         last = self._last(side)
         if last is None:
-            return np.zeros(2), np.diag(LANE_SIGMA) ** 2
+            return Lain(side, sight_m * seen, sight_m, seen, np.diag(LANE_SIGMA) ** 2)
         moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
         askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
         grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
-        return moved @ last.x, moved @ last.p @ moved.T + grown
+        x = last.x + last.by_sight * (sight_m - last.sight_m)
+        rest = moved @ last.p @ moved.T + grown
+        return Lain(side, moved @ x + sight_m * seen, sight_m, moved @ last.by_sight + seen, rest)
 
     def knows(self, side: Side) -> bool:
         """Whether a lane has left its edge."""

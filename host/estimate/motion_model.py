@@ -16,6 +16,7 @@ from host.estimate.states import (
     GRADE_Y,
     GYRO,
     SCALE,
+    SIGHT,
     SLIP,
     WANDER,
     YAW,
@@ -58,6 +59,13 @@ CRAB_SIGMA = 0.01
 half a degree on a slope of five (Lenain et al. 2006)."""
 CRAB_TURN_RAD = 0.7
 """What is known of it is gone by a turn of so much: the slope is another's."""
+
+
+SIGHT_SIGMA_M, SIGHT_OVER_M = 0.05, 150.0
+"""Of what the mount, the lens and the detector err alike in every picture of a machine (0.048 m over
+120 random fields, each with a mount and a lens of its own), and the way over which that is
+another: some sides, along which light and dust are another's. Strip after strip is so much wider or
+narrower than planned: turns by dead reckoning and the ends of the sides across tell it."""
 
 
 class Wander(NamedTuple):
@@ -109,7 +117,7 @@ def _move(
     wander_m: float,
 ) -> None:
     """`move` by a step and a turn, compiled: of the Jacobian all rows are the unit matrix's but
-    those of the pose, of CRAB and of WANDER, and those hold few states."""
+    those of the pose, of CRAB, WANDER and SIGHT, and those hold few states."""
     run = abs(step)
     if by_gyro:
         turn -= x[GYRO] * lasted
@@ -127,12 +135,14 @@ def _move(
     step -= lost * x[SLIP] + whole * x[SCALE] + run * grade
     aside = run * x[CRAB]
     crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander_m)
+    alike = math.exp(-run / SIGHT_OVER_M)
     ahead, left = step * c - aside * s, step * s + aside * c
     x[X] += ahead
     x[Y] += left
     x[YAW] += turn
     x[CRAB] *= crab
     x[WANDER] *= same
+    x[SIGHT] *= alike
     for columns in (False, True):
         q = p.T if columns else p
         for k in range(len(x)):
@@ -147,6 +157,7 @@ def _move(
             q[YAW, k] += by_turn
             q[CRAB, k] *= crab
             q[WANDER, k] *= same
+            q[SIGHT, k] *= alike
     # Neighbouring steps err alike: their errors grow along a metre as one.
     along, across = along_sigma**2 * run, STEP_SIGMA[1] ** 2 * run
     p[X, X] += c * c * along + s * s * across
@@ -155,5 +166,6 @@ def _move(
     p[Y, X] += c * s * (along - across)
     p[YAW, YAW] += yaw
     p[CURVE, CURVE] += CURVE_PER_M**2 * run
+    p[SIGHT, SIGHT] += SIGHT_SIGMA_M**2 * (1.0 - alike**2)
     p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
     p[WANDER, WANDER] += wander_sigma_m**2 * (1.0 - same**2)

@@ -45,6 +45,7 @@ from host.estimate.states import (
     LANE_YAW,
     PLAN_YAW,
     SCALE,
+    SIGHT,
     STATES,
     WANDER,
     YAW,
@@ -199,9 +200,11 @@ class Position(Filter):
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
         edge it has left. `straight`: it is the whole of a side, that may be straightened."""
-        self._lanes.keep(Lain(self._lane_of, self._x[LANE].copy(), self._p[LANE, LANE].copy()))
+        self._lanes.keep(Lain.of(self._lane_of, self._x, self._p))
         self._lane_of = side
-        lane, covariance = self._lanes.beside(side)
+        lain = self._lanes.beside(side, float(self._x[SIGHT]))
+        lane, with_sight = lain.x, np.outer(lain.by_sight, self._p[SIGHT])
+        covariance = lain.p + np.outer(lain.by_sight, lain.by_sight) * self._p[SIGHT, SIGHT]
         self.aside = Aside()
         if straight and self._lanes.knows(side):
             sigma = math.sqrt(covariance[1, 1])
@@ -209,7 +212,7 @@ class Position(Filter):
             self.aside = caught_up(aside, float(lane[0]), math.sqrt(covariance[0, 0]))
             lane = lane - np.array(self.aside)
         self._x[LANE] = lane
-        self._p[LANE, :] = self._p[:, LANE] = 0.0
+        self._p[LANE, :], self._p[:, LANE] = with_sight, with_sight.T
         self._p[LANE, LANE] = covariance
         self._other_edge(side)
 
