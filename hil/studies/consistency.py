@@ -78,7 +78,7 @@ class Watcher:
         if pilot.phase is Phase.FOLLOW and pilot.cut_m > 0.0:
             edge = self._run.truth.edge_offset(bench.pose) - OVERLAP_M - pilot.strip.shift_m
             error = edge + pilot.lane.blade_offset_m
-            samples.add("lane", (error / pilot.lane.offset_sigma_m) ** 2, abs(error))
+            samples.add("lane", (error / pilot.lane.true_offset_sigma_m) ** 2, abs(error))
 
     def _look_at_outline(
         self, believed: tuple[float, float, float], true: tuple[float, float, float]

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from host.estimate.kalman import Array
 from host.estimate.measurements import edge
 from host.estimate.position import Position
-from host.estimate.states import CRAB, LANE_YAW, WANDER
+from host.estimate.states import CRAB, LANE_YAW, SIGHT, WANDER
 
 
 class Lane:
@@ -75,6 +77,13 @@ class Lane:
         """Standard deviation of the offset at the blade's line: the filter's, and what pictures
         one after the other err alike, which no number of them takes away."""
         return math.hypot(self._position.sigma(self._of_blade()), edge.LASTING_SIGMA_M)
+
+    @property
+    def true_offset_sigma_m(self) -> float:
+        """The same against the crop's true edge: with what every picture of the machine errs."""
+        alike = np.zeros(len(self._position.x))
+        alike[SIGHT] = 1.0
+        return math.hypot(self.offset_sigma_m, self._position.sigma(alike))
 
     @property
     def _turned_rad(self) -> float:

@@ -13,6 +13,7 @@ from host.estimate.estimator import Estimator
 from host.estimate.kalman import KEPT, Filter, Measurement
 from host.estimate.lane import Lane
 from host.estimate.measurements import begin, course, edge, end, rest
+from host.estimate.motion_model import SIGHT_SIGMA_M
 from host.estimate.odometry import Motion
 from host.estimate.place import Place
 from host.estimate.states import GYRO, LANE_OFFSET, PLAN_YAW, STATES, WANDER, YAW, X, Y
@@ -188,6 +189,13 @@ def test_the_lane_knows_its_error_where_what_lasts_is_counted(
         lane = followed(rng)
         squared.append((lane.blade_offset_m / lane.offset_sigma_m) ** 2)
     assert low < float(np.mean(squared)) < high
+
+
+def test_against_the_true_edge_a_lane_errs_by_what_all_pictures_err_alike_too() -> None:
+    lane = followed(np.random.default_rng(1))
+    assert lane.true_offset_sigma_m == pytest.approx(
+        math.hypot(lane.offset_sigma_m, SIGHT_SIGMA_M), rel=0.02
+    )
 
 
 def test_a_picture_from_the_same_place_is_hardly_a_second_measurement() -> None:
