@@ -202,21 +202,25 @@ class Geofence:
         outline: NDArray[np.float64],
         covariance: NDArray[np.float64],
         velocity: tuple[float, float] = (0.0, 0.0),
+        yaw_rate_radps: float = 0.0,
+        axle: tuple[float, float] = (0.0, 0.0),
     ) -> Verdict:
         """`outline`: (n, 2) corners of the machine in the field frame, m; their hull counts.
         `covariance`: (2, 2) of the position, m², or (n, 2, 2) of each corner, which a direction
         that is not known moves the more the farther out it is; NaN or infinite where there is none.
-        `velocity`: m/s, field frame."""
+        `velocity`: of its rear axle, which is at `axle`, m/s, field frame; it turns meanwhile."""
         each = covariance if covariance.ndim == 3 else covariance[np.newaxis]
-        vx, vy = velocity
         swept = np.empty((8 * len(outline), 2))
+        later = np.empty_like(swept)
         known_m = sweep.spread(outline, each, self.sigmas, self._slow_m, swept)
         if math.isnan(known_m):
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        if sweep.is_free(self._sides, swept, vx * self._slow_s, vy * self._slow_s):
+        sweep.moved(swept, axle, velocity, yaw_rate_radps, self._slow_s, later)
+        if sweep.is_free(self._sides, swept, later):
             return CLEAR
         sweep.spread(outline, each, self.sigmas, 0.0, swept)
-        goes_on = sweep.is_free(self._sides, swept, vx * self._stop_s, vy * self._stop_s)
+        sweep.moved(swept, axle, velocity, yaw_rate_radps, self._stop_s, later)
+        goes_on = sweep.is_free(self._sides, swept, later)
         clearance, keep_out = self._clearance(outline)
         where = f"{clearance:.1f} m to" if clearance >= 0 else "beyond"
         nearest = "the permitted area's border" if keep_out is None else f"keep-out {keep_out + 1}"
@@ -232,7 +236,7 @@ class Geofence:
     def _clearance(self, outline: NDArray[np.float64]) -> tuple[float, int | None]:
         """Negative: how far the furthest corner is beyond, or how deep in a keep-out. And which
         keep-out the machine would touch first; None where the border is nearer."""
-        if not sweep.is_free(self._sides, outline, 0.0, 0.0):
+        if not sweep.is_free(self._sides, outline, outline):
             return self._depth(outline)
         sweep.gaps(self._sides, self._rings, outline, self._gaps)
         border, *keep_outs = self._gaps.tolist()

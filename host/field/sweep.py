@@ -51,6 +51,25 @@ def spread(outline: Array, covariance: Array, sigmas: float, more_m: float, out:
 
 
 @njit(cache=True, nogil=True)
+def moved(
+    points: Array, at: tuple[float, float], velocity: tuple[float, float], yaw_rate: float,
+    lasts_s: float, out: Array,
+) -> None:  # fmt: skip
+    """Where points (n, 2) of a machine are in so long, into `out`: its rear axle `at` goes at a
+    velocity, m/s, that turns with it at yaw_rate, rad/s."""
+    turn = yaw_rate * lasts_s
+    c, s = math.cos(turn), math.sin(turn)
+    along, aside = lasts_s, 0.0
+    if abs(turn) > 1e-6:
+        along, aside = s / yaw_rate, (1.0 - c) / yaw_rate
+    to_x = at[0] + velocity[0] * along - velocity[1] * aside
+    to_y = at[1] + velocity[0] * aside + velocity[1] * along
+    for k in range(len(points)):
+        x, y = points[k, 0] - at[0], points[k, 1] - at[1]
+        out[k, 0], out[k, 1] = to_x + c * x - s * y, to_y + s * x + c * y
+
+
+@njit(cache=True, nogil=True)
 def _farthest(along: Array, beside: Array, sense: float) -> float:
     """How far along the line beside = 0 the hull of points on both sides of it reaches, in the
     direction `sense`. From pair to pair: the line through a point on either side that leaves all
@@ -83,8 +102,8 @@ def _farthest(along: Array, beside: Array, sense: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _meets(points: Array, way_x: float, way_y: float, side: Array) -> bool:
-    """Whether a side (4,) touches the hull of points (n, 2) and of these moved by a way."""
+def _meets(points: Array, later: Array, side: Array) -> bool:
+    """Whether a side (4,) touches the hull of points (n, 2) and of where they are later."""
     ax, ay, bx, by = side
     length = math.hypot(bx - ax, by - ay)
     if length == 0.0:
@@ -96,8 +115,8 @@ def _meets(points: Array, way_x: float, way_y: float, side: Array) -> bool:
     for k in range(n):
         x, y = points[k, 0] - ax, points[k, 1] - ay
         along[k], beside[k] = x * c + y * s, y * c - x * s
-        along[n + k] = along[k] + way_x * c + way_y * s
-        beside[n + k] = beside[k] + way_y * c - way_x * s
+        x, y = later[k, 0] - ax, later[k, 1] - ay
+        along[n + k], beside[n + k] = x * c + y * s, y * c - x * s
         most, least = max(most, beside[k], beside[n + k]), min(least, beside[k], beside[n + k])
     if least > 0.0 or most < 0.0:
         return False
@@ -105,14 +124,14 @@ def _meets(points: Array, way_x: float, way_y: float, side: Array) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def is_free(sides: Array, points: Array, way_x: float, way_y: float) -> bool:
-    """Whether the hull of points (n, 2), and of these moved by a way, touches none of the sides
+def is_free(sides: Array, points: Array, later: Array) -> bool:
+    """Whether the hull of points (n, 2), and of where they are later, touches none of the sides
     (m, 4) of any area, and lies in the permitted area, but in no keep-out."""
     low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
     for k in range(len(points)):
-        x, y = points[k]
-        low_x, high_x = min(low_x, x, x + way_x), max(high_x, x, x + way_x)
-        low_y, high_y = min(low_y, y, y + way_y), max(high_y, y, y + way_y)
+        (x, y), (to_x, to_y) = points[k], later[k]
+        low_x, high_x = min(low_x, x, to_x), max(high_x, x, to_x)
+        low_y, high_y = min(low_y, y, to_y), max(high_y, y, to_y)
     of_x, of_y = points[0]
     inside = False
     for k in range(len(sides)):
@@ -126,7 +145,7 @@ def is_free(sides: Array, points: Array, way_x: float, way_y: float) -> bool:
         nx, ny = by - ay, ax - bx
         middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
         reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
-        if abs(middle) <= reach + NEAR_M and _meets(points, way_x, way_y, sides[k]):
+        if abs(middle) <= reach + NEAR_M and _meets(points, later, sides[k]):
             return False
     return inside
 

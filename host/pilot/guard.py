@@ -15,6 +15,7 @@ from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
 from host.estimate.estimator import Estimator
 from host.estimate.position import Position
+from host.field import sweep
 from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
 from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
@@ -134,35 +135,42 @@ class Guard:
         wider, only the position against it surer."""
         if command.request is not Request.DRIVE or command.speed_mps == 0.0:
             return command
-        verdict = self._verdict(command.speed_mps, seen)
+        verdict = self._verdict(command, seen)
         if verdict is None or verdict.level is Level.CLEAR:
             return command
         slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
         slowly = replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
-        creeping = self._verdict(slow, seen) or verdict
+        creeping = self._verdict(slowly, seen) or verdict
         if creeping.level is not Level.STOP:
             return slowly
-        later = self._verdict(command.speed_mps, seen, LEADS_AWAY_S)
+        later = self._verdict(command, seen, LEADS_AWAY_S)
         if later is not None and not later.clearance_m <= verdict.clearance_m + LEADS_AWAY_M:
             return slowly
         return verdict
 
-    def _verdict(self, speed_mps: float, seen: SeenFree, ahead_s: float = 0.0) -> Verdict | None:
+    def _verdict(self, command: Command, seen: SeenFree, ahead_s: float = 0.0) -> Verdict | None:
         """The geofence's answer for the place reached in ahead_s; None without fence or place."""
         if self._fence is None or not self._position.known:
             return None
         x, y, yaw = self._position.pose
-        vx, vy = speed_mps * math.cos(yaw), speed_mps * math.sin(yaw)
-        outline = placed(self._outline, x + vx * ahead_s, y + vy * ahead_s, yaw)
+        speed = command.speed_mps
+        rate = speed * math.tan(command.steer_rad) / self._vehicle.wheelbase_m
+        outline = placed(self._outline, x, y, yaw)
+        # On the lock a machine's blade swings to where its axle does not go.
+        velocity = speed * math.cos(yaw), speed * math.sin(yaw)
+        if ahead_s > 0.0:
+            now = outline.copy()
+            sweep.moved(now, (x, y), velocity, rate, ahead_s, outline)
         covariance = self._position.covariance_of(outline)
         as_planned = self._position.as_planned(outline)
         nearer_m = seen.crop_m
-        if math.isfinite(seen.clear_m) and speed_mps > 0.0:
+        if math.isfinite(seen.clear_m) and speed > 0.0:
             clear = self._fence.clearance(as_planned)
             nearer_m = min(nearer_m, max(0.0, clear - (seen.clear_m - GAP_MARGIN_M)))
         if math.isfinite(nearer_m):
             covariance = no_farther(covariance, yaw, nearer_m / self._fence.sigmas)
-        return self._fence.check(as_planned, covariance, (vx, vy))
+        moved_x, moved_y = (as_planned[0] - outline[0]).tolist()
+        return self._fence.check(as_planned, covariance, velocity, rate, (x + moved_x, y + moved_y))
 
 
 def no_farther(

@@ -110,6 +110,16 @@ def test_travel_counts_in_every_direction() -> None:
     assert FENCE.check(outline, CERTAIN, (0.5, 0.0)).level is Level.SLOW
 
 
+@pytest.mark.parametrize(
+    ("steer", "level"), [(0.0, Level.CLEAR), (0.6, Level.STOP), (-0.6, Level.CLEAR)]
+)
+def test_a_blade_that_swings_out_on_the_lock_counts(steer: float, level: Level) -> None:
+    """Beside the border, along it: the axle stays away from it, the blade's end does not."""
+    outline = placed(OUTLINE, 10.0, 20.8, 0.0)
+    verdict = FENCE.check(outline, CERTAIN, (0.8, 0.0), 0.8 * math.tan(steer), (10.0, 20.8))
+    assert verdict.level is level
+
+
 @pytest.mark.parametrize("way_deg", [0.0, 22.5, 67.5])
 def test_two_standard_deviations_count_in_every_direction(way_deg: float) -> None:
     way = math.radians(way_deg)
@@ -178,26 +188,36 @@ spreads = st.tuples(st.floats(0, 1.5), st.floats(0, 1.5), st.floats(-4, 4))
 velocities = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
 
 
-@given(places, spreads, velocities, st.floats(0, math.tau), st.floats(0, 1))
+@given(
+    places, spreads, st.floats(-1, 1), st.floats(-0.7, 0.7), st.floats(0, math.tau), st.floats(0, 1)
+)
 def test_not_stopped_means_inside_wherever_the_machine_may_really_be(
     place: tuple[float, float, float],
     spread: tuple[float, float, float],
-    velocity: tuple[float, float],
+    speed: float,
+    steer: float,
     way: float,
     share: float,
 ) -> None:
-    """Within two standard deviations in any direction, now and until it would stand."""
+    """Within two standard deviations in any direction, now and until it would stand, also on the
+    lock, where the blade swings out: to 3 cm, by which the blade's arc is higher than its chord."""
     along, across, axis = spread
+    x, y, yaw = place
     outline = placed(OUTLINE, *place)
-    if FENCE.check(outline, covariance(*spread), velocity).level is Level.STOP:
+    velocity, rate = (speed * math.cos(yaw), speed * math.sin(yaw)), speed * math.tan(steer)
+    verdict = FENCE.check(outline, covariance(*spread), velocity, rate, (x, y))
+    if verdict.level is Level.STOP:
         return
     u, v = 2 * along * math.cos(way), 2 * across * math.sin(way)
     error = (
         u * math.cos(axis) - v * math.sin(axis),
         u * math.sin(axis) + v * math.cos(axis),
     )
-    travel = np.array(velocity) * 0.6 * share
-    truth = shapely.Polygon(outline + np.array(error) * (1 - 1e-6) + travel)
+    turned = rate * 0.6 * share
+    chord = speed * 0.6 * share * (math.sin(turned / 2) / (turned / 2) if turned else 1.0)
+    x, y = x + chord * math.cos(yaw + turned / 2), y + chord * math.sin(yaw + turned / 2)
+    there = placed(OUTLINE, x, y, yaw + turned) + np.array(error) * (1 - 1e-6)
+    truth = shapely.Polygon(there).buffer(-0.03)
     assert AREAS.permitted.contains(truth)
     assert not AREAS.keep_outs[0].intersects(truth)
 

@@ -153,3 +153,18 @@ def test_a_corner_that_is_found_farther_off_than_a_walk_errs_stops_the_machine()
     estimate.position.outline.move(moved)
     go = watch(State.RUNNING, estimate)
     assert go is not None and "6 m" in go.text
+
+
+@pytest.mark.parametrize(("steer_rad", "leaves"), [(0.0, True), (0.3, True), (-0.6, False)])
+def test_who_stands_too_near_may_leave_but_not_swing_its_blade_out(
+    steer_rad: float, leaves: bool
+) -> None:
+    """The border lies at its right. Its axle goes away from it; on the right lock its blade does
+    not."""
+    position = Position(VEHICLE, plan().boundary, 0.0)
+    position.place(plan().sides[0], 3.0, -2.1, math.radians(4.0))
+    guard = Guard(plan(), VEHICLE, position)
+    answer = guard.limit(Command(Request.DRIVE, steer_rad, 0.3, False))
+    assert isinstance(answer, Command) is leaves
+    if isinstance(answer, Command):
+        assert answer.speed_mps == CREEP_MPS
