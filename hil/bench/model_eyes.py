@@ -273,6 +273,15 @@ def features_of(
     )
 
 
+def read_as(seen_m: float, was_m: float, here_m: float) -> float:
+    """How far ahead crop is read that stands here_m ahead, by an answer that read seen_m where it
+    stood was_m ahead (here_m may be infinite). What stood in its way, dust or swath, stands there
+    still: it does not come nearer with the crop."""
+    if not math.isfinite(here_m):
+        return seen_m
+    return max(0.0, here_m + seen_m - was_m, min(here_m, seen_m) if seen_m < was_m else 0.0)
+
+
 @cache
 def library(path: Path = LIBRARY) -> Library:
     """The library in a file. UserError where there is none."""
@@ -472,8 +481,7 @@ class ModelDetector:
         seen, was = float(c["crop_ahead_m"][row]), float(c["read_ahead_m"][row])
         ahead = seen
         if sight.ahead_m >= CUTTING_M and math.isfinite(seen) and math.isfinite(was):
-            here = sight.read_ahead_m
-            ahead = max(0.0, here + seen - was) if math.isfinite(here) else seen
+            ahead = read_as(seen, was, sight.read_ahead_m)
         beyond = float(c["edge_ahead_m"][row])
         if math.isfinite(seen) and math.isfinite(ahead):
             beyond = max(0.0, beyond + ahead - seen)

@@ -13,7 +13,7 @@ import pytest
 from hil.bench.eyes import PerfectEye
 from hil.bench.harvest import Harvest, harvest
 from hil.bench.lockstep import Bench
-from hil.bench.model_eyes import ModelEyes, library
+from hil.bench.model_eyes import ModelEyes, library, read_as
 from hil.firmware import targets
 from hil.scenario.scenario import Scenario, load
 from host.core.errors import UserError
@@ -111,6 +111,23 @@ def test_a_repeated_and_a_broken_picture_are_told_apart() -> None:
     assert not repeated.usable and "repeats" in repeated.reason
     broken = standing.detector.see(NOTHING)
     assert not broken.usable and "broken" in broken.reason
+
+
+@pytest.mark.parametrize(
+    ("seen_m", "was_m", "here_m", "read_m"),
+    [
+        (1.1, 1.0, 0.5, 0.6),
+        (0.95, 1.0, 1.2, 1.15),
+        (0.9, 2.4, 1.2, 0.9),
+        (0.9, 2.4, 0.6, 0.6),
+        (0.0, 1.0, 0.5, 0.0),
+        (2.0, 1.5, math.inf, 2.0),
+    ],
+)
+def test_what_is_read_too_near_comes_no_nearer_with_the_crop(
+    seen_m: float, was_m: float, here_m: float, read_m: float
+) -> None:
+    assert read_as(seen_m, was_m, here_m) == pytest.approx(read_m)
 
 
 def test_what_the_library_does_not_know_is_refused() -> None:
