@@ -59,7 +59,7 @@ CRAB_SIGMA = 0.01
 half a degree on a slope of five (Lenain et al. 2006)."""
 CRAB_TURN_RAD = 0.7
 """What is known of it is gone by a turn of so much: the slope is another's."""
-SIGHT_SIGMA_M, SIGHT_OVER_M = 0.05, 150.0
+SIGHT_SIGMA_M, SIGHT_OVER_M = 0.045, 150.0
 """Of what the mount, the lens and the detector err alike in every picture of a machine (0.048 m
 over 120 random fields, each with a mount and a lens of its own), and the way over which that is
 another: some sides, along which light and dust are another's. Strip after strip is so much wider or

@@ -165,7 +165,9 @@ class Geofence:
 
     The hull of the machine's outline is swept by its travel within a horizon and by the ellipse of
     `sigmas` standard deviations. STOP where the sweep of `stop_s` leaves the permitted area or
-    touches a keep-out; SLOW where the sweep of `slow_s`, wider by `slow_m`, does. Pure: the same
+    touches a keep-out; SLOW where the sweep of `slow_s`, wider by `slow_m`, does. The nearer sweep
+    turns with the machine: on the lock a blade swings to where its axle does not go. The farther
+    one goes straight on: nothing stays on the lock for so long. Pure: the same
     question has the same answer."""
 
     def __init__(
@@ -215,12 +217,15 @@ class Geofence:
         known_m = sweep.spread(outline, each, self.sigmas, self._slow_m, swept)
         if math.isnan(known_m):
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        sweep.moved(swept, axle, velocity, yaw_rate_radps, self._slow_s, later)
-        if sweep.is_free(self._sides, swept, later):
+        sweep.moved(swept, axle, velocity, 0.0, self._slow_s, later)
+        clear = sweep.is_free(self._sides, swept, later)
+        if clear and yaw_rate_radps == 0.0:
             return CLEAR
         sweep.spread(outline, each, self.sigmas, 0.0, swept)
         sweep.moved(swept, axle, velocity, yaw_rate_radps, self._stop_s, later)
         goes_on = sweep.is_free(self._sides, swept, later)
+        if clear and goes_on:
+            return CLEAR
         clearance, keep_out = self._clearance(outline)
         where = f"{clearance:.1f} m to" if clearance >= 0 else "beyond"
         nearest = "the permitted area's border" if keep_out is None else f"keep-out {keep_out + 1}"
