@@ -106,8 +106,8 @@ class Follow(Behaviour):
     def _left_alone(self, now: float) -> Go | None:
         """Clear ground longer than a patch, after a look: what comes next may be somebody else's,
         and a person must see. The last side ends there if the plan has next to nothing more, and
-        so does any side of a boundary that is still to be found: the turn leads back into the
-        field."""
+        so does any side of a boundary that is still to be found, and once one that is all but
+        driven: the turn leads back into the field, and the geofence watches."""
         context, guard = self.context, self.context.estimate.cut
         if not guard.refused:
             return None
@@ -123,6 +123,9 @@ class Follow(Behaviour):
             return Why.LAST_CLEAR.go()
         if context.strip.remnant:
             return Why.REMNANT_GONE.go()
+        if context.guard.fenced and left_m < END_REST_M and not context.by_plan:
+            context.by_plan = True
+            return end_side(context, now, EndOfField(now, context.motion, context.strip.index))
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
         return Why.CLEAR_GROUND.go(clear=f"{guard.clear_m:.1f}", more=more)
 

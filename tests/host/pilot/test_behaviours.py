@@ -482,6 +482,22 @@ def test_clear_ground_where_next_to_nothing_is_left_ends_the_field(
     assert is_for(Follow(context).step(NOW)[1], reason)
 
 
+@pytest.mark.parametrize(
+    ("left_m", "again", "reason"),
+    [
+        (END_REST_M - 0.1, False, SideEnd.BY_PLAN),
+        (END_REST_M - 0.1, True, Followed.CLEAR_GROUND),
+        (END_REST_M + 0.1, False, Followed.CLEAR_GROUND),
+    ],
+)
+def test_clear_ground_on_a_side_that_is_all_but_driven_ends_it_once(
+    left_m: float, again: bool, reason: Reason
+) -> None:
+    context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
+    context.by_plan, context.estimate.cut.refused = again, True
+    assert is_for(Follow(context).step(NOW)[1], reason)
+
+
 # ---- the looks, the doubt ------------------------------------------------------------------------
 
 
