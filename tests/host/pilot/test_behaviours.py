@@ -11,6 +11,7 @@ import pytest
 from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
+from host.estimate.cut_guard import CutGuard
 from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
 from host.field.areas import Level, Verdict
@@ -491,8 +492,10 @@ def test_clear_ground_where_next_to_nothing_is_left_ends_the_field(
     ],
 )
 def test_clear_ground_on_a_side_that_is_all_but_driven_ends_it_once(
-    left_m: float, again: bool, reason: Reason
+    monkeypatch: pytest.MonkeyPatch, left_m: float, again: bool, reason: Reason
 ) -> None:
+    """It has crossed long clear ground, beside crop that it could not get at."""
+    monkeypatch.setattr(CutGuard, "clear_m", 5.0)
     context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
     context.by_plan, context.estimate.cut.refused = again, True
     assert is_for(Follow(context).step(NOW)[1], reason)
