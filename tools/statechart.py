@@ -59,8 +59,8 @@ def chart() -> str:
             "",
             *(f"- to {reason.to.name}: {_words(reason)}" for reason in Watched),
             "",
-            "This takes the place of any reason to FINISH while much still stands "
-            "(`host/pilot/endings.py`):",
+            "If crop stands at the end that the first plan would have cut, one of these takes the",
+            "place of the reason to FINISH (`host/pilot/endings.py`):",
             "",
             *(f"- to {reason.to.name}: {_words(reason)}" for reason in Over),
             "",

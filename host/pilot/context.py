@@ -79,8 +79,9 @@ class Context:
         self.by_plan = False
         """Whether the last end was the plan's alone: twice in a row it is none."""
         self._shown_m2 = plan.unreached_m2
-        self.beside_keep_outs_m2 = 0.0
-        """What was left standing there that the plan would have cut."""
+        self.left_standing_m2 = 0.0
+        """Of sides that were ended before the plan's end: beside keep-outs, and where no edge was
+        to be found."""
         self.backs = 0
         """How often the machine has backed off on this side."""
         self.regained = 0
@@ -91,7 +92,7 @@ class Context:
     @property
     def left_m2(self) -> float:
         """What stays standing besides what the plan had shown at first."""
-        return self.plan.unreached_m2 - self._shown_m2 + self.beside_keep_outs_m2
+        return self.plan.unreached_m2 - self._shown_m2 + self.left_standing_m2
 
     @property
     def motion(self) -> Motion:

@@ -93,6 +93,16 @@ def end_side(
     return turn_on(context, now, ended)
 
 
+def end_by_plan(context: Context, now: float) -> Go | None:
+    """Ends the present side where the plan has next to nothing more of it, or nothing, though no
+    picture shows an end; not twice in a row. What is left of it stays standing."""
+    if context.by_plan:
+        return None
+    context.by_plan = True
+    context.left_standing_m2 += context.strip.left_m2
+    return end_side(context, now, EndOfField(now, context.motion, context.strip.index))
+
+
 def over(context: Context, go: Go) -> Go:
     """What the harvest ends with, where a transition would finish it. Around corners that were
     found elsewhere a plan may reach less than the one that the owner saw."""

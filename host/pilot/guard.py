@@ -130,7 +130,7 @@ class Guard:
 
     def limit(self, command: Command, seen: SeenFree = SeenFree()) -> Command | Verdict:
         """The command as the geofence lets it pass, whatever vision says, or why it does not. What
-        leads away from the border (a clear place has no clearance, NaN) is let pass slowly: a
+        leads away from the border is let pass slowly: a
         machine that stands too near must be able to leave. What was `seen` makes the border no
         wider, only the position against it surer."""
         if command.request is not Request.DRIVE or command.speed_mps == 0.0:
@@ -143,34 +143,44 @@ class Guard:
         creeping = self._verdict(slowly, seen) or verdict
         if creeping.level is not Level.STOP:
             return slowly
-        later = self._verdict(command, seen, LEADS_AWAY_S)
-        if later is not None and not later.clearance_m <= verdict.clearance_m + LEADS_AWAY_M:
-            return slowly
-        return verdict
+        return slowly if self._leads_away(command) else verdict
 
-    def _verdict(self, command: Command, seen: SeenFree, ahead_s: float = 0.0) -> Verdict | None:
-        """The geofence's answer for the place reached in ahead_s; None without fence or place."""
+    def _leads_away(self, command: Command) -> bool:
+        """Whether the machine will have more room a little later."""
+        assert self._fence is not None
+        x, y, yaw = self._position.pose
+        now = placed(self._outline, x, y, yaw)
+        later = np.empty_like(now)
+        sweep.moved(now, (x, y), *self._motion(command), LEADS_AWAY_S, later)
+        room, room_later = (
+            self._fence.clearance(self._position.as_planned(outline)) for outline in (now, later)
+        )
+        return room_later > room + LEADS_AWAY_M
+
+    def _motion(self, command: Command) -> tuple[tuple[float, float], float]:
+        """The rear axle's velocity, m/s, field frame, and the yaw rate, rad/s: on the lock a
+        machine's blade swings to where its axle does not go."""
+        speed, yaw = command.speed_mps, self._position.pose[2]
+        rate = speed * math.tan(command.steer_rad) / self._vehicle.wheelbase_m
+        return (speed * math.cos(yaw), speed * math.sin(yaw)), rate
+
+    def _verdict(self, command: Command, seen: SeenFree) -> Verdict | None:
+        """The geofence's answer; None without fence or place."""
         if self._fence is None or not self._position.known:
             return None
         x, y, yaw = self._position.pose
-        speed = command.speed_mps
-        rate = speed * math.tan(command.steer_rad) / self._vehicle.wheelbase_m
         outline = placed(self._outline, x, y, yaw)
-        # On the lock a machine's blade swings to where its axle does not go.
-        velocity = speed * math.cos(yaw), speed * math.sin(yaw)
-        if ahead_s > 0.0:
-            now = outline.copy()
-            sweep.moved(now, (x, y), velocity, rate, ahead_s, outline)
         covariance = self._position.covariance_of(outline)
         as_planned = self._position.as_planned(outline)
         nearer_m = seen.crop_m
-        if math.isfinite(seen.clear_m) and speed > 0.0:
+        if math.isfinite(seen.clear_m) and command.speed_mps > 0.0:
             clear = self._fence.clearance(as_planned)
             nearer_m = min(nearer_m, max(0.0, clear - (seen.clear_m - GAP_MARGIN_M)))
         if math.isfinite(nearer_m):
             covariance = no_farther(covariance, yaw, nearer_m / self._fence.sigmas)
         moved_x, moved_y = (as_planned[0] - outline[0]).tolist()
-        return self._fence.check(as_planned, covariance, velocity, rate, (x + moved_x, y + moved_y))
+        axle = x + moved_x, y + moved_y
+        return self._fence.check(as_planned, covariance, *self._motion(command), axle)
 
 
 def no_farther(

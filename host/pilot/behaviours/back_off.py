@@ -7,14 +7,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from host.core.messages import Command
-from host.estimate.crop_ahead import EndOfField
 from host.estimate.odometry import Motion
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.follow import LANE_SIGMA_M
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, Context
-from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
+from host.pilot.endings import Elsewhere, Patience, SideEnd, end_by_plan, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import Gaze
 
@@ -62,11 +61,10 @@ class BackOff(Behaviour):
         if backed and now - context.since > LOOKED_S:
             if context.goes_unseeing(now):
                 return context.hold(), Why.OWN_CROP.go()
-            strip = context.strip
-            if strip.placed and strip.left_m() < END_REST_M and not context.by_plan:
-                context.by_plan = True
-                end = EndOfField(now, context.motion, strip.index)
-                return context.hold(), end_side(context, now, end)
+            if context.strip.placed and context.strip.left_m() < END_REST_M:
+                go = end_by_plan(context, now)
+                if go is not None:
+                    return context.hold(), go
         return self._move(now), None
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:

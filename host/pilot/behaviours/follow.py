@@ -8,7 +8,7 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
-from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_by_plan, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
@@ -29,7 +29,8 @@ END_LOOK_EVERY_M = 0.3
 NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
 KEEP_OUT_SHARE, KEEP_OUT_M2 = 0.03, 8.0
-"""Of the field, and at most: for no more than that beside its keep-outs the harvest goes on."""
+"""Of the field, and at most: once no more than that is left, and beside a keep-out, the harvest is
+over."""
 END_REST_M = 1.0
 """Of a side, before its end: no more than a walked corner errs."""
 SPIN_S = 0.6
@@ -82,20 +83,19 @@ class Follow(Behaviour):
         end, which knows how surely the machine knows its place; what is left of it stays, and is
         told when all else is cut."""
         context, strip = self.context, self.context.strip
-        here = EndOfField(now, context.motion, strip.index)
         if verdict.at_keep_out and strip.placed:
             left_m2 = context.left_m2 + strip.left_m2
             most_m2 = min(KEEP_OUT_SHARE * context.plan.area_m2, KEEP_OUT_M2)
             if left_m2 + strip.rest_m2 < most_m2:
+                context.left_standing_m2 += strip.left_m2 + strip.rest_m2
                 return Why.LEFT_AT_KEEP_OUT.go()
             if verdict.clearance_m >= 0.0:
-                context.beside_keep_outs_m2 += strip.left_m2
+                context.left_standing_m2 += strip.left_m2
+                here = EndOfField(now, context.motion, strip.index)
                 return end_side(context, now, here, refused=True)
-        ends = strip.placed and strip.left_m() < END_REST_M and not context.by_plan
-        if verdict.clearance_m >= 0.0 and ends:
-            context.by_plan = True
-            return end_side(context, now, here)
-        return super().blocked(now, verdict)
+        ends = strip.placed and strip.left_m() < END_REST_M and verdict.clearance_m >= 0.0
+        go = end_by_plan(context, now) if ends else None
+        return go or super().blocked(now, verdict)
 
     def _hold(self, go: Go) -> Command:
         """On its way to a look the machine still rolls, and what its blade does not cut stays: once
@@ -123,9 +123,10 @@ class Follow(Behaviour):
             return Why.LAST_CLEAR.go()
         if context.strip.remnant:
             return Why.REMNANT_GONE.go()
-        if context.guard.fenced and left_m < END_REST_M and not context.by_plan:
-            context.by_plan = True
-            return end_side(context, now, EndOfField(now, context.motion, context.strip.index))
+        if context.guard.fenced and left_m < END_REST_M:
+            go = end_by_plan(context, now)
+            if go is not None:
+                return go
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
         return Why.CLEAR_GROUND.go(clear=f"{guard.clear_m:.1f}", more=more)
 
@@ -176,10 +177,8 @@ class Follow(Behaviour):
             # A short side may have gone with its neighbours.
             return end_side(context, now, here) if strip.skippable else Why.CROP_GONE.go()
         if strip.overrun():
-            if not context.guard.fenced or context.by_plan:
-                return Why.TOO_LONG.go()
-            context.by_plan = True
-            return end_side(context, now, here)
+            go = end_by_plan(context, now) if context.guard.fenced else None
+            return go or Why.TOO_LONG.go()
         return None
 
     def _doubts(self, now: float) -> Go | None:

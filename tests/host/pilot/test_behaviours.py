@@ -349,7 +349,7 @@ def test_what_is_left_beside_keep_outs_is_counted_together_and_told_at_the_end()
         (LEFT_M2 + 0.1, Over.SOME_LEFT),
         (LEFT_MOST_M2 + 0.1, Over.MUCH_LEFT),
     ):
-        context.beside_keep_outs_m2 = left_m2
+        context.left_standing_m2 = left_m2
         go = over(context, SideEnd.LAST.go())
         assert is_for(go, told)
         assert go.text.startswith(SideEnd.LAST.text)
