@@ -25,6 +25,10 @@ STRAIGHT_RAD: Final = math.radians(10)
 RECEIVER_S: Final = 5.0
 """At one speed, until the receiver's own filter shows it too."""
 SAME_MPS: Final = 0.05
+FALLS_S, FALLS_SHARE = 3.0, 0.25
+"""While the speed was not this share higher so long ago, a receiver that smooths shows no more than
+the machine drives: a sensor that says less then loses pulses. So a machine that stops and goes, and
+a sensor with few pulses a second, show it too."""
 MOST_FIXES: Final = 30
 OFF: Final = ((10, 0.15), (4, 0.35))
 """Share by which sensor and receiver may differ on the mean of so many fixes: what commissioning
@@ -45,7 +49,11 @@ class SpeedWatch:
         self._gross_s = 0.0
         self._ratio = 1.0
         self._speeds: deque[float] = deque(maxlen=MOST_FIXES)
-        """Of the sensor over the receiver."""
+        """Of the sensor over the receiver, at one speed;"""
+        self._least: deque[float] = deque(maxlen=MOST_FIXES)
+        """and at any that does not fall: they are too large, if anything."""
+        self._past: deque[tuple[float, float]] = deque()
+        """(stamp, speed that the sensor showed) of late."""
         self._by_receiver = ""
         """What they show to be wrong."""
 
@@ -55,6 +63,9 @@ class SpeedWatch:
         self._stamp = telemetry.stamp
         if not 0 < dt < 1.0 or telemetry.speed_mps is None:
             return
+        self._past.append((telemetry.stamp, telemetry.speed_mps))
+        while self._past[0][0] < telemetry.stamp - FALLS_S:
+            self._past.popleft()
         duty = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
         self._driven_s = self._driven_s + dt if abs(duty) > MOVING_MPS else 0.0
         same = abs(telemetry.speed_mps - self._same_mps) < SAME_MPS
@@ -76,10 +87,15 @@ class SpeedWatch:
         counted = telemetry.speed_mps
         if counted is None or fix.speed_mps is None or fix.quality == 0:
             return
-        straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
-        if self._same_s > RECEIVER_S and counted > MOVING_MPS and straight:
-            self._speeds.append(counted / max(fix.speed_mps, 0.1))
-            self._by_receiver = self._compared()
+        if abs(telemetry.angle_rad) >= STRAIGHT_RAD:
+            return
+        ratio = counted / max(fix.speed_mps, 0.1)
+        if self._same_s > RECEIVER_S and counted > MOVING_MPS:
+            self._speeds.append(ratio)
+        highest = max((speed for _, speed in self._past), default=math.inf)
+        if fix.speed_mps > MOVING_MPS and counted > max(0.0, (1.0 - FALLS_SHARE) * highest):
+            self._least.append(ratio)
+        self._by_receiver = _compared(self._speeds) or _compared(self._least, less=True)
 
     @property
     def wrong(self) -> str:
@@ -90,11 +106,14 @@ class SpeedWatch:
             )
         return self._by_receiver
 
-    def _compared(self) -> str:
-        off = next((share for count, share in OFF if len(self._speeds) >= count), math.inf)
-        if math.isinf(off):
-            return ""
-        mean, error = mean_and_error(self._speeds)
-        if abs(mean - 1.0) > max(off, SIGNIFICANT * error):
-            return f"the wheels' sensor says {mean:.2f} of the receiver's speed"
+
+def _compared(speeds: deque[float], *, less: bool = False) -> str:
+    """What these show to be wrong, in words; `less`: only that the sensor says less."""
+    off = next((share for count, share in OFF if len(speeds) >= count), math.inf)
+    if math.isinf(off):
         return ""
+    mean, error = mean_and_error(speeds)
+    wrong = max(off, SIGNIFICANT * error)
+    if mean < 1.0 - wrong or (mean > 1.0 + wrong and not less):
+        return f"the wheels' sensor says {mean:.2f} of the receiver's speed"
+    return ""

@@ -89,3 +89,48 @@ def test_what_is_less_is_seen_by_the_receiver(counts: float) -> None:
 def test_without_a_sensor_or_in_a_curve_nothing_is_said() -> None:
     assert watched(0.3, fitted=False)[0] == ""
     assert watched(0.8, angle_rad=0.6)[0] == ""
+
+
+def unsteady(
+    counts: float, smoothing_s: float, seed: int, go_s: float, rest_s: float, slow_mps: float
+) -> tuple[str, float]:
+    """The same of a machine that drives and slows down again and again, whose sensor shows whole
+    pulses, and whose receiver speaks five times a second and smooths."""
+    watch, rng = SpeedWatch(V), np.random.default_rng(seed)
+    true = smoothed = 0.0
+    for k in range(1, round(90.0 / STEP_S)):
+        t = k * STEP_S
+        wanted = 0.5 if t % (go_s + rest_s) < go_s else slow_mps
+        true += (wanted - true) * STEP_S / 0.3
+        smoothed += (true - smoothed) * STEP_S / max(smoothing_s, STEP_S)
+        pulse_mps = 0.06
+        speed = pulse_mps * round((counts * true + rng.uniform(-0.03, 0.03)) / pulse_mps)
+        duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= wanted)
+        told = Telemetry(t, State.RUNNING, 0, 0.0, 0.0, 0, duty, True, speed, 0.0, 12.0, 0, 0)
+        watch.take_telemetry(told)
+        if k % 4 == 0:
+            doppler = abs(smoothed + rng.normal(0, 0.06))
+            watch.take_fix(Fix(t, 31.5, 74.3, 1, 0.8, 9, round(doppler, 2), 0.0), told)
+        if watch.wrong:
+            return watch.wrong, t
+    return "", 90.0
+
+
+@pytest.mark.parametrize("smoothing_s", [0.0, 1.5])
+def test_pulses_that_are_lost_show_in_a_machine_that_stops_and_goes(smoothing_s: float) -> None:
+    """With whole pulses the sensor never shows one speed for long."""
+    for seed in range(5):
+        why, at = unsteady(0.5, smoothing_s, seed, 6.0, 3.0, 0.0)
+        assert why.endswith("of the receiver's speed")
+        assert at < 16.0
+
+
+@pytest.mark.parametrize(("go_s", "rest_s", "slow_mps"), [(6.0, 3.0, 0.0), (1.5, 4.0, 0.2)])
+@pytest.mark.parametrize("smoothing_s", [0.0, 0.7, 1.5])
+@pytest.mark.parametrize("counts", [0.97, 1.0, 1.03])
+def test_an_honest_sensor_is_believed_whatever_the_speed_does(
+    counts: float, smoothing_s: float, go_s: float, rest_s: float, slow_mps: float
+) -> None:
+    """A receiver that smooths shows more than is driven while the machine slows down."""
+    for seed in range(10):
+        assert unsteady(counts, smoothing_s, seed, go_s, rest_s, slow_mps)[0] == ""
