@@ -13,7 +13,7 @@ import pytest
 from hil.bench.eyes import PerfectEye
 from hil.bench.harvest import Harvest, harvest
 from hil.bench.lockstep import Bench
-from hil.bench.model_eyes import ModelEyes, library, read_as
+from hil.bench.model_eyes import Library, ModelEyes, library, read_as
 from hil.firmware import targets
 from hil.scenario.scenario import Scenario, load
 from host.core.errors import UserError
@@ -93,6 +93,15 @@ def test_crop_beside_the_way_is_seen_as_far_off_as_it_was_measured(
     expected = truth.sight().beside_m + standing.bench.scenario.vehicle.inset_m
     errors = np.array([view.edge_beside_m - expected for view in standing.answers(2000)])
     assert float(np.std(errors)) == pytest.approx(off_m, rel=0.25)
+
+
+def test_that_crop_may_lie_is_said_as_the_detector_said_it() -> None:
+    standing = Standing(scenario(start={"before_m": 0.4}))
+    known = library()
+    lies = {"lies_confidence": np.full(known.size, 0.8, np.float32)}
+    eyes = ModelEyes(standing.bench, Library(known.columns | lies, known.about))
+    view = eyes.detector().see(eyes.develop(eyes.shutter())[1])
+    assert view.lies_confidence == pytest.approx(0.8)
 
 
 def test_a_new_detector_gives_the_same_answers() -> None:

@@ -363,7 +363,10 @@ def test_the_harvest_is_over_where_all_that_is_left_stands_at_a_keep_out(clear_m
     last = len(PLAN.sides) - 1
     context = on_side(last, cut_m=PLAN.sides[last].length_m - 1.0)
     verdict = replace(TOO_NEAR, at_keep_out=True, clearance_m=clear_m)
+    left_m2 = context.strip.left_m2
+    assert left_m2 > 0.5
     assert is_for(Follow(context).blocked(NOW, verdict), Followed.LEFT_AT_KEEP_OUT)
+    assert context.left_m2 == pytest.approx(left_m2), "and it is told"
 
 
 def test_a_side_that_is_about_to_end_ends_where_the_geofence_stops_the_machine_once() -> None:
@@ -633,7 +636,9 @@ def test_having_backed_in_vain_it_leaves_a_side_that_is_all_but_cut_once(
     context.backs, context.by_plan = BACKS, again
     late = NOW + LOOKED_S + 0.1
     context.sight.usable.stamp = late
+    left_m2 = context.strip.left_m2 if ends else 0.0
     assert is_for(BackOff(context).step(late)[1], SideEnd.BY_PLAN if ends else None)
+    assert context.left_m2 == pytest.approx(left_m2)
     assert context.strip.index == int(ends)
     assert context.ends == [], "no picture showed it"
 

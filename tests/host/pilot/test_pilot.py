@@ -11,6 +11,7 @@ import pytest
 from host.core.messages import Command, Fix, Frame, Request, State
 from host.core.vehicle import Vehicle
 from host.estimate.motion_model import YAW_SIGMA_SHARE
+from host.pilot.context import Context
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import spiral
@@ -41,6 +42,19 @@ def test_without_a_hall_sensor_it_still_cuts_nearly_all(speed_error: float) -> N
     assert pilot.done
     assert world.coverage > 0.95
     assert world.neighbour_cut == 0
+
+
+@pytest.mark.parametrize(
+    ("left_m2", "phase"), [(0.0, Phase.FINISHED), (2.0, Phase.FINISHED), (10.0, Phase.FAULT)]
+)
+def test_what_stands_at_its_end_is_told_and_much_of_it_is_no_finish(
+    monkeypatch: pytest.MonkeyPatch, left_m2: float, phase: Phase
+) -> None:
+    world, pilot = in_a_small_field()
+    monkeypatch.setattr(Context, "left_m2", left_m2)
+    harvest(world, pilot)
+    assert pilot.phase is phase
+    assert (f"{left_m2:.0f} m2 stand" in pilot.reason) is (left_m2 > 0.0)
 
 
 @pytest.mark.parametrize("error_deg", [-2.0, 1.0])
