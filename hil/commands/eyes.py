@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,13 +12,14 @@ from rich.table import Table
 
 from hil.bench.model_eyes import LIBRARY
 from hil.studies.campaign import seeds_of
+from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
 from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
-SEEDS = "9001-9030"
+SEEDS, LATE, COMPARED = "9001-9030", "9031-9046", "9061-9066"
 
 
 def _seeds(text: str) -> list[int]:
@@ -29,7 +30,7 @@ def _seeds(text: str) -> list[int]:
 
 
 def _drive(
-    seeds: Sequence[int], out: Path, eyes: Literal["picture", "model"], workers: int,
+    seeds: Sequence[int], out: Path, eyes: Literal["picture", "model", "both"], workers: int,
     scheduler: str | None, library: Path | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
@@ -50,7 +51,6 @@ def eyes() -> None:
 
 
 _options = [
-    click.option("--seeds", default=SEEDS, show_default=True, metavar="1-30|1,4,9"),
     click.option(
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
@@ -63,20 +63,37 @@ _options = [
 ]
 
 
-def _common(command: Any) -> Any:
-    for option in reversed(_options):
-        command = option(command)
-    return command
+def _common(seeds: str) -> Callable[[Any], Any]:
+    """The options of all three, `seeds` by default."""
+    of_seeds = click.option("--seeds", default=seeds, show_default=True, metavar="1-30|1,4,9")
+
+    def with_options(command: Any) -> Any:
+        for option in reversed([of_seeds, *_options]):
+            command = option(command)
+        return command
+
+    return with_options
 
 
 @eyes.command("fit")
-@_common
+@_common(SEEDS)
+@click.option(
+    "--late",
+    default=LATE,
+    show_default=True,
+    metavar="1-30|1,4,9",
+    help="Random fields that the model drives, the detector looking on; none: ''.",
+)
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="The file to write; default the bench's own.")  # fmt: skip
-def fit_command(seeds: str, out: Path, workers: int, scheduler: str | None, library: Path) -> None:
+def fit_command(
+    seeds: str, out: Path, workers: int, scheduler: str | None, late: str, library: Path
+) -> None:
     """Drives fields with pictures, or takes drives that are there, and keeps what the
     detector answered to each as the model eyes' library."""
     _drive(_seeds(seeds), out, "picture", workers, scheduler)
+    if late:
+        _drive(_seeds(late), out, "both", workers, scheduler)
     with Watch("fit"):
         made = fit(out, library, datetime.datetime.now(datetime.UTC).date())
     PlainConsole().print_table(fitted(made.about["figures"]))
@@ -84,7 +101,7 @@ def fit_command(seeds: str, out: Path, workers: int, scheduler: str | None, libr
 
 
 @eyes.command("judge")
-@_common
+@_common(SEEDS)
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="Of errors; default the bench's own.")  # fmt: skip
 def judge_command(
@@ -112,6 +129,41 @@ def judge_command(
     for name, runs in (("pictures", pictures), ("model", models)):
         done = sum(run["outcome"] == "finished" for run in runs)
         echo(f"by {name}: {done} of {len(runs)} fields finished")
+
+
+@eyes.command("compare")
+@_common(COMPARED)
+@click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
+              help="Of errors; default the bench's own.")  # fmt: skip
+def compare_command(
+    seeds: str, out: Path, workers: int, scheduler: str | None, library: Path
+) -> None:
+    """Drives random fields by the model, shows the detector the same moments in pictures, and
+    prints what each says, situation by situation."""
+    numbers = _seeds(seeds)
+    _drive(numbers, out, "both", workers, scheduler, library)
+    paths = [Task(seed, str(out), "both").path for seed in numbers]
+    PlainConsole().print_table(compared_table(compared(paths)))
+
+
+def compared_table(rows: Sequence[Compared]) -> Table:
+    """A row for each situation: detector / model."""
+    table = Table(title="the same moments, by the detector / by the model")
+    for title in ("mount", "situation"):
+        table.add_column(title)
+    for title in ("pictures", "sure", "sure and wrong", "clear", "off by, m (10, 50, 90 %)"):
+        table.add_column(title, justify="right")
+    for row in rows:
+        both = (row.detector, row.model)
+        shares = (tuple(getattr(by, name) for by in both) for name in ("sure", "wrong", "clear"))
+        table.add_row(
+            row.mount,
+            row.situation,
+            str(row.pictures),
+            *(" / ".join(f"{v:.3f}" for v in pair) for pair in shares),
+            " / ".join(" ".join(f"{v:+.2f}" for v in by.off_m) for by in both),
+        )
+    return table
 
 
 def fitted(figures: dict[str, dict[str, Any]]) -> Table:

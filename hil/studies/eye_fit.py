@@ -1,5 +1,5 @@
-"""What the detector answers on picture drives, kept for the model eyes; and whether harvests by
-model eyes are like harvests by pictures."""
+"""What the detector answers to pictures, kept for the model eyes; whether harvests by model eyes
+are like harvests by pictures; and whether both eyes say the same of the same moments."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy import stats
 
+from hil.bench.both_eyes import BothEyes
 from hil.bench.eyes import Eyes, WitnessedEyes
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import Bench
@@ -37,25 +38,31 @@ LIMIT_S: Final = 900.0
 """Of one field's run."""
 BEGINNING_S: Final = 300.0
 """Of a random field: its first sides and their ends."""
+LATE_S: Final = 900.0
+"""Of a random field that the model drives while the detector looks on: half of it or more."""
 WRONG_M: Final = 0.1
 """What `CropView.confidence` is about."""
+ANSWERED: Final = ("confidence", "edge_offset_m", "crop_ahead_m", "ahead_confidence")
+"""Of the model, beside what the detector answered to the same picture."""
 ALPHA: Final = 0.05
 """Distributions differ where chance makes such a difference in less than this share of cases."""
 EFFECT: Final = 0.3
 """And matter where Cliff's delta is greater: a small to medium effect."""
 
 
-def fitting_field(seed: int) -> Scenario:
+def fitting_field(seed: int, *, late: bool = False) -> Scenario:
     """What the model eyes are fitted to. Even seeds: a small rectangle with the crop, ground,
     weather and mount of the random field of that seed. Odd ones: the beginning of that field
-    itself, whose slanting borders and reflex corners no rectangle has."""
+    itself, whose slanting borders and reflex corners no rectangle has. `late`: that field, whatever
+    the seed, and more of it."""
     base = random_field(seed)
+    limit_s = LATE_S if late else BEGINNING_S if seed % 2 else LIMIT_S
     changes: dict[str, Any] = {
         "name": "fitting",
-        "limits": {"time_s": BEGINNING_S if seed % 2 else LIMIT_S},
+        "limits": {"time_s": limit_s},
         "record": {"film": False, "pictures_every": 0},
     }
-    if seed % 2 == 0:
+    if seed % 2 == 0 and not late:
         rng = np.random.default_rng([seed, 77])
         size = tuple(round(float(rng.uniform(*SIDE_M)), 2) for _ in range(2))
         changes["field"] = {"polygon": None, "size_m": size, "keep_outs": (), "trees": ()}
@@ -73,6 +80,7 @@ class Task:
     seed: int
     folder: str
     eyes: str
+    """Who drives: picture, model; both: the model, and the detector looks on."""
     library: str | None = None
 
     @property
@@ -91,16 +99,21 @@ def drive(task: Task) -> dict[str, Any]:
     scenario = (
         Scenario.model_validate_json(about_of(taken)["scenario"])
         if taken.exists()
-        else fitting_field(task.seed)
+        else fitting_field(task.seed, late=task.eyes == "both")
     )
     witness: list[WitnessedEyes] = []
+    answers: list[list[CropView]] = []
 
     def eyes(bench: Bench) -> Eyes:
+        errors = library(Path(task.library)) if task.library else library()
         if task.eyes == "model":
-            errors = library(Path(task.library)) if task.library else library()
             return ModelEyes(bench, errors, without={name_of(task.seed)})
         witness.append(WitnessedEyes(bench))
-        return witness[0]
+        if task.eyes == "picture":
+            return witness[0]
+        both = BothEyes(ModelEyes(bench, errors, without={name_of(task.seed)}), witness[0])
+        answers.append(both.answers)
+        return both
 
     run = Harvest(scenario, eyes=eyes)
     for one in witness:
@@ -128,7 +141,10 @@ def drive(task: Task) -> dict[str, Any]:
         "ends": [round(value, 4) for value in run.truth.ends],
         **run.truth.summary(),
     }
-    save(task.path, table_of(witness[0].seen if witness else []), about)
+    columns = table_of(witness[0].seen if witness else [])
+    for by_model in answers:
+        columns |= {f"model_{name}": [getattr(v, name) for v in by_model] for name in ANSWERED}
+    save(task.path, columns, about)
     return about
 
 
@@ -174,8 +190,9 @@ def about_of(path: Path) -> dict[str, Any]:
 
 
 def fit(folder: Path, out: Path, today: datetime.date) -> Library:
-    """Joins the picture drives of a folder into one library with its figures."""
-    paths = sorted(folder.glob("picture-*.parquet"))
+    """Joins the drives of a folder on which the detector saw pictures into one library with its
+    figures."""
+    paths = sorted([*folder.glob("picture-*.parquet"), *folder.glob("both-*.parquet")])
     if not paths:
         raise UserError(f"no picture drives in {folder}: make some with `daranti-hil eyes drive`")
     drives, parts = [], []

@@ -59,6 +59,9 @@ class Ahead:
         self._begins: list[float] = []
         self.approached = True
         """Whether the turn to it led to before its crop: one that lacked room may end inside."""
+        self._stood_off = True
+        """Whether a picture has shown its crop some way before the blade since the turn to it. A
+        machine that has lost its place may begin a side inside its crop, and meets nothing."""
         self.clear_since: EndOfField | None = None
         """The first of the latest sure pictures without crop before the blade."""
         self.clear_count = 0
@@ -95,6 +98,7 @@ class Ahead:
         self.crop_at_m = math.inf
         self._begins.clear()
         self.approached = True
+        self._stood_off = False
 
     def cut_m(self, motion: Motion) -> float:
         """How far the blade had come at a motion since it met the side's crop, or since the side
@@ -134,6 +138,7 @@ class Ahead:
         """Of a sure picture: where the crop begins. Crop that was seen does not recede: where dust
         hides its foot from then on, the way to it says when the blade has met it."""
         self.crop_at_m = min(self.crop_at_m, then.distance_m + view.crop_ahead_m)
+        self._stood_off = self._stood_off or view.crop_ahead_m > AT_BLADE_M
 
     def back_away(self, view: CropView, then: Motion) -> None:
         """Of a sure picture that a machine took while it backed along the side."""
@@ -152,4 +157,4 @@ class Ahead:
         elif self.entered:
             self.clear_count += 1
             self.clear_since = self.clear_since or seen
-        return met and self.approached
+        return met and self.approached and self._stood_off

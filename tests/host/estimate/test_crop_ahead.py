@@ -81,6 +81,19 @@ def test_a_turn_that_ends_inside_the_crop_shows_nothing_of_where_it_begins(
     assert ahead.approached, "of the next side nothing is known yet"
 
 
+@pytest.mark.parametrize("stood_off", [False, True])
+def test_after_a_turn_crop_that_no_picture_showed_some_way_ahead_is_not_met_at_its_beginning(
+    stood_off: bool,
+) -> None:
+    """A machine that is wrong about its place may turn into the middle of the crop."""
+    ahead = Ahead()
+    ahead.turn()
+    if stood_off:
+        shown(ahead, 0.0, NEAR_CROP_M + 0.1)
+    assert shown(ahead, 0.3, 0.0) is stood_off
+    assert ahead.entered_at == at(0.3)
+
+
 @given(st.lists(st.sampled_from([0.0, END_CLEAR_M - 0.01, END_CLEAR_M, math.inf]), max_size=20))
 def test_a_side_ends_where_the_latest_pictures_in_a_row_show_no_crop(seen: list[float]) -> None:
     """And its end is where the first of them was taken."""
