@@ -23,6 +23,9 @@ class Turning:
         """Whether the steering has reached the leg's angle and the machine may move."""
         self.broken_off = False
         """Whether the geofence has ended one of its legs."""
+        self.retreats = 0
+        """How often it has backed for another place to turn at."""
+        self._corrected = 0
 
     @property
     def leg(self) -> Leg | None:
@@ -32,8 +35,8 @@ class Turning:
 
     @property
     def corrections(self) -> int:
-        """How many legs were added to those of the plan."""
-        return len(self._more)
+        """How many legs were added to those of the plan, from the present place."""
+        return len(self._more) - self._corrected
 
     @property
     def correcting(self) -> bool:
@@ -45,6 +48,12 @@ class Turning:
         self._more.append(leg)
         self._begun_at = None
         self.wait(now)
+
+    def retreat(self, leg: Leg, now: float) -> None:
+        """One more that leads to another place, from where it may be corrected as often again."""
+        self.add(leg, now)
+        self.retreats += 1
+        self._corrected = len(self._more)
 
     @property
     def last(self) -> Leg:

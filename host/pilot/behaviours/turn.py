@@ -23,9 +23,13 @@ ASKEW_RAD = math.radians(20.0)
 """Against the new lane, with which a turn that was broken off is over: less than what a camera of
 60 degrees needs to see the crop's right end, and within what following straightens."""
 CORRECTIONS = 8
-"""Legs that such a turn may take more than planned."""
+"""Legs that such a turn may take more than planned, from one place;"""
+ACROSS_RAD = math.radians(60.0)
+"""askew by more after them, no edge that it sees can be the new lane's: it needs another place."""
+RETREATS = 3
+"""So often it backs for one, over what it has cut."""
 CORRECTION_M = 0.6
-"""Length of one at most: 40 degrees on the lock."""
+"""Length of one at most, 40 degrees on the lock, and of a retreat."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
@@ -42,6 +46,10 @@ class Why(Reason):
 
     TURNED = Doing.SEARCH, "turned; looking for the crop's edge"
     STEERING_STUCK = Doing.FAULT, "the steering did not reach its angle"
+    NO_ROOM = (
+        Doing.FAULT,
+        "no room to turn {deg} deg more: drive it to where it has, or to a corner of what stands",
+    )
     ROLLS = Doing.FAULT, "told to stand, it rolls: the slope is too steep for its brake"
 
 
@@ -67,6 +75,9 @@ class DriveTurn(Behaviour):
         if go is not None:
             return context.hold(), go
         if turning.leg is None and not self._correct(now):
+            _, turned = turning.against_lane(context.motion)
+            if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
+                return context.hold(), Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
             expected_m = turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
             context.sight.ahead.approached = context.strip.new or expected_m > -INSIDE_M
             return context.hold(), Why.TURNED.go()
@@ -112,10 +123,15 @@ class DriveTurn(Behaviour):
         """Whether a turn that the geofence broke off goes on, to and fro on the lock, until the
         machine heads along the new lane, and then back along that."""
         context, turning = self.context, self.turning
-        if not turning.broken_off or not context.strip.placed or turning.corrections >= CORRECTIONS:
+        if not turning.broken_off or not context.strip.placed:
             return False
         lane, motion = turning.turn, context.motion
         _, turned = turning.against_lane(motion)
+        if turning.corrections >= CORRECTIONS:
+            if abs(turned) <= ACROSS_RAD or turning.retreats >= RETREATS:
+                return False
+            turning.retreat(Leg(0.0, True, Goal.X, -math.inf), now)
+            return True
         if abs(turned) > ASKEW_RAD:
             _, lock = turning_radius(context.vehicle)
             reverse = not turning.last.reverse

@@ -40,7 +40,13 @@ from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import CORRECTION_M, CORRECTIONS, STEER_TIMEOUT_S, DriveTurn
+from host.pilot.behaviours.turn import (
+    CORRECTION_M,
+    CORRECTIONS,
+    RETREATS,
+    STEER_TIMEOUT_S,
+    DriveTurn,
+)
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -787,7 +793,35 @@ def test_a_turn_that_was_broken_off_turns_on_to_and_fro(
         assert turns_left is (askew_deg < 0), "towards the lane"
         reverse = leg.reverse
         turn.blocked(NOW, TOO_NEAR)
-    assert is_for(turn.step(NOW)[1], Turned.TURNED), "as often as it may"
+    if abs(askew_deg) < 60.0:
+        assert is_for(turn.step(NOW)[1], Turned.TURNED), "as often as it may"
+
+
+def test_a_turn_without_room_backs_for_another_place_and_then_asks_for_a_person(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever edge it sees across its way is not the new lane's."""
+    turn = broken_off(math.radians(80.0), 1.0, monkeypatch)
+    for _ in range(RETREATS):
+        for _ in range(CORRECTIONS):
+            assert is_for(turn.step(NOW)[1], None)
+            turn.blocked(NOW, TOO_NEAR)
+        assert is_for(turn.step(NOW)[1], None)
+        leg = turn.turning.leg
+        assert leg is not None and leg.reverse and leg.steer_rad == 0.0, "over what it has cut"
+        monkeypatch.setattr(turn.turning, "to_go", lambda *_: math.inf)
+        monkeypatch.setattr(turn.turning, "driven_m", lambda _: CORRECTION_M - 0.01)
+        assert not turn.leg_done()
+        monkeypatch.setattr(turn.turning, "driven_m", lambda _: CORRECTION_M + 0.01)
+        assert turn.leg_done()
+        turn.turning.next(NOW)
+        monkeypatch.setattr(turn.turning, "driven_m", lambda _: 0.0)
+    for _ in range(CORRECTIONS):
+        assert is_for(turn.step(NOW)[1], None)
+        turn.blocked(NOW, TOO_NEAR)
+    go = turn.step(NOW)[1]
+    assert is_for(go, Turned.NO_ROOM)
+    assert go is not None and "80 deg" in go.text
 
 
 @pytest.mark.parametrize(("before_crop_m", "backs"), [(0.5, False), (-0.6, True)])
