@@ -64,8 +64,8 @@ COLUMNS: Final = (
 """Of the library; truths first, then the answer."""
 
 # Of a situation, and what a difference of one counts for: dust in the air, depth, distance ahead,
-# pictures since it began, the answer before (its kind, its error), density, slope, place of the
-# right end, crop height, cloud, hour, drilled.
+# pictures since it began, the answer before (its kind, its error), density, the angle of the slope,
+# place of the right end, crop height, cloud, hour, drilled.
 SCALES: Final = np.array(
     [0.1, 0.3, 0.15, 4.0, 0.3, 0.03, 0.25, 0.2, 0.1, 0.15, 1.0, 5.0, 2.0], np.float32
 )
@@ -92,11 +92,18 @@ def zone_of(ahead_m: float, depth_m: float) -> int:
     return 2 if ahead_m < ZONES_M[1] else 3 if ahead_m < ZONES_M[2] else 4
 
 
+ALONG, SLANTS_LEFT, SLANTS_RIGHT, ENDS, NONE = range(5)
+"""What the face's right end is: an edge along the way, a border that slants to the left or to the
+right ahead, one that nothing stands behind, none in view."""
+
+
 def edge_of(right_m: float, slope: float) -> int:
-    """0 an edge along the way, 1 a slanting or ragged end, 2 none."""
+    """Which of these a right end is, by its place and slope (`Sight`)."""
     if math.isnan(right_m):
-        return 2
-    return 0 if abs(slope) < SLANT else 1
+        return NONE
+    if math.isnan(slope):
+        return ENDS
+    return ALONG if abs(slope) < SLANT else SLANTS_LEFT if slope > 0.0 else SLANTS_RIGHT
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,8 +269,8 @@ def features_of(
             float(kind),
             max(-0.3, min(0.3, error_m)),
             density,
-            max(-1.0, min(1.0, slope)) if math.isfinite(slope) else 0.0,
-            max(-0.5, min(0.5, offset_m)) if math.isfinite(offset_m) else 0.0,
+            math.atan(slope) if math.isfinite(slope) else 0.0,
+            max(-1.0, min(1.0, offset_m)) if math.isfinite(offset_m) else 0.0,
             air.crop_height_m,
             air.cloud,
             air.hour,
@@ -476,7 +483,7 @@ class ModelDetector:
         offset = float(c["edge_offset_m"][row])
         if math.isfinite(error):
             self._error = error
-            if edge != 2:
+            if edge != NONE:
                 offset = sight.read_right_m - self._expected_m + error
         seen, was = float(c["crop_ahead_m"][row]), float(c["read_ahead_m"][row])
         ahead = seen
@@ -485,9 +492,7 @@ class ModelDetector:
         beyond = float(c["edge_ahead_m"][row])
         if math.isfinite(seen) and math.isfinite(ahead):
             beyond = max(0.0, beyond + ahead - seen)
-        # The library has hardly a picture whose crop goes on beyond what is seen to the right; of
-        # those that were looked at, the detector was sure of none.
-        sure = edge != 2 and math.isfinite(offset)
+        sure = math.isfinite(offset)
         confidence = float(c["confidence"][row]) if sure else 0.0
         if sight.remnant and self._aside < UNSURE[self._camera] * self._aside_sigma_m:
             confidence *= 0.5

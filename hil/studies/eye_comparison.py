@@ -60,9 +60,8 @@ def situation(ahead_m: float, depth_m: float, right_m: float, slope: float) -> s
     zone = zone_of(ahead_m, depth_m)
     if zone == 4:
         return "clear ground"
-    edge = edge_of(right_m, slope)
-    way = 4 if edge == 2 else 0 if edge == 0 else 3 if not np.isfinite(slope) else 1 + (slope < 0)
-    return f"{'in the crop' if zone < 2 else 'before the crop'}: {WAYS[way]}"
+    where = "in the crop" if zone < 2 else "before the crop"
+    return f"{where}: {WAYS[edge_of(right_m, slope)]}"
 
 
 def compared(paths: Sequence[Path]) -> list[Compared]:

@@ -24,7 +24,7 @@ from hil.bench.both_eyes import BothEyes
 from hil.bench.eyes import Eyes, WitnessedEyes
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import Bench
-from hil.bench.model_eyes import COLUMNS, Air, Library, ModelEyes, library
+from hil.bench.model_eyes import ALONG, COLUMNS, Air, Library, ModelEyes, library
 from hil.bench.sight import Sight
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, changed
@@ -251,7 +251,7 @@ def figures(errors: Library) -> dict[str, dict[str, float | int | None]]:
     for name, code in errors.mount.items():
         for air, low, high in AIRS:
             of = (mount == code) & (dust >= low) & (dust < high)
-            crop = of & (errors.zone == 0) & (errors.edge == 0)
+            crop = of & (errors.zone == 0) & (errors.edge == ALONG)
             if crop.sum() < 2:
                 continue
             found[f"{name}, {air}"] = _figures_of(errors, c, crop, of & (errors.zone == 4))

@@ -51,6 +51,10 @@ to show the lane's edge."""
 ALONG_M = 0.5
 """From both ends of the next strip, beside which a shuttle backs, for what is seen at the blade to
 be its edge."""
+IN_VIEW_M, IN_VIEW_SIGMAS = 1.3, 3.0
+"""Beside the blade's middle, and of the lane's uncertainty besides, the lane's edge may lie in a
+picture: pictures show 1.45 m to the left of where it should be and 1.15 m to the right. An edge
+that a picture shows while the lane lies farther away is another one's."""
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
@@ -385,6 +389,10 @@ class Sight:
                 turning.backing and expected > CROP_SEEN_M
             ):
                 return False
+        lane = self._estimate.lane
+        in_view = IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m
+        if strip.placed and abs(lane.blade_offset_m) > in_view:
+            return False
         return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
 
     def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:

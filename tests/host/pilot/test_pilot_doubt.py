@@ -315,6 +315,21 @@ def test_an_edge_that_is_elsewhere_stops_it_and_is_believed_while_it_stands() ->
     assert pilot.phase is Phase.FOLLOW
 
 
+@pytest.mark.parametrize(("aside_m", "taken"), [(2.0, True), (3.0, False), (-3.0, False)])
+def test_no_edge_is_the_lanes_while_that_lies_out_of_view(aside_m: float, taken: bool) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, PLAN)
+    drive(world, pilot, 8.0)
+    along_m = world.y + VEHICLE.blade_x_m
+    before = pilot.position.pose[0] - world.x
+    pilot.position.place(FIRST, along_m, pilot.lane.offset_m + aside_m, 0.0, (0.4, 0.4, 0.02))
+    put_m = pilot.position.pose[0] - world.x - before
+    assert abs(put_m) == pytest.approx(abs(aside_m), abs=0.05)
+    drive(world, pilot, 10.0)
+    left_m = pilot.position.pose[0] - world.x - before
+    assert left_m == pytest.approx(0.0 if taken else put_m, abs=0.3)
+
+
 def test_where_the_border_slants_at_the_start_the_operators_alignment_counts() -> None:
     world = SimpleWorld(VEHICLE)
     seen = corner_of(world, 2.0)
