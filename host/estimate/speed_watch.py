@@ -29,6 +29,9 @@ FALLS_S, FALLS_SHARE = 3.0, 0.25
 """While the speed was not this share higher so long ago, a receiver that smooths shows no more than
 the machine drives: a sensor that says less then loses pulses. So a machine that stops and goes, and
 a sensor with few pulses a second, show it too."""
+UNDERWAY_SHARE: Final = 0.7
+"""Of the cutting speed, that the receiver must show for that: one that errs shows more than a creep
+now and then, and these would be all that counts."""
 MOST_FIXES: Final = 30
 OFF: Final = ((10, 0.15), (4, 0.35))
 """Share by which sensor and receiver may differ on the mean of so many fixes: what commissioning
@@ -93,7 +96,8 @@ class SpeedWatch:
         if self._same_s > RECEIVER_S and counted > MOVING_MPS:
             self._speeds.append(ratio)
         highest = max((speed for _, speed in self._past), default=math.inf)
-        if fix.speed_mps > MOVING_MPS and counted > max(0.0, (1.0 - FALLS_SHARE) * highest):
+        underway = UNDERWAY_SHARE * self._vehicle.cutting_speed_mps
+        if fix.speed_mps > underway and counted > max(0.0, (1.0 - FALLS_SHARE) * highest):
             self._least.append(ratio)
         self._by_receiver = _compared(self._speeds) or _compared(self._least, less=True)
 
