@@ -23,7 +23,7 @@ from host.core.errors import UserError
 from host.core.vehicle import Vehicle
 from host.route.boundary_edges import BoundaryEdges
 from host.route.cuts import Cuts
-from host.route.side import BENT_RAD, SAME_RAD, Side
+from host.route.side import BENT_RAD, Side
 from host.route.standing import (
     MIN_EDGE_M,
     MIN_STRIP_M2,
@@ -44,6 +44,7 @@ APART_M2 = 25.0
 LARGE_M2, LEFT_SHARE = 1000.0, 0.005
 """Of a field larger than that, remains that differ by less than this share are alike."""
 STRAIGHT_RAD = 0.02
+SAME_RAD = 1e-3
 KEEP_OUT_M = 0.75
 """How far the strips stay away from a keep-out: its margin and the position's uncertainty."""
 WAYS = ("onward", "shuttle", "rounds")

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, replace
 
 BENT_RAD = math.radians(25.0)
-SAME_RAD = 1e-3
 BESIDE_RAD = math.radians(1.0)
 BESIDE_WIDTHS = (0.2, 1.5)
 """Of the blade, between the lines of a side and of the one that has left its edge."""
@@ -105,8 +104,6 @@ class Side:
         """Whether this is the next strip of the edge that `past` was cut along: a shuttle leads to
         it, not a turn."""
         turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))
-        if not (self.bends or past.bends):
-            return turned < SAME_RAD
         here = (self.x_m, self.y_m)
         beside = math.dist(here, past.pose(0.0)[:2]) < math.dist(here, past.pose(past.length_m)[:2])
         return turned < BENT_RAD and beside

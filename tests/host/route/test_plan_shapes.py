@@ -111,6 +111,22 @@ def test_an_edge_that_bends_is_one_side(count: int) -> None:
     assert plan.leftover_m2 < 0.01 * field.area
 
 
+@pytest.mark.parametrize("askew_deg", [-2.0, -0.1, 0.0, 0.1, 2.0])
+def test_from_an_ls_leg_a_shuttle_leads_to_an_edge_that_was_found_a_little_askew(
+    askew_deg: float,
+) -> None:
+    """It is no turn by a fraction of a degree to the left, nor one of nearly 360."""
+    y = 7.0 + 8.0 * math.tan(math.radians(askew_deg))
+    field = [(0.0, 18.0), (0.0, 0.0), (4.5, 0.0), (4.5, 7.0), (12.5, y), (12.5, 18.0)]
+    plan = spiral(field, 0, VEHICLE, gap_m=2.0)
+    turns = [math.degrees(plan.corner_rad(k)) for k in range(len(plan.sides) - 1)]
+    assert all(turn == 0.0 or 45.0 < turn < 180.0 for turn in turns)
+    widening = [
+        k for k, (a, b) in enumerate(itertools.pairwise(plan.sides)) if b.length_m > 2 * a.length_m
+    ]
+    assert any(turns[k] == 0.0 for k in widening), "out of the leg"
+
+
 @pytest.mark.parametrize("turn_deg", [-50.0, 30.0])
 def test_a_corner_that_no_steering_follows_ends_a_side(turn_deg: float) -> None:
     """To the left a turn, to the right an inner corner."""
