@@ -67,7 +67,7 @@ COLUMNS: Final = (
 # pictures since it began, the answer before (its kind, its error), density, the angle of the slope,
 # place of the right end, crop height, cloud, hour, drilled.
 SCALES: Final = np.array(
-    [0.1, 0.3, 0.15, 4.0, 0.3, 0.03, 0.25, 0.2, 0.1, 0.15, 1.0, 5.0, 2.0], np.float32
+    [0.1, 0.3, 0.15, 4.0, 0.6, 0.03, 0.25, 0.2, 0.05, 0.15, 1.0, 5.0, 2.0], np.float32
 )
 FEATURES: Final = len(SCALES)
 
