@@ -37,11 +37,11 @@ SHUTTLE_LEARN_M = 6.0
 """A shorter strip of a shuttle ends while it is being straightened still, and the next is begun by
 the same turn: strip after strip would teach the bias what that leaves."""
 SURE_M = 3.0
-"""Of a side that is left, by which crop before the blade is the field's own: three times what a
+"""Of the field that lies ahead, by which crop before the blade is its own: three times what a
 corner of a walked boundary errs;"""
 SURE_SHARE = 0.4
-"""and the share of it, for an odometer that loses half of its pulses: at the true end it still has
-0.38 of the side to go."""
+"""and the share of the way across it, from where the side begins, for an odometer that loses half
+of its pulses: at the true border it still has 0.38 of that to go."""
 SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
@@ -92,8 +92,10 @@ class PlanSide(Strip):
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
+        self._beyond_m = max(0.0, side.fence_m - side.length_m)
+        """How far the field goes on beyond its end, over ground that is cut."""
         self.back_m, self.shift_m = side.back_m, side.shift_m
-        self.clear_end_m = side.end_seen_m + max(0.0, side.fence_m - side.length_m)
+        self.clear_end_m = side.end_seen_m + self._beyond_m
         self.resumed = index == 0 and side.begins_at == NO_EDGE
         """Whether it was begun in an earlier run."""
         self.bent = bool(side.bends)
@@ -207,9 +209,18 @@ class PlanSide(Strip):
         return self.estimate.position.end_sigma_m(self._straight[-1])
 
     @property
+    def surely_crop(self) -> bool:
+        return self._beyond_doubt(0.0)
+
+    @property
     def surely_own(self) -> bool:
-        left = self.left_m() - SIGMAS * self._doubt_m
-        return left > max(SURE_M, SURE_SHARE * self.side.length_m)
+        may_end = self.may_end_at(self.along_m(self.estimate.motion))
+        return self._beyond_doubt(0.0 if may_end else self._beyond_m)
+
+    def _beyond_doubt(self, more_m: float) -> bool:
+        """Whether what is left of the side, and so much more, is more than any belief errs."""
+        left = self.left_m() + more_m - SIGMAS * self._doubt_m
+        return left > max(SURE_M, SURE_SHARE * (self.side.length_m + more_m))
 
     def left_m(self) -> float:
         return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))

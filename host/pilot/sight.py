@@ -197,7 +197,7 @@ class Sight:
         glances = in_leg and not (backing or beside) and not strip.new
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         # Elsewhere swath may lie across: it must lead no blade through a gap.
-        view = self._of_lane(view.with_lying() if strip.surely_own else view, strip, then)
+        view = self._of_lane(view.with_lying() if strip.surely_crop else view, strip, then)
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)
         sure = view.confidence >= CONFIDENT

@@ -135,8 +135,14 @@ class Strip:
         return False
 
     @property
-    def surely_own(self) -> bool:
+    def surely_crop(self) -> bool:
         """Whether the plan has crop before the blade by more than any belief errs."""
+        return False
+
+    @property
+    def surely_own(self) -> bool:
+        """Whether crop before the blade is the field's own by more than any belief errs: the strip
+        goes on, or the field does beyond it."""
         return False
 
     def to_blind_end_m(self) -> float:

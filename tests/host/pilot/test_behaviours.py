@@ -78,6 +78,7 @@ from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
+from host.route.side import Side
 from host.route.turn_legs import Goal, shuttle
 from host.vision.view import CropView
 
@@ -753,6 +754,21 @@ def test_a_turn_that_sees_nothing_waits_for_the_camera_and_goes_on() -> None:
     assert is_for(waiting.step(NOW + STOP_AFTER_S + 0.1)[1], None)
     seeing(context, CUTTING, stamp=NOW + 2.0)
     assert is_for(waiting.step(NOW + 2.0)[1], Waited.SEES_AGAIN)
+
+
+@pytest.mark.parametrize(
+    ("begins_m", "along_m", "own"),
+    [(4.0, 0.5, True), (4.0, 1.5, False), (8.0, 0.5, False), (5.5, 0.5, True), (6.5, 0.5, False)],
+)
+def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_not_end(
+    begins_m: float, along_m: float, own: bool
+) -> None:
+    """Of a strip of 2 m inside a field of 10 m: no belief errs by more than 3 m."""
+    strip = Side(5.0, begins_m, math.pi / 2, 2.0, 0.9, fence_m=10.0 - begins_m)
+    context = on_side(0, replace(PLAN, sides=(strip, strip)), cut_m=along_m)
+    assert context.strip.along_m(context.motion) == pytest.approx(along_m, abs=0.01)
+    assert context.strip.surely_own is own
+    assert not context.strip.surely_crop
 
 
 def test_a_turn_whose_leg_the_geofence_stops_takes_the_next() -> None:
