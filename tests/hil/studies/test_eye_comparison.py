@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.studies.eye_comparison import LEAST, compared, situation
+from hil.commands.eyes import compared_table
+from hil.studies.eye_comparison import LEAST, Compared, Said, compared, situation
 from hil.studies.eye_fit import save
 
 NAN = math.nan
@@ -70,3 +71,19 @@ def test_what_is_met_too_seldom_is_not_spoken_of(tmp_path: Path) -> None:
     path = tmp_path / "both-00001.parquet"
     save(path, columns, {"mount": "low", "blade_width_m": 1.0, "overlap_m": 0.1})
     assert compared([path]) == []
+
+
+def test_the_table_has_the_detector_s_figures_before_the_model_s() -> None:
+    detector = Said(0.75, 0.25, (-0.1, 0.0, 0.3), 0.05)
+    row = Compared("low", "clear ground", 40, detector, Said(1.0, 0.0, (0.02, 0.02, 0.02), 0.0))
+    table = compared_table([row])
+    cells = [list(column.cells) for column in table.columns]
+    assert cells == [
+        ["low"],
+        ["clear ground"],
+        ["40"],
+        ["0.750 / 1.000"],
+        ["0.250 / 0.000"],
+        ["0.050 / 0.000"],
+        ["-0.10 +0.00 +0.30 / +0.02 +0.02 +0.02"],
+    ]
