@@ -194,7 +194,7 @@ def fit(folder: Path, out: Path, today: datetime.date) -> Library:
     figures."""
     paths = sorted([*folder.glob("picture-*.parquet"), *folder.glob("both-*.parquet")])
     if not paths:
-        raise UserError(f"no picture drives in {folder}: make some with `daranti-hil eyes drive`")
+        raise UserError(f"no drive in {folder} has pictures: name some with --seeds")
     drives, parts = [], []
     reasons: list[str] = []
     kept = ("name", "seed", "mount", "mode", "blade_width_m", "overlap_m", "air")
