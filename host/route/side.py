@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 BENT_RAD = math.radians(25.0)
+AGAIN_RAD = math.radians(3.0)
+"""Between strips to which no turn leads: one by so little would take many metres straight on. Edges
+that are found bend by some tenths of a degree against each other."""
 BESIDE_RAD = math.radians(1.0)
 BESIDE_WIDTHS = (0.2, 1.5)
 """Of the blade, between the lines of a side and of the one that has left its edge."""
@@ -104,6 +107,8 @@ class Side:
         """Whether this is the next strip of the edge that `past` was cut along: a shuttle leads to
         it, not a turn."""
         turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))
+        if turned < AGAIN_RAD and not (self.bends or past.bends):
+            return True
         here = (self.x_m, self.y_m)
         beside = math.dist(here, past.pose(0.0)[:2]) < math.dist(here, past.pose(past.length_m)[:2])
         return turned < BENT_RAD and beside

@@ -28,6 +28,8 @@ SHUTTLE_CLEAR_M = 0.7
 """Room left behind the machine when it backs out to shift to the next strip."""
 RUN_IN_M = 0.1
 """From the blade to the crop of the strip that a shuttle leads to."""
+LEAST_SINE = 0.05
+"""Of a turn: 3 degrees from straight on, or from straight back."""
 SIDESTEP_M = 0.15
 """A shift that following the new lane in reverse makes of itself."""
 
@@ -133,9 +135,16 @@ def arc(vehicle: Vehicle, turn_rad: float, lane: NewLane) -> Turn:
     x, y, begins = lane
     # The arc's end (start + R sin t, R - R cos t) must lie on the lane.
     end_y = radius - radius * math.cos(turn_rad)
-    start = x + (end_y - y) / math.tan(turn_rad) - radius * math.sin(turn_rad)
+    start = x + (end_y - y) * _cot(turn_rad) - radius * math.sin(turn_rad)
     legs = (Leg(0.0, start < 0, Goal.X, start), Leg(lock, False, Goal.HEADING, turn_rad))
     return Turn(legs, x, y, turn_rad, begins)
+
+
+def _cot(turn_rad: float) -> float:
+    """Cotangent, of a lane that crosses the old one: of one that hardly does, the geofence ends the
+    way to where they meet."""
+    sine = math.sin(turn_rad)
+    return math.cos(turn_rad) / math.copysign(max(abs(sine), LEAST_SINE), sine)
 
 
 def three_point(
@@ -153,7 +162,7 @@ def three_point(
     x, y, begins = lane
     end_x = 2 * radius * math.sin(first) - radius * math.sin(turn_rad)
     end_y = radius - 2 * radius * math.cos(first) + radius * math.cos(turn_rad)
-    start = x + (end_y - y) / math.tan(turn_rad) - end_x
+    start = x + (end_y - y) * _cot(turn_rad) - end_x
     legs = (
         Leg(0.0, start < 0, Goal.X, start),
         Leg(lock, False, Goal.HEADING, first),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from host.route.plan import KEEP_OUT_M, MAX_WALKED, Plan, spiral
 from host.route.preview import preview
 from host.route.side import Side
 from host.route.standing import Edge
-from host.route.turn_legs import shuttle_length, shuttle_room_m
+from host.route.turn_choice import next_turn
+from host.route.turn_legs import driven, shuttle_length, shuttle_room_m
 
 VEHICLE = Vehicle()
 
@@ -125,6 +127,19 @@ def test_from_an_ls_leg_a_shuttle_leads_to_an_edge_that_was_found_a_little_askew
         k for k, (a, b) in enumerate(itertools.pairwise(plan.sides)) if b.length_m > 2 * a.length_m
     ]
     assert any(turns[k] == 0.0 for k in widening), "out of the leg"
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 1e-12, -1e-12, 1e-3, math.pi, math.pi - 1e-9])
+@pytest.mark.parametrize("ahead_m", [-8.0, 0.2, 8.0])
+def test_no_turn_between_strips_that_hardly_cross_is_longer_than_a_field(
+    turn_rad: float, ahead_m: float
+) -> None:
+    """Whether the next begins beside the last, ahead of its end, or back beside it."""
+    first = Side(0.0, 0.0, 0.0, 8.0, 0.9, 10.0)
+    following = replace(first, x_m=8.0 + ahead_m, y_m=0.9, heading_rad=turn_rad)
+    plan = Plan((first, following), "three_point", gap_m=2.0)
+    turn = next_turn(plan, 0, VEHICLE, lambda _: 1.0)
+    assert sum(leg.length_m for leg in driven(VEHICLE, turn)) < 150.0
 
 
 @pytest.mark.parametrize("turn_deg", [-50.0, 30.0])
