@@ -10,7 +10,6 @@ from the two reference mounts.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from rich.table import Table
 
 from host.core.errors import UserError
 from host.core.terminal import PlainConsole, echo
+from host.vision.photo.comparison import data_folder
 from host.vision.photo.score import labelled_set, miou
 from host.vision.photo.split import Search, Side, best_line, whiten
 from sim_plant import labels
@@ -216,7 +216,7 @@ def divided(sample: Sample, cue: str) -> float:
 
 def report(seed: int) -> None:
     """Prints both tables. Raises UserError where the photographs are missing."""
-    folder = Path(os.environ.get("DARANTI_DATA", "../shared/data")) / "wheat-edge"
+    folder = data_folder() / "wheat-edge"
     if not folder.exists():
         raise UserError(
             f"no photographs at {folder}; set DARANTI_DATA to the folder that holds wheat-edge/"

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pynmea2
 import pytest
 
 from sim_plant.gnss import Gnss, GnssSpec, sentence
+from tests.helpers.real_data import real
 
 CALM = {"jumps_per_hour": 0.0, "outages_per_hour": 0.0}
 
@@ -118,18 +116,17 @@ def test_the_track_repeats_and_differs_by_seed() -> None:
 
 
 def test_the_sentences_have_the_fields_of_a_real_phone_s() -> None:
-    path = Path(os.environ.get("DARANTI_DATA", "../shared/data")) / "gps" / "phone-walk.nmea"
-    if not path.exists():
-        pytest.skip(f"no real phone's stream at {path}; DARANTI_DATA names its folder")
-    real = path.read_text().splitlines()
+    sentences = real("gps/phone-walk.nmea").read_text().splitlines()
     fields: dict[str, set[int]] = {}
-    for line in real:
+    for line in sentences:
         fields.setdefault(line[:6], set()).add(line.count(","))
     gnss = Gnss(GnssSpec(first_fix_s=1), seed=1)
     for t in range(3):
         for line in gnss.epoch(float(t), 0, 0, 0.5, 0):
             assert line.count(",") in fields[line[:6]], line
-    without = {line for line in real if line.startswith(("$GPGGA,,", "$GPRMC,,V", "$GPGSA,A,1"))}
+    without = {
+        line for line in sentences if line.startswith(("$GPGGA,,", "$GPRMC,,V", "$GPGSA,A,1"))
+    }
     lost = Gnss(GnssSpec(first_fix_s=9)).epoch(0.0, 0, 0, 0, 0)
     assert {lost[-1], lost[-2], lost[-4]} == without
 

@@ -44,9 +44,8 @@ class Comparison:
 
 
 def data_folder() -> Path:
-    """`DARANTI_DATA`, or shared/data beside the checkout."""
-    named = os.environ.get("DARANTI_DATA")
-    return Path(named) if named else Path(__file__).resolve().parents[3] / "shared" / "data"
+    """Of real photographs and tracks: `DARANTI_DATA`, or ../shared/data."""
+    return Path(os.environ.get("DARANTI_DATA") or "../shared/data")
 
 
 def overlay(photo: benchmark.Photo, result: benchmark.Result) -> Picture:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import signal
 import socket
 import subprocess
@@ -35,9 +34,9 @@ from host.field.walk import (
 from host.sensors.nmea import Receiver
 from sim_plant.gnss import GnssSpec
 from tests.helpers.console import Cli
+from tests.helpers.real_data import real
 from tests.helpers.walker import PERFECT, Place, around, walk
 
-DATA = Path(os.environ.get("DARANTI_DATA", Path(__file__).parents[4] / "shared" / "data"))
 LIMIT_S = 60.0
 ORIGIN = LocalFrame(PERFECT.lat_deg, PERFECT.lon_deg)
 SQUARE: list[Place] = [(0, 0), (20, 0), (20, 20), (0, 20)]
@@ -420,9 +419,7 @@ def test_a_target_that_cannot_be_is_said_before_the_walk(tmp_path: Path, cli: Cl
 
 
 def test_a_real_phones_walk_becomes_a_closed_boundary(tmp_path: Path, cli: Cli) -> None:
-    path = DATA / "gps" / "phone-walk.nmea"
-    if not path.is_file():
-        pytest.skip(f"{path} is not there (DARANTI_DATA names the data folder)")
+    path = real("gps/phone-walk.nmea")
     out = tmp_path / "walk.kml"
     code, text, _ = cli("survey", str(path), "--out", str(out), "--irregular")
     assert code == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import socket
 import threading
 import time
@@ -21,8 +20,8 @@ from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.sensors.nmea import COMPANION_S, Receiver, gnss_feed
+from tests.helpers.real_data import real
 
-DATA = Path(os.environ.get("DARANTI_DATA", Path(__file__).parents[4] / "shared" / "data"))
 LIMIT_S = 10.0
 
 
@@ -190,9 +189,7 @@ def test_fixes_do_not_depend_on_how_the_bytes_are_cut(size: int) -> None:
 
 
 def test_a_real_phones_stream_is_understood_to_the_last_sentence() -> None:
-    path = DATA / "gps" / "phone-walk.nmea"
-    if not path.is_file():
-        pytest.skip(f"{path} is not there (DARANTI_DATA names the data folder)")
+    path = real("gps/phone-walk.nmea")
     receiver = Receiver()
     fixes = receiver.feed(0.0, path.read_bytes()) + receiver.flush()
     assert sum(receiver.sentences.values()) == 27_093

@@ -15,7 +15,6 @@ from scipy.stats import multivariate_normal
 
 from host.vision.mounted.paper import Chain, PaperParams
 from host.vision.photo import benchmark, calibration, confidence
-from host.vision.photo.comparison import data_folder
 from host.vision.photo.detector import photo_detector, searched
 from host.vision.photo.disturb import (
     DISTURBANCES,
@@ -29,6 +28,7 @@ from host.vision.photo.fisher import ALIKE, FLATTER, RIDGE, STRANGE, WIDER, Kind
 from host.vision.photo.score import heading_error_deg, labelled_set, lateral_error, miou
 from host.vision.photo.split import SIDES, Side, best_line, whiten
 from host.vision.view import CropView
+from tests.helpers.real_data import real
 from tests.helpers.scenery import halves
 
 Bgr = NDArray[np.uint8]
@@ -343,9 +343,7 @@ def test_a_reframed_picture_keeps_its_label() -> None:
 
 
 def test_robust_mode_on_the_labelled_photographs() -> None:
-    folder = data_folder() / "wheat-edge"
-    if not folder.exists():
-        pytest.skip(f"no labelled photographs at {folder} (DARANTI_DATA names another place)")
+    folder = real("wheat-edge")
     photos = [benchmark.Photo(i, i.picture(), i.standing()) for i in labelled_set(folder)]
     assert len(photos) == 96
 
