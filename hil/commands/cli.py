@@ -34,6 +34,10 @@ cli = LazyGroup(
             "hil.commands.moments:command",
             "Make one fault at many moments of a harvest.",
         ),
+        "outlines": (
+            "hil.commands.outlines:outlines",
+            "Plan outlines as farm programs export them.",
+        ),
         "plot": ("hil.commands.plot:plot", "Draw a record."),
         "replay": (
             "hil.commands.replay:command",

@@ -10,6 +10,8 @@ from host.route.standing import Edge, edges_of, parts_of, strip_along
 
 SEEN_SHARE = 0.22
 """Vision sees crop where it fills this share of the blade's width."""
+BESIDE = 1.5
+"""Widths of a strip within which what stands begins beside the end of the strip before."""
 MAX_SHIFT_M = 0.35
 """Beyond it the edge would pass under the machine's body."""
 
@@ -20,14 +22,16 @@ class Cuts:
 
     def __init__(self, field: shapely.Polygon, width_m: float) -> None:
         self._field, self._width = field, width_m
-        self._edges: dict[shapely.Polygon, list[Edge]] = {}
+        self._edges: dict[tuple[shapely.Polygon, tuple[float, float] | None], list[Edge]] = {}
         self._cuts: dict[Edge, tuple[Side, list[shapely.Polygon]] | None] = {}
 
-    def edges(self, standing: shapely.Polygon) -> list[Edge]:
-        """`edges_of`; the same ones each time."""
-        if standing not in self._edges:
-            self._edges[standing] = edges_of(standing)
-        return self._edges[standing]
+    def edges(
+        self, standing: shapely.Polygon, here: tuple[float, float] | None = None
+    ) -> list[Edge]:
+        """`edges_of`, with the machine `here` beside them; the same ones each time."""
+        if (standing, here) not in self._edges:
+            self._edges[standing, here] = edges_of(standing, here, BESIDE * self._width)
+        return self._edges[standing, here]
 
     def cut(
         self, standing: shapely.Polygon, edge: Edge

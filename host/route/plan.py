@@ -200,12 +200,15 @@ def _walk(
         if rounds is not None and not rounds.arrive(edge, edges):
             break
         following = edges[(edges.index(edge) + 1) % len(edges)]
+        here = following.begin
         done = known.cut(standing, edge) if edge.open_ends else None
         idle += 1
         if done is not None:
             side, parts = done
+            # Straight on from a curve a strip ends far beyond its edge.
+            here = side.pose(side.length_m)[:2]
             # Of what the strip has parted, the machine goes on with what it stands at.
-            ends = shapely.MultiPoint([following.begin, edge.begin])
+            ends = shapely.MultiPoint([following.begin, here, edge.begin])
             parts = sorted(parts, key=lambda part: part.distance(ends) > REACH * width_m)
             standing = parts[0] if parts else shapely.Polygon()
             apart += [part for part in parts[1:] if part.area > APART_M2]
@@ -215,7 +218,7 @@ def _walk(
         yield sides
         if standing.area < MIN_STRIP_M2:
             break
-        edges = known.edges(standing)
+        edges = known.edges(standing, here)
         if done is not None and rounds is not None:
             repeat = rounds.again(edges, done[0].back_m)
         else:
@@ -225,7 +228,7 @@ def _walk(
             choices: list[Edge | None] = [e for e in edges if _edge_of(e, names) == wanted]
         else:
             choices = [
-                _onward(edges, edge, following, width_m, rounds is not None),
+                _onward(edges, edge, following, here, width_m, rounds is not None),
                 _again(edges, edge, width_m),
             ]
             if repeat:
@@ -237,11 +240,16 @@ def _walk(
 
 
 def _onward(
-    edges: list[Edge], edge: Edge, following: Edge, width_m: float, anyhow: bool
+    edges: list[Edge],
+    edge: Edge,
+    following: Edge,
+    here: tuple[float, float],
+    width_m: float,
+    anyhow: bool,
 ) -> Edge | None:
-    """What has become of the edge `following` the one that a strip was taken off, or with `anyhow`,
-    or where one of the two is bent, the one after it; None where a turn does not lead to it."""
-    here = following.begin
+    """What has become of the edge `following` the one that a strip was taken off, which has ended
+    `here`, or with `anyhow`, or where one of the two is bent, the one after it; None where a turn
+    does not lead to it."""
     onward = _follow(edges, following, *here)
     if onward is not None and math.dist(onward.begin, here) <= REACH * width_m:
         return onward
@@ -359,9 +367,11 @@ def strip_by_strip(
         walked += len(sides)
         if rank[:3] == (0.0, 0, 0) or walked > most:
             break
-    if best is None:
+    if best is None or not best[1].sides:
         why = "the strips that were cut do not fit it" if cut else "split the field"
-        raise UserError(f"boundary: no side of it has open ground at both ends; {why}")
+        raise UserError(
+            f"boundary: along no side of it a strip can be cut that ends on open ground; {why}"
+        )
     return best[1]
 
 

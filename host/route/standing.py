@@ -3,7 +3,9 @@ them.
 
 An edge is a chain of straight pieces between two corners. Where it bends by no more than the
 steering follows in passing, the chain goes on: a field as farm programs export it has edges of many
-such bends, and only its corners are worth a turn.
+such bends, and only its corners are worth a turn. A corner may be rounded: what counts is how far
+an edge turns within SPAN_M. An edge that turns further in all than TURN_RAD is divided where it
+turns most, so a field without any corner has some all the same.
 """
 
 from __future__ import annotations
@@ -28,6 +30,15 @@ At a bend to the left the blade leaves the crop until the steering has followed,
 right it leaves a wedge beside the lane; 1.5 m ahead of the axle, it moves 60 deg askew of the
 machine on the lock. A corner to the left costs a turn, one to the right many shuttles, hence the
 two values."""
+SPAN_M: Final = 2.0
+"""Way within which that change counts: bends that follow each other sooner are one to a machine
+that turns on a radius of 0.9 m and cuts 1.5 m ahead of its axle. An edge that bends on a radius of
+more than 5 m is followed."""
+TURN_RAD: Final = math.radians(100.0)
+"""Most that one edge turns to the left in all. A strip all around the field would end where it
+began, and nobody could get from there to the next: that stands on all sides."""
+PEAK_M: Final = 10.0
+"""Way over which an edge is asked where it turns most."""
 MIN_STRIP_M2: Final = 0.02
 """What a strip must hold; smaller remains are nothing a camera could find."""
 NEAR_M: Final = 1e-3
@@ -38,9 +49,10 @@ MIN_EDGE_M: Final = 0.05
 """Shorter edges are what rounding leaves of a cut."""
 SIMPLIFY_M: Final = 0.01
 """Points that lie so near to the line between their neighbours are rounding of the cutting."""
-OVERHANG: Final = 4.0
-"""Widths of a strip that it may reach beyond its edge at a slanting corner: one that is no bend
-slants over 2.5 of them at most."""
+OVERHANG: Final = (4.0, 40.0)
+"""Widths of a strip that it may reach beyond its edge: at a sharp corner, which slants over 2.5 of
+them at most, and where a gentle curve is divided: on a radius of r widths crop goes on straight
+ahead for the root of 2 r."""
 FAR_WIDTHS: Final = 20
 """Strips beyond which their number need not come out even: a part of a per cent each."""
 AT_TIP_M: Final = 2.5
@@ -56,6 +68,8 @@ class Edge:
     points: tuple[Point, ...]
     open_ends: bool
     """Both corners turn left, so both ends of a strip along it are open ground."""
+    sharp: tuple[bool, bool] = (True, True)
+    """Whether it begins and ends at a sharp corner: what stands then ends soon beyond it."""
 
     @functools.cached_property
     def line(self) -> shapely.LineString:
@@ -84,17 +98,17 @@ class Edge:
         """Whether it has a bend at all."""
         return len(self.points) > 2
 
-    def prolonged(self, by_m: float) -> shapely.LineString:
-        """The chain, straight on at both ends."""
+    def prolonged(self, back_m: float, on_m: float) -> shapely.LineString:
+        """The chain, straight on by back_m before its beginning and on_m beyond its end."""
         (ax, ay), (bx, by) = self.points[0], self.points[-1]
         back, on = self.heading + math.pi, self.end_heading
-        first = (ax + by_m * math.cos(back), ay + by_m * math.sin(back))
-        last = (bx + by_m * math.cos(on), by + by_m * math.sin(on))
+        first = (ax + back_m * math.cos(back), ay + back_m * math.sin(back))
+        last = (bx + on_m * math.cos(on), by + on_m * math.sin(on))
         return shapely.LineString([first, *self.points, last])
 
     def depths_of(self, places: Points) -> NDArray[np.float64]:
         """(n,) how far left of the prolonged chain places (n, 2) lie, m; negative right of it."""
-        line = self.prolonged(1e4)
+        line = self.prolonged(1e4, 1e4)
         points = shapely.points(places)
         along = shapely.line_locate_point(line, points)
         chain = shapely.get_coordinates(line)
@@ -109,39 +123,120 @@ class Edge:
         return depths
 
 
-def _directions(ring: shapely.LinearRing) -> tuple[Points, NDArray[np.float64]]:
-    """(points (n, 2), how far the ring turns left at each (n,), rad)."""
-    points = np.array(shapely.remove_repeated_points(ring, DOUBLED_M).coords)[:-1]
-    ways = np.roll(points, -1, axis=0) - points
-    headings = np.arctan2(ways[:, 1], ways[:, 0])
-    turns = (headings - np.roll(headings, 1) + math.pi) % math.tau - math.pi
-    return points, turns
+@dataclass(frozen=True)
+class _Ring:
+    """A ring, counter-clockwise, and how it turns."""
+
+    points: Points
+    turns: NDArray[np.float64]
+    """(n,) how far it turns left at each point, rad."""
+    along: NDArray[np.float64]
+    """(n + 1,) way around to each point, m; the last is the whole way."""
+
+    @staticmethod
+    def of(ring: shapely.LinearRing) -> _Ring:
+        """Of a ring that is oriented already; points that are one count once."""
+        points = np.array(shapely.remove_repeated_points(ring, DOUBLED_M).coords)[:-1]
+        ways = np.roll(points, -1, axis=0) - points
+        headings = np.arctan2(ways[:, 1], ways[:, 0])
+        turns = (headings - np.roll(headings, 1) + math.pi) % math.tau - math.pi
+        return _Ring(points, turns, np.concatenate([[0.0], np.cumsum(np.hypot(*ways.T))]))
+
+    def within(self, span_m: float) -> NDArray[np.float64]:
+        """(n,) how far the ring turns left in all within half of span_m before and after each
+        point, rad."""
+        around = float(self.along[-1])
+        half = min(span_m, 0.999 * around) / 2
+        at = np.concatenate([self.along[:-1] + lap * around for lap in (-1, 0, 1)])
+        total = np.concatenate([[0.0], np.cumsum(np.tile(self.turns, 3))])
+        here = self.along[:-1]
+        first = np.searchsorted(at, here - half, side="left")
+        last = np.searchsorted(at, here + half, side="right")
+        found: NDArray[np.float64] = total[last] - total[first]
+        return found
+
+    def corners(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(points at which it turns to the left by more than a machine follows in passing, those at
+        which it turns so to the right). Of the points of a rounded corner it is the middle one."""
+        left, right = self.turns > BEND_RAD[0], self.turns < -BEND_RAD[1]
+        turned = self.within(SPAN_M)
+        rounded = (
+            self._middles(turned > BEND_RAD[0], left | right),
+            self._middles(turned < -BEND_RAD[1], left | right),
+        )
+        lefts = np.union1d(np.flatnonzero(left), rounded[0])
+        return lefts, np.union1d(np.flatnonzero(right), rounded[1])
+
+    def _middles(self, round_: NDArray[np.bool_], sharp: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Of each run of points that `round_` marks and that has no sharp one, the point at which
+        half of its turn is done."""
+        if not round_.any() or round_.all():
+            return np.zeros(0, np.int64)
+        count = len(round_)
+        shift = int(np.flatnonzero(~round_)[0])
+        order = (np.arange(count) + shift) % count
+        found = []
+        for between in np.split(order, np.flatnonzero(~round_[order])):
+            run = between[round_[between]]
+            if run.size and not sharp[run].any():
+                half = np.cumsum(self.turns[run])
+                found.append(run[int(np.argmax(np.abs(half) >= abs(half[-1]) / 2))])
+        return np.array(found, np.int64)
+
+    def beside(self, here: Point, reach_m: float) -> list[int]:
+        """The point that turns to the left and lies nearest to `here`, if within reach_m."""
+        apart = np.where(self.turns > 0.0, np.hypot(*(self.points - here).T), math.inf)
+        nearest = int(np.argmin(apart))
+        return [nearest] if apart[nearest] <= reach_m else []
+
+    def divided(self, corners: list[int]) -> NDArray[np.int64]:
+        """The corners, and those that divide what turns to the left by more than TURN_RAD between
+        two of them. A ring without any begins where it turns most."""
+        count, peak = len(self.points), self.within(PEAK_M)
+        found = sorted(set(corners)) or [int(np.argmax(np.round(peak, 3)))]
+        k = 0
+        while k < len(found):
+            length = (found[(k + 1) % len(found)] - found[k] - 1) % count + 1
+            inner = (found[k] + np.arange(1, length)) % count
+            turned = np.cumsum(self.turns[inner])
+            whole = float(turned[-1]) if turned.size else 0.0
+            # Either part is to have its share, whatever turns most.
+            off = np.abs(turned - whole / 2)
+            may = (self.turns[inner] > 0.0) & (off <= whole / 4)
+            if whole > TURN_RAD and may.any():
+                most = np.round(np.where(may, peak[inner], -math.inf), 3)
+                found.insert(k + 1, int(inner[np.lexsort((off, -most))[0]]))
+            else:
+                k += 1
+        return np.array(found, np.int64)
 
 
-def edges_of(standing: shapely.Polygon) -> list[Edge]:
-    """Of the outer ring, counter-clockwise. A ring without corners has one edge, which begins where
-    it bends most to the left."""
-    points, turns = _directions(shapely.geometry.polygon.orient(standing).exterior)
-    corners = np.flatnonzero((turns > BEND_RAD[0]) | (turns < -BEND_RAD[1]))
-    if len(corners) == 0:
-        corners = np.array([int(np.argmax(turns))])
+def edges_of(
+    standing: shapely.Polygon, here: Point | None = None, reach_m: float = 0.0
+) -> list[Edge]:
+    """Of the outer ring, counter-clockwise. Where the machine stands an edge begins, however little
+    the ring turns there: at what is nearest to `here`, if within reach_m."""
+    ring = _Ring.of(shapely.geometry.polygon.orient(standing).exterior)
+    lefts, rights = ring.corners()
+    corners = ring.divided([*lefts, *rights, *(ring.beside(here, reach_m) if here else [])])
     edges = []
     for k, first in enumerate(corners):
         last = corners[(k + 1) % len(corners)]
-        count = (last - first - 1) % len(points) + 2
-        chain = tuple(
-            (float(x), float(y)) for x, y in points[(first + np.arange(count)) % len(points)]
-        )
-        edges.append(Edge(chain, bool(turns[first] > 0 and turns[last] > 0)))
+        count = (last - first - 1) % len(ring.points) + 2
+        places = ring.points[(first + np.arange(count)) % len(ring.points)]
+        chain = tuple((float(x), float(y)) for x, y in places)
+        open_ends = not np.isin((first, last), rights).any()
+        sharp = ring.turns[first] > BEND_RAD[0], ring.turns[last] > BEND_RAD[0]
+        edges.append(Edge(chain, bool(open_ends), (bool(sharp[0]), bool(sharp[1]))))
     return edges
 
 
 def inner_corners(standing: shapely.Polygon) -> Points:
     """Those of the outer ring that no machine follows, and every corner of the holes."""
     oriented = shapely.geometry.polygon.orient(standing)
-    points, turns = _directions(oriented.exterior)
-    holes = (shapely.get_coordinates(ring)[:-1] for ring in oriented.interiors)
-    return np.concatenate([points[turns < -BEND_RAD[1]], *holes])
+    ring = _Ring.of(oriented.exterior)
+    holes = (shapely.get_coordinates(hole)[:-1] for hole in oriented.interiors)
+    return np.concatenate([ring.points[ring.corners()[1]], *holes])
 
 
 def parts_of(shape: shapely.Geometry) -> list[shapely.Polygon]:
@@ -205,8 +300,8 @@ def strip_along(
     depth = float(depths[depths > MIN_EDGE_M].min(initial=math.inf))
     # A strip ends exactly where an inner corner begins, so that no strip ends inside the crop.
     width = depth / math.ceil(depth / width_m - 1e-9) if depth < FAR_WIDTHS * width_m else width_m
-    over_m = OVERHANG * width_m
-    line = edge.prolonged(over_m)
+    over_m = tuple(OVERHANG[0 if sharp else 1] * width_m for sharp in edge.sharp)
+    line = edge.prolonged(*over_m)
     near = [
         g
         for g in _polygons(standing.intersection(corridor(line, width)))
@@ -220,7 +315,7 @@ def strip_along(
     alongs = shapely.line_locate_point(line, shapely.points(area.exterior.coords))
     first, last = float(alongs.min()), float(alongs.max())
     (x, y) = line.interpolate(first).coords[0]
-    reach = shapely.distance(line, shapely.points(area.exterior.coords))
+    reach = shapely.distance(line, shapely.points(shapely.get_coordinates(area)))
     begins, ends = _rows(line, area, first, last, min(width, float(reach.max())))
     laid_along = functools.cache(lambda heading: (turned(field, heading), turned(area, heading)))
     return Strip(
@@ -229,7 +324,7 @@ def strip_along(
         last - first,
         min(width, float(reach.max())),
         width_m - width,
-        _bends(edge, over_m - first),
+        _bends(edge, over_m[0] - first),
         last - first + _room(*laid_along(edge.end_heading), 1),
         _room(*laid_along(edge.heading), -1),
         _ends_at_hole(*laid_along(edge.end_heading)),

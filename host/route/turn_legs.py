@@ -206,7 +206,7 @@ def shuttle(
         return Turn((straight, line_up), 0.0, shift_m, 0.0, begins)
     length = shuttle_length(vehicle, shift_m, room_m)
     radius = (length**2 + shift_m**2) / (4 * shift_m)
-    bend = math.acos(1 - shift_m / (2 * radius))
+    bend = math.acos(max(-1.0, 1 - shift_m / (2 * radius)))
     steer = math.atan(vehicle.wheelbase_m / radius)
     legs = (
         straight,

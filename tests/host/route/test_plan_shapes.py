@@ -208,6 +208,6 @@ def test_a_place_lies_as_far_left_of_an_edge_as_its_distance_says() -> None:
     assert np.sign(depths).tolist() == [1, -1, 1, 1, -1, -1]
     assert depths[:3] == pytest.approx([2.0, -2.0, 1.0])
     assert abs(depths) == pytest.approx(
-        [edge.prolonged(1e4).distance(p) for p in shapely.points(places)]
+        [edge.prolonged(1e4, 1e4).distance(p) for p in shapely.points(places)]
     )
     assert len(edge.depths_of(np.empty((0, 2)))) == 0
