@@ -251,13 +251,13 @@ def _onward(
     `here`, or with `anyhow`, or where one of the two is bent, the one after it; None where a turn
     does not lead to it."""
     onward = _follow(edges, following, *here)
-    if onward is not None and math.dist(onward.begin, here) <= REACH * width_m:
+    if onward is not None and onward.apart_m(here) <= REACH * width_m:
         return onward
     if not (anyhow or edge.bent or following.bent):
         return None
-    near = [e for e in edges if math.dist(e.begin, here) <= REACH * width_m]
+    near = [e for e in edges if e.apart_m(here) <= REACH * width_m]
     left = [e for e in near if SAME_RAD < (e.heading - edge.end_heading) % math.tau < math.pi]
-    return min(left, key=lambda e: math.dist(e.begin, here), default=None)
+    return min(left, key=lambda e: e.apart_m(here), default=None)
 
 
 def _again(edges: list[Edge], edge: Edge, width_m: float) -> Edge | None:

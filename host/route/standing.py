@@ -11,6 +11,7 @@ turns most, so a field without any corner has some all the same.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -30,10 +31,14 @@ At a bend to the left the blade leaves the crop until the steering has followed,
 right it leaves a wedge beside the lane; 1.5 m ahead of the axle, it moves 60 deg askew of the
 machine on the lock. A corner to the left costs a turn, one to the right many shuttles, hence the
 two values."""
-SPAN_M: Final = 2.0
-"""Way within which that change counts: bends that follow each other sooner are one to a machine
-that turns on a radius of 0.9 m and cuts 1.5 m ahead of its axle. An edge that bends on a radius of
-more than 5 m is followed."""
+SPAN_M: Final = 3.0
+"""Way within which that change counts, two of a machine's lengths from axle to blade: bends that
+follow each other sooner are one to it. An edge that bends on a radius of more than 8 m is followed;
+driven on one of 4 m, the machine lost its edge."""
+ROUNDED_RAD: Final = math.radians(60.0)
+"""Most that an edge may lose to the rounded corner at one of its ends."""
+ROUNDED_M: Final = 8.0
+"""So far before its edge a strip may begin at a rounded corner."""
 TURN_RAD: Final = math.radians(100.0)
 """Most that one edge turns to the left in all. A strip all around the field would end where it
 began, and nobody could get from there to the next: that stands on all sides."""
@@ -106,6 +111,15 @@ class Edge:
         last = (bx + on_m * math.cos(on), by + on_m * math.sin(on))
         return shapely.LineString([first, *self.points, last])
 
+    def apart_m(self, here: Point) -> float:
+        """How far a place lies from where a strip along it may begin."""
+        if self.sharp[0]:
+            return math.dist(self.begin, here)
+        back = self.heading + math.pi
+        (x, y) = self.begin
+        tip = (x + ROUNDED_M * math.cos(back), y + ROUNDED_M * math.sin(back))
+        return float(shapely.LineString([tip, self.begin]).distance(shapely.Point(here)))
+
     def depths_of(self, places: Points) -> NDArray[np.float64]:
         """(n,) how far left of the prolonged chain places (n, 2) lie, m; negative right of it."""
         line = self.prolonged(1e4, 1e4)
@@ -155,33 +169,86 @@ class _Ring:
         found: NDArray[np.float64] = total[last] - total[first]
         return found
 
+    @functools.cached_property
+    def sharp(self) -> NDArray[np.bool_]:
+        """(n,) where a single point turns by more than a machine follows in passing."""
+        return np.asarray((self.turns > BEND_RAD[0]) | (self.turns < -BEND_RAD[1]))
+
+    @functools.cached_property
+    def tight(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Where bends that are none each turn so far within SPAN_M, (n,) to the left, to the
+        right."""
+        count, around = len(self.points), float(self.along[-1])
+        span = min(SPAN_M, 0.999 * around)
+        at = np.concatenate([self.along[:-1], self.along[:-1] + around])
+        total = np.concatenate(
+            [[0.0], np.cumsum(np.tile(np.where(self.sharp, 0.0, self.turns), 2))]
+        )
+        first = np.arange(count)
+        behind = np.searchsorted(at, at[:count] + span, side="right")
+        turned = total[behind] - total[first]
+        found = []
+        for far in (turned > BEND_RAD[0], turned < -BEND_RAD[1]):
+            marks = np.zeros(2 * count + 1, np.int64)
+            np.add.at(marks, first[far], 1)
+            np.add.at(marks, behind[far], -1)
+            inside = np.cumsum(marks)[:-1].reshape(2, count).any(0)
+            found.append(inside & ~self.sharp)
+        return found[0], found[1]
+
     def corners(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(points at which it turns to the left by more than a machine follows in passing, those at
         which it turns so to the right). Of the points of a rounded corner it is the middle one."""
-        left, right = self.turns > BEND_RAD[0], self.turns < -BEND_RAD[1]
-        turned = self.within(SPAN_M)
-        rounded = (
-            self._middles(turned > BEND_RAD[0], left | right),
-            self._middles(turned < -BEND_RAD[1], left | right),
+        left, right = (self._middles(tight) for tight in self.tight)
+        return (
+            np.union1d(np.flatnonzero(self.sharp & (self.turns > 0.0)), left),
+            np.union1d(np.flatnonzero(self.sharp & (self.turns < 0.0)), right),
         )
-        lefts = np.union1d(np.flatnonzero(left), rounded[0])
-        return lefts, np.union1d(np.flatnonzero(right), rounded[1])
 
-    def _middles(self, round_: NDArray[np.bool_], sharp: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Of each run of points that `round_` marks and that has no sharp one, the point at which
-        half of its turn is done."""
-        if not round_.any() or round_.all():
+    def _middles(self, tight: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Of each run of points that `tight` marks, without a sharp one beside it, the point at
+        which half of its turn is done; none where they go on all around."""
+        count = len(tight)
+        apart = np.diff(self.along) > SPAN_M
+        ends = np.flatnonzero(~(tight & np.roll(tight, -1)) | apart)
+        if ends.size == 0:
             return np.zeros(0, np.int64)
-        count = len(round_)
-        shift = int(np.flatnonzero(~round_)[0])
-        order = (np.arange(count) + shift) % count
+        order = (np.arange(count) + ends[0] + 1) % count
         found = []
-        for between in np.split(order, np.flatnonzero(~round_[order])):
-            run = between[round_[between]]
-            if run.size and not sharp[run].any():
+        for run in np.split(order, (ends[1:] - ends[0]).tolist()):
+            if tight[run[0]] and not self._beside_sharp(run):
                 half = np.cumsum(self.turns[run])
                 found.append(run[int(np.argmax(np.abs(half) >= abs(half[-1]) / 2))])
         return np.array(found, np.int64)
+
+    def _beside_sharp(self, run: NDArray[np.int64]) -> bool:
+        """Whether a sharp corner lies within SPAN_M of a run's ends, next to it."""
+        count, around = len(self.points), float(self.along[-1])
+        for end, other in ((run[0], (run[0] - 1) % count), (run[-1], (run[-1] + 1) % count)):
+            apart = abs(self.along[end] - self.along[other])
+            if self.sharp[other] and min(apart, around - apart) <= SPAN_M:
+                return True
+        return False
+
+    def trimmed(self, chain: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The points of an edge without the tight bends of the rounded corners at its ends: along
+        these the machine goes straight on."""
+        first = self._rounded(chain)
+        last = len(chain) - self._rounded(chain[::-1])
+        return chain[first:last] if last - first > 1 else chain
+
+    def _rounded(self, chain: NDArray[np.int64]) -> int:
+        """How many of its first points belong to a rounded corner, but for the last of these."""
+        around, left = float(self.along[-1]), self.tight[0]
+        turned = 0.0
+        for k, (one, following) in enumerate(itertools.pairwise(chain)):
+            apart = abs(self.along[one] - self.along[following])
+            if not left[following] or min(apart, around - apart) > SPAN_M:
+                return k
+            turned += float(self.turns[following])
+            if turned > ROUNDED_RAD:
+                return 0
+        return 0
 
     def beside(self, here: Point, reach_m: float) -> list[int]:
         """The point that turns to the left and lies nearest to `here`, if within reach_m."""
@@ -223,11 +290,11 @@ def edges_of(
     for k, first in enumerate(corners):
         last = corners[(k + 1) % len(corners)]
         count = (last - first - 1) % len(ring.points) + 2
-        places = ring.points[(first + np.arange(count)) % len(ring.points)]
-        chain = tuple((float(x), float(y)) for x, y in places)
+        chain = ring.trimmed((first + np.arange(count)) % len(ring.points))
+        places = tuple((float(x), float(y)) for x, y in ring.points[chain])
         open_ends = not np.isin((first, last), rights).any()
-        sharp = ring.turns[first] > BEND_RAD[0], ring.turns[last] > BEND_RAD[0]
-        edges.append(Edge(chain, bool(open_ends), (bool(sharp[0]), bool(sharp[1]))))
+        sharp = ring.sharp[chain[0]], ring.sharp[chain[-1]]
+        edges.append(Edge(places, bool(open_ends), (bool(sharp[0]), bool(sharp[1]))))
     return edges
 
 
