@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -32,8 +32,7 @@ GROUP = 32
 """Rails that are worked on at once: no more than a pixel apart, they lie in as many pixels."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rails:
+class Rails(NamedTuple):
     """Where rails cross the rows of pictures of one size, worked out once; group by group of them.
     Columns count from 1; 0 and the width + 1 are outside."""
 
@@ -219,14 +218,25 @@ def upright_pieces(
 
     Rows are taken in pairs, which halves the work; what is longer than 510 rows is always enough.
     """
+    out = np.empty_like(on)
+    _pieces(on, tuple(tracks), least_px, gap_px // 2, out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _pieces(
+    on: Mask, tracks: tuple[Rails, ...], least_px: NDArray[np.float32], gap: int, out: Mask
+) -> None:
+    """As `upright_pieces`, into `out`; `gap` counts in pairs of rows."""
     pairs, width = on.shape[0] // 2, on.shape[1]
     # One word more than the pixels and the two columns outside fill: windows reach into it.
     lit = np.empty((pairs, (width + 2 + 31) // 32 + 1), np.uint32)
     _packed(on, lit)
-    least = np.clip(np.ceil(least_px[1 : 2 * pairs : 2] / 2), 1, 255).astype(np.uint8)
+    least = np.empty(pairs, np.uint8)
+    for v in range(pairs):
+        least[v] = min(255, max(1, math.ceil(least_px[2 * v + 1] / 2)))
     marked = np.zeros_like(lit)
     for track in tracks:
-        _mark(lit, track.firsts, track.offsets, track.spans, least, gap_px // 2, marked)
-    out = np.zeros_like(on)
+        _mark(lit, track.firsts, track.offsets, track.spans, least, gap, marked)
     _unpacked(on, marked, out)
-    return out
+    out[2 * pairs :] = 0
