@@ -84,7 +84,7 @@ def shares(lit: Mask) -> tuple[float, float]:
     share = np.rint(255.0 * counts.ravel() / lit.size) / 255.0
     pairs = share[:8:2] + share[1:8:2]
     total = (pairs[0] + pairs[1]) + (pairs[2] + pairs[3]) + share[8]
-    return total / 9.0, share.min()
+    return float(total / 9.0), float(share.min())
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -101,7 +101,7 @@ def tops_of(dense: Mask) -> float:
     n = some.shape[0]
     if n < 0.5 * width:
         return np.nan
-    return height - 0.5 * (some[(n - 1) // 2] + some[n // 2])
+    return float(height - 0.5 * (some[(n - 1) // 2] + some[n // 2]))
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -113,5 +113,5 @@ def mean_of(grey: Mask) -> float:
         here = np.int32(0)
         for u in range(grey.shape[1]):
             here += np.int32(row[u])
-        total += here
+        total += int(here)
     return total * (1.0 / grey.size) if grey.size else 0.0

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +20,7 @@ from host.vision.mounted.density import PIXELS, mark_dense, mean_of, shares, top
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
 from host.vision.mounted.feet import contour, reached
 from host.vision.mounted.grain import squared_steps
-from host.vision.mounted.profile import BIN_M, profile, right_side
+from host.vision.mounted.profile import BIN_M, profile, right_side, stems_beyond, steps_beyond
 from host.vision.pictures import Mask
 from host.vision.view import NAN
 
@@ -349,18 +348,18 @@ class FaceFinder:
             SPREAD,
             (self._left_bin, round(-SPAN_M[0] / BIN_M)),
         )
-        at, inside, outside, differ, from_border, out_bin, stems, steps = found
+        at, inside, outside, differ, from_border, out_bin = found
         out_to = SPAN_M[0] + out_bin * BIN_M
         if at < 0:
             return NAN, 0.0, out_to
         contrast = (inside - outside) / (inside + outside)
         if from_border * BIN_M < BORDER_M:
             return SPAN_M[0] + at * BIN_M, 0.0, out_to
-        again = stems / inside
+        again = stems_beyond(sums, at) / inside
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
         right = SPAN_M[0] + at * BIN_M
         if left_m == OWN_M and right > WITHIN_M - 0.5 * self._vehicle.blade_width_m:
-            sure = min(sure, OPEN - OPEN_PER_STEP * steps)
+            sure = min(sure, OPEN - OPEN_PER_STEP * steps_beyond(sums, at))
         return right, max(0.0, sure), out_to
 
     def _bands(

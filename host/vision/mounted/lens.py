@@ -108,5 +108,5 @@ def _change(now: Mask, before: Mask) -> int:
     total = 0
     for i in range(now.shape[0]):
         for j in range(now.shape[1]):
-            total += abs(np.int16(now[i, j]) - np.int16(before[i, j]))
+            total += int(abs(np.int16(now[i, j]) - np.int16(before[i, j])))
     return total

@@ -156,7 +156,7 @@ def _row_above(lit: Mask, share: float) -> int:
         here = np.int32(0)
         for u in range(width):
             here += np.int32(row[u] & np.uint8(1))
-        total += here
+        total += int(here)
         count[v] = total
     if total == 0:
         return -1

@@ -175,18 +175,17 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
 @numba.njit(cache=True, nogil=True)
 def right_side(
     sums: Sums, last: int, expected: float, spread: Sums, way: tuple[int, int]
-) -> tuple[int, float, float, float, int, int, float, float]:
+) -> tuple[int, float, float, float, int, int]:
     """As `right_end`; then how many bins lie between the end and the first with a pixel, and what
-    `goes_on_to` (of the machine's `way`, left and right), `stems_beyond` and `steps_beyond` say."""
+    `goes_on_to` says of the machine's `way`, left and right."""
     at, inside, outside, differ = right_end(sums, round(WINDOW_M / BIN_M), last, expected, spread)
     out_to = goes_on_to(sums, way[0], way[1])
     if at < 0:
-        return at, inside, outside, differ, 0, out_to, 0.0, 0.0
+        return at, inside, outside, differ, 0, out_to
     first = 0
     while first < sums.shape[0] - 1 and sums[first, 0] <= 0.0:
         first += 1
-    beyond = stems_beyond(sums, at), steps_beyond(sums, at)
-    return at, inside, outside, differ, at - first, out_to, beyond[0], beyond[1]
+    return at, inside, outside, differ, at - first, out_to
 
 
 @numba.njit(cache=True, nogil=True)

@@ -44,9 +44,9 @@ class Stems:
         fainter steps count; stubble that then passes for stems is behind the blade."""
         grey = u8(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY))
         cv2.LUT(grey, LOGARITHM, grey)
-        least = _quantile(grey[self._cut], CUT_QUANTILE, *STEP_RANGE) * (FAINTER if cutting else 1.0)
+        least = _quantile(grey[self._cut], CUT_QUANTILE, *STEP_RANGE)
         steps = np.empty_like(grey)
-        _upright_steps(grey, int(least), steps)
+        _upright_steps(grey, int(least * (FAINTER if cutting else 1.0)), steps)
         upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
         return Evidence(upright, steps, grey)
 
@@ -61,7 +61,7 @@ def _quantile(grey: Mask, share: float, least: int, most: int) -> int:
         for v in range(height):
             row = grey[v]
             for u in range(width - 2):
-                below += abs(np.int16(row[u + 2]) - np.int16(row[u])) <= level
+                below += int(abs(np.int16(row[u + 2]) - np.int16(row[u])) <= level)
         if below >= enough:
             return level
     return most
