@@ -104,7 +104,8 @@ class Position(Filter):
     @property
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, m and rad."""
-        return float(self._x[X]), float(self._x[Y]), float(self._x[YAW])
+        x = self._x
+        return x.item(X), x.item(Y), x.item(YAW)
 
     @property
     def course_rad(self) -> float:
@@ -237,8 +238,8 @@ class Position(Filter):
         """How far the blade's line is past a side's beginning."""
         found = self.outline.found(side)
         c, s = math.cos(found.heading_rad), math.sin(found.heading_rad)
-        dx, dy = self._x[X] - found.x_m, self._x[Y] - found.y_m
-        return float(dx * c + dy * s) + self._vehicle.blade_x_m
+        dx, dy = self._x.item(X) - found.x_m, self._x.item(Y) - found.y_m
+        return dx * c + dy * s + self._vehicle.blade_x_m
 
     def against_lane(self) -> tuple[float, float, float, float]:
         """The rear axle's place against the present lane as it lies, not as the plan has it: how
@@ -281,8 +282,9 @@ class Position(Filter):
             return 0.0
         place = self.at(side)
         h = to_border(place, way)
-        h[SCALE] -= back_m
-        h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
+        if back_m != 0.0:
+            h[SCALE] -= back_m
+            h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
         return math.sqrt(h @ self._p @ h + STEP_SIGMA[0] ** 2 * back_m)
 
     @property
