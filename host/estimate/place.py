@@ -50,10 +50,16 @@ class Place(NamedTuple):
         """How far the vehicle is turned left of the side."""
         return math.remainder(self.x.item(YAW) - self.side.heading_rad, math.tau)
 
-    @property
-    def lane_m(self) -> float:
-        """How far left of the plan's the lane lies at the blade's line."""
-        return self.lane_at(self.blade_m)
+    def off_lane_m(self, ahead_m: float, left_m: float = 0.0) -> float:
+        """How far a point of the machine, ahead_m before the rear axle, is left of the lane at the
+        blade's line, less left_m. In one go: it is asked for several times a step."""
+        x, side = self.x, self.side
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        dx, dy = x.item(X) - side.x_m, x.item(Y) - side.y_m
+        across = dy * c - dx * s - self.inset_m + side.shift_m
+        turned = ahead_m * math.sin(math.remainder(x.item(YAW) - side.heading_rad, math.tau))
+        along = dx * c + dy * s + self.blade_x_m
+        return across + turned - (x.item(LANE_OFFSET) + x.item(LANE_YAW) * along) - left_m
 
     def lane_at(self, along_m: float) -> float:
         """How far left of the plan's the lane lies, along_m past its beginning."""

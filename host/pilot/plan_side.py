@@ -152,7 +152,7 @@ class PlanSide(Strip):
 
     def along_m(self, motion: Motion) -> float:
         """By the position, in which what was seen of the beginning has its part."""
-        travelled = self.estimate.motion.distance_m - motion.distance_m
+        travelled = self.estimate.odometry.now.distance_m - motion.distance_m
         start = self._pieces[self._at][0] if self._at else 0.0
         return start + self.estimate.position.along(self._straight[self._at]) - travelled
 
@@ -226,7 +226,7 @@ class PlanSide(Strip):
         return left > max(SURE_M, SURE_SHARE * (self.side.length_m + more_m))
 
     def left_m(self) -> float:
-        return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))
+        return max(0.0, self.side.length_m - self.along_m(self.estimate.odometry.now))
 
     @property
     def left_m2(self) -> float:
