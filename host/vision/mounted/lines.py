@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numba
 import numpy as np
@@ -30,6 +30,11 @@ def least_length_px(camera: Camera, blade_height_m: float) -> NDArray[np.float32
 
 GROUP = 32
 """Rails that are worked on at once: no more than a pixel apart, they lie in as many pixels."""
+
+
+_LIT = (np.arange(256)[:, None] >> np.arange(8) & 1) > 0
+EIGHT: Final = np.where(_LIT, 255, 0).astype(np.uint8).view(np.uint64).ravel()
+"""Eight pixels, 0 or 255, in a word, of which a byte has the bits: the first has the lowest."""
 
 
 class Rails(NamedTuple):
@@ -93,7 +98,9 @@ def _lengths(lit: Mask, length: Mask, since: Mask, gap: int) -> None:
     bridged, most, none, one = np.uint8(gap), np.uint8(254), np.uint8(0), np.uint8(1)
     for r in range(lit.shape[0]):
         on, away = lit[r], since[r]
-        now = np.uint8(min(length[r] + away, most) + one) if away <= bridged else one
+        # the sum of both, at most 254, without leaving the bytes
+        bridging = np.uint8(np.uint8(min(length[r], np.uint8(most - away)) + away) + one)
+        now = bridging if away <= bridged else one
         length[r] = now if on else length[r]
         lit[r] = now if on else none
         since[r] = none if on else np.uint8(min(away, most) + one)
@@ -180,15 +187,14 @@ def _packed(on: Mask, bits: Words) -> None:
     """Sets the bits of the pixels that are lit in either of a pair of rows."""
     width = on.shape[1]
     lit = np.zeros(32 * bits.shape[1], np.uint8)
+    eights = lit.view(np.uint64)
     for v in range(bits.shape[0]):
-        upper, lower, row = on[2 * v], on[2 * v + 1], bits[v]
+        upper, lower, row = on[2 * v], on[2 * v + 1], bits[v].view(np.uint8)
         for u in range(width):
             lit[u + 1] = (upper[u] | lower[u]) & np.uint8(1)
-        for word in range(row.shape[0]):
-            bit = np.uint32(0)
-            for k in range(32):
-                bit |= np.uint32(lit[32 * word + k]) << np.uint32(k)
-            row[word] = bit
+        for k in range(row.shape[0]):
+            # brings bit 8n of a word to bit 56 + n
+            row[k] = np.uint8(eights[k] * np.uint64(0x0102040810204080) >> np.uint64(56))
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -196,13 +202,11 @@ def _unpacked(on: Mask, bits: Words, out: Mask) -> None:
     """`on` where a pair of rows has its bit set."""
     width = on.shape[1]
     mask = np.empty(32 * bits.shape[1], np.uint8)
+    eights = mask.view(np.uint64)
     for v in range(bits.shape[0]):
-        row = bits[v]
-        for word in range(row.shape[0]):
-            bit = row[word]
-            for k in range(32):
-                lit = bit & np.uint32(np.uint32(1) << np.uint32(k)) != np.uint32(0)
-                mask[32 * word + k] = np.uint8(255) if lit else np.uint8(0)
+        row = bits[v].view(np.uint8)
+        for k in range(row.shape[0]):
+            eights[k] = EIGHT[row[k]]
         for half in range(2):
             pixel, kept = on[2 * v + half], out[2 * v + half]
             for u in range(width):

@@ -71,14 +71,16 @@ def _quantile(grey: Mask, share: float, least: int, most: int) -> int:
 def _upright_steps(grey: Mask, least: int, steps: Mask) -> None:
     """255 where the step across the picture exceeds `least` and the step along it."""
     height, width = grey.shape
+    enough = np.uint8(least)
     for v in range(height):
         above, below = grey[abs(v - 1)], grey[v + 1 if v + 1 < height else v - 1]
         row, out = grey[v], steps[v]
         out[0], out[width - 1] = 0, 0
         for u in range(1, width - 1):
-            across = abs(np.int16(row[u + 1]) - np.int16(row[u - 1]))
-            along = abs(np.int16(below[u]) - np.int16(above[u]))
-            out[u] = np.uint8(255) if (across > along) & (across > least) else np.uint8(0)
+            left, right, up, down = row[u - 1], row[u + 1], above[u], below[u]
+            across = np.uint8(max(left, right) - min(left, right))
+            along = np.uint8(max(up, down) - min(up, down))
+            out[u] = np.uint8(255) if (across > along) & (across > enough) else np.uint8(0)
 
 
 def _cut_ground(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
