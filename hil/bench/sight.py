@@ -90,14 +90,19 @@ def _rows(
     first_m: float,
     apart_m: float,
     rows: int,
-) -> int:
-    """At how many of so many places, from `first_m` ahead of one on, crop stands."""
+    enough: int,
+) -> bool:
+    """Whether crop stands at `enough` of so many places, from `first_m` ahead of one on."""
     count = 0
     for q in range(rows):
+        if count + rows - q < enough:
+            return False
         ahead = first_m + apart_m * q
         if _standing(kind, x0, y0, cell, place[0] + ahead * way[0], place[1] + ahead * way[1]):
             count += 1
-    return count
+            if count == enough:
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True)
@@ -123,7 +128,7 @@ def _right(
     for k in range(n):
         left = SPAN_M[0] + (k + 0.5) * step
         place = (x - left * s, y + left * c)
-        if _rows(kind, x0, y0, cell, place, (c, s), first_m + 0.04, 0.05, 5) >= 2:
+        if _rows(kind, x0, y0, cell, place, (c, s), first_m + 0.04, 0.05, 5, 2):
             if clear * step >= RUN_M or run == 0:
                 begin = k
             clear = 0
@@ -165,8 +170,9 @@ def _beside(
     for k in range(int((BESIDE_LEFT_M[1] - BESIDE_LEFT_M[0]) / step)):
         left = BESIDE_LEFT_M[0] + k * step
         place = (x - left * s, y + left * c)
-        count = _rows(kind, x0, y0, cell, place, (c, s), blade_x + BESIDE_FROM_M[0], apart, rows)
-        run = run + 1 if count >= rows // 2 else 0
+        first = blade_x + BESIDE_FROM_M[0]
+        full = _rows(kind, x0, y0, cell, place, (c, s), first, apart, rows, rows // 2)
+        run = run + 1 if full else 0
         if run * step >= BESIDE_WIDE_M:
             return left - (run - 1) * step
     return math.nan
@@ -204,7 +210,10 @@ def _look(
             fx = blade_x + d
             if _standing(kind, x0, y0, cell, x + fx * c - left * s, y + fx * s + left * c):
                 here += 1
-                if not hit[k]:
+                if ahead < math.inf:
+                    if here == enough:
+                        break
+                elif not hit[k]:
                     hit[k] = True
                     count += 1
         if ahead == math.inf:

@@ -48,12 +48,31 @@ class Rest(NamedTuple):
     variance: float
 
 
-class _Step(NamedTuple):
-    stamp: float
-    seen_rad: float
-    reckoned_rad: float
-    taken_rad: float
-    """What it corrected the yaw by."""
+class _Window:
+    """What both said of late, step by step: a column each, since they are added up at each step."""
+
+    def __init__(self) -> None:
+        self._columns: tuple[deque[float], ...] = tuple(deque() for _ in range(5))
+
+    def add(self, stamp: float, seen_rad: float, reckoned_rad: float, taken_rad: float) -> None:
+        """A step; `taken_rad`: what it corrected the yaw by. What is too old is forgotten."""
+        row = stamp, seen_rad, reckoned_rad, abs(reckoned_rad), taken_rad
+        for column, value in zip(self._columns, row, strict=True):
+            column.append(value)
+        stamps = self._columns[0]
+        while stamps[0] < stamp - WINDOW_S:
+            for column in self._columns:
+                column.popleft()
+
+    def sums(self) -> tuple[float, float, float, float]:
+        """Of what was seen, reckoned, reckoned to and fro, and taken."""
+        _, seen, reckoned, to_and_fro, taken = self._columns
+        return sum(seen), sum(reckoned), sum(to_and_fro), sum(taken)
+
+    def clear(self) -> None:
+        """Forgets all."""
+        for column in self._columns:
+            column.clear()
 
 
 class Gyroscope:
@@ -72,7 +91,7 @@ class Gyroscope:
         self._rest_rate: float | None = None
         """The word before, where it was one of rest."""
         self._rest_power = REST_NOISE**2
-        self._steps: deque[_Step] = deque()
+        self._steps = _Window()
         self._agreed_rad: float | None = None
         """Turned in agreement since it was contradicted; None: it is believed."""
 
@@ -114,9 +133,7 @@ class Gyroscope:
         reckoned = reckoned_rad - before
         self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
         taken = seen - reckoned if self.useful else 0.0
-        self._steps.append(_Step(turned.stamp, seen, reckoned, taken))
-        while self._steps[0].stamp < turned.stamp - WINDOW_S:
-            self._steps.popleft()
+        self._steps.add(turned.stamp, seen, reckoned, taken)
         return taken + self._compared(reckoned)
 
     def take_rests(self) -> list[Rest]:
@@ -137,14 +154,12 @@ class Gyroscope:
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
-        _, shown, turned, _ = zip(*self._steps, strict=True)
-        seen, by_angle = sum(shown), sum(turned)
-        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), sum(map(abs, turned)))
+        seen, by_angle, to_and_fro, taken = self._steps.sums()
+        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), to_and_fro)
         if abs(seen - by_angle) > most:
-            back = -sum(step.taken_rad for step in self._steps)
             self._steps.clear()
             self._agreed_rad = 0.0
-            return back
+            return -taken
         if self._agreed_rad is not None:
             self._agreed_rad += abs(reckoned)
             if self._agreed_rad > AGREE_RAD:

@@ -38,7 +38,7 @@ class Lane:
     def heading_rad(self) -> float:
         """Where the machine goes, driving forward, against the lane's direction: a machine that
         drifts aside heads elsewhere."""
-        return self._turned_rad + float(self._position.x[CRAB])
+        return self._turned_rad + self._position.x.item(CRAB)
 
     @property
     def offset_m(self) -> float:
@@ -57,10 +57,10 @@ class Lane:
     def blade_offset_m(self) -> float:
         """The blade's middle left of the lane, positive: minus the edge offset that vision sees.
         An edge that is seen from beside it is not followed where it seems to wander."""
-        place = self._position.on_lane()
-        turned = self._blade_x * math.sin(place.turned_rad)
-        wander = 0.0 if self._position.beside else float(place.x[WANDER])
-        return place.across_m + turned - place.lane_m - wander
+        position = self._position
+        place = position.on_lane()
+        wander = 0.0 if position.beside else place.x.item(WANDER)
+        return place.off_lane_m(self._blade_x, wander)
 
     @property
     def off_m(self) -> float:
@@ -88,7 +88,7 @@ class Lane:
     @property
     def _turned_rad(self) -> float:
         place = self._position.on_lane()
-        return math.remainder(place.turned_rad - float(place.x[LANE_YAW]), math.tau)
+        return math.remainder(place.turned_rad - place.x.item(LANE_YAW), math.tau)
 
     def _of_blade(self) -> Array:
         """(states,) the derivative of `blade_offset_m`."""

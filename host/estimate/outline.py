@@ -42,6 +42,24 @@ def _shares(
 
 
 @njit(cache=True, nogil=True)
+def _along(
+    corners: Array,
+    directions: Array,
+    lengths: Array,
+    edge: int,
+    at: tuple[float, float],
+    way: tuple[float, float],
+    out: Array,
+) -> None:
+    """`Outline.along`, into `out` of zeros."""
+    first, second = _shares(corners, directions, lengths, edge, at[0], at[1])
+    to = (edge + 1) % len(corners)
+    for k in range(2):
+        out[2 * edge + k] = first * way[k]
+        out[2 * to + k] = second * way[k]
+
+
+@njit(cache=True, nogil=True)
 def _nearest(places: Array, corners: Array, directions: Array, lengths: Array, out: Array) -> None:
     """`Outline.nearest`, into `out` of zeros."""
     for m in range(len(places)):
@@ -119,16 +137,20 @@ class Outline:
 
     # ---- derivatives -----------------------------------------------------------------------------
 
-    def along(self, edge: int, at: tuple[float, float], way: tuple[float, float]) -> Array:
-        """(states,) the derivative of how far, in direction `way`, that place of an edge moves."""
-        out = np.zeros(self.moved_m.size)
+    def along(
+        self,
+        edge: int,
+        at: tuple[float, float],
+        way: tuple[float, float],
+        out: Array | None = None,
+    ) -> Array:
+        """(states,) the derivative of how far, in direction `way`, that place of an edge moves;
+        into `out` of zeros where it is given."""
+        if out is None:
+            out = np.zeros(self.moved_m.size)
         if edge != NO_EDGE and out.size:
             e = self._edges
-            first, second = _shares(e.corners, e.directions, e.lengths, edge, *at)
-            x, y = way
-            out[2 * edge : 2 * edge + 2] = first * x, first * y
-            to = 2 * ((edge + 1) % len(e.corners))
-            out[to : to + 2] = second * x, second * y
+            _along(e.corners, e.directions, e.lengths, edge, at, way, out)
         return out
 
     def _planned_moves(self, edge: int, x: float, y: float) -> tuple[float, float]:

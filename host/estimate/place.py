@@ -28,35 +28,42 @@ class Place(NamedTuple):
     @property
     def direction(self) -> tuple[float, float]:
         """Cosine and sine of the side's."""
-        return math.cos(self.side.heading_rad), math.sin(self.side.heading_rad)
+        heading = self.side.heading_rad
+        return math.cos(heading), math.sin(heading)
 
     @property
     def blade_m(self) -> float:
         """How far the blade's line is past the side's beginning."""
         c, s = self.direction
-        dx, dy = self.x[X] - self.side.x_m, self.x[Y] - self.side.y_m
-        return float(dx * c + dy * s) + self.blade_x_m
+        dx, dy = self.x.item(X) - self.side.x_m, self.x.item(Y) - self.side.y_m
+        return dx * c + dy * s + self.blade_x_m
 
     @property
     def across_m(self) -> float:
         """How far the rear axle is left of the lane as the plan has it."""
         c, s = self.direction
-        dx, dy = self.x[X] - self.side.x_m, self.x[Y] - self.side.y_m
-        return float(dy * c - dx * s) - self.inset_m + self.side.shift_m
+        dx, dy = self.x.item(X) - self.side.x_m, self.x.item(Y) - self.side.y_m
+        return dy * c - dx * s - self.inset_m + self.side.shift_m
 
     @property
     def turned_rad(self) -> float:
         """How far the vehicle is turned left of the side."""
-        return math.remainder(self.x[YAW] - self.side.heading_rad, math.tau)
+        return math.remainder(self.x.item(YAW) - self.side.heading_rad, math.tau)
 
-    @property
-    def lane_m(self) -> float:
-        """How far left of the plan's the lane lies at the blade's line."""
-        return self.lane_at(self.blade_m)
+    def off_lane_m(self, ahead_m: float, left_m: float = 0.0) -> float:
+        """How far a point of the machine, ahead_m before the rear axle, is left of the lane at the
+        blade's line, less left_m. In one go: it is asked for several times a step."""
+        x, side = self.x, self.side
+        c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
+        dx, dy = x.item(X) - side.x_m, x.item(Y) - side.y_m
+        across = dy * c - dx * s - self.inset_m + side.shift_m
+        turned = ahead_m * math.sin(math.remainder(x.item(YAW) - side.heading_rad, math.tau))
+        along = dx * c + dy * s + self.blade_x_m
+        return across + turned - (x.item(LANE_OFFSET) + x.item(LANE_YAW) * along) - left_m
 
     def lane_at(self, along_m: float) -> float:
         """How far left of the plan's the lane lies, along_m past its beginning."""
-        return float(self.x[LANE_OFFSET] + self.x[LANE_YAW] * along_m)
+        return self.x.item(LANE_OFFSET) + self.x.item(LANE_YAW) * along_m
 
     def beside(self, along_m: float | None = None) -> Array:
         """(states,) the derivative of the rear axle's offset from the lane where it lies along_m
@@ -65,7 +72,7 @@ class Place(NamedTuple):
         h = np.zeros(len(self.x))
         along = self.blade_m if along_m is None else along_m
         h[X], h[Y], h[LANE_OFFSET], h[LANE_YAW] = -s, c, -1.0, -along
-        h[STATES:] = self.outline.along(self.side.edge, self.side.pose(along)[:2], (s, -c))
+        self.outline.along(self.side.edge, self.side.pose(along)[:2], (s, -c), h[STATES:])
         return h
 
     def ahead(self, ahead_m: float, along_m: float) -> Array:

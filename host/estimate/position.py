@@ -84,6 +84,7 @@ class Position(Filter):
         states = STATES + self.outline.states
         super().__init__(np.zeros(states), prior.covariance(states))
         self._vehicle = vehicle
+        self._blade_x_m, self._inset_m = vehicle.blade_x_m, vehicle.inset_m
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
         self._lane_of = NO_SIDE
@@ -104,7 +105,8 @@ class Position(Filter):
     @property
     def pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle, m and rad."""
-        return float(self._x[X]), float(self._x[Y]), float(self._x[YAW])
+        x = self._x
+        return x.item(X), x.item(Y), x.item(YAW)
 
     @property
     def course_rad(self) -> float:
@@ -230,15 +232,15 @@ class Position(Filter):
 
     def at(self, side: Side) -> Place:
         """The place against a side."""
-        found, vehicle = self.outline.found(side), self._vehicle
-        return Place(self._x, found, vehicle.blade_x_m, vehicle.inset_m, self.outline)
+        outline = self.outline
+        return Place(self._x, outline.found(side), self._blade_x_m, self._inset_m, outline)
 
     def along(self, side: Side) -> float:
         """How far the blade's line is past a side's beginning."""
         found = self.outline.found(side)
         c, s = math.cos(found.heading_rad), math.sin(found.heading_rad)
-        dx, dy = self._x[X] - found.x_m, self._x[Y] - found.y_m
-        return float(dx * c + dy * s) + self._vehicle.blade_x_m
+        dx, dy = self._x.item(X) - found.x_m, self._x.item(Y) - found.y_m
+        return dx * c + dy * s + self._blade_x_m
 
     def against_lane(self) -> tuple[float, float, float, float]:
         """The rear axle's place against the present lane as it lies, not as the plan has it: how
@@ -254,7 +256,9 @@ class Position(Filter):
 
     def on_lane(self) -> Place:
         """The place against the present lane's side."""
-        return self.at(self._lane_of)
+        outline = self.outline
+        found = outline.found(self._lane_of)
+        return Place(self._x, found, self._blade_x_m, self._inset_m, outline)
 
     def less_sure(self, place_m: float, yaw_rad: float) -> None:
         """Of its place, m in every direction, and of its direction."""
@@ -281,8 +285,9 @@ class Position(Filter):
             return 0.0
         place = self.at(side)
         h = to_border(place, way)
-        h[SCALE] -= back_m
-        h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
+        if back_m != 0.0:
+            h[SCALE] -= back_m
+            h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
         return math.sqrt(h @ self._p @ h + STEP_SIGMA[0] ** 2 * back_m)
 
     @property

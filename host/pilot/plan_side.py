@@ -152,9 +152,9 @@ class PlanSide(Strip):
 
     def along_m(self, motion: Motion) -> float:
         """By the position, in which what was seen of the beginning has its part."""
-        travelled = self.estimate.motion.distance_m - motion.distance_m
-        start = self._pieces[self._at][0]
-        return start + self.estimate.position.along(self.planned_piece) - travelled
+        travelled = self.estimate.odometry.now.distance_m - motion.distance_m
+        start = self._pieces[self._at][0] if self._at else 0.0
+        return start + self.estimate.position.along(self._straight[self._at]) - travelled
 
     @property
     def _crop_to_m(self) -> float:
@@ -214,8 +214,11 @@ class PlanSide(Strip):
 
     @property
     def surely_own(self) -> bool:
-        may_end = self.may_end_at(self.along_m(self.estimate.motion))
-        return self._beyond_doubt(0.0 if may_end else self._beyond_m)
+        # how surely the end is known is asked only where it decides: it takes long
+        if not self._beyond_doubt(self._beyond_m):
+            return False
+        along_m = self.along_m(self.estimate.motion)
+        return self._beyond_doubt(0.0) or not self.may_end_at(along_m)
 
     def _beyond_doubt(self, more_m: float) -> bool:
         """Whether what is left of the side, and so much more, is more than any belief errs."""
@@ -223,7 +226,7 @@ class PlanSide(Strip):
         return left > max(SURE_M, SURE_SHARE * (self.side.length_m + more_m))
 
     def left_m(self) -> float:
-        return max(0.0, self.side.length_m - self.along_m(self.estimate.motion))
+        return max(0.0, self.side.length_m - self.along_m(self.estimate.odometry.now))
 
     @property
     def left_m2(self) -> float:
@@ -241,11 +244,13 @@ class PlanSide(Strip):
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma
         farthest *= self.along_m(self.estimate.motion)
+        last_m = min(self._planned.fence_m, self.side.length_m + LEFT_OVER_M) + LATE_M
+        if farthest <= last_m:
+            return False
         doubt_m = self._doubt_m
         if self.plan.gap_m is not None:  # a geofence watches
             doubt_m = max(doubt_m, self.estimate.position.end_sigma_m(self._straight[-1]))
-        last_m = min(self._planned.fence_m, self.side.length_m + LEFT_OVER_M)
-        return farthest > last_m + LATE_M + LATE_SIGMAS * doubt_m
+        return farthest > last_m + LATE_SIGMAS * doubt_m
 
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""

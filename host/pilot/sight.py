@@ -390,8 +390,10 @@ class Sight:
             ):
                 return False
         lane = self._estimate.lane
-        in_view = IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m
-        if strip.placed and abs(lane.blade_offset_m) > in_view:
+        off_m = abs(lane.blade_offset_m)
+        # the lane's standard deviation, which takes long, is asked only where it decides
+        far = strip.placed and off_m > IN_VIEW_M
+        if far and off_m > IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m:
             return False
         return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
 
@@ -402,5 +404,6 @@ class Sight:
         lane = self._estimate.lane
         begun_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
         outside_m = -(strip.edge_m(view, then) + lane.blade_offset_m)
-        likely = not self.ahead.approached or outside_m > TIP_SIGMAS * lane.offset_sigma_m
-        return likely and not strip.new and begun_m < TIP_M and outside_m > LEAP_M
+        if strip.new or begun_m >= TIP_M or not outside_m > LEAP_M:
+            return False
+        return not self.ahead.approached or outside_m > TIP_SIGMAS * lane.offset_sigma_m

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -44,12 +45,8 @@ class Camera:
         """Vehicle-frame points (..., 3) in metres to pixels (..., 2); NaN at or behind the lens."""
         p = np.asarray(points, dtype=np.float64)
         q = (p.reshape(-1, 3) - self.position) @ self.rotation.T
-        seen = q[:, 2] > 1e-6
-        uv = np.full((len(q), 2), np.nan)
-        if seen.any():
-            zero = np.zeros(3)
-            px, _ = cv2.projectPoints(q[seen][:, None], zero, zero, self.matrix, self.distortion)
-            uv[seen] = px.reshape(-1, 2)
+        uv = np.empty((len(q), 2))
+        _project(q, self.mount.focal, self.mount.centre, self.distortion, uv)
         return uv.reshape(*p.shape[:-1], 2)
 
     def rays(self, pixels: ArrayLike) -> Array:
@@ -112,3 +109,25 @@ class Camera:
             top = np.column_stack([ground[seen], np.full(int(seen.sum()), height_m)])
             rows[seen] = np.maximum(0.0, v[seen] - self.project(top)[:, 1])
         return rows
+
+
+@numba.njit(cache=True, nogil=True)
+def _project(
+    points: Array, focal: float, centre: tuple[float, float], distortion: Array, uv: Array
+) -> None:
+    """Points (n, 3) in the camera's axes to pixels (n, 2), NaN at or behind the lens: as
+    cv2.projectPoints, which takes ten times as long for a few."""
+    k1, k2, p1, p2, k3 = distortion
+    for i in range(points.shape[0]):
+        depth = points[i, 2]
+        if not depth > 1e-6:
+            uv[i] = np.nan
+            continue
+        x, y = points[i, 0] * (1.0 / depth), points[i, 1] * (1.0 / depth)
+        r2 = x * x + y * y
+        r4 = r2 * r2
+        radial = 1.0 + k1 * r2 + k2 * r4 + k3 * (r4 * r2)
+        xy = 2.0 * x * y
+        u = x * radial + p1 * xy + p2 * (r2 + 2.0 * x * x)
+        v = y * radial + p1 * (r2 + 2.0 * y * y) + p2 * xy
+        uv[i, 0], uv[i, 1] = u * focal + centre[0], v * focal + centre[1]

@@ -15,7 +15,7 @@ import numpy as np
 
 from host.estimate.kalman import Array
 from host.estimate.place import Place
-from host.estimate.states import STATES, YAW
+from host.estimate.states import STATES, X, Y
 
 LIKELY: Final = -2.0
 """The bound in standard deviations from the mean: farther before it cuts off next to nothing."""
@@ -28,7 +28,7 @@ def to_border(place: Place, way: int) -> Array:
     beginning (-1)."""
     c, s = place.direction
     h = np.zeros(len(place.x))
-    h[:YAW] = -c, -s
+    h[X], h[Y] = -c, -s
     h[STATES:] = place.outline.end(place.side, way)
     return h
 

@@ -201,10 +201,16 @@ class Follow(Behaviour):
         if not strip.placed or not sight.ahead.entered or sight.ahead.clear_count > 0:
             return False
         along = strip.along_m(here)
-        doubtful = context.estimate.lane.offset_sigma_m > DUST_SIGMA_M or sight.dust_doubts
-        untold_m = min(sight.unseen_m(here), abs(here.distance_m - sight.lane_at_m))
+        unseen_m, lane = sight.unseen_m(here), context.estimate.lane
+        untold_m = min(unseen_m, abs(here.distance_m - sight.lane_at_m))
         return (
-            (untold_m > LOOK_AFTER_M or (doubtful and sight.unseen_m(here) > UNSEEN_M))
+            (
+                untold_m > LOOK_AFTER_M
+                or (
+                    unseen_m > UNSEEN_M
+                    and (sight.dust_doubts or lane.offset_sigma_m > DUST_SIGMA_M)
+                )
+            )
             and abs(here.distance_m - context.look.at_m) > LOOK_EVERY_M
             and strip.shows_edge(along - UNSEEN_M)
             and strip.shows_edge(along + END_CLEAR_M)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import numba
 import numpy as np
 
 from host.vision.mounted.evidence import Floats
@@ -16,11 +17,15 @@ OUTSIDE_M: Final = 0.2
 """Left of the machine's middle, at least: what stands farther right stands in its way."""
 REACH_M: Final = 1.5
 """And at most. Farther off it may be another field's, and foreshortened a decimetre is no pixel."""
+NEAREST, FARTHEST = np.float32(BESIDE_M[0]), np.float32(BESIDE_M[1])
 
 
+@numba.njit(cache=True, nogil=True)
 def right_end_beside(x: Floats, y: Floats, blade_x_m: float) -> float:
     """Where its right end lies, m left of the vehicle's x axis, of the feet of standing crop (n,)
     `x`, `y`, m in the vehicle frame; NaN without (docs/understand/vision.md says how exact)."""
-    ahead = x - blade_x_m
-    feet = y[(ahead > BESIDE_M[0]) & (ahead < BESIDE_M[1]) & (y > OUTSIDE_M) & (y < REACH_M)]
-    return float(np.median(feet)) if len(feet) >= BLOCKS else NAN
+    ahead = x - np.float32(blade_x_m)
+    near = (ahead > NEAREST) & (ahead < FARTHEST)
+    feet = np.sort(y[near & (y > np.float32(OUTSIDE_M)) & (y < np.float32(REACH_M))])
+    n = len(feet)
+    return float(np.float32(0.5) * (feet[(n - 1) // 2] + feet[n // 2])) if n >= BLOCKS else NAN

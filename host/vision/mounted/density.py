@@ -16,10 +16,10 @@ PIXELS = (2 * ACROSS + 1) * (2 * ALONG + 1)
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
 def mark_dense(lit: Mask, least: int, out: Mask) -> None:
-    """255 where at least `least` of a neighbourhood's pixels are lit (255), 0 elsewhere. Beyond the
+    """1 where at least `least` of a neighbourhood's pixels are lit (255), 0 elsewhere. Beyond the
     picture's border the picture goes on mirrored, the border itself not repeated."""
     height, width = lit.shape
-    one, most, enough = np.uint8(1), np.uint8(255), np.uint8(least)
+    one, enough = np.uint8(1), np.uint8(least)
     column = np.zeros(width + 2 * ACROSS, np.uint8)
     two, four, eight = np.empty_like(column), np.empty_like(column), np.empty_like(column)
     for v in range(-ALONG, ALONG):
@@ -48,7 +48,7 @@ def mark_dense(lit: Mask, least: int, out: Mask) -> None:
         here = out[v]
         for u in range(width):
             count = np.uint8(eight[u] + eight[u + 8] + column[u + 16])
-            here[u] = most if count >= enough else np.uint8(0)
+            here[u] = one if count >= enough else np.uint8(0)
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -74,3 +74,44 @@ def ninths(lit: Mask, counts: NDArray[np.int64]) -> None:
             for u in range(left // 3, (right + 2) // 3):
                 total += (min(3 * u + 3, right) - max(3 * u, left)) * columns[u]
             counts[i, j] = total
+
+
+@numba.njit(cache=True, nogil=True)
+def shares(lit: Mask) -> tuple[float, float]:
+    """Of a picture's ninths, in whole 255ths, how much is lit (255): their mean and the least."""
+    counts = np.empty((3, 3), np.int64)
+    ninths(lit, counts)
+    share = np.rint(255.0 * counts.ravel() / lit.size) / 255.0
+    pairs = share[:8:2] + share[1:8:2]
+    total = (pairs[0] + pairs[1]) + (pairs[2] + pairs[3]) + share[8]
+    return float(total / 9.0), float(share.min())
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def tops_of(dense: Mask) -> float:
+    """Rows from the lower border up to the topmost dense pixel of a column, median over the columns
+    that have one; NaN where less than half of them have."""
+    height, width = dense.shape
+    top = np.full(width, height, np.int32)
+    for v in range(height - 1, -1, -1):
+        row = dense[v]
+        for u in range(width):
+            top[u] = np.int32(v) if row[u] else top[u]
+    some = np.sort(top[top < height])
+    n = some.shape[0]
+    if n < 0.5 * width:
+        return np.nan
+    return float(height - 0.5 * (some[(n - 1) // 2] + some[n // 2]))
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def mean_of(grey: Mask) -> float:
+    """Mean of a picture; 0 of an empty one."""
+    total = 0
+    for v in range(grey.shape[0]):
+        row = grey[v]
+        here = np.int32(0)
+        for u in range(grey.shape[1]):
+            here += np.int32(row[u])
+        total += int(here)
+    return total * (1.0 / grey.size) if grey.size else 0.0

@@ -128,6 +128,10 @@ class MountedDetector:
         level = float(camera.project([[x + FAR_M * 100, y, z]])[0, 1])
         self._lens = LensWatch(camera.size, int(min(max(level, 0.0), camera.size[1] - 1.0)))
         self._lying = LyingCrop(camera, vehicle)
+        self._drawn_z = np.concatenate(
+            [[LOWEST_M, LOWEST_M], np.linspace(0.0, vehicle.crop_height_m, 10)]
+        )
+        """Heights of what is drawn: E_outer, O_map, the border of the face."""
         self._expected_m = -vehicle.inset_m
         self._l_reference = NAN
         # such a camera looks through the blade's dust; one above the tops looks over most of it
@@ -316,11 +320,10 @@ class MountedDetector:
         """Columns of E_outer and O_map, NaN without, and the upright border of the face, from the
         ground to the tops. All at once: a call takes as long for one point as for twelve."""
         x = face.at_x_m if math.isfinite(face.at_x_m) else self._vehicle.blade_x_m
-        ends = [[x, face.right_m, LOWEST_M], [x, self._expected_m, LOWEST_M]]
         points = np.empty((12, 3))
-        points[:2] = ends
-        points[2:, 0], points[2:, 1] = face.at_x_m, face.right_m
-        points[2:, 2] = np.linspace(0.0, self._vehicle.crop_height_m, 10)
+        points[:2, 0], points[2:, 0] = x, face.at_x_m
+        points[:, 1], points[1, 1] = face.right_m, self._expected_m
+        points[:, 2] = self._drawn_z
         pixels = self._camera.project(points)
         known = not math.isnan(face.right_m)
         edge = pixels[2:].astype(np.float32) if known else None

@@ -10,25 +10,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
 from host.vision.mounted.beside import right_end_beside
-from host.vision.mounted.density import PIXELS, mark_dense, ninths
+from host.vision.mounted.density import PIXELS, mark_dense, mean_of, shares, tops_of
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
-from host.vision.mounted.feet import BLOCK_PX, block_sums, feet_of
-from host.vision.mounted.profile import (
-    BIN_M,
-    WINDOW_M,
-    goes_on_to,
-    profile,
-    right_end,
-    stems_beyond,
-    steps_beyond,
-)
+from host.vision.mounted.feet import contour, reached
+from host.vision.mounted.grain import squared_steps
+from host.vision.mounted.profile import BIN_M, profile, right_side, stems_beyond, steps_beyond
 from host.vision.pictures import Mask
 from host.vision.view import NAN
 
@@ -90,8 +82,6 @@ LOWER = 0.7
 crop's, a gap further away, are lower than this."""
 UPRIGHT = 3.5
 """Where crop stands, squared steps across the picture are greater than those along it by this."""
-GRAIN = (1, 5)
-"""Columns and rows over which grey is averaged along an edge before its step is taken."""
 LEAST_STEP2 = 8.0
 """Mean squared step, in 255ths of the logarithmic range, below which there is but noise."""
 FOOT_WINDOW_M = 0.12
@@ -139,7 +129,7 @@ class Face:
 
 
 def _dense(seen: Evidence) -> Mask:
-    """255 where stems are so many that crop stands."""
+    """1 where stems are so many that crop stands."""
     out = np.empty_like(seen.upright)
     mark_dense(seen.upright, LEAST_LIT, out)
     return out
@@ -151,6 +141,10 @@ class FaceFinder:
     def __init__(self, camera: Camera, vehicle: Vehicle) -> None:
         self._camera = camera
         self._vehicle = vehicle
+        x, y, z = camera.position
+        self._at = float(x), float(y), float(z)
+        self._focal = float(camera.matrix[0, 0])
+        self._left_bin = round((WAY_SHARE * vehicle.blade_width_m - SPAN_M[0]) / BIN_M)
         width, height = camera.size
         u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         pixels = np.stack([u, v], -1)
@@ -196,7 +190,7 @@ class FaceFinder:
     def _cut_face(self) -> tuple[tuple[slice, slice], Mask]:
         """Where crop that is being cut shows its face: rows and columns, and 255 on it in those
         rows and columns less one all round."""
-        x_c, y_c, z_c = (float(c) for c in self._camera.position)
+        x_c, y_c, z_c = self._at
         x = self._vehicle.blade_x_m
         _, highest, _, _ = self._bands(x, GAP_M, self._vehicle.crop_height_m)
         y, z = y_c + (x - x_c) * self._across, z_c + (x - x_c) * self._upward
@@ -224,8 +218,8 @@ class FaceFinder:
         tops of what is being cut were seen (NaN: not yet; those of usual crop are taken);
         `grown_px`: the same of the field's crop, from a longer way."""
         dense = _dense(seen)
-        standing = np.asarray(dense > 0)
-        if cv2.mean(seen.grey[self._horizon :])[0] < DARK:
+        standing = dense.view(np.bool_)
+        if mean_of(seen.grey[self._horizon :]) < DARK:
             return Face(NAN, 0.0, NAN, 0.0, NAN, standing)
         sight, veiled = self._sight(seen)
         x, y = self._contour(seen, dense)
@@ -277,64 +271,52 @@ class FaceFinder:
         former is most of what the file and the mount's height and pitch err."""
         if math.isnan(tops_px):
             return self._vehicle.crop_height_m
-        x_c, _, z_c = (float(c) for c in self._camera.position)
+        x_c, _, z_c = self._at
         away = self._vehicle.blade_x_m - x_c
-        return z_c + tops_px * away / float(self._camera.matrix[0, 0])
+        return z_c + tops_px * away / self._focal
 
     def _contour(self, seen: Evidence, dense: Mask) -> tuple[Floats, Floats]:
         """(x, y) on the ground of the foot of each block of columns that has one."""
-        blocks = seen.upright.shape[1] // BLOCK_PX
-        sums = np.zeros((2, seen.upright.shape[0] + 1, blocks), np.int32)
-        feet = np.empty(blocks, np.int32)
-        block_sums(seen.steps, seen.grey, sums)
-        feet_of(dense, sums, self._horizon, self._limit, self._windows, SPREAD, feet)
-        columns = np.arange(blocks) * BLOCK_PX + BLOCK_PX // 2
-        rows, columns = feet[feet >= 0], columns[feet >= 0]
-        x = self._ground_x[rows, columns]
-        x_c, y_c, _ = self._camera.position
-        return x, np.asarray(y_c + self._across[rows, columns] * (x - x_c), np.float32)
+        x, y = contour(
+            seen.steps,
+            seen.grey,
+            dense,
+            self._horizon,
+            self._limit,
+            self._windows,
+            SPREAD,
+            self._ground_x,
+            self._across,
+            self._at[:2],
+        )
+        return x, y
 
     def _ahead(self, x: Floats, y: Floats, sight: float) -> tuple[float, float]:
         """Distance from the blade's line to the nearest face that fills a share of its width."""
         vehicle = self._vehicle
-        near = np.sort(x[np.abs(y) < 0.5 * vehicle.blade_width_m])
-        width = BLOCK_PX * (near - self._camera.position[0]) / self._camera.matrix[0, 0]
-        reached = np.cumsum(width)
-        enough = int(np.searchsorted(reached, NEAR_SHARE * vehicle.blade_width_m))
-        if enough >= len(near):
+        width = vehicle.blade_width_m
+        at, filled = reached(x, y, 0.5 * width, NEAR_SHARE * width, self._at[0], self._focal)
+        if math.isinf(at):
             return math.inf, sight
-        distance = float(near[enough]) - vehicle.blade_x_m
-        return max(0.0, distance), max(sight, 0.9 if reached[-1] > 0.3 else 0.5)
+        return max(0.0, at - vehicle.blade_x_m), max(sight, 0.9 if filled > 0.3 else 0.5)
 
     def _sight(self, seen: Evidence) -> tuple[float, bool]:
         """How surely the picture would show crop in the blade's way, and whether a part of it is
         veiled: ground there has steps too, dust, glare and a covered lens have none."""
-        way = seen.steps[self._way]
-        counts = np.empty((3, 3), np.int64)
-        ninths(way, counts)
-        shares = np.rint(255.0 * counts / way.size) / 255.0
-        return min(0.95, SEEN_SHARE * float(shares.mean())), bool(shares.min() < VEIL_SHARE)
+        mean, least = shares(seen.steps[self._way])
+        return min(0.95, SEEN_SHARE * mean), least < VEIL_SHARE
 
     def _tops(self, dense: Mask) -> float:
         """Rows from the tops of the stems in the blade's way down to the horizon; NaN without."""
-        lit = dense[: self._level_px, self._middle] > 0
-        some = lit.any(0)
-        if some.mean() < 0.5:
-            return NAN
-        return float(self._level_px - np.median(lit.argmax(0)[some]))
+        return float(tops_of(dense[: self._level_px, self._middle]))
 
     def _upright(self, grey: Mask) -> bool:
         """Whether crop stands at the blade's line by the direction of the texture where its face
         would be: stems are upright, ground is not, and dust takes contrast from both directions
         alike."""
         box, face = self._face
-        g = grey[box]
-        across = cv2.absdiff(cv2.blur(g[:, 2:], GRAIN), cv2.blur(g[:, :-2], GRAIN))[1:-1]
-        along = cv2.absdiff(cv2.blur(g[2:], GRAIN[::-1]), cv2.blur(g[:-2], GRAIN[::-1]))[:, 1:-1]
-        n = max(1, cv2.countNonZero(face))
-        x2 = cv2.norm(across, cv2.NORM_L2SQR, mask=face) / n
-        y2 = cv2.norm(along, cv2.NORM_L2SQR, mask=face) / n
-        return bool(x2 > LEAST_STEP2 and x2 > UPRIGHT * y2)
+        x2, y2 = squared_steps(grey[box], face)
+        return x2 > LEAST_STEP2 and x2 > UPRIGHT * y2
 
     def _right_end(
         self,
@@ -355,24 +337,23 @@ class FaceFinder:
             if dust > HIDDEN_M and highest > bands[2] + HIDDEN_M / 10:
                 bands = (1.0, 0.0, bands[2], highest)
             else:
-                x_c, _, z_c = (float(c) for c in self._camera.position)
+                x_c, _, z_c = self._at
                 border = z_c * dust / (face_x - x_c + dust)
                 bands = (min(border, bands[1] - 0.1), bands[1], bands[2], bands[3])
         sums = self._sums(seen, face_x, bands)
-        at, inside, outside, differ = right_end(
+        found = right_side(
             sums,
-            round(WINDOW_M / BIN_M),
             round((left_m - SPAN_M[0]) / BIN_M),
             (expected_m - SPAN_M[0]) / BIN_M,
             SPREAD,
+            (self._left_bin, round(-SPAN_M[0] / BIN_M)),
         )
-        half = (WAY_SHARE * self._vehicle.blade_width_m - SPAN_M[0], -SPAN_M[0])
-        left_bin, right_bin = (round(y / BIN_M) for y in half)
-        out_to = SPAN_M[0] + goes_on_to(sums, left_bin, right_bin) * BIN_M
+        at, inside, outside, differ, from_border, out_bin = found
+        out_to = SPAN_M[0] + out_bin * BIN_M
         if at < 0:
             return NAN, 0.0, out_to
         contrast = (inside - outside) / (inside + outside)
-        if (at - int(np.argmax(sums[:, 0] > 0.0))) * BIN_M < BORDER_M:
+        if from_border * BIN_M < BORDER_M:
             return SPAN_M[0] + at * BIN_M, 0.0, out_to
         again = stems_beyond(sums, at) / inside
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
@@ -386,7 +367,7 @@ class FaceFinder:
     ) -> tuple[float, float, float, float]:
         """Heights on the face where nothing that stands `gap_m` or more behind it is seen: below
         that crop's foot and, for a camera beneath the tops, above its tops."""
-        x_c, _, z_c = (float(c) for c in self._camera.position)
+        x_c, _, z_c = self._at
         share = (face_x - x_c) / (face_x - x_c + gap_m)
         foot = z_c * (1.0 - share)
         tops = z_c + (TALLEST * height - z_c) * share
@@ -396,8 +377,8 @@ class FaceFinder:
     def _sums(
         self, seen: Evidence, face_x: float, bands: tuple[float, float, float, float]
     ) -> Sums:
-        x_c, y_c, z_c = (float(c) for c in self._camera.position)
-        sums = np.zeros((round((SPAN_M[1] - SPAN_M[0]) / BIN_M), 4))
+        x_c, y_c, z_c = self._at
+        sums = np.empty((round((SPAN_M[1] - SPAN_M[0]) / BIN_M), 4))
         profile(
             seen.upright,
             seen.steps,

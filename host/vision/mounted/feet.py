@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vision.mounted.evidence import Sums
+from host.vision.mounted.evidence import Floats, Sums
 from host.vision.pictures import Mask
 
 BLOCK_PX = 16
@@ -84,3 +84,50 @@ def feet_of(
             if score > best:
                 best, at = score, v
         feet[b] = at
+
+
+@numba.njit(cache=True, nogil=True)
+def contour(
+    steps: Mask,
+    grey: Mask,
+    dense: Mask,
+    horizon: int,
+    limit: NDArray[np.int32],
+    windows: NDArray[np.int32],
+    spread: Sums,
+    ground_x: Floats,
+    across: Floats,
+    camera: tuple[float, float],
+) -> tuple[Floats, Floats]:
+    """(x, y) on the ground of the foot of each block of columns that has one. `ground_x`, `across`:
+    (height, width) x of the ground that a pixel shows, m, and its ray's lateral part over the one
+    that points forward; `camera`: its x and y, m."""
+    blocks = steps.shape[1] // BLOCK_PX
+    sums = np.empty((2, steps.shape[0] + 1, blocks), np.int32)
+    block_sums(steps, grey, sums)
+    feet = np.empty(blocks, np.int32)
+    feet_of(dense, sums, horizon, limit, windows, spread, feet)
+    x, y = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
+    n = 0
+    for b in range(blocks):
+        v, u = feet[b], b * BLOCK_PX + BLOCK_PX // 2
+        if v >= 0:
+            x[n] = ground_x[v, u]
+            y[n] = np.float32(camera[1] + np.float64(across[v, u]) * (np.float64(x[n]) - camera[0]))
+            n += 1
+    return x[:n], y[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def reached(
+    x: Floats, y: Floats, half_m: float, enough_m: float, camera_x: float, focal_px: float
+) -> tuple[float, float]:
+    """Of feet at `x`, `y` less than `half_m` aside: the least x up to which blocks with a foot are
+    together as wide as `enough_m` (inf: they never are), and how wide all of them are, m."""
+    near = np.sort(x[np.abs(y) < np.float32(half_m)])
+    width, at = 0.0, np.inf
+    for one in near:
+        width += BLOCK_PX * (one - camera_x) / focal_px
+        if at == np.inf and width >= enough_m:
+            at = np.float64(one)
+    return at, width

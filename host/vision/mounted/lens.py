@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,14 +49,14 @@ class LensWatch:
 
     def see(self, grey: Mask) -> None:
         """`grey`: (height, width) brightness, 0..255."""
-        small = cv2.resize(grey, self._cells, interpolation=cv2.INTER_AREA)
-        before, self._before = self._before, u8(small)
-        if before is None or cv2.norm(small, before, cv2.NORM_L1) < MOVES * small.size:
+        small = self._shrunk(grey)
+        before, self._before = self._before, small
+        if before is None or _change(small, before) < MOVES * small.size:
             return
         self._seen += 1
         weight = max(MEMORY, 1.0 / self._seen)
         cv2.accumulateWeighted(small, self._mean, weight)
-        cv2.accumulateWeighted(cv2.multiply(small, small, dtype=cv2.CV_32F), self._square, weight)
+        cv2.accumulateWeighted(np.square(small, dtype=np.float32), self._square, weight)
         if self._seen < KNOWN or self._seen % AGAIN:
             return
         variance = np.maximum(self._square - self._mean * self._mean, 0.0)
@@ -65,9 +66,47 @@ class LensWatch:
         self.covered = np.asarray(stays & (self._mean < np.median(self._mean[ground])))
         self.covered[: self._ground] = False
 
+    def _shrunk(self, grey: Mask) -> Mask:
+        """The mean of each cell."""
+        if grey.shape != (CELL_PX * self._cells[1], CELL_PX * self._cells[0]):
+            return u8(cv2.resize(grey, self._cells, interpolation=cv2.INTER_AREA))
+        small = np.empty((self._cells[1], self._cells[0]), np.uint8)
+        _means(grey, small)
+        return small
+
     def share(self, pixels: NDArray[np.float64]) -> float:
         """Of (n, 2) pixels (u, v), those that are covered; what lies outside of the picture counts
         as seen."""
         u, v = np.floor(pixels * self._scale).astype(np.int64).T
         inside = (u >= 0) & (u < self._cells[0]) & (v >= 0) & (v < self._cells[1])
         return float(self.covered[v[inside], u[inside]].sum()) / len(pixels)
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _means(grey: Mask, small: Mask) -> None:
+    """Of cells of `CELL_PX` by `CELL_PX` pixels, halves to the even number: as OpenCV's
+    INTER_AREA, which takes five times as long."""
+    pixels = CELL_PX * CELL_PX
+    columns = np.empty(grey.shape[1], np.uint16)
+    for i in range(small.shape[0]):
+        columns[:] = 0
+        for v in range(CELL_PX * i, CELL_PX * (i + 1)):
+            row = grey[v]
+            for u in range(row.shape[0]):
+                columns[u] += row[u]
+        for j in range(small.shape[1]):
+            total = 0
+            for u in range(CELL_PX * j, CELL_PX * (j + 1)):
+                total += columns[u]
+            half = pixels // 2 - 1 + (total // pixels & 1)
+            small[i, j] = (total + half) // pixels
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _change(now: Mask, before: Mask) -> int:
+    """Sum of how much each cell differs."""
+    total = 0
+    for i in range(now.shape[0]):
+        for j in range(now.shape[1]):
+            total += int(abs(np.int16(now[i, j]) - np.int16(before[i, j])))
+    return total

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numba
 import numpy as np
@@ -32,8 +32,12 @@ GROUP = 32
 """Rails that are worked on at once: no more than a pixel apart, they lie in as many pixels."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rails:
+_LIT = (np.arange(256)[:, None] >> np.arange(8) & 1) > 0
+EIGHT: Final = np.where(_LIT, 255, 0).astype(np.uint8).view(np.uint64).ravel()
+"""Eight pixels, 0 or 255, in a word, of which a byte has the bits: the first has the lowest."""
+
+
+class Rails(NamedTuple):
     """Where rails cross the rows of pictures of one size, worked out once; group by group of them.
     Columns count from 1; 0 and the width + 1 are outside."""
 
@@ -94,7 +98,9 @@ def _lengths(lit: Mask, length: Mask, since: Mask, gap: int) -> None:
     bridged, most, none, one = np.uint8(gap), np.uint8(254), np.uint8(0), np.uint8(1)
     for r in range(lit.shape[0]):
         on, away = lit[r], since[r]
-        now = np.uint8(min(length[r] + away, most) + one) if away <= bridged else one
+        # the sum of both, at most 254, without leaving the bytes
+        bridging = np.uint8(np.uint8(min(length[r], np.uint8(most - away)) + away) + one)
+        now = bridging if away <= bridged else one
         length[r] = now if on else length[r]
         lit[r] = now if on else none
         since[r] = none if on else np.uint8(min(away, most) + one)
@@ -181,15 +187,14 @@ def _packed(on: Mask, bits: Words) -> None:
     """Sets the bits of the pixels that are lit in either of a pair of rows."""
     width = on.shape[1]
     lit = np.zeros(32 * bits.shape[1], np.uint8)
+    eights = lit.view(np.uint64)
     for v in range(bits.shape[0]):
-        upper, lower, row = on[2 * v], on[2 * v + 1], bits[v]
+        upper, lower, row = on[2 * v], on[2 * v + 1], bits[v].view(np.uint8)
         for u in range(width):
             lit[u + 1] = (upper[u] | lower[u]) & np.uint8(1)
-        for word in range(row.shape[0]):
-            bit = np.uint32(0)
-            for k in range(32):
-                bit |= np.uint32(lit[32 * word + k]) << np.uint32(k)
-            row[word] = bit
+        for k in range(row.shape[0]):
+            # brings bit 8n of a word to bit 56 + n
+            row[k] = np.uint8(eights[k] * np.uint64(0x0102040810204080) >> np.uint64(56))
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -197,13 +202,11 @@ def _unpacked(on: Mask, bits: Words, out: Mask) -> None:
     """`on` where a pair of rows has its bit set."""
     width = on.shape[1]
     mask = np.empty(32 * bits.shape[1], np.uint8)
+    eights = mask.view(np.uint64)
     for v in range(bits.shape[0]):
-        row = bits[v]
-        for word in range(row.shape[0]):
-            bit = row[word]
-            for k in range(32):
-                lit = bit & np.uint32(np.uint32(1) << np.uint32(k)) != np.uint32(0)
-                mask[32 * word + k] = np.uint8(255) if lit else np.uint8(0)
+        row = bits[v].view(np.uint8)
+        for k in range(row.shape[0]):
+            eights[k] = EIGHT[row[k]]
         for half in range(2):
             pixel, kept = on[2 * v + half], out[2 * v + half]
             for u in range(width):
@@ -219,14 +222,25 @@ def upright_pieces(
 
     Rows are taken in pairs, which halves the work; what is longer than 510 rows is always enough.
     """
+    out = np.empty_like(on)
+    _pieces(on, tuple(tracks), least_px, gap_px // 2, out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _pieces(
+    on: Mask, tracks: tuple[Rails, ...], least_px: NDArray[np.float32], gap: int, out: Mask
+) -> None:
+    """As `upright_pieces`, into `out`; `gap` counts in pairs of rows."""
     pairs, width = on.shape[0] // 2, on.shape[1]
     # One word more than the pixels and the two columns outside fill: windows reach into it.
     lit = np.empty((pairs, (width + 2 + 31) // 32 + 1), np.uint32)
     _packed(on, lit)
-    least = np.clip(np.ceil(least_px[1 : 2 * pairs : 2] / 2), 1, 255).astype(np.uint8)
+    least = np.empty(pairs, np.uint8)
+    for v in range(pairs):
+        least[v] = min(255, max(1, math.ceil(least_px[2 * v + 1] / 2)))
     marked = np.zeros_like(lit)
     for track in tracks:
-        _mark(lit, track.firsts, track.offsets, track.spans, least, gap_px // 2, marked)
-    out = np.zeros_like(on)
+        _mark(lit, track.firsts, track.offsets, track.spans, least, gap, marked)
     _unpacked(on, marked, out)
-    return out
+    out[2 * pairs :] = 0

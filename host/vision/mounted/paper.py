@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -140,10 +141,29 @@ def staged_pictures(bgr: Picture, s: Stages) -> dict[str, Picture]:
 
 def l_height(upright: Mask, share: float = L_HEIGHT_SHARE) -> float:
     """The row below which `share` of the crop pixels lie; NaN without crop."""
-    rows = np.cumsum(cv2.reduce(upright & 1, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel())
-    if rows[-1] == 0:
-        return NAN
-    return float(np.searchsorted(rows, (1.0 - share) * rows[-1]))
+    row = _row_above(upright, 1.0 - share)
+    return float(row) if row >= 0 else NAN
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _row_above(lit: Mask, share: float) -> int:
+    """The first row down to which there is `share` of the lit pixels; -1: none is lit."""
+    height, width = lit.shape
+    count = np.empty(height, np.int64)
+    total = 0
+    for v in range(height):
+        row = lit[v]
+        here = np.int32(0)
+        for u in range(width):
+            here += np.int32(row[u] & np.uint8(1))
+        total += int(here)
+        count[v] = total
+    if total == 0:
+        return -1
+    v = 0
+    while count[v] < share * total:
+        v += 1
+    return v
 
 
 class PaperPhoto:

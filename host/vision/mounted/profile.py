@@ -172,15 +172,32 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
     return found
 
 
+@numba.njit(cache=True, nogil=True)
+def right_side(
+    sums: Sums, last: int, expected: float, spread: Sums, way: tuple[int, int]
+) -> tuple[int, float, float, float, int, int]:
+    """As `right_end`; then how many bins lie between the end and the first with a pixel, and what
+    `goes_on_to` says of the machine's `way`, left and right."""
+    at, inside, outside, differ = right_end(sums, round(WINDOW_M / BIN_M), last, expected, spread)
+    out_to = goes_on_to(sums, way[0], way[1])
+    if at < 0:
+        return at, inside, outside, differ, 0, out_to
+    first = 0
+    while first < sums.shape[0] - 1 and sums[first, 0] <= 0.0:
+        first += 1
+    return at, inside, outside, differ, at - first, out_to
+
+
+@numba.njit(cache=True, nogil=True)
 def goes_on_to(sums: Sums, left: int, right: int) -> int:
     """The bin to which crop goes on towards the right from bins [right, left), the machine's way,
     without a break; `right` where it does not."""
     piece = round(PIECE_M / BIN_M)
-    way = sums[right:left].sum(0)
+    way = sums[right:left].sum(axis=0)
     if way[0] < AGAIN_PIXELS or way[1] <= 0.0:
         return right
     while right >= piece:
-        beside = sums[right - piece : right].sum(0)
+        beside = sums[right - piece : right].sum(axis=0)
         dense = beside[0] > AGAIN_PIXELS and beside[1] * way[0] >= AS_DENSE * way[1] * beside[0]
         if not dense:
             break
@@ -188,20 +205,25 @@ def goes_on_to(sums: Sums, left: int, right: int) -> int:
     return right
 
 
+@numba.njit(cache=True, nogil=True)
 def stems_beyond(sums: Sums, at: int) -> float:
     """The greatest share of stems right of an end: of a true one nothing stands there, but what
     dust or weeds hide of a face goes on behind them."""
-    beyond, wide = (round(m / BIN_M) for m in AGAIN_M)
-    count = max(0, at - beyond) // wide
-    first = at - beyond - count * wide
-    pieces = sums[first : first + count * wide].reshape(count, wide, 4).sum(axis=1)
-    pieces = pieces[pieces[:, 0] > AGAIN_PIXELS]
-    return float((pieces[:, 1] / pieces[:, 0]).max(initial=0.0))
+    last, wide = at - round(AGAIN_M[0] / BIN_M), round(AGAIN_M[1] / BIN_M)
+    most = 0.0
+    while last >= wide:
+        piece = sums[last - wide : last].sum(axis=0)
+        if piece[0] > AGAIN_PIXELS:
+            most = max(most, piece[1] / piece[0])
+        last -= wide
+    return most
 
 
+@numba.njit(cache=True, nogil=True)
 def steps_beyond(sums: Sums, at: int) -> float:
     """The share of steps in the window right of a bin over that in the window left of it."""
     window = round(WINDOW_M / BIN_M)
-    beyond, within = sums[max(0, at - window) : at].sum(0), sums[at : at + window].sum(0)
-    share = float(within[2]) / max(1.0, float(within[0]))
-    return float(beyond[2]) / max(1.0, float(beyond[0])) / max(share, 1e-3)
+    beyond = sums[max(0, at - window) : at].sum(axis=0)
+    within = sums[at : at + window].sum(axis=0)
+    share = within[2] / max(1.0, within[0])
+    return float(beyond[2] / max(1.0, beyond[0]) / max(share, 1e-3))

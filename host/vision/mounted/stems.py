@@ -24,7 +24,7 @@ CUT_QUANTILE = 0.72
 about to roll over, which is known to be cut: focus, noise and dust set the scale by themselves."""
 FAINTER = 0.7
 """Factor on the least step while crop is being cut: dust dims it."""
-STEP_RANGE = (8.0, 11.0)
+STEP_RANGE = (8, 11)
 """In 255ths of the logarithmic range."""
 GAP_PX = 2
 """A stem that is interrupted by so much is one."""
@@ -42,34 +42,45 @@ class Stems:
     def run(self, bgr: Picture, cutting: bool = False) -> Evidence:
         """The evidence of one picture (height, width, 3). `cutting`: through the blade's dust,
         fainter steps count; stubble that then passes for stems is behind the blade."""
-        grey = u8(cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY), LOGARITHM))
-        least = self._least_step(grey) * (FAINTER if cutting else 1.0)
+        grey = u8(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY))
+        cv2.LUT(grey, LOGARITHM, grey)
+        least = _quantile(grey[self._cut], CUT_QUANTILE, *STEP_RANGE)
         steps = np.empty_like(grey)
-        _upright_steps(grey, int(least), steps)
+        _upright_steps(grey, int(least * (FAINTER if cutting else 1.0)), steps)
         upright = upright_pieces(steps, self._tracks, self._least_px, GAP_PX)
         return Evidence(upright, steps, grey)
 
-    def _least_step(self, grey: Mask) -> float:
-        ground = grey[self._cut]
-        steps = cv2.absdiff(ground[:, 2:], ground[:, :-2])
-        # Whole numbers, which float32 holds up to 16 million.
-        below = np.cumsum(cv2.calcHist([steps], [0], None, [256], [0, 256]).ravel(), dtype=np.int64)
-        level = float(np.searchsorted(below, CUT_QUANTILE * below[-1]))
-        return min(max(level, STEP_RANGE[0]), STEP_RANGE[1])
+
+@numba.njit(cache=True, nogil=True, boundscheck=False)
+def _quantile(grey: Mask, share: float, least: int, most: int) -> int:
+    """The step across the picture that `share` of all do not exceed, in [least, most]."""
+    height, width = grey.shape
+    enough = share * (height * (width - 2))
+    for level in range(least, most):
+        below = 0
+        for v in range(height):
+            row = grey[v]
+            for u in range(width - 2):
+                below += int(abs(np.int16(row[u + 2]) - np.int16(row[u])) <= level)
+        if below >= enough:
+            return level
+    return most
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
 def _upright_steps(grey: Mask, least: int, steps: Mask) -> None:
     """255 where the step across the picture exceeds `least` and the step along it."""
     height, width = grey.shape
+    enough = np.uint8(least)
     for v in range(height):
         above, below = grey[abs(v - 1)], grey[v + 1 if v + 1 < height else v - 1]
         row, out = grey[v], steps[v]
         out[0], out[width - 1] = 0, 0
         for u in range(1, width - 1):
-            across = abs(np.int16(row[u + 1]) - np.int16(row[u - 1]))
-            along = abs(np.int16(below[u]) - np.int16(above[u]))
-            out[u] = np.uint8(255) if (across > along) & (across > least) else np.uint8(0)
+            left, right, up, down = row[u - 1], row[u + 1], above[u], below[u]
+            across = np.uint8(max(left, right) - min(left, right))
+            along = np.uint8(max(up, down) - min(up, down))
+            out[u] = np.uint8(255) if (across > along) & (across > enough) else np.uint8(0)
 
 
 def _cut_ground(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:

@@ -17,7 +17,7 @@ def test_standing_is_where_a_box_filter_says_so(share: float) -> None:
     near = cv2.boxFilter(lit, cv2.CV_8U, (2 * ACROSS + 1, 2 * ALONG + 1))
     found = np.empty_like(lit)
     mark_dense(lit, LEAST_LIT, found)
-    assert np.array_equal(found, cv2.threshold(near, 255 * DENSE, 255, cv2.THRESH_BINARY)[1])
+    assert np.array_equal(found, cv2.threshold(near, 255 * DENSE, 1, cv2.THRESH_BINARY)[1])
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (7, 2), (30, 30), (31, 47), (53, 64), (89, 200)])
