@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from host.estimate.crop_ahead import CONFIDENT, EndOfField
+from host.estimate.prior import START_SIGMA
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -76,7 +77,9 @@ class Align(Behaviour):
             ahead_m = view.edge_ahead_m
             lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
         if isinstance(strip, PlannedStrip):
-            strip.place(-view.crop_ahead_m, *(() if seen else TRUSTED_SIGMA[:1]))
+            along_m, along_sigma_m = strip.put_down(view.crop_ahead_m)
+            beside_sigma_m = START_SIGMA[1] if seen else TRUSTED_SIGMA[0]
+            strip.place(along_m, beside_sigma_m, along_sigma_m)
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
