@@ -29,6 +29,7 @@ from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
 from host.sensors.jpeg import NOTHING, Bgr
 from host.vision.view import NAN, CropView
+from sim_plant.camera import CameraSpec
 
 LIBRARY: Final = Path(__file__).with_name("eye_errors.parquet")
 
@@ -363,6 +364,10 @@ class ModelEyes:
         self._shots[self._count] = self._eye.sight()
         self._shots.pop(self._count - 100, None)
         return self._count
+
+    def knock(self, lens: CameraSpec) -> None:
+        """It is misread as pictures of this camera would be, from now on."""
+        self._eye.knock(lens)
 
     def develop(self, shot: int) -> tuple[bytes, Bgr]:
         """Six bytes for a file, two pixels for a picture."""

@@ -8,7 +8,7 @@ from typing import Final
 from host.estimate.crop_ahead import CONFIDENT, EndOfField
 from host.estimate.prior import START_SIGMA
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
@@ -36,8 +36,9 @@ class Wait(Reason):
 
     NO_END = (
         Doing.ALIGN,
-        "the crop ahead has no end to the right: put the machine at the field's corner, facing "
-        "along its side, the blade's right end on the crop's edge",
+        "the crop ahead has no end to the right, so this is not the corner, or not the direction, "
+        "of the plan: put the machine at the field's corner, facing along its side, the blade's "
+        "right end on the crop's edge",
     )
     NOTHING_AHEAD = (
         Doing.ALIGN,
@@ -50,10 +51,13 @@ class Align(Behaviour):
     """See the module."""
 
     phase = Phase.ALIGN
-    reasons = (Why, Wait, SideEnd, Elsewhere)
+    reasons = (Why, Wait, SideEnd, Elsewhere, Patience)
 
     def step(self, now: float) -> Step:
         context = self.context
+        go = gave_up(context, now)
+        if go is not None:
+            return context.hold(), go
         view = context.sight.view
         if view is None or not context.sight.sees_ahead():
             return context.hold(), None
