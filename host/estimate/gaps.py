@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from statistics import median
+from statistics import median_high
 from typing import Final
 
 TAPE_M: Final = 0.2
@@ -50,17 +50,24 @@ class Gaps:
         return max(0.0, gap_m - SEEN_M)
 
     def beside(self, edges: Iterable[int]) -> float:
-        """What to reckon with at these edges: what was seen beyond them, and what was seen most
-        often beyond the others. One edge that was misread must not narrow the whole field."""
-        if not self._seen:
-            return self.said_m
-        own = [self._seen[edge] for edge in edges if edge in self._seen]
-        return self.narrowed(min([*own, median(self._seen.values())]))
+        """What a turn between these edges is to reckon with: what was seen beyond them, too."""
+        return min([self.field_m, *(self.narrowed(self._seen.get(e, math.inf)) for e in edges)])
+
+    @property
+    def field_m(self) -> float:
+        """What to reckon with anywhere: what was said, where not most edges show less. One that was
+        misread must not narrow the whole field."""
+        return self.narrowed(self._seen_m)
+
+    @property
+    def _seen_m(self) -> float:
+        """What most edges show; inf where fewer than two have been seen."""
+        seen = self._seen.values()
+        return median_high(seen) if len(seen) > 1 else math.inf
 
     @property
     def wrong(self) -> str:
         """What pictures show to be wrong of what was said, in words; empty where nothing is."""
-        if not self._seen or self.narrowed(median(self._seen.values())) == self.said_m:
+        if self.field_m == self.said_m:
             return ""
-        seen = median(self._seen.values())
-        return f"the gap was said to be {self.said_m:.1f} m, pictures show {seen:.1f} m"
+        return f"the gap was said to be {self.said_m:.1f} m, pictures show {self._seen_m:.1f} m"

@@ -147,8 +147,11 @@ class Context:
             self.strip.met_end_surely()
             beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
-        gap_m = min(gaps.beside(beyond.edges), gaps.narrowed(room_m))
-        if gap_m != self.plan.gap_m:
+        self._reckon_with(min(gaps.beside(beyond.edges), gaps.narrowed(room_m)))
+
+    def _reckon_with(self, gap_m: float) -> None:
+        """So wide the gap is from here on."""
+        if self.plan.gap_m is not None and gap_m != self.plan.gap_m:
             self.plan = replace(self.plan, gap_m=gap_m)
             self.guard = Guard(self.plan, self.vehicle, self.estimate.position)
 
@@ -170,6 +173,7 @@ class Context:
     def begin_strip(self) -> None:
         """Along the strip from here on."""
         self.turning = None
+        self._reckon_with(self.gaps.field_m)
         self.strip.begin_lane()
         self.strip.saw_begin()
         self.estimate.cut.begin(self.strip.clear_end_m)
