@@ -80,5 +80,9 @@ class DirectionCheck:
         most = next((rad for count, rad in ASKEW if len(self._askew) >= count), math.inf)
         if math.isinf(most):
             return 0.0
-        mean, error = mean_and_error(self._askew)
+        # Angles about the opposite direction have two signs.
+        x, y = (sum(f(off) for off in self._askew) for f in (math.cos, math.sin))
+        middle = math.atan2(y, x)
+        aside, error = mean_and_error([math.remainder(a - middle, math.tau) for a in self._askew])
+        mean = middle + aside
         return mean if abs(mean) > max(most, SIGNIFICANT * error) else 0.0

@@ -25,6 +25,8 @@ from host.route.anew import Anew
 from host.route.plan import Plan
 from host.vision.view import Detector
 
+FARTHEST_M = 2.5
+"""Crop farther before the blade is not surely seen."""
 MOVED_M = 0.02
 """Corners that are found to lie no farther from the plan's leave the plan as it is."""
 SLOW_AFTER_S = 0.4
@@ -133,8 +135,8 @@ class Context:
 
     def saw_beyond(self, ahead_m: float) -> None:
         """The machine stands at the end of a side at the boundary, and the next crop ahead_m before
-        its blade: with that much clear ground the end was one, whatever wheels and start say. If it
-        stands nearer than was said, the gap is narrower."""
+        its blade. Crop that is seen beyond clear ground shows that the end was one, whatever wheels
+        and start say. If it stands nearer than was said, the gap is narrower."""
         beyond = self.strip.gap_beyond()
         if beyond is None:
             return
@@ -143,7 +145,7 @@ class Context:
         if gap_m < END_CLEAR_M:
             return
         gaps.note(beyond.edge, gap_m)
-        if abs(beyond.past_m - beyond.ago_m) > TELLS_M:
+        if ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
             self.strip.met_end_surely()
             beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)

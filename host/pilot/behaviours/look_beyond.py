@@ -7,14 +7,13 @@ from statistics import median
 
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import FARTHEST_M
 from host.pilot.endings import Elsewhere, SideEnd, leave_side
 from host.pilot.phase import Phase
 from host.pilot.sight import Gaze
 
 PICTURES = 8
 """That must say it: nearly a second's."""
-FARTHEST_M = 2.5
-"""Crop farther ahead is not surely seen."""
 
 
 class LookBeyond(Behaviour):
