@@ -42,6 +42,10 @@ class Gaps:
         """So wide it was seen to be beyond an edge of the boundary."""
         self._seen[edge] = gap_m
 
+    def knows(self, edge: int) -> bool:
+        """Whether the gap beyond an edge has been seen."""
+        return edge in self._seen
+
     def narrowed(self, gap_m: float) -> float:
         """What was said, where that is not surely more than was seen; else no more than was surely
         seen."""

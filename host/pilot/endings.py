@@ -88,7 +88,8 @@ def end_side(
     ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
-        if strip.gap_beyond() is not None:
+        beyond = strip.gap_beyond()
+        if beyond is not None and not context.gaps.knows(beyond.edge):
             context.ended = ended
             return Elsewhere.AT_BOUNDARY.go(side=strip.name)
     return leave_side(context, now, ended)

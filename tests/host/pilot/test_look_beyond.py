@@ -51,6 +51,12 @@ def test_the_turn_begins_once_enough_pictures_have_shown_what_lies_beyond() -> N
     assert look(at_end(), 2.0) is SideEnd.SEEN
 
 
+def test_beyond_an_edge_it_looks_once() -> None:
+    context = on_side(plan=PLAN, cut_m=10.0)
+    context.gaps.note(2, 2.0)
+    assert end_side(context, NOW, clear_ahead(context)).reason is SideEnd.SEEN
+
+
 def test_pictures_from_before_the_dust_has_settled_do_not_count() -> None:
     context = at_end()
     behaviour = LookBeyond(context)
