@@ -136,8 +136,8 @@ class Context:
     def saw_beyond(self, ahead_m: float) -> None:
         """The machine stands at the end of a side at the boundary, and the next crop ahead_m before
         its blade. Crop that is seen beyond clear ground shows that the end was one, whatever wheels
-        and start say. If it stands nearer than was said, the gap is narrower. Less clear ground than
-        ends a side proves neither, and the turn keeps off it all the same."""
+        and start say. If it stands nearer than was said, the gap is narrower. Less clear ground
+        than ends a side proves neither, and the turn keeps off it all the same."""
         beyond = self.strip.gap_beyond()
         if beyond is None or ahead_m < CLEAR_M:
             return
