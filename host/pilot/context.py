@@ -11,7 +11,7 @@ import numpy as np
 
 from host.core.messages import Command, Request, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import CLEAR_M, END_CLEAR_M, EndOfField
+from host.estimate.crop_ahead import END_CLEAR_M, EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.gaps import TELLS_M, Gaps, across
 from host.estimate.odometry import Motion
@@ -137,16 +137,16 @@ class Context:
         """The machine stands at the end of a side at the boundary, and the next crop ahead_m before
         its blade. Crop that is seen beyond clear ground shows that the end was one, whatever wheels
         and start say. If it stands nearer than was said, the gap is narrower. Less clear ground
-        than ends a side proves neither, and the turn keeps off it all the same."""
+        than ends a side proves neither."""
         beyond = self.strip.gap_beyond()
-        if beyond is None or ahead_m < CLEAR_M:
+        if beyond is None:
             return
         gaps, wide_m = self.gaps, self.vehicle.blade_width_m
         gap_m = across(beyond.ago_m + ahead_m, beyond.askew_rad, wide_m)
-        sure = gap_m >= END_CLEAR_M
-        if sure:
-            gaps.note(beyond.edge, gap_m)
-        if sure and ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
+        if gap_m < END_CLEAR_M:
+            return
+        gaps.note(beyond.edge, gap_m)
+        if ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
             self.strip.met_end_surely()
             beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
