@@ -14,6 +14,7 @@ from host.sensors.jpeg import NOTHING, Bgr, JpegDecoder
 from host.vision.mounted.detector import make_detector
 from host.vision.view import CropView, Detector
 from host.vision.watched import watched_detector
+from sim_plant.camera import CameraSpec
 
 
 class Eyes(Protocol):
@@ -52,13 +53,19 @@ class PictureEyes:
         self._decoder = JpegDecoder()
 
     def shutter(self) -> Any:
-        """A `sim_plant.camera.Shot`."""
-        return self._bench.shutter()
+        """A `sim_plant.camera.Shot`, and the camera that took it."""
+        return self._bench.shutter(), self._camera
 
     def develop(self, shot: Any) -> tuple[bytes, Bgr]:
         """Rendered, JPEG there and back."""
-        jpeg = self._camera.encode(self._camera.develop(shot))
+        taken, camera = shot
+        jpeg = camera.encode(camera.develop(taken))
         return jpeg, self._decoder.decode(jpeg)
+
+    def knock(self, lens: CameraSpec) -> None:
+        """The camera is this one from now on; what it took before is developed as it was taken."""
+        bench = self._bench
+        self._camera = bench.camera = bench.new_camera(lens)
 
     def decode(self, data: bytes) -> Bgr:
         """As the host decodes a JPEG file."""
@@ -77,7 +84,11 @@ class PerfectEye:
         scenario = bench.scenario
         self._bench = bench
         self._blade = scenario.machine.blade_x_m, scenario.machine.blade_width_m
-        told, lens = scenario.told, scenario.world.lens
+        self.knock(scenario.world.lens)
+
+    def knock(self, lens: CameraSpec) -> None:
+        """The camera is this one from now on."""
+        told = self._bench.scenario.told
         self._misreading = Misreading(lens, self._blade[0], told.mount, told.vehicle)
 
     def sight(self) -> Sight:

@@ -391,6 +391,7 @@ def harvest(
     progress: Callable[[Progress], None] | None = None,
     *,
     camera_threads: int = 1,
+    eyes: Callable[[Bench], Eyes] | None = None,
 ) -> dict[str, Any]:
     """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4, record.mcap
     and events.json into `out`, of which a scenario may want the two JSON files only. Returns the
@@ -400,7 +401,7 @@ def harvest(
     out.mkdir(parents=True, exist_ok=True)
     begin, used = time.perf_counter(), time.process_time()
     record = None if lean else out / "record.mcap"
-    run = Harvest(scenario, record, film, camera_threads=camera_threads)
+    run = Harvest(scenario, record, film, camera_threads=camera_threads, eyes=eyes)
     try:
         run.run(progress)
     finally:

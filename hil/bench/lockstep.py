@@ -20,7 +20,7 @@ from hil.firmware.real_board import Board, Controller
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
 from sim_plant import machine
-from sim_plant.camera import Camera, Shot
+from sim_plant.camera import Camera, CameraSpec, Shot
 from sim_plant.field import Field
 from sim_plant.gnss import Gnss
 from sim_plant.gyro import Gyro, Sample
@@ -76,10 +76,14 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
     @cached_property
     def camera(self) -> Camera:
         """Made when it is first asked for: a run that takes no pictures needs none."""
+        return self.new_camera(self.world.lens)
+
+    def new_camera(self, lens: CameraSpec) -> Camera:
+        """Another one on this machine."""
         world, spec = self.world, self._spec
         return Camera(
             self.field,
-            world.lens,
+            lens,
             world.weather,
             world.seed,
             threads=self._camera_threads,

@@ -29,6 +29,7 @@ from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
 from host.sensors.jpeg import NOTHING, Bgr
 from host.vision.view import NAN, CropView
+from sim_plant.camera import CameraSpec
 
 LIBRARY: Final = Path(__file__).with_name("eye_errors.parquet")
 
@@ -92,9 +93,12 @@ def zone_of(ahead_m: float, depth_m: float) -> int:
     return 2 if ahead_m < ZONES_M[1] else 3 if ahead_m < ZONES_M[2] else 4
 
 
-ALONG, SLANTS_LEFT, SLANTS_RIGHT, ENDS, NONE = range(5)
+ALONG, SLANTS_LEFT, SLANTS_RIGHT, ENDS, NONE, ACROSS = range(6)
 """What the face's right end is: an edge along the way, a border that slants to the left or to the
-right ahead, one that nothing stands behind, none in view."""
+right ahead, one that nothing stands behind, none in view, none of a field that begins beyond clear
+ground, as the next one does beyond the gap."""
+FIELD_M: Final = 1.5
+"""Crop that goes on for so long is a field, and no tuft."""
 
 
 def edge_of(right_m: float, slope: float) -> int:
@@ -104,6 +108,12 @@ def edge_of(right_m: float, slope: float) -> int:
     if math.isnan(slope):
         return ENDS
     return ALONG if abs(slope) < SLANT else SLANTS_LEFT if slope > 0.0 else SLANTS_RIGHT
+
+
+def face_of(zone: int, depth_m: float, right_m: float, slope: float) -> int:
+    """The same of crop in a zone, with what stands across the whole view."""
+    edge = edge_of(right_m, slope)
+    return ACROSS if edge == NONE and zone in (2, 3) and depth_m >= FIELD_M else edge
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +204,8 @@ class Library:
             drive = self.drives[self.drive[k]]
             ahead, depth = float(c["ahead_m"][k]), float(c["depth_m"][k])
             right, slope = float(c["right_m"][k]), float(c["slope"][k])
-            self.zone[k], self.edge[k] = zone_of(ahead, depth), edge_of(right, slope)
+            self.zone[k] = zone = zone_of(ahead, depth)
+            self.edge[k] = face_of(zone, depth, right, slope)
             self.kind[k] = _kind(
                 c["confidence"][k] >= 0.5,
                 not c["crop_ahead_m"][k] < 0.8,
@@ -228,10 +239,17 @@ class Library:
         self.cells = {key: np.array(rows, np.int32) for key, rows in cells.items()}
 
 
+ZONE_ACROSS: Final = 3
+"""Stands for the distances of what stands across the view."""
+
+
 def _keys(
     mount: int, zone: int, blade: int, moving: int, fresh: int, edge: int
 ) -> tuple[tuple[int, ...], ...]:
-    """A situation's cell and those that stand in where the library has too little of it."""
+    """A situation's cell and those that stand in where the library has too little of it. What
+    stands across the view looks alike at any distance."""
+    if edge == ACROSS:
+        zone = ZONE_ACROSS
     return (
         (mount, zone, blade, moving, fresh, edge),
         (mount, zone, blade, moving, edge),
@@ -347,6 +365,10 @@ class ModelEyes:
         self._shots.pop(self._count - 100, None)
         return self._count
 
+    def knock(self, lens: CameraSpec) -> None:
+        """It is misread as pictures of this camera would be, from now on."""
+        self._eye.knock(lens)
+
     def develop(self, shot: int) -> tuple[bytes, Bgr]:
         """Six bytes for a file, two pixels for a picture."""
         data = shot.to_bytes(6, "little")
@@ -421,7 +443,7 @@ class ModelDetector:
     def _answer(self, sight: Sight, fresh: bool) -> CropView:
         errors = self._library
         zone = zone_of(sight.ahead_m, sight.depth_m)
-        edge = edge_of(sight.right_m, sight.slope)
+        edge = face_of(zone, sight.depth_m, sight.right_m, sight.slope)
         moving = abs(sight.speed_mps) > MOVING_MPS
         cell = (zone, int(sight.blade), int(moving), int(fresh))
         known = self._row >= 0
@@ -445,14 +467,15 @@ class ModelDetector:
     def _fits(self, row: int, sight: Sight, cell: Cell, edge: int) -> bool:
         errors, c = self._library, self._library.values
         zone, blade, moving, fresh = cell
+        across = edge == ACROSS
         return bool(
             errors.follows[row]
-            and errors.zone[row] == zone
+            and (errors.zone[row] == zone or across)
             and errors.edge[row] == edge
             and bool(c["blade"][row]) == bool(blade)
             and bool(c["fresh"][row]) == bool(fresh)
             and (abs(c["speed_mps"][row]) > MOVING_MPS) == bool(moving)
-            and (zone not in (2, 3) or abs(c["ahead_m"][row] - sight.ahead_m) < KEPT_M[0])
+            and (zone not in (2, 3) or across or abs(c["ahead_m"][row] - sight.ahead_m) < KEPT_M[0])
             and (zone != 1 or abs(c["depth_m"][row] - sight.depth_m) < KEPT_M[1])
         )
 
@@ -483,7 +506,7 @@ class ModelDetector:
         offset = float(c["edge_offset_m"][row])
         if math.isfinite(error):
             self._error = error
-            if edge != NONE:
+            if edge not in (NONE, ACROSS):
                 offset = sight.read_right_m - self._expected_m + error
         seen, was = float(c["crop_ahead_m"][row]), float(c["read_ahead_m"][row])
         ahead = seen

@@ -7,7 +7,9 @@ from typing import Any
 
 import click
 
-from hil.studies.beliefs import CASES, harmless, run, table_of
+from hil.studies.belief_sizes import SIZED, draw_sizes
+from hil.studies.beliefs import AND, CASES, MOST_PAIRS, ONLY_PICTURES, harmless, run, table_of
+from hil.studies.beliefs import pairs as drawn_pairs
 from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
@@ -17,14 +19,39 @@ from host.core.terminal import PlainConsole, echo
 @click.argument("cases", nargs=-1, metavar="[CASE]...")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="picture")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
+@click.option("--pairs", type=click.IntRange(1, MOST_PAIRS), help="So many pairs of them instead.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the pairs.")
+@click.option("--sizes", is_flag=True, help="Errors of several sizes instead, and their plot.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/beliefs"))
-def beliefs(cases: tuple[str, ...], eyes: str, firmware: str, out: Path) -> None:
-    """Harvests a small field with one thing other than the host was told, CASE by CASE.
+def beliefs(
+    cases: tuple[str, ...],
+    eyes: str,
+    firmware: str,
+    pairs: int | None,
+    seed: int,
+    sizes: bool,
+    out: Path,
+) -> None:
+    """Harvests a small field with one thing other than the host was told, CASE by CASE; two CASEs
+    joined by " and " are wrong at once.
 
     Exits with an error where the neighbour's crop was cut or the machine left its area."""
-    unknown = [case for case in cases if case not in CASES]
+    if bool(cases) + (pairs is not None) + sizes > 1:
+        raise UserError("give cases, --pairs or --sizes, and not two of them")
+    chosen = list(cases or CASES)
+    if pairs is not None:
+        chosen = drawn_pairs(pairs, seed)
+    elif sizes:
+        chosen = list(SIZED)
+    known = {**CASES, **SIZED}
+    unknown = [one for case in chosen for one in case.split(AND) if one not in known]
     if unknown:
         raise UserError(f"no case is named {unknown[0]!r}; there are: {'; '.join(CASES)}")
+    if eyes == "model":
+        blind = [case for case in chosen if not ONLY_PICTURES.isdisjoint(case.split(AND))]
+        if blind:
+            echo(f"left out, model eyes know no such pictures: {', '.join(blind)}")
+        chosen = [case for case in chosen if case not in blind]
 
     def show(row: dict[str, Any]) -> None:
         watch.step()
@@ -34,9 +61,12 @@ def beliefs(cases: tuple[str, ...], eyes: str, firmware: str, out: Path) -> None
             f"{row['outside_m']:g} m, coverage {row['coverage']:.3f}, {end}"
         )
 
-    with Watch("beliefs", len(cases or CASES)) as watch:
-        rows = run(cases or CASES, out, eyes, firmware, show)
+    with Watch("beliefs", len(chosen)) as watch:
+        rows = run(chosen, out, eyes, firmware, show, known)
     PlainConsole().print_table(table_of(rows))
+    if sizes:
+        draw_sizes(rows, out / "beliefs.png")
+        echo(f"drawn: {out / 'beliefs.png'}")
     harm = [str(row["belief"]) for row in rows if not harmless(row)]
     if harm:
         raise UserError(f"{len(harm)} of {len(rows)} did harm: {', '.join(harm)}")

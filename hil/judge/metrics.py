@@ -81,6 +81,8 @@ class Truth:
     ends: list[float] = field(default_factory=list)
     false_ends: int = 0
     outside_m: float = 0.0
+    put_outside_m: float = 0.0
+    """How far outside it was already where it was put down."""
     keep_out_m: float = 0.0
 
     def __post_init__(self) -> None:
@@ -116,6 +118,8 @@ class Truth:
         c, s = math.cos(yaw), math.sin(yaw)
         if room_m(self._borders, x + self._middle * c, y + self._middle * s) < self._radius:
             self._near_border(placed(self._outline, x, y, yaw))
+        if len(self.path) == 1:
+            self.put_outside_m = self.outside_m
         if pilot.phase is Phase.FOLLOW and cut_cells:
             offset = self.edge_offset(pose)
             if math.isfinite(offset):
@@ -175,6 +179,7 @@ class Truth:
             "missed_m2": figure(self.crop.missed_m2()),
             "neighbour_cut_m2": figure(self.crop.neighbour_cut_m2()),
             "outside_m": figure(self.outside_m),
+            "put_outside_m": figure(self.put_outside_m),
             "keep_out_m": figure(self.keep_out_m),
             "lateral_rms_m": figure(np.sqrt(np.mean(lateral**2))) if lateral.size else None,
             "lateral_p95_m": figure(np.percentile(np.abs(lateral), 95)) if lateral.size else None,

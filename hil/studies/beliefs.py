@@ -1,5 +1,6 @@
 """What a wrong belief does: one small field, harvested with one thing of the world other than the
-host was told. Everything not named is exact, so that a row shows what its own error does."""
+host was told, or with two. Everything not named is exact, so that a row shows what its own error
+does."""
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from hil.bench.harvest import harvest
+from hil.bench.wrong_pictures import WrongPictures
 from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, load, merge
 from host.field.boundary_file import UNKNOWN_SIGMA_M
@@ -22,7 +24,16 @@ SEED: Final = 7
 """Of the world and of the wrong corners."""
 LIMIT_S: Final = 900.0
 """Of one run."""
-FIGURES: Final = ("neighbour_cut_m2", "outside_m", "coverage", "outcome", "reason")
+FIGURES: Final = (
+    "neighbour_cut_m2", "outside_m", "coverage", "outcome", "reason", "put_outside_m",
+    "believed_wrong",
+)  # fmt: skip
+KNOCKED_AT_S: Final = 100.0
+"""In mid-run: on the third side."""
+DRIFT_STEP_S: Final = 6.0
+"""In such steps a potentiometer's drift is made."""
+DRIFTS_S: Final = 120.0
+"""For so long it drifts: twice what the issue's machine took to come off."""
 
 
 def _ring(*, longer: float = 0.0, wider: float = 0.0) -> list[list[float]]:
@@ -30,7 +41,7 @@ def _ring(*, longer: float = 0.0, wider: float = 0.0) -> list[list[float]]:
     return [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]
 
 
-def _scattered(sigma_m: float) -> list[list[float]]:
+def scattered_of(sigma_m: float) -> list[list[float]]:
     off = np.random.default_rng(SEED).normal(0, sigma_m, (4, 2))
     return [[float(v) for v in corner] for corner in np.array(_ring()) + off]
 
@@ -41,12 +52,12 @@ def _rotated(degrees: float) -> list[list[float]]:
     return [[float(v) for v in corner] for corner in ring]
 
 
-def _mount(**off: float) -> dict[str, Any]:
+def mount_of(**off: float) -> dict[str, Any]:
     true = {"pitch_deg": 28.0, "yaw_deg": 0.0, "roll_deg": 0.0, "z_m": 1.6}
-    return {"lens": {name: true[name] + value for name, value in off.items()}, "belief": _SAID}
+    return {"lens": {name: true[name] + value for name, value in off.items()}, "belief": SAID}
 
 
-_SAID: Final[dict[str, Any]] = {
+SAID: Final[dict[str, Any]] = {
     "vehicle": {
         "mounts": {"mast": {"z_m": 1.6, "pitch_deg": 28.0, "yaw_deg": 0.0, "roll_deg": 0.0}},
         "hall_pulses_per_m": 50.0,
@@ -59,54 +70,97 @@ _SAID: Final[dict[str, Any]] = {
 """What the host is told where the world is another."""
 
 
-def _hall(pulses_per_m: float) -> dict[str, Any]:
-    return {"machine": {"drive": {"hall_pulses_per_m": pulses_per_m}}, "belief": _SAID}
+COUNTS_PER_DEG: Final = 4.5
+"""Of the potentiometer."""
 
 
-def _pot(degrees: float) -> dict[str, Any]:
-    off = {"steering": {"pot_centre_counts": 512.0 + 4.5 * degrees}}
-    return {"machine": off, "belief": _SAID}
+def hall_of(pulses_per_m: float) -> dict[str, Any]:
+    return {"machine": {"drive": {"hall_pulses_per_m": pulses_per_m}}, "belief": SAID}
 
 
-def _gap(true_m: float, said_m: float) -> dict[str, Any]:
+def pot_of(degrees: float) -> dict[str, Any]:
+    off = {"steering": {"pot_centre_counts": 512.0 + COUNTS_PER_DEG * degrees}}
+    return {"machine": off, "belief": SAID}
+
+
+def _pot_drifts(deg_per_min: float) -> dict[str, Any]:
+    """From the first side on, until it is held."""
+    step = COUNTS_PER_DEG * deg_per_min * DRIFT_STEP_S / 60.0
+    count = round(DRIFTS_S / DRIFT_STEP_S)
+    times = [DRIFT_STEP_S * (k + 1) for k in range(count)]
+    return {
+        "faults": [
+            {
+                "component": "pot",
+                "failure": "wrong",
+                "value": step * (k + 1),
+                "at": {"time_s": at},
+                **({"for_s": DRIFT_STEP_S} if k + 1 < count else {}),
+            }
+            for k, at in enumerate(times)
+        ]
+    }
+
+
+def _hall_in_turn() -> dict[str, Any]:
+    """It loses pulses through the first turn."""
+    fault = {"component": "hall", "failure": "intermittent", "at": {"state": "turn"}, "for_s": 20.0}
+    return {"faults": [fault]}
+
+
+def _dirt(**wrong: float) -> dict[str, Any]:
+    return {"lens": {"disturbance": wrong}}
+
+
+def gap_of(true_m: float, said_m: float) -> dict[str, Any]:
     return {"field": {"gap_m": true_m}, "belief": {"gap_m": said_m}}
 
 
-def _boundary(ring: list[list[float]], sigma_m: float = UNKNOWN_SIGMA_M) -> dict[str, Any]:
+def boundary_of(ring: list[list[float]], sigma_m: float = UNKNOWN_SIGMA_M) -> dict[str, Any]:
     """As a file has it that does not say how surely its corners are known."""
     return {"belief": {"boundary": ring, "corner": 1, "boundary_sigma_m": sigma_m}}
 
 
 CASES: Final[Mapping[str, dict[str, Any]]] = {
     "exact": {},
-    "mount 1.5 deg, 5 cm": _mount(pitch_deg=1.5, yaw_deg=1.5, z_m=0.05),
-    "mount yaw 2 deg": _mount(yaw_deg=2.0),
-    "wheelbase 5 %": {"machine": {"wheelbase_m": 1.05}, "belief": _SAID},
-    "hall 5 %": _hall(52.5),
-    "hall loses a tenth": _hall(45.0),
-    "hall loses a fifth": _hall(40.0),
-    "hall loses three tenths": _hall(35.0),
-    "hall loses half": _hall(25.0),
-    "hall doubled": _hall(100.0),
-    "pot 4 deg": _pot(4.0),
-    "corners 0.5 m": _boundary(_scattered(0.5)),
-    "corners 1.0 m": _boundary(_scattered(1.0)),
-    "said 2 m longer": _boundary(_ring(longer=2.0)),
-    "said 3 m longer": _boundary(_ring(longer=3.0)),
-    "said 2 m wider": _boundary(_ring(wider=2.0)),
-    "said 2 m longer, surely": _boundary(_ring(longer=2.0), 0.0),
-    "said 2 m short, surely": _boundary(_ring(longer=-2.0), 0.0),
-    "said 1 m short": _boundary(_ring(longer=-1.0)),
-    "said 2 m short": _boundary(_ring(longer=-2.0)),
-    "said 3 m short": _boundary(_ring(longer=-3.0)),
-    "rotated 5 deg": _boundary(_rotated(5.0)),
+    "mount 1.5 deg, 5 cm": mount_of(pitch_deg=1.5, yaw_deg=1.5, z_m=0.05),
+    "mount yaw 2 deg": mount_of(yaw_deg=2.0),
+    "wheelbase 5 %": {"machine": {"wheelbase_m": 1.05}, "belief": SAID},
+    "hall 5 %": hall_of(52.5),
+    "hall loses a tenth": hall_of(45.0),
+    "hall loses a fifth": hall_of(40.0),
+    "hall loses three tenths": hall_of(35.0),
+    "hall loses half": hall_of(25.0),
+    "hall doubled": hall_of(100.0),
+    "pot 4 deg": pot_of(4.0),
+    "corners 0.5 m": boundary_of(scattered_of(0.5)),
+    "corners 1.0 m": boundary_of(scattered_of(1.0)),
+    "said 2 m longer": boundary_of(_ring(longer=2.0)),
+    "said 3 m longer": boundary_of(_ring(longer=3.0)),
+    "said 2 m wider": boundary_of(_ring(wider=2.0)),
+    "said 2 m longer, surely": boundary_of(_ring(longer=2.0), 0.0),
+    "said 2 m short, surely": boundary_of(_ring(longer=-2.0), 0.0),
+    "said 1 m short": boundary_of(_ring(longer=-1.0)),
+    "said 2 m short": boundary_of(_ring(longer=-2.0)),
+    "said 3 m short": boundary_of(_ring(longer=-3.0)),
+    "rotated 5 deg": boundary_of(_rotated(5.0)),
     "at another corner": {"belief": {"corner": 0}},
     "the wrong way round": {"start": {"heading_error_deg": 180.0}},
-    "gap 1.2, said 2": _gap(1.2, 2.0),
-    "gap 1.5, said 2": _gap(1.5, 2.0),
-    "gap 2.5, said 2": _gap(2.5, 2.0),
-    "gap 1.0": _gap(1.0, 1.0),
-    "delay 0.3, said 0.1": {"lens": {"delay_s": 0.3}, "belief": _SAID},
+    "gap 1.2, said 2": gap_of(1.2, 2.0),
+    "gap 1.5, said 2": gap_of(1.5, 2.0),
+    "gap 2.5, said 2": gap_of(2.5, 2.0),
+    "gap 1.0": gap_of(1.0, 1.0),
+    "pot drifts 5 deg a minute": _pot_drifts(5.0),
+    "pot drifts 12 deg a minute": _pot_drifts(12.0),
+    "hall loses pulses in a turn": _hall_in_turn(),
+    "camera knocked by 5 deg yaw": {},
+    "camera knocked by 3 deg pitch": {},
+    "camera knocked by 5 deg roll": {},
+    "lens half under mud": _dirt(mud=0.5),
+    "lens under straw": _dirt(straws=20),
+    "picture mirrored": {},
+    "picture upside down": {},
+    "delay 0.3, said 0.1": {"lens": {"delay_s": 0.3}, "belief": SAID},
     "a little of all": {
         "lens": {"pitch_deg": 28.8, "yaw_deg": 0.8, "z_m": 1.63, "hfov_deg": 63.0},
         "machine": {
@@ -116,9 +170,9 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
         },
         "field": {"gap_m": 1.8},
         "belief": merge(
-            _SAID,
+            SAID,
             {
-                "boundary": _scattered(0.5),
+                "boundary": scattered_of(0.5),
                 "boundary_sigma_m": UNKNOWN_SIGMA_M,
                 "corner": 1,
                 "vehicle": {
@@ -130,11 +184,42 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "as drawn by default": {"belief": {"errors": {}}},
 }
 """What is otherwise than the host was told, by name."""
+PICTURES: Final[Mapping[str, WrongPictures]] = {
+    "camera knocked by 5 deg yaw": WrongPictures(knocked_at_s=KNOCKED_AT_S, yaw_deg=5.0),
+    "camera knocked by 3 deg pitch": WrongPictures(knocked_at_s=KNOCKED_AT_S, pitch_deg=3.0),
+    "camera knocked by 5 deg roll": WrongPictures(knocked_at_s=KNOCKED_AT_S, roll_deg=5.0),
+    "picture mirrored": WrongPictures(flip="mirrored"),
+    "picture upside down": WrongPictures(flip="upside down"),
+}
+"""Of these cases the pictures are wrong."""
+ONLY_PICTURES: Final = frozenset(
+    ("lens half under mud", "lens under straw", "picture mirrored", "picture upside down")
+)
+"""What model eyes cannot show."""
+KINDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "camera": ("mount 1.5 deg, 5 cm", "mount yaw 2 deg", "delay 0.3, said 0.1"),
+    "wheels": ("hall 5 %", "hall loses a tenth", "hall loses a fifth", "hall doubled"),
+    "steering": ("wheelbase 5 %", "pot 4 deg", "pot drifts 5 deg a minute"),
+    "boundary": (
+        "corners 0.5 m", "corners 1.0 m", "said 2 m longer", "said 2 m wider", "said 1 m short",
+        "said 2 m short", "rotated 5 deg", "at another corner",
+    ),
+    "gap": ("gap 1.2, said 2", "gap 1.5, said 2", "gap 2.5, said 2"),
+}  # fmt: skip
+"""Wrong beliefs that can go together: two of different kinds."""
+AND: Final = " and "
+STOOD_M: Final = 0.01
+"""A machine that stands moves less, whatever its motors do."""
 
 
-def scenario_of(case: str, eyes: str = "picture", firmware: str = "desk") -> Scenario:
-    """The harvest of a case."""
-    over = CASES[case]
+def scenario_of(
+    case: str,
+    eyes: str = "picture",
+    firmware: str = "desk",
+    cases: Mapping[str, dict[str, Any]] = CASES,
+) -> Scenario:
+    """The harvest of a case, or of several at once."""
+    over = merge_all(cases[one] for one in case.split(AND))
     base: dict[str, Any] = {
         "name": case,
         "seed": SEED,
@@ -149,6 +234,30 @@ def scenario_of(case: str, eyes: str = "picture", firmware: str = "desk") -> Sce
     return load("default", merge(merge(base, {"belief": "exact"}), over))
 
 
+MOST_PAIRS: Final = 200
+"""There are some more."""
+
+
+def merge_all(overs: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """What several cases have otherwise; all their faults happen."""
+    found: dict[str, Any] = {}
+    for over in overs:
+        faults = [*found.get("faults", []), *over.get("faults", [])]
+        found = merge(found, over) | ({"faults": faults} if faults else {})
+    return found
+
+
+def pairs(count: int, seed: int) -> list[str]:
+    """So many pairs of cases of different kinds, no pair twice, drawn by a seed."""
+    rng = np.random.default_rng(seed)
+    kinds, found = list(KINDS), dict[str, None]()
+    while len(found) < count:
+        one, other = sorted(int(k) for k in rng.choice(len(kinds), 2, replace=False))
+        names = [KINDS[kinds[k]][int(rng.integers(len(KINDS[kinds[k]])))] for k in (one, other)]
+        found[AND.join(names)] = None
+    return list(found)
+
+
 def slug(case: str) -> str:
     """A case's name as a folder's."""
     return "".join(c if c.isalnum() or c == "." else "-" for c in case).strip("-")
@@ -160,11 +269,14 @@ def run(
     eyes: str,
     firmware: str,
     done: Callable[[dict[str, Any]], None] | None = None,
+    of: Mapping[str, dict[str, Any]] = CASES,
 ) -> list[dict[str, Any]]:
     """Harvests each case into its folder; its rows, which beliefs.json keeps too."""
     rows = []
     for case in cases:
-        summary = harvest(scenario_of(case, eyes, firmware), out / slug(case))
+        wrong = PICTURES.get(case)
+        eyes_of = wrong.eyes if wrong is not None else None
+        summary = harvest(scenario_of(case, eyes, firmware, of), out / slug(case), eyes=eyes_of)
         row = {"belief": case} | {name: summary[name] for name in FIGURES}
         rows.append(row)
         if done is not None:
@@ -175,8 +287,11 @@ def run(
 
 
 def harmless(row: Mapping[str, Any]) -> bool:
-    """Whether nobody else's crop was cut and the machine stayed where it is permitted."""
-    return all(MARKS[key].holds(row[key]) for key in ("neighbour_cut_m2", "outside_m"))
+    """Whether nobody else's crop was cut and the machine stayed where it is permitted; one that was
+    put down outside must not have gone any farther out."""
+    put_m = row.get("put_outside_m", 0.0)
+    stayed = MARKS["outside_m"].holds(row["outside_m"]) or row["outside_m"] <= put_m + STOOD_M
+    return MARKS["neighbour_cut_m2"].holds(row["neighbour_cut_m2"]) and stayed
 
 
 def table_of(rows: Iterable[Mapping[str, Any]]) -> Table:
@@ -185,6 +300,8 @@ def table_of(rows: Iterable[Mapping[str, Any]]) -> Table:
     for row in rows:
         style = "" if harmless(row) else "red"
         end = f"{row['outcome']}: {row['reason']}"
+        end += f"; {row['believed_wrong']}" if row["believed_wrong"] else ""
         figures = [f"{row[name]:.3g}" for name in FIGURES[:3]]
+        figures[1] += " (put there)" if row["put_outside_m"] > 0.0 else ""
         table.add_row(str(row["belief"]), *figures, end, style=style)
     return table

@@ -26,9 +26,12 @@ SHARE: Final = 0.5
 FIXES: Final = 2
 """In a row."""
 STRAIGHT_1PM: Final = 0.1
-AVERAGED: Final = (30, 60)
-"""Fixes at least and at most."""
-ASKEW_RAD: Final = math.radians(7.0)
+AVERAGED: Final = 60
+"""Fixes at most."""
+ELSEWHERE_RAD: Final = math.radians(45.0)
+"""No strip turns by so much, and no walk of a boundary: it was put down elsewhere."""
+ASKEW: Final = ((30, math.radians(7.0)), (5, ELSEWHERE_RAD))
+"""By how much the mean of so many fixes, at least, may lie askew."""
 SIGNIFICANT: Final = 4.0
 """Standard errors of the mean."""
 
@@ -40,7 +43,7 @@ class DirectionCheck:
         self._sign = 0.0
         self._since_m = 0.0
         self._against = 0
-        self._askew: deque[float] = deque(maxlen=AVERAGED[1])
+        self._askew: deque[float] = deque(maxlen=AVERAGED)
         self.off_rad: float | None = None
         """How far left of the believed direction the last fix's course lay; None where it says
         nothing of it."""
@@ -74,7 +77,12 @@ class DirectionCheck:
     def askew_rad(self) -> float:
         """By how much the courses of late lie left of the believed direction, on average; 0 where
         that may be the courses' noise."""
-        if len(self._askew) < AVERAGED[0]:
+        most = next((rad for count, rad in ASKEW if len(self._askew) >= count), math.inf)
+        if math.isinf(most):
             return 0.0
-        mean, error = mean_and_error(self._askew)
-        return mean if abs(mean) > max(ASKEW_RAD, SIGNIFICANT * error) else 0.0
+        # Angles about the opposite direction have two signs.
+        x, y = (sum(f(off) for off in self._askew) for f in (math.cos, math.sin))
+        middle = math.atan2(y, x)
+        aside, error = mean_and_error([math.remainder(a - middle, math.tau) for a in self._askew])
+        mean = middle + aside
+        return mean if abs(mean) > max(most, SIGNIFICANT * error) else 0.0

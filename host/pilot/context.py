@@ -4,14 +4,16 @@ the side that is being cut."""
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from host.core.messages import Command, Request, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import EndOfField
+from host.estimate.crop_ahead import END_CLEAR_M, EndOfField
 from host.estimate.estimator import Estimator
+from host.estimate.gaps import TELLS_M, Gaps, across
 from host.estimate.odometry import Motion
 from host.pilot.guard import Guard
 from host.pilot.planned_strip import PlannedStrip
@@ -23,6 +25,8 @@ from host.route.anew import Anew
 from host.route.plan import Plan
 from host.vision.view import Detector
 
+FARTHEST_M = 2.5
+"""Crop farther before the blade is not surely seen."""
 MOVED_M = 0.02
 """Corners that are found to lie no farther from the plan's leave the plan as it is."""
 SLOW_AFTER_S = 0.4
@@ -61,6 +65,7 @@ class Context:
         self.estimate = Estimator(vehicle, plan)
         self.sight = Sight(vehicle, detector, self.estimate)
         self.guard = Guard(plan, vehicle, self.estimate.position)
+        self.gaps = Gaps(math.inf if plan.gap_m is None else plan.gap_m)
         self.telemetry: Telemetry | None = None
         """The latest."""
         self.reason = "waiting for the firmware's telemetry"
@@ -120,12 +125,39 @@ class Context:
         assert anew is not None and isinstance(strip, PlannedStrip)
         plan = anew.plan(self.plan, strip.index)
         if plan is not None:
+            plan = replace(plan, gap_m=self.plan.gap_m)
             if not anew.taken:
                 self.guard = Guard(plan, self.vehicle, self.estimate.position)
             self.plan, self.strip = plan, strip.laid_anew(plan)
         anew.taken = True
         if anew.over:
             self.anew = None
+
+    def saw_beyond(self, ahead_m: float) -> None:
+        """The machine stands at the end of a side at the boundary, and the next crop ahead_m before
+        its blade. Crop that is seen beyond clear ground shows that the end was one, whatever wheels
+        and start say. If it stands nearer than was said, the gap is narrower. Less clear ground
+        than ends a side proves neither."""
+        beyond = self.strip.gap_beyond()
+        if beyond is None:
+            return
+        gaps, wide_m = self.gaps, self.vehicle.blade_width_m
+        gap_m = across(beyond.ago_m + ahead_m, beyond.askew_rad, wide_m)
+        if gap_m < END_CLEAR_M:
+            return
+        gaps.note(beyond.edge, gap_m)
+        if ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
+            self.strip.met_end_surely()
+            beyond = self.strip.gap_beyond() or beyond
+        room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
+        least_m = min(gap_m, room_m)
+        self._reckon_with(min(gaps.beside(beyond.edges), gaps.narrowed(least_m)))
+
+    def _reckon_with(self, gap_m: float) -> None:
+        """So wide the gap is from here on."""
+        if self.plan.gap_m is not None and gap_m != self.plan.gap_m:
+            self.plan = replace(self.plan, gap_m=gap_m)
+            self.guard = Guard(self.plan, self.vehicle, self.estimate.position)
 
     # ---- what is known of the present side -------------------------------------------------------
 
@@ -145,6 +177,7 @@ class Context:
     def begin_strip(self) -> None:
         """Along the strip from here on."""
         self.turning = None
+        self._reckon_with(self.gaps.field_m)
         self.strip.begin_lane()
         self.strip.saw_begin()
         self.estimate.cut.begin(self.strip.clear_end_m)

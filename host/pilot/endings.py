@@ -46,9 +46,10 @@ class Over(Reason):
 
 
 class Elsewhere(Reason):
-    """A side is cut, and the boundary was found to lie elsewhere."""
+    """A side is cut, and before the turn something is to be found out or done at its end."""
 
     FOUND = Doing.LAY_OUT, "end of {side}: laying out the rest around the boundary as found"
+    AT_BOUNDARY = Doing.LOOK_BEYOND, "end of {side}: looking how far the next crop stands"
 
 
 class Beside(Reason):
@@ -87,6 +88,16 @@ def end_side(
     ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
+        beyond = strip.gap_beyond()
+        if beyond is not None and not context.gaps.knows(beyond.edge):
+            context.ended = ended
+            return Elsewhere.AT_BOUNDARY.go(side=strip.name)
+    return leave_side(context, now, ended)
+
+
+def leave_side(context: Context, now: float, ended: Ended) -> Go:
+    """From the side that has ended to the next, once all is known that its end shows."""
+    strip = context.strip
     if context.to_lay_anew():
         context.ended = ended
         return Elsewhere.FOUND.go(side=strip.name)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
+from host.estimate.course_check import ELSEWHERE_RAD
 from host.estimate.estimator import Estimator
 from host.estimate.position import Position
 from host.field import sweep
@@ -49,6 +50,11 @@ class Watched(Reason):
         "the receiver's courses show it {deg} deg askew of the plan: its strips have turned, put "
         "it on a corner of what stands",
     )
+    ELSEWHERE = (
+        Doing.FAULT,
+        "the receiver's courses show it {deg} deg askew of the plan: it was put down at another "
+        "corner than was said, or the other way round",
+    )
     WRONG_SPEED = (
         Doing.FAULT,
         "{why}: it loses pulses, or hall_per_metre is wrong; check sensor, magnets and calibration",
@@ -74,7 +80,9 @@ def watch(state: State, estimate: Estimator) -> Go | None:
     if estimate.speed.wrong:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
     if estimate.askew_rad != 0.0:
-        return Watched.ASKEW.go(deg=f"{abs(math.degrees(estimate.askew_rad)):.0f}")
+        askew_rad = abs(estimate.askew_rad)
+        why = Watched.ELSEWHERE if askew_rad > ELSEWHERE_RAD else Watched.ASKEW
+        return why.go(deg=f"{math.degrees(askew_rad):.0f}")
     astray_m = estimate.position.outline.astray_m
     if astray_m > max(ASTRAY_M, ASTRAY_SIGMAS * estimate.position.sigma_m):
         return Watched.ASTRAY.go(off_m=f"{astray_m:.0f}")

@@ -40,6 +40,7 @@ class Doing(enum.Enum):
     LOOK_AT_EDGE = "look at the edge"
     LOOK_AT_END = "look at the end"
     BACK_OFF = "back off"
+    LOOK_BEYOND = "look beyond"
     LAY_OUT = "lay out"
     RETRACE = "retrace"
     REGAIN = "regain"

@@ -113,9 +113,13 @@ class Pilot:
 
     @property
     def believed_wrong(self) -> str:
-        """What driving along it has shown of the boundary that was entered, in words; empty where
-        nothing has. A field that lies or is turned elsewhere as a whole is none: only the phone's
-        positions speak of that."""
+        """What driving along it has shown of boundary and gap that were entered, in words; empty
+        where nothing has. A field that lies or is turned elsewhere as a whole is none: only the
+        phone's positions speak of that."""
+        return "; ".join(filter(None, (self._boundary_wrong, self._context.gaps.wrong)))
+
+    @property
+    def _boundary_wrong(self) -> str:
         found = self.position.outline
         if not len(self._believed) or not found.states:
             return ""

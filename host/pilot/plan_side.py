@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import Ahead
+from host.estimate.crop_ahead import AT_BLADE_M, Ahead
 from host.estimate.estimator import Estimator
+from host.estimate.gaps import TAPE_M
 from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
 from host.estimate.prior import START_SIGMA
+from host.field.areas import GAP_MARGIN_M
 from host.pilot.strip import Strip
 from host.route.plan import Plan
 from host.route.side import NO_EDGE, Side
@@ -132,17 +134,33 @@ class PlanSide(Strip):
         """The same where it is found to lie."""
         return self.estimate.position.outline.found(self.planned_piece)
 
-    def place(self, along_m: float, sigma_m: float = START_SIGMA[1]) -> None:
-        """The machine stands with the blade along_m past where vision sees the beginning; sigma_m:
-        how surely it is known beside the edge."""
+    def place(
+        self,
+        along_m: float,
+        sigma_m: float = START_SIGMA[1],
+        along_sigma_m: float = START_SIGMA[0],
+    ) -> None:
+        """The machine stands with the blade along_m past where vision sees the beginning, give or
+        take along_sigma_m; sigma_m: how surely it is known beside the edge."""
         lane = self.estimate.lane
         self._at = max(k for k, (start, _) in enumerate(self._pieces) if k == 0 or start <= along_m)
         start = self._pieces[self._at][0]
         position, piece = self.estimate.position, self.planned_piece
-        sigmas = (START_SIGMA[0], sigma_m, START_SIGMA[2])
+        sigmas = (along_sigma_m, sigma_m, START_SIGMA[2])
         position.place(piece, along_m - start, lane.offset_m, lane.heading_rad, sigmas)
         self._on_lane = True
         self._note_doubt()
+
+    def put_down(self, crop_ahead_m: float) -> tuple[float, float]:
+        """How far past its beginning the operator has put the blade, m, and how surely, where the
+        camera sees crop so far ahead of it. A machine that has no room for its length in the gap
+        stands so much farther in its crop, and no picture shows where that begins."""
+        if crop_ahead_m >= AT_BLADE_M or self.plan.gap_m is None or self.resumed:
+            return -crop_ahead_m, START_SIGMA[0]
+        length_m = self.vehicle.blade_x_m + self.vehicle.rear_overhang_m
+        lacks_m = length_m - (self.plan.gap_m + self.back_m - GAP_MARGIN_M)
+        least_m, most_m = max(0.0, lacks_m - TAPE_M), max(0.0, lacks_m + TAPE_M)
+        return max(0.0, lacks_m), math.hypot(START_SIGMA[0], (most_m - least_m) / math.sqrt(12.0))
 
     def _note_doubt(self) -> None:
         position = self.estimate.position

@@ -10,16 +10,21 @@ from typing import NamedTuple
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
-from host.estimate.measurements import begin
+from host.estimate.gaps import SQUARE_RAD
+from host.estimate.measurements import begin, end
 from host.estimate.odometry import Motion
 from host.pilot.plan_side import SIGMAS, PlanSide
-from host.pilot.strip import Strip
+from host.pilot.strip import Beyond, Strip
 from host.pilot.turn_progress import Turning
+from host.route.boundary_edges import BoundaryEdges
 from host.route.cuts import SEEN_SHARE
 from host.route.plan import Plan
-from host.route.side import Side
+from host.route.side import NO_EDGE, Side
 from host.vision.view import CropView
 
+AT_BOUNDARY_M = 0.3
+"""Of ground that was cut before beyond a side's end, at most, where the boundary is said to be
+there: what a corner is rounded by."""
 DOUBTED_M = 0.3
 """Before the first sure picture without crop, at most: what a detector waits for, at full speed."""
 DUSTY_END_SIGMA_M = 0.35
@@ -54,6 +59,8 @@ class PlannedStrip(PlanSide):
         self._pressed_m = 0.0
         """So much of its beginning is pressed down: no edge of it tells where it lies."""
         self._turned_from: _Before | None = None
+        self._end_at_m = math.nan
+        """The travelled distance at which the blade met its end."""
 
     def edge_m(self, view: CropView, then: Motion) -> float:
         """Its bends taken off: those that the machine itself has driven a round earlier."""
@@ -120,6 +127,7 @@ class PlannedStrip(PlanSide):
         else:
             first = self.ahead.seems_clear_since or end.motion
             ended_m = max(first.distance_m, sure_m - DOUBTED_M)
+        self._end_at_m = ended_m
         ago = here.distance_m - ended_m
         drift = self.estimate.odometry.scale_sigma * self.ahead.cut_m(end.motion)
         share = view.tip_share if view is not None else math.nan
@@ -127,6 +135,26 @@ class PlannedStrip(PlanSide):
         last = self._straight[-1]
         as_seen = replace(last, end_seen_m=share * last.end_seen_m)
         self.estimate.position.at_end(as_seen, ago, drift, doubt)
+
+    def gap_beyond(self) -> Beyond | None:
+        last = self._straight[-1]
+        edge = last.ends_at
+        if self.plan.gap_m is None or edge == NO_EDGE or self._beyond_m > AT_BOUNDARY_M:
+            return None
+        normal = BoundaryEdges(self.plan.boundary).headings[edge] - math.pi / 2
+        askew = math.remainder(normal - last.heading_rad, math.tau)
+        if abs(askew) > SQUARE_RAD:
+            return None
+        here = self.estimate.motion
+        past = self.along_m(here) - self.side.length_m
+        ago = here.distance_m - self._end_at_m - end.EARLY_M
+        return Beyond(edge, askew, ago, past, (edge, last.edge))
+
+    def met_end_surely(self) -> None:
+        last, position = self._straight[-1], self.estimate.position
+        ago = self.estimate.motion.distance_m - self._end_at_m
+        position.less_sure_along(last, abs(self.along_m(self.estimate.motion) - self.side.length_m))
+        position.at_end(last, ago, 0.0, 0.0)
 
     def cut(self) -> None:
         """Its way is the next round's edge; and once, where the lane is known again, it tells how

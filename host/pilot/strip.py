@@ -5,6 +5,7 @@ or that does not know its place in it yet. Pictures alone begin and end anything
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import Ahead, EndOfField
@@ -19,6 +20,21 @@ PLACE_SIGMA_RAD = math.radians(2.5)
 """Of the pose after a turn by dead reckoning, besides what a wrong speed adds."""
 TURN_M = 3.2
 """Way of a turn (docs/understand/navigation.md, a corner of 90 degrees)."""
+
+
+class Beyond(NamedTuple):
+    """The boundary at a strip's end."""
+
+    edge: int
+    """Of the boundary, which the end lies at."""
+    askew_rad: float
+    """Of the strip's direction against that edge's outward normal."""
+    ago_m: float
+    """How far the blade has come since it met the end, by pictures;"""
+    past_m: float
+    """and how far past the edge it is by the place that is believed."""
+    edges: tuple[int, ...]
+    """Of the boundary, between which the turn from here leads."""
 
 
 class Strip:
@@ -184,6 +200,14 @@ class Strip:
 
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
         """Vision saw the end; `looked`: after the machine had stopped to look."""
+
+    def gap_beyond(self) -> Beyond | None:
+        """What lies beyond its end, where that is the field's boundary and has just been seen."""
+        return None
+
+    def met_end_surely(self) -> None:
+        """What stands beyond its end stands where it should: that was its end, wherever the machine
+        was believed to be."""
 
     def cut(self) -> None:
         """The blade is cutting: what the way along the strip teaches."""

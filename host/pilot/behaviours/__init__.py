@@ -14,6 +14,7 @@ from host.pilot.behaviours.follow import Follow
 from host.pilot.behaviours.lay_out import LayOut
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_end import LookAtEnd
+from host.pilot.behaviours.look_beyond import LookBeyond
 from host.pilot.behaviours.regain import Regain
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import Search
@@ -28,6 +29,7 @@ BEHAVIOURS: Mapping[Doing, type[Behaviour]] = {
     Doing.LOOK_AT_EDGE: LookAtEdge,
     Doing.LOOK_AT_END: LookAtEnd,
     Doing.BACK_OFF: BackOff,
+    Doing.LOOK_BEYOND: LookBeyond,
     Doing.LAY_OUT: LayOut,
     Doing.RETRACE: Retrace,
     Doing.REGAIN: Regain,

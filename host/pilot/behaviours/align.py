@@ -6,8 +6,9 @@ import math
 from typing import Final
 
 from host.estimate.crop_ahead import CONFIDENT, EndOfField
+from host.estimate.prior import START_SIGMA
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
@@ -35,8 +36,9 @@ class Wait(Reason):
 
     NO_END = (
         Doing.ALIGN,
-        "the crop ahead has no end to the right: put the machine at the field's corner, facing "
-        "along its side, the blade's right end on the crop's edge",
+        "the crop ahead has no end to the right, so this is not the corner, or not the direction, "
+        "of the plan: put the machine at the field's corner, facing along its side, the blade's "
+        "right end on the crop's edge",
     )
     NOTHING_AHEAD = (
         Doing.ALIGN,
@@ -49,10 +51,13 @@ class Align(Behaviour):
     """See the module."""
 
     phase = Phase.ALIGN
-    reasons = (Why, Wait, SideEnd, Elsewhere)
+    reasons = (Why, Wait, SideEnd, Elsewhere, Patience)
 
     def step(self, now: float) -> Step:
         context = self.context
+        go = gave_up(context, now)
+        if go is not None:
+            return context.hold(), go
         view = context.sight.view
         if view is None or not context.sight.sees_ahead():
             return context.hold(), None
@@ -76,7 +81,9 @@ class Align(Behaviour):
             ahead_m = view.edge_ahead_m
             lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
         if isinstance(strip, PlannedStrip):
-            strip.place(-view.crop_ahead_m, *(() if seen else TRUSTED_SIGMA[:1]))
+            along_m, along_sigma_m = strip.put_down(view.crop_ahead_m)
+            beside_sigma_m = START_SIGMA[1] if seen else TRUSTED_SIGMA[0]
+            strip.place(along_m, beside_sigma_m, along_sigma_m)
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()

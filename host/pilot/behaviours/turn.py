@@ -7,7 +7,7 @@ import math
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.context import SLOW_AFTER_S
+from host.pilot.context import FARTHEST_M, SLOW_AFTER_S
 from host.pilot.endings import Blind, blind
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -34,8 +34,6 @@ INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
 """Before the crop, for the camera to see where it begins."""
-FARTHEST_M = 2.5
-"""Crop farther ahead is not surely seen."""
 ALIGN_ROOM_M = (0.5, 1.0)
 """How much farther than planned the vehicle may back to get into line with the edge: into the gap,
 and at most, over what has been cut."""

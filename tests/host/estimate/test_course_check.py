@@ -90,6 +90,17 @@ def test_noise_and_small_angles_are_not_askew(off_deg: float, noise_deg: float) 
     assert courses(math.radians(off_deg), math.radians(noise_deg)).askew_rad == 0.0
 
 
+@pytest.mark.parametrize("noise_deg", [0.0, 8.0, 20.0])
+@pytest.mark.parametrize("off_deg", [90.0, -90.0, 150.0])
+def test_a_machine_at_another_corner_is_found_within_metres(
+    off_deg: float, noise_deg: float
+) -> None:
+    noise = math.radians(noise_deg)
+    assert courses(math.radians(off_deg), noise, seconds=4).askew_rad == 0.0
+    found = courses(math.radians(off_deg), noise, seconds=12).askew_rad
+    assert math.degrees(found) == pytest.approx(off_deg, abs=25)
+
+
 def test_a_few_fixes_and_those_in_turns_say_nothing_of_it() -> None:
     assert courses(math.radians(30), 0.0, seconds=20).askew_rad == 0.0
     check = DirectionCheck()

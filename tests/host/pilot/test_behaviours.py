@@ -58,6 +58,7 @@ from host.pilot.context import (
     SLOW_AFTER_S,
     STAND_S,
     Context,
+    Ended,
 )
 from host.pilot.endings import (
     GIVE_UP_S,
@@ -65,10 +66,12 @@ from host.pilot.endings import (
     LEFT_SHARE,
     Beside,
     Blind,
+    Elsewhere,
     Over,
     Patience,
     SideEnd,
     end_side,
+    leave_side,
     over,
 )
 from host.pilot.guard import Watched
@@ -166,6 +169,8 @@ def turning(plan: Plan = PLAN) -> Context:
     """At the end of the first side, the turn laid out."""
     context = on_side(plan=plan, cut_m=10.0)
     end_side(context, NOW, clear_ahead(context))
+    assert context.ended is not None
+    leave_side(context, NOW, context.ended)
     return context
 
 
@@ -268,7 +273,7 @@ def test_follow_slows_down_before_it_stops_without_an_edge() -> None:
 @pytest.mark.parametrize(
     ("along_m", "dusty", "reason"),
     [
-        (10.0, False, SideEnd.SEEN),
+        (10.0, False, Elsewhere.AT_BOUNDARY),
         (10.0, True, Followed.SEEMS_TO_END),
         (5.0, False, None),
     ],
@@ -283,10 +288,11 @@ def test_follow_ends_a_side_where_plan_and_pictures_do(
     context.sight.ahead.sure.extend([not dusty] * 30)
     command, go = Follow(context).step(NOW)
     assert is_for(go, reason)
-    assert command.blade is (reason is not SideEnd.SEEN), "it cuts until it stands or ends"
+    ends = reason is Elsewhere.AT_BOUNDARY
+    assert command.blade is not ends, "it cuts until it stands or ends"
     if reason is None:
         assert command.speed_mps == VEHICLE.manoeuvre_speed_mps
-    assert context.strip.index == (1 if reason is SideEnd.SEEN else 0)
+    assert (context.ended is not None) is ends
 
 
 def test_follow_looks_at_bare_ground_that_lasts() -> None:
@@ -544,13 +550,15 @@ def test_a_look_at_the_end_turns_into_one_at_the_edge_where_crop_goes_on() -> No
     assert context.bare == 0
 
 
-@pytest.mark.parametrize(("cut_m", "reason"), [(10.0, SideEnd.SEEN), (5.0, EndLook.BARE_GROUND)])
+@pytest.mark.parametrize(
+    ("cut_m", "reason"), [(10.0, Elsewhere.AT_BOUNDARY), (5.0, EndLook.BARE_GROUND)]
+)
 def test_a_look_at_the_end_ends_the_side_where_the_plan_does(cut_m: float, reason: Reason) -> None:
     context = on_side(cut_m=cut_m)
     context.look.begin(NOW, cut_m)
     clear_ahead(context)
     assert is_for(LookAtEnd(context).step(NOW + 1.0)[1], reason)
-    assert context.sight.ahead.end is None or reason is SideEnd.SEEN
+    assert context.sight.ahead.end is None or reason is Elsewhere.AT_BOUNDARY
 
 
 def test_looks_at_bare_ground_again_and_again_need_a_person() -> None:
@@ -1091,8 +1099,8 @@ def test_along_a_strip_that_bends_the_machine_goes_back_before_it_shuttles() -> 
     plan = bent_plan()
     bend_m = plan.sides[0].bends[0][0]
     context = on_side(plan=plan, cut_m=plan.sides[0].length_m)
-    here = EndOfField(NOW, context.motion, 0)
-    assert is_for(end_side(context, NOW, here), SideEnd.BENT)
+    ended = Ended(EndOfField(NOW, context.motion, 0), seen=True)
+    assert is_for(leave_side(context, NOW, ended), SideEnd.BENT)
     strip = context.strip
     assert isinstance(strip, PlannedStrip)
     strip.place(bend_m + 3.0)

@@ -17,7 +17,7 @@ from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.field.areas import Verdict
-from host.pilot.guard import CREEP_MPS, Guard, SeenFree, no_farther, watch
+from host.pilot.guard import CREEP_MPS, Guard, SeenFree, Watched, no_farther, watch
 from host.route.plan import Plan, spiral
 from tests.helpers.places import followed
 
@@ -168,3 +168,14 @@ def test_who_stands_too_near_may_leave_but_not_swing_its_blade_out(
     assert isinstance(answer, Command) is leaves
     if isinstance(answer, Command):
         assert answer.speed_mps == CREEP_MPS
+
+
+@pytest.mark.parametrize(
+    ("deg", "why"), [(-10.0, Watched.ASKEW), (90.0, Watched.ELSEWHERE), (-180.0, Watched.ELSEWHERE)]
+)
+def test_courses_name_strips_that_have_turned_or_another_corner(deg: float, why: Watched) -> None:
+    estimate = Estimator(VEHICLE, plan())
+    estimate.askew_rad = math.radians(deg)
+    found = watch(State.RUNNING, estimate)
+    assert found is not None and found.reason is why
+    assert f"{abs(deg):.0f} deg" in found.text

@@ -22,7 +22,7 @@ from host.pilot.behaviours.look_at_end import LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
 from host.pilot.behaviours.turn import DriveTurn
 from host.pilot.context import Context, Ended
-from host.pilot.endings import Elsewhere, SideEnd, end_side, outward, turn_on
+from host.pilot.endings import Elsewhere, SideEnd, end_side, leave_side, outward, turn_on
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.pilot.plan_side import BLIND_M, OUTWARD_M, SIGMAS
@@ -123,7 +123,7 @@ def test_a_look_in_which_nothing_shows_ends_a_new_side() -> None:
     context.look.begin(NOW, 9.0, LONG_LOOK_S)
     assert is_for(LookAtEnd(context).step(NOW + 1.6)[1], None)
     go = LookAtEnd(context).step(NOW + LONG_LOOK_S + 0.1)[1]
-    assert go is not None and go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+    assert go is not None and go.reason is Elsewhere.AT_BOUNDARY
 
 
 def test_a_look_that_shows_crop_at_the_blade_leads_on() -> None:
@@ -152,7 +152,7 @@ def test_after_a_look_at_the_edge_only_crop_at_the_blade_leads_on(
     go = LookAtEdge(context).step(NOW + 4.0)[1]
     assert go is not None
     if reason is SideEnd:
-        assert go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+        assert go.reason is Elsewhere.AT_BOUNDARY
     else:
         assert go.reason is reason
 
@@ -312,13 +312,13 @@ def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
     context = along(cut_m)
     context.estimate.cut.refused = True
     go = Follow(context).step(NOW)[1]
-    assert go is not None and go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
+    assert go is not None and go.reason is Elsewhere.AT_BOUNDARY
     assert context.estimate.position.outline.found(NEW.sides[0]).length_m == pytest.approx(
         cut_m, abs=0.6
     )
     context = along(cut_m, KNOWN)
     context.estimate.cut.refused = True
-    known = Followed.CLEAR_GROUND if cut_m < 9.0 else SideEnd.SEEN
+    known = Followed.CLEAR_GROUND if cut_m < 9.0 else Elsewhere.AT_BOUNDARY
     assert is_for(Follow(context).step(NOW)[1], known)
 
 
@@ -345,7 +345,7 @@ def test_clear_ground_far_from_any_end_that_the_walk_may_mean_stops_the_machine(
 
 def test_a_turn_sees_how_far_the_next_crop_is_and_what_was_driven_since() -> None:
     context = along(10.0)
-    go = end_side(context, NOW, EndOfField(NOW, context.motion, 0))
+    go = leave_side(context, NOW, Ended(EndOfField(NOW, context.motion, 0), seen=True))
     assert go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
     turn = DriveTurn(context)
     moved(context, 10.0, stamp=NOW)

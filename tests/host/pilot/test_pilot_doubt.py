@@ -16,8 +16,9 @@ from host.estimate.position import Position
 from host.field.areas import Geofence, areas_of
 from host.pilot import steering_law
 from host.pilot.context import RESUME_AFTER_S
+from host.pilot.endings import GIVE_UP_S
 from host.pilot.guard import CREEP_MPS
-from host.pilot.phase import Phase
+from host.pilot.phase import Doing, Phase
 from host.pilot.pilot import Pilot
 from host.pilot.plan_side import END_PAST_M
 from host.route.cuts import SEEN_SHARE
@@ -263,6 +264,7 @@ def test_in_a_turn_nothing_is_measured_until_it_backs_along_the_next_side() -> N
     eyes = Eyes(world, lambda view: view)
     pilot = Pilot(VEHICLE, eyes, PLAN)
     drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    drive(world, pilot, 10.0, until=lambda: pilot.doing is Doing.TURN)
     assert eyes.glances == []
     eyes.looks.clear()
     drive(world, pilot, 60.0, until=lambda: pilot.backing)
@@ -752,6 +754,11 @@ def test_crop_without_an_end_to_the_right_is_no_field_to_begin() -> None:
     drive(world, pilot, 28.0)
     assert pilot.phase is Phase.ALIGN
     assert "no end to the right" in pilot.reason
+    assert world.speed == 0.0
+    drive(world, pilot, GIVE_UP_S)
+    assert pilot.phase is Phase.FAULT
+    assert "no end to the right" in pilot.reason
+    assert "not the direction" in pilot.reason, "which belief is wrong"
     assert world.speed == 0.0
 
 

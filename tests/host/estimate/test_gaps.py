@@ -1,0 +1,55 @@
+"""What is said of the gap, and what pictures show of it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from host.estimate.gaps import SEEN_M, TELLS_M, Gaps, across
+
+
+@pytest.mark.parametrize(
+    ("way_m", "askew_deg", "wide_m", "gap_m"),
+    [(1.5, 0.0, 1.0, 1.5), (1.5, 30.0, 0.0, 1.5 * math.cos(math.radians(30.0)))],
+)
+def test_the_gap_is_measured_across_the_edge(
+    way_m: float, askew_deg: float, wide_m: float, gap_m: float
+) -> None:
+    for askew in (askew_deg, -askew_deg):
+        assert across(way_m, math.radians(askew), wide_m) == pytest.approx(gap_m)
+
+
+def test_over_a_wide_blade_a_slanting_gap_shows_narrower_than_it_is() -> None:
+    """The last tip of the one crop stands at one end of the blade, the first of the other at the
+    other end: a gap of 2 m at 30 degrees shows 1.73 m of clear ground over a blade of 1 m."""
+    slant = math.radians(30.0)
+    shows_m = 2.0 / math.cos(slant) - math.tan(slant)
+    assert across(shows_m, slant, 1.0) == pytest.approx(2.0)
+
+
+def test_what_is_seen_only_narrows_the_gap_and_only_where_it_surely_contradicts() -> None:
+    gaps = Gaps(2.0)
+    for seen_m in (3.0, 2.0, 2.0 - TELLS_M + 0.01):
+        assert gaps.narrowed(seen_m) == 2.0
+    assert gaps.narrowed(1.5) == pytest.approx(1.5 - SEEN_M)
+    assert gaps.narrowed(0.1) == 0.0
+
+
+def test_one_edge_that_was_misread_narrows_only_the_turns_beside_it() -> None:
+    gaps = Gaps(2.0)
+    gaps.note(1, 0.9)
+    assert gaps.beside((1, 0)) == pytest.approx(0.9 - SEEN_M)
+    assert gaps.beside((0, 3)) == gaps.field_m == 2.0
+    gaps.note(2, 2.1)
+    gaps.note(3, 2.0)
+    assert gaps.field_m == 2.0
+    assert gaps.wrong == ""
+
+
+def test_what_most_edges_show_holds_everywhere_and_is_named() -> None:
+    gaps = Gaps(2.0)
+    for edge, seen_m in enumerate((1.2, 2.1, 1.3)):
+        gaps.note(edge, seen_m)
+    assert gaps.field_m == pytest.approx(1.3 - SEEN_M)
+    assert gaps.wrong == "the gap was said to be 2.0 m, pictures show 1.3 m"

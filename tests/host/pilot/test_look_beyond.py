@@ -1,0 +1,153 @@
+"""At the end of a side at the boundary: what pictures show of the ground beyond it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.estimate.gaps import SEEN_M
+from host.estimate.measurements.end import EARLY_M
+from host.estimate.prior import START_SIGMA
+from host.pilot.behaviours.look_beyond import PICTURES, LookBeyond
+from host.pilot.context import FARTHEST_M, Context
+from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.phase import Doing
+from host.pilot.planned_strip import PlannedStrip
+from host.route.plan import spiral
+from host.vision.view import CropView
+from tests.host.pilot.test_behaviours import NOW, clear_ahead, moved, on_side, seeing, stands
+
+VEHICLE = Vehicle()
+SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+PLAN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
+
+
+def at_end(cut_m: float = 10.0) -> Context:
+    """At the end of the first side, by pictures, having cut so far by the wheels."""
+    context = on_side(plan=PLAN, cut_m=cut_m)
+    go = end_side(context, NOW, clear_ahead(context))
+    assert go.reason is Elsewhere.AT_BOUNDARY
+    assert go.reason.to is Doing.LOOK_BEYOND
+    return context
+
+
+def look(context: Context, ahead_m: float, pictures: int = PICTURES) -> object:
+    """Why it goes on after so many pictures of crop so far ahead."""
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    for k in range(pictures):
+        stamp = NOW + 1.5 + 0.1 * k
+        seeing(context, CropView(0.0, crop_ahead_m=ahead_m, ahead_confidence=1.0), stamp=stamp)
+        command, go = behaviour.step(stamp)
+        assert stands(command)
+    return None if go is None else go.reason
+
+
+def test_the_turn_begins_once_enough_pictures_have_shown_what_lies_beyond() -> None:
+    assert look(at_end(), 2.0, PICTURES - 1) is None
+    assert look(at_end(), 2.0) is SideEnd.SEEN
+
+
+def test_beyond_an_edge_it_looks_once() -> None:
+    context = on_side(plan=PLAN, cut_m=10.0)
+    context.gaps.note(2, 2.0)
+    assert end_side(context, NOW, clear_ahead(context)).reason is SideEnd.SEEN
+
+
+def test_pictures_from_before_the_dust_has_settled_do_not_count() -> None:
+    context = at_end()
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    for k in range(2 * PICTURES):
+        stamp = NOW + 0.01 * k
+        seeing(context, CropView(0.0, crop_ahead_m=0.3, ahead_confidence=1.0), stamp=stamp)
+        assert behaviour.step(stamp)[1] is None
+
+
+def test_a_look_that_shows_nothing_ends_all_the_same() -> None:
+    context = at_end()
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    go = behaviour.step(NOW + 10.0)[1]
+    assert go is not None and go.reason is SideEnd.SEEN
+    assert context.plan.gap_m == 2.0
+
+
+def test_crop_that_stands_nearer_than_was_said_narrows_where_the_turn_may_go() -> None:
+    context = at_end()
+    before = context.guard
+    look(context, 1.2)
+    assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
+    assert context.guard is not before
+    assert "geofence" not in context.reason
+
+
+def test_crop_where_it_should_stand_narrows_nothing() -> None:
+    context = at_end()
+    before = context.guard
+    look(context, 2.0)
+    assert context.plan.gap_m == 2.0
+    assert context.guard is before
+
+
+@pytest.mark.parametrize("cut_m", [9.0, 8.8])
+def test_an_end_that_is_seen_without_dust_is_believed_against_the_wheels(cut_m: float) -> None:
+    """A sensor that loses a tenth of its pulses: by it the machine is a metre before the end."""
+    context = at_end(cut_m)
+    strip = context.strip
+    assert isinstance(strip, PlannedStrip)
+    look_from = strip.along_m(context.motion)
+    context.saw_beyond(2.0)
+    assert strip.along_m(context.motion) > look_from
+    assert strip.along_m(context.motion) == pytest.approx(10.0, abs=0.15)
+
+
+def test_ground_without_any_crop_beyond_proves_no_end() -> None:
+    """So dust before a fallow looks, and what is believed of a sensor must not hang on it."""
+    context = at_end(9.0)
+    before = context.strip.along_m(context.motion)
+    context.saw_beyond(FARTHEST_M)
+    assert context.strip.along_m(context.motion) == before
+
+
+def test_without_clear_ground_an_end_proves_nothing() -> None:
+    context = at_end(9.0)
+    before = context.strip.along_m(context.motion)
+    context.saw_beyond(0.4)
+    assert context.strip.along_m(context.motion) == before
+    assert not context.gaps.knows(2)
+    assert context.plan.gap_m == 2.0
+
+
+def test_a_side_that_ends_at_cut_ground_shows_nothing_of_the_gap() -> None:
+    inner = on_side(8, PLAN, cut_m=6.0).strip
+    assert inner.gap_beyond() is None
+    assert on_side(0, replace(PLAN, gap_m=None), cut_m=10.0).strip.gap_beyond() is None
+
+
+@pytest.mark.parametrize(("gap_m", "inside_m"), [(3.0, 0.0), (1.0, 0.95)])
+def test_a_machine_without_room_in_the_gap_stands_in_its_crop(
+    gap_m: float, inside_m: float
+) -> None:
+    """It is 1.75 m long behind its blade's line, and keeps 0.2 m to the neighbour's crop."""
+    strip = on_side(0, spiral(SQUARE, 1, VEHICLE, gap_m=gap_m), cut_m=None).strip
+    assert isinstance(strip, PlannedStrip)
+    along_m, sigma_m = strip.put_down(0.0)
+    assert along_m == pytest.approx(inside_m, abs=0.01)
+    assert (sigma_m > START_SIGMA[0]) is (inside_m > 0.0)
+    assert strip.put_down(0.5) == (-0.5, START_SIGMA[0]), "there its beginning is seen"
+
+
+def test_on_the_way_from_the_end_the_blade_comes_nearer_to_the_next_crop() -> None:
+    context = at_end()
+    beyond = context.strip.gap_beyond()
+    assert beyond is not None
+    moved(context, 10.3, stamp=NOW)
+    later = context.strip.gap_beyond()
+    assert later is not None
+    assert later.ago_m - beyond.ago_m == pytest.approx(0.3)
+    assert later.past_m - beyond.past_m == pytest.approx(0.3, abs=0.01)
+    assert math.degrees(abs(later.askew_rad)) < 0.1
