@@ -119,8 +119,10 @@ def _follow(edges: list[Edge], past: Edge, x: float, y: float) -> Edge | None:
         if abs(math.remainder(e.heading - past.heading, math.tau)) < askew
         and e.line.length > MIN_EDGE_M
     ]
-    point = shapely.Point(x, y)
-    return min(same, key=lambda e: e.line.distance(point), default=None)
+    if len(same) < 2:
+        return same[0] if same else None
+    point = shapely.points(x, y)
+    return min(same, key=lambda e: float(e.line.distance(point)))
 
 
 class _Rounds:
@@ -208,8 +210,9 @@ def _walk(
             # Straight on from a curve a strip ends far beyond its edge.
             here = side.pose(side.length_m)[:2]
             # Of what the strip has parted, the machine goes on with what it stands at.
-            ends = shapely.MultiPoint([following.begin, here, edge.begin])
-            parts = sorted(parts, key=lambda part: part.distance(ends) > REACH * width_m)
+            if len(parts) > 1:
+                ends = shapely.MultiPoint([following.begin, here, edge.begin])
+                parts = sorted(parts, key=lambda part: part.distance(ends) > REACH * width_m)
             standing = parts[0] if parts else shapely.Polygon()
             apart += [part for part in parts[1:] if part.area > APART_M2]
             dropped_m2 += sum(part.area for part in parts[1:] if part.area <= APART_M2)
@@ -264,7 +267,7 @@ def _again(edges: list[Edge], edge: Edge, width_m: float) -> Edge | None:
     """What has become of the edge that a strip was taken off."""
     again = _follow(edges, edge, *edge.begin)
     if again is not None and again.bent:
-        beside_m = again.line.distance(shapely.Point(edge.begin))
+        beside_m = again.line.distance(shapely.points(*edge.begin))
         return again if beside_m <= REACH * width_m else None
     return again
 
