@@ -23,8 +23,11 @@ from hil.studies.beliefs import (
 mpl.use("Agg")
 
 SAID_GAP_M: Final = 2.0
+"""What the host is told of the gap: the usual one."""
 SAID_DELAY_S: Final = 0.1
+"""Of the camera's delay."""
 SAID_PULSES_PER_M: Final = 50.0
+"""Of the wheels' sensor."""
 
 
 def _delayed(more_s: float) -> dict[str, Any]:

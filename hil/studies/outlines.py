@@ -51,6 +51,7 @@ JITTER_STEP_M: Final = 12.0
 WANDER_DEG: Final = 4.0
 """Standard deviation of an edge's bend at a point, without what brings it back."""
 GAP_M: Final = 2.0
+"""To the neighbour's crop: the usual one."""
 
 
 @dataclass(frozen=True, slots=True)
