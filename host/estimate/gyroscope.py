@@ -41,6 +41,15 @@ AGREE_RAD: Final = math.radians(60.0)
 hangs agrees as long as nothing turns."""
 
 
+class Stand(NamedTuple):
+    """The machine stands, as far as its wheels show."""
+
+    lasted_s: float
+    unseen_radps: float
+    """That it may turn meanwhile, for all that they show: its brake lets it creep, and its steering
+    is at an angle."""
+
+
 class Rest(NamedTuple):
     """What it shows of its offset at rest, besides what is taken off it: rad/s, and variance."""
 
@@ -110,9 +119,10 @@ class Gyroscope:
         """Of what it said last."""
         return self._last.stamp if self._last is not None else -math.inf
 
-    def take(self, turned: Turned, reckoned_rad: float | None, *, standing: bool) -> float:
+    def take(self, turned: Turned, reckoned_rad: float | None, stand: Stand | None) -> float:
         """What the yaw is to be corrected by, rad. `reckoned_rad`: the yaw by the steering angle at
-        its stamp, None where that is not known any more; `standing`: since what it said last."""
+        its stamp, None where that is not known any more; `stand`: since what it said last, None
+        where the machine moves or may turn unseen."""
         last, before = self._last, self._reckoned
         self._last = turned
         if reckoned_rad is not None:
@@ -125,8 +135,8 @@ class Gyroscope:
             return 0.0
         rate = (turned.yaw_rad - last.yaw_rad) / dt
         self.known_to = turned.stamp
-        if standing:
-            self._rest(rate, dt)
+        if stand is not None:
+            self._rest(rate, dt, stand)
             return 0.0
         self._rest_rate = None
         seen = self._scale * (rate - self.offset) * dt
@@ -141,13 +151,15 @@ class Gyroscope:
         rests, self._rests = self._rests, []
         return rests
 
-    def _rest(self, rate: float, dt: float) -> None:
+    def _rest(self, rate: float, dt: float, stand: Stand) -> None:
         before, self._rest_rate = self._rest_rate, rate
         if before is None:
             return
         power = (rate - before) ** 2 * dt / 2
         self._rest_power += (power - self._rest_power) / REST_WORDS
-        variance = max(REST_NOISE**2, self._rest_power) / dt
+        # A creep lasts: all words of the stand together tell the offset no better than it.
+        lasting = stand.unseen_radps**2 * stand.lasted_s
+        variance = (max(REST_NOISE**2, self._rest_power) + lasting) / dt
         off = rate - self.offset
         if abs(off) <= PUSHED + 3.0 * math.sqrt(self.offset_sigma**2 + variance):
             self._rests.append(Rest(off, variance))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
-from host.estimate.gyroscope import WINDOW_S, Gyroscope
+from host.estimate.gyroscope import WINDOW_S, Gyroscope, Stand
 from host.estimate.rolling import Coast, Slope
 
 HISTORY_S = 1.5
@@ -50,6 +50,11 @@ angle bridges it."""
 RESTS_S = 0.5
 """Without a pulse of the hall sensor, or by the duty model alone, until the machine stands."""
 CREEPS_MPS = 0.01
+UNSEEN_MPS = 0.05
+"""At which a braked machine may creep down a slope of some degrees, where no sensor counts it
+(docs/understand/firmware.md: 0.08 on five degrees)."""
+UNSEEN_RADPS = math.radians(0.1)
+"""That it may turn unseen by such a creep and still rest, as the gyroscope's offset needs it."""
 TRIM_M = 2.0
 """Way in which the gyroscope's straight driving turns the trim: a side slope's changes so fast."""
 LEG_RAD = math.radians(20)
@@ -109,7 +114,8 @@ class Odometry:
         self._compared_m = 0.0
         self._trims: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
         """(stamp, trim) since the gyroscope's comparison begins: what it taught may be wrong."""
-        self._rests_since = math.inf
+        self._still_since = math.inf
+        """Since when no sensor has shown it move."""
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the filter learns it: its calibration, and
         what a side slope does."""
@@ -190,18 +196,15 @@ class Odometry:
         moves = telemetry.drive_duty != 0 or step_m != 0.0
         if telemetry.speed_mps is None:
             moves = telemetry.drive_duty != 0 or abs(self._speed) > CREEPS_MPS
-        if moves:
-            self._rests_since = math.inf
-        else:
-            self._rests_since = min(self._rests_since, stamp + RESTS_S)
+        self._still_since = math.inf if moves else min(self._still_since, stamp)
 
     def take_turned(self, turned: Turned) -> None:
         """What the gyroscope says; it may be some tenths of a second old."""
         gyroscope = self.gyroscope
         at = self._angle_at(turned.stamp)
-        standing = gyroscope.stamp >= self._rests_since
+        stand = self._stand(gyroscope.stamp)
         believed = not gyroscope.contradicted
-        missed = gyroscope.take(turned, at.yaw_rad if at else None, standing=standing)
+        missed = gyroscope.take(turned, at.yaw_rad if at else None, stand)
         self._missed_rad += missed
         if believed and gyroscope.contradicted:
             self.trim_rad = self._trims[0][1]
@@ -212,10 +215,22 @@ class Odometry:
         if at is None:
             return
         way, self._compared_m = at.distance_m - self._compared_m, at.distance_m
-        if standing:
+        if stand is not None:
             self._learn_gain(*gyroscope.take_leg())
         elif gyroscope.useful:
             self._learn_trim(missed, way)
+
+    def _stand(self, stamp: float) -> Stand | None:
+        """Whether the machine stood then, and did not turn. Between two pulses of its sensor it may
+        creep: no faster than one pulse in the time that has passed."""
+        lasted = stamp - self._still_since
+        if lasted < RESTS_S:
+            return None
+        pulses_per_m = self._vehicle.hall_pulses_per_m
+        counted = self._odometer is not None and pulses_per_m > 0.0
+        creeps = min(UNSEEN_MPS, 1.0 / (pulses_per_m * lasted)) if counted else UNSEEN_MPS
+        unseen = creeps * abs(self.at(stamp).curvature_1pm)
+        return Stand(lasted, unseen) if unseen <= UNSEEN_RADPS else None
 
     def _angle_at(self, stamp: float) -> _Reckoned | None:
         """As reckoned at a time within the history; a newer one is now."""

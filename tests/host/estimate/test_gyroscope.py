@@ -33,12 +33,17 @@ class Drive:
         self.pot_off, self.pot_scale = pot_off_rad, pot_scale
         self.offset, self.late, self.unknown = offset_radps, late_s, unknown_s
         self.gyro_turns, self.breaks = True, False
+        self.counted = True
+        """Whether a hall sensor counts; no speed is known without it."""
         self.shake, self.random = 0.0, random.Random(1)
         self.now = self.distance = self.yaw = self.shown = 0.0
         self._sent: list[Turned] = []
 
-    def go(self, seconds: float, speed: float, steer_rad: float = 0.0) -> None:
-        """At that speed and true steering angle."""
+    def go(
+        self, seconds: float, speed: float, steer_rad: float = 0.0, *, duty: int | None = None
+    ) -> None:
+        """At that speed and true steering angle; the wheels' sensor counts whole pulses."""
+        pulse_m = 1.0 / Vehicle().hall_pulses_per_m
         for _ in range(round(seconds / STEP_S)):
             self.now += STEP_S
             self.distance += speed * STEP_S
@@ -59,15 +64,18 @@ class Drive:
                     setpoint_rad=0.0,
                     angle_rad=steer_rad * self.pot_scale - self.pot_off,
                     steer_duty=0,
-                    drive_duty=round(255 * speed),
+                    drive_duty=round(255 * speed) if duty is None else duty,
                     blade=False,
-                    speed_mps=speed,
-                    distance_m=self.distance,
+                    speed_mps=speed if self.counted else None,
+                    distance_m=self._pulses(pulse_m) if self.counted else 0.0,
                     battery_v=12.0,
                     last_seq=0,
                     frames_bad=0,
                 )
             )
+
+    def _pulses(self, pulse_m: float) -> float:
+        return math.floor(self.distance / pulse_m + 1e-9) * pulse_m
 
     def quarter(self) -> None:
         """Turns left by a quarter on the lock, and stands."""
@@ -96,6 +104,31 @@ def test_what_it_shows_at_a_stand_is_its_offset() -> None:
     drive.go(40.0, 0.5)
     assert drive.estimate.odometry.now.by_gyro
     assert abs(drive.error_rad) < math.radians(0.5)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_a_creep_between_two_pulses_of_a_turned_machine_is_no_rest(counted: bool) -> None:
+    """A braked machine creeps down a slope by some centimetres a second; on the lock it turns
+    meanwhile by a degree and more."""
+    drive = Drive()
+    drive.counted = counted
+    drive.go(4.0, 0.0)
+    drive.go(20.0, -0.3)
+    for steer_deg in (40.0, -40.0):
+        drive.go(1.5, 0.025, math.radians(steer_deg), duty=0)
+    drive.go(30.0, 0.3)
+    assert drive.estimate.odometry.now.by_gyro
+    assert abs(drive.error_rad) < math.radians(0.6 if counted else 1.5)
+    assert abs(drive.estimate.odometry.gyroscope.offset) < math.radians(0.02)
+
+
+def test_a_long_stand_with_turned_wheels_shows_the_offset() -> None:
+    """What creeps gives a pulse in the end."""
+    drive = Drive(offset_radps=math.radians(1.5))
+    drive.go(30.0, 0.0, math.radians(40))
+    assert drive.estimate.odometry.gyroscope.offset == pytest.approx(
+        math.radians(1.5), abs=math.radians(0.1)
+    )
 
 
 def test_a_machine_that_never_stood_goes_by_the_steering_angle() -> None:
