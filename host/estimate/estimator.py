@@ -84,7 +84,8 @@ class Estimator:
         self.odometry.turn_trim(self.position.take_curve())
 
     def _learn(self) -> None:
-        """What the filter has found of the gyroscope's offset is taken off from here on."""
+        """What the filter has found of the gyroscope is taken off from here on."""
         gyroscope = self.odometry.gyroscope
-        off, gyroscope.offset_sigma = self.position.take_gyro()
+        off, gyroscope.offset_sigma, too_much = self.position.take_gyro()
         gyroscope.offset += off
+        gyroscope.rescale(1.0 - too_much)

@@ -28,8 +28,13 @@ REST_WORDS: Final = 20
 """Of which that is the mean, some two seconds of rest."""
 PUSHED: Final = math.radians(2.0)
 """rad/s: a machine that turns so while its wheels stand is moved by somebody."""
-SCALE_SIGMA: Final = 0.01
-"""Of its scale (Bosch BMI160 data sheet)."""
+MOVING_NOISE: Final = math.radians(0.08)
+"""What it errs on a machine that drives, rad over the square root of a second, before that has
+shown: most of it is what the machine shakes it by."""
+MOVING_WORDS: Final = 100
+"""Of which its mean is taken, some ten seconds of driving straight;"""
+STRAIGHT: Final = math.radians(5.0)
+"""rad/s: less is straight. In a turn the two differ by what one lags behind the other."""
 WINDOW_S: Final = 4.0
 """Over which it is compared with the steering angle."""
 DIFFER_RAD: Final = math.radians(4.0)
@@ -93,13 +98,16 @@ class Gyroscope:
         self.offset, self.offset_sigma = 0.0, OFFSET_SIGMA
         """What is taken off the rate, rad/s, and how surely: the filter says it."""
         self._rests: list[Rest] = []
-        self._scale, self._scale_sigma = 1.0, SCALE_SIGMA
+        self._scale = 1.0
         self._leg = (0.0, 0.0)
         self.known_to = -math.inf
         """The latest time up to which it told what was turned without a gap."""
         self._rest_rate: float | None = None
         """The word before, where it was one of rest."""
         self._rest_power = REST_NOISE**2
+        self._moving_rate: float | None = None
+        """What it showed besides the steering angle at the word before, rad/s, driving straight."""
+        self._moving_power = MOVING_NOISE**2
         self._steps = _Window()
         self._agreed_rad: float | None = None
         """Turned in agreement since it was contradicted; None: it is believed."""
@@ -113,6 +121,12 @@ class Gyroscope:
     def useful(self) -> bool:
         """Whether its offset is known, and nothing contradicts it."""
         return self.offset_sigma < OFFSET_KNOWN and not self.contradicted
+
+    @property
+    def noise(self) -> float:
+        """What it errs while the machine drives, as it has shown: rad over the square root of a
+        second."""
+        return math.sqrt(self._moving_power)
 
     @property
     def stamp(self) -> float:
@@ -136,11 +150,13 @@ class Gyroscope:
         rate = (turned.yaw_rad - last.yaw_rad) / dt
         self.known_to = turned.stamp
         if stand is not None:
+            self._moving_rate = None
             self._rest(rate, dt, stand)
             return 0.0
         self._rest_rate = None
         seen = self._scale * (rate - self.offset) * dt
         reckoned = reckoned_rad - before
+        self._shaken((seen - reckoned) / dt, reckoned / dt, dt)
         self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
         taken = seen - reckoned if self.useful else 0.0
         self._steps.add(turned.stamp, seen, reckoned, taken)
@@ -164,6 +180,18 @@ class Gyroscope:
         if abs(off) <= PUSHED + 3.0 * math.sqrt(self.offset_sigma**2 + variance):
             self._rests.append(Rest(off, variance))
 
+    def _shaken(self, besides: float, reckoned: float, dt: float) -> None:
+        """From word to word the rate besides what is reckoned (rad/s) changes by its noise."""
+        straight = abs(reckoned) < STRAIGHT and abs(besides) < STRAIGHT
+        last, self._moving_rate = self._moving_rate, besides if straight else None
+        if last is not None and straight:
+            power = (besides - last) ** 2 * dt / 2
+            self._moving_power += (power - self._moving_power) / MOVING_WORDS
+
+    def rescale(self, by: float) -> None:
+        """Its scale is found to be so many times what it was taken to be."""
+        self._scale *= by
+
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
         seen, by_angle, to_and_fro, taken = self._steps.sums()
@@ -182,12 +210,3 @@ class Gyroscope:
         """What was turned since the last call, rad: as it shows, and by the steering angle."""
         leg, self._leg = self._leg, (0.0, 0.0)
         return leg
-
-    def turned(self, reckoned_rad: float, true_rad: float, noise_rad: float) -> None:
-        """Learns its scale from a turn that it reckoned, of which the truth is known but for
-        noise_rad."""
-        slope = reckoned_rad / self._scale
-        variance = (slope * self._scale_sigma) ** 2 + noise_rad**2
-        blend = slope * self._scale_sigma**2 / variance
-        self._scale += blend * (true_rad - reckoned_rad)
-        self._scale_sigma *= math.sqrt(noise_rad**2 / variance)

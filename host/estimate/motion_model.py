@@ -15,6 +15,7 @@ from host.estimate.states import (
     GRADE_X,
     GRADE_Y,
     GYRO,
+    GYRO_SCALE,
     SCALE,
     SIGHT,
     SLIP,
@@ -44,9 +45,8 @@ YAW_SIGMA_SHARE = 0.03
 """Error of the yaw by dead reckoning: per square root of a metre, and as a share of what was turned
 (the prior of the steering's gain, `odometry.YAW_GAIN_PRIOR`). On strips of six random fields it was
 0.29 degrees over a metre and 0.84 over three, RMS: most of it the bias that CURVE holds."""
-GYRO_SIGMA_PER_ROOT_S = math.radians(0.08)
-GYRO_SIGMA_SHARE = 0.01
-"""The same by the gyroscope: what a machine that drives shakes it by, and its scale."""
+GYRO_SCALE_SIGMA = 0.01
+"""Of the gyroscope's scale (Bosch BMI160 data sheet)."""
 GYRO_WALK = math.radians(0.003)
 """Change of what it shows at rest, rad/s per square root of a second: a part that warms up by a
 kelvin a minute, twice."""
@@ -98,7 +98,7 @@ def move(
     if step == 0.0 and turn == 0.0:
         return
     along = ROLL_SIGMA if motion.rolls else STEP_SIGMA[0]
-    _move(x, p, step, turn, lasted, motion.by_gyro, cutting, along, *wander)
+    _move(x, p, step, turn, lasted, motion.gyro_noise, cutting, along, *wander)
 
 
 @njit(cache=True, nogil=True)
@@ -108,7 +108,7 @@ def _move(
     step: float,
     turn: float,
     lasted: float,
-    by_gyro: bool,
+    gyro_noise: float,
     cutting: bool,
     along_sigma: float,
     wander_sigma_m: float,
@@ -117,10 +117,12 @@ def _move(
     """`move` by a step and a turn, compiled: of the Jacobian all rows are the unit matrix's but
     those of the pose, of CRAB, WANDER and SIGHT, and those hold few states."""
     run = abs(step)
-    if by_gyro:
-        turn -= x[GYRO] * lasted
+    of_scale = 0.0
+    if gyro_noise > 0.0:
+        of_scale = -turn
+        turn -= x[GYRO] * lasted + x[GYRO_SCALE] * turn
         turns_by, of_turn = GYRO, -lasted
-        yaw = GYRO_SIGMA_PER_ROOT_S**2 * lasted + GYRO_SIGMA_SHARE**2 * abs(turn)
+        yaw = gyro_noise**2 * lasted
     else:
         turn += x[CURVE] * step
         turns_by, of_turn = CURVE, step
@@ -144,7 +146,7 @@ def _move(
     for columns in (False, True):
         q = p.T if columns else p
         for k in range(len(x)):
-            by_turn = of_turn * q[turns_by, k]
+            by_turn = of_turn * q[turns_by, k] + of_scale * q[GYRO_SCALE, k]
             # The way was made at the middle of the turn.
             yawed = q[YAW, k] + by_turn / 2
             slip = lost * q[SLIP, k] + whole * q[SCALE, k]

@@ -75,11 +75,17 @@ class Motion:
     yaw_rad: float
     x_m: float
     y_m: float
-    by_gyro: bool = False
-    """Whether the gyroscope tells the yaw, and not the steering angle alone."""
+    gyro_noise: float = 0.0
+    """What the gyroscope errs that tells the yaw, rad over the square root of a second; 0: the
+    steering angle alone tells it."""
     rolls: bool = False
     """Whether it moves with its drive off, long after that could still be coasting: which way, one
     hall sensor does not tell."""
+
+    @property
+    def by_gyro(self) -> bool:
+        """Whether the gyroscope tells the yaw."""
+        return self.gyro_noise > 0.0
 
 
 class _Reckoned(NamedTuple):
@@ -178,13 +184,18 @@ class Odometry:
             past.yaw_rad + yaw_step,
             past.x_m + step * math.cos(middle),
             past.y_m + step * math.sin(middle),
-            self.gyroscope.useful and telemetry.stamp - self.gyroscope.known_to < FRESH_S,
+            self._gyro_noise(telemetry.stamp),
             step != 0.0 and self._driven_s < -STOPS_S,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
             self._history.popleft()
         return self.now
+
+    def _gyro_noise(self, stamp: float) -> float:
+        gyroscope = self.gyroscope
+        tells = gyroscope.useful and stamp - gyroscope.known_to < FRESH_S
+        return gyroscope.noise if tells else 0.0
 
     def _reckon(self, telemetry: Telemetry, step_m: float, yaw_step: float) -> None:
         before = self._by_angle[-1]
@@ -291,11 +302,11 @@ class Odometry:
 
     def turned(self, reckoned_rad: float, true_rad: float, sigma_rad: float = 0.0) -> None:
         """Learns from a turn of which both are known, the reckoned one with the present gain, the
-        true one but for sigma_rad by which the corner's angle may be otherwise."""
-        noise = TURN_SIGMA_RAD**2 + sigma_rad**2
+        true one but for sigma_rad by which the corner's angle may be otherwise. What the gyroscope
+        tells, the filter learns of."""
         if self.now.by_gyro:
-            self.gyroscope.turned(reckoned_rad, true_rad, math.sqrt(noise))
             return
+        noise = TURN_SIGMA_RAD**2 + sigma_rad**2
         slope = reckoned_rad / self.yaw_gain
         variance = (slope * self._yaw_gain_sigma) ** 2 + noise
         blend = slope * self._yaw_gain_sigma**2 / variance

@@ -40,6 +40,7 @@ from host.estimate.states import (
     GRADE_X,
     GRADE_Y,
     GYRO,
+    GYRO_SCALE,
     LANE,
     LANE_OFFSET,
     LANE_YAW,
@@ -342,10 +343,12 @@ class Position(Filter):
         curve, self._x[CURVE] = float(self._x[CURVE]), 0.0
         return curve
 
-    def take_gyro(self) -> tuple[float, float]:
-        """The same of what the gyroscope shows at rest, rad/s, and its standard deviation."""
+    def take_gyro(self) -> tuple[float, float, float]:
+        """The same of what the gyroscope shows at rest, rad/s, and its standard deviation; and the
+        share that it shows too much."""
         off, self._x[GYRO] = float(self._x[GYRO]), 0.0
-        return off, math.sqrt(self._p[GYRO, GYRO])
+        too_much, self._x[GYRO_SCALE] = float(self._x[GYRO_SCALE]), 0.0
+        return off, math.sqrt(self._p[GYRO, GYRO]), too_much
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""

@@ -12,11 +12,22 @@ from host.estimate.kalman import Array
 from host.estimate.motion_model import (
     CURVE_SIGMA_1PM,
     GRADE_SIGMA,
+    GYRO_SCALE_SIGMA,
     SCALE_SIGMA,
     SIGHT_SIGMA_M,
     SLIP_SIGMA,
 )
-from host.estimate.states import CURVE, GRADE_X, GRADE_Y, GYRO, PLAN_YAW, SCALE, SIGHT, SLIP
+from host.estimate.states import (
+    CURVE,
+    GRADE_X,
+    GRADE_Y,
+    GYRO,
+    GYRO_SCALE,
+    PLAN_YAW,
+    SCALE,
+    SIGHT,
+    SLIP,
+)
 
 START_SIGMA: Final = (0.1, 0.1, math.radians(2))
 """Of where an operator puts the machine, along and beside its lane, m, and of its direction."""
@@ -29,6 +40,7 @@ SIGMAS: Final = {
     PLAN_YAW: PLAN_SIGMA_RAD,
     CURVE: CURVE_SIGMA_1PM,
     GYRO: gyroscope.OFFSET_SIGMA,
+    GYRO_SCALE: GYRO_SCALE_SIGMA,
     SIGHT: SIGHT_SIGMA_M,
     SCALE: SCALE_SIGMA,
     GRADE_X: GRADE_SIGMA,

@@ -112,4 +112,5 @@ def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool) -> Non
 
 
 def motion(distance_m: float, yaw_rad: float, stamp: float, by_gyro: bool) -> Motion:
-    return Motion(stamp, 0.5, 0.0, distance_m, yaw_rad, 0.0, 0.0, by_gyro)
+    noise = math.radians(0.1) if by_gyro else 0.0
+    return Motion(stamp, 0.5, 0.0, distance_m, yaw_rad, 0.0, 0.0, noise)

@@ -33,6 +33,8 @@ class Drive:
         self.pot_off, self.pot_scale = pot_off_rad, pot_scale
         self.offset, self.late, self.unknown = offset_radps, late_s, unknown_s
         self.gyro_turns, self.breaks = True, False
+        self.scale = 1.0
+        """What it shows, over what is turned."""
         self.counted = True
         """Whether a hall sensor counts; no speed is known without it."""
         self.shake, self.random = 0.0, random.Random(1)
@@ -49,7 +51,7 @@ class Drive:
             self.distance += speed * STEP_S
             turn = speed * STEP_S * math.tan(steer_rad)
             self.yaw += turn
-            self.shown += (turn if self.gyro_turns else 0.0) + self.offset * STEP_S
+            self.shown += (self.scale * turn if self.gyro_turns else 0.0) + self.offset * STEP_S
             self.shown += self.random.gauss(0.0, self.shake) * STEP_S
             since = self.now if self.breaks else 0.0
             self._sent.append(Turned(self.now + self.unknown, self.shown, since))
@@ -241,3 +243,34 @@ def test_one_that_tells_late_of_a_turn_to_and_fro_is_believed(unknown_s: float) 
             assert not drive.estimate.odometry.gyroscope.contradicted
     drive.go(1.0, 0.0)
     assert drive.estimate.odometry.now.by_gyro
+
+
+@pytest.mark.parametrize("shake_dps", [0.3, 2.0])
+def test_what_the_machine_shakes_it_by_is_what_it_is_taken_to_err(shake_dps: float) -> None:
+    """Of independent samples of 50 ms: that over the square root of a second."""
+    drive = Drive()
+    drive.go(4.0, 0.0)
+    drive.shake = math.radians(shake_dps)
+    drive.go(60.0, 0.5)
+    expected = math.radians(shake_dps) * math.sqrt(STEP_S)
+    assert drive.estimate.motion.gyro_noise == pytest.approx(expected, rel=0.25)
+
+
+def test_a_scale_that_courses_contradict_is_taken_off() -> None:
+    """Two per cent too much, a quarter of a turn at a time, with the receiver's course after each:
+    the filter knows that it is the scale which errs."""
+    drive = Drive()
+    drive.scale = 1.02
+    position = drive.estimate.position
+    position.open(0.0, 0.0, 0.1, math.radians(1))
+    drive.go(4.0, 0.0)
+    for _ in range(8):
+        for _ in range(30):
+            drive.go(1.0, 0.5)
+            off = drive.yaw - position.course_rad
+            position.course(math.remainder(off, math.tau), 0.5)
+        drive.quarter()
+    before = drive.yaw, drive.estimate.motion.yaw_rad
+    drive.quarter()
+    turned = drive.yaw - before[0], drive.estimate.motion.yaw_rad - before[1]
+    assert turned[1] == pytest.approx(turned[0], rel=0.01)

@@ -284,7 +284,8 @@ def shuttled(sight_m: float, strips: int) -> tuple[Position, float]:
     position.place(ring(0), 0.0, 0.0, 0.0)
 
     def moved(run_m: float, yaw_rad: float = 0.0) -> None:
-        position.predict(replace(motion(run_m, yaw_rad), by_gyro=True), cutting=False)
+        by_gyro = replace(motion(run_m, yaw_rad), gyro_noise=math.radians(0.08))
+        position.predict(by_gyro, cutting=False)
 
     for k in range(strips):
         for _ in range(20):
