@@ -171,6 +171,7 @@ def _about(path: Path, about: Mapping[str, str]) -> About:
             sigma_m=data.get("sigma_m", 0.0),
             before=tuple(data.get("before", ())),
             way=data.get("way", "onward"),
+            otherwise=tuple(data.get("otherwise", ())),
         )
     mode: Mode = "paper" if about.get("mode") == "paper" else "robust"
     vehicle = Vehicle.model_validate_json(about["vehicle"])

@@ -14,7 +14,7 @@ import itertools
 import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import shapely
@@ -35,8 +35,10 @@ Result = TypeVar("Result")
 Tell = Callable[[int, int], None]
 """Is told how many strips have been laid out, and how many it will be at most or little more."""
 MAX_SIDES = 4000
-MAX_WALKED = 2000
-"""Sides after which no further way to cut a field is tried."""
+MAX_WALKED = 6000
+"""Sides after which no further way to cut a field is tried,"""
+WAYS_SHARE = 1 / 3
+"""and the share of them after which none of WAYS is tried that is not yet."""
 USUAL_POINTS = 500
 """Corners of field and keep-outs; of more, each strip takes longer, and so much fewer are tried."""
 APART_M2 = 25.0
@@ -50,6 +52,8 @@ KEEP_OUT_M = 0.75
 WAYS = ("onward", "shuttle", "rounds")
 """What is preferred where there is a choice: the next edge, the same one again while an inner
 corner lies inside it, or what brings all edges to the keep-outs together."""
+SEARCH_SHARE = 0.01
+"""Of a field: where the best of the ways leaves more, others than these are looked for."""
 REACH = 2.75
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
 
@@ -78,7 +82,9 @@ class Plan:
     before: tuple[int, ...] = ()
     """The boundary's edges of the sides that were cut before."""
     way: str = "onward"
-    """Which of WAYS the field is cut in."""
+    """Which of WAYS the field is cut in,"""
+    otherwise: tuple[int, ...] = ()
+    """but after so many strips of it the other edge is taken than that way prefers."""
 
     @property
     def area_m2(self) -> float:
@@ -107,6 +113,28 @@ class Plan:
         if following.takes_again(this):
             return 0.0
         return (following.heading_rad - this.end_heading_rad) % math.tau
+
+
+class _Rank(NamedTuple):
+    """Of a way to cut a field: the lowest is the best."""
+
+    left: int
+    """What stays, its parts with it, in units of what is alike."""
+    cramped: int
+    """Shuttles that lack room."""
+    ahead: int
+    """Edges by which it begins after the corner that was asked for."""
+    sides: int
+
+
+class _Begun(NamedTuple):
+    """A way that was tried: begun so many edges ahead, with the choices that were made otherwise
+    than it prefers, by the strips before each."""
+
+    rank: _Rank
+    ahead: int
+    way: str
+    otherwise: frozenset[int]
 
 
 def _follow(edges: list[Edge], past: Edge, x: float, y: float) -> Edge | None:
@@ -183,13 +211,15 @@ def _walk(
     names: BoundaryEdges,
     cut: Sequence[int],
     known: Cuts,
+    otherwise: frozenset[int] = frozenset(),
 ) -> Generator[list[Side], None, tuple[list[Side], list[shapely.Polygon], float]]:
     """Sides from the edge that leaves corner `first`, the parts that the field falls into on the
     way and that no turn leads to, and what no side reaches, m². With `shuttle` an edge is taken
     again and again while an inner corner lies inside it, otherwise the next edge is preferred;
     `rounds` says what is preferred where keep-outs lie inside. The first sides are along those
-    edges of the boundary that `cut` names; no sides where they cannot be. Yields after each strip
-    the sides so far: as much work as is done at a time."""
+    edges of the boundary that `cut` names; no sides where they cannot be. After the strips that
+    `otherwise` counts, the other edge is preferred. Yields after each strip the sides so far: as
+    much work as is done at a time."""
     standing = field
     dropped_m2 = 0.0
     name = names.namer()
@@ -234,7 +264,7 @@ def _walk(
                 _onward(edges, edge, following, here, width_m, rounds is not None),
                 _again(edges, edge, width_m),
             ]
-            if repeat:
+            if repeat is not (len(sides) in otherwise):
                 choices.reverse()
         edge = next((e for e in choices if e is not None and e.open_ends), None)
     if len(sides) < len(cut):
@@ -338,7 +368,7 @@ def strip_by_strip(
     field = ring.difference(shapely.unary_union(away)) if holes else ring
     if not isinstance(field, shapely.Polygon):
         raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
-    best: tuple[tuple[float, int, int, int], Plan] | None = None
+    best: tuple[_Rank, Plan] | None = None
 
     def fits(back_m: float) -> bool:
         return shuttle_room_m(vehicle, back_m, gap_m) >= least_m
@@ -351,25 +381,59 @@ def strip_by_strip(
     walked, most = 0, most_strips(boundary, keep_outs)
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
     alike_m2 = LEFT_SHARE * field.area if field.area > LARGE_M2 else 0.5
-    ways = sorted(WAYS if away else WAYS[:2], key=lambda way: way != like.way)
-    for ahead, way in itertools.product(range(len(edges)), ways):
-        begun = edges[(first + ahead) % len(edges)]
-        if not begun.open_ends or (cut and _edge_of(begun, names) != cut[0]):
-            continue
+
+    def tried(
+        ahead: int, way: str, otherwise: frozenset[int]
+    ) -> Generator[list[Side], None, _Rank | None]:
+        """One way, which becomes the best if it is better; None where it cannot be begun."""
+        nonlocal best, walked
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
-        steps = _walk(field, first + ahead, width_m, way == "shuttle", rounds, names, cut, known)
+        steps = _walk(
+            field, first + ahead, width_m, way == "shuttle", rounds, names, cut, known, otherwise
+        )
         sides, apart, left_m2 = yield from (steps if best is None else _quietly(steps))
         if cut and not sides:
-            continue
+            return None
         cramped = sum(b.takes_again(a) and not fits(b.back_m) for a, b in itertools.pairwise(sides))
-        rank = (max(0, round(left_m2 / alike_m2)), cramped, ahead, len(sides))
+        all_m2 = left_m2 + sum(part.area for part in apart)
+        rank = _Rank(max(0, round(all_m2 / alike_m2)), cramped, ahead, len(sides))
         if best is None or rank < best[0]:
             parts = tuple(tuple((x, y) for x, y in p.exterior.coords[:-1]) for p in apart)
-            found = Plan(tuple(sides), like.turn, tuple(corners), gap_m, outs, left_m2, parts)
-            best = rank, replace(found, sigma_m=like.sigma_m, way=way)
+            plan = Plan(tuple(sides), like.turn, tuple(corners), gap_m, outs, left_m2, parts)
+            order = tuple(sorted(otherwise))
+            best = rank, replace(plan, sigma_m=like.sigma_m, way=way, otherwise=order)
         walked += len(sides)
-        if rank[:3] == (0.0, 0, 0) or walked > most:
+        return rank
+
+    ways = [(way, frozenset[int]()) for way in (WAYS if away else WAYS[:2])]
+    was = like.way, frozenset(like.otherwise)
+    begun: list[_Begun] = []
+    for ahead, (way, otherwise) in itertools.product(
+        range(len(edges)), [was, *(each for each in ways if each != was)]
+    ):
+        edge = edges[(first + ahead) % len(edges)]
+        if not edge.open_ends or (cut and _edge_of(edge, names) != cut[0]):
+            continue
+        rank = yield from tried(ahead, way, otherwise)
+        if rank is not None and not otherwise:
+            begun.append(_Begun(rank, ahead, way, otherwise))
+        if (best is not None and best[0][:3] == (0, 0, 0)) or walked > WAYS_SHARE * most:
             break
+    # A way is a rule for all its strips. Often one choice of it is wrong, early on.
+    enough = SEARCH_SHARE * field.area / alike_m2
+    while begun and not cut:
+        better: list[_Begun] = []
+        for one in sorted(begun, key=lambda each: each.rank):
+            found = []
+            for k in range(1, one.rank.sides + 1):
+                if best is None or best[0].left <= enough or walked > most:
+                    break
+                otherwise = one.otherwise ^ {k}
+                rank = yield from tried(one.ahead, one.way, otherwise)
+                if rank is not None and rank.left < one.rank.left:
+                    found.append(_Begun(rank, one.ahead, one.way, otherwise))
+            better += [min(found, key=lambda each: each.rank)] if found else []
+        begun = better
     if best is None or not best[1].sides:
         why = "the strips that were cut do not fit it" if cut else "split the field"
         raise UserError(

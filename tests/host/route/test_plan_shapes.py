@@ -12,6 +12,7 @@ import shapely
 
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
+from host.route.anew import around
 from host.route.plan import KEEP_OUT_M, MAX_WALKED, Plan, spiral
 from host.route.preview import preview
 from host.route.side import Side
@@ -211,3 +212,40 @@ def test_a_place_lies_as_far_left_of_an_edge_as_its_distance_says() -> None:
         [edge.prolonged(1e4, 1e4).distance(p) for p in shapely.points(places)]
     )
     assert len(edge.depths_of(np.empty((0, 2)))) == 0
+
+
+ELLS_WITH_A_WELL = [
+    (
+        [(23.4, -0.8), (24.5, 11.2), (10.8, 12.6), (10.1, 6.4), (2.8, 7.2), (2.1, 1.3)],
+        [(15.9, 4.9), (15.5, 5.6), (14.9, 5.2), (15.3, 4.6)],
+    ),
+    (
+        [(10.7, 24.1), (-0.9, 17.3), (6.0, 6.0), (12.5, 9.8), (17.8, 1.2), (22.9, 4.1)],
+        [(9.0, 14.7), (8.5, 15.0), (8.3, 14.5), (8.7, 14.2)],
+    ),
+    (
+        [(15.7, 20.0), (0.1, 13.7), (2.7, 6.8), (10.9, 10.0), (15.1, -0.5), (22.5, 2.5)],
+        [(12.9, 14.0), (12.5, 14.5), (12.0, 14.1), (12.4, 13.6)],
+    ),
+]
+
+
+@pytest.mark.parametrize(("boundary", "well"), ELLS_WITH_A_WELL)
+def test_where_each_way_is_wrong_once_another_choice_leaves_little(
+    boundary: list[tuple[float, float]], well: list[tuple[float, float]]
+) -> None:
+    """Each of the ways alone leaves up to two fifths of these, or parts them."""
+    plan = spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
+    assert plan.unreached_m2 < 0.015 * plan.area_m2
+    again = spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
+    assert again.otherwise == plan.otherwise != ()
+
+
+def test_a_plan_laid_out_anew_keeps_the_choices_that_were_made_otherwise() -> None:
+    boundary, well = ELLS_WITH_A_WELL[1]
+    plan = spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
+    found = [(x + 0.2, y - 0.1) for x, y in plan.boundary[:2]] + list(plan.boundary[2:])
+    anew = around(plan, found, plan.cut_along(9), VEHICLE)
+    assert anew is not None
+    assert anew.otherwise == plan.otherwise
+    assert anew.unreached_m2 < 0.02 * anew.area_m2
