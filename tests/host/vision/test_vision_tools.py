@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import struct
 from pathlib import Path
 
 import cv2
@@ -286,6 +287,41 @@ def test_a_manifest_without_its_columns_is_refused(photo: Path, tmp_path: Path) 
     result = run(see, photo, "--manifest", manifest, "--out", tmp_path)
     assert isinstance(result.exception, UserError)
     assert "line 2" in str(result.exception)
+
+
+def turned(jpeg: bytes, orientation: int) -> bytes:
+    """A JPEG with the EXIF orientation tag (0x0112, of TIFF 6.0 in an APP1 segment)."""
+    entry = struct.pack(">HHIHH", 0x0112, 3, 1, orientation, 0)
+    exif = b"Exif\0\0MM\0*" + struct.pack(">IH", 8, 1) + entry + bytes(4)
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
+
+
+@pytest.mark.parametrize(
+    ("orientation", "stored"),
+    [
+        (1, None),
+        (3, cv2.ROTATE_180),
+        (6, cv2.ROTATE_90_COUNTERCLOCKWISE),
+        (8, cv2.ROTATE_90_CLOCKWISE),
+    ],
+)
+def test_a_photograph_stands_as_the_phone_was_held(
+    tmp_path: Path, orientation: int, stored: int | None
+) -> None:
+    shown = halves("left")[0]
+    sensor = shown if stored is None else cv2.rotate(shown, stored)
+    path = tmp_path / "portrait.jpg"
+    path.write_bytes(turned(cv2.imencode(".jpg", sensor)[1].tobytes(), orientation))
+    read = read_photo(path)
+    assert read.shape == shown.shape
+    assert np.abs(read.astype(int) - shown.astype(int)).mean() < 3
+
+
+def test_a_photograph_of_16_bits_is_as_bright_as_of_8(tmp_path: Path) -> None:
+    shown = halves("left")[0]
+    path = tmp_path / "deep.png"
+    path.write_bytes(cv2.imencode(".png", shown.astype(np.uint16) * 257)[1].tobytes())
+    assert np.array_equal(read_photo(path), shown)
 
 
 @pytest.mark.parametrize("shape", [(20, 20), (20, 20, 1), (20, 20, 3), (20, 20, 4)])
