@@ -3,10 +3,11 @@
 | suffix               | format                                          | by                  |
 |----------------------|-------------------------------------------------|---------------------|
 | .geojson, .json      | GeoJSON (RFC 7946, WGS 84; others by its `crs`) | shapely             |
-| .kml                 | KML 2.2 (WGS 84)                                | GDAL (pyogrio)      |
+| .kml, .kmz           | KML 2.2 (WGS 84)                                | GDAL (pyogrio)      |
 | .shp                 | Shapefile, any CRS that its .prj names          | GDAL (pyogrio)      |
-| .xml, .zip, a folder | ISOXML TASKDATA, versions 3 and 4 (WGS 84)      | `field.isoxml_file` |
-| .gpx                 | GPX 1.1: a track or route around it; read only  | gpxpy               |
+| .xml, a folder       | ISOXML TASKDATA, versions 3 and 4 (WGS 84)      | `field.isoxml_file` |
+| .zip                 | ISOXML, or files of the formats above           | `field.archive`     |
+| .gpx                 | GPX 1.1: a track or route around it; read only  | `field.gpx_file`    |
 | .csv, .txt           | `latitude,longitude` a line, no keep-outs; a    | this module         |
 |                      | heading may name other columns                  |                     |
 
@@ -18,15 +19,14 @@ a list of addresses to fetch too, so it is given only what has been looked at.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
-import gpxpy
-import gpxpy.gpx
 import numpy as np
 import pyogrio
 import shapely
@@ -39,13 +39,12 @@ from pyproj.exceptions import ProjError
 from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
 from host.core.terminal import plain
-from host.field import isoxml_file
-from host.field.shapes import Shape, chosen
+from host.field import archive, isoxml_file
+from host.field.gpx_file import bare, read_rings
+from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen
 
 MAX_AROUND_M = 20_000.0
 """A field's length around, of a square of 25 km²: longer ones are a slip in the file."""
-MIN_AREA_M2 = 1.0
-"""Less is a slip of the hand, or degrees that were taken for metres."""
 MAX_LATITUDE_DEG = 72.0
 """No wheat grows beyond: coordinates that lie there have been swapped."""
 MAX_BYTES = 64 * 1024 * 1024
@@ -60,7 +59,15 @@ MOST_SIGMA_M = 100.0
 """A larger one is no field's: a slip of the pen."""
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
-SUFFIXES = ".geojson, .json, .kml, .shp, .xml or .zip (ISOXML), .gpx, .csv, .txt"
+SUFFIXES = ".geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx, .csv"
+"""That are read, for messages."""
+IN_ARCHIVES = (".shp", ".kml", ".geojson", ".json", ".gpx")
+"""Formats that a .zip may hold besides ISOXML."""
+SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg")
+"""What belongs to a .shp."""
+DRAW = "draw the field's outline as a polygon"
+NAMES = ("name", "field_name", "fieldname", "field", "title", "id")
+"""Properties that programs keep a field's name in, the surest first."""
 SHP_MAGIC = b"\x00\x00\x27\x0a"
 
 
@@ -137,7 +144,9 @@ def save_field(path: Path, boundary: Boundary) -> None:
 def check_target(path: Path) -> None:
     """UserError where a field can never be written to this path: better before the work."""
     if path.suffix.lower() not in _WRITERS:
-        raise UserError(f"cannot write {path}: its suffix names no format; use {SUFFIXES}")
+        raise UserError(
+            f"cannot write {path}: its suffix names no format; use {', '.join(_WRITERS)}"
+        )
     if not path.parent.is_dir():
         raise UserError(f"cannot write {path}: there is no folder {path.parent}")
 
@@ -198,7 +207,13 @@ def _checked(
 
 def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
     """The field that is meant."""
-    shape = chosen(shapes, wanted)
+    places = shapely.get_coordinates([shape.polygon for shape in shapes])
+    if not (np.abs(places) <= (180, 90)).all():
+        raise UserError(
+            "a corner is not a latitude and longitude in degrees; metres of a map? Save it in "
+            "WGS 84"
+        )
+    shape = chosen([_mended(shape) for shape in shapes], wanted)
     if any(abs(lat) > MAX_LATITUDE_DEG for _, lat, *_ in shape.polygon.exterior.coords):
         raise UserError(
             f"it lies at latitude {shape.polygon.exterior.coords[0][1]:.1f}, where no wheat grows: "
@@ -210,6 +225,23 @@ def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
         shape.name or path.stem,
         shape.sigma_m,
     )
+
+
+def _mended(shape: Shape) -> Shape:
+    """Without the loops and spikes of its outline that enclose less than a field: where a ring
+    overlaps its own begin, or a corner was drawn beyond its neighbour. As it is where more would
+    change."""
+    outline = shapely.Polygon(shape.polygon.exterior)
+    if outline.is_valid:
+        return shape
+    whole = shapely.make_valid(outline)
+    parts = _polygons(whole)
+    if not parts:
+        return shape
+    kept = shapely.Polygon(max(parts, key=lambda part: float(part.area)).exterior)
+    if not area_m2(kept.symmetric_difference(whole)) < MIN_AREA_M2:
+        return shape
+    return replace(shape, polygon=shapely.Polygon(kept.exterior, shape.polygon.interiors))
 
 
 # ---- GeoJSON, KML, Shapefile ---------------------------------------------------------------------
@@ -263,7 +295,7 @@ def _read_geojson(path: Path) -> list[Shape]:
         sigma_m = _sigma(feature.get("properties")) if whole else None
         shapes += [Shape(polygon, name, sigma_m) for polygon in _polygons(made)]
     if kinds and not shapes:
-        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
+        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
     return [replace(shape, polygon=p) for p, shape in zip(polygons, shapes, strict=True)]
 
@@ -273,7 +305,7 @@ def _name(properties: Any) -> str:
     if not isinstance(properties, dict):
         return ""
     low = {str(key).casefold(): value for key, value in properties.items()}
-    found = next((low[key] for key in ("name", "field", "title", "id") if low.get(key)), "")
+    found = next((low[key] for key in NAMES if low.get(key)), "")
     return found if isinstance(found, str) else str(found) if isinstance(found, int) else ""
 
 
@@ -312,15 +344,7 @@ def _read_kml(path: Path) -> list[Shape]:
         raise UserError(f"its root is <{root.tag.rpartition('}')[2]}>, not <kml>")
     if any("OGRVRT" in str(element.tag) for element in root.iter()):
         raise UserError("it holds what is no KML")
-    return _read_gdal(ET.tostring(_bare(root), encoding="utf-8", xml_declaration=True))
-
-
-def _bare(root: ET.Element) -> ET.Element:
-    """Without namespaces: readers know a format by how its text begins."""
-    for element in root.iter():
-        element.tag = str(element.tag).rpartition("}")[2]
-        element.attrib = {k: v for k, v in element.attrib.items() if not k.startswith("{")}
-    return root
+    return _read_gdal(ET.tostring(bare(root), encoding="utf-8", xml_declaration=True))
 
 
 def _read_shapefile(path: Path) -> list[Shape]:
@@ -339,25 +363,17 @@ def _read_gdal(source: Path | bytes) -> list[Shape]:
             meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
             geometries = shapely.from_wkb(wkb) if wkb is not None else []
             kinds |= {geometry.geom_type for geometry in geometries if geometry is not None}
-            names = _names(meta["fields"], columns, len(geometries))
-            for geometry, name in zip(geometries, names, strict=True):
+            for k, geometry in enumerate(geometries):
                 if found := _polygons(geometry):
+                    row = [column[k : k + 1].tolist()[0] for column in columns]
+                    name = _name(dict(zip(meta["fields"], row, strict=True)))
                     shapes += [Shape(each, name) for each in _to_wgs84(found, meta["crs"])]
     except (RuntimeError, ValueError) as error:
         reason = str(error).split("; ")[0].replace("\n", " ")
         raise UserError(f"its format is not understood ({reason}); use {SUFFIXES}") from error
     if kinds and not shapes:
-        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
+        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     return shapes
-
-
-def _names(
-    fields: NDArray[np.object_], columns: list[NDArray[np.object_]], count: int
-) -> list[str]:
-    for field, column in zip(fields, columns, strict=True):
-        if str(field).lower() == "name":
-            return [value if isinstance(value, str) else "" for value in column]
-    return [""] * count
 
 
 def _to_wgs84(polygons: list[shapely.Polygon], crs: str | None) -> list[shapely.Polygon]:
@@ -413,7 +429,7 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
         raise UserError(f"cannot write {path}: {error}") from error
 
 
-# ---- ISOXML, GPX ---------------------------------------------------------------------------------
+# ---- ISOXML, archives ----------------------------------------------------------------------------
 
 
 def _write_isoxml(path: Path, boundary: Boundary) -> None:
@@ -421,27 +437,34 @@ def _write_isoxml(path: Path, boundary: Boundary) -> None:
     isoxml_file.write(path, _degrees(boundary), boundary.name, area)
 
 
-def _read_gpx(path: Path) -> list[Shape]:
-    """Every track segment and route of three corners or more, as a ring."""
-    try:
-        root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
-        assert isinstance(root, ET.Element)
-        gpx = gpxpy.parse(ET.tostring(_bare(root), encoding="unicode"))
-    except (ET.ParseError, DefusedXmlException, gpxpy.gpx.GPXException, ValueError) as error:
-        raise UserError(f"it is not GPX that can be read ({error})") from error
-    ways: list[tuple[str | None, Sequence[Any]]] = [(r.name, r.points) for r in gpx.routes]
-    ways += [(track.name, segment.points) for track in gpx.tracks for segment in track.segments]
-    rings = [
-        (name or "", [(point.longitude, point.latitude) for point in points])
-        for name, points in ways
-        if len(points) >= 3
-    ]
-    if not rings:
-        raise UserError("it holds no track or route around a field")
-    shapes = [Shape(shapely.Polygon(ring), name) for name, ring in rings]
-    if len(shapes) == 1 and not shapes[0].polygon.is_valid:
-        raise UserError("its track crosses itself; `daranti survey` makes a boundary of a walk")
-    return shapes
+def _read_archive(path: Path) -> list[Shape]:
+    """Of a .kmz, or of a .zip as farm programs export it: an ISOXML task set, or every file of the
+    first format of IN_ARCHIVES that is in it."""
+    with archive.opened(path) as files:
+        if any(name.name.upper() == isoxml_file.TASKDATA for name in files.names):
+            return isoxml_file.read_archive(files)
+        for suffix in IN_ARCHIVES:
+            named = [name for name in files.names if name.suffix.lower() == suffix]
+            if named:
+                return [shape for name in named for shape in _unpacked(files, name)]
+    raise UserError(
+        f"there is no {isoxml_file.TASKDATA} in it and no {', '.join(IN_ARCHIVES)}: it is no "
+        "export of a field"
+    )
+
+
+def _unpacked(files: archive.Archive, name: PurePosixPath) -> list[Shape]:
+    """The polygons of one file in an archive, read outside it with the files that belong to it."""
+    suffix = name.suffix.lower()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"field{suffix}"
+        path.write_bytes(files.content(name))
+        beside = files.beside(name)
+        for other in SHAPEFILE if suffix == ".shp" else ():
+            if (found := beside.get(f"{name.stem}{other}".upper())) is not None:
+                path.with_suffix(other).write_bytes(files.content(found))
+        shapes = _READERS[suffix](path)
+    return [replace(shape, name=shape.name or name.stem) for shape in shapes]
 
 
 # ---- latitude,longitude lines --------------------------------------------------------------------
@@ -511,6 +534,7 @@ _READERS: dict[str, Callable[[Path], list[Shape]]] = {
     ".kml": _read_kml,
     ".shp": _read_shapefile,
     ".xml": isoxml_file.read_folder,
-    ".zip": isoxml_file.read_zip,
-    ".gpx": _read_gpx,
+    ".zip": _read_archive,
+    ".kmz": _read_archive,
+    ".gpx": read_rings,
 }

@@ -263,6 +263,51 @@ def test_isoxml_in_a_zip_is_read_with_its_second_file(tmp_path: Path) -> None:
     assert not (tmp_path.parent.parent / "escaped.txt").exists()
 
 
+def kml(name: str = "North") -> str:
+    """As Google Earth saves it."""
+    around = " ".join(f"{lon},{lat},312" for lon, lat in [*AROUND, AROUND[0]])
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?><kml xmlns="http://www.opengis.net/kml/2.2" '
+        'xmlns:gx="http://www.google.com/kml/ext/2.2"><Document><name>doc.kml</name><Folder>'
+        f"<Placemark><name>{name}</name><Polygon><tessellate>1</tessellate><outerBoundaryIs>"
+        f"<LinearRing><coordinates>\n\t{around} \n</coordinates></LinearRing></outerBoundaryIs>"
+        "</Polygon></Placemark></Folder></Document></kml>"
+    )
+
+
+@pytest.mark.parametrize("name", ["field.kmz", "field.zip"])
+def test_google_earths_own_file_is_read(tmp_path: Path, name: str) -> None:
+    with zipfile.ZipFile(path := tmp_path / name, "w") as archive:
+        archive.writestr("files/icon.png", b"nothing of ours")
+        archive.writestr("doc.kml", kml("Nördliches Feld"))
+    field = load_field(path)
+    assert (field.name, len(field.crop)) == ("Nördliches Feld", 4)
+
+
+@pytest.mark.parametrize("folder", ["", "export/North/"])
+def test_a_zipped_shapefile_is_read_with_the_files_that_belong_to_it(
+    tmp_path: Path, folder: str
+) -> None:
+    field = boundary_of(POND, FRAME, "Pond")
+    save_field(tmp_path / "x.shp", field)
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        for suffix in (".shp", ".SHX", ".dbf", ".prj", ".cpg"):
+            content = (tmp_path / f"x{suffix.lower()}").read_bytes()
+            archive.writestr(f"{folder}boundary{suffix}", content)
+        archive.writestr("../../escaped.prj", "nowhere")
+    read = load_field(path)
+    assert read.name == "Pond"
+    assert_same(read, field)
+    assert not (tmp_path.parent.parent / "escaped.prj").exists()
+
+
+def test_a_zip_of_something_else_says_what_it_may_hold(tmp_path: Path) -> None:
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("photo.jpg", b"")
+    with pytest.raises(UserError, match=r"no TASKDATA\.XML in it and no \.shp, \.kml"):
+        load_field(path)
+
+
 def test_a_zip_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(path := tmp_path / "e.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("TASKDATA.XML", b" " * 70_000_000)
@@ -418,6 +463,83 @@ def test_polygons_that_cross_are_one_message(tmp_path: Path) -> None:
     bow = [AROUND[0], AROUND[2], AROUND[1], AROUND[3]]
     path.write_text(collection(feature("North", AROUND), feature("bow", bow)))
     with pytest.raises(UserError, match="sides of 'bow' cross"):
+        load_field(path)
+
+
+Ring = list[tuple[float, float]]
+
+
+def geojson(path: Path, *rings: Ring, hole: Ring | None = None) -> Path:
+    """A MultiPolygon of outer rings in metres of FRAME, named A, with a hole in the last."""
+    polygons = [[ring] for ring in rings]
+    polygons[-1] += [hole] if hole is not None else []
+    degrees = [
+        [[FRAME.to_wgs84(*place)[::-1] for place in [*ring, ring[0]]] for ring in polygon]
+        for polygon in polygons
+    ]
+    geometry = {"type": "MultiPolygon", "coordinates": degrees}
+    path.write_text(
+        json.dumps({"type": "Feature", "properties": {"FIELD_NAME": "A"}, "geometry": geometry})
+    )
+    return path
+
+
+FOUR = [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0)]
+
+
+@pytest.mark.parametrize(
+    "ring",
+    [
+        pytest.param([*FOUR, (0.03, -0.05)], id="overlaps its begin"),
+        pytest.param([*FOUR[:3], (20, 30), (20, 35), (20, 30), FOUR[3]], id="spike of no width"),
+        pytest.param(
+            [*FOUR[:3], (20, 30), (20.02, 30.02), (20.02, 29.99), (19.9, 30.01), FOUR[3]],
+            id="loop of centimetres",
+        ),
+    ],
+)
+def test_a_slip_of_centimetres_makes_a_field_no_less_one(tmp_path: Path, ring: Ring) -> None:
+    assert not shapely.Polygon(ring).is_valid
+    well = [(10.0, 10.0), (14.0, 10.0), (14.0, 15.0)]
+    field = load_field(geojson(tmp_path / "slip.geojson", ring, hole=well))
+    polygon = field.polygon(FRAME)
+    assert polygon.is_valid
+    assert shapely.hausdorff_distance(polygon.exterior, shapely.LinearRing(FOUR)) < 0.1
+    assert shapely.Polygon(polygon.interiors[0]).area == pytest.approx(10, rel=1e-3)
+
+
+@pytest.mark.parametrize("width_m", [3.0, 20.0])
+def test_a_crossing_that_encloses_as_much_as_a_field_is_refused(
+    tmp_path: Path, width_m: float
+) -> None:
+    ring = [(0.0, 0.0), (40.0, 0.0), (0.0, 30.0), (width_m, 30.0)]
+    with pytest.raises(UserError, match="sides of 'A' cross"):
+        load_field(geojson(tmp_path / "bow.geojson", ring))
+
+
+def test_a_sliver_beside_the_field_is_no_second_field(tmp_path: Path) -> None:
+    sliver = [(60.0, 0.0), (60.05, 0.0), (60.05, 0.3)]
+    assert len(load_field(geojson(tmp_path / "a.geojson", sliver, FOUR)).crop) == 4
+    garden = [(60.0, 0.0), (62.0, 0.0), (62.0, 2.0)]
+    with pytest.raises(UserError, match=r"1 'A', 2 'A'; say which with --field NAME or NUMBER"):
+        load_field(geojson(tmp_path / "b.geojson", garden, FOUR))
+
+
+@pytest.mark.parametrize("west_m", [0.0, -1.0])
+def test_a_keep_out_at_the_fields_edge_is_refused_and_not_cut_off(
+    tmp_path: Path, west_m: float
+) -> None:
+    well = [(west_m, 12.0), (4.0, 12.0), (4.0, 16.0), (west_m, 16.0)]
+    path = geojson(tmp_path / "edge.geojson", FOUR, hole=well)
+    with pytest.raises(UserError, match="keep-outs of 'A' cross each other or the field's edge"):
+        load_field(path)
+
+
+def test_metres_of_a_map_are_named(tmp_path: Path) -> None:
+    utm = [(596597.8 + x, 5339346.8 + y) for x, y in [*FOUR, FOUR[0]]]
+    path = tmp_path / "utm.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [utm]}))
+    with pytest.raises(UserError, match="metres of a map"):
         load_field(path)
 
 
