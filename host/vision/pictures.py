@@ -45,8 +45,8 @@ def to_bgr(picture: NDArray[np.generic]) -> Picture:
 
 
 def read_photo(path: Path) -> Picture:
-    """One photograph, the way up that a viewer shows it: a phone stores what its sensor saw and says
-    in EXIF how it was held. UserError where it cannot be used."""
+    """One photograph, the way up that a viewer shows it: a phone stores what its sensor saw, and
+    says in EXIF how it was held. UserError where it cannot be used."""
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
     except OSError as error:
