@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
 from host.core.errors import UserError
+from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
@@ -389,12 +390,17 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
 
 
 def read_walk(path: Path) -> tuple[Track, Receiver]:
-    """The walk in a recorded NMEA file, and what its receiver understood. UserError where there is
-    no position in it."""
+    """The walk in a recorded NMEA file or in the GPX of a phone's app, and what was understood of
+    it. UserError where there is no position in it."""
     receiver = Receiver()
     try:
-        with path.open("rb") as lines:
-            fixes = read_fixes(lines, receiver)
+        if path.suffix.lower() == ".gpx":
+            fixes, receiver.sentences["GPX point"] = gpx_file.read_fixes(path)
+        else:
+            with path.open("rb") as lines:
+                fixes = read_fixes(lines, receiver)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     except OSError as error:
         raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
     track = track_of(fixes)

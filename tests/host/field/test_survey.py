@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import signal
 import socket
@@ -21,7 +22,14 @@ from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.field.boundary_file import load_field
-from host.field.survey import Survey, any_edge, straight_sides, survey_track, with_keep_out
+from host.field.survey import (
+    Survey,
+    any_edge,
+    read_walk,
+    straight_sides,
+    survey_track,
+    with_keep_out,
+)
 from host.field.walk import (
     SPIKE_FIXES,
     Track,
@@ -430,3 +438,64 @@ def test_a_real_phones_walk_becomes_a_closed_boundary(tmp_path: Path, cli: Cli) 
     polygon = field.polygon(field.frame)
     assert polygon.is_valid
     assert polygon.area == pytest.approx(43_400, rel=0.01)
+
+
+def gpx(path: Path, segments: list[list[tuple[Place, float | None]]]) -> Path:
+    """As phone apps write it: a track of segments of places with their seconds of the day."""
+    text = ""
+    for segment in segments:
+        text += "<trkseg>"
+        for place, second in segment:
+            lat, lon = ORIGIN.to_wgs84(*place)
+            text += f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}"><ele>312</ele>'
+            if second is not None:
+                when = datetime.datetime(2026, 6, 1, 22, 59) + datetime.timedelta(seconds=second)
+                text += f"<time>{when.isoformat()}.000Z</time>"
+            text += "</trkpt>"
+        text += "</trkseg>"
+    path.write_text(
+        '<?xml version="1.0"?><gpx version="1.1" creator="OsmAnd" '
+        f'xmlns="http://www.topografix.com/GPX/1/1"><trk><name>w</name>{text}</trk></gpx>'
+    )
+    return path
+
+
+@pytest.mark.parametrize("seconds", [10.0, None])
+@pytest.mark.parametrize("cut", [(), (3, 7)])
+def test_a_phone_apps_gpx_is_a_walk(
+    tmp_path: Path, cli: Cli, seconds: float | None, cut: tuple[int, ...]
+) -> None:
+    way = shapely.segmentize(shapely.LineString([*SQUARE, *SQUARE, SQUARE[0]]), 12.0).coords
+    timed = [(place, None if seconds is None else k * seconds) for k, place in enumerate(way)]
+    ends = [0, *cut, len(timed)]
+    # An app that pauses by itself begins its next segment where it stood.
+    segments = [timed[max(0, a - 1) : b] for a, b in pairwise(ends)]
+    path = gpx(tmp_path / "walk.gpx", segments)
+    code, text, err = cli("survey", str(path), "--out", str(tmp_path / "field.geojson"))
+    assert code == 0, err
+    assert f"{len(timed) + len(cut)} GPX point; bad: none" in text
+    assert "left out: none" in text
+    assert "jumps and unseen ways: 0" in text
+    assert "laps: 2" in text
+    found = load_field(tmp_path / "field.geojson").polygon(ORIGIN)
+    assert iou(found, shapely.Polygon(SQUARE)) > 0.99
+
+
+def test_what_an_app_did_not_see_for_a_minute_is_a_jump(tmp_path: Path) -> None:
+    path = gpx(tmp_path / "walk.gpx", [[((0.0, 0.0), 0.0), ((70.0, 0.0), 61.0)]])
+    track, _ = read_walk(path)
+    assert track.jumps_m.tolist() == pytest.approx([0, 70], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("<gpx", "not GPX that can be read"),
+        ('<gpx version="1.1" creator="x"><wpt lat="1" lon="2"/></gpx>', "holds no track"),
+    ],
+)
+def test_gpx_that_is_no_walk_is_one_message(tmp_path: Path, content: str, message: str) -> None:
+    (path := tmp_path / "walk.gpx").write_text(content)
+    with pytest.raises(UserError, match=message) as error:
+        read_walk(path)
+    assert str(path) in str(error.value)
