@@ -263,7 +263,7 @@ def _polygons(geometry: shapely.Geometry | None) -> list[shapely.Polygon]:
 def _read_geojson(path: Path) -> list[Shape]:
     """Every polygon of its features; lines and points beside them mean nothing here."""
     try:
-        data = json.loads(path.read_bytes().decode("utf-8-sig"))
+        data = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
         raise UserError(f"its format is not understood: no JSON ({error})") from error
     if not isinstance(data, dict):
@@ -281,7 +281,7 @@ def _read_geojson(path: Path) -> list[Shape]:
         if geometry is None:
             continue
         try:
-            made = shapely.geometry.shape(geometry)
+            made = shapely.geometry.shape(_flat(geometry))
             if not np.isfinite(shapely.get_coordinates(made)).all():
                 raise UserError("a corner is not a latitude and longitude in degrees")
         except UserError:
@@ -298,6 +298,16 @@ def _read_geojson(path: Path) -> list[Shape]:
         raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
     return [replace(shape, polygon=p) for p, shape in zip(polygons, shapes, strict=True)]
+
+
+def _flat(geometry: Any) -> Any:
+    """Of GeoJSON: places without what may follow longitude and latitude (RFC 7946, 3.1.1)."""
+    if isinstance(geometry, dict):
+        return {key: _flat(value) for key, value in geometry.items()}
+    if not isinstance(geometry, list):
+        return geometry
+    nested = any(isinstance(each, dict | list) for each in geometry)
+    return [_flat(each) for each in geometry] if nested else geometry[:2]
 
 
 def _name(properties: Any) -> str:
@@ -477,7 +487,9 @@ LONGITUDES = frozenset({"longitude", "lon", "long", "lng", "easting", "x"})
 def _read_csv(path: Path) -> list[LatLon]:
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
+        if "\0" in text:
+            raise ValueError("text has no zeros")
+    except ValueError as error:
         raise UserError(f"it is neither text nor a known format; use {SUFFIXES}") from error
     corners: list[LatLon] = []
     columns = (0, 1)
@@ -485,13 +497,13 @@ def _read_csv(path: Path) -> list[LatLon]:
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
             continue
-        parts = [part.strip().strip('"') for part in line.split("," if "," in line else ";")]
+        parts = _split(line)
         try:
             corners.append((float(parts[columns[0]]), float(parts[columns[1]])))
         except (ValueError, IndexError) as error:
             if not heading:
                 raise UserError(
-                    f"line {number} is not latitude,longitude; give such lines or a GeoJSON Polygon"
+                    f"line {number} is not latitude,longitude; give such lines or one of {SUFFIXES}"
                 ) from error
             columns = _columns(parts) or columns
         heading = False
@@ -501,6 +513,13 @@ def _read_csv(path: Path) -> list[LatLon]:
             "heading says longitude,latitude"
         )
     return corners
+
+
+def _split(line: str) -> list[str]:
+    """Tables whose decimals have a comma are divided by semicolons or tabs."""
+    separator = next((each for each in "\t;" if each in line), ",")
+    parts = [part.strip().strip('"') for part in line.split(separator)]
+    return parts if separator == "," else [part.replace(",", ".") for part in parts]
 
 
 def _columns(heading: Sequence[str]) -> tuple[int, int] | None:

@@ -28,8 +28,8 @@ class Shape:
 
 def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     """One field: `wanted` by its name or number (from 1), or the only one that does not lie inside
-    another; its holes are its own and the polygons inside it. UserError where it is none, or one of
-    several and none is named."""
+    another; its holes are its own and the polygons inside it. A field that is there twice, as of
+    two seasons, is one. UserError where it is none, or one of several and none is named."""
     for shape in shapes:
         what = f"of {shape.name!r} " if shape.name else ""
         if not shapely.Polygon(shape.polygon.exterior).is_valid:
@@ -54,7 +54,7 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     holes += [
         outlines[k].exterior
         for k in range(len(shapes))
-        if k not in outer and own.contains(outlines[k])
+        if k not in outer and own.contains(outlines[k]) and not own.equals(outlines[k])
     ]
     return replace(shapes[outer[index]], polygon=shapely.Polygon(own.exterior, holes))
 

@@ -414,6 +414,7 @@ def moved(ring: list[tuple[float, float]], by_deg: float) -> list[tuple[float, f
         ("Lat;Long", "{0};{1}"),
         ("latitude,longitude", "{0},{1}"),
         ("north,east", "{0},{1}"),
+        ("Id\tLatitude\tLongitude", "7\t{0}\t{1}"),
     ],
 )
 def test_a_csv_heading_says_which_number_is_which(tmp_path: Path, heading: str, line: str) -> None:
@@ -421,6 +422,16 @@ def test_a_csv_heading_says_which_number_is_which(tmp_path: Path, heading: str, 
     rows = [line.format(lat, lon) for lon, lat in AROUND]
     path.write_text("\n".join([heading, *rows]))
     assert load_field(path).crop[0] == (31.5, 74.3)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimals_may_have_a_comma_where_another_sign_divides(
+    tmp_path: Path, separator: str
+) -> None:
+    path = tmp_path / "field.csv"
+    rows = [f"{lat}{separator}{lon}".replace(".", ",") for lon, lat in AROUND]
+    path.write_text("\n".join(rows))
+    assert load_field(path).crop == tuple((lat, lon) for lon, lat in AROUND)
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".csv"])
@@ -463,6 +474,36 @@ def test_polygons_that_cross_are_one_message(tmp_path: Path) -> None:
     bow = [AROUND[0], AROUND[2], AROUND[1], AROUND[3]]
     path.write_text(collection(feature("North", AROUND), feature("bow", bow)))
     with pytest.raises(UserError, match="sides of 'bow' cross"):
+        load_field(path)
+
+
+def test_a_field_that_is_there_twice_is_one_field_and_no_keep_out(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    path.write_text(collection(feature("2025", AROUND), feature("2026", [*AROUND[1:], AROUND[0]])))
+    field = load_field(path)
+    assert (field.name, len(field.crop), field.keep_outs) == ("2025", 4, ())
+
+
+@pytest.mark.parametrize("more", [[[212.0]], [[212.0, 3.0]], [[212.0], []], [[None]]])
+def test_what_follows_a_places_two_numbers_is_left_out(tmp_path: Path, more: Any) -> None:
+    ring = [[*place, *more[k % len(more)]] for k, place in enumerate([*AROUND, AROUND[0]])]
+    path = tmp_path / "field.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    assert load_field(path).crop == tuple((lat, lon) for lon, lat in AROUND)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_geojson_is_read_in_every_encoding_that_it_may_have(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "field.geojson"
+    text = collection(feature("Öd", AROUND)).replace("\\u00d6", "Ö")
+    path.write_text(text, encoding=encoding)
+    assert load_field(path).name == "Öd"
+
+
+def test_a_database_is_no_list_of_places(tmp_path: Path) -> None:
+    path = tmp_path / "field.gpkg"
+    path.write_bytes(b"SQLite format 3\0" * 10)
+    with pytest.raises(UserError, match=r"neither text nor a known format; use \.geojson"):
         load_field(path)
 
 
