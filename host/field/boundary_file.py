@@ -133,12 +133,28 @@ def load_field(path: Path, field: str = "") -> Boundary:
 
 def save_field(path: Path, boundary: Boundary) -> None:
     """Writes by suffix; `load_field` reads the same places back, to a millimetre. UserError where
-    `check_target` has one, or the format cannot hold what the boundary has."""
+    `check_target` has one, the format cannot hold what the boundary has, or it could not be written
+    whole: then what stood there before still stands."""
     check_target(path)
     try:
-        _WRITERS[path.suffix.lower()](path, boundary)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+            whole = Path(folder) / path.name
+            _WRITERS[path.suffix.lower()](whole, boundary)
+            _read_back(whole)
+            for file in whole.parent.iterdir():
+                file.replace(path.parent / file.name)
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+    except (UserError, RuntimeError) as error:
+        raise UserError(f"cannot write {path}: {error}") from error
+
+
+def _read_back(path: Path) -> None:
+    """GDAL says nothing where the disk is full: the file is empty."""
+    try:
+        load_field(path)
+    except UserError as error:
+        raise UserError("it did not arrive whole; is the disk full?") from error
 
 
 def check_target(path: Path) -> None:
@@ -424,19 +440,16 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
     if driver == "GeoJSON" and boundary.sigma_m is not None:
         fields.append(SIGMA)
         values.append(np.array([round(boundary.sigma_m, 3)]))
-    try:
-        pyogrio.raw.write(
-            path,
-            geometry=np.array([shapely.to_wkb(polygon)], dtype=object),
-            field_data=values,
-            fields=np.array(fields, dtype=object),
-            geometry_type="Polygon",
-            crs="EPSG:4326",
-            driver=driver,
-            layer_options=options,
-        )
-    except RuntimeError as error:
-        raise UserError(f"cannot write {path}: {error}") from error
+    pyogrio.raw.write(
+        path,
+        geometry=np.array([shapely.to_wkb(polygon)], dtype=object),
+        field_data=values,
+        fields=np.array(fields, dtype=object),
+        geometry_type="Polygon",
+        crs="EPSG:4326",
+        driver=driver,
+        layer_options=options,
+    )
 
 
 # ---- ISOXML, archives ----------------------------------------------------------------------------
@@ -532,7 +545,7 @@ def _columns(heading: Sequence[str]) -> tuple[int, int] | None:
 
 def _write_csv(path: Path, boundary: Boundary) -> None:
     if boundary.keep_outs:
-        raise UserError(f"cannot write {path}: CSV has no keep-outs; use another suffix")
+        raise UserError("CSV has no keep-outs; use another suffix")
     lines = [f"{lat:.9f},{lon:.9f}\n" for lat, lon in boundary.crop]
     path.write_text("latitude,longitude\n" + "".join(lines), encoding="utf-8")
 

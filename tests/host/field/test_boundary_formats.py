@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import resource
+import signal
 import tempfile
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +109,31 @@ def test_csv_keeps_the_crops_edge(field: Boundary) -> None:
     with tempfile.TemporaryDirectory() as folder:
         save_field(path := Path(folder) / "field.csv", bare)
         assert_same(bare, load_field(path))
+
+
+@pytest.fixture
+def full_disk() -> Iterator[None]:
+    """Of this process, no file takes another byte: GDAL's writes fail as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+def test_what_did_not_arrive_whole_is_said_and_what_was_there_stays(
+    tmp_path: Path, suffix: str, request: pytest.FixtureRequest
+) -> None:
+    path = tmp_path / f"field{suffix}"
+    square = boundary_of(shapely.box(0, 0, 20, 20), FRAME, "before")
+    save_field(path, square)
+    there = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    request.getfixturevalue("full_disk")
+    with pytest.raises(UserError, match=f"cannot write {path}: "):
+        save_field(path, boundary_of(shapely.box(0, 0, 30, 30), FRAME, "after"))
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == there
 
 
 def test_csv_refuses_keep_outs_rather_than_losing_them(tmp_path: Path) -> None:
