@@ -259,6 +259,17 @@ def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_
     assert (out / "wheat.json").exists()
 
 
+@pytest.mark.parametrize("given", ["IMG_0001.HEIC", "."])
+def test_a_phones_heic_is_named_and_not_passed_over(
+    photo: Path, tmp_path: Path, given: str
+) -> None:
+    (photo.parent / "IMG_0001.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(100))
+    result = run(see, photo.parent / given, "--side", "left", "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert "IMG_0001.HEIC: not a picture that can be decoded; give a whole JPEG" in result.output
+    assert (tmp_path / "out" / "wheat.json").exists() == (given == ".")
+
+
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.99])
 def test_a_truncated_photograph_is_refused(tmp_path: Path, share: float) -> None:
     whole = cv2.imencode(".jpg", halves("left")[0])[1].tobytes()
