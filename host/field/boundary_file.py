@@ -448,6 +448,7 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
         geometry_type="Polygon",
         crs="EPSG:4326",
         driver=driver,
+        layer="field" if driver == "KML" else None,  # of a file's name it would warn at each sign
         layer_options=options,
     )
 

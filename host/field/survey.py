@@ -403,7 +403,10 @@ def read_walk(path: Path) -> tuple[Track, Receiver]:
         raise UserError(f"{path}: {error}") from error
     except OSError as error:
         raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
-    track = track_of(fixes)
+    try:
+        track = track_of(fixes)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     if track is None:
         heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
         bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())

@@ -405,6 +405,18 @@ def test_the_command_converts_and_says_what_it_wrote(tmp_path: Path, cli: Cli) -
     assert_same(load_field(source), load_field(target))
 
 
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+def test_a_files_name_is_no_reason_to_warn(
+    tmp_path: Path, cli: Cli, recwarn: pytest.WarningsRecorder, suffix: str
+) -> None:
+    save_field(tmp_path / "a.csv", boundary_of(shapely.box(0, 0, 20, 20), FRAME))
+    target = tmp_path / f"My field-2, süd{suffix}"
+    code, out, err = cli("convert", str(tmp_path / "a.csv"), str(target))
+    assert (code, err) == (0, "")
+    assert str(target) in out
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 @pytest.mark.parametrize("name", ["field.dwg", "nowhere/field.kml"])
 def test_a_target_that_cannot_be_is_one_message(tmp_path: Path, cli: Cli, name: str) -> None:
     save_field(source := tmp_path / "field.kml", boundary_of(POND, FRAME))

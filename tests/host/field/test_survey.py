@@ -9,10 +9,12 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pynmea2
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -21,7 +23,8 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
-from host.field.boundary_file import load_field
+from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
+from host.field.smoothing import Smoother
 from host.field.survey import (
     Survey,
     any_edge,
@@ -134,6 +137,61 @@ def test_the_stamps_are_the_sentences_own_times_over_midnight_too() -> None:
     fixes = read_fixes((line.encode() + b"\r\n" for line in lines), Receiver())
     steps = {round(b.stamp - a.stamp, 6) for a, b in pairwise(fixes)}
     assert steps == {1.0}
+
+
+def changed(lines: list[str], by: Callable[[pynmea2.RMC], None]) -> list[str]:
+    """The same walk by a receiver whose RMC has something else in it."""
+    out = []
+    for line in lines:
+        sentence = pynmea2.parse(line)
+        if isinstance(sentence, pynmea2.RMC):
+            by(sentence)
+        out.append(str(sentence))
+    return out
+
+
+def says(knots: float, course: float, mirrored: bool = False) -> Callable[[pynmea2.RMC], None]:
+    """Speed and course times so much."""
+
+    def by(rmc: pynmea2.RMC) -> None:
+        degrees = course * float(rmc.data[7] or 0)
+        rmc.data[6] = f"{knots * float(rmc.data[6] or 0):.2f}"
+        rmc.data[7] = f"{360 - degrees if mirrored else degrees:.1f}"
+
+    return by
+
+
+@pytest.mark.parametrize(
+    "by",
+    [says(0, 0), says(1, 0), says(1.852, 1), says(1, 1, mirrored=True)],
+    ids=["no speed", "no course", "km/h", "mirrored"],
+)
+def test_a_velocity_that_is_none_leaves_the_boundary_alone(
+    by: Callable[[pynmea2.RMC], None],
+) -> None:
+    lines = walk(around(SQUARE, laps=2))
+    found = survey_track(tracked(changed(lines, by)))
+    assert iou(in_field(found), shapely.Polygon(SQUARE)) > 0.98
+    assert found.sigma_m == UNKNOWN_SIGMA_M
+    assert survey_track(tracked(lines)).sigma_m < 0.3
+
+
+def test_positions_too_far_apart_in_time_are_refused_with_the_remedy(
+    tmp_path: Path, cli: Cli
+) -> None:
+    places = [line for line in walk(around(SQUARE, laps=3)) if "GGA" in line]
+    path = tmp_path / "walk.nmea"
+    path.write_text("\n".join(places[::10]))
+    code, _, err = cli("survey", str(path), "--out", str(tmp_path / "field.geojson"))
+    assert code == 2
+    assert f"{path}: its positions are 10 s apart" in err
+    assert "set the app to one a second" in err
+
+
+def test_sides_that_nobody_walked_along_are_not_fitted() -> None:
+    track = tracked(walk(around(SQUARE)))
+    elsewhere = np.array(SQUARE) + 500.0
+    assert Smoother(track).sides(elsewhere, [(0, len(track.xy) - 1)]) is None
 
 
 def test_no_position_at_all_is_no_track() -> None:
@@ -482,9 +540,9 @@ def test_a_phone_apps_gpx_is_a_walk(
 
 
 def test_what_an_app_did_not_see_for_a_minute_is_a_jump(tmp_path: Path) -> None:
-    path = gpx(tmp_path / "walk.gpx", [[((0.0, 0.0), 0.0), ((70.0, 0.0), 61.0)]])
+    path = gpx(tmp_path / "walk.gpx", [[((0.0, 0.0), 0.0), ((5.0, 0.0), 4.0), ((75.0, 0.0), 65.0)]])
     track, _ = read_walk(path)
-    assert track.jumps_m.tolist() == pytest.approx([0, 70], rel=1e-3)
+    assert track.jumps_m.tolist() == pytest.approx([0, 0, 0, 0, 0, 70], rel=1e-3)
 
 
 @pytest.mark.parametrize(
