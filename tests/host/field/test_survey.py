@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -557,3 +558,20 @@ def test_gpx_that_is_no_walk_is_one_message(tmp_path: Path, content: str, messag
     with pytest.raises(UserError, match=message) as error:
         read_walk(path)
     assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(("laps", "begin"), [(1, 0), (2, 0), (3, 0), (1, 180), (2, 180)])
+def test_a_real_phones_loop_has_its_corners_where_a_person_sees_them(laps: int, begin: int) -> None:
+    with real("gps/phone-walk.nmea").open("rb") as lines:
+        fixes = [fix for fix in read_fixes(lines, Receiver()) if fix.quality]
+    frame = LocalFrame(fixes[0].lat_deg, fixes[0].lon_deg)
+    loop = fixes[1095:1620]
+    walked = [*(loop[begin:] + loop[:begin]) * laps, loop[begin]]
+    track = track_of(replace(fix, stamp=float(second)) for second, fix in enumerate(walked))
+    assert track is not None
+    found = survey_track(track)
+    assert len(found.loops.laps) == laps
+    corners = np.array([frame.to_local(*corner) for corner in found.boundary("").crop])
+    for seen in ((-856, 487), (-991, 359), (-850, 234)):
+        assert np.hypot(*(corners - seen).T).min() < 6
+    assert found.polygon.area == pytest.approx(43_400, rel=0.02)
