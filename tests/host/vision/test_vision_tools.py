@@ -20,6 +20,7 @@ from host.commands.see import see
 from host.commands.tune_vision import tune_vision
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Mount, Vehicle
+from host.core.vehicle_file import load_vehicle
 from host.runs.pictures import frames
 from host.runs.record import Recorder
 from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
@@ -429,6 +430,34 @@ def test_calibrate_camera_writes_a_lens_for_the_vehicle_file(tmp_path: Path) -> 
     result = run(calibrate_camera, tmp_path, "--square", "0.05", "--out", out)
     assert result.exit_code == 0, result.output
     assert "focal_px" in out.read_text()
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_calibrate_camera_writes_the_mount_into_the_machines_file(
+    tmp_path: Path, there: bool
+) -> None:
+    boards = tmp_path / "board"
+    boards.mkdir()
+    for number, turn in enumerate(TURNS):
+        cv2.imwrite(str(boards / f"{number}.png"), printed(turn))
+    path = tmp_path / "machine.yaml"
+    if there:
+        path.write_text("wheelbase_m: 1.07\n")
+    before = load_vehicle(path if there else None)
+    result = run(calibrate_camera, boards, "--square", "0.05", "--vehicle", path, "--mount", "low")
+    assert result.exit_code == 0, result.output
+    after = load_vehicle(path)
+    assert after.mounts["low"].focal_px == pytest.approx(LENS.focal_px, rel=0.02)
+    assert after.mounts["low"].z_m == before.mounts["low"].z_m
+    assert "still said to be 0.6 m high" in result.output
+    assert after.mounts["mast"] == before.mounts["mast"]
+    assert after.model_copy(update={"mounts": {}}) == before.model_copy(update={"mounts": {}})
+
+
+def test_calibrate_camera_names_the_mounts_before_it_looks_at_pictures(tmp_path: Path) -> None:
+    result = run(calibrate_camera, tmp_path, "--vehicle", tmp_path / "m.yaml", "--mount", "roof")
+    assert isinstance(result.exception, UserError)
+    assert "it has low, mast" in str(result.exception)
 
 
 def test_a_damaged_picture_of_a_record_is_left_out_and_counted(tmp_path: Path) -> None:
