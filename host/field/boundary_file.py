@@ -115,6 +115,8 @@ def load_field(path: Path, field: str = "") -> Boundary:
     try:
         if path.is_dir():
             return _one(isoxml_file.read_folder(path), field, path)
+        if path.exists() and not path.is_file():
+            raise UserError("it is a device or a pipe, no file")
         if path.stat().st_size > MAX_BYTES:
             raise UserError(f"it has {path.stat().st_size / 1e6:.0f} MB; that is no field")
         suffix = path.suffix.lower()

@@ -425,8 +425,10 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     def clock() -> float:
         return time.monotonic() - begun
 
+    feed, _ = gnss_feed(url, clock, say, tap=lambda data: file.write(data))
+    nothing_yet = path.is_file() and path.stat().st_size == 0
     try:
-        file = path.open("xb", buffering=0)
+        file = path.open("wb" if nothing_yet else "xb", buffering=0)
     except FileExistsError as error:
         raise UserError(
             f"{path} is there already; name it as the source, or move it away to walk again"
@@ -434,7 +436,6 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     except OSError as error:
         raise UserError(f"cannot write the recording {path}: {error.strerror}") from error
     with file:
-        feed, _ = gnss_feed(url, clock, say, tap=file.write)
         say(f"recording {url} to {path}; walk around the field, then press Ctrl-C")
         feed.start()
         fixes = lost = 0

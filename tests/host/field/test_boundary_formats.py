@@ -540,6 +540,11 @@ def test_geojson_is_read_in_every_encoding_that_it_may_have(tmp_path: Path, enco
     assert load_field(path).name == "Öd"
 
 
+def test_a_device_is_not_read_for_ever() -> None:
+    with pytest.raises(UserError, match="/dev/zero: it is a device or a pipe, no file"):
+        load_field(Path("/dev/zero"))
+
+
 def test_a_database_is_no_list_of_places(tmp_path: Path) -> None:
     path = tmp_path / "field.gpkg"
     path.write_bytes(b"SQLite format 3\0" * 10)

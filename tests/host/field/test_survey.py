@@ -30,6 +30,7 @@ from host.field.survey import (
     Survey,
     any_edge,
     read_walk,
+    record_walk,
     straight_sides,
     survey_track,
     with_keep_out,
@@ -436,6 +437,22 @@ def test_a_source_that_is_not_there_is_said(tmp_path: Path, cli: Cli) -> None:
     code, _, err = cli("survey", str(tmp_path / "no"), "--out", str(tmp_path / "field.kml"))
     assert code == 2
     assert "does not exist" in err
+    assert not list(tmp_path.iterdir()), "nothing is left that would be in the next walk's way"
+
+
+def test_an_empty_recording_is_not_in_a_walks_way(tmp_path: Path) -> None:
+    path = tmp_path / "field.nmea"
+    path.touch()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        said: list[str] = []
+
+        def say(text: str) -> None:
+            said.append(text)
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            record_walk(f"tcp://127.0.0.1:{listener.getsockname()[1]}", path, say)
+    assert said[0].startswith("recording tcp://")
 
 
 def test_a_walk_is_recorded_from_the_phone_until_ctrl_c(tmp_path: Path) -> None:
