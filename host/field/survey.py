@@ -425,7 +425,10 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     def clock() -> float:
         return time.monotonic() - begun
 
-    feed, _ = gnss_feed(url, clock, say, tap=lambda data: file.write(data))
+    def keep(data: bytes) -> None:
+        file.write(data)
+
+    feed, _ = gnss_feed(url, clock, say, tap=keep)
     nothing_yet = path.is_file() and path.stat().st_size == 0
     try:
         file = path.open("wb" if nothing_yet else "xb", buffering=0)
