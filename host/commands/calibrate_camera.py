@@ -9,8 +9,11 @@ from pathlib import Path
 import click
 import yaml
 
+from host.commands.options import mount_option
 from host.core.number_range import NumberRange
 from host.core.terminal import echo
+from host.core.vehicle import Mount
+from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
 from host.runs.pictures import frames
 from host.tune.camera import lens_fields, lens_of, mount_from
 from host.tune.checkerboard import Board
@@ -49,7 +52,18 @@ DOUBTFUL_PX = 1.0
     "--left", "left_m", type=float, default=0.0, show_default=True, help="The same, to the left, m."
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("mount.yaml"), show_default=True
+    "--vehicle",
+    type=click.Path(path_type=Path),
+    help="The machine's file: the mount is written into it. It is made where it is not there; "
+    "comments in it are lost.",
+)
+@mount_option
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("mount.yaml"),
+    show_default=True,
+    help="Without --vehicle: for you to copy from.",
 )
 def calibrate_camera(
     pictures: tuple[str, ...],
@@ -59,23 +73,37 @@ def calibrate_camera(
     ground: Path | None,
     ahead_m: float,
     left_m: float,
+    vehicle: Path | None,
+    mount: str,
     out: Path,
 ) -> None:
     """Measures the lens from pictures of the board at many angles and, with --ground, where the
-    camera sits; writes the mount for the vehicle file."""
+    camera sits; writes the mount into the vehicle file."""
+    machine = load_vehicle(vehicle if vehicle is not None and vehicle.exists() else None)
+    before = mount_of(machine, mount)
     board = Board(columns, rows, square_m)
     every = itertools.chain.from_iterable(frames(source) for source in pictures)
     lens, size = lens_of(every, board, echo)
     echo(f"focal length {lens.focal_px:.1f} px, error {lens.error_px:.2f} px")
     if lens.error_px > DOUBTFUL_PX:
         echo("the error is large: take sharper pictures, keep the board flat", err=True)
-    result = lens_fields(lens, size)
+    fields = lens_fields(lens, size)
     if ground is not None:
-        mount = mount_from(ground, lens, size, board, ahead_m, left_m)
-        result = mount.model_dump(mode="json")
+        found = mount_from(ground, lens, size, board, ahead_m, left_m)
+        fields = found.model_dump(mode="json")
         echo(
-            f"camera {mount.z_m:.3f} m high, pitch {mount.pitch_deg:.2f}, yaw {mount.yaw_deg:.2f}, "
-            f"roll {mount.roll_deg:.2f} degrees"
+            f"camera {found.z_m:.3f} m high, pitch {found.pitch_deg:.2f}, yaw {found.yaw_deg:.2f}, "
+            f"roll {found.roll_deg:.2f} degrees"
         )
-    out.write_text(yaml.safe_dump(result, sort_keys=False), encoding="utf-8")
-    echo(f"{out}: copy it into the vehicle file under mounts")
+    if vehicle is None:
+        out.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+        echo(f"{out}: copy it into the vehicle file under mounts, or give --vehicle")
+        return
+    measured = Mount.model_validate(before.model_dump() | fields)
+    save_vehicle(vehicle, machine.model_copy(update={"mounts": machine.mounts | {mount: measured}}))
+    echo(f"{vehicle}: the mount {mount} has the lens that was measured")
+    if ground is None:
+        echo(
+            f"it is still said to be {before.z_m:g} m high and pitched by {before.pitch_deg:g} "
+            "degrees; --ground measures that"
+        )

@@ -18,7 +18,7 @@ from host.core.vehicle_file import load_vehicle
 from host.field.areas import Areas, areas_of
 from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
 from host.route.field_plan import plan_field, told
-from host.route.preview import Preview, draw_preview, hours, preview
+from host.route.preview import Preview, check_picture, draw_preview, hours, preview
 
 
 def table_of(previews: list[Preview]) -> Table:
@@ -83,6 +83,9 @@ def plan(
             f"--corner {start}: {field} has the corners 0 to {len(boundary.crop) - 1}; the picture "
             "of the survey numbers them"
         )
+    beside = field if field.name.strip(".") else field.resolve()  # the folder one stands in
+    picture = out or beside.with_suffix(".plan.png")
+    check_picture(picture)
     areas = areas_of(boundary.polygon(boundary.frame), gap, inset_m=inset)
     try:
         previews = _previews(field, boundary, areas, machine, start, turn, gap, inset)
@@ -94,8 +97,7 @@ def plan(
     _say_field(console, name, boundary, areas, start, inset)
     console.print_table(table_of(list(previews.values())))
     _say_plan(console, boundary, shown, start, gap)
-    _keep_parts(console, field, name, boundary, shown)
-    picture = out or field.with_suffix(".plan.png")
+    _keep_parts(console, beside, name, boundary, shown)
     title = (
         f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "
         f"{hours(shown.time_s)}, coverage {100 * shown.coverage:.2f} %"

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
@@ -96,7 +97,10 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_PIPE
     except OSError as error:
-        if error.filename is None or error.strerror is None:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            _say(program, "the disk is full; free some of it, or write elsewhere")
+            code = EXIT_USER
+        elif error.filename is None or error.strerror is None:
             code = _internal(program, error)
         else:
             _say(program, f"cannot use {error.filename}: {error.strerror}")

@@ -3,10 +3,11 @@
 | suffix               | format                                          | by                  |
 |----------------------|-------------------------------------------------|---------------------|
 | .geojson, .json      | GeoJSON (RFC 7946, WGS 84; others by its `crs`) | shapely             |
-| .kml                 | KML 2.2 (WGS 84)                                | GDAL (pyogrio)      |
+| .kml, .kmz           | KML 2.2 (WGS 84)                                | GDAL (pyogrio)      |
 | .shp                 | Shapefile, any CRS that its .prj names          | GDAL (pyogrio)      |
-| .xml, .zip, a folder | ISOXML TASKDATA, versions 3 and 4 (WGS 84)      | `field.isoxml_file` |
-| .gpx                 | GPX 1.1: a track or route around it; read only  | gpxpy               |
+| .xml, a folder       | ISOXML TASKDATA, versions 3 and 4 (WGS 84)      | `field.isoxml_file` |
+| .zip                 | ISOXML, or files of the formats above           | `field.archive`     |
+| .gpx                 | GPX 1.1: a track or route around it; read only  | `field.gpx_file`    |
 | .csv, .txt           | `latitude,longitude` a line, no keep-outs; a    | this module         |
 |                      | heading may name other columns                  |                     |
 
@@ -18,15 +19,14 @@ a list of addresses to fetch too, so it is given only what has been looked at.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
-import gpxpy
-import gpxpy.gpx
 import numpy as np
 import pyogrio
 import shapely
@@ -39,13 +39,12 @@ from pyproj.exceptions import ProjError
 from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
 from host.core.terminal import plain
-from host.field import isoxml_file
-from host.field.shapes import Shape, chosen
+from host.field import archive, isoxml_file
+from host.field.gpx_file import bare, read_rings
+from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen
 
 MAX_AROUND_M = 20_000.0
 """A field's length around, of a square of 25 km²: longer ones are a slip in the file."""
-MIN_AREA_M2 = 1.0
-"""Less is a slip of the hand, or degrees that were taken for metres."""
 MAX_LATITUDE_DEG = 72.0
 """No wheat grows beyond: coordinates that lie there have been swapped."""
 MAX_BYTES = 64 * 1024 * 1024
@@ -60,7 +59,15 @@ MOST_SIGMA_M = 100.0
 """A larger one is no field's: a slip of the pen."""
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
-SUFFIXES = ".geojson, .json, .kml, .shp, .xml or .zip (ISOXML), .gpx, .csv, .txt"
+SUFFIXES = ".geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx, .csv"
+"""That are read, for messages."""
+IN_ARCHIVES = (".shp", ".kml", ".geojson", ".json", ".gpx")
+"""Formats that a .zip may hold besides ISOXML."""
+SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg")
+"""What belongs to a .shp."""
+DRAW = "draw the field's outline as a polygon"
+NAMES = ("name", "field_name", "fieldname", "field", "title", "id")
+"""Properties that programs keep a field's name in, the surest first."""
 SHP_MAGIC = b"\x00\x00\x27\x0a"
 
 
@@ -108,6 +115,8 @@ def load_field(path: Path, field: str = "") -> Boundary:
     try:
         if path.is_dir():
             return _one(isoxml_file.read_folder(path), field, path)
+        if path.exists() and not path.is_file():
+            raise UserError("it is a device or a pipe, no file")
         if path.stat().st_size > MAX_BYTES:
             raise UserError(f"it has {path.stat().st_size / 1e6:.0f} MB; that is no field")
         suffix = path.suffix.lower()
@@ -126,18 +135,36 @@ def load_field(path: Path, field: str = "") -> Boundary:
 
 def save_field(path: Path, boundary: Boundary) -> None:
     """Writes by suffix; `load_field` reads the same places back, to a millimetre. UserError where
-    `check_target` has one, or the format cannot hold what the boundary has."""
+    `check_target` has one, the format cannot hold what the boundary has, or it could not be written
+    whole: then what stood there before still stands."""
     check_target(path)
     try:
-        _WRITERS[path.suffix.lower()](path, boundary)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+            whole = Path(folder) / path.name
+            _WRITERS[path.suffix.lower()](whole, boundary)
+            _read_back(whole)
+            for file in whole.parent.iterdir():
+                file.replace(path.parent / file.name)
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+    except (UserError, RuntimeError) as error:
+        raise UserError(f"cannot write {path}: {error}") from error
+
+
+def _read_back(path: Path) -> None:
+    """GDAL says nothing where the disk is full: the file is empty."""
+    try:
+        load_field(path)
+    except UserError as error:
+        raise UserError("it did not arrive whole; is the disk full?") from error
 
 
 def check_target(path: Path) -> None:
     """UserError where a field can never be written to this path: better before the work."""
     if path.suffix.lower() not in _WRITERS:
-        raise UserError(f"cannot write {path}: its suffix names no format; use {SUFFIXES}")
+        raise UserError(
+            f"cannot write {path}: its suffix names no format; use {', '.join(_WRITERS)}"
+        )
     if not path.parent.is_dir():
         raise UserError(f"cannot write {path}: there is no folder {path.parent}")
 
@@ -198,7 +225,13 @@ def _checked(
 
 def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
     """The field that is meant."""
-    shape = chosen(shapes, wanted)
+    places = shapely.get_coordinates([shape.polygon for shape in shapes])
+    if not (np.abs(places) <= (180, 90)).all():
+        raise UserError(
+            "a corner is not a latitude and longitude in degrees; metres of a map? Save it in "
+            "WGS 84"
+        )
+    shape = chosen([_mended(shape) for shape in shapes], wanted)
     if any(abs(lat) > MAX_LATITUDE_DEG for _, lat, *_ in shape.polygon.exterior.coords):
         raise UserError(
             f"it lies at latitude {shape.polygon.exterior.coords[0][1]:.1f}, where no wheat grows: "
@@ -210,6 +243,23 @@ def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
         shape.name or path.stem,
         shape.sigma_m,
     )
+
+
+def _mended(shape: Shape) -> Shape:
+    """Without the loops and spikes of its outline that enclose less than a field: where a ring
+    overlaps its own begin, or a corner was drawn beyond its neighbour. As it is where more would
+    change."""
+    outline = shapely.Polygon(shape.polygon.exterior)
+    if outline.is_valid:
+        return shape
+    whole = shapely.make_valid(outline)
+    parts = _polygons(whole)
+    if not parts:
+        return shape
+    kept = shapely.Polygon(max(parts, key=lambda part: float(part.area)).exterior)
+    if not area_m2(kept.symmetric_difference(whole)) < MIN_AREA_M2:
+        return shape
+    return replace(shape, polygon=shapely.Polygon(kept.exterior, shape.polygon.interiors))
 
 
 # ---- GeoJSON, KML, Shapefile ---------------------------------------------------------------------
@@ -231,7 +281,7 @@ def _polygons(geometry: shapely.Geometry | None) -> list[shapely.Polygon]:
 def _read_geojson(path: Path) -> list[Shape]:
     """Every polygon of its features; lines and points beside them mean nothing here."""
     try:
-        data = json.loads(path.read_bytes().decode("utf-8-sig"))
+        data = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
         raise UserError(f"its format is not understood: no JSON ({error})") from error
     if not isinstance(data, dict):
@@ -249,7 +299,7 @@ def _read_geojson(path: Path) -> list[Shape]:
         if geometry is None:
             continue
         try:
-            made = shapely.geometry.shape(geometry)
+            made = shapely.geometry.shape(_flat(geometry))
             if not np.isfinite(shapely.get_coordinates(made)).all():
                 raise UserError("a corner is not a latitude and longitude in degrees")
         except UserError:
@@ -263,9 +313,19 @@ def _read_geojson(path: Path) -> list[Shape]:
         sigma_m = _sigma(feature.get("properties")) if whole else None
         shapes += [Shape(polygon, name, sigma_m) for polygon in _polygons(made)]
     if kinds and not shapes:
-        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
+        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
     return [replace(shape, polygon=p) for p, shape in zip(polygons, shapes, strict=True)]
+
+
+def _flat(geometry: Any) -> Any:
+    """Of GeoJSON: places without what may follow longitude and latitude (RFC 7946, 3.1.1)."""
+    if isinstance(geometry, dict):
+        return {key: _flat(value) for key, value in geometry.items()}
+    if not isinstance(geometry, list):
+        return geometry
+    nested = any(isinstance(each, dict | list) for each in geometry)
+    return [_flat(each) for each in geometry] if nested else geometry[:2]
 
 
 def _name(properties: Any) -> str:
@@ -273,7 +333,7 @@ def _name(properties: Any) -> str:
     if not isinstance(properties, dict):
         return ""
     low = {str(key).casefold(): value for key, value in properties.items()}
-    found = next((low[key] for key in ("name", "field", "title", "id") if low.get(key)), "")
+    found = next((low[key] for key in NAMES if low.get(key)), "")
     return found if isinstance(found, str) else str(found) if isinstance(found, int) else ""
 
 
@@ -312,15 +372,7 @@ def _read_kml(path: Path) -> list[Shape]:
         raise UserError(f"its root is <{root.tag.rpartition('}')[2]}>, not <kml>")
     if any("OGRVRT" in str(element.tag) for element in root.iter()):
         raise UserError("it holds what is no KML")
-    return _read_gdal(ET.tostring(_bare(root), encoding="utf-8", xml_declaration=True))
-
-
-def _bare(root: ET.Element) -> ET.Element:
-    """Without namespaces: readers know a format by how its text begins."""
-    for element in root.iter():
-        element.tag = str(element.tag).rpartition("}")[2]
-        element.attrib = {k: v for k, v in element.attrib.items() if not k.startswith("{")}
-    return root
+    return _read_gdal(ET.tostring(bare(root), encoding="utf-8", xml_declaration=True))
 
 
 def _read_shapefile(path: Path) -> list[Shape]:
@@ -339,25 +391,17 @@ def _read_gdal(source: Path | bytes) -> list[Shape]:
             meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
             geometries = shapely.from_wkb(wkb) if wkb is not None else []
             kinds |= {geometry.geom_type for geometry in geometries if geometry is not None}
-            names = _names(meta["fields"], columns, len(geometries))
-            for geometry, name in zip(geometries, names, strict=True):
+            for k, geometry in enumerate(geometries):
                 if found := _polygons(geometry):
+                    row = [column[k : k + 1].tolist()[0] for column in columns]
+                    name = _name(dict(zip(meta["fields"], row, strict=True)))
                     shapes += [Shape(each, name) for each in _to_wgs84(found, meta["crs"])]
     except (RuntimeError, ValueError) as error:
         reason = str(error).split("; ")[0].replace("\n", " ")
         raise UserError(f"its format is not understood ({reason}); use {SUFFIXES}") from error
     if kinds and not shapes:
-        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon")
+        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     return shapes
-
-
-def _names(
-    fields: NDArray[np.object_], columns: list[NDArray[np.object_]], count: int
-) -> list[str]:
-    for field, column in zip(fields, columns, strict=True):
-        if str(field).lower() == "name":
-            return [value if isinstance(value, str) else "" for value in column]
-    return [""] * count
 
 
 def _to_wgs84(polygons: list[shapely.Polygon], crs: str | None) -> list[shapely.Polygon]:
@@ -398,22 +442,20 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
     if driver == "GeoJSON" and boundary.sigma_m is not None:
         fields.append(SIGMA)
         values.append(np.array([round(boundary.sigma_m, 3)]))
-    try:
-        pyogrio.raw.write(
-            path,
-            geometry=np.array([shapely.to_wkb(polygon)], dtype=object),
-            field_data=values,
-            fields=np.array(fields, dtype=object),
-            geometry_type="Polygon",
-            crs="EPSG:4326",
-            driver=driver,
-            layer_options=options,
-        )
-    except RuntimeError as error:
-        raise UserError(f"cannot write {path}: {error}") from error
+    pyogrio.raw.write(
+        path,
+        geometry=np.array([shapely.to_wkb(polygon)], dtype=object),
+        field_data=values,
+        fields=np.array(fields, dtype=object),
+        geometry_type="Polygon",
+        crs="EPSG:4326",
+        driver=driver,
+        layer="field" if driver == "KML" else None,  # of a file's name it would warn at each sign
+        layer_options=options,
+    )
 
 
-# ---- ISOXML, GPX ---------------------------------------------------------------------------------
+# ---- ISOXML, archives ----------------------------------------------------------------------------
 
 
 def _write_isoxml(path: Path, boundary: Boundary) -> None:
@@ -421,27 +463,34 @@ def _write_isoxml(path: Path, boundary: Boundary) -> None:
     isoxml_file.write(path, _degrees(boundary), boundary.name, area)
 
 
-def _read_gpx(path: Path) -> list[Shape]:
-    """Every track segment and route of three corners or more, as a ring."""
-    try:
-        root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
-        assert isinstance(root, ET.Element)
-        gpx = gpxpy.parse(ET.tostring(_bare(root), encoding="unicode"))
-    except (ET.ParseError, DefusedXmlException, gpxpy.gpx.GPXException, ValueError) as error:
-        raise UserError(f"it is not GPX that can be read ({error})") from error
-    ways: list[tuple[str | None, Sequence[Any]]] = [(r.name, r.points) for r in gpx.routes]
-    ways += [(track.name, segment.points) for track in gpx.tracks for segment in track.segments]
-    rings = [
-        (name or "", [(point.longitude, point.latitude) for point in points])
-        for name, points in ways
-        if len(points) >= 3
-    ]
-    if not rings:
-        raise UserError("it holds no track or route around a field")
-    shapes = [Shape(shapely.Polygon(ring), name) for name, ring in rings]
-    if len(shapes) == 1 and not shapes[0].polygon.is_valid:
-        raise UserError("its track crosses itself; `daranti survey` makes a boundary of a walk")
-    return shapes
+def _read_archive(path: Path) -> list[Shape]:
+    """Of a .kmz, or of a .zip as farm programs export it: an ISOXML task set, or every file of the
+    first format of IN_ARCHIVES that is in it."""
+    with archive.opened(path) as files:
+        if any(name.name.upper() == isoxml_file.TASKDATA for name in files.names):
+            return isoxml_file.read_archive(files)
+        for suffix in IN_ARCHIVES:
+            named = [name for name in files.names if name.suffix.lower() == suffix]
+            if named:
+                return [shape for name in named for shape in _unpacked(files, name)]
+    raise UserError(
+        f"there is no {isoxml_file.TASKDATA} in it and no {', '.join(IN_ARCHIVES)}: it is no "
+        "export of a field"
+    )
+
+
+def _unpacked(files: archive.Archive, name: PurePosixPath) -> list[Shape]:
+    """The polygons of one file in an archive, read outside it with the files that belong to it."""
+    suffix = name.suffix.lower()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"field{suffix}"
+        path.write_bytes(files.content(name))
+        beside = files.beside(name)
+        for other in SHAPEFILE if suffix == ".shp" else ():
+            if (found := beside.get(f"{name.stem}{other}".upper())) is not None:
+                path.with_suffix(other).write_bytes(files.content(found))
+        shapes = _READERS[suffix](path)
+    return [replace(shape, name=shape.name or name.stem) for shape in shapes]
 
 
 # ---- latitude,longitude lines --------------------------------------------------------------------
@@ -454,7 +503,9 @@ LONGITUDES = frozenset({"longitude", "lon", "long", "lng", "easting", "x"})
 def _read_csv(path: Path) -> list[LatLon]:
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
+        if "\0" in text:
+            raise ValueError("text has no zeros")
+    except ValueError as error:
         raise UserError(f"it is neither text nor a known format; use {SUFFIXES}") from error
     corners: list[LatLon] = []
     columns = (0, 1)
@@ -462,13 +513,13 @@ def _read_csv(path: Path) -> list[LatLon]:
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
             continue
-        parts = [part.strip().strip('"') for part in line.split("," if "," in line else ";")]
+        parts = _split(line)
         try:
             corners.append((float(parts[columns[0]]), float(parts[columns[1]])))
         except (ValueError, IndexError) as error:
             if not heading:
                 raise UserError(
-                    f"line {number} is not latitude,longitude; give such lines or a GeoJSON Polygon"
+                    f"line {number} is not latitude,longitude; give such lines or one of {SUFFIXES}"
                 ) from error
             columns = _columns(parts) or columns
         heading = False
@@ -478,6 +529,13 @@ def _read_csv(path: Path) -> list[LatLon]:
             "heading says longitude,latitude"
         )
     return corners
+
+
+def _split(line: str) -> list[str]:
+    """Tables whose decimals have a comma are divided by semicolons or tabs."""
+    separator = next((each for each in "\t;" if each in line), ",")
+    parts = [part.strip().strip('"') for part in line.split(separator)]
+    return parts if separator == "," else [part.replace(",", ".") for part in parts]
 
 
 def _columns(heading: Sequence[str]) -> tuple[int, int] | None:
@@ -490,7 +548,7 @@ def _columns(heading: Sequence[str]) -> tuple[int, int] | None:
 
 def _write_csv(path: Path, boundary: Boundary) -> None:
     if boundary.keep_outs:
-        raise UserError(f"cannot write {path}: CSV has no keep-outs; use another suffix")
+        raise UserError("CSV has no keep-outs; use another suffix")
     lines = [f"{lat:.9f},{lon:.9f}\n" for lat, lon in boundary.crop]
     path.write_text("latitude,longitude\n" + "".join(lines), encoding="utf-8")
 
@@ -511,6 +569,7 @@ _READERS: dict[str, Callable[[Path], list[Shape]]] = {
     ".kml": _read_kml,
     ".shp": _read_shapefile,
     ".xml": isoxml_file.read_folder,
-    ".zip": isoxml_file.read_zip,
-    ".gpx": _read_gpx,
+    ".zip": _read_archive,
+    ".kmz": _read_archive,
+    ".gpx": read_rings,
 }

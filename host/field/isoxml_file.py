@@ -8,10 +8,9 @@ follow entities, and its reader of .zip unpacks whatever it finds.
 from __future__ import annotations
 
 import warnings
-import zipfile
 from collections.abc import Callable
 from decimal import Decimal
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -27,10 +26,9 @@ from xsdata.formats.dataclass.parsers import XmlParser
 from xsdata.formats.dataclass.parsers.config import ParserConfig
 
 from host.core.errors import UserError
+from host.field.archive import MAX_BYTES, Archive
 from host.field.shapes import Shape
 
-MAX_BYTES = 64 * 1024 * 1024
-"""Of one XML file: a farm's partfields take one."""
 TASKDATA = "TASKDATA.XML"
 PARTFIELD_FILE = "PFD"
 BOUNDARY = "1"
@@ -60,30 +58,15 @@ def read_folder(path: Path) -> list[Shape]:
     raise UserError(f"there is no {TASKDATA} in this folder; name a file")
 
 
-def read_zip(path: Path) -> list[Shape]:
-    """Of a .zip that holds a TASKDATA.XML, in whichever folder."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            there = {PurePosixPath(each.filename): each for each in archive.infolist()}
-            mains = [name for name in there if name.name.upper() == TASKDATA]
-            if not mains:
-                raise UserError(f"there is no {TASKDATA} in it: it is no ISOXML export")
-            folder = min(mains, key=lambda name: len(name.parts)).parent
-            names = {n.name.upper(): each for n, each in there.items() if n.parent == folder}
+def read_archive(files: Archive) -> list[Shape]:
+    """Of an archive that holds a TASKDATA.XML, in whichever folder."""
+    main = next(name for name in files.names if name.name.upper() == TASKDATA)
+    beside = files.beside(main)
 
-            def content(name: str) -> bytes | None:
-                if name not in names:
-                    return None
-                if names[name].file_size > MAX_BYTES:
-                    raise UserError(f"{name} in it would take {names[name].file_size / 1e6:.0f} MB")
-                with archive.open(names[name]) as file:
-                    return file.read(MAX_BYTES + 1)[:MAX_BYTES]
+    def content(name: str) -> bytes | None:
+        return files.content(beside[name]) if name in beside else None
 
-            return _shapes(content(TASKDATA) or b"", content)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
-        raise UserError(f"it is no .zip file that can be read ({error})") from error
-    except (zipfile.zlib.error, ValueError) as error:  # type: ignore[attr-defined]
-        raise UserError(f"it is a damaged .zip file ({error})") from error
+    return _shapes(files.content(main), content)
 
 
 def _limited(path: Path) -> bytes:

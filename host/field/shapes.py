@@ -5,9 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
+
+MIN_AREA_M2 = 1.0
+"""Less is no field: a slip of the hand, or degrees that were taken for metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,18 +28,23 @@ class Shape:
 
 def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     """One field: `wanted` by its name or number (from 1), or the only one that does not lie inside
-    another; its holes are its own and the polygons inside it. UserError where it is none, or one of
-    several and none is named."""
+    another; its holes are its own and the polygons inside it. A field that is there twice, as of
+    two seasons, is one. UserError where it is none, or one of several and none is named."""
     for shape in shapes:
-        if not shape.polygon.is_valid:
-            what = f"of {shape.name!r} " if shape.name else ""
+        what = f"of {shape.name!r} " if shape.name else ""
+        if not shapely.Polygon(shape.polygon.exterior).is_valid:
             raise UserError(f"its sides {what}cross; walk it again or correct its corners")
+        if not shape.polygon.is_valid:
+            raise UserError(
+                f"its keep-outs {what}cross each other or the field's edge; correct them"
+            )
     outlines = [shapely.Polygon(shape.polygon.exterior) for shape in shapes]
     outer = [
         k
         for k, outline in enumerate(outlines)
         if not any(_holds(other, outline, j < k) for j, other in enumerate(outlines) if j != k)
     ]
+    outer = [k for k in outer if area_m2(outlines[k]) >= MIN_AREA_M2] or outer
     if not outer:
         raise UserError("it holds no polygon; draw the field's outline as a polygon")
     names = [shapes[k].name or f"field {number}" for number, k in enumerate(outer, start=1)]
@@ -43,9 +54,22 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     holes += [
         outlines[k].exterior
         for k in range(len(shapes))
-        if k not in outer and own.contains(outlines[k])
+        if k not in outer and own.contains(outlines[k]) and not own.equals(outlines[k])
     ]
     return replace(shapes[outer[index]], polygon=shapely.Polygon(own.exterior, holes))
+
+
+def area_m2(shape: shapely.Geometry) -> float:
+    """Of polygons in (longitude, latitude)."""
+    if shape.is_empty:
+        return 0.0
+    lon, lat = shapely.get_coordinates(shape)[0]
+    frame = LocalFrame(lat, lon)
+
+    def local(places: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array([frame.to_local(y, x) for x, y in places])
+
+    return float(shapely.transform(shape, local).area)
 
 
 def _holds(other: shapely.Polygon, outline: shapely.Polygon, earlier: bool) -> bool:
@@ -58,7 +82,8 @@ def _index(names: list[str], wanted: str) -> int:
     if not wanted:
         if len(names) > 1:
             raise UserError(
-                f"it holds {len(names)} fields side by side: {there}; say which with --field NAME"
+                f"it holds {len(names)} fields side by side: {there}; say which with "
+                "--field NAME or NUMBER"
             )
         return 0
     exact = [k for k, name in enumerate(names) if name.casefold() == wanted.casefold()]

@@ -27,6 +27,7 @@ from host.field.walk import PAUSE_S, STANDING_MPS, WALKING_MPS, Points, Track
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 CORRELATION_S = 180.0
 """Of the position's wandering error;"""
@@ -58,7 +59,11 @@ BEHIND_S = (0.4, 0.4)
 DIFFERENCE_S = 8.0
 """Over so long positions and velocities are compared to learn how much the error wanders."""
 KNOWN_SHARE = 0.8
-"""Of the fixes must have a velocity, or the track stays as it is."""
+"""Of the fixes must have a velocity, or the track stays as it is;"""
+UNEXPLAINED_SHARE = 0.5
+"""and velocities may leave at most so much of what was walked within DIFFERENCE_S unexplained, or
+they are none: some apps say 0 all the time, or km/h as knots (0.85). In a street a phone left 0.2.
+"""
 CAUCHY = 3.0
 """A residual of so many standard deviations has half of its weight."""
 ROUNDS = 5
@@ -159,7 +164,34 @@ def smoothable(track: Track) -> bool:
     """Whether the receiver said how fast the walker went and where to."""
     if len(track.xy) < 4 or len(track.velocities) < len(track.xy):
         return False
-    return bool(np.isfinite(track.velocities).all(axis=1).mean() >= KNOWN_SHARE)
+    if np.isfinite(track.velocities).all(axis=1).mean() < KNOWN_SHARE:
+        return False
+    way, known = _by_velocities(track)
+    first, last = _windows(track.stamps, known & (track.jumps_m[1:] == 0))
+    walked = track.xy[last] - track.xy[first]
+    summed = np.vstack([np.zeros(2), np.cumsum(np.where(known[:, None], way, 0.0), axis=0)])
+    left = walked - (summed[last] - summed[first])
+    return len(first) > 0 and float(np.hypot(*left.T).sum()) <= UNEXPLAINED_SHARE * float(
+        np.hypot(*walked.T).sum()
+    )
+
+
+def _by_velocities(track: Track) -> tuple[Points, Flags]:
+    """(n - 1, 2): the way from each point to the next by their velocities (m); (n - 1,): whether
+    these say it."""
+    seen: Flags = np.isfinite(track.velocities.sum(axis=1))
+    v = np.nan_to_num(track.velocities)
+    dt = np.diff(track.stamps)
+    return (v[1:] + v[:-1]) / 2 * dt[:, None], seen[1:] & seen[:-1] & (dt <= PAUSE_S)
+
+
+def _windows(stamps: Values, good: Flags) -> tuple[Indices, Indices]:
+    """First and last point of every part of DIFFERENCE_S all of whose steps are good."""
+    last = np.searchsorted(stamps, stamps + DIFFERENCE_S)
+    first = np.flatnonzero(last < len(stamps))
+    bad = np.concatenate([[0], np.cumsum(~good)])
+    first = first[bad[last[first]] == bad[first]]
+    return first, last[first]
 
 
 def relative_sigma_m(covariance: Values) -> float:
@@ -181,11 +213,9 @@ class Smoother:
         self._track = track
         self._n = len(track.xy)
         self._globals = 4 * self._n
-        seen = np.isfinite(track.velocities.sum(axis=1))
         self._v = np.nan_to_num(track.velocities)
         self._dt = np.maximum(np.diff(track.stamps), 1e-3)
-        self._known = seen[1:] & seen[:-1] & (self._dt <= PAUSE_S)
-        self._way = (self._v[1:] + self._v[:-1]) / 2 * self._dt[:, None]
+        self._way, self._known = _by_velocities(track)
         self._error_m = ERROR_M[1]
         self._doppler_mps = np.full(self._n - 1, DOPPLER_MPS)
         self._solve([])
@@ -217,7 +247,7 @@ class Smoother:
 
     def _matrix(self, size: int, *parts: tuple[Indices | int, Values | float]) -> csr_matrix:
         """Row k has of every part (columns, values) the k-th."""
-        count = max(np.size(column) for column, _ in parts)
+        count = np.broadcast(*(column for column, _ in parts)).size
         rows = np.tile(np.arange(count), len(parts))
         columns = np.concatenate([np.broadcast_to(column, count) for column, _ in parts])
         values = np.concatenate([np.broadcast_to(value, count) for _, value in parts])
@@ -322,13 +352,7 @@ class Smoother:
         apart = self._track.xy - lag * self._v
         apart[1:] -= np.cumsum(way, axis=0)
         stamps = self._track.stamps
-        later = np.searchsorted(stamps, stamps + DIFFERENCE_S)
-        first = np.flatnonzero(later < self._n)
-        unseen = np.concatenate([[0], np.cumsum(~self._known)])
-        first = first[unseen[later[first]] == unseen[first]]
-        if len(first) == 0:
-            return
-        last = later[first]
+        first, last = _windows(stamps, self._known)
         differ = (apart[last] - apart[first]) ** 2 / (stamps[last] - stamps[first])[:, None]
         # The median of the mean of two squared normal variables is ln 2 of its expectation; jumps
         # leave it alone.

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
 from host.core.errors import UserError
+from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
@@ -389,15 +390,23 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
 
 
 def read_walk(path: Path) -> tuple[Track, Receiver]:
-    """The walk in a recorded NMEA file, and what its receiver understood. UserError where there is
-    no position in it."""
+    """The walk in a recorded NMEA file or in the GPX of a phone's app, and what was understood of
+    it. UserError where there is no position in it."""
     receiver = Receiver()
     try:
-        with path.open("rb") as lines:
-            fixes = read_fixes(lines, receiver)
+        if path.suffix.lower() == ".gpx":
+            fixes, receiver.sentences["GPX point"] = gpx_file.read_fixes(path)
+        else:
+            with path.open("rb") as lines:
+                fixes = read_fixes(lines, receiver)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     except OSError as error:
         raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
-    track = track_of(fixes)
+    try:
+        track = track_of(fixes)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     if track is None:
         heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
         bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())
@@ -416,8 +425,13 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     def clock() -> float:
         return time.monotonic() - begun
 
+    def keep(data: bytes) -> None:
+        file.write(data)
+
+    feed, _ = gnss_feed(url, clock, say, tap=keep)
+    nothing_yet = path.is_file() and path.stat().st_size == 0
     try:
-        file = path.open("xb", buffering=0)
+        file = path.open("wb" if nothing_yet else "xb", buffering=0)
     except FileExistsError as error:
         raise UserError(
             f"{path} is there already; name it as the source, or move it away to walk again"
@@ -425,7 +439,6 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     except OSError as error:
         raise UserError(f"cannot write the recording {path}: {error.strerror}") from error
     with file:
-        feed, _ = gnss_feed(url, clock, say, tap=file.write)
         say(f"recording {url} to {path}; walk around the field, then press Ctrl-C")
         feed.start()
         fixes = lost = 0

@@ -17,6 +17,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.sensors.nmea import Receiver
@@ -32,6 +33,8 @@ STANDING_MPS = 0.3
 """A course means nothing at a lower speed."""
 PAUSE_S = 3.0
 """What was walked while the receiver was silent for longer is not known: it counts as a jump."""
+MOST_TORN = 0.2
+"""Share of steps that may be jumps where the receiver speaks less often than that."""
 SPIKE_FIXES = 10
 """A jump that another one undoes within so many fixes was a spike."""
 POOR_HDOP = 5.0
@@ -98,7 +101,8 @@ def read_fixes(lines: Iterable[bytes], receiver: Receiver) -> list[Fix]:
 
 def track_of(fixes: Iterable[Fix]) -> Track | None:
     """Leaves out what has no position, a poor one, or is a spike; marks the jumps that stay. None
-    where nothing is left."""
+    where nothing is left; UserError where the receiver spoke so seldom that a walk is jumps.
+    """
     dropped: Counter[str] = Counter()
     good: list[Fix] = []
     for fix in fixes:
@@ -112,6 +116,13 @@ def track_of(fixes: Iterable[Fix]) -> Track | None:
         return None
     frame = LocalFrame(good[0].lat_deg, good[0].lon_deg)
     xy = np.array([frame.to_local(fix.lat_deg, fix.lon_deg) for fix in good])
+    apart_s = float(np.median(np.diff([fix.stamp for fix in good]))) if len(good) > 1 else 0.0
+    torn = sum(_jumps(good, xy, k - 1, k) for k in range(1, len(good)))
+    if apart_s > PAUSE_S and torn > MOST_TORN * len(good):
+        raise UserError(
+            f"its positions are {apart_s:.0f} s apart, and the way between them is not known; set "
+            "the app to one a second and walk again"
+        )
     kept, jumps = [0], [0.0]
     spikes: list[int] = []
     k = 1

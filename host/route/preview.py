@@ -19,6 +19,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as MplPath
 from numpy.typing import NDArray
 
+from host.core.errors import UserError
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import Areas, Geofence, outline_of, placed
@@ -232,6 +233,19 @@ def _at_keep_outs(
 
 
 # ---- what the operator sees ----------------------------------------------------------------------
+
+
+def check_picture(path: Path) -> None:
+    """UserError where a picture can never be written to this path: better before the work."""
+    known = Figure().canvas.get_supported_filetypes()
+    if path.suffix.lower().removeprefix(".") not in known:
+        raise UserError(
+            f"cannot write the picture {path}: its suffix names no format; use .png, .svg or .pdf"
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"cannot write the picture {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise UserError(f"cannot write the picture {path}: there is a folder of that name")
 
 
 def draw_preview(path: Path, shown: Preview, title: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import re
 import socket
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -30,6 +31,8 @@ QUALITIES = range(9)
 """Of GGA: 0 none to 8 simulated."""
 MAX_SENTENCE = 82
 """Characters from `$` to the line's end (NMEA 0183). Phones exceed it; thrice it is garbage."""
+SENTENCE = re.compile(rb"\$[^*]*\*[0-9A-Fa-f]{2}")
+"""Up to its checksum. Loggers write the time of arrival behind it, as GnssLogger does."""
 
 
 @dataclass
@@ -141,7 +144,9 @@ class Receiver:
         if start > 0:
             self.bad["cut off"] += 1
         try:
-            text = line[max(start, 0) :].decode("ascii")
+            line = line[max(start, 0) :]
+            whole = SENTENCE.match(line)
+            text = (whole.group() if whole else line).decode("ascii")
             sentence = pynmea2.parse(text, check=True)
         except UnicodeDecodeError:
             self.bad["not ASCII"] += 1

@@ -26,7 +26,7 @@ def lens_of(
         if this != size:
             raise UserError(
                 f"{name}: {this[0]}x{this[1]} pixels, the pictures before had "
-                f"{size[0]}x{size[1]}; use one camera at one setting"
+                f"{size[0]}x{size[1]}; use one camera at one setting, held one way up"
             )
         found = corners(bgr, board)
         say(f"{name}: {'board found' if found is not None else 'no whole board'}")

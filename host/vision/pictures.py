@@ -18,6 +18,8 @@ Mask = NDArray[np.uint8]
 """(height, width), 0 or 255."""
 
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
+UNREAD_SUFFIXES = frozenset({".heic", ".heif", ".dng"})
+"""Of photographs as phones make them that are not decoded: named, never passed over in a folder."""
 LARGEST_SIDE_PX = 20_000
 SMALLEST_SIDE_PX = 16
 """Sides of a picture that is read at all, greatest and least."""
@@ -45,7 +47,8 @@ def to_bgr(picture: NDArray[np.generic]) -> Picture:
 
 
 def read_photo(path: Path) -> Picture:
-    """One photograph; UserError where it cannot be used."""
+    """One photograph, the way up that a viewer shows it: a phone stores what its sensor saw, and
+    says in EXIF how it was held. UserError where it cannot be used."""
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
     except OSError as error:
@@ -53,11 +56,13 @@ def read_photo(path: Path) -> Picture:
     decoded = None
     if len(data):
         try:
-            decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+            decoded = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
         except cv2.error:
             decoded = None
     if decoded is None:
-        raise UserError(f"{path}: not a picture that can be decoded; give a whole JPEG or PNG")
+        raise UserError(
+            f"{path}: not a picture that can be decoded; give a whole JPEG or PNG, no HEIC"
+        )
     h, w = decoded.shape[:2]
     if min(h, w) < SMALLEST_SIDE_PX or max(h, w) > LARGEST_SIDE_PX:
         raise UserError(
@@ -75,11 +80,15 @@ def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
     path.write_bytes(data.tobytes())
 
 
+def _is_photo(path: Path) -> bool:
+    return path.suffix.lower() in PHOTO_SUFFIXES | UNREAD_SUFFIXES
+
+
 def photos_in(path: Path) -> list[Path]:
     """The photographs of a folder, sorted; or the one named."""
     if not path.is_dir():
         return [path]
-    found = sorted(p for p in path.iterdir() if p.suffix.lower() in PHOTO_SUFFIXES)
+    found = sorted(p for p in path.iterdir() if _is_photo(p))
     if not found:
         raise UserError(
             f"{path}: no photographs in this folder ({', '.join(sorted(PHOTO_SUFFIXES))})"
@@ -95,7 +104,7 @@ def frames(source: str) -> Iterator[tuple[str, Picture]]:
     if "://" not in source:
         if not path.exists():
             raise UserError(f"{source}: no such file or folder; check the path")
-        if path.is_dir() or path.suffix.lower() in PHOTO_SUFFIXES:
+        if path.is_dir() or _is_photo(path):
             bad = []
             for photo in photos_in(path):
                 try:

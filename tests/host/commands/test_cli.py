@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import time
@@ -26,6 +27,7 @@ def failing(error: BaseException) -> click.Command:
     [
         (UserError("the port is missing"), EXIT_USER, "daranti: the port is missing\n"),
         (KeyboardInterrupt(), EXIT_INTERRUPTED, "daranti: interrupted\n"),
+        (OSError(errno.ENOSPC, "No space left"), EXIT_USER, "daranti: the disk is full; free"),
         (ValueError("x"), EXIT_SOFTWARE, "daranti: internal error: ValueError: x"),
         (click.UsageError("no such thing"), EXIT_USER, "Error: no such thing\n"),
     ],

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import resource
+import signal
 import tempfile
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +109,31 @@ def test_csv_keeps_the_crops_edge(field: Boundary) -> None:
     with tempfile.TemporaryDirectory() as folder:
         save_field(path := Path(folder) / "field.csv", bare)
         assert_same(bare, load_field(path))
+
+
+@pytest.fixture
+def full_disk() -> Iterator[None]:
+    """Of this process, no file takes another byte: GDAL's writes fail as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+def test_what_did_not_arrive_whole_is_said_and_what_was_there_stays(
+    tmp_path: Path, suffix: str, request: pytest.FixtureRequest
+) -> None:
+    path = tmp_path / f"field{suffix}"
+    square = boundary_of(shapely.box(0, 0, 20, 20), FRAME, "before")
+    save_field(path, square)
+    there = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    request.getfixturevalue("full_disk")
+    with pytest.raises(UserError, match=f"cannot write {path}: "):
+        save_field(path, boundary_of(shapely.box(0, 0, 30, 30), FRAME, "after"))
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == there
 
 
 def test_csv_refuses_keep_outs_rather_than_losing_them(tmp_path: Path) -> None:
@@ -263,6 +291,51 @@ def test_isoxml_in_a_zip_is_read_with_its_second_file(tmp_path: Path) -> None:
     assert not (tmp_path.parent.parent / "escaped.txt").exists()
 
 
+def kml(name: str = "North") -> str:
+    """As Google Earth saves it."""
+    around = " ".join(f"{lon},{lat},312" for lon, lat in [*AROUND, AROUND[0]])
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?><kml xmlns="http://www.opengis.net/kml/2.2" '
+        'xmlns:gx="http://www.google.com/kml/ext/2.2"><Document><name>doc.kml</name><Folder>'
+        f"<Placemark><name>{name}</name><Polygon><tessellate>1</tessellate><outerBoundaryIs>"
+        f"<LinearRing><coordinates>\n\t{around} \n</coordinates></LinearRing></outerBoundaryIs>"
+        "</Polygon></Placemark></Folder></Document></kml>"
+    )
+
+
+@pytest.mark.parametrize("name", ["field.kmz", "field.zip"])
+def test_google_earths_own_file_is_read(tmp_path: Path, name: str) -> None:
+    with zipfile.ZipFile(path := tmp_path / name, "w") as archive:
+        archive.writestr("files/icon.png", b"nothing of ours")
+        archive.writestr("doc.kml", kml("Nördliches Feld"))
+    field = load_field(path)
+    assert (field.name, len(field.crop)) == ("Nördliches Feld", 4)
+
+
+@pytest.mark.parametrize("folder", ["", "export/North/"])
+def test_a_zipped_shapefile_is_read_with_the_files_that_belong_to_it(
+    tmp_path: Path, folder: str
+) -> None:
+    field = boundary_of(POND, FRAME, "Pond")
+    save_field(tmp_path / "x.shp", field)
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        for suffix in (".shp", ".SHX", ".dbf", ".prj", ".cpg"):
+            content = (tmp_path / f"x{suffix.lower()}").read_bytes()
+            archive.writestr(f"{folder}boundary{suffix}", content)
+        archive.writestr("../../escaped.prj", "nowhere")
+    read = load_field(path)
+    assert read.name == "Pond"
+    assert_same(read, field)
+    assert not (tmp_path.parent.parent / "escaped.prj").exists()
+
+
+def test_a_zip_of_something_else_says_what_it_may_hold(tmp_path: Path) -> None:
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("photo.jpg", b"")
+    with pytest.raises(UserError, match=r"no TASKDATA\.XML in it and no \.shp, \.kml"):
+        load_field(path)
+
+
 def test_a_zip_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(path := tmp_path / "e.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("TASKDATA.XML", b" " * 70_000_000)
@@ -332,6 +405,18 @@ def test_the_command_converts_and_says_what_it_wrote(tmp_path: Path, cli: Cli) -
     assert_same(load_field(source), load_field(target))
 
 
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
+def test_a_files_name_is_no_reason_to_warn(
+    tmp_path: Path, cli: Cli, recwarn: pytest.WarningsRecorder, suffix: str
+) -> None:
+    save_field(tmp_path / "a.csv", boundary_of(shapely.box(0, 0, 20, 20), FRAME))
+    target = tmp_path / f"My field-2, süd{suffix}"
+    code, out, err = cli("convert", str(tmp_path / "a.csv"), str(target))
+    assert (code, err) == (0, "")
+    assert str(target) in out
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 @pytest.mark.parametrize("name", ["field.dwg", "nowhere/field.kml"])
 def test_a_target_that_cannot_be_is_one_message(tmp_path: Path, cli: Cli, name: str) -> None:
     save_field(source := tmp_path / "field.kml", boundary_of(POND, FRAME))
@@ -369,6 +454,7 @@ def moved(ring: list[tuple[float, float]], by_deg: float) -> list[tuple[float, f
         ("Lat;Long", "{0};{1}"),
         ("latitude,longitude", "{0},{1}"),
         ("north,east", "{0},{1}"),
+        ("Id\tLatitude\tLongitude", "7\t{0}\t{1}"),
     ],
 )
 def test_a_csv_heading_says_which_number_is_which(tmp_path: Path, heading: str, line: str) -> None:
@@ -376,6 +462,16 @@ def test_a_csv_heading_says_which_number_is_which(tmp_path: Path, heading: str, 
     rows = [line.format(lat, lon) for lon, lat in AROUND]
     path.write_text("\n".join([heading, *rows]))
     assert load_field(path).crop[0] == (31.5, 74.3)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimals_may_have_a_comma_where_another_sign_divides(
+    tmp_path: Path, separator: str
+) -> None:
+    path = tmp_path / "field.csv"
+    rows = [f"{lat}{separator}{lon}".replace(".", ",") for lon, lat in AROUND]
+    path.write_text("\n".join(rows))
+    assert load_field(path).crop == tuple((lat, lon) for lon, lat in AROUND)
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".csv"])
@@ -418,6 +514,118 @@ def test_polygons_that_cross_are_one_message(tmp_path: Path) -> None:
     bow = [AROUND[0], AROUND[2], AROUND[1], AROUND[3]]
     path.write_text(collection(feature("North", AROUND), feature("bow", bow)))
     with pytest.raises(UserError, match="sides of 'bow' cross"):
+        load_field(path)
+
+
+def test_a_field_that_is_there_twice_is_one_field_and_no_keep_out(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    path.write_text(collection(feature("2025", AROUND), feature("2026", [*AROUND[1:], AROUND[0]])))
+    field = load_field(path)
+    assert (field.name, len(field.crop), field.keep_outs) == ("2025", 4, ())
+
+
+@pytest.mark.parametrize("more", [[[212.0]], [[212.0, 3.0]], [[212.0], []], [[None]]])
+def test_what_follows_a_places_two_numbers_is_left_out(tmp_path: Path, more: Any) -> None:
+    ring = [[*place, *more[k % len(more)]] for k, place in enumerate([*AROUND, AROUND[0]])]
+    path = tmp_path / "field.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    assert load_field(path).crop == tuple((lat, lon) for lon, lat in AROUND)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_geojson_is_read_in_every_encoding_that_it_may_have(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "field.geojson"
+    text = collection(feature("Öd", AROUND)).replace("\\u00d6", "Ö")
+    path.write_text(text, encoding=encoding)
+    assert load_field(path).name == "Öd"
+
+
+def test_a_device_is_not_read_for_ever() -> None:
+    with pytest.raises(UserError, match="/dev/zero: it is a device or a pipe, no file"):
+        load_field(Path("/dev/zero"))
+
+
+def test_a_database_is_no_list_of_places(tmp_path: Path) -> None:
+    path = tmp_path / "field.gpkg"
+    path.write_bytes(b"SQLite format 3\0" * 10)
+    with pytest.raises(UserError, match=r"neither text nor a known format; use \.geojson"):
+        load_field(path)
+
+
+Ring = list[tuple[float, float]]
+
+
+def geojson(path: Path, *rings: Ring, hole: Ring | None = None) -> Path:
+    """A MultiPolygon of outer rings in metres of FRAME, named A, with a hole in the last."""
+    polygons = [[ring] for ring in rings]
+    polygons[-1] += [hole] if hole is not None else []
+    degrees = [
+        [[FRAME.to_wgs84(*place)[::-1] for place in [*ring, ring[0]]] for ring in polygon]
+        for polygon in polygons
+    ]
+    geometry = {"type": "MultiPolygon", "coordinates": degrees}
+    path.write_text(
+        json.dumps({"type": "Feature", "properties": {"FIELD_NAME": "A"}, "geometry": geometry})
+    )
+    return path
+
+
+FOUR = [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0)]
+
+
+@pytest.mark.parametrize(
+    "ring",
+    [
+        pytest.param([*FOUR, (0.03, -0.05)], id="overlaps its begin"),
+        pytest.param([*FOUR[:3], (20, 30), (20, 35), (20, 30), FOUR[3]], id="spike of no width"),
+        pytest.param(
+            [*FOUR[:3], (20, 30), (20.02, 30.02), (20.02, 29.99), (19.9, 30.01), FOUR[3]],
+            id="loop of centimetres",
+        ),
+    ],
+)
+def test_a_slip_of_centimetres_makes_a_field_no_less_one(tmp_path: Path, ring: Ring) -> None:
+    assert not shapely.Polygon(ring).is_valid
+    well = [(10.0, 10.0), (14.0, 10.0), (14.0, 15.0)]
+    field = load_field(geojson(tmp_path / "slip.geojson", ring, hole=well))
+    polygon = field.polygon(FRAME)
+    assert polygon.is_valid
+    assert shapely.hausdorff_distance(polygon.exterior, shapely.LinearRing(FOUR)) < 0.1
+    assert shapely.Polygon(polygon.interiors[0]).area == pytest.approx(10, rel=1e-3)
+
+
+@pytest.mark.parametrize("width_m", [3.0, 20.0])
+def test_a_crossing_that_encloses_as_much_as_a_field_is_refused(
+    tmp_path: Path, width_m: float
+) -> None:
+    ring = [(0.0, 0.0), (40.0, 0.0), (0.0, 30.0), (width_m, 30.0)]
+    with pytest.raises(UserError, match="sides of 'A' cross"):
+        load_field(geojson(tmp_path / "bow.geojson", ring))
+
+
+def test_a_sliver_beside_the_field_is_no_second_field(tmp_path: Path) -> None:
+    sliver = [(60.0, 0.0), (60.05, 0.0), (60.05, 0.3)]
+    assert len(load_field(geojson(tmp_path / "a.geojson", sliver, FOUR)).crop) == 4
+    garden = [(60.0, 0.0), (62.0, 0.0), (62.0, 2.0)]
+    with pytest.raises(UserError, match=r"1 'A', 2 'A'; say which with --field NAME or NUMBER"):
+        load_field(geojson(tmp_path / "b.geojson", garden, FOUR))
+
+
+@pytest.mark.parametrize("west_m", [0.0, -1.0])
+def test_a_keep_out_at_the_fields_edge_is_refused_and_not_cut_off(
+    tmp_path: Path, west_m: float
+) -> None:
+    well = [(west_m, 12.0), (4.0, 12.0), (4.0, 16.0), (west_m, 16.0)]
+    path = geojson(tmp_path / "edge.geojson", FOUR, hole=well)
+    with pytest.raises(UserError, match="keep-outs of 'A' cross each other or the field's edge"):
+        load_field(path)
+
+
+def test_metres_of_a_map_are_named(tmp_path: Path) -> None:
+    utm = [(596597.8 + x, 5339346.8 + y) for x, y in [*FOUR, FOUR[0]]]
+    path = tmp_path / "utm.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [utm]}))
+    with pytest.raises(UserError, match="metres of a map"):
         load_field(path)
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pynmea2
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -20,8 +24,17 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
-from host.field.boundary_file import load_field
-from host.field.survey import Survey, any_edge, straight_sides, survey_track, with_keep_out
+from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
+from host.field.smoothing import Smoother
+from host.field.survey import (
+    Survey,
+    any_edge,
+    read_walk,
+    record_walk,
+    straight_sides,
+    survey_track,
+    with_keep_out,
+)
 from host.field.walk import (
     SPIKE_FIXES,
     Track,
@@ -126,6 +139,61 @@ def test_the_stamps_are_the_sentences_own_times_over_midnight_too() -> None:
     fixes = read_fixes((line.encode() + b"\r\n" for line in lines), Receiver())
     steps = {round(b.stamp - a.stamp, 6) for a, b in pairwise(fixes)}
     assert steps == {1.0}
+
+
+def changed(lines: list[str], by: Callable[[pynmea2.RMC], None]) -> list[str]:
+    """The same walk by a receiver whose RMC has something else in it."""
+    out = []
+    for line in lines:
+        sentence = pynmea2.parse(line)
+        if isinstance(sentence, pynmea2.RMC):
+            by(sentence)
+        out.append(str(sentence))
+    return out
+
+
+def says(knots: float, course: float, mirrored: bool = False) -> Callable[[pynmea2.RMC], None]:
+    """Speed and course times so much."""
+
+    def by(rmc: pynmea2.RMC) -> None:
+        degrees = course * float(rmc.data[7] or 0)
+        rmc.data[6] = f"{knots * float(rmc.data[6] or 0):.2f}"
+        rmc.data[7] = f"{360 - degrees if mirrored else degrees:.1f}"
+
+    return by
+
+
+@pytest.mark.parametrize(
+    "by",
+    [says(0, 0), says(1, 0), says(1.852, 1), says(1, 1, mirrored=True)],
+    ids=["no speed", "no course", "km/h", "mirrored"],
+)
+def test_a_velocity_that_is_none_leaves_the_boundary_alone(
+    by: Callable[[pynmea2.RMC], None],
+) -> None:
+    lines = walk(around(SQUARE, laps=2))
+    found = survey_track(tracked(changed(lines, by)))
+    assert iou(in_field(found), shapely.Polygon(SQUARE)) > 0.98
+    assert found.sigma_m == UNKNOWN_SIGMA_M
+    assert survey_track(tracked(lines)).sigma_m < 0.3
+
+
+def test_positions_too_far_apart_in_time_are_refused_with_the_remedy(
+    tmp_path: Path, cli: Cli
+) -> None:
+    places = [line for line in walk(around(SQUARE, laps=3)) if "GGA" in line]
+    path = tmp_path / "walk.nmea"
+    path.write_text("\n".join(places[::10]))
+    code, _, err = cli("survey", str(path), "--out", str(tmp_path / "field.geojson"))
+    assert code == 2
+    assert f"{path}: its positions are 10 s apart" in err
+    assert "set the app to one a second" in err
+
+
+def test_sides_that_nobody_walked_along_are_not_fitted() -> None:
+    track = tracked(walk(around(SQUARE)))
+    elsewhere = np.array(SQUARE) + 500.0
+    assert Smoother(track).sides(elsewhere, [(0, len(track.xy) - 1)]) is None
 
 
 def test_no_position_at_all_is_no_track() -> None:
@@ -369,6 +437,22 @@ def test_a_source_that_is_not_there_is_said(tmp_path: Path, cli: Cli) -> None:
     code, _, err = cli("survey", str(tmp_path / "no"), "--out", str(tmp_path / "field.kml"))
     assert code == 2
     assert "does not exist" in err
+    assert not list(tmp_path.iterdir()), "nothing is left that would be in the next walk's way"
+
+
+def test_an_empty_recording_is_not_in_a_walks_way(tmp_path: Path) -> None:
+    path = tmp_path / "field.nmea"
+    path.touch()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        said: list[str] = []
+
+        def say(text: str) -> None:
+            said.append(text)
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            record_walk(f"tcp://127.0.0.1:{listener.getsockname()[1]}", path, say)
+    assert said[0].startswith("recording tcp://")
 
 
 def test_a_walk_is_recorded_from_the_phone_until_ctrl_c(tmp_path: Path) -> None:
@@ -430,3 +514,81 @@ def test_a_real_phones_walk_becomes_a_closed_boundary(tmp_path: Path, cli: Cli) 
     polygon = field.polygon(field.frame)
     assert polygon.is_valid
     assert polygon.area == pytest.approx(43_400, rel=0.01)
+
+
+def gpx(path: Path, segments: list[list[tuple[Place, float | None]]]) -> Path:
+    """As phone apps write it: a track of segments of places with their seconds of the day."""
+    text = ""
+    for segment in segments:
+        text += "<trkseg>"
+        for place, second in segment:
+            lat, lon = ORIGIN.to_wgs84(*place)
+            text += f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}"><ele>312</ele>'
+            if second is not None:
+                when = datetime.datetime(2026, 6, 1, 22, 59) + datetime.timedelta(seconds=second)
+                text += f"<time>{when.isoformat()}.000Z</time>"
+            text += "</trkpt>"
+        text += "</trkseg>"
+    path.write_text(
+        '<?xml version="1.0"?><gpx version="1.1" creator="OsmAnd" '
+        f'xmlns="http://www.topografix.com/GPX/1/1"><trk><name>w</name>{text}</trk></gpx>'
+    )
+    return path
+
+
+@pytest.mark.parametrize("seconds", [10.0, None])
+@pytest.mark.parametrize("cut", [(), (3, 7)])
+def test_a_phone_apps_gpx_is_a_walk(
+    tmp_path: Path, cli: Cli, seconds: float | None, cut: tuple[int, ...]
+) -> None:
+    way = shapely.segmentize(shapely.LineString([*SQUARE, *SQUARE, SQUARE[0]]), 12.0).coords
+    timed = [(place, None if seconds is None else k * seconds) for k, place in enumerate(way)]
+    ends = [0, *cut, len(timed)]
+    # An app that pauses by itself begins its next segment where it stood.
+    segments = [timed[max(0, a - 1) : b] for a, b in pairwise(ends)]
+    path = gpx(tmp_path / "walk.gpx", segments)
+    code, text, err = cli("survey", str(path), "--out", str(tmp_path / "field.geojson"))
+    assert code == 0, err
+    assert f"{len(timed) + len(cut)} GPX point; bad: none" in text
+    assert "left out: none" in text
+    assert "jumps and unseen ways: 0" in text
+    assert "laps: 2" in text
+    found = load_field(tmp_path / "field.geojson").polygon(ORIGIN)
+    assert iou(found, shapely.Polygon(SQUARE)) > 0.99
+
+
+def test_what_an_app_did_not_see_for_a_minute_is_a_jump(tmp_path: Path) -> None:
+    path = gpx(tmp_path / "walk.gpx", [[((0.0, 0.0), 0.0), ((5.0, 0.0), 4.0), ((75.0, 0.0), 65.0)]])
+    track, _ = read_walk(path)
+    assert track.jumps_m.tolist() == pytest.approx([0, 0, 0, 0, 0, 70], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("<gpx", "not GPX that can be read"),
+        ('<gpx version="1.1" creator="x"><wpt lat="1" lon="2"/></gpx>', "holds no track"),
+    ],
+)
+def test_gpx_that_is_no_walk_is_one_message(tmp_path: Path, content: str, message: str) -> None:
+    (path := tmp_path / "walk.gpx").write_text(content)
+    with pytest.raises(UserError, match=message) as error:
+        read_walk(path)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(("laps", "begin"), [(1, 0), (2, 0), (3, 0), (1, 180), (2, 180)])
+def test_a_real_phones_loop_has_its_corners_where_a_person_sees_them(laps: int, begin: int) -> None:
+    with real("gps/phone-walk.nmea").open("rb") as lines:
+        fixes = [fix for fix in read_fixes(lines, Receiver()) if fix.quality]
+    frame = LocalFrame(fixes[0].lat_deg, fixes[0].lon_deg)
+    loop = fixes[1095:1620]
+    walked = [*(loop[begin:] + loop[:begin]) * laps, loop[begin]]
+    track = track_of(replace(fix, stamp=float(second)) for second, fix in enumerate(walked))
+    assert track is not None
+    found = survey_track(track)
+    assert len(found.loops.laps) == laps
+    corners = np.array([frame.to_local(*corner) for corner in found.boundary("").crop])
+    for seen in ((-856, 487), (-991, 359), (-850, 234)):
+        assert np.hypot(*(corners - seen).T).min() < 6
+    assert found.polygon.area == pytest.approx(43_400, rel=0.02)

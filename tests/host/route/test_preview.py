@@ -229,6 +229,19 @@ def test_the_command_compares_the_turns_and_writes_a_picture(tmp_path: Path, cli
     assert (tmp_path / "field.plan.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("folder", [".", "..", "TASKDATA"])
+def test_a_task_set_may_be_the_folder_that_one_stands_in(
+    tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    inside = tmp_path / "TASKDATA" / "more"
+    inside.mkdir(parents=True)
+    save_field(inside.parent / "TASKDATA.XML", boundary_of(SQUARE, FRAME, "Square"))
+    monkeypatch.chdir({".": inside.parent, "..": inside, "TASKDATA": tmp_path}[folder])
+    code, _, err = cli("plan", folder, "--gap", "2")
+    assert (code, err) == (0, "")
+    assert (tmp_path / "TASKDATA.plan.png").is_file()
+
+
 def test_without_a_gap_the_command_says_what_is_not_watched(tmp_path: Path, cli: Cli) -> None:
     code, out, _ = cli("plan", str(field_file(tmp_path)))
     assert code == 0
@@ -250,14 +263,17 @@ def test_a_table_line_is_not_broken(tmp_path: Path, cli: Cli) -> None:
         (["--start", "4"], "has the corners 0 to 3"),
         (["--inset", "11"], "nothing is left to cut"),
         (["--gap", "0"], "no room for the machine's wheels"),
-        (["--out", "/nowhere/plan.png"], "cannot write the picture"),
+        (["--out", "/nowhere/plan.png"], "there is no folder /nowhere"),
+        (["--out", "plan"], "its suffix names no format"),
+        (["--out", "plan.xyz"], "its suffix names no format"),
         (["--vehicle", "/nowhere.yaml"], "cannot read the vehicle file"),
     ],
 )
 def test_bad_input_is_one_message(
     tmp_path: Path, cli: Cli, options: list[str], message: str
 ) -> None:
-    code, _, err = cli("plan", str(field_file(tmp_path)), *options)
+    code, out, err = cli("plan", str(field_file(tmp_path)), *options)
     assert code == 2
+    assert out == "", "it is said before the work"
     assert message in err
     assert len(err.splitlines()) == 1

@@ -148,6 +148,13 @@ def test_a_sentence_after_one_that_was_cut_off_is_taken() -> None:
     assert receiver.bad == {"cut off": 1}
 
 
+@pytest.mark.parametrize("form", [b"NMEA,%s,1780142400123\r\n", b"2026-06-01 10:00:00 %s\n"])
+def test_what_a_logger_writes_around_a_sentence_costs_nothing(form: bytes) -> None:
+    receiver = Receiver()
+    stream = b"".join(form % line.strip() for line in (gga(), rmc()))
+    assert receiver.feed(0.0, stream) == Receiver().feed(0.0, gga() + rmc()) != []
+
+
 def test_a_speed_that_the_receiver_itself_calls_void_is_none() -> None:
     (fix,) = Receiver().feed(0.0, gga() + rmc(status="V"))
     assert fix.quality == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import struct
 from pathlib import Path
 
 import cv2
@@ -19,6 +20,7 @@ from host.commands.see import see
 from host.commands.tune_vision import tune_vision
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Mount, Vehicle
+from host.core.vehicle_file import load_vehicle
 from host.runs.pictures import frames
 from host.runs.record import Recorder
 from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
@@ -258,6 +260,17 @@ def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_
     assert (out / "wheat.json").exists()
 
 
+@pytest.mark.parametrize("given", ["IMG_0001.HEIC", "."])
+def test_a_phones_heic_is_named_and_not_passed_over(
+    photo: Path, tmp_path: Path, given: str
+) -> None:
+    (photo.parent / "IMG_0001.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(100))
+    result = run(see, photo.parent / given, "--side", "left", "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert "IMG_0001.HEIC: not a picture that can be decoded; give a whole JPEG" in result.output
+    assert (tmp_path / "out" / "wheat.json").exists() == (given == ".")
+
+
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.99])
 def test_a_truncated_photograph_is_refused(tmp_path: Path, share: float) -> None:
     whole = cv2.imencode(".jpg", halves("left")[0])[1].tobytes()
@@ -286,6 +299,41 @@ def test_a_manifest_without_its_columns_is_refused(photo: Path, tmp_path: Path) 
     result = run(see, photo, "--manifest", manifest, "--out", tmp_path)
     assert isinstance(result.exception, UserError)
     assert "line 2" in str(result.exception)
+
+
+def turned(jpeg: bytes, orientation: int) -> bytes:
+    """A JPEG with the EXIF orientation tag (0x0112, of TIFF 6.0 in an APP1 segment)."""
+    entry = struct.pack(">HHIHH", 0x0112, 3, 1, orientation, 0)
+    exif = b"Exif\0\0MM\0*" + struct.pack(">IH", 8, 1) + entry + bytes(4)
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
+
+
+@pytest.mark.parametrize(
+    ("orientation", "stored"),
+    [
+        (1, None),
+        (3, cv2.ROTATE_180),
+        (6, cv2.ROTATE_90_COUNTERCLOCKWISE),
+        (8, cv2.ROTATE_90_CLOCKWISE),
+    ],
+)
+def test_a_photograph_stands_as_the_phone_was_held(
+    tmp_path: Path, orientation: int, stored: int | None
+) -> None:
+    shown = halves("left")[0]
+    sensor = shown if stored is None else cv2.rotate(shown, stored)
+    path = tmp_path / "portrait.jpg"
+    path.write_bytes(turned(cv2.imencode(".jpg", sensor)[1].tobytes(), orientation))
+    read = read_photo(path)
+    assert read.shape == shown.shape
+    assert np.abs(read.astype(int) - shown.astype(int)).mean() < 3
+
+
+def test_a_photograph_of_16_bits_is_as_bright_as_of_8(tmp_path: Path) -> None:
+    shown = halves("left")[0]
+    path = tmp_path / "deep.png"
+    path.write_bytes(cv2.imencode(".png", shown.astype(np.uint16) * 257)[1].tobytes())
+    assert np.array_equal(read_photo(path), shown)
 
 
 @pytest.mark.parametrize("shape", [(20, 20), (20, 20, 1), (20, 20, 3), (20, 20, 4)])
@@ -382,6 +430,34 @@ def test_calibrate_camera_writes_a_lens_for_the_vehicle_file(tmp_path: Path) -> 
     result = run(calibrate_camera, tmp_path, "--square", "0.05", "--out", out)
     assert result.exit_code == 0, result.output
     assert "focal_px" in out.read_text()
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_calibrate_camera_writes_the_mount_into_the_machines_file(
+    tmp_path: Path, there: bool
+) -> None:
+    boards = tmp_path / "board"
+    boards.mkdir()
+    for number, turn in enumerate(TURNS):
+        cv2.imwrite(str(boards / f"{number}.png"), printed(turn))
+    path = tmp_path / "machine.yaml"
+    if there:
+        path.write_text("wheelbase_m: 1.07\n")
+    before = load_vehicle(path if there else None)
+    result = run(calibrate_camera, boards, "--square", "0.05", "--vehicle", path, "--mount", "low")
+    assert result.exit_code == 0, result.output
+    after = load_vehicle(path)
+    assert after.mounts["low"].focal_px == pytest.approx(LENS.focal_px, rel=0.02)
+    assert after.mounts["low"].z_m == before.mounts["low"].z_m
+    assert "still said to be 0.6 m high" in result.output
+    assert after.mounts["mast"] == before.mounts["mast"]
+    assert after.model_copy(update={"mounts": {}}) == before.model_copy(update={"mounts": {}})
+
+
+def test_calibrate_camera_names_the_mounts_before_it_looks_at_pictures(tmp_path: Path) -> None:
+    result = run(calibrate_camera, tmp_path, "--vehicle", tmp_path / "m.yaml", "--mount", "roof")
+    assert isinstance(result.exception, UserError)
+    assert "it has low, mast" in str(result.exception)
 
 
 def test_a_damaged_picture_of_a_record_is_left_out_and_counted(tmp_path: Path) -> None:
