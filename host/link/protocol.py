@@ -1011,7 +1011,7 @@ PARAMS: dict[str, ParamSpec] = {
         123,
         25000,
         "Hz",
-        "timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above",
+        "timer 2 gives 123, 245, 490, 980, 3922 Hz: the highest that is not above",
     ),
     "pot_left": ParamSpec(
         "pot_left",

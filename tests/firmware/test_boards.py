@@ -135,6 +135,38 @@ def test_after_boot_the_registers_are_what_the_datasheet_asks(
         assert {register(target, at) for at in (0x71, 0x72, 0x73, 0x65, 0x74)} == {0}
 
 
+@pytest.mark.parametrize("asked_hz", (123, 244, 245, 490, 979, 980, 3921, 3922, 25_000))
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+def test_the_drive_s_pwm_is_the_fastest_that_its_timer_has_up_to_what_is_asked(
+    make: Maker, board: Board, asked_hz: int
+) -> None:
+    """17.7.4 and table 17-9, to the nearest hertz, as the owner writes it. Duties do not show it."""
+    bench = Bench(make(board), board=board)
+    bench.run(10)
+    bench.set_param("drive_pwm_freq", asked_hz)
+    bench.run(20)
+    divided = {1: 1, 2: 8, 3: 32, 4: 64, 5: 128, 6: 256, 7: 1024}
+    hz = {clock: round(16e6 / 510 / by) for clock, by in divided.items()}
+    runs_at = hz[register(bench.target, 0xB1) & 0x07]  # TCCR2B
+    assert register(bench.target, 0xB0) & 0x03 == 1  # TCCR2A: phase correct, top 255
+    assert register(bench.target, 0xB1) & 0x08 == 0
+    assert runs_at == max(each for each in hz.values() if each <= asked_hz)
+
+
+@pytest.mark.parametrize("asked_hz", (123, 4000, 7001, 20_000, 25_000))
+def test_the_steering_s_pwm_is_the_fastest_that_is_not_above_what_is_asked(
+    make: Maker, asked_hz: int
+) -> None:
+    """15.9.5: 16 MHz / 2 / ICR1. A VNH5019 stands 20 kHz, a BTS7960 25 kHz."""
+    bench = Bench(make())
+    bench.run(10)
+    bench.set_param("steer_pwm_freq", asked_hz)
+    bench.run(20)
+    top = word(bench.target, 0x86)
+    assert register(bench.target, 0x81) & 0x1F == 0x11  # TCCR1B: mode 8, not divided
+    assert 8e6 / top <= asked_hz < 8e6 / (top - 1)
+
+
 @pytest.mark.parametrize("board", BOARDS)
 def test_the_pins_are_the_wiring_s(make: Maker, board: Board) -> None:
     target, pins = make(board), PINS[board]
