@@ -110,6 +110,16 @@ class Bench:
         p = self.pins
         return self.signed(p.drive_pwm, p.drive_lpwm, p.drive_in1, p.drive_in2)
 
+    @property
+    def wheel_duty(self) -> float:
+        """0..255: the speed at which the wheels turn. A VNH5019 that shorts its motor for a part of
+        each period lets go for the rest, and the motor drives the battery's 12 V and two diodes."""
+        shorted = self.target.pwm(self.pins.drive_pwm)
+        inputs = self.target.pin(self.pins.drive_in1), self.target.pin(self.pins.drive_in2)
+        if self.bts7960 or any(inputs) or shorted == 0:
+            return abs(self.drive_duty)
+        return (255 - shorted) * 13.6 / 12.0
+
     def off(self) -> bool:
         """Nothing moves or cuts."""
         return not any(self.target.pwm(pin) for pin in self.pins.outputs)
@@ -136,7 +146,7 @@ class Bench:
             self.actuator.step(steer, STEP_US * 1e-6)
             self._pot()
             if self.hall_per_metre:
-                self.wheel_m += abs(drive) / 255 * STEP_US * 1e-6
+                self.wheel_m += self.wheel_duty / 255 * STEP_US * 1e-6
                 phase = self.wheel_m * self.hall_per_metre
                 late = phase + (0.25 if self.wheel_backward else -0.25)
                 self.target.set_pin(self.pins.hall, phase - math.floor(phase) < 0.5)

@@ -9,14 +9,18 @@ namespace daranti {
 // Values of the parameters steer_driver and drive_driver.
 enum class BridgeStyle : uint8_t { kNotSet = 0, kL298n = 1, kBts7960 = 2, kVnh5019 = 3 };
 
-// What a motor does at zero duty. An L298N or VNH5019 shorts it to ground where both inputs are low
-// and it is enabled (both high would short it, too, but one of them torn off is full power then); a
-// BTS7960 board whose enables are wired high shorts it in any case.
-enum class Idle : uint8_t { kCoast, kBrake };
+// What becomes of a motor that turns faster than its duty asks. The mean voltage at the motor is
+// the duty's either way. But where they drive, an L298N and a VNH5019 take no current back: in the
+// rest of each period their low sides are open (VNH5019: data sheet, 2.4, "PWM pin usage"), and the
+// motor runs on. Where they brake they drive none: both inputs low and enabled short the motor to
+// ground, and in the rest its current flows back into the battery. (Both inputs high would short
+// it, too, but one of them torn off is full power then.) A BTS7960 with its enables wired high does
+// both.
+enum class Bridging : uint8_t { kDrive, kBrake };
 
 // duty: -255..255, positive left or forward. All wires are low, which every driver takes as off, at
 // zero duty without brake, and always where the style is not set.
-BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Idle idle = Idle::kCoast);
+BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Bridging bridging = Bridging::kDrive);
 
 // The largest mean current that the driver stands, 0.01 A; 0 where the style is not set.
 int16_t bridge_rating(BridgeStyle style);

@@ -293,13 +293,16 @@ void Controller::actuate(Board &board) {
   const bool forward = asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
   board.set_blade(blade_.step(forward, pulses_.blade));
   board.set_bridge(Motor::kSteer, bridge_wires(steer_style_, steer_duty_));
-  // A machine that is told to stand must stand on a slope, too; and where the slope drives it
-  // faster than it is told, its motors brake at no duty as they do at the least one. Until it rolls
-  // or is driven nothing is on: what brakes one driver is full power where another is fitted.
+  // A machine that is told to stand must stand on a slope, too; and one that the slope drives
+  // faster than it is told is braked. Until it rolls or is driven nothing is on: what brakes one
+  // driver is full power where another is fitted.
   const bool rolls = hall_.speed() != 0 && hall_.speed() != Hall::kNone;
   if (rolls || drive_.setpoint() != 0) holds_ = true;
-  const Idle idle = holds_ ? Idle::kBrake : Idle::kCoast;
-  board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_, idle));
+  const bool brakes = drive_duty_ == 0
+                          ? holds_
+                          : hall_.directed() && drive_.slows(drive_duty_, hall_.speed(), battery_);
+  board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_,
+                                               brakes ? Bridging::kBrake : Bridging::kDrive));
 }
 
 void Controller::off(Board &board) {

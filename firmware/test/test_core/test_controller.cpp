@@ -594,21 +594,36 @@ TEST_CASE("A bridge's wires follow its style, and a duty beyond 255 counts as 25
   };
   for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kVnh5019}) {
     CHECK(same(bridge_wires(style, 100), {100, 0, true, false}));
-    CHECK(same(bridge_wires(style, -100, Idle::kBrake), {100, 0, false, true}));
+    CHECK(same(bridge_wires(style, -100), {100, 0, false, true}));
     CHECK(same(bridge_wires(style, 1), {1, 0, true, false}));
     CHECK(same(bridge_wires(style, 300), {255, 0, true, false}));
     CHECK(same(bridge_wires(style, -300), {255, 0, false, true}));
     CHECK(same(bridge_wires(style, 0), {0, 0, false, false}));
-    CHECK(same(bridge_wires(style, 0, Idle::kBrake), {255, 0, false, false}));
   }
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, 100), {100, 0, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, -100), {0, 100, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, 1), {1, 0, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, -1), {0, 1, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, 0, Idle::kBrake), {0, 0, false, false}));
-  for (const int16_t duty : {int16_t{-255}, int16_t{0}, int16_t{255}}) {
-    CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, Idle::kBrake), {0, 0, false, false}));
+  for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
+    CHECK(same(bridge_wires(BridgeStyle::kBts7960, 100, bridging), {100, 0, false, false}));
+    CHECK(same(bridge_wires(BridgeStyle::kBts7960, -100, bridging), {0, 100, false, false}));
+    CHECK(same(bridge_wires(BridgeStyle::kBts7960, 1, bridging), {1, 0, false, false}));
+    CHECK(same(bridge_wires(BridgeStyle::kBts7960, -1, bridging), {0, 1, false, false}));
+    CHECK(same(bridge_wires(BridgeStyle::kBts7960, 0, bridging), {0, 0, false, false}));
+    for (const int16_t duty : {int16_t{-255}, int16_t{0}, int16_t{255}}) {
+      CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, bridging), {0, 0, false, false}));
+    }
   }
+}
+
+TEST_CASE("A VNH5019 brakes with both inputs low, the more the less is asked") {
+  // At 12 V the motor may give 12 V * duty: it is open for so much of the period, in which its
+  // current flows back over two diodes into 13.6 V.
+  for (int16_t duty = -255; duty <= 255; ++duty) {
+    const BridgeWires wires = bridge_wires(BridgeStyle::kVnh5019, duty, Bridging::kBrake);
+    CHECK(!wires.in1);
+    CHECK(!wires.in2);
+    CHECK(wires.lpwm == 0);
+    const double open = (255 - wires.pwm) / 255.0 * 13.6;
+    CHECK(open == doctest::Approx(12.0 * (duty < 0 ? -duty : duty) / 255).epsilon(0.01).scale(12));
+  }
+  CHECK(bridge_wires(BridgeStyle::kVnh5019, 0, Bridging::kBrake).pwm == 255);
 }
 
 TEST_CASE("ARM is refused where a driver is not named") {
@@ -932,6 +947,58 @@ TEST_CASE("A machine that a slope drives faster than it is told gets no duty, an
   }
   CHECK(rig.state() == State::RUNNING);
   CHECK(rig.brakes());
+}
+
+TEST_CASE(
+    "A machine that a slope drives is braked as far as it is too fast, and let go on the flat") {
+  Rig rig;
+  rig.set(Param::hall_per_metre, 1000);
+  rig.set(Param::drive_kp, 0);
+  rig.set(Param::drive_ki, 0);
+  rig.arm();
+  rig.ask(500);
+  // A pulse each 10 mm: at 0.5 m/s four ticks, at 1 m/s two.
+  const auto roll = [&rig](int ticks, int each) {
+    for (int tick = 0; tick < ticks; ++tick) {
+      if (tick % each == 0) rig.board.wheel = static_cast<uint16_t>(rig.board.wheel + 1);
+      rig.drive_for(1);
+    }
+  };
+  roll(150, 5);  // 0.4 m/s
+  CHECK(rig.board.drive.in1);
+  CHECK(rig.board.drive.pwm == 128);
+  roll(40, 2);
+  CHECK(!rig.board.drive.in1);
+  CHECK(!rig.board.drive.in2);
+  CHECK(rig.board.drive.pwm == 255 - 128 + 16);
+  roll(40, 5);
+  CHECK(rig.board.drive.in1);
+  CHECK(rig.board.drive.pwm == 128);
+}
+
+TEST_CASE("A machine that rolls back as it is told to climb is driven, not braked") {
+  for (const int16_t phases : {1, 2}) {
+    Rig rig;
+    rig.set(Param::hall_per_metre, 1000);
+    rig.set(Param::hall_phases, phases);
+    rig.set(Param::drive_kp, 0);
+    rig.set(Param::drive_ki, 0);
+    rig.arm();
+    const auto creep = [&rig](int ticks) {  // 0.2 m/s, held by its brake
+      for (int tick = 0; tick < ticks; ++tick) {
+        const bool pulse = tick % 10 == 0;
+        rig.board.wheel = static_cast<uint16_t>(rig.board.wheel + pulse);
+        rig.board.backward = static_cast<uint16_t>(rig.board.backward + pulse);
+        rig.drive_for(1);
+      }
+    };
+    creep(60);
+    CHECK(rig.brakes());
+    rig.ask(100);
+    creep(60);
+    CHECK(rig.board.drive.in1);
+    CHECK(rig.board.drive.pwm == 26);
+  }
 }
 
 TEST_CASE("A machine that does not move off is driven harder") {
