@@ -140,7 +140,7 @@ def test_after_boot_the_registers_are_what_the_datasheet_asks(
 def test_the_drive_s_pwm_is_the_fastest_that_its_timer_has_up_to_what_is_asked(
     make: Maker, board: Board, asked_hz: int
 ) -> None:
-    """17.7.4 and table 17-9, to the nearest hertz, as the owner writes it. Duties do not show it."""
+    """17.7.4 and table 17-9, to the nearest hertz, as owners write it. Duties do not show it."""
     bench = Bench(make(board), board=board)
     bench.run(10)
     bench.set_param("drive_pwm_freq", asked_hz)
@@ -323,6 +323,69 @@ def test_what_a_bootloader_hides_is_a_fault_where_the_machine_was_armed(
     assert bench.last.state == State.FAULT
     assert bench.last.faults == Fault.RESET_UNKNOWN
     assert why_started(bench) == Started.BY_UNKNOWN | Started.WHILE_ARMED
+
+
+def optiboot(folder: Path, version: int) -> Path:
+    """A bootloader that does what Optiboot's source promises an application, and nothing else: it
+    takes what MCUSR was into r2, clears MCUSR (up to version 6), and its version ends the flash."""
+    code = (0xB624, 0x2411, 0xBE14, 0x940C, 0x0000)  # in r2, MCUSR; clr r1; out MCUSR, r1; jmp 0
+    lines = []
+    for address, words in ((0x7E00, code), (0x7FFE, (version << 8,))):
+        data = b"".join(word.to_bytes(2, "little") for word in words)
+        record = bytes((len(data), address >> 8, address & 0xFF, 0)) + data
+        lines.append(f":{record.hex().upper()}{-sum(record) & 0xFF:02X}\n")
+    path = folder / "optiboot.hex"
+    path.write_text("".join(lines) + ":00000001FF\n")
+    return path
+
+
+@pytest.mark.parametrize("board", ("uno", "nano"))
+@pytest.mark.parametrize(
+    ("version", "how", "fault", "told"),
+    [
+        (5, "brown-out", Fault.BROWN_OUT, Started.BY_BROWN_OUT),
+        (8, "hung interrupt", Fault.WATCHDOG, Started.BY_WATCHDOG),
+        (8, "reset pin", Fault(0), Started.BY_RESET_PIN),
+        (4, "brown-out", Fault.RESET_UNKNOWN, Started.BY_UNKNOWN),  # r2 is anything there
+    ],
+)
+def test_what_a_newer_optiboot_hands_over_is_taken(
+    make: Maker, tmp_path: Path, board: Board, version: int, how: str, fault: Fault, told: Started
+) -> None:
+    bench = running(make, board, optiboot(tmp_path, version))
+    bench.drive_period_ms = 0
+    if how == "hung interrupt":
+        bench.target.hang(Hang.INTERRUPT)
+    else:
+        bench.target.reset(ResetCause.BROWN_OUT if how == "brown-out" else ResetCause.EXTERNAL)
+    bench.run(100)
+    assert bench.off()
+    assert bench.last.faults == fault
+    assert why_started(bench) == told | Started.WHILE_ARMED
+
+
+def test_the_builder_s_bootloaders_are_those_that_the_arduino_ide_burns() -> None:
+    """By its own list of boards; an Optiboot's version is the last word of the flash."""
+    boards = (LOADERS.parent / "boards.txt").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "build" / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| (Uno|Nano, \"\w+\"|Mega 2560) \| ([^|]+) \|", page, re.MULTILINE))
+    for row, entry in (
+        ("Uno", "uno"),
+        ('Nano, "new"', "nano.menu.cpu.atmega328"),
+        ('Nano, "old"', "nano.menu.cpu.atmega328old"),
+    ):
+        (file,) = re.findall(rf"^{re.escape(entry)}\.bootloader\.file=(.+)$", boards, re.MULTILINE)
+        (fuse,) = re.findall(
+            rf"^{re.escape(entry)}\.bootloader\.extended_fuses=(.+)$", boards, re.MULTILINE
+        )
+        assert f"({fuse.strip()}" in page or f"fuse {fuse.strip()}" in page
+        loader = (LOADERS / file.strip()).read_text(encoding="ascii")
+        version = re.search(r"^:027FFE00(\w\w)(\w\w)", loader, re.MULTILINE)
+        if version is None:
+            assert rows[row] == "ATmegaBOOT"
+        else:
+            minor, major = (int(byte, 16) for byte in version.groups())
+            assert rows[row] == f"Optiboot {major}.{minor}"
 
 
 def test_an_old_nano_s_hung_interrupt_never_comes_back_but_drives_nothing(make: Maker) -> None:
