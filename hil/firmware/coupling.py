@@ -88,10 +88,10 @@ def _bridge(
     """Signed duty -1..1 of a bridge, the share of the time for which it shorts its motor at no
     duty, and whether it drives one way only.
 
-    A BTS7960 (its enables wired high) has one switch of each half closed at any time ("active
-    freewheeling"): the motor gets the difference of the halves and is shorted at no difference. An
-    L298N or VNH5019 takes the direction from its inputs, shorts where these are both low and it is
-    enabled, and opens its low sides, or all, where it is not."""
+    A BTS7960 or L298N (its enables wired high) has one switch of each half closed at any time: the
+    motor gets the difference of the halves and is shorted at no difference. A VNH5019 takes the
+    direction from its inputs, shorts where these are both low and its PWM is high, and opens its
+    low sides where that is low."""
     first = _level(output, handle, pwm, loose)
     if two_pwm:
         return first - _level(output, handle, lpwm, loose), 1.0, 0

@@ -88,10 +88,11 @@ class Bench:
         self.target.write(protocol.encode(message, self.seq))
         return self.seq
 
-    def signed(self, enable: int, lpwm: int, in1: int, in2: int) -> int:
-        """The duty at a bridge's pins, whichever the driver's style."""
-        forward, backward = self.target.pwm(enable), self.target.pwm(lpwm)
-        if self.bts7960:
+    def signed(self, two: bool, pwm: int, lpwm: int, in1: int, in2: int) -> int:
+        """The duty at a bridge's pins; two: it has a wire for either direction."""
+        forward, backward = self.target.pwm(pwm), self.target.pwm(lpwm)
+        if two:
+            assert not self.target.pin(in1) and not self.target.pin(in2)
             assert forward == 0 or backward == 0
             return forward - backward
         if self.target.pin(in1) == self.target.pin(in2):
@@ -102,13 +103,13 @@ class Bench:
     def steer_duty(self) -> int:
         """-255..255, positive left."""
         p = self.pins
-        return self.signed(p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
+        return self.signed(True, p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
 
     @property
     def drive_duty(self) -> int:
         """-255..255, positive forward."""
         p = self.pins
-        return self.signed(p.drive_pwm, p.drive_lpwm, p.drive_in1, p.drive_in2)
+        return self.signed(self.bts7960, p.drive_pwm, p.drive_lpwm, p.drive_in1, p.drive_in2)
 
     @property
     def wheel_duty(self) -> float:

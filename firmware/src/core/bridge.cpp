@@ -9,9 +9,9 @@ BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Bridging bridging) {
   const bool forward = duty > 0;
   const bool backward = duty < 0;
   switch (style) {
+    case BridgeStyle::kL298n:
     case BridgeStyle::kBts7960:
       return {forward ? size : uint8_t{0}, backward ? size : uint8_t{0}, false, false};
-    case BridgeStyle::kL298n:
     case BridgeStyle::kVnh5019:
       // The current flows back over two diodes: 0.8 V each are an eighth of a battery's 12 V.
       if (bridging == Bridging::kBrake) {

@@ -10,12 +10,15 @@ namespace daranti {
 enum class BridgeStyle : uint8_t { kNotSet = 0, kL298n = 1, kBts7960 = 2, kVnh5019 = 3 };
 
 // What becomes of a motor that turns faster than its duty asks. The mean voltage at the motor is
-// the duty's either way. But where they drive, an L298N and a VNH5019 take no current back: in the
-// rest of each period their low sides are open (VNH5019: data sheet, 2.4, "PWM pin usage"), and the
-// motor runs on. Where they brake they drive none: both inputs low and enabled short the motor to
-// ground, and in the rest its current flows back into the battery. (Both inputs high would short
-// it, too, but one of them torn off is full power then.) A BTS7960 with its enables wired high does
-// both.
+// the duty's either way. But where it drives, a VNH5019 takes no current back: in the rest of each
+// period its low sides are open (data sheet, 2.4, "PWM pin usage"), and the motor runs on. Where it
+// brakes it drives none: both inputs low and enabled short the motor to ground, and in the rest its
+// current flows back into the battery. (Both inputs high would short it, too, but one of them torn
+// off is full power then.) A BTS7960 and an L298N whose enables are wired high do both.
+//
+// An L298N gets its PWM at the inputs, for its enable opens all of it: the motor's current would
+// then flow back against the battery in the rest of each period, and at 20 kHz no motor would turn
+// below half of the duty.
 enum class Bridging : uint8_t { kDrive, kBrake };
 
 // duty: -255..255, positive left or forward. All wires are low, which every driver takes as off, at

@@ -103,7 +103,7 @@ struct Rig {
     FAIL("no telemetry");
     return {};
   }
-  // Both low inputs and the enable high short an L298N's or a VNH5019's motor.
+  // Both low inputs and the PWM high short a VNH5019's motor.
   bool brakes() const {
     const BridgeWires &wires = board.drive;
     return wires.pwm == 255 && wires.lpwm == 0 && !wires.in1 && !wires.in2;
@@ -302,8 +302,7 @@ TEST_CASE("Armed, the steering and the blade work; the wheels only with a speed"
   rig.drive_for(20);
   CHECK(rig.state() == State::ARMED);
   CHECK(rig.board.steer.pwm > 0);
-  CHECK(rig.board.steer.in1);
-  CHECK(!rig.board.steer.in2);
+  CHECK(rig.board.steer.lpwm == 0);
   CHECK(rig.board.drive.pwm == 0);
   CHECK(rig.board.blade);
   rig.ask(500, 0, false);
@@ -531,7 +530,7 @@ TEST_CASE("A steering motor with its wires swapped latches as a runaway") {
   rig.ask(0, 1000);
   double angle = 0;
   for (int i = 0; i < 100; ++i) {
-    if (rig.board.steer.in1) angle -= 0.3;
+    if (rig.board.steer.pwm > 0) angle -= 0.3;
     rig.board.set_angle(angle);
     rig.drive_for(1);
   }
@@ -592,20 +591,21 @@ TEST_CASE("A bridge's wires follow its style, and a duty beyond 255 counts as 25
   const auto same = [](const BridgeWires &a, const BridgeWires &b) {
     return a.pwm == b.pwm && a.lpwm == b.lpwm && a.in1 == b.in1 && a.in2 == b.in2;
   };
-  for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kVnh5019}) {
-    CHECK(same(bridge_wires(style, 100), {100, 0, true, false}));
-    CHECK(same(bridge_wires(style, -100), {100, 0, false, true}));
-    CHECK(same(bridge_wires(style, 1), {1, 0, true, false}));
-    CHECK(same(bridge_wires(style, 300), {255, 0, true, false}));
-    CHECK(same(bridge_wires(style, -300), {255, 0, false, true}));
-    CHECK(same(bridge_wires(style, 0), {0, 0, false, false}));
-  }
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 100), {100, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -100), {100, 0, false, true}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 1), {1, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 300), {255, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -300), {255, 0, false, true}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 0), {0, 0, false, false}));
   for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
-    CHECK(same(bridge_wires(BridgeStyle::kBts7960, 100, bridging), {100, 0, false, false}));
-    CHECK(same(bridge_wires(BridgeStyle::kBts7960, -100, bridging), {0, 100, false, false}));
-    CHECK(same(bridge_wires(BridgeStyle::kBts7960, 1, bridging), {1, 0, false, false}));
-    CHECK(same(bridge_wires(BridgeStyle::kBts7960, -1, bridging), {0, 1, false, false}));
-    CHECK(same(bridge_wires(BridgeStyle::kBts7960, 0, bridging), {0, 0, false, false}));
+    for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kBts7960}) {
+      CHECK(same(bridge_wires(style, 100, bridging), {100, 0, false, false}));
+      CHECK(same(bridge_wires(style, -100, bridging), {0, 100, false, false}));
+      CHECK(same(bridge_wires(style, 1, bridging), {1, 0, false, false}));
+      CHECK(same(bridge_wires(style, -1, bridging), {0, 1, false, false}));
+      CHECK(same(bridge_wires(style, -300, bridging), {0, 255, false, false}));
+      CHECK(same(bridge_wires(style, 0, bridging), {0, 0, false, false}));
+    }
     for (const int16_t duty : {int16_t{-255}, int16_t{0}, int16_t{255}}) {
       CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, bridging), {0, 0, false, false}));
     }
@@ -1069,13 +1069,13 @@ TEST_CASE("Without a wheel sensor nothing is held before the machine was driven"
 
 TEST_CASE("Driver style and PWM frequency act at once") {
   Rig rig;
-  rig.set(Param::steer_driver, 2);
+  rig.set(Param::steer_driver, 3);
   rig.set(Param::steer_pwm_freq, 4000);
   rig.tick(2);
   rig.arm();
   rig.ask(0, 2000);
   rig.drive_for(10);
-  CHECK(!rig.board.steer.in1);
+  CHECK(rig.board.steer.in1);
   CHECK(rig.board.steer.pwm > 0);
   CHECK(rig.board.steer_hz == 4000);
 }
@@ -1219,11 +1219,11 @@ TEST_CASE("Identification gives the asked duty for the asked time, ARMED only") 
   rig.ident(-100, 50);
   CHECK(result_of(rig) == as_int(Result::OK));
   for (int i = 1; i < 10; ++i) {
-    CHECK(rig.board.steer.pwm == 100);
-    CHECK(rig.board.steer.in2);
+    CHECK(rig.board.steer.lpwm == 100);
+    CHECK(rig.board.steer.pwm == 0);
     rig.tick();
   }
-  CHECK(rig.board.steer.pwm == 100);
+  CHECK(rig.board.steer.lpwm == 100);
   rig.tick();
   CHECK(rig.off());
   rig.tick(30);
@@ -1267,7 +1267,7 @@ TEST_CASE("Identification stops at its angle, to either side, but may come back"
     rig.ident(static_cast<int16_t>(-sign * 100), 100);
     rig.tick(3);
     CHECK(rig.faults() == 0);
-    CHECK(rig.board.steer.pwm == 100);
+    CHECK(rig.board.steer.pwm - rig.board.steer.lpwm == -sign * 100);
     rig.ident(static_cast<int16_t>(sign * 100), 100);
     rig.tick();
     CHECK(rig.off());
@@ -1288,7 +1288,7 @@ TEST_CASE("At its angle limit exactly, identification goes on") {
     rig.ident(static_cast<int16_t>(sign * 100), 100);
     rig.tick(3);
     CHECK(rig.faults() == 0);
-    CHECK(rig.board.steer.pwm == 100);
+    CHECK(rig.board.steer.pwm - rig.board.steer.lpwm == sign * 100);
   }
 }
 
@@ -1426,7 +1426,7 @@ TEST_CASE("A board that takes them is answered by what the outputs would be") {
   for (const Answer &answer : rig.board.answers()) {
     if (answer.id != protocol::HilOutputs::kId) continue;
     ++outputs;
-    CHECK(protocol::get<int16_t>(answer.payload.data()) == -rig.board.steer.pwm);
+    CHECK(protocol::get<int16_t>(answer.payload.data()) == -rig.board.steer.lpwm);
     CHECK(protocol::get<int16_t>(answer.payload.data() + 2) == rig.board.drive.pwm);
     CHECK(answer.payload[4] == 1);
   }

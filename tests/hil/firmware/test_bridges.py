@@ -8,13 +8,14 @@ voltage, on either side. Nothing is taken from the plant.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 from numba import njit
 
-from hil.firmware import coupling
+from hil.firmware import coupling, wiring
+from hil.firmware.wiring import Driver, Wiring
 from sim_plant import machine
 from sim_plant.machine import BatterySpec, BridgeSpec, DriveSpec, MachineSpec
 
@@ -25,7 +26,6 @@ STEP_S = 0.5e-6
 PERIODS = 160
 """Ten of the motor's time constants of 4 ms."""
 
-Driver = Literal["vnh5019", "bts7960", "l298n"]
 PWM, LPWM, IN1, IN2 = range(4)
 Wires = tuple[float, float, float, float]
 """Share of the time for which each of the firmware's four wires is high."""
@@ -35,10 +35,8 @@ def switches(driver: Driver, wires: Wires, phase: float) -> tuple[int, int]:
     """What the halves A and B do at a phase 0..1 of the period: 1 high side closed, 0 low side,
     -1 none."""
     high = [phase < share for share in wires]
-    if driver == "bts7960":  # R_EN and L_EN high
+    if driver != "vnh5019":  # R_EN and L_EN, EnA and EnB high
         return int(high[PWM]), int(high[LPWM])
-    if driver == "l298n":  # PWM at EN, which inhibits all
-        return (int(high[IN1]), int(high[IN2])) if high[PWM] else (-1, -1)
     low = 0 if high[PWM] else -1  # a 0 on PWM turns off both low sides
     return (1 if high[IN1] else low), (1 if high[IN2] else low)
 
@@ -91,7 +89,9 @@ def by_plant(driver: Driver, wires: Wires, speed: float) -> float:
     )  # fmt: skip
     state, given, params = machine.initial(spec), machine.inputs(), machine.parameters(spec)
     levels = np.rint(255.0 * np.array(wires)).astype(np.int64)
-    duty, brake, one_way = coupling._bridge(_pin, levels, 0.0, driver == "bts7960", 0, 1, 2, 3)
+    duty, brake, one_way = coupling._bridge(
+        _pin, levels, 0.0, int(wiring.layout(Wiring(drive=driver))["drive_two_pwm"][0]), 0, 1, 2, 3
+    )
     given["drive_duty"], given["drive_brake"], given["drive_one_way"] = duty, brake, one_way
     state["wheel_v"] = speed
     for _ in range(100):
@@ -116,6 +116,8 @@ BACKWARD: Wires = (0.5, 0.0, 0.0, 1.0)
         ("bts7960", (0.5, 0.0, 0.0, 0.0)),
         ("bts7960", (0.0, 0.5, 0.0, 0.0)),
         ("bts7960", (0.0, 0.0, 0.0, 0.0)),
+        ("l298n", (0.5, 0.0, 0.0, 0.0)),
+        ("l298n", (0.0, 0.5, 0.0, 0.0)),
     ],
 )
 def test_the_bench_s_bridge_gives_the_current_that_its_data_sheet_s_switches_give(
@@ -134,3 +136,12 @@ def test_a_vnh5019_that_drives_does_not_slow_a_motor_and_one_that_brakes_does() 
     assert by_data_sheet("vnh5019", FORWARD, speed) == pytest.approx(0.0, abs=0.5)
     assert by_data_sheet("vnh5019", (0.5, 0.0, 0.0, 0.0), speed) < -3.0
     assert by_data_sheet("bts7960", (0.5, 0.0, 0.0, 0.0), speed) < -6.0
+
+
+def test_an_l298n_whose_enable_is_pulsed_hardly_drives_a_motor_below_half_of_the_duty() -> None:
+    """Why it gets its pulses at its inputs: an enable that is low opens all of it, and the current
+    flows back against the battery. A blocked motor at half of the duty, pulsed either way."""
+    n = round(1.0 / (PWM_HZ * STEP_S))
+    at_enable = np.array([(1, 0) if k < n // 2 else (-1, -1) for k in range(n)])
+    assert float(_mean_current(at_enable, 0.0)) < 1.0
+    assert by_data_sheet("l298n", (0.5, 0.0, 0.0, 0.0), 0.0) > 25.0

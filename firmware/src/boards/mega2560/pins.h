@@ -6,9 +6,9 @@
 namespace daranti {
 namespace pins {
 
-// Steering bridge. L298N: EN carries the PWM, IN1/IN2 the direction (left = IN1 high). VNH5019: the
-// same as PWM, INA, INB. BTS7960: RPWM turns left, LPWM right.
-constexpr uint8_t kSteerPwm = 11;   // OC1A; EN, PWM or RPWM
+// Steering bridge. VNH5019: PWM, and INA/INB for the direction (left = INA high). BTS7960: RPWM turns
+// left, LPWM right. L298N: the same at IN1, IN2, its enables wired high.
+constexpr uint8_t kSteerPwm = 11;   // OC1A; PWM, RPWM or IN1
 constexpr uint8_t kSteerLpwm = 12;  // OC1B
 constexpr uint8_t kSteerIn1 = 22;
 constexpr uint8_t kSteerIn2 = 23;
