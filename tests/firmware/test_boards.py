@@ -8,6 +8,7 @@ wiring's, none is the firmware's.
 from __future__ import annotations
 
 import ctypes
+import itertools
 import re
 import subprocess
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from hil.firmware.wiring import PINS
 from host.link import protocol
 from host.link.protocol import Fault, State
 from host.link.protocol import ResetCause as Started
+from host.link.session import Session
 from tests.helpers.firmware_bench import Bench
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -254,6 +256,45 @@ def test_a_tick_that_takes_longer_than_its_period_is_counted(make: Maker) -> Non
         bench.run(300)
         assert bench.readings[-1].overruns == late
     assert bench.last.faults == 0
+
+
+def set_clock(target: Target, board: Board, milliseconds: int) -> None:
+    """As if the firmware had run for so long already."""
+    image = image_of(board)
+    names = subprocess.run(["avr-nm", str(image)], capture_output=True, text=True, check=True)
+    (address,) = re.findall(r"^0080(\w{4}) [bB] \w*8clock_msE", names.stdout, re.MULTILINE)
+    library = ctypes.CDLL(str(targets.AVR_LIBRARY))
+    library.probe_sram.restype = ctypes.POINTER(ctypes.c_uint8)
+    library.probe_sram.argtypes = [ctypes.c_void_p]
+    sram = library.probe_sram(target.handle)
+    first = int(address, 16) - (0x200 if board == "mega2560" else 0x100)
+    for k, byte in enumerate(milliseconds.to_bytes(4, "little")):
+        sram[first + k] = byte
+
+
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+@pytest.mark.parametrize("wraps_ms", (2**32 // 1000, 2**32), ids=("71 minutes", "49.7 days"))
+def test_it_drives_on_as_its_clocks_wrap_and_still_sees_a_lost_link(
+    make: Maker, board: Board, wraps_ms: int
+) -> None:
+    bench = running(make, board)
+    set_clock(bench.target, board, wraps_ms - 1000)
+    bench.run(30)
+    heard, host = len(bench.telemetry), Session()
+    for _ in range(100):
+        bench.run(20)
+        host.feed(bench.now_us / 1e6, protocol.encode(bench.last, 0))
+        assert bench.last.state == State.RUNNING
+        assert bench.blade
+    times = [t.time for t in bench.telemetry[heard:]]
+    assert {round((b - a) * 1e6) % 2**32 for a, b in itertools.pairwise(times)} == {20_000}
+    assert min(times) < 1.0
+    assert max(times) > 4290.0
+    assert host.resets == 0
+    bench.drive_period_ms = 0
+    bench.run(250)
+    assert bench.off()
+    assert bench.last.faults == Fault.LINK_LOST
 
 
 def test_a_reset_while_the_eeprom_writes_waits_for_it(make: Maker) -> None:
