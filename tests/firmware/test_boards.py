@@ -137,6 +137,30 @@ def test_after_boot_the_registers_are_what_the_datasheet_asks(
         assert {register(target, at) for at in (0x71, 0x72, 0x73, 0x65, 0x74)} == {0}
 
 
+@pytest.mark.parametrize("board", ["uno", "mega2560"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_vnh5019_is_never_off_for_less_than_6_us(make: Maker, board: Board, way: int) -> None:
+    """VNH2SP30-E (DocID10832 Rev 10), table 9, note 1: "To avoid false short to battery detection
+    during PWM operation, the PWM signal must be low for a time longer than 6 us". The timer counts
+    up and down at 16 MHz (ATmega328P, 15.9.5): the output is low for twice the way to its top."""
+    bench = Bench(make(board), board=board, vnh5019_steers=True)
+    bench.run(10)
+    for name, value in (("steer_driver", 3), ("ident_duty_max", 255), ("stall_time", 3000)):
+        bench.set_param(name, value)
+    bench.arm()
+    seen = set()
+    for duty in (200, 224, 225, 230, 238, 239, 240, 245, 250, 254, 255):
+        bench.send(protocol.Ident(way * duty, 0.05))
+        bench.run(10)
+        assert bench.last.state == State.ARMED
+        low_us = 2 * (word(bench.target, 0x86) - word(bench.target, 0x88)) / 16
+        assert register(bench.target, 0x80) >> 6 == 2  # TCCR1A: OC1A set while counting down
+        assert low_us == 0 or low_us > 6, duty
+        assert low_us == pytest.approx(50 * (1 - duty / 255), abs=4)
+        seen.add(low_us)
+    assert 0 in seen and len(seen) > 2
+
+
 @pytest.mark.parametrize("asked_hz", (123, 244, 245, 490, 979, 980, 3921, 3922, 25_000))
 @pytest.mark.parametrize("board", ("uno", "mega2560"))
 def test_the_drive_s_pwm_is_the_fastest_that_its_timer_has_up_to_what_is_asked(

@@ -37,6 +37,9 @@ class Bench:
     start_deg: float = 0.0
     seed: int = 0
     bts7960: bool = False
+    """It drives; else a VNH5019."""
+    vnh5019_steers: bool = False
+    """Else a bridge with a wire for either direction."""
     board: Board = "uno"
     telemetry: list[protocol.Telemetry] = field(default_factory=list)
     readings: list[protocol.Readings] = field(default_factory=list)
@@ -103,7 +106,8 @@ class Bench:
     def steer_duty(self) -> int:
         """-255..255, positive left."""
         p = self.pins
-        return self.signed(True, p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
+        two = not self.vnh5019_steers
+        return self.signed(two, p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
 
     @property
     def drive_duty(self) -> int:

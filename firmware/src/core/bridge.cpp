@@ -4,7 +4,25 @@
 
 namespace daranti {
 
-BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Bridging bridging) {
+namespace {
+
+// 6 us (VNH2SP30-E, DocID10832 Rev 10, table 9, "PWM minimum off time"), in 255ths of a second.
+constexpr uint32_t kGap = 153;
+constexpr uint32_t kGapUnit = 100000;
+
+uint8_t spaced(uint8_t share, uint8_t gap) {
+  const uint8_t low = static_cast<uint8_t>(255 - share);
+  if (low >= gap) return share;
+  return static_cast<uint8_t>(2 * low < gap ? 255 : 255 - gap);
+}
+
+}  // namespace
+
+uint8_t bridge_gap(uint16_t hz) {
+  return static_cast<uint8_t>((hz * kGap + kGapUnit - 1) / kGapUnit);
+}
+
+BridgeWires bridge_wires(BridgeStyle style, int16_t duty, uint8_t gap, Bridging bridging) {
   const uint8_t size = static_cast<uint8_t>(clamp(magnitude(duty), 0, 255));
   const bool forward = duty > 0;
   const bool backward = duty < 0;
@@ -15,9 +33,9 @@ BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Bridging bridging) {
     case BridgeStyle::kVnh5019:
       // The current flows back over two diodes: 0.8 V each are an eighth of a battery's 12 V.
       if (bridging == Bridging::kBrake) {
-        return {static_cast<uint8_t>(255 - size + size / 8), 0, false, false};
+        return {spaced(static_cast<uint8_t>(255 - size + size / 8), gap), 0, false, false};
       }
-      return {size, 0, forward, backward};
+      return {spaced(size, gap), 0, forward, backward};
     case BridgeStyle::kNotSet:
       break;
   }
@@ -31,6 +49,19 @@ int16_t bridge_rating(BridgeStyle style) {
     case BridgeStyle::kBts7960:
     case BridgeStyle::kVnh5019:
       return 3000;  // 43 A and 30 A at most (data sheets); the modules' boards stand no more
+    case BridgeStyle::kNotSet:
+      break;
+  }
+  return 0;
+}
+
+int16_t bridge_fastest(BridgeStyle style) {
+  switch (style) {
+    case BridgeStyle::kL298n:
+    case BridgeStyle::kBts7960:
+      return 25000;  // "commutation frequency", typical; "PWM capability" (data sheets)
+    case BridgeStyle::kVnh5019:
+      return 20000;  // "PWM frequency", maximum
     case BridgeStyle::kNotSet:
       break;
   }

@@ -22,10 +22,18 @@ enum class BridgeStyle : uint8_t { kNotSet = 0, kL298n = 1, kBts7960 = 2, kVnh50
 enum class Bridging : uint8_t { kDrive, kBrake };
 
 // duty: -255..255, positive left or forward. All wires are low, which every driver takes as off, at
-// zero duty without brake, and always where the style is not set.
-BridgeWires bridge_wires(BridgeStyle style, int16_t duty, Bridging bridging = Bridging::kDrive);
+// zero duty without brake, and always where the style is not set. gap: the bridge_gap() of the PWM.
+BridgeWires bridge_wires(BridgeStyle style, int16_t duty, uint8_t gap,
+                         Bridging bridging = Bridging::kDrive);
+
+// For how many 255ths of a period a VNH5019's PWM must be low, if it is low at all, at a PWM of so
+// many Hz: else it takes its own switching for a short to the battery, and lets go.
+uint8_t bridge_gap(uint16_t hz);
 
 // The largest mean current that the driver stands, 0.01 A; 0 where the style is not set.
 int16_t bridge_rating(BridgeStyle style);
+
+// The highest PWM frequency that the driver takes, Hz; 0 where the style is not set.
+int16_t bridge_fastest(BridgeStyle style);
 
 }  // namespace daranti

@@ -591,23 +591,23 @@ TEST_CASE("A bridge's wires follow its style, and a duty beyond 255 counts as 25
   const auto same = [](const BridgeWires &a, const BridgeWires &b) {
     return a.pwm == b.pwm && a.lpwm == b.lpwm && a.in1 == b.in1 && a.in2 == b.in2;
   };
-  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 100), {100, 0, true, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -100), {100, 0, false, true}));
-  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 1), {1, 0, true, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 300), {255, 0, true, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -300), {255, 0, false, true}));
-  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 0), {0, 0, false, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 100, 0), {100, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -100, 0), {100, 0, false, true}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 1, 0), {1, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 300, 0), {255, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -300, 0), {255, 0, false, true}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 0, 0), {0, 0, false, false}));
   for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
     for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kBts7960}) {
-      CHECK(same(bridge_wires(style, 100, bridging), {100, 0, false, false}));
-      CHECK(same(bridge_wires(style, -100, bridging), {0, 100, false, false}));
-      CHECK(same(bridge_wires(style, 1, bridging), {1, 0, false, false}));
-      CHECK(same(bridge_wires(style, -1, bridging), {0, 1, false, false}));
-      CHECK(same(bridge_wires(style, -300, bridging), {0, 255, false, false}));
-      CHECK(same(bridge_wires(style, 0, bridging), {0, 0, false, false}));
+      CHECK(same(bridge_wires(style, 100, 0, bridging), {100, 0, false, false}));
+      CHECK(same(bridge_wires(style, -100, 0, bridging), {0, 100, false, false}));
+      CHECK(same(bridge_wires(style, 1, 0, bridging), {1, 0, false, false}));
+      CHECK(same(bridge_wires(style, -1, 0, bridging), {0, 1, false, false}));
+      CHECK(same(bridge_wires(style, -300, 0, bridging), {0, 255, false, false}));
+      CHECK(same(bridge_wires(style, 0, 0, bridging), {0, 0, false, false}));
     }
     for (const int16_t duty : {int16_t{-255}, int16_t{0}, int16_t{255}}) {
-      CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, bridging), {0, 0, false, false}));
+      CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, 0, bridging), {0, 0, false, false}));
     }
   }
 }
@@ -616,14 +616,40 @@ TEST_CASE("A VNH5019 brakes with both inputs low, the more the less is asked") {
   // At 12 V the motor may give 12 V * duty: it is open for so much of the period, in which its
   // current flows back over two diodes into 13.6 V.
   for (int16_t duty = -255; duty <= 255; ++duty) {
-    const BridgeWires wires = bridge_wires(BridgeStyle::kVnh5019, duty, Bridging::kBrake);
+    const BridgeWires wires = bridge_wires(BridgeStyle::kVnh5019, duty, 0, Bridging::kBrake);
     CHECK(!wires.in1);
     CHECK(!wires.in2);
     CHECK(wires.lpwm == 0);
     const double open = (255 - wires.pwm) / 255.0 * 13.6;
     CHECK(open == doctest::Approx(12.0 * (duty < 0 ? -duty : duty) / 255).epsilon(0.01).scale(12));
   }
-  CHECK(bridge_wires(BridgeStyle::kVnh5019, 0, Bridging::kBrake).pwm == 255);
+  CHECK(bridge_wires(BridgeStyle::kVnh5019, 0, 0, Bridging::kBrake).pwm == 255);
+}
+
+TEST_CASE(
+    "A VNH5019's PWM is low for more than 6 us, or not at all; the others' for as long as asked") {
+  // VNH2SP30-E data sheet, table 9, note 1: "to avoid false short to battery detection".
+  for (const double hz : {123.0, 3922.0, 20000.0}) {
+    const uint8_t gap = bridge_gap(static_cast<uint16_t>(hz));
+    for (int16_t duty = -255; duty <= 255; ++duty) {
+      for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
+        const BridgeWires asked = bridge_wires(BridgeStyle::kVnh5019, duty, 0, bridging);
+        const BridgeWires given = bridge_wires(BridgeStyle::kVnh5019, duty, gap, bridging);
+        const double low_us = (255 - given.pwm) / 255.0 / hz * 1e6;
+        CHECK((given.pwm == 255 || low_us > 6.0));
+        // The nearest that there is.
+        const double off_us = (given.pwm - asked.pwm) / 255.0 / hz * 1e6;
+        CHECK((off_us < 4.0 && off_us > -4.0));
+        CHECK(given.in1 == asked.in1);
+        CHECK(given.in2 == asked.in2);
+      }
+      for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kBts7960}) {
+        const BridgeWires given = bridge_wires(style, duty, gap);
+        CHECK(given.pwm == (duty > 0 ? duty : 0));
+        CHECK(given.lpwm == (duty < 0 ? -duty : 0));
+      }
+    }
+  }
 }
 
 TEST_CASE("ARM is refused where a driver is not named") {
@@ -653,6 +679,19 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
       rig.tick(2);
       rig.board.answers();
       rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+      CHECK(result_of(rig) == as_int(good ? Result::OK : Result::NOT_SET_UP));
+    }
+  }
+  // VNH5019A-E data sheet, table 8: 20 kHz. The others take the 25 kHz that the parameter allows.
+  for (const int16_t driver : {1, 2, 3}) {
+    for (const int16_t hz : {20000, 20001, 25000}) {
+      Rig rig;
+      rig.set(Param::steer_driver, driver);
+      rig.set(Param::steer_pwm_freq, hz);
+      rig.tick(2);
+      rig.board.answers();
+      rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+      const bool good = driver != 3 || hz == 20000;
       CHECK(result_of(rig) == as_int(good ? Result::OK : Result::NOT_SET_UP));
     }
   }
