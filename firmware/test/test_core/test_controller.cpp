@@ -652,6 +652,30 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("The pause in a VNH5019's PWM, to the count") {
+  CHECK(bridge_gap(20000) == 31);
+  CHECK(bridge_gap(3922) == 7);
+  CHECK(bridge_gap(653) == 1);
+  CHECK(bridge_gap(654) == 2);
+  CHECK(bridge_gap(3268) == 6);  // 500004 / 100000
+  CHECK(bridge_gap(24183) == 37);
+  const auto pwm = [](int16_t duty, uint8_t gap) {
+    return bridge_wires(BridgeStyle::kVnh5019, duty, gap).pwm;
+  };
+  CHECK(pwm(223, 31) == 223);
+  CHECK(pwm(224, 31) == 224);
+  CHECK(pwm(225, 31) == 224);
+  CHECK(pwm(239, 31) == 224);
+  CHECK(pwm(240, 31) == 255);
+  CHECK(pwm(244, 31) == 255);
+  CHECK(pwm(240, 30) == 225);
+  CHECK(pwm(241, 30) == 255);
+  CHECK(bridge_fastest(BridgeStyle::kL298n) == 25000);
+  CHECK(bridge_fastest(BridgeStyle::kBts7960) == 25000);
+  CHECK(bridge_fastest(BridgeStyle::kVnh5019) == 20000);
+  CHECK(bridge_fastest(BridgeStyle::kNotSet) == 0);
+}
+
 TEST_CASE("ARM is refused where a driver is not named") {
   for (const Param driver : {Param::steer_driver, Param::drive_driver}) {
     Rig rig;
