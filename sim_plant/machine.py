@@ -39,7 +39,7 @@ class BridgeSpec(Strict):
     the PWM it loses its dead time."""
 
     drop_v: NotNegative = 1.8
-    """At no current: 1.8 V for an L298N, near 0 for a BTS7960."""
+    """At no current, with wires and plugs: 1.8 V for an L298N, near 0 for a new BTS7960."""
     r_ohm: NotNegative = 0.3
     dead_time_s: NotNegative = 2e-6
 
@@ -48,7 +48,7 @@ class SteeringSpec(Strict):
     """Steering motor with its gear, referred to the motor's shaft, and the pot on the rod.
 
     The defaults give 45 deg/s at full duty, a lag of 70 ms and stiction of 45 counts of 255 at 12 V
-    over an L298N; `from_response` gives others.
+    behind a drop of 1.8 V; `from_response` gives others.
     """
 
     bridge: BridgeSpec = BridgeSpec()

@@ -76,7 +76,8 @@ class Channel(enum.IntEnum):
 class Wiring(Strict):
     """A machine's drivers and loose ends."""
 
-    steering: Driver = "l298n"
+    steering: Driver = "bts7960"
+    """The default motor draws 9 A blocked, and 13 A as it reverses: an L298N stands 5."""
     drive: Driver = "vnh5019"
     """For the current of two drive motors."""
     pull_downs: bool = True

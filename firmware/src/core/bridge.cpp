@@ -55,6 +55,19 @@ int16_t bridge_rating(BridgeStyle style) {
   return 0;
 }
 
+int16_t bridge_peak(BridgeStyle style) {
+  switch (style) {
+    case BridgeStyle::kL298n:
+      return 500;  // 2.5 A a channel for 8 of 10 ms (data sheet, "absolute maximum ratings")
+    case BridgeStyle::kBts7960:
+    case BridgeStyle::kVnh5019:
+      return 10000;  // limit themselves; the parameters' own bound
+    case BridgeStyle::kNotSet:
+      break;
+  }
+  return 0;
+}
+
 int16_t bridge_fastest(BridgeStyle style) {
   switch (style) {
     case BridgeStyle::kL298n:

@@ -33,6 +33,10 @@ uint8_t bridge_gap(uint16_t hz);
 // The largest mean current that the driver stands, 0.01 A; 0 where the style is not set.
 int16_t bridge_rating(BridgeStyle style);
 
+// The largest current that the driver stands for the 50 ms of an over-current, 0.01 A; 0 where the
+// style is not set.
+int16_t bridge_peak(BridgeStyle style);
+
 // The highest PWM frequency that the driver takes, Hz; 0 where the style is not set.
 int16_t bridge_fastest(BridgeStyle style);
 

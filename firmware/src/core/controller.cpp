@@ -56,12 +56,14 @@ void Controller::configure_rest(Board &board) {
   set_up_ = set_up();
 }
 
-// Both bridges are named, no limit is beyond what its sensor shows, no mean current and no PWM
-// beyond what the driver stands. The drive's timer is slower than any driver.
+// Both bridges are named, no limit is beyond what its sensor shows, no current and no PWM beyond
+// what the driver stands. The drive's timer is slower than any driver.
 bool Controller::set_up() const {
   const int32_t battery_top = params_[Param::battery_scale] / 50 * 49;
   return params_[Param::steer_current_cont] <= bridge_rating(steer_style_) &&
          params_[Param::drive_current_cont] <= bridge_rating(drive_style_) &&
+         params_[Param::steer_current_max] <= bridge_peak(steer_style_) &&
+         params_[Param::drive_current_max] <= bridge_peak(drive_style_) &&
          params_[Param::steer_pwm_freq] <= bridge_fastest(steer_style_) &&
          steer_current_.shows(params_[Param::steer_current_max]) &&
          drive_current_.shows(params_[Param::drive_current_max]) &&

@@ -28,10 +28,10 @@ struct Rig {
     fit(board);
     if (boot) controller.boot(board);
   }
-  // An L298N steers, a bridge of 25 A with a VNH5019's inputs drives.
+  // A BTS7960 steers, a bridge of 25 A with a VNH5019's inputs drives.
   static void fit(FakeBoard &board) {
     Params params;
-    params.set(static_cast<uint8_t>(Param::steer_driver), 1);
+    params.set(static_cast<uint8_t>(Param::steer_driver), 2);
     params.set(static_cast<uint8_t>(Param::drive_driver), 3);
     params.set(static_cast<uint8_t>(Param::drive_current_cont), 2500);
     params.begin_save();
@@ -692,13 +692,18 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   struct Case {
     Param param;
     int16_t good, bad;
+    int16_t driver = 2;
   };
-  // An L298N stands 4 A, a VNH5019 30 A, which no parameter exceeds; 2.4 V are 24 and 60 A.
+  // An L298N's two channels stand 4 A, and 5 A for a moment; the others' means no parameter
+  // exceeds, and their peaks they limit themselves. 2.4 V are 24 and 60 A.
   for (const Case &each :
-       {Case{Param::steer_current_cont, 400, 401}, Case{Param::steer_current_max, 2390, 2400},
-        Case{Param::drive_current_max, 5980, 5990}, Case{Param::battery_high, 19600, 19601}}) {
+       {Case{Param::steer_current_cont, 400, 401, 1}, Case{Param::steer_current_max, 500, 501, 1},
+        Case{Param::steer_current_max, 2390, 2400}, Case{Param::drive_current_max, 5980, 5990},
+        Case{Param::battery_high, 19600, 19601}}) {
     for (const bool good : {true, false}) {
       Rig rig;
+      rig.set(Param::steer_driver, each.driver);
+      if (each.driver == 1) rig.set(Param::steer_current_max, 500);
       rig.set(each.param, good ? each.good : each.bad);
       rig.tick(2);
       rig.board.answers();
@@ -711,6 +716,7 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
     for (const int16_t hz : {20000, 20001, 25000}) {
       Rig rig;
       rig.set(Param::steer_driver, driver);
+      rig.set(Param::steer_current_max, 500);
       rig.set(Param::steer_pwm_freq, hz);
       rig.tick(2);
       rig.board.answers();
@@ -726,8 +732,13 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   rig.board.type(protocol::Arm::kId, {protocol::kVersion});
   CHECK(result_of(rig) == as_int(Result::NOT_SET_UP));
   rig.set(Param::drive_current_cont, 400);
-  rig.tick(2);
-  rig.arm();
+  for (const int16_t most : {501, 500}) {
+    rig.set(Param::drive_current_max, most);
+    rig.tick(2);
+    rig.board.answers();
+    rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+    CHECK(result_of(rig) == as_int(most == 500 ? Result::OK : Result::NOT_SET_UP));
+  }
 }
 
 TEST_CASE("Without a current sensor nothing is measured and nothing is refused") {
@@ -1206,7 +1217,7 @@ TEST_CASE("Defaults act at once") {
   rig.set(Param::steer_limit, 1000);
   rig.board.type(protocol::ParamDefaults::kId);
   rig.tick(2);
-  rig.set(Param::steer_driver, 1);
+  rig.set(Param::steer_driver, 2);
   rig.set(Param::drive_driver, 3);
   rig.arm();
   rig.ask(0, 3000);
@@ -1619,4 +1630,10 @@ TEST_CASE("A driver's rating is its data sheet's; none has none") {
   CHECK(bridge_rating(BridgeStyle::kBts7960) == 3000);
   CHECK(bridge_rating(BridgeStyle::kVnh5019) == 3000);
   CHECK(bridge_rating(BridgeStyle::kNotSet) == 0);
+  CHECK(bridge_peak(BridgeStyle::kL298n) == 500);
+  CHECK(bridge_peak(BridgeStyle::kBts7960) ==
+        param_range(static_cast<uint8_t>(Param::steer_current_max)).high);
+  CHECK(bridge_peak(BridgeStyle::kVnh5019) ==
+        param_range(static_cast<uint8_t>(Param::drive_current_max)).high);
+  CHECK(bridge_peak(BridgeStyle::kNotSet) == 0);
 }

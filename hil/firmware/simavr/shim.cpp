@@ -222,7 +222,7 @@ struct daranti_target {
   uint64_t origin = 0;  // target time of avr->cycle 0, in cycles; wraps below zero during boot
   uint64_t seen = 0;    // target time after the last instruction
   bool was_reset = false;
-  uint8_t causes = 0;   // of resets, as MCUSR has them
+  uint8_t causes = 0;  // of resets, as MCUSR has them
   void (*core_reset)(avr_t *) = nullptr;
   bool fenced = false;
   uint32_t resets = 0;  // since the fence was set
@@ -231,10 +231,10 @@ struct daranti_target {
   uint64_t host_free = 0;  // when the host's line is free again
   uint64_t line_free = 0;  // when the firmware's line is free again
   uint32_t host_baud = kUsbBaud;
-  uint8_t temp = 0;                        // of timer 1's 16-bit registers
-  uint64_t storing_until = 0;              // target time at which the EEPROM has its byte
+  uint8_t temp = 0;                               // of timer 1's 16-bit registers
+  uint64_t storing_until = 0;                     // target time at which the EEPROM has its byte
   Hook eecr, adcsra, udr, mcusr, pwm[kPwmCount];  // libsimavr's own
-  bool timed[kPwmCount] = {};              // whether a bootloader has it from libsimavr
+  bool timed[kPwmCount] = {};                     // whether a bootloader has it from libsimavr
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
