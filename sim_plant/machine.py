@@ -39,7 +39,7 @@ class BridgeSpec(Strict):
     the PWM it loses its dead time."""
 
     drop_v: NotNegative = 1.8
-    """At no current: 1.8 V for an L298N, near 0 for a BTS7960."""
+    """At no current, with wires and plugs: 1.8 V for an L298N, near 0 for a new BTS7960."""
     r_ohm: NotNegative = 0.3
     dead_time_s: NotNegative = 2e-6
 
@@ -48,7 +48,7 @@ class SteeringSpec(Strict):
     """Steering motor with its gear, referred to the motor's shaft, and the pot on the rod.
 
     The defaults give 45 deg/s at full duty, a lag of 70 ms and stiction of 45 counts of 255 at 12 V
-    over an L298N; `from_response` gives others.
+    behind a drop of 1.8 V; `from_response` gives others.
     """
 
     bridge: BridgeSpec = BridgeSpec()
@@ -235,8 +235,10 @@ INPUTS: Final = np.dtype(
     [
         ("steer_duty", np.float64),  # -1..1, positive to the left
         ("drive_duty", np.float64),  # -1..1, positive forward
-        ("steer_brake", np.int64),  # at zero duty: 1 shorts the motor, 0 lets it coast
-        ("drive_brake", np.int64),
+        ("steer_brake", np.float64),  # at zero duty: share of the time that the motor is shorted,
+        ("drive_brake", np.float64),  # 0 lets it coast
+        ("steer_one_way", np.int64),  # 1: where it drives, the bridge takes no current back
+        ("drive_one_way", np.int64),
         ("blade_on", np.int64),
         ("roll", np.float64),  # of the ground, rad: positive when the right side is lower
         ("pitch", np.float64),  # positive nose down
@@ -389,7 +391,8 @@ def _effective(duty: float, dead: float) -> float:
 def _current(
     current: float,
     duty: float,
-    brake: int,
+    brake: float,
+    one_way: int,
     battery: float,
     drop: float,
     ohm: float,
@@ -397,12 +400,26 @@ def _current(
     emf: float,
     dt: float,
 ) -> float:
-    """The motor's current after `dt` at constant back-EMF, exact for the R-L circuit."""
-    if duty == 0.0 and brake == 0:
+    """The motor's current (A) after `dt` at constant back-EMF (V), exact for the R-L circuit.
+
+    `one_way`: in the rest of each period the bridge opens its low sides (VNH5019A-E data sheet,
+    DocID 15701, 2.4), so that the current goes on through a diode and ends at none: such a bridge
+    drives but does not slow a motor that turns faster than its duty. `brake` at no duty: for so
+    much of each period the motor is shorted; in the rest all is open, and the diodes return its
+    current to the battery.
+    What flows in the part of a period in which it does not last is neglected."""
+    if duty == 0.0 and brake == 0.0:
         # Open bridge: the diodes return the current to the battery within a fraction of a step.
         return 0.0
-    final = (duty * max(0.0, battery - drop) - emf) / ohm
-    return final + (current - final) * math.exp(-dt * ohm / henry)
+    if duty == 0.0:
+        mean = min(abs(emf), (1.0 - brake) * (battery + drop))
+        final = -math.copysign(abs(emf) - mean, emf) / ohm
+        way = -emf if brake < 1.0 else 0.0
+    else:
+        final = (duty * max(0.0, battery - drop) - emf) / ohm
+        way = duty if one_way != 0 else 0.0
+    after = final + (current - final) * math.exp(-dt * ohm / henry)
+    return 0.0 if after * way < 0.0 else after
 
 
 @njit(cache=True, nogil=True)
@@ -469,8 +486,8 @@ def step(state: Any, params: Any, given: Any, dt: float) -> None:
 
     # ---- steering
     s.steer_a = _current(
-        s.steer_a, steer_duty, u.steer_brake, s.battery_v, p.st_drop, p.st_r, p.st_l,
-        p.st_k * s.steer_speed, dt,
+        s.steer_a, steer_duty, u.steer_brake, u.steer_one_way, s.battery_v,
+        p.st_drop, p.st_r, p.st_l, p.st_k * s.steer_speed, dt,
     )  # fmt: skip
     if u.steer_jam != 0:
         s.steer_speed = 0.0
@@ -488,8 +505,8 @@ def step(state: Any, params: Any, given: Any, dt: float) -> None:
 
     # ---- drive: rim speed under motor, slope, rolling, cutting and mud
     s.drive_a = _current(
-        s.drive_a, drive_duty, u.drive_brake, s.battery_v, p.dr_drop, p.dr_r, p.dr_l,
-        p.dr_k * s.wheel_v, dt,
+        s.drive_a, drive_duty, u.drive_brake, u.drive_one_way, s.battery_v,
+        p.dr_drop, p.dr_r, p.dr_l, p.dr_k * s.wheel_v, dt,
     )  # fmt: skip
     weight = p.dr_mass * _GRAVITY
     pull = p.dr_k * s.drive_a + weight * math.sin(u.pitch)

@@ -84,19 +84,22 @@ def _level(output: Any, handle: int, pin: int, loose: float) -> float:
 @njit(cache=True, nogil=True)
 def _bridge(
     output: Any, handle: int, loose: float, two_pwm: int, pwm: int, lpwm: int, in1: int, in2: int
-) -> tuple[float, int]:
-    """Signed duty -1..1 of a bridge, and whether it shorts its motor at no duty. A BTS7960 (its
-    enables wired high) takes the difference of its two halves, and shorts at no difference; an
-    L298N or VNH5019 takes the direction from its inputs, shorts where these are alike and it is
-    enabled, and lets go where it is not."""
+) -> tuple[float, float, int]:
+    """Signed duty -1..1 of a bridge, the share of the time for which it shorts its motor at no
+    duty, and whether it drives one way only.
+
+    A BTS7960 or L298N (its enables wired high) has one switch of each half closed at any time: the
+    motor gets the difference of the halves and is shorted at no difference. A VNH5019 takes the
+    direction from its inputs, shorts where these are both low and its PWM is high, and opens its
+    low sides where that is low."""
     first = _level(output, handle, pwm, loose)
     if two_pwm:
-        return first - _level(output, handle, lpwm, loose), 1
+        return first - _level(output, handle, lpwm, loose), 1.0, 0
     forward = _level(output, handle, in1, loose) > 0.5
     backward = _level(output, handle, in2, loose) > 0.5
     if forward == backward:
-        return 0.0, 1 if first > 0.0 else 0
-    return first if forward else -first, 0
+        return 0.0, first, 1
+    return first if forward else -first, 0.0, 1
 
 
 @njit(cache=True, nogil=True)
@@ -138,9 +141,9 @@ def _move(
     given[0].blade_on = round(tap(wires, BLADE_WIRE, blade, now))
     # Through an open wire no bridge brakes.
     if wires[STEER_DUTY].mode == FIXED:
-        given[0].steer_brake = 0
+        given[0].steer_brake = 0.0
     if wires[DRIVE_DUTY].mode == FIXED:
-        given[0].drive_brake = 0
+        given[0].drive_brake = 0.0
     machine.step(state, params, given, PHYSICS_US * 1e-6)
 
 
@@ -165,11 +168,11 @@ def run(
     now = begin_us
     while now < end_us:
         now += PHYSICS_US
-        steer, given[0].steer_brake = _bridge(
+        steer, given[0].steer_brake, given[0].steer_one_way = _bridge(
             output, handle, w.loose, w.steer_two_pwm,
             w.steer_pwm, w.steer_lpwm, w.steer_in1, w.steer_in2,
         )  # fmt: skip
-        drive, given[0].drive_brake = _bridge(
+        drive, given[0].drive_brake, given[0].drive_one_way = _bridge(
             output, handle, w.loose, w.drive_two_pwm,
             w.drive_pwm, w.drive_lpwm, w.drive_in1, w.drive_in2,
         )  # fmt: skip

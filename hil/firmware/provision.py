@@ -16,8 +16,8 @@ Firmware = Literal["desk", "avr", "mega2560"]
 """The build for this machine, an Uno's binary in simavr, a Mega's."""
 BOARD: Final[dict[Firmware, Board]] = {"desk": "uno", "avr": "uno", "mega2560": "mega2560"}
 """Whose pins it drives."""
-FITTED: Final = {"steer_driver": 1.0, "drive_driver": 3.0, "drive_current_cont": 25.0}
-"""What the owner of the default machine has told the firmware of its drivers: an L298N steers, and
+FITTED: Final = {"steer_driver": 2.0, "drive_driver": 3.0, "drive_current_cont": 25.0}
+"""What the owner of the default machine has told the firmware of its drivers: a BTS7960 steers, and
 a bridge with a VNH5019's inputs drives that stands the 21 A which a slope of five degrees takes."""
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
@@ -25,8 +25,9 @@ FAULT_LOG_BYTES: Final = 192
 """At the end of the memory. The workshop empties the log: there the board has no sensors."""
 STEP_US: Final = 10_000
 """Between looks at the answers, while parameters are set."""
-TIMER_2_HZ: Final = (123.0, 246.0, 491.0, 981.0, 3922.0)
-"""All that the drive bridge's timer can (ATmega328P, timer 2)."""
+TIMER_2_HZ: Final = tuple(float(round(16e6 / 510 / n)) for n in (256, 128, 64, 32, 8))
+"""All that the drive bridge's timer can within the parameter's range (ATmega328P's data sheet,
+17.7.4: phase correct, with the prescalers of table 17-9)."""
 
 
 def raw_values(parameters: Mapping[str, float]) -> dict[int, int]:

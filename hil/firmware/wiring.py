@@ -19,6 +19,9 @@ from host.core.strict import Strict
 
 Driver = Literal["l298n", "bts7960", "vnh5019"]
 
+TWO_PWM: Final[tuple[Driver, ...]] = ("l298n", "bts7960")
+"""A duty wire for either direction, the enables wired high."""
+
 ESTOP_CLOSED_MV: Final = 880.0
 """The loop: 2.2 kOhm to 5 V on the board, 470 Ohm to ground behind the button's contact."""
 ESTOP_OPEN_MV: Final = 5000.0
@@ -30,7 +33,7 @@ class Pins:
     """Where a board's wires end."""
 
     steer_pwm: int
-    """EN of an L298N, PWM of a VNH5019, RPWM of a BTS7960."""
+    """PWM of a VNH5019, RPWM of a BTS7960, IN1 of an L298N."""
     steer_lpwm: int
     steer_in1: int
     steer_in2: int
@@ -73,9 +76,10 @@ class Channel(enum.IntEnum):
 class Wiring(Strict):
     """A machine's drivers and loose ends."""
 
-    steering: Driver = "l298n"
+    steering: Driver = "bts7960"
+    """The default motor draws 9 A blocked, and 13 A as it reverses: an L298N stands 5."""
     drive: Driver = "vnh5019"
-    """With the L298N's wires (INA, INB, PWM), for the current of two drive motors."""
+    """For the current of two drive motors."""
     pull_downs: bool = True
     """10 kOhm to ground at every output. Without them an undriven wire is taken for high."""
     relay: Literal["active_high", "active_low"] = "active_high"
@@ -85,7 +89,7 @@ class Wiring(Strict):
 LAYOUT: Final = np.dtype(
     [
         *((name, np.int64) for name in Pins.__dataclass_fields__),
-        ("steer_two_pwm", np.int64),  # 1: a BTS7960's wires
+        ("steer_two_pwm", np.int64),  # 1: a duty wire for either direction
         ("drive_two_pwm", np.int64),
         ("loose", np.float64),  # level of a wire that nobody drives
         ("relay_low", np.int64),  # 1: the relay closes at a low level
@@ -100,8 +104,8 @@ def layout(wiring: Wiring | None = None, board: Board = "uno") -> np.ndarray[Any
     out = np.zeros(1, LAYOUT)
     for name in Pins.__dataclass_fields__:
         out[name] = getattr(PINS[board], name)
-    out["steer_two_pwm"] = wiring.steering == "bts7960"
-    out["drive_two_pwm"] = wiring.drive == "bts7960"
+    out["steer_two_pwm"] = wiring.steering in TWO_PWM
+    out["drive_two_pwm"] = wiring.drive in TWO_PWM
     out["loose"] = 0.0 if wiring.pull_downs else 1.0
     out["relay_low"] = wiring.relay == "active_low"
     return out

@@ -129,7 +129,7 @@ MISTAKES: Final = (
     Mistake(
         "wrong bridge style",
         ("steering.reversed", "steering.frozen"),
-        {"wiring": {"steering": "bts7960"}},
+        {"wiring": {"steering": "vnh5019"}},
     ),
     Mistake("bridge style never set", ("bridge.unset",), parameters={"drive_driver": 0.0}),
     Mistake("pot reversed", ("steering.reversed",), _steering(pot_counts_per_deg=-4.5)),

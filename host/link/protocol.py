@@ -981,7 +981,7 @@ PARAMS: dict[str, ParamSpec] = {
         0,
         3,
         "",
-        "steering bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)",
+        "steering bridge: 0 not set (ARM is refused), 1 L298N (PWM at IN1, IN2; its enables wired high), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)",
     ),
     "drive_driver": ParamSpec(
         "drive_driver",
@@ -991,7 +991,7 @@ PARAMS: dict[str, ParamSpec] = {
         0,
         3,
         "",
-        "drive bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)",
+        "drive bridge: 0 not set (ARM is refused), 1 L298N (PWM at IN1, IN2; its enables wired high), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)",
     ),
     "steer_pwm_freq": ParamSpec(
         "steer_pwm_freq",
@@ -1011,7 +1011,7 @@ PARAMS: dict[str, ParamSpec] = {
         123,
         25000,
         "Hz",
-        "timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above",
+        "timer 2 gives 123, 245, 490, 980, 3922 Hz: the highest that is not above",
     ),
     "pot_left": ParamSpec(
         "pot_left",

@@ -11,6 +11,7 @@ import pytest
 
 from hil.commands.cli import cli as bench
 from host.commands.cli import daranti as field
+from host.link.session import RESULT_TEXTS
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("docs/**/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
@@ -43,12 +44,20 @@ def wrong_with(line: str) -> str:
         command, words = found, words[1:]
         context = click.Context(command, parent=context)
     try:
-        command.make_parser(context).parse_args(words)
+        given, _, _ = command.make_parser(context).parse_args(words)
     except click.BadOptionUsage as error:  # an option that is named without its value
         return "" if error.message.endswith("requires an argument.") else error.format_message()
     except click.UsageError as error:
         return error.format_message()
-    return ""
+    asked = [p for p in command.params if isinstance(p, click.Argument) and p.required]
+    lacks = [p for p in asked if p.value_is_missing(given.get(p.name or ""))]
+    return f"it lacks its {lacks[0].name}" if 0 < len(lacks) < len(asked) else ""
+
+
+def test_every_command_line_in_a_refusal_is_one() -> None:
+    lines = [line for text in RESULT_TEXTS.values() for line in commands_of(text)]
+    assert len(lines) >= 1
+    assert [f"{line}: {wrong}" for line in lines if (wrong := wrong_with(line))] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -65,6 +74,7 @@ def test_every_command_line_is_one(page: Path) -> None:
         "`daranti tune everything`",
         "`daranti-hil harvest --sceanrio default`",
         "`make havest`",
+        "`daranti params set steer_driver=1`",
     ],
 )
 def test_a_command_line_that_is_none_is_found(text: str) -> None:

@@ -395,7 +395,12 @@ def corrupt_parameters_are_reported_and_never_arm(make: Maker) -> Bench:
     assert bench.result() == Result.NOT_SET_UP
     for name in ("steer_driver", "drive_driver"):
         bench.set_param(name, 1)
-    bench.set_param("drive_current_cont", 4)
+    for name, ampere in (
+        ("drive_current_cont", 4),
+        ("steer_current_max", 5),
+        ("drive_current_max", 5),
+    ):
+        bench.set_param(name, ampere)
     bench.arm()
     return bench
 
@@ -419,8 +424,11 @@ def a_limit_beyond_driver_or_sensor_never_arms(make: Maker) -> Bench:
     bench = Bench(make())
     bench.run(10)
     for name, bad, good in (
+        ("steer_driver", 1, 2),  # an L298N, with a limit of 20 A
+        ("steer_current_max", 25.0, 5.0),
+        ("steer_driver", 0, 1),
         ("steer_current_cont", 4.5, 4.0),
-        ("steer_current_max", 25.0, 20.0),
+        ("steer_current_max", 5.5, 5.0),
         ("drive_current_max", 61.0, 40.0),
         ("battery_high", 19.7, 15.5),
     ):

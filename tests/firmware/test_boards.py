@@ -8,6 +8,7 @@ wiring's, none is the firmware's.
 from __future__ import annotations
 
 import ctypes
+import itertools
 import re
 import subprocess
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from hil.firmware.wiring import PINS
 from host.link import protocol
 from host.link.protocol import Fault, State
 from host.link.protocol import ResetCause as Started
+from host.link.session import Session
 from tests.helpers.firmware_bench import Bench
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -135,6 +137,62 @@ def test_after_boot_the_registers_are_what_the_datasheet_asks(
         assert {register(target, at) for at in (0x71, 0x72, 0x73, 0x65, 0x74)} == {0}
 
 
+@pytest.mark.parametrize("board", ["uno", "mega2560"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_vnh5019_is_never_off_for_less_than_6_us(make: Maker, board: Board, way: int) -> None:
+    """VNH2SP30-E (DocID10832 Rev 10), table 9, note 1: "To avoid false short to battery detection
+    during PWM operation, the PWM signal must be low for a time longer than 6 us". The timer counts
+    up and down at 16 MHz (ATmega328P, 15.9.5): the output is low for twice the way to its top."""
+    bench = Bench(make(board), board=board, vnh5019_steers=True)
+    bench.run(10)
+    for name, value in (("steer_driver", 3), ("ident_duty_max", 255), ("stall_time", 3000)):
+        bench.set_param(name, value)
+    bench.arm()
+    seen = set()
+    for duty in (200, 224, 225, 230, 238, 239, 240, 245, 250, 254, 255):
+        bench.send(protocol.Ident(way * duty, 0.05))
+        bench.run(10)
+        assert bench.last.state == State.ARMED
+        low_us = 2 * (word(bench.target, 0x86) - word(bench.target, 0x88)) / 16
+        assert register(bench.target, 0x80) >> 6 == 2  # TCCR1A: OC1A set while counting down
+        assert low_us == 0 or low_us > 6, duty
+        assert low_us == pytest.approx(50 * (1 - duty / 255), abs=4)
+        seen.add(low_us)
+    assert 0 in seen and len(seen) > 2
+
+
+@pytest.mark.parametrize("asked_hz", (123, 244, 245, 490, 979, 980, 3921, 3922, 25_000))
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+def test_the_drive_s_pwm_is_the_fastest_that_its_timer_has_up_to_what_is_asked(
+    make: Maker, board: Board, asked_hz: int
+) -> None:
+    """17.7.4 and table 17-9, to the nearest hertz, as owners write it. Duties do not show it."""
+    bench = Bench(make(board), board=board)
+    bench.run(10)
+    bench.set_param("drive_pwm_freq", asked_hz)
+    bench.run(20)
+    divided = {1: 1, 2: 8, 3: 32, 4: 64, 5: 128, 6: 256, 7: 1024}
+    hz = {clock: round(16e6 / 510 / by) for clock, by in divided.items()}
+    runs_at = hz[register(bench.target, 0xB1) & 0x07]  # TCCR2B
+    assert register(bench.target, 0xB0) & 0x03 == 1  # TCCR2A: phase correct, top 255
+    assert register(bench.target, 0xB1) & 0x08 == 0
+    assert runs_at == max(each for each in hz.values() if each <= asked_hz)
+
+
+@pytest.mark.parametrize("asked_hz", (123, 4000, 7001, 20_000, 25_000))
+def test_the_steering_s_pwm_is_the_fastest_that_is_not_above_what_is_asked(
+    make: Maker, asked_hz: int
+) -> None:
+    """15.9.5: 16 MHz / 2 / ICR1. A VNH5019 stands 20 kHz, a BTS7960 25 kHz."""
+    bench = Bench(make())
+    bench.run(10)
+    bench.set_param("steer_pwm_freq", asked_hz)
+    bench.run(20)
+    top = word(bench.target, 0x86)
+    assert register(bench.target, 0x81) & 0x1F == 0x11  # TCCR1B: mode 8, not divided
+    assert 8e6 / top <= asked_hz < 8e6 / (top - 1)
+
+
 @pytest.mark.parametrize("board", BOARDS)
 def test_the_pins_are_the_wiring_s(make: Maker, board: Board) -> None:
     target, pins = make(board), PINS[board]
@@ -224,6 +282,45 @@ def test_a_tick_that_takes_longer_than_its_period_is_counted(make: Maker) -> Non
     assert bench.last.faults == 0
 
 
+def set_clock(target: Target, board: Board, milliseconds: int) -> None:
+    """As if the firmware had run for so long already."""
+    image = image_of(board)
+    names = subprocess.run(["avr-nm", str(image)], capture_output=True, text=True, check=True)
+    (address,) = re.findall(r"^0080(\w{4}) [bB] \w*8clock_msE", names.stdout, re.MULTILINE)
+    library = ctypes.CDLL(str(targets.AVR_LIBRARY))
+    library.probe_sram.restype = ctypes.POINTER(ctypes.c_uint8)
+    library.probe_sram.argtypes = [ctypes.c_void_p]
+    sram = library.probe_sram(target.handle)
+    first = int(address, 16) - (0x200 if board == "mega2560" else 0x100)
+    for k, byte in enumerate(milliseconds.to_bytes(4, "little")):
+        sram[first + k] = byte
+
+
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+@pytest.mark.parametrize("wraps_ms", (2**32 // 1000, 2**32), ids=("71 minutes", "49.7 days"))
+def test_it_drives_on_as_its_clocks_wrap_and_still_sees_a_lost_link(
+    make: Maker, board: Board, wraps_ms: int
+) -> None:
+    bench = running(make, board)
+    set_clock(bench.target, board, wraps_ms - 1000)
+    bench.run(30)
+    heard, host = len(bench.telemetry), Session()
+    for _ in range(100):
+        bench.run(20)
+        host.feed(bench.now_us / 1e6, protocol.encode(bench.last, 0))
+        assert bench.last.state == State.RUNNING
+        assert bench.blade
+    times = [t.time for t in bench.telemetry[heard:]]
+    assert {round((b - a) * 1e6) % 2**32 for a, b in itertools.pairwise(times)} == {20_000}
+    assert min(times) < 1.0
+    assert max(times) > 4290.0
+    assert host.resets == 0
+    bench.drive_period_ms = 0
+    bench.run(250)
+    assert bench.off()
+    assert bench.last.faults == Fault.LINK_LOST
+
+
 def test_a_reset_while_the_eeprom_writes_waits_for_it(make: Maker) -> None:
     """The byte is written whatever resets the chip; nothing can be read meanwhile."""
     bench = Bench(make(eeprom=b"\xff" * 1024), cut_frames=9)
@@ -291,6 +388,69 @@ def test_what_a_bootloader_hides_is_a_fault_where_the_machine_was_armed(
     assert bench.last.state == State.FAULT
     assert bench.last.faults == Fault.RESET_UNKNOWN
     assert why_started(bench) == Started.BY_UNKNOWN | Started.WHILE_ARMED
+
+
+def optiboot(folder: Path, version: int) -> Path:
+    """A bootloader that does what Optiboot's source promises an application, and nothing else: it
+    takes what MCUSR was into r2, clears MCUSR (up to version 6), and its version ends the flash."""
+    code = (0xB624, 0x2411, 0xBE14, 0x940C, 0x0000)  # in r2, MCUSR; clr r1; out MCUSR, r1; jmp 0
+    lines = []
+    for address, words in ((0x7E00, code), (0x7FFE, (version << 8,))):
+        data = b"".join(word.to_bytes(2, "little") for word in words)
+        record = bytes((len(data), address >> 8, address & 0xFF, 0)) + data
+        lines.append(f":{record.hex().upper()}{-sum(record) & 0xFF:02X}\n")
+    path = folder / "optiboot.hex"
+    path.write_text("".join(lines) + ":00000001FF\n")
+    return path
+
+
+@pytest.mark.parametrize("board", ("uno", "nano"))
+@pytest.mark.parametrize(
+    ("version", "how", "fault", "told"),
+    [
+        (5, "brown-out", Fault.BROWN_OUT, Started.BY_BROWN_OUT),
+        (8, "hung interrupt", Fault.WATCHDOG, Started.BY_WATCHDOG),
+        (8, "reset pin", Fault(0), Started.BY_RESET_PIN),
+        (4, "brown-out", Fault.RESET_UNKNOWN, Started.BY_UNKNOWN),  # r2 is anything there
+    ],
+)
+def test_what_a_newer_optiboot_hands_over_is_taken(
+    make: Maker, tmp_path: Path, board: Board, version: int, how: str, fault: Fault, told: Started
+) -> None:
+    bench = running(make, board, optiboot(tmp_path, version))
+    bench.drive_period_ms = 0
+    if how == "hung interrupt":
+        bench.target.hang(Hang.INTERRUPT)
+    else:
+        bench.target.reset(ResetCause.BROWN_OUT if how == "brown-out" else ResetCause.EXTERNAL)
+    bench.run(100)
+    assert bench.off()
+    assert bench.last.faults == fault
+    assert why_started(bench) == told | Started.WHILE_ARMED
+
+
+def test_the_builder_s_bootloaders_are_those_that_the_arduino_ide_burns() -> None:
+    """By its own list of boards; an Optiboot's version is the last word of the flash."""
+    boards = (LOADERS.parent / "boards.txt").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "build" / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| (Uno|Nano, \"\w+\"|Mega 2560) \| ([^|]+) \|", page, re.MULTILINE))
+    for row, entry in (
+        ("Uno", "uno"),
+        ('Nano, "new"', "nano.menu.cpu.atmega328"),
+        ('Nano, "old"', "nano.menu.cpu.atmega328old"),
+    ):
+        (file,) = re.findall(rf"^{re.escape(entry)}\.bootloader\.file=(.+)$", boards, re.MULTILINE)
+        (fuse,) = re.findall(
+            rf"^{re.escape(entry)}\.bootloader\.extended_fuses=(.+)$", boards, re.MULTILINE
+        )
+        assert f"({fuse.strip()}" in page or f"fuse {fuse.strip()}" in page
+        loader = (LOADERS / file.strip()).read_text(encoding="ascii")
+        version = re.search(r"^:027FFE00(\w\w)(\w\w)", loader, re.MULTILINE)
+        if version is None:
+            assert rows[row] == "ATmegaBOOT"
+        else:
+            minor, major = (int(byte, 16) for byte in version.groups())
+            assert rows[row] == f"Optiboot {major}.{minor}"
 
 
 def test_an_old_nano_s_hung_interrupt_never_comes_back_but_drives_nothing(make: Maker) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Final
 
 import pytest
@@ -24,6 +25,7 @@ from hil.firmware.targets import (
     image_of,
 )
 from host.link import protocol
+from tests.firmware.test_boards import OPTIBOOT
 
 FITTED = provision.eeprom(tuple(provision.FITTED.items()))
 TICK_US: Final = 5000
@@ -34,6 +36,7 @@ TCCR1A, TCCR1B, ICR1L, ICR1H, OCR1AL, OCR1AH = 0x80, 0x81, 0x86, 0x87, 0x88, 0x8
 TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
 DDRB, DDRD, PORTD = 0x24, 0x2A, 0x2B
 ADCSRA, ADMUX = 0x7A, 0x7C
+MCUSR, WDTCSR = 0x54, 0x60
 UCSR0A, UCSR0B, UCSR0C, UBRR0L = 0xC0, 0xC1, 0xC2, 0xC4
 
 Maker = Callable[..., "Chip"]
@@ -88,11 +91,11 @@ def make() -> Iterator[Maker]:
     """Makes chips, and closes them after the test."""
     made: list[Chip] = []
 
-    def one(board: Board = "uno") -> Chip:
-        for needed in (targets.AVR_LIBRARY, image_of(board)):
-            if not needed.exists():
+    def one(board: Board = "uno", bootloader: Path | None = None) -> Chip:
+        for needed in (targets.AVR_LIBRARY, image_of(board), bootloader):
+            if needed is not None and not needed.exists():
                 pytest.skip(f"not there: {needed}")
-        made.append(Chip(targets.avr(FITTED, board)))
+        made.append(Chip(targets.avr(FITTED, board, bootloader)))
         return made[-1]
 
     yield one
@@ -392,6 +395,36 @@ def test_power_on_empties_the_memory_and_other_resets_do_not(
     found = [m for _, m in protocol.Parser().feed(chip.target.read())]
     [version] = [m for m in found if isinstance(m, protocol.Version)]
     assert (protocol.ResetCause.WHILE_ARMED in version.reset_cause) is kept
+
+
+def test_the_causes_of_resets_stay_until_power_on_or_until_a_zero_is_written(make: Maker) -> None:
+    """10.9.1. The firmware clears them at each start: here they are set as it runs."""
+    chip = make()
+    assert chip.read(MCUSR) == 0
+    chip.write((MCUSR, 0xFF))
+    assert chip.read(MCUSR) == 0
+    behind = make("uno", OPTIBOOT)  # whose code has not run yet after each of these
+    for cause, kept in (
+        (ResetCause.BROWN_OUT, 0x04),
+        (ResetCause.EXTERNAL, 0x06),
+        (ResetCause.WATCHDOG, 0x0E),
+        (ResetCause.POWER_ON, 0x01),
+    ):
+        behind.target.reset(cause)
+        assert behind.read(MCUSR) == kept
+    behind.write((MCUSR, 0xFE))
+    assert behind.read(MCUSR) == 0
+
+
+def test_the_watchdog_stays_on_while_its_own_cause_stands(make: Maker) -> None:
+    """10.9.2: WDE is overridden by WDRF."""
+    chip = make("uno", OPTIBOOT)
+    chip.target.reset(ResetCause.WATCHDOG)
+    off = ((WDTCSR, 0x18), (WDTCSR, 0x00))
+    chip.write(*off)
+    assert chip.read(WDTCSR) & 0x08
+    chip.write((MCUSR, 0x00), *off)
+    assert not chip.read(WDTCSR) & 0x08
 
 
 def test_inputs_stay_as_they_are_over_a_reset(make: Maker) -> None:

@@ -4,6 +4,7 @@ headers'."""
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ from matplotlib.textpath import TextPath
 
 ROOT: Final = Path(__file__).parents[2]
 BUILD: Final = ROOT / "docs" / "build"
+README: Final = (BUILD / "README.md").read_text(encoding="utf-8")
 A0: Final = {"uno": 14, "mega2560": 54}
 """The digital number of a board's first analog pin."""
 
@@ -80,10 +82,33 @@ def test_every_wire_of_a_device_is_joined_to_its_pin() -> None:
 
 
 def test_the_builder_s_pin_table_is_the_headers() -> None:
-    text = (BUILD / "README.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(k\w+)` \| (\w+) \| (\w+) \|", text, re.MULTILINE)
+    rows = re.findall(r"^\| `(k\w+)` \| (\w+) \| (\w+) \|", README, re.MULTILINE)
     assert {name: pin for name, pin, _ in rows} == header("uno")
     assert {name: pin for name, _, pin in rows} == header("mega2560")
+
+
+def test_the_parts_list_has_the_resistors_and_capacitors_of_drawing_and_page() -> None:
+    parts = drawn()[0]["connectors"]
+    value = r"[\d.]+ (?:k?Ω|[nµ]F)"
+    bought = re.search(r"^\| resistors, capacitors \| ([^|]+) \|", README, re.MULTILINE)
+    assert bought is not None
+    listed: Counter[str] = Counter()
+    for item in re.sub(r" \([^)]*\)", "", bought[1]).split(", "):
+        one = re.fullmatch(rf"(?:(\d+) × )?({value})(?: × (\d+))?", item)
+        assert one is not None, item
+        listed[one[2]] += int(one[1] or one[3] or 1)
+    told = [part.get("notes", "") for part in parts.values()] + [parts["Relay"]["subtype"]]
+    counted = Counter(re.findall(value, " ".join(told)))
+    each = re.match(value, parts["PullDowns"]["type"])
+    assert each is not None
+    counted[each[0]] += len(parts["PullDowns"]["pins"]) - 1  # and GND
+    in_series = re.search(rf"({value}) between each such wire and its pin: ([^.]+)\.", README)
+    beside = re.search(rf"over 1 kΩ, with ({value}) beside", README)
+    assert in_series is not None
+    assert beside is not None
+    counted[in_series[1]] += len(in_series[2].split(", "))
+    counted.update((beside[1], "1 kΩ"))
+    assert listed == counted
 
 
 def texts_and_boxes() -> tuple[list[tuple[str, float, float]], list[tuple[float, ...]]]:

@@ -25,7 +25,7 @@ class ActuatorSpec:
     counts_per_deg: float = 4.5
     centre_counts: float = 512.0
     coasts: bool = True
-    """Released, the motor is an open circuit (L298N with ENABLE low)."""
+    """Released, the motor is an open circuit (a VNH5019, its PWM low)."""
     polarity: int = 1
 
 

@@ -37,6 +37,9 @@ class Bench:
     start_deg: float = 0.0
     seed: int = 0
     bts7960: bool = False
+    """It drives; else a VNH5019."""
+    vnh5019_steers: bool = False
+    """Else a bridge with a wire for either direction."""
     board: Board = "uno"
     telemetry: list[protocol.Telemetry] = field(default_factory=list)
     readings: list[protocol.Readings] = field(default_factory=list)
@@ -88,10 +91,11 @@ class Bench:
         self.target.write(protocol.encode(message, self.seq))
         return self.seq
 
-    def signed(self, enable: int, lpwm: int, in1: int, in2: int) -> int:
-        """The duty at a bridge's pins, whichever the driver's style."""
-        forward, backward = self.target.pwm(enable), self.target.pwm(lpwm)
-        if self.bts7960:
+    def signed(self, two: bool, pwm: int, lpwm: int, in1: int, in2: int) -> int:
+        """The duty at a bridge's pins; two: it has a wire for either direction."""
+        forward, backward = self.target.pwm(pwm), self.target.pwm(lpwm)
+        if two:
+            assert not self.target.pin(in1) and not self.target.pin(in2)
             assert forward == 0 or backward == 0
             return forward - backward
         if self.target.pin(in1) == self.target.pin(in2):
@@ -102,13 +106,24 @@ class Bench:
     def steer_duty(self) -> int:
         """-255..255, positive left."""
         p = self.pins
-        return self.signed(p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
+        two = not self.vnh5019_steers
+        return self.signed(two, p.steer_pwm, p.steer_lpwm, p.steer_in1, p.steer_in2)
 
     @property
     def drive_duty(self) -> int:
         """-255..255, positive forward."""
         p = self.pins
-        return self.signed(p.drive_pwm, p.drive_lpwm, p.drive_in1, p.drive_in2)
+        return self.signed(self.bts7960, p.drive_pwm, p.drive_lpwm, p.drive_in1, p.drive_in2)
+
+    @property
+    def wheel_duty(self) -> float:
+        """0..255: the speed at which the wheels turn. A VNH5019 that shorts its motor for a part of
+        each period lets go for the rest, and the motor drives the battery's 12 V and two diodes."""
+        shorted = self.target.pwm(self.pins.drive_pwm)
+        inputs = self.target.pin(self.pins.drive_in1), self.target.pin(self.pins.drive_in2)
+        if self.bts7960 or any(inputs) or shorted == 0:
+            return abs(self.drive_duty)
+        return (255 - shorted) * 13.6 / 12.0
 
     def off(self) -> bool:
         """Nothing moves or cuts."""
@@ -136,7 +151,7 @@ class Bench:
             self.actuator.step(steer, STEP_US * 1e-6)
             self._pot()
             if self.hall_per_metre:
-                self.wheel_m += abs(drive) / 255 * STEP_US * 1e-6
+                self.wheel_m += self.wheel_duty / 255 * STEP_US * 1e-6
                 phase = self.wheel_m * self.hall_per_metre
                 late = phase + (0.25 if self.wheel_backward else -0.25)
                 self.target.set_pin(self.pins.hall, phase - math.floor(phase) < 0.5)

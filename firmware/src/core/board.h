@@ -20,10 +20,10 @@ enum class Motor : uint8_t { kSteer = 0, kDrive = 1 };
 
 // The four wires of an H-bridge, in either of the two common wirings.
 struct BridgeWires {
-  uint8_t pwm;   // EN of an L298N, PWM of a VNH5019, RPWM of a BTS7960: 0..255 of 255
-  uint8_t lpwm;  // LPWM of a BTS7960
-  bool in1;      // IN1 or INA: left, forward
-  bool in2;      // IN2 or INB
+  uint8_t pwm;   // PWM of a VNH5019, RPWM of a BTS7960, IN1 of an L298N: 0..255 of 255
+  uint8_t lpwm;  // LPWM of a BTS7960, IN2 of an L298N
+  bool in1;      // INA of a VNH5019: left, forward
+  bool in2;      // INB
 };
 
 // Counters since the reset, modulo 65536. A pulse counts when its level has held for two samples,

@@ -15,9 +15,10 @@ constexpr uint8_t kTelemetryTicks = 4;  // 50 Hz
 constexpr uint8_t kFewCommands = 2;     // in a tick that has time to configure a part
 constexpr uint8_t kParts = 2;
 
-constexpr uint8_t kReadingsTicks = 32;  // 6 Hz
-constexpr uint8_t kReadingsAt = 2;      // not in a tick with telemetry
-constexpr uint8_t kNewest = 127;        // a sequence number further ahead is behind
+constexpr uint8_t kReadingsTicks = 32;   // 6 Hz
+constexpr uint8_t kReadingsAt = 2;       // not in a tick with telemetry
+constexpr int16_t kDriveFastest = 3922;  // Hz: what the drive's timer gives at most
+constexpr uint8_t kNewest = 127;         // a sequence number further ahead is behind
 
 }  // namespace
 
@@ -43,6 +44,9 @@ void Controller::configure_rest(Board &board) {
   drive_style_ = static_cast<BridgeStyle>(params_[Param::drive_driver]);
   board.set_pwm_frequency(static_cast<uint16_t>(params_[Param::steer_pwm_freq]),
                           static_cast<uint16_t>(params_[Param::drive_pwm_freq]));
+  steer_gap_ = bridge_gap(static_cast<uint16_t>(params_[Param::steer_pwm_freq]));
+  drive_gap_ =
+      bridge_gap(static_cast<uint16_t>(least(params_[Param::drive_pwm_freq], kDriveFastest)));
   battery_scale_ = divide(params_[Param::battery_scale] * (int32_t{1} << 14), kAnalogMax);
   steer_current_.configure(params_[Param::steer_current_zero], params_[Param::steer_current_scale]);
   drive_current_.configure(params_[Param::drive_current_zero], params_[Param::drive_current_scale]);
@@ -52,12 +56,15 @@ void Controller::configure_rest(Board &board) {
   set_up_ = set_up();
 }
 
-// Both bridges are named, no limit is beyond what its sensor shows, no mean current beyond what the
-// driver stands.
+// Both bridges are named, no limit is beyond what its sensor shows, no current and no PWM beyond
+// what the driver stands. The drive's timer is slower than any driver.
 bool Controller::set_up() const {
   const int32_t battery_top = params_[Param::battery_scale] / 50 * 49;
   return params_[Param::steer_current_cont] <= bridge_rating(steer_style_) &&
          params_[Param::drive_current_cont] <= bridge_rating(drive_style_) &&
+         params_[Param::steer_current_max] <= bridge_peak(steer_style_) &&
+         params_[Param::drive_current_max] <= bridge_peak(drive_style_) &&
+         params_[Param::steer_pwm_freq] <= bridge_fastest(steer_style_) &&
          steer_current_.shows(params_[Param::steer_current_max]) &&
          drive_current_.shows(params_[Param::drive_current_max]) &&
          params_[Param::battery_high] <= battery_top;
@@ -292,14 +299,17 @@ void Controller::actuate(Board &board) {
   const bool rolls_back = hall_.speed() < 0 && hall_.speed() != Hall::kNone;
   const bool forward = asked_.speed >= 0 && drive_.setpoint() >= 0 && !rolls_back;
   board.set_blade(blade_.step(forward, pulses_.blade));
-  board.set_bridge(Motor::kSteer, bridge_wires(steer_style_, steer_duty_));
-  // A machine that is told to stand must stand on a slope, too; and where the slope drives it
-  // faster than it is told, its motors brake at no duty as they do at the least one. Until it rolls
-  // or is driven nothing is on: what brakes one driver is full power where another is fitted.
+  board.set_bridge(Motor::kSteer, bridge_wires(steer_style_, steer_duty_, steer_gap_));
+  // A machine that is told to stand must stand on a slope, too; and one that the slope drives
+  // faster than it is told is braked. Until it rolls or is driven nothing is on: what brakes one
+  // driver is full power where another is fitted.
   const bool rolls = hall_.speed() != 0 && hall_.speed() != Hall::kNone;
   if (rolls || drive_.setpoint() != 0) holds_ = true;
-  const Idle idle = holds_ ? Idle::kBrake : Idle::kCoast;
-  board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_, idle));
+  const bool brakes = drive_duty_ == 0
+                          ? holds_
+                          : hall_.directed() && drive_.slows(drive_duty_, hall_.speed(), battery_);
+  board.set_bridge(Motor::kDrive, bridge_wires(drive_style_, drive_duty_, drive_gap_,
+                                               brakes ? Bridging::kBrake : Bridging::kDrive));
 }
 
 void Controller::off(Board &board) {

@@ -74,6 +74,8 @@ class Controller {
   Current drive_current_;
   BridgeStyle steer_style_ = BridgeStyle::kNotSet;
   BridgeStyle drive_style_ = BridgeStyle::kNotSet;
+  uint8_t steer_gap_ = 0;  // bridge_gap() of either PWM
+  uint8_t drive_gap_ = 0;
   uint8_t unconfigured_ = 0;       // parts that have not heard of changed parameters
   bool greeted_ = false;           // Hello was answered in this tick
   bool restored_ = false;          // ParamDefaults was answered in this tick

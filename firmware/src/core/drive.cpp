@@ -108,6 +108,13 @@ void Drive::configure(const Params &params) {
   beyond_ = static_cast<int16_t>((params[Param::speed_excess] * forward_) >> 16);
 }
 
+bool Drive::slows(int16_t duty, int16_t measured, int16_t battery) const {
+  if (measured == Hall::kNone || (duty > 0) != (measured > 0)) return false;
+  const int32_t own = (least(magnitude(measured), kErrorMax) * forward_) >> 16;
+  return nominal_ == 0 ? magnitude(duty) < own
+                       : magnitude(duty) * int32_t{battery} < own * nominal_;
+}
+
 void Drive::release() {
   integral_ = 0;
   setpoint_ = 0;

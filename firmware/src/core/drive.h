@@ -23,6 +23,9 @@ class Hall {
   bool lost() const;
   // Driven from a stand, and two pulses were due: it takes more to break away.
   bool stuck() const { return per_metre_ != 0 && !rolls_ && awaited_ >= two_pulses_; }
+  // Whether it is known which way it goes: by two sensors, or since it has broken away. A machine
+  // that rolls back before it climbs seems to go as it is driven, and must not be braked for it.
+  bool directed() const { return two_ || rolls_; }
   // Counts more than a machine can drive: noise, or a wrong hall_per_metre.
   bool noisy() const { return per_metre_ != 0 && magnitude(speed_) > impossible_; }
   // Turns faster than `setpoint` (mm/s) and the parameter speed_excess allow.
@@ -66,6 +69,9 @@ class Drive {
   // One tick. target, measured: mm/s (measured may be Hall::kNone); battery: mV; stuck: it takes
   // more to break away. Returns the duty, -255..255, positive forward.
   int16_t step(int16_t target, int16_t measured, int16_t battery, bool stuck);
+  // Whether a machine that goes at `measured` (mm/s) turns its motors faster than `duty` would, and
+  // the same way: they must take current back to slow it. battery: mV.
+  bool slows(int16_t duty, int16_t measured, int16_t battery) const;
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }

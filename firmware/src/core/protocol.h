@@ -419,10 +419,10 @@ constexpr uint8_t kMaxAnswerSize = 29;
 
 // Parameters, in the order of their ids.
 enum class Param : uint8_t {
-  steer_driver,  // steering bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)
-  drive_driver,  // drive bridge: 0 not set (ARM is refused), 1 L298N (IN1, IN2, EN), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)
+  steer_driver,  // steering bridge: 0 not set (ARM is refused), 1 L298N (PWM at IN1, IN2; its enables wired high), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)
+  drive_driver,  // drive bridge: 0 not set (ARM is refused), 1 L298N (PWM at IN1, IN2; its enables wired high), 2 BTS7960 (RPWM, LPWM), 3 VNH5019 or VNH2SP30 (INA, INB, PWM)
   steer_pwm_freq,  // 1 Hz; timer 1 gives any frequency
-  drive_pwm_freq,  // 1 Hz; timer 2 gives 122, 245, 490, 980, 3922 Hz: the highest that is not above
+  drive_pwm_freq,  // 1 Hz; timer 2 gives 123, 245, 490, 980, 3922 Hz: the highest that is not above
   pot_left,  // 0.1 counts; potentiometer at the left calibration angle
   pot_centre,  // 0.1 counts; potentiometer at straight ahead
   pot_right,  // 0.1 counts; potentiometer at the right calibration angle

@@ -28,10 +28,10 @@ struct Rig {
     fit(board);
     if (boot) controller.boot(board);
   }
-  // An L298N steers, a bridge of 25 A with a VNH5019's inputs drives.
+  // A BTS7960 steers, a bridge of 25 A with a VNH5019's inputs drives.
   static void fit(FakeBoard &board) {
     Params params;
-    params.set(static_cast<uint8_t>(Param::steer_driver), 1);
+    params.set(static_cast<uint8_t>(Param::steer_driver), 2);
     params.set(static_cast<uint8_t>(Param::drive_driver), 3);
     params.set(static_cast<uint8_t>(Param::drive_current_cont), 2500);
     params.begin_save();
@@ -103,7 +103,7 @@ struct Rig {
     FAIL("no telemetry");
     return {};
   }
-  // Both low inputs and the enable high short an L298N's or a VNH5019's motor.
+  // Both low inputs and the PWM high short a VNH5019's motor.
   bool brakes() const {
     const BridgeWires &wires = board.drive;
     return wires.pwm == 255 && wires.lpwm == 0 && !wires.in1 && !wires.in2;
@@ -302,8 +302,7 @@ TEST_CASE("Armed, the steering and the blade work; the wheels only with a speed"
   rig.drive_for(20);
   CHECK(rig.state() == State::ARMED);
   CHECK(rig.board.steer.pwm > 0);
-  CHECK(rig.board.steer.in1);
-  CHECK(!rig.board.steer.in2);
+  CHECK(rig.board.steer.lpwm == 0);
   CHECK(rig.board.drive.pwm == 0);
   CHECK(rig.board.blade);
   rig.ask(500, 0, false);
@@ -531,7 +530,7 @@ TEST_CASE("A steering motor with its wires swapped latches as a runaway") {
   rig.ask(0, 1000);
   double angle = 0;
   for (int i = 0; i < 100; ++i) {
-    if (rig.board.steer.in1) angle -= 0.3;
+    if (rig.board.steer.pwm > 0) angle -= 0.3;
     rig.board.set_angle(angle);
     rig.drive_for(1);
   }
@@ -592,23 +591,89 @@ TEST_CASE("A bridge's wires follow its style, and a duty beyond 255 counts as 25
   const auto same = [](const BridgeWires &a, const BridgeWires &b) {
     return a.pwm == b.pwm && a.lpwm == b.lpwm && a.in1 == b.in1 && a.in2 == b.in2;
   };
-  for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kVnh5019}) {
-    CHECK(same(bridge_wires(style, 100), {100, 0, true, false}));
-    CHECK(same(bridge_wires(style, -100, Idle::kBrake), {100, 0, false, true}));
-    CHECK(same(bridge_wires(style, 1), {1, 0, true, false}));
-    CHECK(same(bridge_wires(style, 300), {255, 0, true, false}));
-    CHECK(same(bridge_wires(style, -300), {255, 0, false, true}));
-    CHECK(same(bridge_wires(style, 0), {0, 0, false, false}));
-    CHECK(same(bridge_wires(style, 0, Idle::kBrake), {255, 0, false, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 100, 0), {100, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -100, 0), {100, 0, false, true}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 1, 0), {1, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 300, 0), {255, 0, true, false}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, -300, 0), {255, 0, false, true}));
+  CHECK(same(bridge_wires(BridgeStyle::kVnh5019, 0, 0), {0, 0, false, false}));
+  for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
+    for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kBts7960}) {
+      CHECK(same(bridge_wires(style, 100, 0, bridging), {100, 0, false, false}));
+      CHECK(same(bridge_wires(style, -100, 0, bridging), {0, 100, false, false}));
+      CHECK(same(bridge_wires(style, 1, 0, bridging), {1, 0, false, false}));
+      CHECK(same(bridge_wires(style, -1, 0, bridging), {0, 1, false, false}));
+      CHECK(same(bridge_wires(style, -300, 0, bridging), {0, 255, false, false}));
+      CHECK(same(bridge_wires(style, 0, 0, bridging), {0, 0, false, false}));
+    }
+    for (const int16_t duty : {int16_t{-255}, int16_t{0}, int16_t{255}}) {
+      CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, 0, bridging), {0, 0, false, false}));
+    }
   }
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, 100), {100, 0, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, -100), {0, 100, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, 1), {1, 0, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, -1), {0, 1, false, false}));
-  CHECK(same(bridge_wires(BridgeStyle::kBts7960, 0, Idle::kBrake), {0, 0, false, false}));
-  for (const int16_t duty : {int16_t{-255}, int16_t{0}, int16_t{255}}) {
-    CHECK(same(bridge_wires(BridgeStyle::kNotSet, duty, Idle::kBrake), {0, 0, false, false}));
+}
+
+TEST_CASE("A VNH5019 brakes with both inputs low, the more the less is asked") {
+  // At 12 V the motor may give 12 V * duty: it is open for so much of the period, in which its
+  // current flows back over two diodes into 13.6 V.
+  for (int16_t duty = -255; duty <= 255; ++duty) {
+    const BridgeWires wires = bridge_wires(BridgeStyle::kVnh5019, duty, 0, Bridging::kBrake);
+    CHECK(!wires.in1);
+    CHECK(!wires.in2);
+    CHECK(wires.lpwm == 0);
+    const double open = (255 - wires.pwm) / 255.0 * 13.6;
+    CHECK(open == doctest::Approx(12.0 * (duty < 0 ? -duty : duty) / 255).epsilon(0.01).scale(12));
   }
+  CHECK(bridge_wires(BridgeStyle::kVnh5019, 0, 0, Bridging::kBrake).pwm == 255);
+}
+
+TEST_CASE(
+    "A VNH5019's PWM is low for more than 6 us, or not at all; the others' for as long as asked") {
+  // VNH2SP30-E data sheet, table 9, note 1: "to avoid false short to battery detection".
+  for (const double hz : {123.0, 3922.0, 20000.0}) {
+    const uint8_t gap = bridge_gap(static_cast<uint16_t>(hz));
+    for (int16_t duty = -255; duty <= 255; ++duty) {
+      for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
+        const BridgeWires asked = bridge_wires(BridgeStyle::kVnh5019, duty, 0, bridging);
+        const BridgeWires given = bridge_wires(BridgeStyle::kVnh5019, duty, gap, bridging);
+        const double low_us = (255 - given.pwm) / 255.0 / hz * 1e6;
+        CHECK((given.pwm == 255 || low_us > 6.0));
+        // The nearest that there is.
+        const double off_us = (given.pwm - asked.pwm) / 255.0 / hz * 1e6;
+        CHECK((off_us < 4.0 && off_us > -4.0));
+        CHECK(given.in1 == asked.in1);
+        CHECK(given.in2 == asked.in2);
+      }
+      for (const BridgeStyle style : {BridgeStyle::kL298n, BridgeStyle::kBts7960}) {
+        const BridgeWires given = bridge_wires(style, duty, gap);
+        CHECK(given.pwm == (duty > 0 ? duty : 0));
+        CHECK(given.lpwm == (duty < 0 ? -duty : 0));
+      }
+    }
+  }
+}
+
+TEST_CASE("The pause in a VNH5019's PWM, to the count") {
+  CHECK(bridge_gap(20000) == 31);
+  CHECK(bridge_gap(3922) == 7);
+  CHECK(bridge_gap(653) == 1);
+  CHECK(bridge_gap(654) == 2);
+  CHECK(bridge_gap(3268) == 6);  // 500004 / 100000
+  CHECK(bridge_gap(24183) == 37);
+  const auto pwm = [](int16_t duty, uint8_t gap) {
+    return bridge_wires(BridgeStyle::kVnh5019, duty, gap).pwm;
+  };
+  CHECK(pwm(223, 31) == 223);
+  CHECK(pwm(224, 31) == 224);
+  CHECK(pwm(225, 31) == 224);
+  CHECK(pwm(239, 31) == 224);
+  CHECK(pwm(240, 31) == 255);
+  CHECK(pwm(244, 31) == 255);
+  CHECK(pwm(240, 30) == 225);
+  CHECK(pwm(241, 30) == 255);
+  CHECK(bridge_fastest(BridgeStyle::kL298n) == 25000);
+  CHECK(bridge_fastest(BridgeStyle::kBts7960) == 25000);
+  CHECK(bridge_fastest(BridgeStyle::kVnh5019) == 20000);
+  CHECK(bridge_fastest(BridgeStyle::kNotSet) == 0);
 }
 
 TEST_CASE("ARM is refused where a driver is not named") {
@@ -627,17 +692,36 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   struct Case {
     Param param;
     int16_t good, bad;
+    int16_t driver = 2;
   };
-  // An L298N stands 4 A, a VNH5019 30 A, which no parameter exceeds; 2.4 V are 24 and 60 A.
+  // An L298N's two channels stand 4 A, and 5 A for a moment; the others' means no parameter
+  // exceeds, and their peaks they limit themselves. 2.4 V are 24 and 60 A.
   for (const Case &each :
-       {Case{Param::steer_current_cont, 400, 401}, Case{Param::steer_current_max, 2390, 2400},
-        Case{Param::drive_current_max, 5980, 5990}, Case{Param::battery_high, 19600, 19601}}) {
+       {Case{Param::steer_current_cont, 400, 401, 1}, Case{Param::steer_current_max, 500, 501, 1},
+        Case{Param::steer_current_max, 2390, 2400}, Case{Param::drive_current_max, 5980, 5990},
+        Case{Param::battery_high, 19600, 19601}}) {
     for (const bool good : {true, false}) {
       Rig rig;
+      rig.set(Param::steer_driver, each.driver);
+      if (each.driver == 1) rig.set(Param::steer_current_max, 500);
       rig.set(each.param, good ? each.good : each.bad);
       rig.tick(2);
       rig.board.answers();
       rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+      CHECK(result_of(rig) == as_int(good ? Result::OK : Result::NOT_SET_UP));
+    }
+  }
+  // VNH5019A-E data sheet, table 8: 20 kHz. The others take the 25 kHz that the parameter allows.
+  for (const int16_t driver : {1, 2, 3}) {
+    for (const int16_t hz : {20000, 20001, 25000}) {
+      Rig rig;
+      rig.set(Param::steer_driver, driver);
+      rig.set(Param::steer_current_max, 500);
+      rig.set(Param::steer_pwm_freq, hz);
+      rig.tick(2);
+      rig.board.answers();
+      rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+      const bool good = driver != 3 || hz == 20000;
       CHECK(result_of(rig) == as_int(good ? Result::OK : Result::NOT_SET_UP));
     }
   }
@@ -648,8 +732,13 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   rig.board.type(protocol::Arm::kId, {protocol::kVersion});
   CHECK(result_of(rig) == as_int(Result::NOT_SET_UP));
   rig.set(Param::drive_current_cont, 400);
-  rig.tick(2);
-  rig.arm();
+  for (const int16_t most : {501, 500}) {
+    rig.set(Param::drive_current_max, most);
+    rig.tick(2);
+    rig.board.answers();
+    rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+    CHECK(result_of(rig) == as_int(most == 500 ? Result::OK : Result::NOT_SET_UP));
+  }
 }
 
 TEST_CASE("Without a current sensor nothing is measured and nothing is refused") {
@@ -934,6 +1023,58 @@ TEST_CASE("A machine that a slope drives faster than it is told gets no duty, an
   CHECK(rig.brakes());
 }
 
+TEST_CASE(
+    "A machine that a slope drives is braked as far as it is too fast, and let go on the flat") {
+  Rig rig;
+  rig.set(Param::hall_per_metre, 1000);
+  rig.set(Param::drive_kp, 0);
+  rig.set(Param::drive_ki, 0);
+  rig.arm();
+  rig.ask(500);
+  // A pulse each 10 mm: at 0.5 m/s four ticks, at 1 m/s two.
+  const auto roll = [&rig](int ticks, int each) {
+    for (int tick = 0; tick < ticks; ++tick) {
+      if (tick % each == 0) rig.board.wheel = static_cast<uint16_t>(rig.board.wheel + 1);
+      rig.drive_for(1);
+    }
+  };
+  roll(150, 5);  // 0.4 m/s
+  CHECK(rig.board.drive.in1);
+  CHECK(rig.board.drive.pwm == 128);
+  roll(40, 2);
+  CHECK(!rig.board.drive.in1);
+  CHECK(!rig.board.drive.in2);
+  CHECK(rig.board.drive.pwm == 255 - 128 + 16);
+  roll(40, 5);
+  CHECK(rig.board.drive.in1);
+  CHECK(rig.board.drive.pwm == 128);
+}
+
+TEST_CASE("A machine that rolls back as it is told to climb is driven, not braked") {
+  for (const int16_t phases : {1, 2}) {
+    Rig rig;
+    rig.set(Param::hall_per_metre, 1000);
+    rig.set(Param::hall_phases, phases);
+    rig.set(Param::drive_kp, 0);
+    rig.set(Param::drive_ki, 0);
+    rig.arm();
+    const auto creep = [&rig](int ticks) {  // 0.2 m/s, held by its brake
+      for (int tick = 0; tick < ticks; ++tick) {
+        const bool pulse = tick % 10 == 0;
+        rig.board.wheel = static_cast<uint16_t>(rig.board.wheel + pulse);
+        rig.board.backward = static_cast<uint16_t>(rig.board.backward + pulse);
+        rig.drive_for(1);
+      }
+    };
+    creep(60);
+    CHECK(rig.brakes());
+    rig.ask(100);
+    creep(60);
+    CHECK(rig.board.drive.in1);
+    CHECK(rig.board.drive.pwm == 26);
+  }
+}
+
 TEST_CASE("A machine that does not move off is driven harder") {
   Rig rig;
   rig.set(Param::hall_per_metre, 1000);
@@ -1002,13 +1143,13 @@ TEST_CASE("Without a wheel sensor nothing is held before the machine was driven"
 
 TEST_CASE("Driver style and PWM frequency act at once") {
   Rig rig;
-  rig.set(Param::steer_driver, 2);
+  rig.set(Param::steer_driver, 3);
   rig.set(Param::steer_pwm_freq, 4000);
   rig.tick(2);
   rig.arm();
   rig.ask(0, 2000);
   rig.drive_for(10);
-  CHECK(!rig.board.steer.in1);
+  CHECK(rig.board.steer.in1);
   CHECK(rig.board.steer.pwm > 0);
   CHECK(rig.board.steer_hz == 4000);
 }
@@ -1076,7 +1217,7 @@ TEST_CASE("Defaults act at once") {
   rig.set(Param::steer_limit, 1000);
   rig.board.type(protocol::ParamDefaults::kId);
   rig.tick(2);
-  rig.set(Param::steer_driver, 1);
+  rig.set(Param::steer_driver, 2);
   rig.set(Param::drive_driver, 3);
   rig.arm();
   rig.ask(0, 3000);
@@ -1152,11 +1293,11 @@ TEST_CASE("Identification gives the asked duty for the asked time, ARMED only") 
   rig.ident(-100, 50);
   CHECK(result_of(rig) == as_int(Result::OK));
   for (int i = 1; i < 10; ++i) {
-    CHECK(rig.board.steer.pwm == 100);
-    CHECK(rig.board.steer.in2);
+    CHECK(rig.board.steer.lpwm == 100);
+    CHECK(rig.board.steer.pwm == 0);
     rig.tick();
   }
-  CHECK(rig.board.steer.pwm == 100);
+  CHECK(rig.board.steer.lpwm == 100);
   rig.tick();
   CHECK(rig.off());
   rig.tick(30);
@@ -1200,7 +1341,7 @@ TEST_CASE("Identification stops at its angle, to either side, but may come back"
     rig.ident(static_cast<int16_t>(-sign * 100), 100);
     rig.tick(3);
     CHECK(rig.faults() == 0);
-    CHECK(rig.board.steer.pwm == 100);
+    CHECK(rig.board.steer.pwm - rig.board.steer.lpwm == -sign * 100);
     rig.ident(static_cast<int16_t>(sign * 100), 100);
     rig.tick();
     CHECK(rig.off());
@@ -1221,7 +1362,7 @@ TEST_CASE("At its angle limit exactly, identification goes on") {
     rig.ident(static_cast<int16_t>(sign * 100), 100);
     rig.tick(3);
     CHECK(rig.faults() == 0);
-    CHECK(rig.board.steer.pwm == 100);
+    CHECK(rig.board.steer.pwm - rig.board.steer.lpwm == sign * 100);
   }
 }
 
@@ -1359,7 +1500,7 @@ TEST_CASE("A board that takes them is answered by what the outputs would be") {
   for (const Answer &answer : rig.board.answers()) {
     if (answer.id != protocol::HilOutputs::kId) continue;
     ++outputs;
-    CHECK(protocol::get<int16_t>(answer.payload.data()) == -rig.board.steer.pwm);
+    CHECK(protocol::get<int16_t>(answer.payload.data()) == -rig.board.steer.lpwm);
     CHECK(protocol::get<int16_t>(answer.payload.data() + 2) == rig.board.drive.pwm);
     CHECK(answer.payload[4] == 1);
   }
@@ -1489,4 +1630,10 @@ TEST_CASE("A driver's rating is its data sheet's; none has none") {
   CHECK(bridge_rating(BridgeStyle::kBts7960) == 3000);
   CHECK(bridge_rating(BridgeStyle::kVnh5019) == 3000);
   CHECK(bridge_rating(BridgeStyle::kNotSet) == 0);
+  CHECK(bridge_peak(BridgeStyle::kL298n) == 500);
+  CHECK(bridge_peak(BridgeStyle::kBts7960) ==
+        param_range(static_cast<uint8_t>(Param::steer_current_max)).high);
+  CHECK(bridge_peak(BridgeStyle::kVnh5019) ==
+        param_range(static_cast<uint8_t>(Param::drive_current_max)).high);
+  CHECK(bridge_peak(BridgeStyle::kNotSet) == 0);
 }

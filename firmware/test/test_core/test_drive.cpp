@@ -81,6 +81,28 @@ TEST_CASE("The setpoint keeps to the largest speed on either side") {
   CHECK(drive.setpoint() == -700);
 }
 
+TEST_CASE("Motors slow the machine where they turn faster than their duty, the same way") {
+  // 1 m/s is full duty at 12 V.
+  Drive drive = drive_with({});
+  CHECK(drive.slows(100, 400, 12000));
+  CHECK(!drive.slows(100, 390, 12000));
+  CHECK(drive.slows(-100, -400, 12000));
+  CHECK(!drive.slows(-100, -390, 12000));
+  CHECK(!drive.slows(100, -400, 12000));
+  CHECK(!drive.slows(-100, 400, 12000));
+  CHECK(!drive.slows(1, Hall::kNone, 12000));
+  CHECK(!drive.slows(-1, Hall::kNone, 12000));
+  CHECK(drive.slows(255, 32767, 12000));
+  // The same duty of a fuller battery turns them faster.
+  CHECK(!drive.slows(100, 400, 12500));
+  CHECK(drive.slows(100, 390, 11500));
+  Drive plain = drive_with({{Param::battery_nominal, 0}});
+  CHECK(plain.slows(100, 400, 5000));
+  CHECK(!plain.slows(100, 390, 5000));
+  Drive widest = drive_with({{Param::speed_full, 100}, {Param::battery_nominal, 30000}});
+  CHECK(widest.slows(255, 32767, 30000));
+}
+
 TEST_CASE("Released, it starts again from standstill") {
   Drive drive = drive_with({});
   settle(drive, 1000);

@@ -440,7 +440,7 @@ TEST_CASE("While parameters are saved the log waits, and both are kept") {
 
 TEST_CASE("Clearing is refused while armed") {
   Machine rig;
-  for (const auto &set : {std::pair<uint8_t, uint8_t>{0, 1}, {1, 3}}) {
+  for (const auto &set : {std::pair<uint8_t, uint8_t>{0, 2}, {1, 3}}) {
     rig.board.type(protocol::ParamSet::kId, {set.first, set.second, 0});
   }
   rig.board.type(protocol::ParamSet::kId,

@@ -16,6 +16,8 @@
 //   worked out from their registers, which costs nothing and is never older than the last write.
 // - A one that is written to the converter's flag takes the waiting interrupt back.
 // - The EEPROM finishes a byte over a reset, and is busy so long.
+// - The reset's causes stay over further resets but power-on, and a one written to them sets none
+//   (10.9.1).
 // - A watchdog whose interrupt cannot run resets at its second time-out, as the datasheet has it
 //   (10.9.2).
 // - What a chip would not do, or what its datasheet rules out, ends the run (misused()).
@@ -220,6 +222,7 @@ struct daranti_target {
   uint64_t origin = 0;  // target time of avr->cycle 0, in cycles; wraps below zero during boot
   uint64_t seen = 0;    // target time after the last instruction
   bool was_reset = false;
+  uint8_t causes = 0;  // of resets, as MCUSR has them
   void (*core_reset)(avr_t *) = nullptr;
   bool fenced = false;
   uint32_t resets = 0;  // since the fence was set
@@ -228,10 +231,10 @@ struct daranti_target {
   uint64_t host_free = 0;  // when the host's line is free again
   uint64_t line_free = 0;  // when the firmware's line is free again
   uint32_t host_baud = kUsbBaud;
-  uint8_t temp = 0;                        // of timer 1's 16-bit registers
-  uint64_t storing_until = 0;              // target time at which the EEPROM has its byte
-  Hook eecr, adcsra, udr, pwm[kPwmCount];  // libsimavr's own
-  bool timed[kPwmCount] = {};              // whether a bootloader has it from libsimavr
+  uint8_t temp = 0;                               // of timer 1's 16-bit registers
+  uint64_t storing_until = 0;                     // target time at which the EEPROM has its byte
+  Hook eecr, adcsra, udr, mcusr, pwm[kPwmCount];  // libsimavr's own
+  bool timed[kPwmCount] = {};                     // whether a bootloader has it from libsimavr
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
@@ -374,6 +377,10 @@ struct daranti_target {
     avr->data[kEecr] &= static_cast<uint8_t>(~kEepe);
     return 0;
   }
+  static void on_mcusr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    avr->data[address] &= value;
+    static_cast<daranti_target *>(param)->causes = avr->data[address];
+  }
   static void on_adcsra(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     auto *self = static_cast<daranti_target *>(param);
     constexpr uint8_t kRuns = kAden | kAdsc;  // switched off, a conversion ends (23.9.2)
@@ -452,6 +459,9 @@ struct daranti_target {
       low.param = high.param = this;
     }
     hook(kEecr, on_eecr, &eecr);
+    hook(kMcusr, on_mcusr, &mcusr);
+    causes |= reg(kMcusr);
+    reg(kMcusr) = causes;
     hook(kAdcsra, on_adcsra, &adcsra);
     hook(kUdr0, on_udr_write, &udr);
     // The EEPROM finishes its byte, whatever resets the chip (8.6.3).
@@ -510,7 +520,10 @@ struct daranti_target {
   // Without a bootloader: from the reset vector to where the firmware starts its clock, outside the
   // target's time. With one: no further than the reset.
   bool boot(uint8_t cause, uint64_t time) {
-    if (cause & DARANTI_RESET_POWER_ON) memset(&reg(chip->sram), kLost, chip->sram_size);
+    if (cause & DARANTI_RESET_POWER_ON) {
+      memset(&reg(chip->sram), kLost, chip->sram_size);
+      causes = 0;
+    }
     avr_reset(avr);
     reg(kMcusr) = cause;
     to_firmware.clear();

@@ -66,7 +66,7 @@ class Stand:
 
 @pytest.mark.parametrize("named", (0.0, 2.0))
 def test_a_driver_that_is_not_named_never_gets_power(named: float) -> None:
-    told = {"drive_driver": named, "steer_driver": 1.0}
+    told = {"drive_driver": named, "steer_driver": 2.0}
     with provision.target("desk", told) as target:
         stand = Stand(target, Wiring(drive="bts7960"))
         stand.drive_and_stand()

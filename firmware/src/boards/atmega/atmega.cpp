@@ -421,14 +421,14 @@ void AtmegaBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
   TCNT1 = 0;
   steer_scale_ = ((static_cast<uint32_t>(ICR1) << 16) + 254) / 255;
   TCCR1B = _BV(WGM13) | _BV(CS10);
-  // Timer 2: phase correct, top 255 (17.7.4): 16 MHz / 510 / prescaler.
+  // Timer 2: phase correct, top 255 (17.7.4): 16 MHz / 510 / prescaler, to the nearest hertz.
   constexpr struct {
     uint16_t hz;
     uint8_t clock;
   } kRates[] = {{3922, _BV(CS21)},
-                {981, _BV(CS21) | _BV(CS20)},
-                {491, _BV(CS22)},
-                {246, _BV(CS22) | _BV(CS20)}};
+                {980, _BV(CS21) | _BV(CS20)},
+                {490, _BV(CS22)},
+                {245, _BV(CS22) | _BV(CS20)}};
   uint8_t clock = _BV(CS22) | _BV(CS21);  // 123 Hz
   for (const auto &rate : kRates) {
     if (drive_hz >= rate.hz) {

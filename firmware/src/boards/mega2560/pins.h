@@ -6,13 +6,13 @@
 namespace daranti {
 namespace pins {
 
-// Steering bridge. L298N: EN carries the PWM, IN1/IN2 the direction (left = IN1 high). VNH5019: the
-// same as PWM, INA, INB. BTS7960: RPWM turns left, LPWM right.
-constexpr uint8_t kSteerPwm = 11;   // OC1A; EN, PWM or RPWM
+// Steering bridge. VNH5019: PWM, and INA/INB for the direction (left = INA high). BTS7960: RPWM
+// turns left, LPWM right. L298N: the same at IN1, IN2, its enables wired high.
+constexpr uint8_t kSteerPwm = 11;   // OC1A; PWM, RPWM or IN1
 constexpr uint8_t kSteerLpwm = 12;  // OC1B
 constexpr uint8_t kSteerIn1 = 22;
 constexpr uint8_t kSteerIn2 = 23;
-// Drive bridge, both rear motors. Forward = IN1 high, or RPWM.
+// Drive bridge, both rear motors. Forward = INA high, or RPWM.
 constexpr uint8_t kDrivePwm = 9;    // OC2B
 constexpr uint8_t kDriveLpwm = 10;  // OC2A
 constexpr uint8_t kDriveIn1 = 24;

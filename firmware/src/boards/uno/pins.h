@@ -5,13 +5,13 @@
 namespace daranti {
 namespace pins {
 
-// Steering bridge. L298N: EN carries the PWM, IN1/IN2 the direction (left = IN1 high). VNH5019: the
-// same as PWM, INA, INB. BTS7960: RPWM turns left, LPWM right.
-constexpr uint8_t kSteerPwm = 9;    // OC1A; EN, PWM or RPWM
+// Steering bridge. VNH5019: PWM, and INA/INB for the direction (left = INA high). BTS7960: RPWM
+// turns left, LPWM right. L298N: the same at IN1, IN2, its enables wired high.
+constexpr uint8_t kSteerPwm = 9;    // OC1A; PWM, RPWM or IN1
 constexpr uint8_t kSteerLpwm = 10;  // OC1B
 constexpr uint8_t kSteerIn1 = 7;
 constexpr uint8_t kSteerIn2 = 8;
-// Drive bridge, both rear motors. Forward = IN1 high, or RPWM.
+// Drive bridge, both rear motors. Forward = INA high, or RPWM.
 constexpr uint8_t kDrivePwm = 3;    // OC2B
 constexpr uint8_t kDriveLpwm = 11;  // OC2A
 constexpr uint8_t kDriveIn1 = 4;
