@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from host.core.errors import UserError
 from host.core.vehicle import Mount, Vehicle
+from host.core.whole_file import write_whole
 from host.core.yaml_file import load_yaml
 
 
@@ -34,7 +35,7 @@ def save_vehicle(path: Path, vehicle: Vehicle) -> None:
     """Writes a file that `load_vehicle` reads back as the same vehicle."""
     text = yaml.safe_dump(vehicle.model_dump(mode="json"), sort_keys=False)
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise UserError(f"cannot write the vehicle file {path}: {error.strerror}") from error
 

@@ -10,11 +10,8 @@ import datetime
 import hashlib
 import json
 import math
-import os
-import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,6 +22,7 @@ from pydantic import Field, ValidationError
 from host.core.errors import UserError
 from host.core.strict import Strict
 from host.core.vehicle import Vehicle
+from host.core.whole_file import write_whole
 from host.estimate.outline import Outline
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
@@ -83,22 +81,7 @@ def save(path: Path, progress: Progress) -> None:
     """Whole or not at all, also when the power fails in between. UserError where the folder cannot
     be written to."""
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(progress.model_dump_json(indent=1) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-            Path(name).replace(path)
-        except OSError:
-            with suppress(OSError):
-                Path(name).unlink()
-            raise
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)  # the new name, too, is on the disk
-        finally:
-            os.close(folder)
+        write_whole(path, progress.model_dump_json(indent=1) + "\n")
     except OSError as error:
         raise UserError(f"cannot save the progress in {path}: {error.strerror}") from error
 

@@ -66,6 +66,15 @@ def test_every_command_line_is_one(page: Path) -> None:
     assert [f"{line}: {wrong}" for line in lines if (wrong := wrong_with(line))] == []
 
 
+def test_what_is_measured_on_the_board_is_stored_there() -> None:
+    """Opening the port resets most boards: what is not stored is lost before the next command."""
+    pages = [ROOT / "README.md", ROOT / "docs/build/first-power-up.md"]
+    lines = [line for page in pages for line in commands_of(page.read_text("utf-8"))]
+    told = [line for line in lines if re.match(r"daranti (identify|tune pid) ", line)]
+    assert len(told) == 4
+    assert [line for line in told if "--save" not in line] == []
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -30,6 +30,21 @@ def test_a_vehicle_file_reads_back_as_written(tmp_path: Path) -> None:
     assert mount_of(load_vehicle(path), "roof").z_m == 2.0
 
 
+def test_on_a_full_disk_the_machines_file_stays_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path, "wheelbase_m: 1.07\n")
+
+    def full(_handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(UserError, match=r"cannot write the vehicle file .*: No space left"):
+        save_vehicle(path, Vehicle())
+    assert load_vehicle(path).wheelbase_m == 1.07
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> None:
     assert load_vehicle(None) == load_vehicle(written(tmp_path, "")) == Vehicle()
 
