@@ -139,10 +139,10 @@ def _move(
     given[0].steer_duty = tap(wires, STEER_DUTY, steer, now)
     given[0].drive_duty = tap(wires, DRIVE_DUTY, drive, now)
     given[0].blade_on = round(tap(wires, BLADE_WIRE, blade, now))
-    # Through an open wire no bridge brakes.
-    if wires[STEER_DUTY].mode == FIXED:
+    # Through an open wire no bridge brakes, be it open for a moment only.
+    if wires[STEER_DUTY].mode == FIXED or given[0].steer_duty != steer:
         given[0].steer_brake = 0.0
-    if wires[DRIVE_DUTY].mode == FIXED:
+    if wires[DRIVE_DUTY].mode == FIXED or given[0].drive_duty != drive:
         given[0].drive_brake = 0.0
     machine.step(state, params, given, PHYSICS_US * 1e-6)
 
