@@ -466,6 +466,32 @@ def test_an_old_nano_s_hung_interrupt_never_comes_back_but_drives_nothing(make: 
     assert len(bench.telemetry) <= heard + 1
 
 
+@pytest.mark.parametrize(
+    ("board", "bootloader", "lives"),
+    [("uno", OPTIBOOT, False), ("nano", OPTIBOOT, False), ("mega2560", MEGA, True)],
+)
+@pytest.mark.parametrize("rest", (b"\x64\x00", b"\x64\xf4\x01\x01\x9c\x37\x00"), ids=bytes.hex)
+def test_a_reset_within_a_frame_may_cost_the_firmware_but_moves_nothing(
+    make: Maker, board: Board, bootloader: Path, lives: bool, rest: bytes
+) -> None:
+    """A reset that is not the host's, while it sends: where the rest of the frame begins with a
+    "d" (STK_PROG_PAGE), the bootloader takes what follows for a page to write. A limit, told in
+    docs/build/README.md; Optiboot looks at what follows before it writes from version 6 on."""
+    bench = running(make, board, bootloader)
+    bench.target.reset(ResetCause.EXTERNAL)
+    bench.target.write(rest)
+    bench.drive_period_ms = 50
+    for _ in range(5000):
+        bench.run(1)
+        assert bench.off()
+    bench.drive_period_ms = 0
+    bench.target.reset(ResetCause.POWER_ON)
+    heard = len(bench.telemetry)
+    bench.run(3000)
+    assert bench.off()
+    assert (len(bench.telemetry) > heard) is lives
+
+
 def test_a_reset_while_safe_is_no_fault_behind_a_bootloader(make: Maker) -> None:
     bench = Bench(make("uno", OPTIBOOT), cut_frames=9)
     bench.run(2600)
