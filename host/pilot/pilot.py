@@ -167,7 +167,8 @@ class Pilot:
         if context.telemetry is None:
             return Command(Request.STOP, reason=self.reason)
         if self.phase is not Phase.CONNECT and not self.done:
-            self._go(now, watch(context.telemetry.state, context.estimate))
+            told = context.telemetry
+            self._go(now, watch(told.state, context.estimate, told.faults))
         if self.paused and not self.done:
             self._behaviour.paused(now)
             return replace(context.hold(), reason=PAUSED)
