@@ -118,7 +118,7 @@ class SpeedWatch:
         self._gross_s = self._gross_s + dt if gross else 0.0
 
     def take_fix(self, fix: Fix, telemetry: Telemetry) -> None:
-        """Compares sensor and receiver: ways wherever it drives, speeds while it drives straight."""
+        """Compares ways wherever the machine drives, and speeds while it drives straight."""
         counted = telemetry.speed_mps
         ways, self._ways = self._ways, _Ways()
         since_s, self._fix_stamp = fix.stamp - self._fix_stamp, fix.stamp

@@ -233,6 +233,21 @@ def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
     assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
 
 
+def test_align_does_not_set_off_while_most_pictures_show_the_machine_askew() -> None:
+    """No operator puts it down so: the pictures are mirrored or upside down, or it is elsewhere."""
+    context = standing(PLAN)
+    align = Align(context)
+    askew = replace(CUTTING, edge_offset_m=0.75, edge_heading_rad=math.nan)
+    for k, (view, reason) in enumerate(
+        [(askew, None), (askew, None), (CUTTING, None), (CUTTING, Aligned.SEEN)]
+    ):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+        assert is_for(go, reason)
+        assert reason is not None or "mirrored or upside down" in context.reason or k == 2
+
+
 @pytest.mark.parametrize(("plan", "trusts"), [(PLAN, True), (Plan(), False)])
 def test_align_trusts_the_operator_where_a_plan_says_what_is_there(
     plan: Plan, trusts: bool
