@@ -165,12 +165,15 @@ def test_on_a_known_side_dead_reckoning_leads_on_after_a_look() -> None:
     assert is_for(LookAtEdge(context).step(NOW + 4.0)[1], EdgeLook.NO_CLEARER)
 
 
+NO_EDGE = replace(CUTTING, confidence=0.0)
+
+
 @pytest.mark.parametrize(
     ("view", "entered", "ends"),
     [
         (CLEAR, True, True),
         (replace(CLEAR, crop_ahead_m=CLEAR_M + 0.1), True, True),
-        (replace(CUTTING, confidence=0.0), True, False),
+        (NO_EDGE, True, False),
         (replace(CLEAR, ahead_confidence=0.2), True, False),
         (CLEAR, False, False),
     ],
