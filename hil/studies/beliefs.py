@@ -30,6 +30,8 @@ FIGURES: Final = (
 )  # fmt: skip
 KNOCKED_AT_S: Final = 100.0
 """In mid-run: on the third side."""
+OLD_FROM_S: Final = 12.0
+"""In the middle of the first side, where only the pictures tell where its edge and its end are."""
 DRIFT_STEP_S: Final = 6.0
 """In such steps a potentiometer's drift is made."""
 DRIFTS_S: Final = 120.0
@@ -160,6 +162,8 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "lens under straw": _dirt(straws=20),
     "picture mirrored": {},
     "picture upside down": {},
+    "picture frozen, fresh noise": {},
+    "picture in a loop of 3 s": {},
     "delay 0.3, said 0.1": {"lens": {"delay_s": 0.3}, "belief": SAID},
     "a little of all": {
         "lens": {"pitch_deg": 28.8, "yaw_deg": 0.8, "z_m": 1.63, "hfov_deg": 63.0},
@@ -190,11 +194,13 @@ PICTURES: Final[Mapping[str, WrongPictures]] = {
     "camera knocked by 5 deg roll": WrongPictures(knocked_at_s=KNOCKED_AT_S, roll_deg=5.0),
     "picture mirrored": WrongPictures(flip="mirrored"),
     "picture upside down": WrongPictures(flip="upside down"),
+    "picture frozen, fresh noise": WrongPictures(old_from_s=OLD_FROM_S),
+    "picture in a loop of 3 s": WrongPictures(old_from_s=OLD_FROM_S, old_s=3.0),
 }
 """Of these cases the pictures are wrong."""
-ONLY_PICTURES: Final = frozenset(
-    ("lens half under mud", "lens under straw", "picture mirrored", "picture upside down")
-)
+ONLY_PICTURES: Final = frozenset(("lens half under mud", "lens under straw")) | {
+    case for case, wrong in PICTURES.items() if wrong.only_pictures
+}
 """What model eyes cannot show."""
 KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "camera": ("mount 1.5 deg, 5 cm", "mount yaw 2 deg", "delay 0.3, said 0.1"),

@@ -3,7 +3,8 @@
 Pictures say where crop ends before the blade; the way driven since then is counted by whichever of
 hall sensor and drive duty says more, so that neither alone can hide it. Clear ground that is longer
 than a patch may be a gap: the machine stands, looks once more without the blade's dust, and goes no
-farther unless crop stands right at the blade. Only where the plan has crop by more than any belief
+farther unless crop stands right at the blade; where the side may end, only if its edge is in line
+with what was cut: a neighbour's lies across. Only where the plan has crop by more than any belief
 errs, and pictures show its edge all the way, does it go on, its blade off, and cuts again where the
 edge that it followed goes on in line.
 """
@@ -17,7 +18,7 @@ from typing import Final
 
 from host.core.messages import Command, Request, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import AT_BLADE_M, AT_BLADE_PICTURES, CLEAR_M, CONFIDENT
+from host.estimate.crop_ahead import AT_BLADE_M, AT_BLADE_PICTURES, CLEAR_M, CONFIDENT, END_CLEAR_M
 from host.vision.view import CropView
 
 PATCH_M: Final = 0.6
@@ -60,8 +61,9 @@ class CutGuard:
         self._held_since: float | None = None
         self._at_blade = 0
         """Pictures in a row that showed crop there."""
-        self._looks = [0, 0]
-        """Of those of the look, how many showed clear ground, and how many crop at the blade."""
+        self._looks = [0, 0, 0]
+        """Of those of the look, how many showed clear ground, crop at the blade, and the edge of
+        that in line with what was followed."""
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
         self._edge_at_m = -math.inf
@@ -129,10 +131,12 @@ class CutGuard:
             self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
         self._at_blade = self._at_blade + 1 if at_blade else 0
-        self._looks[at_blade] += looks
+        in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
+        if looks:
+            self._looks[at_blade] += 1
+            self._looks[2] += at_blade and in_line
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
-            in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
             goes_on = own and in_line
             surely = (goes_on or self._at_blade >= AT_BLADE_PICTURES) and not dusty
             ends_it = self._clear_from_m is None or surely
@@ -150,9 +154,13 @@ class CutGuard:
     def _allowed_m(self) -> float:
         return PATCH_M + self._slack_m
 
-    def limit(self, now: float, command: Command, *, own: bool = False) -> Command:
+    def limit(
+        self, now: float, command: Command, *, own: bool = False, ends: bool = False
+    ) -> Command:
         """The command as it may be carried out. Where the plan has crop beyond doubt (`own`), long
-        clear ground is crossed with the blade off, after the same look, along an edge in sight."""
+        clear ground is crossed with the blade off, after the same look, along an edge in sight.
+        Where the side may end (`ends`), clear ground as long as an end's may be the gap, and crop
+        beyond it leads on only where its edge is in line."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
         if self._held_since is None:
             if self.clear_m < self._allowed_m:
@@ -161,12 +169,13 @@ class CutGuard:
                 return replace(command, blade=False)
             if not forward:
                 return command
-            self._held_since, self._looks = now, [0, 0]
+            self._held_since, self._looks = now, [0, 0, 0]
         if not forward:
             return command
         if now - self._held_since > LOOK_S:
-            clear, crop = self._looks
-            if crop > clear:
+            clear, crop, in_line = self._looks
+            gap = ends and not own and self.clear_m >= END_CLEAR_M
+            if crop > clear and (not gap or 2 * in_line > crop):
                 self._held_since = self._clear_from_m = None
                 return command
             if own and self._shown:

@@ -19,6 +19,8 @@ SEEN_M: Final = 0.2
 ends of 16 random fields, model eyes)."""
 TELLS_M: Final = math.hypot(TAPE_M, SEEN_M)
 """What is seen contradicts what was said by more."""
+LEAST_M: Final = 1.2
+"""The narrowest gap that is harvested beside."""
 SQUARE_RAD: Final = math.radians(30.0)
 """Against the edge's normal, at most, under which a side's end tells of the gap: the last tip of
 the one crop and the first of the other stand at opposite ends of the blade."""
@@ -37,6 +39,8 @@ class Gaps:
         self.said_m = said_m
         self._seen: dict[int, float] = {}
         """By the boundary's edges that they lie beyond."""
+        self.room_m = math.inf
+        """From the side's end that was left last to the next crop, as seen there."""
 
     def note(self, edge: int, gap_m: float) -> None:
         """So wide it was seen to be beyond an edge of the boundary."""
@@ -59,9 +63,10 @@ class Gaps:
 
     @property
     def field_m(self) -> float:
-        """What to reckon with anywhere: what was said, where not most edges show less. One that was
-        misread must not narrow the whole field."""
-        return self.narrowed(self._seen_m)
+        """What to reckon with anywhere: what was said, where no edge shows less. One that shows
+        less than anybody harvests beside is misread, until most show as little."""
+        least_m = max(min(self._seen.values(), default=math.inf), LEAST_M)
+        return self.narrowed(min(least_m, self._seen_m))
 
     @property
     def _seen_m(self) -> float:
@@ -72,6 +77,11 @@ class Gaps:
     @property
     def wrong(self) -> str:
         """What pictures show to be wrong of what was said, in words; empty where nothing is."""
-        if self.field_m == self.said_m:
-            return ""
-        return f"the gap was said to be {self.said_m:.1f} m, pictures show {self._seen_m:.1f} m"
+        said = f"the gap was said to be {self.said_m:.1f} m"
+        if self.narrowed(self._seen_m) != self.said_m:
+            return f"{said}, pictures show {self._seen_m:.1f} m"
+        if self.field_m != self.said_m:
+            return f"{said}, pictures show {min(self._seen.values()):.1f} m at one side"
+        if self.narrowed(self.room_m) != self.said_m:
+            return f"{said}, something stands {max(0.0, self.room_m):.1f} m beyond the side's end"
+        return ""

@@ -5,7 +5,8 @@ known: some 3 % of a turn, and a few tenths of a degree a metre. A gyroscope has
 has an offset, a state of the filter (`host.estimate.position`): every stand shows it
 (`host.estimate.measurements.rest`), and a straight edge does.
 
-The two watch each other. Where they differ by more than both err together, the steering angle is
+The two watch each other. Where they differ by more than both err together, and by more than a pot
+whose middle is off makes, which shows soon enough (`Odometry.trim_rad`), the steering angle is
 believed, as on a machine without a gyroscope, until a turn has shown that they agree again.
 """
 
@@ -66,11 +67,19 @@ class _Window:
     """What both said of late, step by step: a column each, since they are added up at each step."""
 
     def __init__(self) -> None:
-        self._columns: tuple[deque[float], ...] = tuple(deque() for _ in range(5))
+        self._columns: tuple[deque[float], ...] = tuple(deque() for _ in range(6))
 
-    def add(self, stamp: float, seen_rad: float, reckoned_rad: float, taken_rad: float) -> None:
-        """A step; `taken_rad`: what it corrected the yaw by. What is too old is forgotten."""
-        row = stamp, seen_rad, reckoned_rad, abs(reckoned_rad), taken_rad
+    def add(
+        self,
+        stamp: float,
+        seen_rad: float,
+        reckoned_rad: float,
+        taken_rad: float,
+        middle_rad: float,
+    ) -> None:
+        """A step; `taken_rad`: what it corrected the yaw by; `middle_rad`: what the pot's middle
+        may have made of it. What is too old is forgotten."""
+        row = stamp, seen_rad, reckoned_rad, abs(reckoned_rad), taken_rad, middle_rad
         for column, value in zip(self._columns, row, strict=True):
             column.append(value)
         stamps = self._columns[0]
@@ -78,10 +87,10 @@ class _Window:
             for column in self._columns:
                 column.popleft()
 
-    def sums(self) -> tuple[float, float, float, float]:
-        """Of what was seen, reckoned, reckoned to and fro, and taken."""
-        _, seen, reckoned, to_and_fro, taken = self._columns
-        return sum(seen), sum(reckoned), sum(to_and_fro), sum(taken)
+    def sums(self) -> tuple[float, float, float, float, float]:
+        """Of what was seen, reckoned, reckoned to and fro, and taken; and the pot's middle's."""
+        _, seen, reckoned, to_and_fro, taken, middle = self._columns
+        return sum(seen), sum(reckoned), sum(to_and_fro), sum(taken), sum(middle)
 
     def clear(self) -> None:
         """Forgets all."""
@@ -133,10 +142,17 @@ class Gyroscope:
         """Of what it said last."""
         return self._last.stamp if self._last is not None else -math.inf
 
-    def take(self, turned: Turned, reckoned_rad: float | None, stand: Stand | None) -> float:
+    def take(
+        self,
+        turned: Turned,
+        reckoned_rad: float | None,
+        stand: Stand | None,
+        middle_rad: float = 0.0,
+    ) -> float:
         """What the yaw is to be corrected by, rad. `reckoned_rad`: the yaw by the steering angle at
         its stamp, None where that is not known any more; `stand`: since what it said last, None
-        where the machine moves or may turn unseen."""
+        where the machine moves or may turn unseen; `middle_rad`: what a pot whose middle is off
+        may have made of the way since then."""
         last, before = self._last, self._reckoned
         self._last = turned
         if reckoned_rad is not None:
@@ -159,7 +175,7 @@ class Gyroscope:
         self._shaken((seen - reckoned) / dt, reckoned / dt, dt)
         self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
         taken = seen - reckoned if self.useful else 0.0
-        self._steps.add(turned.stamp, seen, reckoned, taken)
+        self._steps.add(turned.stamp, seen, reckoned, taken, middle_rad)
         return taken + self._compared(reckoned)
 
     def take_rests(self) -> list[Rest]:
@@ -194,8 +210,8 @@ class Gyroscope:
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
-        seen, by_angle, to_and_fro, taken = self._steps.sums()
-        most = DIFFER_RAD + DIFFER_SHARE * max(abs(seen), to_and_fro)
+        seen, by_angle, to_and_fro, taken, middle = self._steps.sums()
+        most = math.hypot(DIFFER_RAD, middle) + DIFFER_SHARE * max(abs(seen), to_and_fro)
         if abs(seen - by_angle) > most:
             self._steps.clear()
             self._agreed_rad = 0.0

@@ -29,7 +29,8 @@ GAIN_WALK = 0.004
 DOPPLER_MPS = 0.06
 """Standard deviation of a phone's speed over ground, and of its velocity across the course."""
 STRAIGHT_RAD = math.radians(8)
-TRIM_LIMIT_RAD = math.radians(4)
+TRIM_LIMIT_RAD = math.radians(5)
+"""What a pot's zero and a side slope make at most, unless the pot is loose or miscalibrated."""
 YAW_GAIN_PRIOR = (1.0, 0.03)
 """Mean and standard deviation, before any turn, of what the machine turns, over what its steering
 angle says: tyres slip sideways, most at full lock, and a pot's scale is not exact."""
@@ -125,6 +126,8 @@ class Odometry:
         self.trim_rad = 0.0
         """True steering angle minus the pot's, as the filter learns it: its calibration, and
         what a side slope does."""
+        self._middle_rad = TRIM_LIMIT_RAD
+        """What the pot's middle may be off besides what the gyroscope has taught of it."""
         self.yaw_gain, self._yaw_gain_sigma = YAW_GAIN_PRIOR
         """True yaw over what the steering angle and the way say, as learned in turns."""
         self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -139,6 +142,12 @@ class Odometry:
     def scale_sigma(self) -> float:
         """Standard deviation of a travelled distance, as a share of it."""
         return HALL_SIGMA if self._odometer is not None else self._gain_sigma[self._cutting]
+
+    @property
+    def pot_off_rad(self) -> float:
+        """How far left of what the pot says the machine steers, where that is more than a pot that
+        was calibrated leaves; else 0."""
+        return self.trim_rad if abs(self.trim_rad) >= TRIM_LIMIT_RAD else 0.0
 
     @property
     def impossible(self) -> bool:
@@ -215,7 +224,9 @@ class Odometry:
         at = self._angle_at(turned.stamp)
         stand = self._stand(gyroscope.stamp)
         believed = not gyroscope.contradicted
-        missed = gyroscope.take(turned, at.yaw_rad if at else None, stand)
+        way = at.distance_m - self._compared_m if at else 0.0
+        middle = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
+        missed = gyroscope.take(turned, at.yaw_rad if at else None, stand, middle)
         self._missed_rad += missed
         if believed and gyroscope.contradicted:
             self.trim_rad = self._trims[0][1]
@@ -225,7 +236,7 @@ class Odometry:
             self._trims.popleft()
         if at is None:
             return
-        way, self._compared_m = at.distance_m - self._compared_m, at.distance_m
+        self._compared_m = at.distance_m
         if stand is not None:
             self._learn_gain(*gyroscope.take_leg())
         elif gyroscope.useful:
@@ -262,7 +273,9 @@ class Odometry:
         """What the gyroscope shows besides, driving straight, is the pot's zero or a slope's."""
         straight = math.tan(STRAIGHT_RAD) / self._vehicle.wheelbase_m
         if way_m != 0.0 and abs(self.now.curvature_1pm) < straight:
-            self.turn_trim(missed_rad / way_m * min(1.0, abs(way_m) / TRIM_M))
+            share = min(1.0, abs(way_m) / TRIM_M)
+            self._middle_rad *= 1.0 - share
+            self.turn_trim(missed_rad / way_m * share)
 
     def _learn_gain(self, seen_rad: float, reckoned_rad: float) -> None:
         """What a leg of a turn has turned, over what it was reckoned to: the pot's scale, and the

@@ -1,11 +1,12 @@
 """Whether the wheels' sensor counts what the machine drives: against the drive duty, which tells a
-gross error within seconds, and against the receiver's speed, which tells a small one on a side."""
+gross error within seconds, against the receiver's speed, which tells a small one on a side, and
+against both together, which tell of pulses too many wherever the machine is."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Final
+from typing import Final, NamedTuple
 
 from host.core.messages import Fix, Telemetry
 from host.core.vehicle import Vehicle
@@ -38,6 +39,31 @@ OFF: Final = ((10, 0.15), (4, 0.35))
 leaves, wheel slip, and a receiver that smooths."""
 SIGNIFICANT: Final = 4.0
 """Standard errors of the mean."""
+SHOWN_TIMES: Final = 1.3
+"""The receiver's way, at most, that a sensor may count: what both err, and tyres that slip."""
+TOO_MANY_M: Final = 1.5
+"""Counted that neither receiver nor drive explains: more than a receiver shows late."""
+SINCE_S: Final = 2.0
+"""A fix speaks of the time since the one before, but of no more than this."""
+
+
+class _Ways(NamedTuple):
+    """Between two fixes, or over many, m."""
+
+    counted: float = 0.0
+    shown: float = 0.0
+    """By the receiver's speed;"""
+    driven: float = 0.0
+    """and what the drive duty gives on level ground."""
+
+    @property
+    def too_many(self) -> float:
+        """What neither explains; negative: they explain more."""
+        return self.counted - max(SHOWN_TIMES * self.shown, self.driven)
+
+    def plus(self, more: _Ways) -> _Ways:
+        """Both together."""
+        return _Ways(*(a + b for a, b in zip(self, more, strict=True)))
 
 
 class SpeedWatch:
@@ -57,6 +83,11 @@ class SpeedWatch:
         """and at any that does not fall: they are too large, if anything."""
         self._past: deque[tuple[float, float]] = deque()
         """(stamp, speed that the sensor showed) of late."""
+        self._ways = _Ways()
+        """Since the last fix;"""
+        self._unexplained = _Ways()
+        """and since the sensor last counted what is explained."""
+        self._fix_stamp = -math.inf
         self._by_receiver = ""
         """What they show to be wrong."""
 
@@ -70,6 +101,7 @@ class SpeedWatch:
         while self._past[0][0] < telemetry.stamp - FALLS_S:
             self._past.popleft()
         duty = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
+        self._ways = self._ways.plus(_Ways(abs(telemetry.speed_mps) * dt, 0.0, abs(duty) * dt))
         self._driven_s = self._driven_s + dt if abs(duty) > MOVING_MPS else 0.0
         same = abs(telemetry.speed_mps - self._same_mps) < SAME_MPS
         self._same_s = self._same_s + dt if same else 0.0
@@ -86,10 +118,14 @@ class SpeedWatch:
         self._gross_s = self._gross_s + dt if gross else 0.0
 
     def take_fix(self, fix: Fix, telemetry: Telemetry) -> None:
-        """Compares sensor and receiver, while the machine drives straight."""
+        """Compares ways wherever the machine drives, and speeds while it drives straight."""
         counted = telemetry.speed_mps
+        ways, self._ways = self._ways, _Ways()
+        since_s, self._fix_stamp = fix.stamp - self._fix_stamp, fix.stamp
         if counted is None or fix.speed_mps is None or fix.quality == 0:
             return
+        if 0.0 < since_s < SINCE_S:
+            self._count(ways._replace(shown=fix.speed_mps * since_s), since_s)
         if abs(telemetry.angle_rad) >= STRAIGHT_RAD:
             return
         ratio = counted / max(fix.speed_mps, 0.1)
@@ -101,12 +137,25 @@ class SpeedWatch:
             self._least.append(ratio)
         self._by_receiver = _compared(self._speeds) or _compared(self._least, less=True)
 
+    def _count(self, ways: _Ways, since_s: float) -> None:
+        """Of a creep a phone may show nothing."""
+        if ways.counted < MOVING_MPS * since_s:
+            ways = ways._replace(counted=0.0)
+        unexplained = self._unexplained.plus(ways)
+        self._unexplained = unexplained if unexplained.too_many > 0.0 else _Ways()
+
     @property
     def wrong(self) -> str:
         """What is wrong with the sensor, in words; empty where nothing is known to be."""
         if self._gross_s > GROSS_S:
             return (
                 f"the wheels' sensor says {self._ratio:.2f} of the speed that the drive duty gives"
+            )
+        if self._unexplained.too_many > TOO_MANY_M:
+            counted, shown, driven = self._unexplained
+            return (
+                f"the wheels' sensor has counted {counted:.1f} m, the receiver shows {shown:.1f} m "
+                f"and the drive duty gives {driven:.1f} m"
             )
         return self._by_receiver
 

@@ -137,21 +137,25 @@ class Context:
         """The machine stands at the end of a side at the boundary, and the next crop ahead_m before
         its blade. Crop that is seen beyond clear ground shows that the end was one, whatever wheels
         and start say. If it stands nearer than was said, the gap is narrower. Less clear ground
-        than ends a side proves neither."""
+        than ends a side proves neither, but the turn has no more room than that; unless the
+        pictures that ended the side contradict it."""
         beyond = self.strip.gap_beyond()
         if beyond is None:
             return
         gaps, wide_m = self.gaps, self.vehicle.blade_width_m
         gap_m = across(beyond.ago_m + ahead_m, beyond.askew_rad, wide_m)
-        if gap_m < END_CLEAR_M:
+        sure = gap_m >= END_CLEAR_M
+        if not sure and self.sight.ahead.end is not None and gap_m < END_CLEAR_M - TELLS_M:
             return
-        gaps.note(beyond.edge, gap_m)
-        if ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
+        if sure:
+            gaps.note(beyond.edge, gap_m)
+        if sure and ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
             self.strip.met_end_surely()
             beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
-        least_m = min(gap_m, room_m)
-        self._reckon_with(min(gaps.beside(beyond.edges), gaps.narrowed(least_m)))
+        gaps.room_m = min(gap_m, room_m) if sure else room_m
+        least_m = gaps.narrowed(gaps.room_m) if sure else max(0.0, room_m)
+        self._reckon_with(min(gaps.beside(beyond.edges), least_m))
 
     def _reckon_with(self, gap_m: float) -> None:
         """So wide the gap is from here on."""
@@ -177,6 +181,7 @@ class Context:
     def begin_strip(self) -> None:
         """Along the strip from here on."""
         self.turning = None
+        self.gaps.room_m = math.inf
         self._reckon_with(self.gaps.field_m)
         self.strip.begin_lane()
         self.strip.saw_begin()

@@ -18,6 +18,7 @@ from host.estimate.estimator import Estimator
 from host.estimate.position import Position
 from host.field import sweep
 from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
+from host.link.protocol import Fault, fault_texts
 from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
 from host.route.plan import Plan
@@ -38,7 +39,7 @@ geofence to lead away from it."""
 class Watched(Reason):
     """What stops the machine whatever it is doing, but for connecting."""
 
-    FIRMWARE_FAULT = Doing.FAULT, "the firmware reports a fault"
+    FIRMWARE_FAULT = Doing.FAULT, "the firmware reports a fault: {why}"
     DISARMED = Doing.FAULT, "the firmware has disarmed: it was stopped or restarted"
     TOO_FAST = Doing.FAULT, "the wheels' sensor counts faster than it can drive"
     BACKWARDS = (
@@ -57,7 +58,13 @@ class Watched(Reason):
     )
     WRONG_SPEED = (
         Doing.FAULT,
-        "{why}: it loses pulses, or hall_per_metre is wrong; check sensor, magnets and calibration",
+        "{why}: it loses pulses or counts false ones, or hall_per_metre is wrong; check sensor, "
+        "magnets, cable and calibration",
+    )
+    POT_OFF = (
+        Doing.FAULT,
+        "the machine steers {deg} deg farther to the {side} than its potentiometer says, by what "
+        "it has turned: check how that is fastened, and calibrate the steering's middle anew",
     )
     ASTRAY = (
         Doing.FAULT,
@@ -67,10 +74,10 @@ class Watched(Reason):
     GEOFENCE = Doing.FAULT, "{why}"
 
 
-def watch(state: State, estimate: Estimator) -> Go | None:
-    """The reason to stop for good, if there is one."""
+def watch(state: State, estimate: Estimator, faults: int = 0) -> Go | None:
+    """The reason to stop for good, if there is one; `faults`: the firmware's, bit by bit."""
     if state is State.FAULT:
-        return Watched.FIRMWARE_FAULT.go()
+        return Watched.FIRMWARE_FAULT.go(why="; ".join(fault_texts(Fault(faults))) or "none named")
     if state is State.SAFE:
         return Watched.DISARMED.go()
     if estimate.odometry.impossible:
@@ -79,6 +86,10 @@ def watch(state: State, estimate: Estimator) -> Go | None:
         return Watched.BACKWARDS.go()
     if estimate.speed.wrong:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
+    off_rad = estimate.odometry.pot_off_rad
+    if off_rad != 0.0:
+        side = "left" if off_rad > 0.0 else "right"
+        return Watched.POT_OFF.go(deg=f"{math.degrees(abs(off_rad)):.0f}", side=side)
     if estimate.askew_rad != 0.0:
         askew_rad = abs(estimate.askew_rad)
         why = Watched.ELSEWHERE if askew_rad > ELSEWHERE_RAD else Watched.ASKEW

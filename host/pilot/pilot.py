@@ -167,7 +167,8 @@ class Pilot:
         if context.telemetry is None:
             return Command(Request.STOP, reason=self.reason)
         if self.phase is not Phase.CONNECT and not self.done:
-            self._go(now, watch(context.telemetry.state, context.estimate))
+            told = context.telemetry
+            self._go(now, watch(told.state, context.estimate, told.faults))
         if self.paused and not self.done:
             self._behaviour.paused(now)
             return replace(context.hold(), reason=PAUSED)
@@ -176,13 +177,20 @@ class Pilot:
         command, go = self._behaviour.step(now)
         self._go(now, go)
         if self._behaviour.gaze.on_side:
-            command = context.estimate.cut.limit(now, command, own=context.strip.surely_own)
+            command = self._in_crop(now, command)
         passed = context.guard.limit(self._explained(command), self._behaviour.seen_free(now))
         if isinstance(passed, Command):
             return passed
         blocked = self._behaviour.blocked(now, passed)
         self._go(now, blocked)
         return self._explained(context.stop() if self.phase is Phase.FAULT else context.hold())
+
+    def _in_crop(self, now: float, command: Command) -> Command:
+        """The command as the blade's guard lets it pass."""
+        guard, strip = self._context.estimate.cut, self._context.strip
+        end_m = strip.along_m(self._context.motion) - guard.clear_m
+        ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
+        return guard.limit(now, command, own=strip.surely_own, ends=ends)
 
     def _listen(self, fix: Fix | None, telemetry: Telemetry | None) -> None:
         context = self._context

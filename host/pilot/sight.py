@@ -195,6 +195,8 @@ class Sight:
         # that was found just now the machine looks where it goes.
         beside = turning is not None and turning.beside
         glances = in_leg and not (backing or beside) and not strip.new
+        # Between two legs the machine may stand across the lane.
+        between = turning is not None and not in_leg and not gaze.begins
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         # Elsewhere swath may lie across: it must lead no blade through a gap.
         view = self._of_lane(view.with_lying() if strip.surely_crop else view, strip, then)
@@ -213,7 +215,8 @@ class Sight:
         moved = self.unseen_m(then) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         due = moved or estimate.lane.contradicted
-        if gaze.lane and sure and due and (not gaze.settles or settled(frame.stamp)):
+        shows_lane = gaze.lane and not between
+        if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
                 if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
                     cuts = gaze.cutting

@@ -8,6 +8,7 @@ from typing import Final
 from host.estimate.crop_ahead import CONFIDENT, EndOfField
 from host.estimate.prior import START_SIGMA
 from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.context import Context
 from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -20,6 +21,8 @@ NO_END: Final = 0.05
 """Confidence of an edge that is made up: the crop goes on to the right."""
 SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
+ASKEW_RAD: Final = 2.0 * SEEN_SIGMA[1]
+"""By which no operator puts the machine down askew of its side."""
 TRUSTED_SIGMA = (0.05, math.radians(2))
 """Where it does not: a machine that believes less would not set off."""
 
@@ -40,6 +43,11 @@ class Wait(Reason):
         "of the plan: put the machine at the field's corner, facing along its side, the blade's "
         "right end on the crop's edge",
     )
+    ASKEW = (
+        Doing.ALIGN,
+        "pictures show the crop's edge {deg} deg askew of the machine: put it in line with its "
+        "side; if it is, the pictures are mirrored or upside down, or the camera is turned",
+    )
     NOTHING_AHEAD = (
         Doing.ALIGN,
         "nothing stands before the blade, and the plan has {left} m more of this side: put the "
@@ -52,6 +60,13 @@ class Align(Behaviour):
 
     phase = Phase.ALIGN
     reasons = (Why, Wait, SideEnd, Elsewhere, Patience)
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._judged = -math.inf
+        """The stamp of the last picture that was judged."""
+        self._askew = 0
+        """Pictures that showed the machine askew, less those that showed it in line."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -80,6 +95,10 @@ class Align(Behaviour):
             edge, heading = strip.edge_m(view, context.motion), view.edge_heading_rad
             ahead_m = view.edge_ahead_m
             lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
+            if self._shows_askew(lane.heading_rad):
+                deg = f"{math.degrees(abs(lane.heading_rad)):.0f}"
+                context.reason = Wait.ASKEW.go(deg=deg).text
+                return context.hold(), None
         if isinstance(strip, PlannedStrip):
             along_m, along_sigma_m = strip.put_down(view.crop_ahead_m)
             beside_sigma_m = START_SIGMA[1] if seen else TRUSTED_SIGMA[0]
@@ -87,6 +106,15 @@ class Align(Behaviour):
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
+
+    def _shows_askew(self, heading_rad: float) -> bool:
+        """Whether most pictures so far show the machine askew of the edge, as this one."""
+        stamp = self.context.sight.stamp
+        if stamp > self._judged:
+            self._judged = stamp
+            askew = abs(heading_rad) > ASKEW_RAD
+            self._askew = max(-1, self._askew + (1 if askew else -1))
+        return self._askew > 0
 
     def _nothing_ahead(self, now: float, strip: PlannedStrip) -> Go | None:
         """Of a side that was begun before: where it may end it has been cut to its end."""

@@ -41,19 +41,20 @@ class LookAtEdge(Behaviour):
         return context.hold(), self._go_on(now) if context.look.over(now) else None
 
     def _go_on(self, now: float) -> Go | None:
-        """After a look that showed no edge. Where nobody has seen the side's end before, only crop
-        at the blade leads on: what stands beyond clear ground is somebody else's."""
+        """After a look that showed no edge. Where the side may end, only crop at the blade leads
+        on: what stands beyond clear ground is somebody else's. Where nobody has seen its end
+        before, that holds anywhere."""
         context = self.context
         view, strip = context.sight.view, context.strip
         if context.sight.take_looks():
             return Why.LOOKS_AGREE.go()
-        if not strip.new or view is None:
-            return Why.NO_CLEARER.go()
-        if not context.sight.sees_ahead():
-            return Why.STILL_TO_FIND.go(why=context.why_unseen("nothing sure"))
-        if view.crop_ahead_m < CLEAR_M:
-            return Why.NO_CLEARER.go()
-        if strip.end_due(context.motion):
+        sees = view is not None and context.sight.sees_ahead()
+        clear = sees and view is not None and view.crop_ahead_m >= CLEAR_M
+        if clear and context.sight.ahead.entered and strip.end_due(context.motion):
             here = EndOfField(now, context.motion, strip.index)
             return end_side(context, now, here, looked=True)
+        if not strip.new or view is None or (sees and not clear):
+            return Why.NO_CLEARER.go()
+        if not sees:
+            return Why.STILL_TO_FIND.go(why=context.why_unseen("nothing sure"))
         return Why.STILL_TO_FIND.go(why=f"clear ground for {view.crop_ahead_m:.1f} m")

@@ -78,7 +78,7 @@ def test_where_the_operator_put_the_machine_is_not_its_harm(
 
 def test_every_case_of_wrong_pictures_is_a_case() -> None:
     assert set(PICTURES) | ONLY_PICTURES <= set(CASES)
-    assert {case for case, wrong in PICTURES.items() if wrong.flip} <= ONLY_PICTURES
+    assert {case for case, wrong in PICTURES.items() if wrong.only_pictures} <= ONLY_PICTURES
 
 
 @pytest.mark.parametrize("case", SIZED)
@@ -127,6 +127,25 @@ def test_a_mirrored_picture_is_the_other_way_round_in_its_file_too() -> None:
     assert np.array_equal(mirrored.decode(data), over)
     with pytest.raises(UserError, match="mirrored"):
         WrongPictures(flip="mirrored").eyes(Bench(scenario_of("exact", "model")))
+
+
+@needs_firmware
+@pytest.mark.parametrize(("old_s", "sent"), [(0.0, [4, 4, 4, 4]), (0.2, [2, 3, 4, 2])])
+def test_an_app_sends_old_pictures_again_with_fresh_noise(old_s: float, sent: list[int]) -> None:
+    bench = Bench(scenario_of("exact", "picture"))
+    wrong = WrongPictures(old_from_s=0.45, old_s=old_s)
+    eyes = wrong.eyes(bench)
+    greys = [40.0 * k for k in range(5)]
+    bgrs = [np.full((48, 64, 3), grey, np.uint8) for grey in greys]
+    for k, bgr in enumerate(bgrs):
+        assert eyes._again(0.1 * k, bgr) is bgr
+    again = [eyes._again(0.5 + 0.1 * k, bgrs[0]) for k in range(len(sent))]
+    assert [round(float(bgr.mean()) / 40.0) for bgr in again] == sent
+    assert all(2.0 < float(bgr.std()) < 4.0 for bgr in again)
+    if old_s == 0.0:
+        assert not np.array_equal(again[0], again[1]), "or a watch for repeated pictures sees it"
+    with pytest.raises(UserError, match="old"):
+        wrong.eyes(Bench(scenario_of("exact", "model")))
 
 
 @needs_firmware

@@ -9,6 +9,7 @@ import pytest
 
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
+from host.estimate.crop_ahead import END_CLEAR_M
 from host.estimate.cut_guard import ALONGSIDE_M, LOOK_S, PATCH_M, SHOWN_M, CutGuard
 from host.vision.view import CropView
 
@@ -35,6 +36,8 @@ class Drive:
         self.last = GO
         self.own = False
         """Whether the plan has crop here beyond doubt."""
+        self.ends = False
+        """Whether the side may end here."""
         self.edge_m = math.nan
         """Where pictures surely show an edge; NaN: they show none."""
         self.beside_m = math.nan
@@ -42,7 +45,7 @@ class Drive:
 
     def run(self, seconds: float, command: Command = GO) -> Command:
         for _ in range(round(seconds / STEP_S)):
-            passed = self.guard.limit(self.t, command, own=self.own)
+            passed = self.guard.limit(self.t, command, own=self.own, ends=self.ends)
             self.last = passed
             self.t += STEP_S
             self.x += passed.speed_mps * STEP_S
@@ -107,6 +110,40 @@ def test_what_seemed_clear_in_dust_and_is_crop_after_a_look_is_cut() -> None:
     assert 2.0 + PATCH_M < drive.x < 2.0 + PATCH_M + 0.2
     drive.crop_ahead = crop
     assert drive.run(LOOK_S + 2.0) == GO
+    assert not drive.guard.refused
+
+
+@pytest.mark.parametrize(
+    ("ends", "own", "edge_m", "goes_on"),
+    [
+        (False, False, math.nan, True),
+        (True, True, math.nan, True),
+        (True, False, 0.0, True),
+        (True, False, 0.8, False),
+        (True, False, math.nan, False),
+    ],
+)
+def test_where_a_side_may_end_crop_after_a_gap_leads_on_only_with_its_edge_in_line(
+    ends: bool, own: bool, edge_m: float, goes_on: bool
+) -> None:
+    """In the look without dust crop stands at the blade: a neighbour's stands across the way."""
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(END_CLEAR_M - PATCH_M)
+    drive.ends, drive.own, drive.edge_m = ends, own, edge_m
+    drive.run(5.8)
+    assert drive.last.speed_mps == 0.0
+    drive.crop_ahead = lambda _: 0.0
+    drive.run(LOOK_S + 1.0)
+    assert drive.guard.refused is not goes_on
+
+
+def test_what_is_no_longer_than_a_patch_is_no_gap() -> None:
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.ends = True
+    drive.run(5.8)
+    assert drive.last.speed_mps == 0.0
+    drive.crop_ahead = lambda _: 0.0
+    drive.run(LOOK_S + 1.0)
     assert not drive.guard.refused
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from host.estimate.gaps import SEEN_M, TELLS_M, Gaps, across
+from host.estimate.gaps import LEAST_M, SEEN_M, TELLS_M, Gaps, across
 
 
 @pytest.mark.parametrize(
@@ -36,20 +36,38 @@ def test_what_is_seen_only_narrows_the_gap_and_only_where_it_surely_contradicts(
     assert gaps.narrowed(0.1) == 0.0
 
 
-def test_one_edge_that_was_misread_narrows_only_the_turns_beside_it() -> None:
+def test_the_narrowest_gap_that_an_edge_shows_is_reckoned_with_everywhere() -> None:
+    """A tape is laid at one place, and a look errs: who drives by the widest is in the crop."""
+    gaps = Gaps(2.0)
+    for edge, seen_m in enumerate((1.4, 1.9, 1.9)):
+        gaps.note(edge, seen_m)
+        assert gaps.field_m == pytest.approx(1.4 - SEEN_M)
+    assert gaps.wrong == "the gap was said to be 2.0 m, pictures show 1.4 m at one side"
+
+
+def test_one_edge_that_was_misread_makes_no_field_that_nobody_harvests() -> None:
     gaps = Gaps(2.0)
     gaps.note(1, 0.9)
     assert gaps.beside((1, 0)) == pytest.approx(0.9 - SEEN_M)
-    assert gaps.beside((0, 3)) == gaps.field_m == 2.0
+    assert gaps.beside((0, 3)) == gaps.field_m == pytest.approx(LEAST_M - SEEN_M)
     gaps.note(2, 2.1)
     gaps.note(3, 2.0)
-    assert gaps.field_m == 2.0
-    assert gaps.wrong == ""
+    assert gaps.field_m == pytest.approx(LEAST_M - SEEN_M)
 
 
 def test_what_most_edges_show_holds_everywhere_and_is_named() -> None:
     gaps = Gaps(2.0)
-    for edge, seen_m in enumerate((1.2, 2.1, 1.3)):
+    for edge, seen_m in enumerate((0.8, 2.1, 1.0)):
         gaps.note(edge, seen_m)
-    assert gaps.field_m == pytest.approx(1.3 - SEEN_M)
-    assert gaps.wrong == "the gap was said to be 2.0 m, pictures show 1.3 m"
+    assert gaps.field_m == pytest.approx(1.0 - SEEN_M)
+    assert gaps.wrong == "the gap was said to be 2.0 m, pictures show 1.0 m"
+
+
+def test_crop_close_beyond_an_end_is_named_as_long_as_the_turn_lasts() -> None:
+    gaps = Gaps(2.0)
+    assert gaps.wrong == ""
+    gaps.room_m = 0.6
+    assert (
+        gaps.wrong == "the gap was said to be 2.0 m, something stands 0.6 m beyond the side's end"
+    )
+    assert gaps.field_m == 2.0

@@ -274,3 +274,14 @@ def test_a_scale_that_courses_contradict_is_taken_off() -> None:
     drive.quarter()
     turned = drive.yaw - before[0], drive.estimate.motion.yaw_rad - before[1]
     assert turned[1] == pytest.approx(turned[0], rel=0.01)
+
+
+@pytest.mark.parametrize("pot_deg", [-4.0, 4.0])
+def test_a_pot_whose_middle_is_off_from_the_start_contradicts_no_gyroscope(pot_deg: float) -> None:
+    drive = Drive(pot_off_rad=math.radians(pot_deg))
+    drive.go(3.0, 0.0)
+    for _ in range(80):
+        drive.go(0.1, 0.5)
+        assert not drive.estimate.odometry.gyroscope.contradicted
+    assert abs(drive.error_rad) < math.radians(1.0)
+    assert drive.estimate.odometry.trim_rad == pytest.approx(math.radians(pot_deg), abs=0.01)

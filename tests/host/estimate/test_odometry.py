@@ -80,9 +80,17 @@ def test_what_was_learned_long_ago_can_be_learned_anew() -> None:
 
 def test_a_trim_beyond_belief_is_not_taken() -> None:
     made = Odometry(VEHICLE)
-    for curvature, trim_deg in ((1.0, 4.0), (-2.0, -4.0)):
+    for curvature, trim_deg in ((1.0, 5.0), (-2.0, -5.0)):
         made.turn_trim(curvature)
         assert math.degrees(made.trim_rad) == pytest.approx(trim_deg)
+        assert made.pot_off_rad == made.trim_rad
+
+
+def test_a_pot_that_is_off_by_less_is_none_to_be_named() -> None:
+    made = Odometry(VEHICLE)
+    made.turn_trim(math.tan(math.radians(4.0)) / VEHICLE.wheelbase_m)
+    assert math.degrees(made.trim_rad) == pytest.approx(4.0)
+    assert made.pot_off_rad == 0.0
 
 
 def test_a_late_picture_finds_the_motion_of_its_own_time() -> None:

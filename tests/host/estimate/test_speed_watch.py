@@ -137,3 +137,62 @@ def test_an_honest_sensor_is_believed_whatever_the_speed_does(
     then any receiver shows more than a creep."""
     for seed in range(10):
         assert unsteady(counts, smoothing_s, seed, go_s, rest_s, slow_mps)[0] == ""
+
+
+def ways(
+    counted_mps: float,
+    shown_mps: float,
+    driven_mps: float,
+    *,
+    late_s: float = 0.0,
+    rests_s: float = 0.0,
+    quality: int = 1,
+    seconds: float = 60.0,
+) -> tuple[str, float]:
+    """What the watch says of a sensor on the lock, where no speeds are compared, and how far the
+    sensor has counted by then; `late_s`: that the receiver's own filter takes; `rests_s`: of each
+    ten seconds the machine stands."""
+    watch, shown, counted_m = SpeedWatch(V), 0.0, 0.0
+    duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= driven_mps)
+    for k in range(1, round(seconds / STEP_S)):
+        t = k * STEP_S
+        goes = t % 10.0 >= rests_s
+        shown += (goes * shown_mps - shown) * min(1.0, STEP_S / late_s if late_s else 1.0)
+        counted_m += goes * counted_mps * STEP_S
+        told = Telemetry(
+            t, State.RUNNING, 0, 0.0, 0.8, 0, goes * duty, True, goes * counted_mps, 0.0, 12.0, 0, 0
+        )
+        watch.take_telemetry(told)
+        if k % 20 == 0:
+            watch.take_fix(Fix(t, 31.5, 74.3, quality, 0.8, 9, shown, 0.0), told)
+        if watch.wrong:
+            return watch.wrong, counted_m
+    return "", counted_m
+
+
+@pytest.mark.parametrize(
+    ("counted_mps", "true_mps", "driven_mps"), [(0.3, 0.05, 0.0), (0.5, 0.25, 0.34)]
+)
+def test_pulses_that_nothing_explains_are_named_within_metres_on_the_lock_too(
+    counted_mps: float, true_mps: float, driven_mps: float
+) -> None:
+    """A sensor that counts while the machine stands, and one that counts double."""
+    wrong, counted_m = ways(counted_mps, true_mps, driven_mps)
+    assert wrong.startswith("the wheels' sensor has counted")
+    assert counted_m < 6.0
+
+
+@pytest.mark.parametrize("rests_s", [0.0, 5.0, 8.0])
+@pytest.mark.parametrize("late_s", [0.0, 1.0, 2.0])
+def test_a_receiver_that_is_late_makes_no_pulses_false(late_s: float, rests_s: float) -> None:
+    """Not even where the drive, down a slope, explains none of them."""
+    assert ways(0.5, 0.5, 0.0, late_s=late_s, rests_s=rests_s)[0] == ""
+
+
+def test_a_receiver_without_a_fix_or_that_shows_no_creep_names_no_sensor() -> None:
+    assert ways(0.5, 0.0, 0.0, quality=0)[0] == ""
+    assert ways(0.15, 0.0, 0.0)[0] == ""
+
+
+def test_a_receiver_that_hangs_names_no_sensor_that_the_drive_explains() -> None:
+    assert ways(0.5, 0.0, 0.5)[0] == ""

@@ -77,7 +77,7 @@ from host.pilot.endings import (
 from host.pilot.guard import Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import STOP_AFTER_S, UNSEEN_M
+from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze, Sight
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
@@ -165,18 +165,18 @@ def clear_ahead(context: Context) -> EndOfField:
     return ahead.clear_since
 
 
-def turning(plan: Plan = PLAN) -> Context:
+def turning(plan: Plan = PLAN, eye: Shown | None = None) -> Context:
     """At the end of the first side, the turn laid out."""
-    context = on_side(plan=plan, cut_m=10.0)
+    context = on_side(plan=plan, cut_m=10.0, eye=eye)
     end_side(context, NOW, clear_ahead(context))
     assert context.ended is not None
     leave_side(context, NOW, context.ended)
     return context
 
 
-def turned(plan: Plan = PLAN) -> Context:
+def turned(plan: Plan = PLAN, eye: Shown | None = None) -> Context:
     """After the turn's last leg."""
-    context = turning(plan)
+    context = turning(plan, eye)
     assert context.turning is not None
     while context.turning.leg is not None:
         context.turning.next(NOW)
@@ -231,6 +231,21 @@ def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
     assert is_for(Align(context).step(NOW)[1], Aligned.SEEN)
     assert context.estimate.position.known
     assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
+
+
+def test_align_does_not_set_off_while_most_pictures_show_the_machine_askew() -> None:
+    """No operator puts it down so: the pictures are mirrored or upside down, or it is elsewhere."""
+    context = standing(PLAN)
+    align = Align(context)
+    askew = replace(CUTTING, edge_offset_m=0.75, edge_heading_rad=math.nan)
+    for k, (view, reason) in enumerate(
+        [(askew, None), (askew, None), (CUTTING, None), (CUTTING, Aligned.SEEN)]
+    ):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+        assert is_for(go, reason)
+        assert reason is not None or "mirrored or upside down" in context.reason or k == 2
 
 
 @pytest.mark.parametrize(("plan", "trusts"), [(PLAN, True), (Plan(), False)])
@@ -869,6 +884,19 @@ def test_a_leg_that_was_added_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     for driven_m, done in ((CORRECTION_M - 0.05, False), (CORRECTION_M + 0.05, True)):
         monkeypatch.setattr(turn.turning, "driven_m", lambda _, driven_m=driven_m: driven_m)
         assert turn.leg_done() is done
+
+
+@pytest.mark.parametrize(("gaze", "taken"), [(DriveTurn.gaze, False), (Search.gaze, True)])
+def test_between_two_legs_no_edge_is_the_next_lanes(
+    monkeypatch: pytest.MonkeyPatch, gaze: Gaze, taken: bool
+) -> None:
+    """A turn that the geofence has broken off may stand across the lane by then."""
+    monkeypatch.setattr(Sight, "_on_lane", lambda *_: True)
+    context = turned()
+    context.sight.edge_at_m = 0.0
+    frame = Frame(NOW + 0.1, np.zeros((2, 2, 3), np.uint8))
+    context.sight.take(frame, gaze, context.strip, context.turning, NOW, lambda _: True)
+    assert (context.sight.edge_at_m > 0.0) is taken
 
 
 def test_after_its_last_leg_a_turn_looks_for_the_crop() -> None:

@@ -17,6 +17,7 @@ from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.field.areas import Verdict
+from host.link.protocol import Fault, fault_texts
 from host.pilot.guard import CREEP_MPS, Guard, SeenFree, Watched, no_farther, watch
 from host.route.plan import Plan, spiral
 from tests.helpers.places import followed
@@ -179,3 +180,22 @@ def test_courses_name_strips_that_have_turned_or_another_corner(deg: float, why:
     found = watch(State.RUNNING, estimate)
     assert found is not None and found.reason is why
     assert f"{abs(deg):.0f} deg" in found.text
+
+
+@pytest.mark.parametrize(("deg", "side"), [(5.0, "left"), (-5.0, "right")])
+def test_a_pot_that_is_loose_is_named_with_how_much_and_to_which_side(
+    deg: float, side: str
+) -> None:
+    estimate = Estimator(VEHICLE, plan())
+    estimate.odometry.turn_trim(math.tan(math.radians(0.8 * deg)) / VEHICLE.wheelbase_m)
+    assert watch(State.RUNNING, estimate) is None
+    estimate.odometry.turn_trim(math.tan(math.radians(deg)) / VEHICLE.wheelbase_m)
+    found = watch(State.RUNNING, estimate)
+    assert found is not None and found.reason is Watched.POT_OFF
+    assert f"5 deg farther to the {side}" in found.text
+
+
+def test_what_the_firmware_reports_is_said_in_its_words() -> None:
+    found = watch(State.FAULT, Estimator(VEHICLE, plan()), int(Fault.ESTOP_OPEN))
+    assert found is not None and found.reason is Watched.FIRMWARE_FAULT
+    assert fault_texts(Fault.ESTOP_OPEN)[0] in found.text

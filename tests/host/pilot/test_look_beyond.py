@@ -122,6 +122,27 @@ def test_without_clear_ground_an_end_proves_nothing() -> None:
     assert context.plan.gap_m == 2.0
 
 
+@pytest.mark.parametrize(("ahead_m", "gap_m"), [(0.7, 0.7 - EARLY_M), (0.1, 2.0)])
+def test_crop_closer_than_an_end_leaves_the_turn_that_room_unless_it_is_misread(
+    ahead_m: float, gap_m: float
+) -> None:
+    """The pictures that ended the side showed 0.8 m of clear ground, or more: 0.7 m agrees with
+    that, 0.1 m does not."""
+    context = at_end()
+    context.sight.ahead.clear_count, context.sight.ahead.clear_since = 3, clear_ahead(context)
+    context.saw_beyond(ahead_m)
+    assert context.plan.gap_m == pytest.approx(gap_m, abs=0.05)
+    assert not context.gaps.knows(2)
+
+
+def test_an_end_that_a_look_has_shown_leaves_the_turn_no_more_room_than_that_look() -> None:
+    context = at_end()
+    context.sight.ahead.go_on()
+    context.saw_beyond(0.3)
+    assert context.plan.gap_m == pytest.approx(0.3 - EARLY_M, abs=0.05)
+    assert "beyond the side's end" in context.gaps.wrong
+
+
 def test_a_side_that_ends_at_cut_ground_shows_nothing_of_the_gap() -> None:
     inner = on_side(8, PLAN, cut_m=6.0).strip
     assert inner.gap_beyond() is None

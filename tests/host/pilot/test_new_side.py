@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import END_SURE, EndOfField
+from host.estimate.crop_ahead import CLEAR_M, END_SURE, EndOfField
 from host.estimate.cut_guard import PATCH_M, CutGuard
 from host.estimate.odometry import Odometry
 from host.pilot.behaviours.follow import Follow
@@ -163,6 +163,33 @@ def test_on_a_known_side_dead_reckoning_leads_on_after_a_look() -> None:
     context.look.begin(NOW, 5.0)
     seeing(context, CLEAR, stamp=NOW + 4.0)
     assert is_for(LookAtEdge(context).step(NOW + 4.0)[1], EdgeLook.NO_CLEARER)
+
+
+NO_EDGE = replace(CUTTING, confidence=0.0)
+
+
+@pytest.mark.parametrize(
+    ("view", "entered", "ends"),
+    [
+        (CLEAR, True, True),
+        (replace(CLEAR, crop_ahead_m=CLEAR_M + 0.1), True, True),
+        (NO_EDGE, True, False),
+        (replace(CLEAR, ahead_confidence=0.2), True, False),
+        (CLEAR, False, False),
+    ],
+)
+def test_a_look_that_shows_clear_ground_where_a_known_side_may_end_ends_it(
+    view: CropView, entered: bool, ends: bool
+) -> None:
+    """What stands across the way beyond it may be a neighbour's."""
+    context = along(9.5, KNOWN)
+    context.sight.edge_at_m = 0.0
+    if not entered:
+        context.sight.ahead.entered_at = None
+    context.look.begin(NOW, 9.5)
+    seeing(context, view, stamp=NOW + 4.0)
+    go = LookAtEdge(context).step(NOW + 4.0)[1]
+    assert is_for(go, Elsewhere.AT_BOUNDARY if ends else EdgeLook.NO_CLEARER)
 
 
 def test_an_end_that_was_looked_at_is_no_longer_the_plans_alone() -> None:
