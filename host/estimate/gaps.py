@@ -65,8 +65,8 @@ class Gaps:
     def field_m(self) -> float:
         """What to reckon with anywhere: what was said, where no edge shows less. One that shows
         less than anybody harvests beside is misread, until most show as little."""
-        least_m = max(min(self._seen.values(), default=math.inf), LEAST_M)
-        return self.narrowed(min(least_m, self._seen_m))
+        likely = [seen_m for seen_m in self._seen.values() if seen_m >= LEAST_M]
+        return self.narrowed(min([*likely, self._seen_m]))
 
     @property
     def _seen_m(self) -> float:
@@ -81,7 +81,8 @@ class Gaps:
         if self.narrowed(self._seen_m) != self.said_m:
             return f"{said}, pictures show {self._seen_m:.1f} m"
         if self.field_m != self.said_m:
-            return f"{said}, pictures show {min(self._seen.values()):.1f} m at one side"
+            least_m = min(seen_m for seen_m in self._seen.values() if seen_m >= LEAST_M)
+            return f"{said}, pictures show {least_m:.1f} m at one side"
         if self.narrowed(self.room_m) != self.said_m:
             return f"{said}, something stands {max(0.0, self.room_m):.1f} m beyond the side's end"
         return ""

@@ -27,7 +27,7 @@ from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.strip import Strip
-from host.pilot.turn_progress import Turning
+from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, CropView, Detector
 
 STOP_AFTER_S = 0.8
@@ -195,8 +195,8 @@ class Sight:
         # that was found just now the machine looks where it goes.
         beside = turning is not None and turning.beside
         glances = in_leg and not (backing or beside) and not strip.new
-        # Between two legs the machine may stand across the lane.
-        between = turning is not None and not in_leg and not gaze.begins
+        # After a leg the machine may stand across the next lane.
+        askew_rad = 0.0 if turning is None or in_leg else turning.against_lane(then)[1]
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         # Elsewhere swath may lie across: it must lead no blade through a gap.
         view = self._of_lane(view.with_lying() if strip.surely_crop else view, strip, then)
@@ -215,7 +215,7 @@ class Sight:
         moved = self.unseen_m(then) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         due = moved or estimate.lane.contradicted
-        shows_lane = gaze.lane and not between
+        shows_lane = gaze.lane and abs(askew_rad) <= ACROSS_RAD
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
                 if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):

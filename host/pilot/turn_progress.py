@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from host.estimate.odometry import Motion
 from host.route.turn_legs import Follow, Goal, Leg, Turn
+
+ACROSS_RAD: Final = math.radians(60.0)
+"""Askew of the new lane by more, no edge that the machine sees can be that lane's."""
 
 
 class Turning:

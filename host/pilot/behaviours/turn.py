@@ -11,7 +11,7 @@ from host.pilot.context import FARTHEST_M, SLOW_AFTER_S
 from host.pilot.endings import Blind, blind
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.turn_progress import Turning
+from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.route.turn_legs import Follow as Along
 from host.route.turn_legs import Goal, Leg, turning_radius
 
@@ -23,9 +23,8 @@ ASKEW_RAD = math.radians(20.0)
 """Against the new lane, with which a turn that was broken off is over: less than what a camera of
 60 degrees needs to see the crop's right end, and within what following straightens."""
 CORRECTIONS = 8
-"""Legs that such a turn may take more than planned, from one place;"""
-ACROSS_RAD = math.radians(60.0)
-"""askew by more after them, no edge that it sees can be the new lane's: it needs another place."""
+"""Legs that such a turn may take more than planned, from one place; standing across the new lane
+after them, it needs another place."""
 RETREATS = 3
 """So often it backs for one, over what it has cut."""
 CORRECTION_M = 0.6

@@ -886,13 +886,17 @@ def test_a_leg_that_was_added_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
         assert turn.leg_done() is done
 
 
-@pytest.mark.parametrize(("gaze", "taken"), [(DriveTurn.gaze, False), (Search.gaze, True)])
-def test_between_two_legs_no_edge_is_the_next_lanes(
-    monkeypatch: pytest.MonkeyPatch, gaze: Gaze, taken: bool
+@pytest.mark.parametrize(("askew_deg", "taken"), [(0.0, True), (50.0, True), (75.0, False)])
+@pytest.mark.parametrize("gaze", [DriveTurn.gaze, Search.gaze])
+def test_standing_across_the_next_lane_no_edge_is_its(
+    monkeypatch: pytest.MonkeyPatch, gaze: Gaze, askew_deg: float, taken: bool
 ) -> None:
-    """A turn that the geofence has broken off may stand across the lane by then."""
+    """Between two legs of a turn that the geofence has broken off."""
     monkeypatch.setattr(Sight, "_on_lane", lambda *_: True)
     context = turned()
+    assert context.turning is not None
+    against = (0.0, math.radians(askew_deg))
+    monkeypatch.setattr(context.turning, "against_lane", lambda _: against)
     context.sight.edge_at_m = 0.0
     frame = Frame(NOW + 0.1, np.zeros((2, 2, 3), np.uint8))
     context.sight.take(frame, gaze, context.strip, context.turning, NOW, lambda _: True)

@@ -278,7 +278,7 @@ def test_clear_ground_that_is_dust_is_no_end(before_end_m: float) -> None:
     eyes.spoil = dusty
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
     assert pilot.turns == 1, pilot.reason
-    assert any("the crop seems to end" in t.reason for t in pilot.transitions)
+    assert any("looking without the blade's dust" in t.reason for t in pilot.transitions)
     assert world.y + VEHICLE.blade_x_m == pytest.approx(10.2, abs=0.25)
 
 
