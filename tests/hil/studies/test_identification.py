@@ -58,7 +58,7 @@ def test_the_law_on_the_model_behaves_as_the_firmware_on_the_machine(
             guess, _ = closed_loop.respond(model, law, step)
             real, _ = step_response(PLANT, law, step)
             assert guess.settle_s == pytest.approx(real.settle_s, abs=0.1)
-            assert guess.error_s == pytest.approx(real.error_s, rel=0.08)
+            assert guess.error_s == pytest.approx(real.error_s, rel=0.09)
 
 
 def test_tuned_gains_meet_the_figures_and_cost_least(
