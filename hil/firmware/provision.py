@@ -19,11 +19,11 @@ BOARD: Final[dict[Firmware, Board]] = {"desk": "uno", "avr": "uno", "mega2560": 
 FITTED: Final = {
     "steer_driver": 2.0,
     "steer_current_cont": 10.0,
-    "drive_driver": 3.0,
+    "drive_driver": 2.0,
     "drive_current_cont": 25.0,
 }
 """What the owner of the default machine has told the firmware of its drivers: a BTS7960 steers, and
-a bridge with a VNH5019's inputs drives that stands the 21 A which a slope of five degrees takes."""
+another drives, cooled so that it stands the 21 A which a slope of five degrees takes."""
 SAVE_S: Final = 3.0
 """Longer than the EEPROM takes for all parameters."""
 FAULT_LOG_BYTES: Final = 192
