@@ -79,8 +79,8 @@ class Wiring(Strict):
     steering: Driver = "bts7960"
     """The default motor draws 9 A blocked, and 13 A as it reverses: an L298N stands 5."""
     drive: Driver = "bts7960"
-    """For the current of two drive motors; and where the machine is to go slower, it brakes, which a
-    VNH5019 does not (its PWM low opens both low sides)."""
+    """For the current of two drive motors. It brakes where the machine is to go slower; a VNH5019
+    does not: its PWM low opens both low sides."""
     pull_downs: bool = True
     """10 kOhm to ground at every output. Without them an undriven wire is taken for high."""
     relay: Literal["active_high", "active_low"] = "active_high"
