@@ -8,6 +8,7 @@ import pytest
 
 from hil.firmware import provision, targets
 from hil.firmware.targets import Target
+from tests.helpers.firmware_bench import TOLD
 
 Maker = Callable[..., Target]
 
@@ -29,7 +30,7 @@ def maker_of(name: str) -> Maker:
     make_bare = targets.desk if name == "desk" else targets.avr
 
     def make(eeprom: bytes | None = None) -> Target:
-        return make_bare(eeprom or provision.eeprom(tuple(provision.FITTED.items())))
+        return make_bare(eeprom or provision.eeprom(tuple(TOLD.items())))
 
     return make
 

@@ -33,7 +33,7 @@ from host.link import protocol
 from host.link.protocol import Fault, State
 from host.link.protocol import ResetCause as Started
 from host.link.session import Session
-from tests.helpers.firmware_bench import Bench
+from tests.helpers.firmware_bench import TOLD, Bench
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 LOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
@@ -41,7 +41,7 @@ OPTIBOOT = LOADERS / "optiboot" / "optiboot_atmega328.hex"
 OLD_NANO = LOADERS / "atmega" / "ATmegaBOOT_168_atmega328.hex"
 MEGA = LOADERS / "stk500v2" / "stk500boot_v2_mega2560.hex"
 CHIPS: tuple[tuple[Board, Path], ...] = (("uno", OPTIBOOT), ("nano", OLD_NANO), ("mega2560", MEGA))
-FITTED = provision.eeprom(tuple(provision.FITTED.items()))
+FITTED = provision.eeprom(tuple(TOLD.items()))
 USB_BAUD, CH340_BAUD = 117_647, 115_200
 """An Uno's or Mega's own USB chip divides 16 MHz by 136; a Nano's CH340 hits the rate."""
 

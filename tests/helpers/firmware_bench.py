@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from hil.firmware import provision
 from hil.firmware.targets import Board, Target
 from hil.firmware.wiring import PINS, Channel
 from host.link import protocol
 from tests.helpers.actuator import Actuator, ActuatorSpec
 
 STEP_US = 1000
+TOLD = provision.FITTED | {"drive_driver": 3.0, "steer_current_cont": 4.0}
+"""What the firmware has been told of this bench's bridges: a VNH5019 drives, so that its braking
+shows, and what steers stands 4 A for long."""
 POT, BATTERY, STEER_SENSE, DRIVE_SENSE, ESTOP = Channel
 OUTPUTS = PINS["uno"].outputs
 """Bridges and blade, on an Uno."""

@@ -87,7 +87,7 @@ def test_each_bridge_drives_forward_and_back(drive: Any, named: float, way: int)
 
 def test_a_driver_that_is_named_wrongly_drives_forward_as_it_should_stand() -> None:
     """Why none is assumed: "stand" of a VNH5019 is full power of a BTS7960. The bench shows it."""
-    with provision.fitted("desk") as target:
+    with provision.target("desk", provision.FITTED | {"drive_driver": 3.0}) as target:
         stand = Stand(target, Wiring(drive="bts7960"))
         stand.drive_and_stand()
         assert stand.worst == 1.0
