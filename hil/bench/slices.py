@@ -165,7 +165,8 @@ class Slices:
         layout: machine.Record,
     ) -> None:
         """`records`: machine.STATE, PARAMS and INPUTS, (1,) each; `blade`: its line ahead of the
-        rear axle and its width, m; `layout`: what the pins are wired to, but for a real board."""
+        rear axle and its width, m; `layout`: what the pins are wired to; of a real board, which
+        bridges take its duties."""
         self._field, self._gyro, self._records = field, gyro, records
         every = max(1, round(1e6 / gyro.spec.rate_hz / SLICE_US)) if gyro.spec.fitted else 0
         self._around = Around(
@@ -176,7 +177,7 @@ class Slices:
         self._said = np.zeros((MOST_SLICES, SAID_BYTES), np.uint8)
         self._sizes = np.zeros(MOST_SLICES, np.int64)
         self._run: Run = (
-            self._on_board(target, wires)
+            self._on_board(target, wires, layout)
             if isinstance(target, Board)
             else self._on_target(target, wires, layout)
         )
@@ -200,10 +201,10 @@ class Slices:
         entry = entry_point(_together, (*first, 0, 0, *fixed, np.empty((0, 9))))
         return lambda number, count, drawn: int(entry(*first, number, count, *fixed, drawn))
 
-    def _on_board(self, board: Board, wires: machine.Record) -> Run:
+    def _on_board(self, board: Board, wires: machine.Record, layout: machine.Record) -> Run:
         state, params, given = self._records
         around, tally = self._around, self._tally
-        inner = board.bind(state, params, given, wires=wires)
+        inner = board.bind(state, params, given, wires, layout)
 
         def run(first: int, count: int, drawn: Floats) -> int:
             _clear(tally)

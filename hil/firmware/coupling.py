@@ -212,11 +212,17 @@ def _apart(
     params: Any,
     given: Any,
     wires: Any,
+    layout: Any,
 ) -> None:
-    """The machine alone from begin_us to end_us, for a firmware that is told of it now and then."""
-    now = begin_us
+    """The machine alone from begin_us to end_us, for a firmware that is told of it now and then. Of
+    its pins only the duties are known: a bridge with two duty wires shorts its motor at none, and a
+    VNH5019 is taken to open."""
+    now, w = begin_us, layout[0]
     while now < end_us:
         now += PHYSICS_US
+        given[0].steer_brake, given[0].drive_brake = w.steer_two_pwm, w.drive_two_pwm
+        given[0].steer_one_way = 1 - w.steer_two_pwm
+        given[0].drive_one_way = 1 - w.drive_two_pwm
         _move(outputs[0], outputs[1], outputs[2], now, state, params, given, wires)
         pot, battery, steer_sense, drive_sense, estop, hall, hall_b, turn = _sensed(
             now, state, wires
@@ -245,10 +251,12 @@ def bind_apart(
     params: machine.Record,
     given: machine.Record,
     wires: machine.Record,
+    layout: machine.Record,
 ) -> Callable[[int, int], None]:
     """The machine without firmware: `run(begin_us, end_us)` moves it at `outputs` (steering and
-    drive duty -1..1, blade; float64) and leaves what its sensors give in `sensors` (int64)."""
-    records = (outputs, sensors, state, params, given, wires)
+    drive duty -1..1, blade; float64) and leaves what its sensors give in `sensors` (int64).
+    `layout`: which bridges take the duties."""
+    records = (outputs, sensors, state, params, given, wires, layout)
     entry = entry_point(_apart, (0, 0, *records))
 
     def run(begin_us: int, end_us: int) -> None:

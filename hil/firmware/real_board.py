@@ -96,10 +96,13 @@ class Board:
         params: machine.Record,
         given: machine.Record,
         wires: machine.Record,
+        layout: machine.Record,
     ) -> Callable[[int, int], int]:
         """`run(begin_us, end_us)`: the machine moves at what the board last said, then the board
         hears what the sensors give. Returns 0. Raises UserError where the board falls silent."""
-        move = coupling.bind_apart(self._outputs, self._sensors, state, params, given, wires)
+        move = coupling.bind_apart(
+            self._outputs, self._sensors, state, params, given, wires, layout
+        )
 
         def run(begin_us: int, end_us: int) -> int:
             move(begin_us, end_us)

@@ -137,7 +137,7 @@ def test_the_board_drives_the_machine_as_the_simulated_uno_does(image: Path) -> 
         here = bench.pose
     assert board.answers == 400
     assert max(t.angle_rad for t in said) == pytest.approx(math.radians(15), abs=0.03)
-    assert math.dist(there, here) < 0.08
+    assert math.dist(there, here) < 0.05
     assert abs(speed) < 0.05, "without commands it has stopped"
     for one in (said, simulated_said):
         assert protocol.Fault(one[-1].faults) & protocol.Fault.LINK_LOST

@@ -23,6 +23,8 @@ pytestmark = pytest.mark.skipif(
 TOLD = provision.FITTED | {"hall_per_metre": 50.0, "hall_phases": 2.0}
 NAMED: dict[Driver, float] = {"l298n": 1.0, "bts7960": 2.0, "vnh5019": 3.0}
 """What the owner calls each bridge."""
+OVERSHOOT_MPS: dict[Driver, float] = {"bts7960": 0.2, "vnh5019": 0.21}
+"""A VNH5019 slows nothing by itself: the firmware has to see that the wheels turn too fast."""
 SLICE_US = 5_000
 COMMAND_US = 20_000
 
@@ -202,7 +204,7 @@ def test_up_and_down_a_slope_the_speed_is_held_without_a_fault(
     drive = driven(nose_down_deg, speed_mps, bridge=bridge)
     assert drive.fault == Fault(0)
     assert drive.at_end_mps == pytest.approx(speed_mps, abs=0.05)
-    assert drive.fastest_mps < abs(speed_mps) + 0.21
+    assert drive.fastest_mps < abs(speed_mps) + OVERSHOOT_MPS[bridge]
 
 
 def test_a_machine_that_rolls_downhill_unheld_is_a_runaway() -> None:

@@ -265,9 +265,11 @@ def hidden_ahead(_view: CropView) -> CropView:
     return CropView(0.0, crop_ahead_m=math.inf, ahead_confidence=0.9, reason="no edge")
 
 
-@pytest.mark.parametrize("before_end_m", [0.1, 4.0])
-def test_clear_ground_that_is_dust_is_no_end(before_end_m: float) -> None:
-    """Where the plan may have the end, and where it has crop."""
+@pytest.mark.parametrize(
+    ("before_end_m", "why"), [(0.1, "the crop seems to end"), (4.0, "the edge is unsure")]
+)
+def test_clear_ground_that_is_dust_is_no_end(before_end_m: float, why: str) -> None:
+    """Where the plan may have the end, and where it has crop. Only a look without dust ends it."""
     world, eyes, pilot = cutting(metres=1.0)
 
     def dusty(view: CropView) -> CropView:
@@ -278,7 +280,8 @@ def test_clear_ground_that_is_dust_is_no_end(before_end_m: float) -> None:
     eyes.spoil = dusty
     drive(world, pilot, 90.0, until=lambda: pilot.turns == 1 or pilot.done)
     assert pilot.turns == 1, pilot.reason
-    assert any("looking without the blade's dust" in t.reason for t in pilot.transitions)
+    assert any(why in t.reason for t in pilot.transitions)
+    assert pilot.transitions[-2].code.startswith("look at the "), "the end is a look's to tell"
     assert world.y + VEHICLE.blade_x_m == pytest.approx(10.2, abs=0.25)
 
 
