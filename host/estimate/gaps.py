@@ -14,9 +14,9 @@ from typing import Final
 
 TAPE_M: Final = 0.2
 """What a taped gap errs: no border is straight."""
-SEEN_M: Final = 0.2
-"""What a machine that stands errs in how far before it the next crop stands, 1 to 2 m ahead (55
-ends of 16 random fields, model eyes)."""
+SEEN_M: Final = 0.35
+"""What a machine that stands errs in how far before it the next crop stands: 0.38 m from the low
+camera, 0.30 from the mast (97 edges of 40 random fields, model eyes)."""
 TELLS_M: Final = math.hypot(TAPE_M, SEEN_M)
 """What is seen contradicts what was said by more."""
 LEAST_M: Final = 1.2
