@@ -201,7 +201,7 @@ MISTAKES: Final = (
     Mistake("wrong corner", ("place.corner",), corner=2),
     Mistake("gap missing", ("field.no_gap",), gap=False),
     Mistake("disk full", ("disk.full",), free_bytes=10**9),
-    Mistake("laptop slow", ("laptop.slow",), slower=25.0),
+    Mistake("laptop slow", ("laptop.slow",), slower=100.0),
     Mistake("laptop's battery empty", ("power.low",), power=(12, False)),
 )
 
