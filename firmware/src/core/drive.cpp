@@ -57,10 +57,11 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
   }
   if (silent_ != UINT16_MAX) ++silent_;
   if (duty == 0 || fresh != 0) {
-    // A machine that rolls back as it is driven gives pulses too, but ever more slowly: what has
-    // broken away stood before, or becomes faster.
-    const bool away = silent_ > kStandsTicks || int32_t{silent_} * 5 < int32_t{interval_} * 4;
-    rolls_ = duty != 0 && (rolls_ || away);
+    // A machine that rolls back as it is driven gives pulses too, but ever more slowly. Its creep
+    // before it was driven tells nothing, so two intervals count that were driven throughout.
+    gone_ = duty == 0 ? 0 : least(gone_ + least(fresh, kFreshMax) * kPulse, wrong_way_);
+    const bool faster = gone_ > 2 * kPulse && int32_t{silent_} * 5 < int32_t{interval_} * 4;
+    rolls_ = duty != 0 && (rolls_ || faster || gone_ >= wrong_way_);
     awaited_ = 0;
     waited_ = 0;
     pushed_ = 0;

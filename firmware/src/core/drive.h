@@ -48,6 +48,7 @@ class Hall {
   int32_t push_lost_ = 0;   // of them, with which a machine on level ground comes 0.5 m
   int32_t against_ = 0;     // pulses gone against the direction asked, in mm times per_metre_
   int32_t wrong_way_ = 0;   // of them
+  int32_t gone_ = 0;        // pulses since it is driven, in mm times per_metre_, up to wrong_way_
   int32_t impossible_ = 0;  // mm/s
   int16_t excess_ = 0;      // mm/s
   Pulses last_{0, 0, 0};

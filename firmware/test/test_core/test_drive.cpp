@@ -366,18 +366,27 @@ TEST_CASE("The sensor counts as lost after 0.25 m without a pulse") {
   }
 }
 
+// Driven at 150 mm/s, duty 50, until it has given `count` pulses, one each `ticks` ticks.
+uint16_t driven(Hall &hall, uint16_t pulses, int count, int32_t ticks) {
+  for (; count > 0; --count) {
+    for (int32_t i = 1; i < ticks; ++i) hall.step(at(pulses), 50, 150);
+    hall.step(at(++pulses), 50, 150);
+  }
+  return pulses;
+}
+
 TEST_CASE("A creeping machine's sensor counts as lost after 0.9 s") {
   Hall hall = hall_with(200);
-  hall.step(at(1), 50, 150);
-  for (int i = 0; i < 179; ++i) hall.step(at(1), 50, 150);
+  uint16_t pulses = driven(hall, 0, 3, 60);
+  for (int i = 0; i < 179; ++i) hall.step(at(pulses), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(1), 50, 150);
+  hall.step(at(pulses), 50, 150);
   CHECK(hall.lost());
-  hall.step(at(2), 50, 150);
+  pulses = driven(hall, pulses, 1, 1);
   CHECK(!hall.lost());
-  for (int i = 0; i < 179; ++i) hall.step(at(2), 50, 150);
+  for (int i = 0; i < 179; ++i) hall.step(at(pulses), 50, 150);
   CHECK(!hall.lost());
-  hall.step(at(2), 50, 150);
+  hall.step(at(pulses), 50, 150);
   CHECK(hall.lost());
 }
 
@@ -396,42 +405,47 @@ TEST_CASE("To break away a machine may take until it should have come 0.25 m") {
 }
 
 TEST_CASE("A machine that rolls back as it is driven must break away too") {
-  Hall hall = hall_with(200);
-  uint16_t pulses = 1;
-  const auto pulse_after = [&](int32_t ticks, int16_t duty) {
-    for (int32_t i = 1; i < ticks; ++i) hall.step(at(pulses), duty, 150);
-    hall.step(at(++pulses), duty, 150);
+  struct Case {
+    int32_t before, first, second;
   };
-  hall.step(at(pulses), -100, -150);
-  pulse_after(40, 0);
-  pulse_after(50, 0);
-  pulse_after(50, 50);
-  pulse_after(40, 50);  // by a bump
-  pulse_after(200, 50);
-  for (int i = 0; i < 333; ++i) hall.step(at(pulses), 50, 150);
+  // It creeps back braked, by a bump or a slope faster and faster; then more and more slowly.
+  for (const Case &each : {Case{50, 40, 100}, Case{145, 95, 100}, Case{150, 199, 200}}) {
+    Hall hall = hall_with(200);
+    uint16_t pulses = 1;
+    hall.step(at(pulses), -100, -150);
+    for (int32_t i = 1; i < each.before; ++i) hall.step(at(pulses), 0, 0);
+    hall.step(at(++pulses), 0, 0);
+    pulses = driven(hall, pulses, 1, each.first);
+    pulses = driven(hall, pulses, 1, each.second);
+    for (int i = 0; i < 333; ++i) hall.step(at(pulses), 50, 150);
+    CHECK(!hall.lost());
+    hall.step(at(pulses), 50, 150);
+    CHECK(hall.lost());
+  }
+}
+
+TEST_CASE("A machine has broken away that becomes faster, or has come 0.15 m as it is driven") {
+  const auto away = [](int32_t first, int32_t second, int32_t third) {
+    Hall hall = hall_with(400);
+    uint16_t pulses = driven(hall, 0, 1, first);
+    pulses = driven(hall, pulses, 1, second);
+    pulses = driven(hall, pulses, 1, third);
+    for (int i = 0; i < 180; ++i) hall.step(at(pulses), 50, 150);
+    return hall.lost();
+  };
+  CHECK(away(30, 50, 39));
+  CHECK(!away(30, 50, 40));
+  // The first interval began before it was driven, or as it stood.
+  CHECK(!away(50, 39, 39));
+  Hall hall = hall_with(400);
+  uint16_t pulses = driven(hall, 0, 5, 100);
+  for (int i = 0; i < 180; ++i) hall.step(at(pulses), 50, 150);
+  CHECK(!hall.lost());
+  pulses = driven(hall, pulses, 1, 1);
+  for (int i = 0; i < 179; ++i) hall.step(at(pulses), 50, 150);
   CHECK(!hall.lost());
   hall.step(at(pulses), 50, 150);
   CHECK(hall.lost());
-}
-
-TEST_CASE("A machine that was driven stands after a second, or becomes the faster again") {
-  struct Case {
-    int32_t before, last;
-  };
-  for (const Case &each : {Case{40, 201}, Case{50, 39}}) {
-    Hall hall = hall_with(200);
-    hall.step(at(1), 0, 150);
-    for (int32_t i = 1; i < each.before; ++i) hall.step(at(1), 0, 150);
-    hall.step(at(2), 0, 150);
-    for (int32_t i = 1; i < each.last; ++i) hall.step(at(2), 40, 150);
-    hall.step(at(3), 40, 150);
-    for (int32_t i = 1; i < each.last; ++i) hall.step(at(3), 40, 150);
-    hall.step(at(4), 40, 150);  // and it goes on rolling
-    for (int32_t i = 0; i < 179; ++i) hall.step(at(4), 40, 150);
-    CHECK(!hall.lost());
-    hall.step(at(4), 40, 150);
-    CHECK(hall.lost());
-  }
 }
 
 TEST_CASE("Driven as far as a machine on level ground comes half a metre, its sensor is lost") {
@@ -481,11 +495,16 @@ TEST_CASE("A machine is stuck that gives no two pulses in time as it is driven f
     CHECK(hall.stuck());
     driven(1);
     CHECK(!hall.stuck());
-    // It has broken away: what comes after is no start.
-    for (int i = 0; i < 60; ++i) driven(1);
-    CHECK(!hall.stuck());
-    hall.step(at(1), 0, 0);
     for (int i = 0; i < 40; ++i) driven(1);
+    CHECK(hall.stuck());
+    driven(2);
+    driven(3);
+    CHECK(!hall.stuck());
+    // It has broken away: what comes after is no start.
+    for (int i = 0; i < 60; ++i) driven(3);
+    CHECK(!hall.stuck());
+    hall.step(at(3), 0, 0);
+    for (int i = 0; i < 40; ++i) driven(3);
     CHECK(hall.stuck());
   }
   Hall crawls = hall_with(200);
