@@ -130,6 +130,18 @@ class Position(Filter):
         spread.of_points(self._p, STATES, x, y, points, self.outline.nearest(points), found)
         return found
 
+    def against(
+        self, points: NDArray[np.float64], place: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n, 2, 2), m², of points (n, 2) of the machine against the border nearest to a place
+        (2,); and (2,), m, how far that border lies from where the plan has it."""
+        x, y, _ = self.pose
+        near = self.outline.nearest(place[np.newaxis])
+        found = np.empty((len(points), 2, 2))
+        spread.of_points(self._p, STATES, x, y, points, near.repeat(len(points), 0), found)
+        moved = np.zeros(2) if self.outline.as_planned else (near @ self.outline.moved_m)[0]
+        return found, moved
+
     def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2) points of the machine where they would lie if the border nearest to each lay as
         the plan has it."""

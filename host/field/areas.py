@@ -199,6 +199,11 @@ class Geofence:
         """Of which of them each side is: 0 the border, the keep-outs from 1 on."""
         self._gaps = np.empty(1 + len(self._keep_outs.geoms))
 
+    @property
+    def sides(self) -> NDArray[np.float64]:
+        """(m, 4), of the permitted area and of the keep-outs: x and y of both ends."""
+        return self._sides
+
     def check(
         self,
         outline: NDArray[np.float64],

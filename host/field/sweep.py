@@ -151,7 +151,7 @@ def is_free(sides: Array, points: Array, later: Array) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """From a point to a straight piece, m."""
     ux, uy = bx - ax, by - ay
     long2 = ux * ux + uy * uy
@@ -171,8 +171,8 @@ def gaps(sides: Array, rings: NDArray[np.int64], outline: Array, out: Array) -> 
         ax, ay, bx, by = sides[k]
         nearest = out[rings[k]]
         for i in range(len(outline)):
-            nearest = min(nearest, _apart(outline[i, 0], outline[i, 1], ax, ay, bx, by))
+            nearest = min(nearest, apart(outline[i, 0], outline[i, 1], ax, ay, bx, by))
             for j in range(i):
                 x, y, to_x, to_y = outline[i, 0], outline[i, 1], outline[j, 0], outline[j, 1]
-                nearest = min(nearest, _apart(ax, ay, x, y, to_x, to_y))
+                nearest = min(nearest, apart(ax, ay, x, y, to_x, to_y))
         out[rings[k]] = nearest

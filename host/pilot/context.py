@@ -157,6 +157,14 @@ class Context:
         least_m = gaps.narrowed(gaps.room_m) if sure else max(0.0, room_m)
         self._reckon_with(min(gaps.beside(beyond.edges), least_m))
 
+    def doubts_beyond(self, ahead_m: float) -> bool:
+        """Whether crop ahead_m before the blade contradicts what was said of the gap."""
+        beyond = self.strip.gap_beyond()
+        if beyond is None:
+            return False
+        way_m = beyond.ago_m + ahead_m
+        return self.gaps.contradicts(across(way_m, beyond.askew_rad, self.vehicle.blade_width_m))
+
     def _reckon_with(self, gap_m: float) -> None:
         """So wide the gap is from here on."""
         if self.plan.gap_m is not None and gap_m != self.plan.gap_m:

@@ -11,6 +11,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
+from host.core.frames import Pose2
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
 from host.estimate.course_check import ELSEWHERE_RAD
@@ -21,12 +22,18 @@ from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, o
 from host.link.protocol import Fault, fault_texts
 from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
+from host.route.manoeuvre import Room
 from host.route.plan import Plan
 from host.route.turn_choice import ROOM_M, room_along
 from host.route.turn_legs import Turn
 
 CREEP_MPS = 0.15
 """Near the geofence."""
+PATH_M = 0.1
+"""Clear of the geofence's stop, a way is laid out: what it sweeps in a creep until it stands."""
+NEARER = (1.0, 1.0, 0.5, 0.0)
+"""Shares of the place's uncertainty: the first is to be kept clear, and that much of the others as
+is where the machine stands."""
 ASTRAY_SIGMAS = 5.0
 ASTRAY_M = 2.0
 """Of a walked corner: what moves it farther than both is no walk's error."""
@@ -146,6 +153,30 @@ class Guard:
         if self._fence is None or at is None:
             return ROOM_M
         return room_along(turn, at, self._vehicle, self._fence)
+
+    def room_around(self, at: Pose2) -> Room | None:
+        """The areas and the machine's uncertain place in a frame in which it is at `at`; None
+        without fence or place."""
+        if self._fence is None or not self._position.known:
+            return None
+        x, y, yaw = self._position.pose
+        axle = np.array([x, y])
+        outline = placed(self._outline, x, y, yaw)
+        turn = at.heading_rad - yaw
+        c, s = math.cos(turn), math.sin(turn)
+        into = np.array([[c, s], [-s, c]])
+        sides = self._fence.sides.reshape(-1, 2, 2)
+        found, doubts = np.empty((len(sides), 4)), np.empty(len(sides))
+        for k, (a, b) in enumerate(sides):
+            along = (b - a) / max(math.dist(a, b), 1e-9)
+            nearest = a + along * min(max(float((axle - a) @ along), 0.0), math.dist(a, b))
+            covariances, moved = self._position.against(outline, nearest)
+            across = np.array([-along[1], along[0]])
+            doubts[k] = math.sqrt(max(0.0, float((covariances @ across @ across).max())))
+            found[k] = ((np.stack([a, b]) + moved - axle) @ into + np.array(at[:2])).ravel()
+        margins = np.array([share * self._fence.sigmas * doubts for share in NEARER])
+        margins[0] += PATH_M
+        return Room(found, margins)
 
     def limit(self, command: Command, seen: SeenFree = SeenFree()) -> Command | Verdict:
         """The command as the geofence lets it pass, whatever vision says, or why it does not. What

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
+from host.core.frames import Pose2
 from host.estimate.odometry import Motion
 from host.route.turn_legs import Follow, Goal, Leg, Turn
 
@@ -19,7 +21,6 @@ class Turning:
         self.turn = turn
         self._origin = origin
         self._index = 0
-        self._more: list[Leg] = []
         self._begun_at: Motion | None = None
         self.since = now
         """When the leg, or what follows the last, was begun or taken up again."""
@@ -27,42 +28,31 @@ class Turning:
         """Whether the steering has reached the leg's angle and the machine may move."""
         self.broken_off = False
         """Whether the geofence has ended one of its legs."""
-        self.retreats = 0
-        """How often it has backed for another place to turn at."""
-        self._corrected = 0
+        self.laid_anew = 0
+        """How often another way was found from where it stood."""
 
     @property
     def leg(self) -> Leg | None:
         """The present one; None after the last."""
-        legs = (*self.turn.legs, *self._more)
-        return legs[self._index] if self._index < len(legs) else None
+        return self.turn.legs[self._index] if self._index < len(self.turn.legs) else None
 
-    @property
-    def corrections(self) -> int:
-        """How many legs were added to those of the plan, from the present place."""
-        return len(self._more) - self._corrected
+    def lay_anew(self, legs: tuple[Leg, ...], now: float) -> None:
+        """Another way to the same lane, from here; its headings, and places along, are the
+        lane's."""
+        lane_rad = self.turn.lane_rad
+        turned = (
+            replace(leg, value=leg.value + lane_rad) if leg.goal is Goal.HEADING else leg
+            for leg in legs
+        )
+        self.turn = replace(self.turn, legs=tuple(turned))
+        self.laid_anew += 1
+        self._index = -1
+        self.next(now)
 
-    @property
-    def correcting(self) -> bool:
-        """Whether the present leg was added."""
-        return self.leg is not None and self._index >= len(self.turn.legs)
-
-    def add(self, leg: Leg, now: float) -> None:
-        """One more, after the last."""
-        self._more.append(leg)
-        self._begun_at = None
-        self.wait(now)
-
-    def retreat(self, leg: Leg, now: float) -> None:
-        """One more that leads to another place, from where it may be corrected as often again."""
-        self.add(leg, now)
-        self.retreats += 1
-        self._corrected = len(self._more)
-
-    @property
-    def last(self) -> Leg:
-        """The leg before the present one."""
-        return (*self.turn.legs, *self._more)[self._index - 1]
+    def beside_lane(self, motion: Motion) -> Pose2:
+        """The rear axle's place and direction in the new lane's frame."""
+        x, y, heading = self._place(motion)
+        return Pose2(self.turn.along(x, y), self.turn.offset(x, y), heading - self.turn.lane_rad)
 
     def driven_m(self, motion: Motion) -> float:
         """Along the present leg."""
@@ -118,6 +108,8 @@ class Turning:
             left = leg.value - heading - coast * motion.curvature_1pm
         else:
             place = x if leg.goal is Goal.X else self.turn.along(x, y)
+            if leg.goal is Goal.WAY:
+                place, coast = self.driven_m(motion), abs(coast)
             left = leg.value - place - coast
         return left if leg.rises else -left
 

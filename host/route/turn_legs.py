@@ -20,6 +20,7 @@ from host.field.areas import GAP_MARGIN_M
 
 LOCK_MARGIN_DEG = 2.0
 """Arcs are driven this far inside the steering limit, so that the PID has room."""
+ORIGIN = Pose2(0.0, 0.0, 0.0)
 STEP_M = 0.1
 """Between poses of a turn that is driven on paper."""
 GENTLE_SHUTTLE = 1.35
@@ -43,6 +44,8 @@ class Goal(enum.Enum):
     """Radians from the old side's direction."""
     ALONG = "along"
     """Along the new lane, rear axle."""
+    WAY = "way"
+    """Driven since the leg began."""
 
 
 class Follow(enum.Enum):
@@ -69,7 +72,7 @@ class Leg:
         """Whether the goal's coordinate grows on the way."""
         if self.goal is Goal.HEADING:
             return (self.steer_rad > 0) is not self.reverse
-        return not self.reverse
+        return self.goal is Goal.WAY or not self.reverse
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,16 +229,18 @@ class Driven(NamedTuple):
     poses: list[Pose2]
 
 
-def driven(vehicle: Vehicle, turn: Turn, step_m: float = STEP_M) -> Iterator[Driven]:
-    """The legs one after the other, poses at most step_m apart. What a leg that follows the new
-    lane still has to shift sideways is spread over its length; one whose goal is reached already
-    is not driven."""
-    at = Pose2(0.0, 0.0, 0.0)
+def driven(
+    vehicle: Vehicle, turn: Turn, step_m: float = STEP_M, at: Pose2 = ORIGIN
+) -> Iterator[Driven]:
+    """The legs one after the other, from `at` on, poses at most step_m apart. What a leg that
+    follows the new lane still has to shift sideways is spread over its length; one whose goal is
+    reached already is not driven."""
     for leg in turn.legs:
         here = {
             Goal.X: at.x_m,
             Goal.HEADING: at.heading_rad,
             Goal.ALONG: turn.along(at.x_m, at.y_m),
+            Goal.WAY: 0.0,
         }[leg.goal]
         left = leg.value - here
         if left == 0.0 or (left > 0.0) is not leg.rises:
@@ -247,7 +252,8 @@ def driven(vehicle: Vehicle, turn: Turn, step_m: float = STEP_M) -> Iterator[Dri
         else:
             aside = -turn.offset(at.x_m, at.y_m) if leg.follow is Follow.NEW_LANE else 0.0
             length = abs(left)
-            poses = [at.ahead(left * part, aside * part) for part in _parts(length, step_m)]
+            way = -length if leg.reverse else length
+            poses = [at.ahead(way * part, aside * part) for part in _parts(length, step_m)]
         at = poses[-1]
         yield Driven(leg, length, poses)
 
@@ -255,7 +261,7 @@ def driven(vehicle: Vehicle, turn: Turn, step_m: float = STEP_M) -> Iterator[Dri
 def path(vehicle: Vehicle, turn: Turn, step_m: float = STEP_M) -> list[Pose2]:
     """Poses of the rear axle along a turn driven without error, in its frame, from its origin."""
     legs = driven(vehicle, turn, step_m)
-    return [Pose2(0.0, 0.0, 0.0), *(pose for leg in legs for pose in leg.poses)]
+    return [ORIGIN, *(pose for leg in legs for pose in leg.poses)]
 
 
 def _on_arc(at: Pose2, radius_m: float, turned_rad: float) -> Pose2:

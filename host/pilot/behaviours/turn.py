@@ -12,8 +12,9 @@ from host.pilot.endings import Blind, blind
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
+from host.route.manoeuvre import Lane, way
 from host.route.turn_legs import Follow as Along
-from host.route.turn_legs import Goal, Leg, turning_radius
+from host.route.turn_legs import Leg
 
 STEER_READY_RAD = math.radians(6.0)
 STEER_TIMEOUT_S = 4.0
@@ -22,13 +23,11 @@ ALIGNED = (0.03, math.radians(3.0))
 ASKEW_RAD = math.radians(20.0)
 """Against the new lane, with which a turn that was broken off is over: less than what a camera of
 60 degrees needs to see the crop's right end, and within what following straightens."""
-CORRECTIONS = 8
-"""Legs that such a turn may take more than planned, from one place; standing across the new lane
-after them, it needs another place."""
-RETREATS = 3
-"""So often it backs for one, over what it has cut."""
-CORRECTION_M = 0.6
-"""Length of one at most, 40 degrees on the lock, and of a retreat."""
+ASIDE_M = 0.3
+"""Beside the new lane, with which a turn is over: what following makes good within a strip's first
+metres."""
+LAID_ANEW = 6
+"""So often another way is looked for, in one turn."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
@@ -71,7 +70,7 @@ class DriveTurn(Behaviour):
         go = blind(context, now)
         if go is not None:
             return context.hold(), go
-        if turning.leg is None and not self._correct(now):
+        if turning.leg is None and not (self._off_lane() and self._lay_anew(now)):
             _, turned = turning.against_lane(context.motion)
             if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
                 return context.hold(), Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
@@ -110,47 +109,45 @@ class DriveTurn(Behaviour):
         self.turning.since = now
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
-        """What is left of the turn goes the other way."""
+        """Another way from here; where there is none, what is left of the turn goes the other
+        way."""
         del verdict
-        self.turning.broken_off = True
-        self._next(now)
+        turning = self.turning
+        turning.broken_off = True
+        if (turning.backing and not self._off_lane()) or not self._lay_anew(now):
+            self._next(now)
         return None
 
-    def _correct(self, now: float) -> bool:
-        """Whether a turn that the geofence broke off goes on, to and fro on the lock, until the
-        machine heads along the new lane, and then back along that."""
+    def _off_lane(self) -> bool:
+        """Whether the machine is not where a side can be begun."""
+        offset, turned = self.turning.against_lane(self.context.motion)
+        return self.context.strip.placed and (abs(turned) > ASKEW_RAD or abs(offset) > ASIDE_M)
+
+    def _lay_anew(self, now: float) -> bool:
+        """Whether there is another way to the lane within the geofence."""
         context, turning = self.context, self.turning
-        if not turning.broken_off or not context.strip.placed:
+        if turning.laid_anew >= LAID_ANEW or not context.strip.placed:
             return False
-        lane, motion = turning.turn, context.motion
-        _, turned = turning.against_lane(motion)
-        if turning.corrections >= CORRECTIONS:
-            if abs(turned) <= ACROSS_RAD or turning.retreats >= RETREATS:
-                return False
-            turning.retreat(Leg(0.0, True, Goal.X, -math.inf), now)
-            return True
-        if abs(turned) > ASKEW_RAD:
-            _, lock = turning_radius(context.vehicle)
-            reverse = not turning.last.reverse
-            left = (turned < 0) is not reverse
-            steer = lock if left else -lock
-            turning.add(Leg(steer, reverse, Goal.HEADING, lane.lane_rad), now)
-            return True
-        behind = turning.crop_expected_m(motion, context.vehicle.blade_x_m)
-        if turning.last.follow is Along.NEW_LANE or behind > RUN_IN_M:
+        start = turning.beside_lane(context.motion)
+        room = context.guard.room_around(start)
+        if room is None:
             return False
-        to = lane.crop_begins_m - RUN_IN_M - context.vehicle.blade_x_m
-        turning.add(Leg(0.0, True, Goal.ALONG, to, Along.NEW_LANE), now)
-        context.strip.begin_leg(turning)
+        turn, vehicle = turning.turn, context.vehicle
+        border = vehicle.blade_width_m / 2 - turn.lane_y_m, turn.lane_rad
+        ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
+        lane = Lane(ends_m, turn.crop_begins_m, border)
+        legs = way(vehicle, start, lane, room)
+        if legs is None:
+            return False
+        turning.lay_anew(legs, now)
+        if turning.backing:
+            context.strip.begin_leg(turning)
         return True
 
     def leg_done(self) -> bool:
         """Whether the goal is reached, or will be by coasting on. Backing along the new side goes
         on for a while until the machine is in line with it."""
         context, turning = self.context, self.turning
-        if turning.correcting and not turning.backing:
-            too_far = turning.driven_m(context.motion) > CORRECTION_M
-            return too_far or turning.to_go(context.motion, context.vehicle.drive_lag_s) <= 0
         to_go = turning.to_go(context.motion, context.vehicle.drive_lag_s)
         room = min(ALIGN_ROOM_M[0] + context.strip.back_m, ALIGN_ROOM_M[1])
         if turning.backing and -room < to_go <= 0:

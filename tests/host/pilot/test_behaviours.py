@@ -40,13 +40,7 @@ from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import (
-    CORRECTION_M,
-    CORRECTIONS,
-    RETREATS,
-    STEER_TIMEOUT_S,
-    DriveTurn,
-)
+from host.pilot.behaviours.turn import LAID_ANEW, STEER_TIMEOUT_S, DriveTurn
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -74,7 +68,7 @@ from host.pilot.endings import (
     leave_side,
     over,
 )
-from host.pilot.guard import Watched
+from host.pilot.guard import Guard, Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze, Sight
@@ -82,7 +76,7 @@ from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
 from host.route.side import Side
-from host.route.turn_legs import Goal, shuttle
+from host.route.turn_legs import Goal, Turn, driven, shuttle
 from host.vision.view import CropView
 
 VEHICLE = Vehicle()
@@ -794,96 +788,84 @@ def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_
     assert not context.strip.surely_crop
 
 
-def test_a_turn_whose_leg_the_geofence_stops_takes_the_next() -> None:
+def test_a_turn_whose_leg_the_geofence_stops_goes_another_way_to_the_same_lane() -> None:
     context = turning()
     turn = DriveTurn(context)
-    assert context.turning is not None
-    first = context.turning.leg
+    before = turn.turning.turn
     assert turn.blocked(NOW, TOO_NEAR) is None
-    assert context.turning.leg is not first
+    anew = turn.turning.turn
+    assert anew.legs != before.legs
+    assert turn.turning.leg == anew.legs[0]
+    start = turn.turning.beside_lane(context.motion)
+    of_lane = [
+        replace(leg, value=leg.value - anew.lane_rad) if leg.goal is Goal.HEADING else leg
+        for leg in anew.legs
+    ]
+    *_, last = driven(VEHICLE, Turn(tuple(of_lane), 0.0, 0.0, 0.0, 0.0), at=start)
+    end = last.poses[-1]
+    assert end.y_m == pytest.approx(0.0, abs=0.03)
+    assert math.remainder(end.heading_rad, math.tau) == pytest.approx(0.0, abs=0.03)
+    assert end.x_m + VEHICLE.blade_x_m < anew.crop_begins_m
 
 
-def broken_off(
-    askew_rad: float, before_crop_m: float, monkeypatch: pytest.MonkeyPatch
-) -> DriveTurn:
-    """A turn none of whose legs the geofence let pass: so much left of the new lane's direction,
-    the blade so far before its crop."""
-    turn = DriveTurn(turning())
-    while turn.turning.leg is not None:
-        turn.blocked(NOW, TOO_NEAR)
-    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, askew_rad))
-    monkeypatch.setattr(turn.turning, "crop_expected_m", lambda *_: before_crop_m)
-    monkeypatch.setattr(turn.turning, "to_go", lambda *_: abs(askew_rad))
-    return turn
+def test_where_no_way_is_left_the_turn_takes_its_next_leg(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Guard, "room_around", lambda *_: None)
+    context = turning()
+    turn = DriveTurn(context)
+    first = turn.turning.leg
+    assert turn.blocked(NOW, TOO_NEAR) is None
+    assert turn.turning.leg is not first
 
 
-@pytest.mark.parametrize("askew_deg", [-48.0, -22.0, 22.0, 90.0])
-def test_a_turn_that_was_broken_off_turns_on_to_and_fro(
-    askew_deg: float, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("aside_m", "askew_deg", "anew"),
+    [
+        (0.0, 0.0, False),
+        (0.25, 15.0, False),
+        (0.5, 0.0, True),
+        (-0.5, 0.0, True),
+        (0.0, 30.0, True),
+    ],
+)
+def test_a_turn_that_ends_off_its_lane_goes_on(
+    aside_m: float, askew_deg: float, anew: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    turn = broken_off(math.radians(askew_deg), 1.0, monkeypatch)
-    reverse = turn.turning.last.reverse
-    for _ in range(CORRECTIONS):
-        assert is_for(turn.step(NOW)[1], None)
-        leg = turn.turning.leg
-        assert leg is not None and leg.goal is Goal.HEADING
-        assert leg.reverse is not reverse, "the way that is not blocked"
-        turns_left = (leg.steer_rad > 0) is not leg.reverse
-        assert turns_left is (askew_deg < 0), "towards the lane"
-        reverse = leg.reverse
-        turn.blocked(NOW, TOO_NEAR)
-    if abs(askew_deg) < 60.0:
-        assert is_for(turn.step(NOW)[1], Turned.TURNED), "as often as it may"
+    context = turned()
+    turn = DriveTurn(context)
+    against = (aside_m, math.radians(askew_deg))
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: against)
+    go = turn.step(NOW)[1]
+    assert is_for(go, None if anew else Turned.TURNED)
+    assert (turn.turning.leg is not None) is anew
 
 
-def test_a_turn_without_room_backs_for_another_place_and_then_asks_for_a_person(
+def test_another_way_is_looked_for_so_often_and_then_a_person_is_asked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Whatever edge it sees across its way is not the new lane's."""
-    turn = broken_off(math.radians(80.0), 1.0, monkeypatch)
-    for _ in range(RETREATS):
-        for _ in range(CORRECTIONS):
-            assert is_for(turn.step(NOW)[1], None)
-            turn.blocked(NOW, TOO_NEAR)
-        assert is_for(turn.step(NOW)[1], None)
-        leg = turn.turning.leg
-        assert leg is not None and leg.reverse and leg.steer_rad == 0.0, "over what it has cut"
-        monkeypatch.setattr(turn.turning, "to_go", lambda *_: math.inf)
-        monkeypatch.setattr(turn.turning, "driven_m", lambda _: CORRECTION_M - 0.01)
-        assert not turn.leg_done()
-        monkeypatch.setattr(turn.turning, "driven_m", lambda _: CORRECTION_M + 0.01)
-        assert turn.leg_done()
-        turn.turning.next(NOW)
-        monkeypatch.setattr(turn.turning, "driven_m", lambda _: 0.0)
-    for _ in range(CORRECTIONS):
-        assert is_for(turn.step(NOW)[1], None)
+    turn = DriveTurn(turning())
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(80.0)))
+    for _ in range(LAID_ANEW):
+        before = turn.turning.laid_anew
+        turn.blocked(NOW, TOO_NEAR)
+        assert turn.turning.laid_anew == before + 1
+    while turn.turning.leg is not None:
         turn.blocked(NOW, TOO_NEAR)
     go = turn.step(NOW)[1]
     assert is_for(go, Turned.NO_ROOM)
     assert go is not None and "80 deg" in go.text
 
 
-@pytest.mark.parametrize(("before_crop_m", "backs"), [(0.5, False), (-0.6, True)])
-def test_in_line_it_backs_until_the_crop_is_in_view(
-    before_crop_m: float, backs: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    turn = broken_off(math.radians(40.0), before_crop_m, monkeypatch)
-    turn.step(NOW)
-    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(5.0)))
-    turn.turning.next(NOW)
-    assert is_for(turn.step(NOW)[1], None if backs else Turned.TURNED)
-    assert turn.turning.backing is backs
-    if backs:
-        turn.blocked(NOW, TOO_NEAR)
-        assert is_for(turn.step(NOW)[1], Turned.TURNED), "once"
-
-
-def test_a_leg_that_was_added_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    turn = broken_off(math.radians(60.0), 1.0, monkeypatch)
-    turn.step(NOW)
-    for driven_m, done in ((CORRECTION_M - 0.05, False), (CORRECTION_M + 0.05, True)):
-        monkeypatch.setattr(turn.turning, "driven_m", lambda _, driven_m=driven_m: driven_m)
-        assert turn.leg_done() is done
+def test_backing_along_its_lane_a_turn_is_over_where_the_geofence_ends_it() -> None:
+    context = turning()
+    turn = DriveTurn(context)
+    while not turn.turning.backing:
+        turn.turning.next(NOW)
+    assert turn.turning.leg is not None
+    turn.turning.against_lane = lambda _: (0.1, 0.1)  # type: ignore[method-assign]
+    turn.blocked(NOW, TOO_NEAR)
+    assert turn.turning.leg is None
+    assert turn.turning.laid_anew == 0
 
 
 @pytest.mark.parametrize(("askew_deg", "taken"), [(0.0, True), (50.0, True), (75.0, False)])
@@ -903,8 +885,10 @@ def test_standing_across_the_next_lane_no_edge_is_its(
     assert (context.sight.edge_at_m > 0.0) is taken
 
 
-def test_after_its_last_leg_a_turn_looks_for_the_crop() -> None:
+def test_after_its_last_leg_a_turn_looks_for_the_crop(monkeypatch: pytest.MonkeyPatch) -> None:
     context = turned()
+    assert context.turning is not None
+    monkeypatch.setattr(context.turning, "against_lane", lambda _: (0.0, 0.0))
     assert is_for(DriveTurn(context).step(NOW)[1], Turned.TURNED)
 
 
@@ -919,6 +903,7 @@ def test_a_turn_that_lacked_room_is_known_to_end_inside_the_crop(
     context = turned()
     monkeypatch.setattr(PlannedStrip, "new", new)
     assert context.turning is not None
+    monkeypatch.setattr(context.turning, "against_lane", lambda _: (0.0, 0.0))
     monkeypatch.setattr(context.turning, "crop_expected_m", lambda *_: before_crop_m)
     DriveTurn(context).step(NOW)
     assert context.sight.ahead.approached is approached

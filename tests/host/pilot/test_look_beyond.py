@@ -8,10 +8,11 @@ from dataclasses import replace
 import pytest
 
 from host.core.vehicle import Vehicle
-from host.estimate.gaps import SEEN_M
+from host.estimate.gaps import LOOKS, SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
-from host.pilot.behaviours.look_beyond import PICTURES, LookBeyond
+from host.field.areas import Level, Verdict
+from host.pilot.behaviours.look_beyond import APART_M, PICTURES, LookBeyond
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing
@@ -76,13 +77,69 @@ def test_a_look_that_shows_nothing_ends_all_the_same() -> None:
     assert context.plan.gap_m == 2.0
 
 
-def test_crop_that_stands_nearer_than_was_said_narrows_where_the_turn_may_go() -> None:
+def look_again(context: Context, *seen_m: float) -> list[float]:
+    """Pictures from one place after the other show crop so far before the side's end, which
+    contradicts what was said; how far behind that the places were."""
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    end_m, now = context.motion.distance_m, NOW
+    at_m, places, go = end_m, [], None
+    while go is None:
+        now += 0.1
+        back_m = end_m - at_m
+        view = CropView(
+            0.0,
+            crop_ahead_m=seen_m[min(len(places), len(seen_m) - 1)] + back_m,
+            ahead_confidence=1.0,
+        )
+        seeing(context, view, stamp=now)
+        command, go = behaviour.step(now)
+        assert not command.blade
+        if command.speed_mps == 0.0 and (not places or abs(back_m - places[-1]) > 0.1):
+            places.append(back_m)
+        at_m += 0.1 * command.speed_mps
+        moved(context, at_m, command.speed_mps, stamp=now)
+        assert now < NOW + 60.0
+    assert at_m == pytest.approx(end_m, abs=0.05), "it comes back"
+    return places
+
+
+def test_crop_nearer_than_was_said_is_looked_at_again_from_other_places() -> None:
     context = at_end()
     before = context.guard
-    look(context, 1.2)
+    places = look_again(context, 1.2)
+    assert len(places) == LOOKS + 1, "and at last the end again"
+    assert places[:-1] == pytest.approx([k * APART_M for k in range(LOOKS)], abs=0.1)
     assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
     assert context.guard is not before
     assert "geofence" not in context.reason
+
+
+def test_one_look_that_contradicts_the_others_narrows_nothing() -> None:
+    """A tuft, a bump below the wheels: the next place shows something else."""
+    context = at_end()
+    before = context.guard
+    look_again(context, 0.4, 2.1, 1.8, 2.0)
+    assert context.plan.gap_m == 2.0
+    assert context.guard is before
+    assert context.gaps.wrong == ""
+
+
+def test_a_short_strip_leaves_no_room_to_look_from_elsewhere() -> None:
+    context = on_side(plan=PLAN, cut_m=10.0)
+    end_side(context, NOW, clear_ahead(context))
+    context.sight.ahead.entered_at = context.motion
+    assert look(context, 1.2) is SideEnd.SEEN
+    assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
+
+
+def test_what_the_geofence_stops_is_judged_by_what_was_seen() -> None:
+    context = at_end()
+    behaviour = LookBeyond(context)
+    assert look(context, 1.2) is None
+    behaviour.enter(NOW)
+    go = behaviour.blocked(NOW, Verdict(Level.STOP, "too near", 0.1))
+    assert go is not None and go.reason is SideEnd.SEEN
 
 
 def test_crop_where_it_should_stand_narrows_nothing() -> None:

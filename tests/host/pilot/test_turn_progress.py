@@ -91,22 +91,35 @@ def test_every_leg_waits_for_its_steering() -> None:
     assert not turning.backing
 
 
-def test_a_leg_that_is_added_comes_after_the_last_and_counts_its_own_way() -> None:
+def test_another_way_replaces_what_was_left_of_the_turn_and_counts_from_the_lane() -> None:
     origin = (0.0, 0.0, 0.0)
     turning = Turning(0.0, TURN, origin)
-    for _ in LEGS:
-        assert not turning.correcting
-        turning.next(0.0)
-    more = Leg(0.6, False, Goal.HEADING, LANE_RAD)
-    turning.add(more, 1.0)
-    assert (turning.leg, turning.correcting, turning.corrections) == (more, True, 1)
-    assert turning.last is LEGS[-1]
+    turning.next(0.0)
+    turning.running = True
+    legs = (Leg(0.6, False, Goal.HEADING, 0.1), Leg(0.0, True, Goal.WAY, 0.5))
+    turning.lay_anew(legs, 1.0)
+    assert (turning.laid_anew, turning.running, turning.since) == (1, False, 1.0)
+    assert turning.leg is not None
+    assert turning.leg.value == pytest.approx(0.1 + LANE_RAD)
     begun = at(origin, (0.0, 0.0, 0.0))
-    assert turning.driven_m(begun) == 0.0
-    for on_m in (0.4, -0.4):
-        later = replace(begun, distance_m=begun.distance_m + on_m)
-        assert turning.driven_m(later) == pytest.approx(0.4)
+    assert turning.to_go(begun, 0.0) == pytest.approx(0.1 + LANE_RAD)
     turning.next(2.0)
-    assert (turning.leg, turning.last) == (None, more)
-    turning.add(more, 2.0)
-    assert turning.driven_m(later) == 0.0
+    for on_m in (0.0, -0.4, -0.5):
+        later = replace(begun, distance_m=begun.distance_m + on_m)
+        assert turning.to_go(later, 0.0) == pytest.approx(0.5 + on_m)
+
+
+def test_a_way_backwards_ends_so_much_sooner_as_the_machine_coasts() -> None:
+    turning = Turning(0.0, TURN, (0.0, 0.0, 0.0))
+    turning.lay_anew((Leg(0.0, True, Goal.WAY, 0.5),), 0.0)
+    begun = replace(at((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), speed_mps=-0.3)
+    assert turning.to_go(begun, 0.2) == pytest.approx(0.5 - 0.06)
+
+
+def test_the_place_beside_the_lane_is_the_turns_seen_from_there() -> None:
+    turning = Turning(0.0, TURN, (0.0, 0.0, 0.0))
+    for place in ((0.3, -0.2, 0.4), (0.0, 0.0, -1.0)):
+        beside = turning.beside_lane(at((0.0, 0.0, 0.0), place))
+        assert beside.x_m == pytest.approx(TURN.along(*place[:2]))
+        assert beside.y_m == pytest.approx(TURN.offset(*place[:2]))
+        assert beside.heading_rad == pytest.approx(place[2] - LANE_RAD)
