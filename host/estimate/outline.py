@@ -213,6 +213,14 @@ class Outline:
         self._nearest = places, out
         return out
 
+    def weights(self, places: Array) -> Array:
+        """(m, n) the same of the plan's border, for (m, 2) places beside that as it was planned."""
+        e = self._planned
+        out = np.zeros((len(places), len(e.corners)))
+        if self.states:
+            _nearest(places, e.corners, e.directions, e.lengths, out)
+        return out
+
     # ---- sides as they lie -----------------------------------------------------------------------
 
     def found(self, side: Side) -> Side:

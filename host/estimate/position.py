@@ -131,16 +131,23 @@ class Position(Filter):
         return found
 
     def against(
-        self, points: NDArray[np.float64], place: NDArray[np.float64]
+        self, points: NDArray[np.float64], places: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(n, 2, 2), m², of points (n, 2) of the machine against the border nearest to a place
-        (2,); and (2,), m, how far that border lies from where the plan has it."""
+        """Of points (n, 2) of the machine against the borders nearest to (m, 2) places, as they
+        were planned: (m, n, 2, 2), m²; and (m, 2), m, how far those borders lie from there. Of a
+        border that lies as planned (1, n, 2, 2) is all."""
         x, y, _ = self.pose
-        near = self.outline.nearest(place[np.newaxis])
-        found = np.empty((len(points), 2, 2))
-        spread.of_points(self._p, STATES, x, y, points, near.repeat(len(points), 0), found)
-        moved = np.zeros(2) if self.outline.as_planned else (near @ self.outline.moved_m)[0]
-        return found, moved
+        if not self.outline.states:
+            found = np.empty((1, len(points), 2, 2))
+            near = np.zeros((len(points), 0))
+            spread.of_points(self._p, STATES, x, y, points, near, found[0])
+            return found, np.zeros_like(places)
+        near = self.outline.weights(places)
+        found = np.empty((len(places), len(points), 2, 2))
+        for k in range(len(places)):
+            of = near[[k]].repeat(len(points), 0)
+            spread.of_points(self._p, STATES, x, y, points, of, found[k])
+        return found, near @ self.outline.moved_m
 
     def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 2) points of the machine where they would lie if the border nearest to each lay as

@@ -204,6 +204,22 @@ class Geofence:
         """(m, 4), of the permitted area and of the keep-outs: x and y of both ends."""
         return self._sides
 
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(m, 2) a unit vector across each of the sides."""
+        along = self._sides[:, 2:] - self._sides[:, :2]
+        long = np.maximum(np.hypot(along[:, 0], along[:, 1]), sweep.NEAR_M)
+        found: NDArray[np.float64] = np.stack([-along[:, 1], along[:, 0]], 1) / long[:, np.newaxis]
+        return found
+
+    def nearest(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(m, 2) the place on each of the sides that is nearest to one (2,)."""
+        begin, along = self._sides[:, :2], self._sides[:, 2:] - self._sides[:, :2]
+        share = ((place - begin) * along).sum(axis=1)
+        share /= np.maximum((along**2).sum(axis=1), sweep.NEAR_M**2)
+        found: NDArray[np.float64] = begin + np.clip(share, 0.0, 1.0)[:, np.newaxis] * along
+        return found
+
     def check(
         self,
         outline: NDArray[np.float64],
@@ -211,24 +227,33 @@ class Geofence:
         velocity: tuple[float, float] = (0.0, 0.0),
         yaw_rate_radps: float = 0.0,
         axle: tuple[float, float] = (0.0, 0.0),
+        shifts: NDArray[np.float64] | None = None,
     ) -> Verdict:
         """`outline`: (n, 2) corners of the machine in the field frame, m; their hull counts.
         `covariance`: (2, 2) of the position, m², or (n, 2, 2) of each corner, which a direction
-        that is not known moves the more the farther out it is; NaN or infinite where there is none.
-        `velocity`: of its rear axle, which is at `axle`, m/s, field frame; it turns meanwhile."""
-        each = covariance if covariance.ndim == 3 else covariance[np.newaxis]
-        swept = np.empty((8 * len(outline), 2))
-        later = np.empty_like(swept)
-        known_m = sweep.spread(outline, each, self.sigmas, self._slow_m, swept)
+        that is not known moves the more the farther out it is, or (m, n, 2, 2) of each against
+        each of the `sides`; NaN or infinite where there is none. `velocity`: of its rear axle,
+        which is at `axle`, m/s, field frame; it turns meanwhile. `shifts`: (m, 2), how far each of
+        the sides lies from where it is taken to be."""
+        each = covariance.reshape((1,) * (4 - covariance.ndim) + covariance.shape)
+        if shifts is None:
+            shifts = np.zeros((len(self._sides), 2))
+        known_m = sweep.known_to(each, self.sigmas)
         if math.isnan(known_m):
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        sweep.moved(swept, axle, velocity, 0.0, self._slow_s, later)
-        clear = sweep.is_free(self._sides, swept, later)
+        lies = self._sides + np.hstack([shifts, shifts])
+        inside = sweep.is_inside(lies, outline[0, 0], outline[0, 1])
+        slow = sweep.is_clear(
+            self._sides, shifts, outline, each, self.sigmas, self._slow_m, axle, velocity, 0.0,
+            self._slow_s,
+        )  # fmt: skip
+        clear = inside and slow
         if clear and yaw_rate_radps == 0.0:
             return CLEAR
-        sweep.spread(outline, each, self.sigmas, 0.0, swept)
-        sweep.moved(swept, axle, velocity, yaw_rate_radps, self._stop_s, later)
-        goes_on = sweep.is_free(self._sides, swept, later)
+        goes_on = inside and sweep.is_clear(
+            self._sides, shifts, outline, each, self.sigmas, 0.0, axle, velocity, yaw_rate_radps,
+            self._stop_s,
+        )  # fmt: skip
         if clear and goes_on:
             return CLEAR
         clearance, keep_out = self._clearance(outline)
@@ -246,7 +271,7 @@ class Geofence:
     def _clearance(self, outline: NDArray[np.float64]) -> tuple[float, int | None]:
         """Negative: how far the furthest corner is beyond, or how deep in a keep-out. And which
         keep-out the machine would touch first; None where the border is nearer."""
-        if not sweep.is_free(self._sides, outline, outline):
+        if not sweep.is_free(self._sides, outline):
             return self._depth(outline)
         sweep.gaps(self._sides, self._rings, outline, self._gaps)
         border, *keep_outs = self._gaps.tolist()

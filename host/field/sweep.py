@@ -25,29 +25,23 @@ NEAR_M: Final = 1e-9
 
 
 @njit(cache=True, nogil=True)
-def spread(outline: Array, covariance: Array, sigmas: float, more_m: float, out: Array) -> float:
+def spread(outline: Array, covariance: Array, sigmas: float, more_m: float, out: Array) -> None:
     """Around each corner of an outline (n, 2) the octagon that holds its ellipse of `sigmas`
     standard deviations and a circle of `more_m`, into `out`, (8 n, 2). `covariance`: of each
-    corner, (n, 2, 2), or of all, (1, 2, 2). Returns the longest half axis of the ellipses, m; NaN
-    where one is not finite."""
-    longest = 0.0
+    corner, (n, 2, 2), or of all, (1, 2, 2); finite."""
     for k in range(outline.shape[0]):
         of = min(k, covariance.shape[0] - 1)
         xx, xy, yy = covariance[of, 0, 0], covariance[of, 0, 1], covariance[of, 1, 1]
         root = xx * yy - xy * xy
-        if not math.isfinite(root + xx + yy):
-            return math.nan
         # The symmetric square root of a 2x2 matrix in closed form.
         root = math.sqrt(max(0.0, root))
         whole = math.sqrt(max(0.0, xx + yy + 2.0 * root))
         scale = sigmas / whole if whole > 0.0 else 0.0
         xx, xy, yy = scale * (xx + root), scale * xy, scale * (yy + root)
-        longest = max(longest, 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy))
         for q in range(_CORNERS):
             ox, oy = _OCTAGON[q, 0], _OCTAGON[q, 1]
             out[k * _CORNERS + q, 0] = outline[k, 0] + ox * xx + oy * xy + more_m * ox
             out[k * _CORNERS + q, 1] = outline[k, 1] + ox * xy + oy * yy + more_m * oy
-    return longest
 
 
 @njit(cache=True, nogil=True)
@@ -124,30 +118,80 @@ def _meets(points: Array, later: Array, side: Array) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def is_free(sides: Array, points: Array, later: Array) -> bool:
-    """Whether the hull of points (n, 2), and of where they are later, touches none of the sides
-    (m, 4) of any area, and lies in the permitted area, but in no keep-out."""
+def is_inside(sides: Array, x: float, y: float) -> bool:
+    """Whether a point lies in the permitted area, but in no keep-out, of which these are the sides
+    (m, 4)."""
+    inside = False
+    for k in range(len(sides)):
+        ax, ay, bx, by = sides[k]
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            inside = not inside
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def _touches(side: Array, points: Array, later: Array) -> bool:
+    """Whether the hull of points (n, 2), and of where they are later, touches a side (4,)."""
     low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
     for k in range(len(points)):
         (x, y), (to_x, to_y) = points[k], later[k]
         low_x, high_x = min(low_x, x, to_x), max(high_x, x, to_x)
         low_y, high_y = min(low_y, y, to_y), max(high_y, y, to_y)
-    of_x, of_y = points[0]
-    inside = False
+    ax, ay, bx, by = side
+    if max(ax, bx) < low_x or min(ax, bx) > high_x or max(ay, by) < low_y or min(ay, by) > high_y:
+        return False
+    # All corners of the box on one side of the line: it passes by.
+    nx, ny = by - ay, ax - bx
+    middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
+    reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
+    return abs(middle) <= reach + NEAR_M and _meets(points, later, side)
+
+
+@njit(cache=True, nogil=True)
+def is_free(sides: Array, outline: Array) -> bool:
+    """Whether the hull of an outline (n, 2) touches none of the sides (m, 4) of any area, and lies
+    in the permitted area, but in no keep-out."""
     for k in range(len(sides)):
-        ax, ay, bx, by = sides[k]
-        if (ay > of_y) != (by > of_y) and of_x < ax + (of_y - ay) * (bx - ax) / (by - ay):
-            inside = not inside
-        beside = max(ax, bx) < low_x or min(ax, bx) > high_x
-        if beside or max(ay, by) < low_y or min(ay, by) > high_y:
-            continue
-        # All corners of the box on one side of the line: it passes by.
-        nx, ny = by - ay, ax - bx
-        middle = nx * (0.5 * (low_x + high_x) - ax) + ny * (0.5 * (low_y + high_y) - ay)
-        reach = 0.5 * (abs(nx) * (high_x - low_x) + abs(ny) * (high_y - low_y))
-        if abs(middle) <= reach + NEAR_M and _meets(points, later, sides[k]):
+        if _touches(sides[k], outline, outline):
             return False
-    return inside
+    return is_inside(sides, outline[0, 0], outline[0, 1])
+
+
+@njit(cache=True, nogil=True)
+def is_clear(
+    sides: Array, shifts: Array, outline: Array, covariance: Array, sigmas: float, more_m: float,
+    axle: tuple[float, float], velocity: tuple[float, float], yaw_rate: float, lasts_s: float,
+) -> bool:  # fmt: skip
+    """Whether a machine whose outline is (n, 2) touches none of the sides (m, 4) within lasts_s.
+    Against each side it is spread by `sigmas` standard deviations of its corners' places against
+    that one (m or 1, n or 1, 2, 2), and by more_m; and each side lies `shifts` (m, 2) off."""
+    swept = np.empty((_CORNERS * len(outline), 2))
+    later = np.empty_like(swept)
+    side = np.empty(4)
+    for k in range(len(sides)):
+        if k == 0 or len(covariance) > 1:
+            spread(outline, covariance[k], sigmas, more_m, swept)
+            moved(swept, axle, velocity, yaw_rate, lasts_s, later)
+        side[0], side[1] = sides[k, 0] + shifts[k, 0], sides[k, 1] + shifts[k, 1]
+        side[2], side[3] = sides[k, 2] + shifts[k, 0], sides[k, 3] + shifts[k, 1]
+        if _touches(side, swept, later):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def known_to(covariance: Array, sigmas: float) -> float:
+    """The longest half axis, m, of the ellipses of so many standard deviations, (m, n, 2, 2); NaN
+    where one is not finite."""
+    longest = 0.0
+    for m in range(covariance.shape[0]):
+        for n in range(covariance.shape[1]):
+            xx, xy, yy = covariance[m, n, 0, 0], covariance[m, n, 0, 1], covariance[m, n, 1, 1]
+            if not math.isfinite(xx + xy + yy):
+                return math.nan
+            most = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+            longest = max(longest, sigmas * math.sqrt(max(0.0, most)))
+    return longest
 
 
 @njit(cache=True, nogil=True)

@@ -162,18 +162,16 @@ class Guard:
         x, y, yaw = self._position.pose
         axle = np.array([x, y])
         outline = placed(self._outline, x, y, yaw)
+        covariance, shifts = self._position.against(outline, self._nearest())
         turn = at.heading_rad - yaw
         c, s = math.cos(turn), math.sin(turn)
         into = np.array([[c, s], [-s, c]])
-        sides = self._fence.sides.reshape(-1, 2, 2)
-        found, doubts = np.empty((len(sides), 4)), np.empty(len(sides))
-        for k, (a, b) in enumerate(sides):
-            along = (b - a) / max(math.dist(a, b), 1e-9)
-            nearest = a + along * min(max(float((axle - a) @ along), 0.0), math.dist(a, b))
-            covariances, moved = self._position.against(outline, nearest)
-            across = np.array([-along[1], along[0]])
-            doubts[k] = math.sqrt(max(0.0, float((covariances @ across @ across).max())))
-            found[k] = ((np.stack([a, b]) + moved - axle) @ into + np.array(at[:2])).ravel()
+        ends = self._fence.sides.reshape(-1, 2, 2)
+        found = ((ends + shifts[:, np.newaxis] - axle) @ into + np.array(at[:2])).reshape(-1, 4)
+        normals = self._fence.normals
+        each = np.broadcast_to(covariance, (len(ends), *covariance.shape[1:]))
+        across = np.einsum("mi,mnij,mj->mn", normals, each, normals)
+        doubts = np.sqrt(np.maximum(across.max(axis=1), 0.0))
         margins = np.array([share * self._fence.sigmas * doubts for share in NEARER])
         margins[0] += PATH_M
         return Room(found, margins)
@@ -220,17 +218,23 @@ class Guard:
             return None
         x, y, yaw = self._position.pose
         outline = placed(self._outline, x, y, yaw)
-        covariance = self._position.covariance_of(outline)
-        as_planned = self._position.as_planned(outline)
+        covariance, shifts = self._position.against(outline, self._nearest())
         nearer_m = seen.crop_m
         if math.isfinite(seen.clear_m) and command.speed_mps > 0.0:
-            clear = self._fence.clearance(as_planned)
+            clear = self._fence.clearance(self._position.as_planned(outline))
             nearer_m = min(nearer_m, max(0.0, clear - (seen.clear_m - GAP_MARGIN_M)))
         if math.isfinite(nearer_m):
-            covariance = no_farther(covariance, yaw, nearer_m / self._fence.sigmas)
-        moved_x, moved_y = (as_planned[0] - outline[0]).tolist()
-        axle = x + moved_x, y + moved_y
-        return self._fence.check(as_planned, covariance, *self._motion(command), axle)
+            flat = covariance.reshape(-1, 2, 2)
+            flat = no_farther(flat, yaw, nearer_m / self._fence.sigmas)
+            covariance = flat.reshape(covariance.shape)
+        return self._fence.check(outline, covariance, *self._motion(command), (x, y), shifts=shifts)
+
+    def _nearest(self) -> NDArray[np.float64]:
+        """(m, 2) of each side of the geofence, as planned, the place nearest to the machine."""
+        assert self._fence is not None
+        x, y, _ = self._position.pose
+        axle = self._position.as_planned(np.array([[x, y]]))
+        return self._fence.nearest(axle[0])
 
 
 def no_farther(

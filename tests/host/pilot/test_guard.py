@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from host.core.frames import Pose2
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
 from host.estimate.estimator import Estimator
@@ -89,6 +90,43 @@ def test_an_edge_that_was_found_farther_out_has_its_gap_there() -> None:
     position.at_end(plan().sides[0], 0.0)
     assert passes(Guard(plan(), VEHICLE, position).limit(ON))
     assert not passes(guard_at(-0.8, 0.0).limit(ON)), "where it is known to lie nearer"
+
+
+def test_what_an_edge_lies_off_along_itself_says_nothing_of_another_edge() -> None:
+    """The first side's edge, and all else but the far corners, lies 1.5 m farther back along it:
+    the border at its end is where it was, and near to the machine."""
+    position = driven(0.3, 1.0)
+    at = Pose2(0.0, 0.0, 0.0)
+    before = Guard(plan(), VEHICLE, position).room_around(at)
+    by_m = np.zeros((len(RING), 2))
+    by_m[[0, 3]] = -1.5, 0.0
+    position.outline.move(by_m.ravel())
+    after = Guard(plan(), VEHICLE, position).room_around(at)
+    assert before is not None and after is not None
+    end = int(np.argmax(before.sides[:, [0, 2]].min(axis=1)))
+    assert after.sides[end] == pytest.approx(before.sides[end], abs=1e-6)
+    begin = int(np.argmin(before.sides[:, [0, 2]].max(axis=1)))
+    assert after.sides[begin, [0, 2]] == pytest.approx(before.sides[begin, [0, 2]] - 1.5)
+
+
+def test_of_a_border_that_was_found_the_room_is_known_and_of_others_it_is_not() -> None:
+    position = driven(-0.2, 1.0)
+    position.at_end(plan().sides[0], 0.0)
+    room = Guard(plan(), VEHICLE, position).room_around(Pose2(0.0, 0.0, 0.0))
+    assert room is not None
+    ahead, left, behind, right = (
+        float(room.margins[1, int(np.argmax(score))])
+        for score in (
+            room.sides[:, [0, 2]].min(axis=1),
+            room.sides[:, [1, 3]].min(axis=1),
+            -room.sides[:, [0, 2]].max(axis=1),
+            -room.sides[:, [1, 3]].max(axis=1),
+        )
+    )
+    assert right < 0.7, "it has come along it"
+    assert ahead < 1.2, "it has met it"
+    assert behind < 0.7, "it was put down there"
+    assert left > 1.5
 
 
 @pytest.mark.parametrize("sigma_m", [0.0, 0.3, 1.0])
