@@ -228,21 +228,24 @@ class Geofence:
         yaw_rate_radps: float = 0.0,
         axle: tuple[float, float] = (0.0, 0.0),
         shifts: NDArray[np.float64] | None = None,
+        planned: NDArray[np.float64] | None = None,
     ) -> Verdict:
         """`outline`: (n, 2) corners of the machine in the field frame, m; their hull counts.
         `covariance`: (2, 2) of the position, m², or (n, 2, 2) of each corner, which a direction
         that is not known moves the more the farther out it is, or (m, n, 2, 2) of each against
         each of the `sides`; NaN or infinite where there is none. `velocity`: of its rear axle,
         which is at `axle`, m/s, field frame; it turns meanwhile. `shifts`: (m, 2), how far each of
-        the sides lies from where it is taken to be."""
+        the sides lies from where it is taken to be; then `planned` is the outline where it would
+        be if they lay there."""
         each = covariance.reshape((1,) * (4 - covariance.ndim) + covariance.shape)
         if shifts is None:
             shifts = np.zeros((len(self._sides), 2))
         known_m = sweep.known_to(each, self.sigmas)
         if math.isnan(known_m):
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        lies = self._sides + np.hstack([shifts, shifts])
-        inside = sweep.is_inside(lies, outline[0, 0], outline[0, 1])
+        planned = outline if planned is None else planned
+        # Sides that lie off one by one are no closed border.
+        inside = sweep.is_inside(self._sides, planned[0, 0], planned[0, 1])
         slow = sweep.is_clear(
             self._sides, shifts, outline, each, self.sigmas, self._slow_m, axle, velocity, 0.0,
             self._slow_s,
@@ -256,7 +259,7 @@ class Geofence:
         )  # fmt: skip
         if clear and goes_on:
             return CLEAR
-        clearance, keep_out = self._clearance(outline)
+        clearance, keep_out = self._clearance(planned)
         where = f"{clearance:.1f} m to" if clearance >= 0 else "beyond"
         nearest = "the permitted area's border" if keep_out is None else f"keep-out {keep_out + 1}"
         reason = f"geofence: {where} {nearest}, position known to {known_m:.1f} m"

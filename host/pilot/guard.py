@@ -29,11 +29,10 @@ from host.route.turn_legs import Turn
 
 CREEP_MPS = 0.15
 """Near the geofence."""
-PATH_M = 0.1
-"""Clear of the geofence's stop, a way is laid out: what it sweeps in a creep until it stands."""
-NEARER = (1.0, 1.0, 0.5, 0.0)
-"""Shares of the place's uncertainty: the first is to be kept clear, and that much of the others as
-is where the machine stands."""
+NEARER = ((1.0, 0.2), (1.0, 0.1), (1.0, 0.0), (0.5, 0.0), (0.0, 0.0))
+"""Shares of what is not known of a border, and m, that a way keeps clear of it: the first, which
+is what a blade sweeps on the lock in a creep until it stands; and of the others the first that the
+machine keeps where it is."""
 ASTRAY_SIGMAS = 5.0
 ASTRAY_M = 2.0
 """Of a walked corner: what moves it farther than both is no walk's error."""
@@ -172,8 +171,8 @@ class Guard:
         each = np.broadcast_to(covariance, (len(ends), *covariance.shape[1:]))
         across = np.einsum("mi,mnij,mj->mn", normals, each, normals)
         doubts = np.sqrt(np.maximum(across.max(axis=1), 0.0))
-        margins = np.array([share * self._fence.sigmas * doubts for share in NEARER])
-        margins[0] += PATH_M
+        sigmas = self._fence.sigmas
+        margins = np.array([share * sigmas * doubts + more_m for share, more_m in NEARER])
         return Room(found, margins)
 
     def limit(self, command: Command, seen: SeenFree = SeenFree()) -> Command | Verdict:
@@ -219,15 +218,18 @@ class Guard:
         x, y, yaw = self._position.pose
         outline = placed(self._outline, x, y, yaw)
         covariance, shifts = self._position.against(outline, self._nearest())
+        planned = self._position.as_planned(outline)
         nearer_m = seen.crop_m
         if math.isfinite(seen.clear_m) and command.speed_mps > 0.0:
-            clear = self._fence.clearance(self._position.as_planned(outline))
+            clear = self._fence.clearance(planned)
             nearer_m = min(nearer_m, max(0.0, clear - (seen.clear_m - GAP_MARGIN_M)))
         if math.isfinite(nearer_m):
             flat = covariance.reshape(-1, 2, 2)
             flat = no_farther(flat, yaw, nearer_m / self._fence.sigmas)
             covariance = flat.reshape(covariance.shape)
-        return self._fence.check(outline, covariance, *self._motion(command), (x, y), shifts=shifts)
+        return self._fence.check(
+            outline, covariance, *self._motion(command), (x, y), shifts=shifts, planned=planned
+        )
 
     def _nearest(self) -> NDArray[np.float64]:
         """(m, 2) of each side of the geofence, as planned, the place nearest to the machine."""

@@ -116,7 +116,7 @@ class Turning:
     def against_lane(self, motion: Motion) -> tuple[float, float]:
         """How far left of the new lane the rear axle is, m, and how far turned left of it, rad."""
         x, y, heading = self._place(motion)
-        return self.turn.offset(x, y), heading - self.turn.lane_rad
+        return self.turn.offset(x, y), math.remainder(heading - self.turn.lane_rad, math.tau)
 
     def crop_expected_m(self, motion: Motion, blade_x_m: float) -> float:
         """From the blade to where the new side's crop should begin."""

@@ -35,8 +35,8 @@ CELLS: Final = (0.1, math.radians(6.0))
 """Places and directions that are taken for one, m and rad."""
 REACH_M: Final = 6.0
 """The search goes no farther from where the machine stands."""
-EXPANDED: Final = 4000
-"""Places that are searched at most: what takes a laptop a tenth of a second."""
+EXPANDED: Final = 2500
+"""Places that are searched at most: what takes a laptop a twentieth of a second."""
 REVERSAL_M: Final = 0.5
 """What it costs to go the other way, in metres of way;"""
 STEERING_M: Final = 0.2
@@ -109,18 +109,15 @@ def way(vehicle: Vehicle, start: Pose2, lane: Lane, room: Room) -> tuple[Leg, ..
 
 @njit(cache=True, nogil=True)
 def _free(at: Array, outline: Array, sides: Array, margins: Array, placed: Array) -> bool:
-    """Whether the machine may be at (x, y, heading): it lies in the room, and its outline (n, 2)
-    off each side by its margin. `placed` is for use."""
+    """Whether the machine may be at (x, y, heading), where its outline (n, 2) is off each side by
+    its margin: from within the room nothing leads out of it. `placed` is for use."""
     c, s = math.cos(at[2]), math.sin(at[2])
     n = len(outline)
     for i in range(n):
         placed[i, 0] = at[0] + c * outline[i, 0] - s * outline[i, 1]
         placed[i, 1] = at[1] + s * outline[i, 0] + c * outline[i, 1]
-    inside = False
     for k in range(len(sides)):
         ax, ay, bx, by = sides[k]
-        if (ay > at[1]) != (by > at[1]) and at[0] < ax + (at[1] - ay) * (bx - ax) / (by - ay):
-            inside = not inside
         long = math.hypot(bx - ax, by - ay)
         if long == 0.0:
             continue
@@ -143,7 +140,7 @@ def _free(at: Array, outline: Array, sides: Array, margins: Array, placed: Array
                 placed[i, 0], placed[i, 1], placed[j, 0], placed[j, 1], ax, ay, bx, by, margin
             ):
                 return False
-    return inside
+    return True
 
 
 @njit(cache=True, nogil=True)
@@ -328,7 +325,7 @@ def _search(
                 done[count, 0], done[count, 1] = k, way_m
                 near[count] = _nearness(to, outline, sides, margins, near[here], points)
                 askew = abs(math.atan2(math.sin(to[2]), math.cos(to[2])))
-                left = max(abs(to[1]), radius * askew)
+                left = max(abs(to[1]), radius * askew, to[0] - ends)
                 heapq.heappush(heap, (g + GREEDY * left, count, False))
                 count += 1
     if end < 0:

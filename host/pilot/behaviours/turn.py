@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.context import FARTHEST_M, SLOW_AFTER_S
+from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
 from host.pilot.endings import Blind, blind
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -28,6 +29,8 @@ ASIDE_M = 0.3
 metres."""
 LAID_ANEW = 6
 """So often another way is looked for, in one turn."""
+TRIES = 3
+"""Of `host.pilot.guard.NEARER`, that such a way may keep."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
@@ -55,6 +58,11 @@ class DriveTurn(Behaviour):
     phase = Phase.TURN
     reasons = (Why, Blind)
 
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._wary: int | None = None
+        """How much of the room another way is looked for in, from the least on; None: none is."""
+
     @property
     def turning(self) -> Turning:
         """The turn that the end of the side has laid out."""
@@ -70,7 +78,12 @@ class DriveTurn(Behaviour):
         go = blind(context, now)
         if go is not None:
             return context.hold(), go
-        if turning.leg is None and not (self._off_lane() and self._lay_anew(now)):
+        if self._wary is not None:
+            return context.hold(), self._search(now)
+        if turning.leg is None and self._off_lane() and self._may_search():
+            self._wary = 0
+            return context.hold(), None
+        if turning.leg is None:
             _, turned = turning.against_lane(context.motion)
             if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
                 return context.hold(), Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
@@ -114,8 +127,10 @@ class DriveTurn(Behaviour):
         del verdict
         turning = self.turning
         turning.broken_off = True
-        if (turning.backing and not self._off_lane()) or not self._lay_anew(now):
+        if (turning.backing and not self._off_lane()) or not self._may_search():
             self._next(now)
+        else:
+            self._wary = 0
         return None
 
     def _off_lane(self) -> bool:
@@ -123,26 +138,35 @@ class DriveTurn(Behaviour):
         offset, turned = self.turning.against_lane(self.context.motion)
         return self.context.strip.placed and (abs(turned) > ASKEW_RAD or abs(offset) > ASIDE_M)
 
-    def _lay_anew(self, now: float) -> bool:
-        """Whether there is another way to the lane within the geofence."""
+    def _may_search(self) -> bool:
+        return self.turning.laid_anew < LAID_ANEW and self.context.strip.placed
+
+    def _search(self, now: float) -> Go | None:
+        """Looks for another way to the lane within the geofence: at each step, which the firmware
+        waits for, with less room kept than at the one before."""
         context, turning = self.context, self.turning
-        if turning.laid_anew >= LAID_ANEW or not context.strip.placed:
-            return False
+        assert self._wary is not None
         start = turning.beside_lane(context.motion)
         room = context.guard.room_around(start)
-        if room is None:
-            return False
-        turn, vehicle = turning.turn, context.vehicle
-        border = vehicle.blade_width_m / 2 - turn.lane_y_m, turn.lane_rad
-        ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
-        lane = Lane(ends_m, turn.crop_begins_m, border)
-        legs = way(vehicle, start, lane, room)
-        if legs is None:
-            return False
-        turning.lay_anew(legs, now)
-        if turning.backing:
-            context.strip.begin_leg(turning)
-        return True
+        legs = None
+        if room is not None:
+            turn, vehicle = turning.turn, context.vehicle
+            border = vehicle.blade_width_m / 2 - turn.lane_y_m, turn.lane_rad
+            ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
+            lane = Lane(ends_m, turn.crop_begins_m, border)
+            legs = way(vehicle, start, lane, replace(room, margins=room.margins[self._wary :]))
+        self._wary += 1
+        if legs is not None:
+            self._wary = None
+            turning.lay_anew(legs, now)
+            if turning.backing:
+                context.strip.begin_leg(turning)
+        elif room is None or self._wary >= TRIES:
+            self._wary = None
+            turning.laid_anew = LAID_ANEW
+            if turning.leg is not None:
+                self._next(now)
+        return None
 
     def leg_done(self) -> bool:
         """Whether the goal is reached, or will be by coasting on. Backing along the new side goes

@@ -115,7 +115,7 @@ def test_of_a_border_that_was_found_the_room_is_known_and_of_others_it_is_not() 
     room = Guard(plan(), VEHICLE, position).room_around(Pose2(0.0, 0.0, 0.0))
     assert room is not None
     ahead, left, behind, right = (
-        float(room.margins[1, int(np.argmax(score))])
+        float(room.margins[2, int(np.argmax(score))])
         for score in (
             room.sides[:, [0, 2]].min(axis=1),
             room.sides[:, [1, 3]].min(axis=1),
