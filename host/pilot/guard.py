@@ -22,7 +22,7 @@ from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, o
 from host.link.protocol import Fault, fault_texts
 from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
-from host.route.manoeuvre import Room
+from host.route.manoeuvre import Room, make_ready
 from host.route.plan import Plan
 from host.route.turn_choice import ROOM_M, room_along
 from host.route.turn_legs import Turn
@@ -132,6 +132,7 @@ class Guard:
             margin = min(GAP_MARGIN_M, plan.gap_m)
             areas = areas_of(field, plan.gap_m, margin_m=margin)
             self._fence = Geofence(areas)
+            make_ready()
             rings = [list(out.exterior.coords) for out in areas.keep_outs]
             self._clear = KeepClear(rings, self._fence.sigmas, vehicle, position)
 

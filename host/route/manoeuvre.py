@@ -10,6 +10,7 @@ Frame of the lane: x along it, y left, both m; what the lane's crop begins at is
 
 from __future__ import annotations
 
+import functools
 import heapq
 import itertools
 import math
@@ -73,6 +74,14 @@ class Room:
     margins: Array
     """(k, m), m: how far off each of them to keep; and less and less, where the machine stands too
     near to one already."""
+
+
+@functools.cache
+def make_ready() -> None:
+    """Searches once, in open ground: what is compiled at its first use takes seconds, and the
+    firmware waits for a command no longer than 250 ms once it is armed."""
+    far = np.array([[-20.0, -20.0, 20.0, -20.0]])
+    way(Vehicle(), Pose2(0.0, 1.0, 0.0), Lane(0.0, 0.0, (0.0, 0.0)), Room(far, np.zeros((1, 1))))
 
 
 def way(vehicle: Vehicle, start: Pose2, lane: Lane, room: Room) -> tuple[Leg, ...] | None:
