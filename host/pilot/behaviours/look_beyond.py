@@ -82,11 +82,14 @@ class LookBeyond(Behaviour):
         self.context.look.begin(now, self.context.motion.distance_m)
 
     def _doubted(self) -> bool:
-        """Whether the first look contradicts what was said, and cut ground lies behind."""
+        """Whether the first look contradicts what was said, and cut ground lies behind. That no
+        crop is in view contradicts nothing."""
         context = self.context
         room = context.sight.ahead.entered and context.cut_m > LOOKS * APART_M
+        if not (room and self._seen_m and self._seen_m[0] < FARTHEST_M):
+            return False
         back_m = self._end_m - context.motion.distance_m
-        return room and bool(self._seen_m) and context.doubts_beyond(self._seen_m[0] + back_m)
+        return context.doubts_beyond(self._seen_m[0] + back_m)
 
     def _go(self, now: float, to_m: float) -> Step:
         context = self.context

@@ -125,6 +125,12 @@ def test_one_look_that_contradicts_the_others_narrows_nothing() -> None:
     assert context.gaps.wrong == ""
 
 
+def test_where_no_crop_is_in_view_beyond_a_wide_gap_one_look_is_enough() -> None:
+    context = on_side(plan=replace(PLAN, gap_m=4.0), cut_m=10.0)
+    end_side(context, NOW, clear_ahead(context))
+    assert look(context, FARTHEST_M + 1.0) is SideEnd.SEEN
+
+
 def test_a_short_strip_leaves_no_room_to_look_from_elsewhere() -> None:
     context = on_side(plan=PLAN, cut_m=10.0)
     end_side(context, NOW, clear_ahead(context))
