@@ -114,6 +114,10 @@ def _dirt(**wrong: float) -> dict[str, Any]:
     return {"lens": {"disturbance": wrong}}
 
 
+def delay_of(true_s: float) -> dict[str, Any]:
+    return {"lens": {"delay_s": true_s}, "belief": SAID}
+
+
 def gap_of(true_m: float, said_m: float) -> dict[str, Any]:
     return {"field": {"gap_m": true_m}, "belief": {"gap_m": said_m}}
 
@@ -164,7 +168,10 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "picture upside down": {},
     "picture frozen, fresh noise": {},
     "picture in a loop of 3 s": {},
-    "delay 0.3, said 0.1": {"lens": {"delay_s": 0.3}, "belief": SAID},
+    "delay 0.3, said 0.1": delay_of(0.3),
+    "delay 0.6, said 0.1": delay_of(0.6),
+    "delay 1.0, said 0.1": delay_of(1.0),
+    "delay 3.0, said 0.1": delay_of(3.0),
     "a little of all": {
         "lens": {"pitch_deg": 28.8, "yaw_deg": 0.8, "z_m": 1.63, "hfov_deg": 63.0},
         "machine": {
