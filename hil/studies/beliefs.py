@@ -118,6 +118,12 @@ def delay_of(true_s: float) -> dict[str, Any]:
     return {"lens": {"delay_s": true_s}, "belief": SAID}
 
 
+def _delayed(more_s: float) -> dict[str, Any]:
+    """On the way to the host, from the start: no camera alone is so late."""
+    fault = {"component": "camera", "failure": "delayed", "value": more_s, "at": {"time_s": 0.0}}
+    return {"faults": [fault]}
+
+
 def gap_of(true_m: float, said_m: float) -> dict[str, Any]:
     return {"field": {"gap_m": true_m}, "belief": {"gap_m": said_m}}
 
@@ -171,7 +177,7 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "delay 0.3, said 0.1": delay_of(0.3),
     "delay 0.6, said 0.1": delay_of(0.6),
     "delay 1.0, said 0.1": delay_of(1.0),
-    "delay 3.0, said 0.1": delay_of(3.0),
+    "delay 3.1, said 0.1": _delayed(3.0),
     "a little of all": {
         "lens": {"pitch_deg": 28.8, "yaw_deg": 0.8, "z_m": 1.63, "hfov_deg": 63.0},
         "machine": {

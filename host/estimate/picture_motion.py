@@ -15,13 +15,17 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.estimate.odometry import Motion
 from host.vision.view import CropView
+
+Floats = NDArray[np.float64]
 
 ELSEWHERE_M: Final = 0.25
 """From where an earlier picture was taken, that is elsewhere. Less tells sooner; a delay that is
@@ -32,20 +36,28 @@ IN_A_ROW: Final = 5
 """Pictures that are the same as ones from elsewhere: half a second."""
 MEMORY: Final = 128
 """Places of so many pictures: more than the picture watch remembers."""
+BIN_S: Final = 0.5
+"""In such steps ways and turns are compared, for a single picture's time is not known that well."""
+BINS: Final = 120
+"""So many are remembered, a minute's."""
 WAY_M: Final = 1.5
 """Driven, over which the way that pictures show is compared with the wheels'."""
 BACKWARD_SHARE: Final = -0.06
 """Of that way, which pictures that are upside down show: from the mast -0.1 and less, where good
 ones show 0.4 and more. Pictures that stand still show none, but so do wheels that spin."""
+ENOUGH_RAD: Final = math.radians(7.0)
+"""Root of the squares of the machine's turns, step by step, by which their direction is told: what
+the pictures err a step, up to 0.8 degrees, is a ninth of it. Less tells sooner."""
+OTHER_WAY: Final = -0.4
+"""Share of the machine's turns that pictures show at most which are turned over: they show -0.7 and
+less, good ones 0 and more, and 0.7 but for a gyroscope that finds its offset."""
 TURN_S: Final = 6.0
-"""Over which turns are compared: a turn at a corner takes half of it."""
-BIN_S: Final = 0.5
-"""In such steps, for single pictures' times are not known that well."""
+"""Over which turns are compared for pictures that come late: one at a corner takes half of it."""
 TURNED_RAD: Final = math.radians(20.0)
-"""That machine or pictures must have turned in that time, to and fro."""
+"""That both must have turned in that time, to and fro."""
 AS_ONE: Final = 0.3
-"""Least likeness of the two: their product over the larger one's square. 0.7 and more of good
-pictures, -1 of mirrored ones."""
+"""Least likeness of the two, their product over the larger one's square, once the machine has
+turned twice as much: good pictures show 0.7 and more, such of another place none."""
 LATEST_S: Final = 3.5
 """By which pictures that come late are looked for;"""
 LAG_S: Final = 0.2
@@ -53,24 +65,26 @@ LAG_S: Final = 0.2
 LATE_S: Final = 0.35
 """and told of: less shows at no turn, and the machine bears it."""
 MISFIT_RAD: Final = math.radians(6.0)
-"""Of the steps together, that pictures which are late make at least. Good ones make up to 4.6
-degrees."""
+"""Root of the squares of what pictures that are late show otherwise, step by step, at least. Good
+ones make up to 4.6 degrees."""
 EXPLAINED_SHARE: Final = 0.5
 """Of it, that is left at most if they are taken to be late."""
 GAINS: Final = (0.6, 1.3)
 """What the pictures may show of a turn, as a share of it."""
 
 
-class _Pair(NamedTuple):
-    """From one picture to the next."""
+@dataclass(slots=True)
+class _Bin:
+    """Of some pictures in a row, all of which can be believed."""
 
-    stamp: float
-    """Of the later one's shutter."""
-    lasted_s: float
-    driven_m: float
-    shown_m: float
-    """In the direction in which the machine drives; NaN: not shown."""
-    shown_rad: float
+    begin: float
+    end: float
+    turned_rad: float = 0.0
+    shown_rad: float = 0.0
+    driven_m: float = 0.0
+    """To and fro, where the pictures show a way;"""
+    shown_m: float = 0.0
+    """and that, in the direction in which the machine drives."""
 
 
 class PictureMotion:
@@ -81,33 +95,51 @@ class PictureMotion:
         self._places: deque[tuple[Motion, float]] = deque(maxlen=MEMORY)
         """Of every picture, and what had been driven by then, to and fro."""
         self._again = 0
-        self._pairs: deque[_Pair] = deque()
+        """Pictures in a row that are the same as ones from elsewhere."""
         self._turns: deque[tuple[float, float]] = deque()
-        """(stamp, yaw) of the machine, for longer than of the pairs."""
-        self._usable = False
-        """Whether the last picture was."""
+        """(stamp, yaw) of the machine at every picture, for longer than turns are compared."""
+        self._bin: _Bin | None = None
+        """What is being added up, if the last picture can be believed;"""
+        self._bins: deque[_Bin] = deque(maxlen=BINS)
+        """and what has been."""
         self.wrong = ""
         """What they show, what is wrong and what to do, in words; empty where nothing is known to
         be wrong."""
 
     def take(self, view: CropView, then: Motion) -> None:
         """A picture, and how far the machine had come at its shutter."""
-        usable, self._usable = self._usable, view.usable
         last, driven_m = self._places[-1] if self._places else (then, 0.0)
-        step_m = then.distance_m - last.distance_m
+        step_m = abs(then.distance_m - last.distance_m)
         # What rolls or is pushed with its drive off may be a sensor that counts by itself.
-        self._places.append((then, driven_m + (0.0 if then.rolls else abs(step_m))))
+        self._places.append((then, driven_m + (0.0 if then.rolls else step_m)))
         self._turns.append((then.stamp, then.yaw_rad))
         while self._turns[0][0] < then.stamp - TURN_S - LATEST_S:
             self._turns.popleft()
-        if not (usable and view.usable):
+        if not view.usable:
+            self._bin = None
             return
-        lasted_s = then.stamp - last.stamp
-        way_m = math.copysign(1.0, then.speed_mps) * view.shown_way_m
-        self._pairs.append(_Pair(then.stamp, lasted_s, abs(step_m), way_m, view.shown_turn_rad))
-        while self._pairs[0].stamp < then.stamp - TURN_S:
-            self._pairs.popleft()
-        self.wrong = self.wrong or self._elsewhere(view) or self._backward() or self._turned()
+        found = self._elsewhere(view)
+        if self._add(view, last, then, step_m):
+            found = found or self._backward() or self._other_way() or self._late(then)
+        self.wrong = self.wrong or found
+
+    def _add(self, view: CropView, last: Motion, then: Motion, step_m: float) -> bool:
+        """What this picture shows since the last one; whether a bin is full."""
+        bin_, turn_rad = self._bin, view.shown_turn_rad
+        if bin_ is None or math.isnan(turn_rad):
+            self._bin = _Bin(then.stamp, then.stamp)
+            return False
+        bin_.end = then.stamp
+        bin_.turned_rad += then.yaw_rad - last.yaw_rad
+        bin_.shown_rad += turn_rad
+        if math.isfinite(view.shown_way_m):
+            bin_.driven_m += step_m
+            bin_.shown_m += math.copysign(1.0, then.speed_mps) * view.shown_way_m
+        if bin_.end - bin_.begin < BIN_S - 1e-6:
+            return False
+        self._bins.append(bin_)
+        self._bin = _Bin(then.stamp, then.stamp)
+        return True
 
     def _elsewhere(self, view: CropView) -> str:
         """Whether the pictures are the same as ones from elsewhere."""
@@ -127,9 +159,8 @@ class PictureMotion:
     def _backward(self) -> str:
         """Whether they show the machine driving the other way."""
         shown_m = driven_m = 0.0
-        for pair in reversed(self._pairs):
-            if math.isfinite(pair.shown_m):
-                shown_m, driven_m = shown_m + pair.shown_m, driven_m + pair.driven_m
+        for bin_ in reversed(self._bins):
+            shown_m, driven_m = shown_m + bin_.shown_m, driven_m + bin_.driven_m
             if driven_m > WAY_M:
                 break
         if driven_m <= WAY_M or shown_m > BACKWARD_SHARE * driven_m:
@@ -139,55 +170,60 @@ class PictureMotion:
             "picture is upside down; turn the phone, or the picture in its app"
         )
 
-    def _turned(self) -> str:
-        """Whether they turn otherwise."""
-        pairs = [pair for pair in self._pairs if math.isfinite(pair.shown_rad)]
-        if not pairs or pairs[-1].stamp - pairs[0].stamp < TURN_S - 2.0 * BIN_S:
+    def _other_way(self) -> str:
+        """Whether they turn to the other side."""
+        turned, shown = np.array([(b.turned_rad, b.shown_rad) for b in reversed(self._bins)]).T
+        known = np.flatnonzero(np.cumsum(turned**2) > ENOUGH_RAD**2)
+        if not known.size:
             return ""
-        stamps = np.array([pair.stamp for pair in pairs])
-        begins = stamps - np.array([pair.lasted_s for pair in pairs])
-        bins = ((stamps - stamps[0]) / BIN_S).astype(int)
-        shown = np.bincount(bins, [pair.shown_rad for pair in pairs])
+        turned, shown = turned[: known[0] + 1], shown[: known[0] + 1]
+        if float(shown @ turned) > OTHER_WAY * float(turned @ turned):
+            return ""
+        side = np.sign(turned)
+        return (
+            f"it turned by {_deg(side @ turned)}, and they by {_deg(-side @ shown)} the other way: "
+            "the camera's picture is mirrored or upside down; turn that off in the phone's app"
+        )
+
+    def _late(self, then: Motion) -> str:
+        """Whether they turn later than the machine, or not at all."""
+        bins = [b for b in self._bins if b.begin > then.stamp - TURN_S]
+        shown = np.array([b.shown_rad for b in bins])
+        ends = np.array([(b.begin, b.end) for b in bins])
         at, yaw = np.array(self._turns).T
 
-        def turned(lag_s: float) -> np.ndarray:
+        def turned(lag_s: float) -> Floats:
             """What the machine has turned so long before, in the same steps."""
-            steps = np.interp(stamps - lag_s, at, yaw) - np.interp(begins - lag_s, at, yaw)
-            return np.bincount(bins, steps)
+            return np.asarray(np.diff(np.interp(ends - lag_s, at, yaw))[:, 0])
 
         now = turned(0.0)
-        if max(np.abs(now).sum(), np.abs(shown).sum()) < TURNED_RAD:
+        misfit, turned_rad, shown_rad = _misfit(shown, now), np.abs(now).sum(), np.abs(shown).sum()
+        if turned_rad < TURNED_RAD or misfit < MISFIT_RAD:
             return ""
-        misfit = _misfit(shown, now)
-        lags = np.arange(0.0, LATEST_S, LAG_S)
-        known = misfit > MISFIT_RAD and np.abs(shown).sum() > TURNED_RAD
-        late = [_misfit(shown, turned(lag)) for lag in lags] if known else [misfit]
-        best = int(np.argmin(late))
-        if lags[best] > LATE_S and late[best] < EXPLAINED_SHARE * misfit:
-            said_s = self._said_s
-            return (
-                f"they turn {lags[best]:.1f} s after it: the camera's pictures come "
-                f"{said_s + lags[best]:.1f} s late, and camera_delay_s says {said_s:.1f} s; "
-                "restart the phone's camera app, look after its network, or measure the delay anew"
-            )
+        if shown_rad > TURNED_RAD:
+            lags = np.arange(0.0, LATEST_S, LAG_S)
+            left = [_misfit(shown, turned(lag)) for lag in lags]
+            late_s = float(lags[np.argmin(left)])
+            if late_s > LATE_S and min(left) < EXPLAINED_SHARE * misfit:
+                return (
+                    f"they turn {late_s:.1f} s after it: the camera's pictures come "
+                    f"{self._said_s + late_s:.1f} s late, and camera_delay_s says "
+                    f"{self._said_s:.1f} s; restart the phone's camera app, look after its "
+                    "network, or measure the delay anew"
+                )
         alike = float(shown @ now) / max(float(shown @ shown), float(now @ now))
-        if alike > AS_ONE:
+        # Less than twice as much may be pictures' that come late. And where the steering angle
+        # alone tells of a turn, it may as well be the angle that is wrong.
+        if alike > AS_ONE or turned_rad < 2.0 * TURNED_RAD or not then.by_gyro:
             return ""
-        both = f"it turned {_deg(now)}, they turned {_deg(shown)}"
-        if alike < -AS_ONE:
-            return (
-                f"{both}: the camera's picture is mirrored or upside down; turn that off in the "
-                "phone's app"
-            )
-        if np.abs(now).sum() < 2.0 * TURNED_RAD:
-            return ""  # pictures that come late may show it still
         return (
-            f"{both}: the camera's stream is late, or the phone is loose; restart its camera app, "
-            "and check how it is fastened"
+            f"it turned by {_deg(turned_rad)}, and they otherwise, by {_deg(shown_rad)}: the "
+            "camera's stream is late, or the phone is loose; restart its camera app, and check how "
+            "it is fastened"
         )
 
 
-def _misfit(shown: np.ndarray, turned: np.ndarray) -> float:
+def _misfit(shown: Floats, turned: Floats) -> float:
     """What is left of a turn that pictures show, rad, with the best share of the machine's taken
     off."""
     square = float(turned @ turned)
@@ -195,6 +231,5 @@ def _misfit(shown: np.ndarray, turned: np.ndarray) -> float:
     return float(np.linalg.norm(shown - gain * turned))
 
 
-def _deg(steps: np.ndarray) -> str:
-    turned = math.degrees(float(steps.sum()))
-    return f"{abs(turned):.0f} deg to the {'left' if turned > 0.0 else 'right'}"
+def _deg(turned_rad: float) -> str:
+    return f"{math.degrees(turned_rad):.0f} deg"
