@@ -4,11 +4,12 @@ what lies before the machine.
 Three facts tell, each of which no good camera shows:
 
 - A picture is the same as one that was taken elsewhere: the stream hangs, or repeats itself.
-- While the machine drives on, the ground in the pictures goes away from it: they are upside down.
+- While the machine drives on, the ground in the pictures does not come towards it: it stands still,
+  or goes the other way, as where they are upside down.
 - While the machine turns, the pictures turn otherwise: the other way (mirrored), later (they come
   later than was said), or not at all.
 
-The wheels cannot feign the first unless they spin, nor the last two at all.
+Wheels that spin look like a stream that hangs. Nothing else of the machine does.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ BIN_S: Final = 0.5
 """In such steps ways and turns are compared, for a single picture's time is not known that well."""
 BINS: Final = 120
 """So many are remembered, a minute's."""
-WAY_M: Final = 1.5
-"""Driven, over which the way that pictures show is compared with the wheels'."""
+WAY_M: Final = 0.8
+"""Driven, over which the way that pictures show is compared with the wheels'. Less tells sooner."""
+SHOWN_SHARE: Final = 0.1
+"""Of that way, which pictures show at least: good ones 0.2 and more, such that stand still none, as
+where wheels spin."""
 BACKWARD_SHARE: Final = -0.06
-"""Of that way, which pictures that are upside down show: from the mast -0.1 and less, where good
-ones show 0.4 and more. Pictures that stand still show none, but so do wheels that spin."""
+"""Of it, which pictures that are upside down show at most: from the mast -0.1 and less."""
 ENOUGH_RAD: Final = math.radians(7.0)
 """Root of the squares of the machine's turns, step by step, by which their direction is told: what
 the pictures err a step, up to 0.8 degrees, is a ninth of it. Less tells sooner."""
@@ -120,7 +123,7 @@ class PictureMotion:
             return
         found = self._elsewhere(view)
         if self._add(view, last, then, step_m):
-            found = found or self._backward() or self._other_way() or self._late(then)
+            found = found or self._still() or self._other_way() or self._late(then)
         self.wrong = self.wrong or found
 
     def _add(self, view: CropView, last: Motion, then: Motion, step_m: float) -> bool:
@@ -156,18 +159,23 @@ class PictureMotion:
             "repeats itself or comes late, or the wheels spin; restart the phone's camera app"
         )
 
-    def _backward(self) -> str:
-        """Whether they show the machine driving the other way."""
+    def _still(self) -> str:
+        """Whether they show the machine stand, or drive the other way."""
         shown_m = driven_m = 0.0
         for bin_ in reversed(self._bins):
             shown_m, driven_m = shown_m + bin_.shown_m, driven_m + bin_.driven_m
             if driven_m > WAY_M:
                 break
-        if driven_m <= WAY_M or shown_m > BACKWARD_SHARE * driven_m:
+        if driven_m <= WAY_M or shown_m > SHOWN_SHARE * driven_m:
             return ""
+        if shown_m > BACKWARD_SHARE * driven_m:
+            return (
+                f"over {driven_m:.1f} m of way the ground in them stood still: the camera's stream "
+                "hangs or comes late, or the wheels spin; restart the phone's camera app"
+            )
         return (
             f"over {driven_m:.1f} m of way the ground in them went the other way: the camera's "
-            "picture is upside down; turn the phone, or the picture in its app"
+            "picture is upside down, or comes late; look at it in the phone's app"
         )
 
     def _other_way(self) -> str:

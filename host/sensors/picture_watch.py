@@ -49,9 +49,9 @@ class PictureWatch:
     def __init__(self, width_px: int, height_px: int) -> None:
         self._shape = (height_px, width_px, 3)
         self._taken = 0
-        self._kept_at = np.full(MEMORY, -1)
+        self._kept_at = np.full(MEMORY, -MEMORY)
         self._kept = np.zeros((MEMORY, THUMBNAIL[0] * THUMBNAIL[1]), np.float32)
-        """The thumbnails of that many pictures, and the how many-th each was; -1: none."""
+        """The thumbnails of that many pictures, and the how many-th each was."""
         self._power = np.zeros(MEMORY, np.float32)
         """The mean square of each."""
         self.small_size = (SMALL_PX, max(1, round(SMALL_PX * height_px / width_px)))
@@ -103,7 +103,8 @@ class PictureWatch:
         flat = thumbnail.astype(np.float32).ravel() - 128.0  # small numbers lose less in a sum
         power = flat @ flat / flat.size
         squares = self._power + power - 2.0 / flat.size * (self._kept @ flat)
-        same = self._kept_at[(squares < SAME**2) & (self._kept_at >= 0)]
+        remembered = self._kept_at > self._taken - MEMORY
+        same = self._kept_at[(squares < SAME**2) & remembered]
         self.same_ago = int(self._taken - same.min()) if same.size else 0
         at = self._taken % MEMORY
         self._kept[at], self._power[at], self._kept_at[at] = flat, power, self._taken
