@@ -69,7 +69,7 @@ LATE_S: Final = 0.35
 """and told of: less shows at no turn, and the machine bears it."""
 MISFIT_RAD: Final = math.radians(6.0)
 """Root of the squares of what pictures that are late show otherwise, step by step, at least. Good
-ones make up to 4.6 degrees."""
+ones make up to 6.5 degrees, which no delay explains."""
 EXPLAINED_SHARE: Final = 0.5
 """Of it, that is left at most if they are taken to be late."""
 GAINS: Final = (0.6, 1.3)
