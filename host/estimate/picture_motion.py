@@ -9,7 +9,8 @@ Three facts tell, each of which no good camera shows:
 - While the machine turns, the pictures turn otherwise: the other way (mirrored), later (they come
   later than was said), or not at all.
 
-Wheels that spin look like a stream that hangs. Nothing else of the machine does.
+Wheels that spin, or whose sensor counts by itself, look like a stream that hangs. Nothing else of
+the machine does.
 """
 
 from __future__ import annotations
@@ -72,6 +73,10 @@ MISFIT_RAD: Final = math.radians(6.0)
 ones make up to 6.5 degrees, which no delay explains."""
 EXPLAINED_SHARE: Final = 0.5
 """Of it, that is left at most if they are taken to be late."""
+OR_WHEELS: Final = (
+    "or the wheels spin or their sensor counts by itself; restart the phone's camera app, look at "
+    "the wheels"
+)
 GAINS: Final = (0.6, 1.3)
 """What the pictures may show of a turn, as a share of it."""
 
@@ -97,6 +102,8 @@ class PictureMotion:
         self._said_s = vehicle.camera_delay_s
         self._places: deque[tuple[Motion, float]] = deque(maxlen=MEMORY)
         """Of every picture, and what had been driven by then, to and fro."""
+        self._ahead = 1.0
+        """1 where the machine drives forward, as it last was; -1: back."""
         self._again = 0
         """Pictures in a row that are the same as ones from elsewhere."""
         self._turns: deque[tuple[float, float]] = deque()
@@ -112,9 +119,12 @@ class PictureMotion:
     def take(self, view: CropView, then: Motion) -> None:
         """A picture, and how far the machine had come at its shutter."""
         last, driven_m = self._places[-1] if self._places else (then, 0.0)
-        step_m = abs(then.distance_m - last.distance_m)
+        step_m = then.distance_m - last.distance_m
+        # Between two pulses, or while some are lost, the wheels do not say where it drives.
+        self._ahead = math.copysign(1.0, step_m or then.speed_mps or self._ahead)
         # What rolls or is pushed with its drive off may be a sensor that counts by itself.
-        self._places.append((then, driven_m + (0.0 if then.rolls else step_m)))
+        step_m = 0.0 if then.rolls else abs(step_m)
+        self._places.append((then, driven_m + step_m))
         self._turns.append((then.stamp, then.yaw_rad))
         while self._turns[0][0] < then.stamp - TURN_S - LATEST_S:
             self._turns.popleft()
@@ -137,7 +147,7 @@ class PictureMotion:
         bin_.shown_rad += turn_rad
         if math.isfinite(view.shown_way_m):
             bin_.driven_m += step_m
-            bin_.shown_m += math.copysign(1.0, then.speed_mps) * view.shown_way_m
+            bin_.shown_m += self._ahead * view.shown_way_m
         if bin_.end - bin_.begin < BIN_S - 1e-6:
             return False
         self._bins.append(bin_)
@@ -156,7 +166,7 @@ class PictureMotion:
             return ""
         return (
             f"they show again what they showed {off_m:.1f} m before: the camera's stream hangs, "
-            "repeats itself or comes late, or the wheels spin; restart the phone's camera app"
+            f"repeats itself or comes late, {OR_WHEELS}"
         )
 
     def _still(self) -> str:
@@ -171,7 +181,7 @@ class PictureMotion:
         if shown_m > BACKWARD_SHARE * driven_m:
             return (
                 f"over {driven_m:.1f} m of way the ground in them stood still: the camera's stream "
-                "hangs or comes late, or the wheels spin; restart the phone's camera app"
+                f"hangs or comes late, {OR_WHEELS}"
             )
         return (
             f"over {driven_m:.1f} m of way the ground in them went the other way: the camera's "

@@ -105,9 +105,9 @@ def test_all_pictures_of_a_stand_are_the_same_and_so_are_those_from_a_place_come
     assert back[0] == ""
 
 
-def test_a_sensor_that_counts_at_a_stand_accuses_no_camera() -> None:
-    rolls = [Motion(0.1 * k, 0.5, 0.0, 0.05 * k, 0.0, 0.05 * k, 0.0, rolls=True) for k in range(12)]
-    assert watched(motions=rolls, same_ago=lambda k: k)[0] == ""
+def test_a_sensor_that_counts_with_the_drive_off_accuses_no_camera() -> None:
+    rolls = [Motion(0.1 * k, 0.5, 0.0, 0.05 * k, 0.0, 0.05 * k, 0.0, rolls=True) for k in range(60)]
+    assert watched(gain=(1.0, 0.0), motions=rolls, same_ago=lambda k: k)[0] == ""
 
 
 def test_a_ground_that_stands_still_or_goes_away_is_named_within_a_metre() -> None:
@@ -115,6 +115,15 @@ def test_a_ground_that_stands_still_or_goes_away_is_named_within_a_metre() -> No
         wrong, at = watched(gain=(1.0, share))
         assert why in wrong and "camera" in wrong
         assert at.distance_m < 1.2
+
+
+def test_pulses_that_are_lost_while_the_machine_backs_accuse_no_camera() -> None:
+    """Between them the sensor shows no speed, so no direction either."""
+    backs = [
+        Motion(0.1 * k, -0.3 if k % 4 == 0 else 0.0, 0.0, -0.12 * (k // 4), 0.0, 0.0, 0.0)
+        for k in range(200)
+    ]
+    assert watched(lambda a, b: (0.0, -0.03 * (b.stamp > a.stamp)), motions=backs)[0] == ""
 
 
 def test_a_mirrored_picture_is_named_early_in_the_first_turn() -> None:
