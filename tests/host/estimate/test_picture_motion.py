@@ -156,5 +156,7 @@ def test_pictures_of_another_place_are_named_where_the_gyroscope_tells_of_the_tu
 def test_pictures_that_are_not_believed_tell_nothing() -> None:
     hangs = watched(same_ago=lambda k: max(0, k - 120), usable=lambda k: k < 122)
     assert hangs[0] == "", "the machine stands for that, and goes on by itself"
+    by_turns = watched(gain=(1.0, 0.0), usable=lambda k: k % 2 == 0)
+    assert by_turns[0] == "", "what a picture shows since one that is not believed"
     dark = watched(gain=(1.0, NAN))
     assert dark[0] == ""
