@@ -114,6 +114,16 @@ def _dirt(**wrong: float) -> dict[str, Any]:
     return {"lens": {"disturbance": wrong}}
 
 
+def delay_of(true_s: float) -> dict[str, Any]:
+    return {"lens": {"delay_s": true_s}, "belief": SAID}
+
+
+def _delayed(more_s: float) -> dict[str, Any]:
+    """On the way to the host, from the start: no camera alone is so late."""
+    fault = {"component": "camera", "failure": "delayed", "value": more_s, "at": {"time_s": 0.0}}
+    return {"faults": [fault]}
+
+
 def gap_of(true_m: float, said_m: float) -> dict[str, Any]:
     return {"field": {"gap_m": true_m}, "belief": {"gap_m": said_m}}
 
@@ -164,7 +174,10 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "picture upside down": {},
     "picture frozen, fresh noise": {},
     "picture in a loop of 3 s": {},
-    "delay 0.3, said 0.1": {"lens": {"delay_s": 0.3}, "belief": SAID},
+    "delay 0.3, said 0.1": delay_of(0.3),
+    "delay 0.6, said 0.1": delay_of(0.6),
+    "delay 1.0, said 0.1": delay_of(1.0),
+    "delay 3.1, said 0.1": _delayed(3.0),
     "a little of all": {
         "lens": {"pitch_deg": 28.8, "yaw_deg": 0.8, "z_m": 1.63, "hfov_deg": 63.0},
         "machine": {
@@ -198,9 +211,10 @@ PICTURES: Final[Mapping[str, WrongPictures]] = {
     "picture in a loop of 3 s": WrongPictures(old_from_s=OLD_FROM_S, old_s=3.0),
 }
 """Of these cases the pictures are wrong."""
-ONLY_PICTURES: Final = frozenset(("lens half under mud", "lens under straw")) | {
-    case for case, wrong in PICTURES.items() if wrong.only_pictures
-}
+ONLY_PICTURES: Final = frozenset(
+    # Of seconds, only the pictures' motion tells before harm is done.
+    ("lens half under mud", "lens under straw", "delay 3.1, said 0.1")
+) | {case for case, wrong in PICTURES.items() if wrong.only_pictures}
 """What model eyes cannot show."""
 KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "camera": ("mount 1.5 deg, 5 cm", "mount yaw 2 deg", "delay 0.3, said 0.1"),

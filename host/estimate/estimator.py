@@ -14,6 +14,7 @@ from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.last_round import Trails
 from host.estimate.odometry import Motion, Odometry
+from host.estimate.picture_motion import PictureMotion
 from host.estimate.position import Position
 from host.estimate.speed_watch import SpeedWatch
 from host.route.plan import Plan
@@ -33,6 +34,7 @@ class Estimator:
         self.direction = DirectionCheck()
         self.cut = CutGuard(vehicle)
         self.speed = SpeedWatch(vehicle)
+        self.pictures = PictureMotion(vehicle)
         self.backwards = False
         """Whether the latest fix shows the machine moving against its heading."""
         self.askew_rad = 0.0

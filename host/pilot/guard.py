@@ -67,6 +67,7 @@ class Watched(Reason):
         "{why}: it loses pulses or counts false ones, or hall_per_metre is wrong; check sensor, "
         "magnets, cable and calibration",
     )
+    PICTURES = Doing.FAULT, "the pictures do not move as the machine does: {why}"
     POT_OFF = (
         Doing.FAULT,
         "the machine steers {deg} deg farther to the {side} than its potentiometer says, by what "
@@ -92,6 +93,8 @@ def watch(state: State, estimate: Estimator, faults: int = 0) -> Go | None:
         return Watched.BACKWARDS.go()
     if estimate.speed.wrong:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
+    if estimate.pictures.wrong:
+        return Watched.PICTURES.go(why=estimate.pictures.wrong)
     off_rad = estimate.odometry.pot_off_rad
     if off_rad != 0.0:
         side = "left" if off_rad > 0.0 else "right"

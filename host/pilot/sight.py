@@ -198,6 +198,7 @@ class Sight:
         # After a leg the machine may stand across the next lane.
         askew_rad = 0.0 if turning is None or in_leg else turning.against_lane(then)[1]
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
+        estimate.pictures.take(view, then)
         # Elsewhere swath may lie across: it must lead no blade through a gap.
         view = self._of_lane(view.with_lying() if strip.surely_crop else view, strip, then)
         self.view, self.stamp = view, frame.stamp

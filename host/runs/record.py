@@ -103,7 +103,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
         _schema(
             **_numbers("confidence", "edge_offset_m", "edge_heading_rad", "crop_ahead_m"),
             **_numbers("edge_offset_most_m", "edge_beside_m", "edge_ahead_m", "tip_share"),
-            **_numbers("lies_confidence"),
+            **_numbers("lies_confidence", "shown_turn_rad", "shown_way_m", "same_ago"),
             **_numbers("ahead_confidence", "end_of_field", "e_outer_px", "o_map_px"),
             **_numbers("l_height_px", "l_reference_px"),
             reason=_TEXT,

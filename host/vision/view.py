@@ -69,6 +69,13 @@ class CropView:
     """Why the confidence is low, in words."""
     usable: bool = True
     """False where the picture shows nothing of the world of now, whatever is in it."""
+    shown_turn_rad: float = NAN
+    """How far the camera has turned left since the picture before, by how the scene has shifted;"""
+    shown_way_m: float = NAN
+    """and how far it has gone forward, if the ground were level and bare."""
+    same_ago: int = 0
+    """How many pictures ago the first one came that this one is the same as, but for its noise; 0:
+    it is like none. At a stand all are the same."""
     stages: dict[str, NDArray[np.uint8]] = field(default_factory=dict)
     """The intermediate pictures (SY, TSY, VTSY, lines) when they were asked for."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from host.core.vehicle import Mount, Vehicle
 from host.sensors.picture_watch import PictureWatch
 from host.vision.mounted.detector import Mode, make_detector
 from host.vision.mounted.paper import PaperParams
+from host.vision.shown_motion import ShownMotion
 from host.vision.view import CropView, Detector
 
 PROVED: Final = 3
@@ -24,16 +26,25 @@ class WatchedDetector:
     def __init__(self, detector: Detector, mount: Mount) -> None:
         self._detector = detector
         self._watch = PictureWatch(mount.width_px, mount.height_px)
+        self._motion = ShownMotion(mount, *self._watch.small_size)
         self._spoilt = ""
         self._sound = PROVED
 
     def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
         """The detector's view, or one without any confidence that says why."""
-        return self._problem(bgr) or self._detector.see(bgr, stages=stages)
+        problem = self._problem(bgr)
+        return self._moved(problem or self._detector.see(bgr, stages=stages))
 
     def glance(self, bgr: NDArray[np.uint8]) -> CropView:
         """Likewise, of a picture in which nothing is to be measured."""
-        return self._problem(bgr) or self._detector.glance(bgr)
+        problem = self._problem(bgr)
+        return self._moved(problem or self._detector.glance(bgr))
+
+    def _moved(self, view: CropView) -> CropView:
+        """The view, and how the camera has moved."""
+        watch = self._watch
+        turn_rad, way_m = self._motion.take(watch.small)
+        return replace(view, shown_turn_rad=turn_rad, shown_way_m=way_m, same_ago=watch.same_ago)
 
     def _problem(self, bgr: NDArray[np.uint8]) -> CropView | None:
         problem = self._watch.problem(bgr)

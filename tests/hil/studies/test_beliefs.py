@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from hil.studies.beliefs import (
     CASES,
     COUNTS_PER_DEG,
     KINDS,
+    OLD_FROM_S,
     ONLY_PICTURES,
     PICTURES,
     harmless,
@@ -31,6 +34,7 @@ from hil.studies.beliefs import (
     scenario_of,
 )
 from host.core.errors import UserError
+from host.pilot.phase import Doing
 
 needs_firmware = pytest.mark.skipif(
     not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
@@ -179,3 +183,41 @@ def test_the_summary_says_where_the_machine_was_put_down() -> None:
     found = run.truth.summary()
     run.close()
     assert found["put_outside_m"] == found["outside_m"] == pytest.approx(1.25, abs=0.01)
+
+
+def are_old(run: Harvest) -> bool:
+    """From here on the app sends old pictures."""
+    return run.bench.now >= OLD_FROM_S
+
+
+def turns(run: Harvest) -> bool:
+    """The machine turns: along a straight line a mirrored picture moves as a good one does, and so
+    does one that comes late."""
+    return abs(run.pilot.motion.yaw_rad) > math.radians(5.0)
+
+
+@needs_firmware
+@pytest.mark.parametrize(
+    ("case", "known", "why"),
+    [
+        ("picture frozen, fresh noise", are_old, "stream hangs"),
+        ("picture in a loop of 3 s", are_old, "stream hangs"),
+        ("picture upside down", lambda _: True, "upside down"),
+        ("picture mirrored", turns, "mirrored"),
+        ("delay 1.0, said 0.1", turns, "s late, and camera_delay_s says 0.1 s"),
+    ],
+)
+def test_pictures_that_do_not_move_as_the_machine_stop_it_within_2_m_and_name_the_camera(
+    case: str, known: Callable[[Harvest], bool], why: str
+) -> None:
+    scenario = changed(scenario_of(case), {"limits": {"time_s": 60.0}})
+    wrong = PICTURES.get(case)
+    with closing(Harvest(scenario, eyes=wrong.eyes if wrong is not None else None)) as run:
+        run.run(enough=lambda: known(run))
+        known_m = run.pilot.motion.distance_m
+        run.run()
+        found = run.truth.summary()
+    assert run.pilot.doing is Doing.FAULT
+    assert why in run.pilot.reason and "camera" in run.pilot.reason
+    assert run.pilot.motion.distance_m - known_m < 2.0
+    assert harmless(found)

@@ -233,6 +233,15 @@ def test_a_pot_that_is_loose_is_named_with_how_much_and_to_which_side(
     assert f"5 deg farther to the {side}" in found.text
 
 
+def test_pictures_that_do_not_move_as_the_machine_does_stop_it_in_their_watchs_words() -> None:
+    estimate = Estimator(VEHICLE, plan())
+    assert watch(State.RUNNING, estimate) is None
+    estimate.pictures.wrong = "the camera's stream hangs"
+    found = watch(State.RUNNING, estimate)
+    assert found is not None and found.reason is Watched.PICTURES
+    assert found.text.endswith("as the machine does: the camera's stream hangs")
+
+
 def test_what_the_firmware_reports_is_said_in_its_words() -> None:
     found = watch(State.FAULT, Estimator(VEHICLE, plan()), int(Fault.ESTOP_OPEN))
     assert found is not None and found.reason is Watched.FIRMWARE_FAULT

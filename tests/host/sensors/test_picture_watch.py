@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.sensors.picture_watch import PictureWatch
+from host.sensors.picture_watch import MEMORY, PictureWatch
 from tests.helpers.shots import HEIGHT, WIDTH, Picture, scene, shot
 
 
@@ -38,6 +38,20 @@ def test_a_frozen_camera_is_noticed_at_its_first_repetition() -> None:
     made, picture = watch(), shot(scene())
     assert made.problem(picture) == ""
     assert "repeats" in made.problem(picture.copy())
+
+
+def test_a_picture_is_known_again_under_fresh_noise_and_no_other_is() -> None:
+    made, world = watch(), scene()
+    for k in range(30):
+        assert made.problem(shot(world, 8 * k, k)) == "" and made.same_ago == 0
+    for k in range(5):
+        assert made.problem(shot(world, 8 * 29, 100 + k)) == ""
+        assert made.same_ago == k + 1, "the first one that it is the same as"
+    assert made.problem(shot(world, 0, 200)) == "" and made.same_ago == 35
+    for k in range(MEMORY):
+        made.problem(np.zeros((2, 2, 3), np.uint8) if k % 2 else shot(world, 400, 300 + k))
+    made.problem(shot(world, 0, 500))
+    assert made.same_ago == 0, "so long it remembers none"
 
 
 def test_a_clock_in_the_corner_does_not_make_a_frozen_picture_live() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from host.core.vehicle import MAST
 from host.vision.view import CropView
@@ -44,6 +45,17 @@ def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
     made.restart()
     made.restart(turned=False)
     assert (behind.seen, behind.restarts) == (1, [True, False])
+
+
+def test_a_view_says_how_the_camera_has_moved_and_whether_it_was_there_before() -> None:
+    made, world = WatchedDetector(Counting(), MAST), scene()
+    made.see(shot(world, 100, 0))
+    turned = made.see(shot(world, 80, 1))
+    assert turned.shown_turn_rad == pytest.approx(20 / MAST.focal, rel=0.3), "to the left"
+    assert turned.same_ago == 0
+    back = made.glance(shot(world, 100, 2))
+    assert back.shown_turn_rad == pytest.approx(-20 / MAST.focal, rel=0.3)
+    assert back.same_ago == 2
 
 
 def test_a_picture_of_quite_another_place_shows_nothing_but_that_the_camera_lives() -> None:
