@@ -146,6 +146,8 @@ class DriveTurn(Behaviour):
         waits for, with less room kept than at the one before."""
         context, turning = self.context, self.turning
         assert self._wary is not None
+        if turning.beside:
+            turning.anchor(context.motion, *context.estimate.lane.backwards)
         start = turning.beside_lane(context.motion)
         room = context.guard.room_around(start)
         legs = None
@@ -163,7 +165,7 @@ class DriveTurn(Behaviour):
                 context.strip.begin_leg(turning)
         elif room is None or self._wary >= TRIES:
             self._wary = None
-            turning.laid_anew = LAID_ANEW
+            turning.laid_anew += 1
             if turning.leg is not None:
                 self._next(now)
         return None
