@@ -8,14 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from host.core.frames import Pose2
 from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
 from host.estimate.cut_guard import CutGuard
+from host.estimate.lane import Lane
 from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours import BEHAVIOURS
+from host.pilot.behaviours import turn as turn_module
 from host.pilot.behaviours.align import TRUST_AFTER_S, Align
 from host.pilot.behaviours.align import Why as Aligned
 from host.pilot.behaviours.back_off import BACK_AFTER_S, BACK_M, BACKS, LOOKED_S, BackOff
@@ -820,6 +823,21 @@ def test_a_turn_whose_leg_the_geofence_stops_goes_another_way_to_the_same_lane()
     assert end.x_m + VEHICLE.blade_x_m < anew.crop_begins_m
 
 
+def test_beside_a_lane_another_way_begins_where_pictures_have_shown_the_machine(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    context = turning()
+    context.turning = Turning(NOW, shuttle(VEHICLE, -8.0, VEHICLE.pass_m, 3.0), (0.0, 0.0, 0.0))
+    assert context.turning.beside
+    monkeypatch.setattr(Lane, "backwards", property(lambda _: (0.4, 0.1)))
+    starts: list[Pose2] = []
+    monkeypatch.setattr(turn_module, "way", lambda _, start, *__: starts.append(start))
+    after_search(DriveTurn(context))
+    assert len(starts) == TRIES
+    for start in starts:
+        assert (start.y_m, start.heading_rad) == pytest.approx((0.4, 0.1))
+
+
 def test_where_no_way_is_left_the_turn_takes_its_next_leg(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Guard, "room_around", lambda *_: None)
     context = turning()
@@ -827,6 +845,7 @@ def test_where_no_way_is_left_the_turn_takes_its_next_leg(monkeypatch: pytest.Mo
     first = turn.turning.leg
     after_search(turn)
     assert turn.turning.leg is not first
+    assert turn.turning.laid_anew == 1, "and may find one from elsewhere"
 
 
 @pytest.mark.parametrize(
