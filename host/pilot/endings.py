@@ -17,6 +17,9 @@ LEFT_M2 = 1.0
 """That stays standing besides what the plan had shown: of more the owner is told."""
 LEFT_SHARE = 0.05
 """Of the field: with more than that it is not harvested."""
+LITTLE_SHARE, LITTLE_M2 = 0.03, 8.0
+"""Of the field, and at most: once no more than that is left, and the machine cannot get there, the
+harvest is over."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 
@@ -112,6 +115,19 @@ def end_by_plan(context: Context, now: float) -> Go | None:
     context.by_plan = True
     context.left_standing_m2 += context.strip.left_m2
     return end_side(context, now, EndOfField(now, context.motion, context.strip.index))
+
+
+def leave_rest(context: Context) -> bool:
+    """Whether so little of the plan is left, from the present side on, that the harvest may end
+    without it. Then that stays standing."""
+    strip = context.strip
+    side = context.plan.sides[strip.index]
+    whole_m2 = side.length_m * side.width_m
+    rest_m2 = strip.rest_m2 + (strip.left_m2 if context.turning is None else whole_m2)
+    little = context.left_m2 + rest_m2 < min(LITTLE_SHARE * context.plan.area_m2, LITTLE_M2)
+    if little:
+        context.left_standing_m2 += rest_m2
+    return little
 
 
 def over(context: Context, go: Go) -> Go:

@@ -8,7 +8,7 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
-from host.pilot.endings import Beside, Elsewhere, SideEnd, end_by_plan, end_side
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_by_plan, end_side, leave_rest
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
@@ -28,9 +28,6 @@ END_LOOK_EVERY_M = 0.3
 """Between looks for an end where the plan has one: crop beyond the last look is cut meanwhile."""
 NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
-KEEP_OUT_SHARE, KEEP_OUT_M2 = 0.03, 8.0
-"""Of the field, and at most: once no more than that is left, and beside a keep-out, the harvest is
-over."""
 END_REST_M = 1.0
 """Of a side, before its end: no more than a walked corner errs."""
 SPIN_S = 0.6
@@ -84,10 +81,7 @@ class Follow(Behaviour):
         told when all else is cut."""
         context, strip = self.context, self.context.strip
         if verdict.at_keep_out and strip.placed:
-            left_m2 = context.left_m2 + strip.left_m2
-            most_m2 = min(KEEP_OUT_SHARE * context.plan.area_m2, KEEP_OUT_M2)
-            if left_m2 + strip.rest_m2 < most_m2:
-                context.left_standing_m2 += strip.left_m2 + strip.rest_m2
+            if leave_rest(context):
                 return Why.LEFT_AT_KEEP_OUT.go()
             if verdict.clearance_m >= 0.0:
                 context.left_standing_m2 += strip.left_m2

@@ -9,7 +9,7 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
-from host.pilot.endings import Blind, blind
+from host.pilot.endings import Blind, blind, leave_rest
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
@@ -49,6 +49,7 @@ class Why(Reason):
         Doing.FAULT,
         "no room to turn {deg} deg more: drive it to where it has, or to a corner of what stands",
     )
+    LEFT_NO_ROOM = Doing.FINISH, "there is no room to turn to what is left"
     ROLLS = Doing.FAULT, "told to stand, it rolls: the slope is too steep for its brake"
 
 
@@ -86,6 +87,8 @@ class DriveTurn(Behaviour):
         if turning.leg is None:
             _, turned = turning.against_lane(context.motion)
             if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
+                if leave_rest(context):
+                    return context.hold(), Why.LEFT_NO_ROOM.go()
                 return context.hold(), Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
             expected_m = turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
             context.sight.ahead.approached = context.strip.new or expected_m > -INSIDE_M

@@ -889,6 +889,24 @@ def test_another_way_is_looked_for_so_often_and_then_a_person_is_asked(
     assert go is not None and "80 deg" in go.text
 
 
+@pytest.mark.parametrize(("length_m", "over"), [(1.0, True), (9.0, False)])
+def test_without_room_to_turn_to_the_last_rest_the_harvest_is_over(
+    length_m: float, over: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a field of 100 m2, 0.9 m2 or 8."""
+    last = replace(PLAN.sides[1], length_m=length_m)
+    context = turning(replace(PLAN, sides=(PLAN.sides[0], last)))
+    turn = DriveTurn(context)
+    turn.turning.broken_off = True
+    turn.turning.laid_anew = LAID_ANEW
+    while turn.turning.leg is not None:
+        turn.turning.next(NOW)
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(80.0)))
+    go = turn.step(NOW)[1]
+    assert is_for(go, Turned.LEFT_NO_ROOM if over else Turned.NO_ROOM)
+    assert (context.left_m2 > 0.5) is over
+
+
 def test_backing_along_its_lane_a_turn_is_over_where_the_geofence_ends_it() -> None:
     context = turning()
     turn = DriveTurn(context)
