@@ -30,9 +30,9 @@ from host.route.turn_legs import Turn
 CREEP_MPS = 0.15
 """Near the geofence."""
 NEARER = ((1.0, 0.2), (1.0, 0.1), (1.0, 0.0), (0.5, 0.0), (0.0, 0.0))
-"""Shares of what is not known of a border, and m, that a way keeps clear of it: the first, which
-is what a blade sweeps on the lock in a creep until it stands; and of the others the first that the
-machine keeps where it is."""
+"""Shares of what is not known of a border, and m, that a way keeps clear of it, if it can: the
+first is what a blade sweeps on the lock in a creep until it stands. With a share of less than one
+the machine may stand somewhere, and lead away from it."""
 ASTRAY_SIGMAS = 5.0
 ASTRAY_M = 2.0
 """Of a walked corner: what moves it farther than both is no walk's error."""

@@ -28,8 +28,8 @@ class Turning:
         """Whether the steering has reached the leg's angle and the machine may move."""
         self.broken_off = False
         """Whether the geofence has ended one of its legs."""
-        self.laid_anew = 0
-        """How often another way was found from where it stood."""
+        self.searches = 0
+        """How often another way was looked for from where it stood."""
 
     @property
     def leg(self) -> Leg | None:
@@ -45,7 +45,6 @@ class Turning:
             for leg in legs
         )
         self.turn = replace(self.turn, legs=tuple(turned))
-        self.laid_anew += 1
         self._index = -1
         self.next(now)
 

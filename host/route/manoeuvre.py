@@ -131,8 +131,7 @@ def _free(at: Array, outline: Array, sides: Array, margins: Array, placed: Array
         if long == 0.0:
             continue
         ux, uy = (bx - ax) / long, (by - ay) / long
-        # Along and beside the side, of the outline's corners: a hull that reaches beyond either
-        # end of the side is taken to do so with all of it.
+        # A box of the outline along and beside the side that is clear of it saves the distances.
         low, high, least, most = math.inf, -math.inf, math.inf, -math.inf
         for i in range(n):
             x, y = placed[i, 0] - ax, placed[i, 1] - ay
@@ -142,7 +141,6 @@ def _free(at: Array, outline: Array, sides: Array, margins: Array, placed: Array
         margin = margins[k]
         if high < -margin or low > long + margin or least > margin or most < -margin:
             continue
-        # Near it, or past one of its ends: the distance itself decides.
         for i in range(n):
             j = (i + 1) % n
             if _crosses_within(
@@ -226,9 +224,9 @@ def _piece(
 
 @njit(cache=True, nogil=True)
 def _arcs(at: Array, radius: float, which: int) -> tuple[float, float, float]:
-    """Two arcs on the lock that lead onto the lane: the first one's curvature, m times its radius,
-    its way and the second one's, m, negative in reverse; the ways are NaN where there are none. Of
-    four solutions."""
+    """Two arcs on the lock that lead onto the lane, of four solutions: the side that the first one
+    bends to, 1 for the left, -1 for the right, and the ways along both, m, negative in reverse; NaN
+    where there are none. The second bends to the other side."""
     heading = math.atan2(math.sin(at[2]), math.cos(at[2]))
     side = 1.0 if which % 2 == 0 else -1.0
     # The first changes y by side r (cos heading - cos between), the second by side r (1 - cos
@@ -280,10 +278,10 @@ def _search(
         around = margins[near[here]]
         # Onto the lane from here.
         for which in range(4):
-            sense, first, second = _arcs(at, radius, which)
+            side, first, second = _arcs(at, radius, which)
             if not math.isfinite(first):
                 continue
-            k = sense / radius
+            k = side / radius
             _on(at, k, first, to)
             _on(to, -k, second, between)
             beyond = max(0.0, between[0] - ends)

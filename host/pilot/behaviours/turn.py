@@ -10,7 +10,7 @@ from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
 from host.pilot.endings import Blind, blind, leave_rest
-from host.pilot.guard import SeenFree
+from host.pilot.guard import NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.route.manoeuvre import Lane, way
@@ -27,10 +27,10 @@ ASKEW_RAD = math.radians(20.0)
 ASIDE_M = 0.3
 """Beside the new lane, with which a turn is over: what following makes good within a strip's first
 metres."""
-LAID_ANEW = 6
+SEARCHES = 6
 """So often another way is looked for, in one turn."""
-TRIES = 3
-"""Of `host.pilot.guard.NEARER`, that such a way may keep."""
+TRIES = sum(share == 1.0 for share, _ in NEARER)
+"""Rooms that it is looked for in."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
@@ -80,9 +80,9 @@ class DriveTurn(Behaviour):
         if go is not None:
             return context.hold(), go
         if self._wary is not None:
-            return context.hold(), self._search(now)
-        if turning.leg is None and self._off_lane() and self._may_search():
-            self._wary = 0
+            self._search(now)
+            return context.hold(), None
+        if turning.leg is None and self._off_lane() and self._begin_search():
             return context.hold(), None
         if turning.leg is None:
             _, turned = turning.against_lane(context.motion)
@@ -130,10 +130,8 @@ class DriveTurn(Behaviour):
         del verdict
         turning = self.turning
         turning.broken_off = True
-        if (turning.backing and not self._off_lane()) or not self._may_search():
+        if (turning.backing and not self._off_lane()) or not self._begin_search():
             self._next(now)
-        else:
-            self._wary = 0
         return None
 
     def _off_lane(self) -> bool:
@@ -141,10 +139,15 @@ class DriveTurn(Behaviour):
         offset, turned = self.turning.against_lane(self.context.motion)
         return self.context.strip.placed and (abs(turned) > ASKEW_RAD or abs(offset) > ASIDE_M)
 
-    def _may_search(self) -> bool:
-        return self.turning.laid_anew < LAID_ANEW and self.context.strip.placed
+    def _begin_search(self) -> bool:
+        """Whether another way is looked for from the next step on."""
+        if self.turning.searches >= SEARCHES or not self.context.strip.placed:
+            return False
+        self.turning.searches += 1
+        self._wary = 0
+        return True
 
-    def _search(self, now: float) -> Go | None:
+    def _search(self, now: float) -> None:
         """Looks for another way to the lane within the geofence: at each step, which the firmware
         waits for, with less room kept than at the one before."""
         context, turning = self.context, self.turning
@@ -168,10 +171,8 @@ class DriveTurn(Behaviour):
                 context.strip.begin_leg(turning)
         elif room is None or self._wary >= TRIES:
             self._wary = None
-            turning.laid_anew += 1
             if turning.leg is not None:
                 self._next(now)
-        return None
 
     def leg_done(self) -> bool:
         """Whether the goal is reached, or will be by coasting on. Backing along the new side goes

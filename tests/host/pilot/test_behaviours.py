@@ -43,7 +43,7 @@ from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import LAID_ANEW, STEER_TIMEOUT_S, TRIES, DriveTurn
+from host.pilot.behaviours.turn import SEARCHES, STEER_TIMEOUT_S, TRIES, DriveTurn
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -845,7 +845,7 @@ def test_where_no_way_is_left_the_turn_takes_its_next_leg(monkeypatch: pytest.Mo
     first = turn.turning.leg
     after_search(turn)
     assert turn.turning.leg is not first
-    assert turn.turning.laid_anew == 1, "and may find one from elsewhere"
+    assert turn.turning.searches == 1, "and may find one from elsewhere"
 
 
 @pytest.mark.parametrize(
@@ -878,10 +878,10 @@ def test_another_way_is_looked_for_so_often_and_then_a_person_is_asked(
     """Whatever edge it sees across its way is not the new lane's."""
     turn = DriveTurn(turning())
     monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(80.0)))
-    for _ in range(LAID_ANEW):
-        before = turn.turning.laid_anew
+    for _ in range(SEARCHES):
+        before = turn.turning.searches
         after_search(turn)
-        assert turn.turning.laid_anew == before + 1
+        assert turn.turning.searches == before + 1
     while turn.turning.leg is not None:
         turn.blocked(NOW, TOO_NEAR)
     go = turn.step(NOW)[1]
@@ -898,7 +898,7 @@ def test_without_room_to_turn_to_the_last_rest_the_harvest_is_over(
     context = turning(replace(PLAN, sides=(PLAN.sides[0], last)))
     turn = DriveTurn(context)
     turn.turning.broken_off = True
-    turn.turning.laid_anew = LAID_ANEW
+    turn.turning.searches = SEARCHES
     while turn.turning.leg is not None:
         turn.turning.next(NOW)
     monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(80.0)))
@@ -916,7 +916,7 @@ def test_backing_along_its_lane_a_turn_is_over_where_the_geofence_ends_it() -> N
     turn.turning.against_lane = lambda _: (0.1, 0.1)  # type: ignore[method-assign]
     turn.blocked(NOW, TOO_NEAR)
     assert turn.turning.leg is None
-    assert turn.turning.laid_anew == 0
+    assert turn.turning.searches == 0
 
 
 @pytest.mark.parametrize(("askew_deg", "taken"), [(0.0, True), (50.0, True), (75.0, False)])
@@ -1058,7 +1058,7 @@ def test_a_plans_last_side_ends_the_field() -> None:
     [(0.0, 0.9, False, None), (0.0, 4.0, False, Over.SOME_LEFT), (0.0, 0.0, True, Over.MUCH_LEFT),
      (5.0, 5.0, False, None)],
 )  # fmt: skip
-def test_what_a_plan_laid_anew_does_not_reach_is_told_at_its_end(
+def test_what_a_plan_searches_does_not_reach_is_told_at_its_end(
     shown_m2: float, left_m2: float, part: bool, told: Over | None
 ) -> None:
     """Of a field of 100 m2, next to nothing is not, nor what the first plan had shown."""
