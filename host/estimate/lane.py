@@ -130,6 +130,7 @@ class Lane:
         ahead_m: float = 0.0,
         learn: bool = True,
         cutting: bool = True,
+        stays: bool = True,
     ) -> bool:
         """Takes vision's measurement of the edge (NaN heading: not seen), made ahead_m before the
         blade's line.
@@ -137,12 +138,13 @@ class Lane:
         `since` is (distance travelled, yaw turned) from the shutter to now. With `learn` the
         curvature that the pot does not show is estimated too; not after a turn, whose errors it
         would take upon itself. `cutting`: the blade's dust is in the air. Returns False where the
-        measurement contradicts the prediction beyond the gate; it is then not used.
+        measurement contradicts the prediction beyond the gate; it is then not used, but makes the
+        lane doubtful where such an edge `stays`: the machine drives along it, or looks at it.
         """
         place = self._position.on_lane()
         seen = edge.edge(place, edge_offset_m, edge_heading_rad, confidence, since, ahead_m)
         self.contradicted = not self._position.see_edge(
-            seen, learn=learn, cutting=cutting, doubts=not self.holds
+            seen, learn=learn, cutting=cutting, doubts=stays and not self.holds
         )
         if self._until_seen and not self.contradicted:
             self.aim_m = 0.0

@@ -220,8 +220,9 @@ class Sight:
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
                 if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
-                    cuts = gaze.cutting
-                    self._take_edge(view, strip, then, since_shutter, moved=moved, cutting=cuts)
+                    # Crop that stands elsewhere passes before a machine that turns.
+                    stays = not in_leg or beside
+                    self._take_edge(view, strip, then, since_shutter, gaze, stays, moved=moved)
             elif not in_leg:
                 self._take_corner(view, strip, then, since_shutter)
         if gaze.lane and cutting and not in_leg:
@@ -293,9 +294,10 @@ class Sight:
         strip: Strip,
         then: Motion,
         since_shutter: tuple[float, float],
+        gaze: Gaze,
+        stays: bool,
         *,
         moved: bool,
-        cutting: bool,
     ) -> None:
         self.edge_at_m = then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
@@ -307,7 +309,8 @@ class Sight:
             since_shutter,
         )
         learn = strip.teaches and cut_m > LEARN_AFTER_M
-        lane.correct(*seen, ahead_m=view.edge_ahead_m, learn=learn, cutting=cutting)
+        ahead_m, cutting = view.edge_ahead_m, gaze.cutting
+        lane.correct(*seen, ahead_m=ahead_m, learn=learn, cutting=cutting, stays=stays)
         self._estimate.learn_curve()
         if moved and not lane.contradicted and not self.beside(then):
             strip.seen_beside(view, then)

@@ -82,6 +82,7 @@ class Search(Behaviour):
         context, strip = self.context, self.context.strip
         if strip.search_reach_m <= 0.0:
             return Why.NO_CROP_LEFT.go()
-        strip.search_m = expected_m + strip.search_reach_m
+        # A tight turn may end past where the crop begins: then all of the way is still to go.
+        strip.search_m = max(0.0, expected_m) + strip.search_reach_m
         context.begin_strip()
         return Why.NOT_IN_VIEW.go(side=strip.name)

@@ -73,6 +73,7 @@ from host.pilot.endings import (
 )
 from host.pilot.guard import Guard, Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze, Sight
 from host.pilot.stop_and_look import LOOK_S
@@ -432,6 +433,27 @@ def test_where_a_strip_begins_shows_while_the_machine_backs_away_from_it(
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
         context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
     assert math.isfinite(context.sight.ahead.begins_at_m) is seen
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_what_a_turning_machine_sees_against_its_lane_makes_that_no_more_doubtful(
+    turns: bool,
+) -> None:
+    """Crop that stands elsewhere passes before it; what lasts beside a machine on its lane does."""
+    elsewhere = replace(CUTTING, edge_offset_m=1.2, crop_ahead_m=0.5)
+    context = on_side(cut_m=None, eye=Shown(elsewhere))
+    turning = backing(context, 0.0) if turns else None
+    lane = context.estimate.lane
+    context.estimate.position.place(context.strip.planned_piece, -1.0, 0.0, 0.0)
+    before = lane.offset_sigma_m
+    for k in range(10):
+        stamp = NOW + 0.1 * k
+        moved(context, -1.0 - 0.06 * k, -0.6, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        if k == 0:
+            assert lane.contradicted
+    assert (lane.offset_sigma_m < 1.1 * before) is turns
 
 
 def test_crop_that_is_met_driving_up_to_it_stands_a_little_farther_on() -> None:
@@ -1021,6 +1043,16 @@ def test_search_drives_along_a_long_side_without_crop_in_view() -> None:
     [go] = searched(context, replace(CUTTING, crop_ahead_m=math.inf), PICTURES)
     assert is_for(go, Searched.NOT_IN_VIEW)
     assert math.isfinite(context.strip.search_m)
+
+
+def test_a_turn_that_ends_past_where_the_crop_begins_searches_as_far_on_from_there() -> None:
+    context = turned()
+    assert context.turning is not None
+    begins_m = context.turning.turn.crop_begins_m
+    context.turning.turn = replace(context.turning.turn, crop_begins_m=begins_m - 2.0)
+    assert context.turning.crop_expected_m(context.motion, VEHICLE.blade_x_m) < -NO_CROP_M
+    searched(context, replace(CUTTING, crop_ahead_m=math.inf), PICTURES)
+    assert context.strip.search_m >= NO_CROP_M
 
 
 def test_search_without_a_plan_ends_the_field_where_no_crop_stands() -> None:
