@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from host.estimate.kalman import Array
+from host.estimate.measurements.border import BOUNDARY, Across
+from host.estimate.outline import PARALLEL, Outline
 from host.estimate.states import LANE, SIGHT
 from host.route.side import NO_EDGE, Side
 
@@ -99,6 +101,27 @@ class Lanes:
     def knows(self, side: Side) -> bool:
         """Whether a lane has left its edge."""
         return self._last(side) is not None
+
+    def across(self, outline: Outline, side: Side, way: int, sight_m: float) -> Across:
+        """What has left the border at a side's end (way 1) or beginning (-1): the last lane along
+        that edge of the boundary, where there is one."""
+        edge = side.begins_at if way < 0 else side.ends_at
+        lain = next((k for k in reversed(self._lain) if k.side.edge == edge != NO_EDGE), None)
+        if lain is None:
+            return BOUNDARY
+        across, along = outline.found(lain.side), outline.found(side)
+        c, s = math.cos(across.heading_rad), math.sin(across.heading_rad)
+        heading = along.heading_rad if way < 0 else along.end_heading_rad
+        sine = abs(math.sin(heading - across.heading_rad))
+        at = along.pose(along.edge_begin_m if way < 0 else along.length_m - along.edge_end_m)
+        met_m = (at[0] - across.x_m) * c + (at[1] - across.y_m) * s
+        if sine < PARALLEL or not -self._width < met_m < across.length_m + self._width:
+            return BOUNDARY
+        # What lies left of a lane lies farther inside.
+        h = np.array([1.0, met_m]) * (-way / sine)
+        by_sight = float(h @ lain.by_sight)
+        beyond_m = float(h @ lain.x) + by_sight * (sight_m - lain.sight_m)
+        return Across(beyond_m, math.sqrt(h @ lain.p @ h), by_sight)
 
     def _last(self, side: Side) -> Lain | None:
         """The lane whose cutting has left a side's edge. Where the strips between were laid out

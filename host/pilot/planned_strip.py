@@ -112,7 +112,8 @@ class PlannedStrip(PlanSide):
             self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
 
     def met_begin(self, ago_m: float) -> None:
-        if not self._begin_seen:
+        # Where the turn has pressed the crop down, what is met is not where it began.
+        if not self._begin_seen and self._pressed_m == 0.0:
             early_m = begin.EARLY_M if self.index > 0 else 0.0
             self.estimate.position.at_begin(self._straight[0], ago_m - early_m)
 

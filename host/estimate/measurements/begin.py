@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from host.estimate.kalman import Array, Measurement
-from host.estimate.measurements.border import SLANT_SHARE, SLOPE_MOST, border
+from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, SLOPE_MOST, Across, border
 from host.estimate.place import Place
 
 SEEN_SIGMA_M = 0.15
@@ -18,9 +18,16 @@ it: the detector's own promise (`CropView.ahead_confidence`); it takes crop for 
 """
 
 
-def begin(place: Place, p: Array, ago_m: float, sigma_m: float = MET_SIGMA_M) -> Measurement:
+def begin(
+    place: Place,
+    p: Array,
+    ago_m: float,
+    sigma_m: float = MET_SIGMA_M,
+    across: Across = BOUNDARY,
+) -> Measurement:
     """The blade met it, and has travelled ago_m since."""
     side = place.side
     sigma = math.hypot(sigma_m, SLANT_SHARE * side.begin_seen_m)
     slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
-    return border("begin", place, p, side.begin_seen_m + ago_m, sigma, slope, way=-1)
+    met_m = side.begin_seen_m + ago_m
+    return border("begin", place, p, met_m, sigma, slope, across, way=-1)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from host.estimate.kalman import Array, Measurement
 from host.estimate.place import Place
-from host.estimate.states import STATES, YAW
+from host.estimate.states import SIGHT, STATES, YAW
 
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
@@ -19,17 +20,42 @@ DOUBTED_SIGMAS = 2.0
 the gap look like crop, and dust hides it."""
 
 
+class Across(NamedTuple):
+    """Where a strip across has left the border: strip after strip from the boundary, each as far
+    beside the last as was seen."""
+
+    beyond_m: float
+    """Along the side, beyond the plan's place."""
+    sigma_m: float
+    by_sight: float
+    """How much farther by each metre that pictures show edges left of their true place."""
+
+
+BOUNDARY: Final = Across(0.0, 0.0, 0.0)
+"""The border is the field's own."""
+
+
 def border(
-    name: str, place: Place, p: Array, blade_m: float, sigma_m: float, slope: float, *, way: int
+    name: str,
+    place: Place,
+    p: Array,
+    blade_m: float,
+    sigma_m: float,
+    slope: float,
+    across: Across,
+    *,
+    way: int,
 ) -> Measurement:
     """The blade's line stands blade_m past the side's beginning, if it is on the lane; `way` -1:
     the border is the side's beginning, 1: its end. Of a border that slants a machine left of the
     lane meets it earlier by `slope` of how far left it is."""
+    sigma_m = math.hypot(sigma_m, across.sigma_m)
     c, s = place.direction
     h = np.zeros((1, len(place.x)))
     h[0, :YAW] = c - slope * s, s + slope * c
+    h[0, SIGHT] = -across.by_sight
     h[0, STATES:] = -place.outline.end(place.side, way)
-    innovation = blade_m - place.blade_m - slope * place.across_m
+    innovation = blade_m + across.beyond_m - place.blade_m - slope * place.across_m
     expected = math.sqrt((h @ p @ h.T).item() + sigma_m**2)
     doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
     return Measurement(name, h, np.array([innovation]), np.array([(sigma_m * doubt**2) ** 2]))

@@ -474,6 +474,19 @@ def test_a_shuttle_that_is_broken_off_beside_its_strip_looks_at_it_from_there_no
     assert not context.estimate.position.beside
 
 
+@pytest.mark.parametrize(("early_m", "tells"), [(0.0, True), (0.8, False)])
+def test_crop_whose_beginning_a_shuttle_has_pressed_down_tells_no_place(
+    early_m: float, tells: bool
+) -> None:
+    context = on_side(1, cut_m=None)
+    turn = shuttle(VEHICLE, 0.0, VEHICLE.pass_m, 3.0, early_m=early_m)
+    context.strip.begin_leg(Turning(NOW, turn, (0.0, 0.0, 0.0)))
+    moved(context, 1.0)
+    before = context.estimate.position.pose
+    context.strip.met_begin(0.0)
+    assert (context.estimate.position.pose != before) is tells
+
+
 def test_along_what_a_shuttle_has_pressed_down_no_edge_is_followed() -> None:
     context = on_side(cut_m=0.2)
     strip, position = context.strip, context.estimate.position

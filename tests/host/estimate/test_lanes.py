@@ -1,0 +1,57 @@
+"""What cut lanes tell of what lies beside and across them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.estimate.lanes import Lain, Lanes
+from host.estimate.measurements.border import BOUNDARY
+from host.estimate.outline import Outline
+from host.route.boundary_edges import BoundaryEdges
+from host.route.side import Side
+
+WIDTH = Vehicle().pass_m
+RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
+OUTLINE = Outline(RING)
+NAMED = BoundaryEdges(RING).namer()
+INSIDE = 2.0 * WIDTH
+UP = NAMED(Side(14.0 - WIDTH, WIDTH, math.pi / 2, 10.0 - INSIDE, WIDTH, 10.0 - WIDTH))
+"""The second strip along the second edge."""
+ACROSS = NAMED(Side(WIDTH, INSIDE, 0.0, 14.0 - 3.0 * WIDTH, WIDTH, 14.0 - WIDTH))
+"""The third along the first: it ends where UP was cut."""
+BACK = NAMED(Side(14.0 - INSIDE, 10.0 - WIDTH, math.pi, 14.0 - 3.0 * WIDTH, WIDTH, 14.0))
+"""Along the third: it begins there."""
+
+
+def lanes(offset_m: float, askew_rad: float, *, seen_beside: float = 2.0) -> Lanes:
+    found = Lanes(WIDTH)
+    covariance = np.diag([0.04, 0.0])
+    lane = np.array([offset_m, askew_rad])
+    found.keep(Lain(UP, lane, 0.0, np.array([seen_beside, 0.0]), covariance))
+    return found
+
+
+@pytest.mark.parametrize(("side", "way", "sign"), [(ACROSS, 1, -1.0), (BACK, -1, 1.0)])
+def test_what_was_cut_across_lies_where_its_lane_was_found(
+    side: Side, way: int, sign: float
+) -> None:
+    """A lane that lies 0.3 m inside of its place leaves a side so much shorter, as surely as it is
+    known; what pictures show amiss counts once for each strip from the boundary."""
+    across = lanes(0.3, 0.0).across(OUTLINE, side, way, 0.05)
+    assert across.beyond_m == pytest.approx(sign * (0.3 + 2.0 * 0.05))
+    assert across.sigma_m == pytest.approx(0.2)
+    assert across.by_sight == pytest.approx(sign * 2.0)
+
+
+def test_a_lane_that_lies_askew_is_met_where_the_side_ends() -> None:
+    across = lanes(0.0, 0.1).across(OUTLINE, ACROSS, 1, 0.0)
+    assert across.beyond_m == pytest.approx(-0.1 * (INSIDE - WIDTH))
+
+
+def test_where_no_lane_lies_across_the_border_is_the_fields_own() -> None:
+    assert Lanes(WIDTH).across(OUTLINE, ACROSS, 1, 0.0) == BOUNDARY
+    assert lanes(0.3, 0.0).across(OUTLINE, ACROSS, -1, 0.0) == BOUNDARY
