@@ -108,7 +108,8 @@ class WitnessedEyes(PictureEyes):
     """Pictures and their detector, with what was true of every picture that it read.
 
     `looks` says whether the pilot reads pictures now. Through a turn it only glances at them, and
-    none is rendered: then the last one stands in, and nobody watches for a camera that hangs."""
+    none is rendered: then the last one stands in, nobody watches for a camera that hangs, and what
+    the detector says of it again does not count."""
 
     def __init__(self, bench: Bench) -> None:
         super().__init__(bench)
@@ -144,7 +145,7 @@ class WitnessedEyes(PictureEyes):
 
     def note(self, bgr: Bgr, view: CropView, fresh: bool) -> None:
         """What the detector answered to a picture."""
-        known = self._truths.get(id(bgr))
+        known = self._truths.pop(id(bgr), None)
         if known is not None:
             numbers = replace(view, standing=None, edge_px=None, stages={})
             self.seen.append((known[0], known[1], numbers, fresh))

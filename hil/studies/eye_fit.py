@@ -117,7 +117,7 @@ def drive(task: Task) -> dict[str, Any]:
 
     run = Harvest(scenario, eyes=eyes)
     for one in witness:
-        one.looks = lambda: run.pilot.phase is not Phase.TURN or run.pilot.backing
+        one.looks = lambda: run.pilot.looks
     try:
         run.run()
     finally:

@@ -142,6 +142,13 @@ class Pilot:
         return self.doing is Doing.TURN and turning is not None and turning.backing
 
     @property
+    def looks(self) -> bool:
+        """Whether it reads the pictures that come now, and does not only glance at them."""
+        context = self._context
+        glances = context.sight.glances(context.strip, context.turning)
+        return self._behaviour.gaze.looks and not glances
+
+    @property
     def done(self) -> bool:
         """Nothing more will be commanded: the field is finished, or a fault needs a person."""
         return self.phase in (Phase.FINISHED, Phase.FAULT)

@@ -171,6 +171,14 @@ class Sight:
         """Whether the last picture says surely what stands before the blade."""
         return self.view is not None and self.view.ahead_confidence >= CONFIDENT
 
+    def glances(self, strip: Strip, turning: Turning | None) -> bool:
+        """Whether pictures are only glanced at: a turn is driven by dead reckoning until it backs
+        along the next side; but round a corner that was found just now the machine looks where it
+        goes."""
+        if turning is None or turning.leg is None:
+            return False
+        return not (turning.backing or turning.beside or strip.new)
+
     def take(
         self,
         frame: Frame,
@@ -190,11 +198,8 @@ class Sight:
             # Nothing is being cut, or soon nothing will be: what seems clear is not dust.
             self._detector.restart(turned=not gaze.on_side)
         in_leg = turning is not None and turning.leg is not None
-        backing = turning is not None and turning.backing
-        # A turn is driven by dead reckoning until it backs along the next side; but round a corner
-        # that was found just now the machine looks where it goes.
         beside = turning is not None and turning.beside
-        glances = in_leg and not (backing or beside) and not strip.new
+        glances = self.glances(strip, turning)
         # After a leg the machine may stand across the next lane.
         askew_rad = 0.0 if turning is None or in_leg else turning.against_lane(then)[1]
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
