@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
+from host.estimate.kalman import Measurement
 from host.estimate.lanes import Lain, Lanes
-from host.estimate.measurements.border import BOUNDARY
+from host.estimate.measurements.begin import begin
+from host.estimate.measurements.border import BOUNDARY, Across
+from host.estimate.measurements.end import end
 from host.estimate.outline import Outline
+from host.estimate.position import Position
+from host.estimate.states import SIGHT
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import Side
 
-WIDTH = Vehicle().pass_m
+VEHICLE = Vehicle()
+WIDTH = VEHICLE.pass_m
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
 OUTLINE = Outline(RING)
 NAMED = BoundaryEdges(RING).namer()
@@ -55,3 +62,21 @@ def test_a_lane_that_lies_askew_is_met_where_the_side_ends() -> None:
 def test_where_no_lane_lies_across_the_border_is_the_fields_own() -> None:
     assert Lanes(WIDTH).across(OUTLINE, ACROSS, 1, 0.0) == BOUNDARY
     assert lanes(0.3, 0.0).across(OUTLINE, ACROSS, -1, 0.0) == BOUNDARY
+
+
+@pytest.mark.parametrize(("measured", "along_m"), [(begin, 0.0), (end, ACROSS.length_m)])
+def test_a_border_that_a_strip_has_left_is_met_where_that_lies(
+    measured: Callable[..., Measurement], along_m: float
+) -> None:
+    """Farther on by so much, less surely, and where it is met tells what pictures show amiss."""
+    position = Position(VEHICLE, RING, 1.0)
+    position.place(ACROSS, along_m, 0.0, 0.0)
+    place, covariance = position.at(ACROSS), np.eye(len(position.x))
+    own = measured(place, covariance, 0.0, 0.0)
+    left = measured(place, covariance, 0.0, 0.0, Across(0.3, 0.4, 2.0))
+    assert left.innovation[0] - own.innovation[0] == pytest.approx(0.3)
+    assert left.variances[0] - own.variances[0] > 0.15
+    more = measured(place, covariance, 0.0, 0.0, Across(0.3 + 2.0 * 0.1, 0.4, 2.0))
+    by_sight = (more.innovation[0] - left.innovation[0]) / 0.1
+    assert left.h[0, SIGHT] == pytest.approx(-by_sight)
+    assert own.h[0, SIGHT] == 0.0
