@@ -104,10 +104,11 @@ class Lanes:
 
     def across(self, outline: Outline, side: Side, way: int, sight_m: float) -> Across:
         """What has left the border at a side's end (way 1) or beginning (-1): the last lane along
-        that edge of the boundary, where there is one."""
+        that edge of the boundary, where there is one. It matters where the boundary is still to be
+        found: what that lane is off must not pass for what the corners are."""
         edge = side.begins_at if way < 0 else side.ends_at
         lain = next((k for k in reversed(self._lain) if k.side.edge == edge != NO_EDGE), None)
-        if lain is None:
+        if lain is None or not outline.states:
             return BOUNDARY
         across, along = outline.found(lain.side), outline.found(side)
         c, s = math.cos(across.heading_rad), math.sin(across.heading_rad)

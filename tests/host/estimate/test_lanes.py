@@ -62,6 +62,7 @@ def test_a_lane_that_lies_askew_is_met_where_the_side_ends() -> None:
 def test_where_no_lane_lies_across_the_border_is_the_fields_own() -> None:
     assert Lanes(WIDTH).across(OUTLINE, ACROSS, 1, 0.0) == BOUNDARY
     assert lanes(0.3, 0.0).across(OUTLINE, ACROSS, -1, 0.0) == BOUNDARY
+    assert lanes(0.3, 0.0).across(Outline(()), ACROSS, 1, 0.0) == BOUNDARY, "a known boundary"
 
 
 @pytest.mark.parametrize(("measured", "along_m"), [(begin, 0.0), (end, ACROSS.length_m)])

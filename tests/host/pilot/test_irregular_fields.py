@@ -48,7 +48,7 @@ def test_at_slanting_corners_a_side_is_begun_on_its_lane() -> None:
     pilot = Pilot(VEHICLE, world, plan)
     beside = begun(world, pilot, plan, 200.0)
     assert len(beside) == 6
-    assert max(beside) < 0.06
+    assert max(beside) < 0.05
     assert world.neighbour_cut == 0
 
 
