@@ -50,3 +50,19 @@ def test_who_looks_on_changes_nothing_and_is_shown_what_the_model_answers_to() -
     expected = -(VEHICLE.blade_width_m / 2 - VEHICLE.overlap_m)
     for _, truth, view, _ in seen[-20:]:
         assert view.edge_offset_m == pytest.approx(truth.right_m - expected, abs=0.1)
+
+
+def test_a_picture_that_stands_in_for_those_that_nobody_reads_counts_once() -> None:
+    kept: list[WitnessedEyes] = []
+
+    def eyes(bench: Bench) -> Eyes:
+        kept.append(WitnessedEyes(bench))
+        kept[0].looks = lambda: bench.now < 1.0
+        return kept[0]
+
+    run = Harvest(scenario(), eyes=eyes)
+    run.run()
+    run.close()
+    stamps = [stamp for stamp, *_ in kept[0].seen]
+    assert 5 < len(stamps) == len(set(stamps))
+    assert max(stamps) < 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -274,6 +275,29 @@ def test_in_a_turn_nothing_is_measured_until_it_backs_along_the_next_side() -> N
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
     assert eyes.looks != []
     assert eyes.glances == []
+
+
+def test_it_says_beforehand_whether_it_reads_a_picture_or_glances_at_it() -> None:
+    """Who renders pictures for it need not render those, but all that it reads: also of what stands
+    beyond a side's end."""
+    world = SimpleWorld(VEHICLE)
+    eyes = Eyes(world, lambda view: view)
+    pilot = Pilot(VEHICLE, eyes, PLAN)
+    said: list[tuple[bool, int, int, Doing]] = []
+
+    def turned() -> bool:
+        said.append((pilot.looks, len(eyes.looks), len(eyes.glances), pilot.doing))
+        return pilot.turns == 1 and pilot.phase is Phase.FOLLOW
+
+    drive(world, pilot, 240.0, until=turned)
+    asked = [
+        (before[0], after[2] > before[2], before[3])
+        for before, after in itertools.pairwise(said)
+        if after[1] > before[1]
+    ]
+    assert {doing for reads, _, doing in asked if reads} >= {Doing.FOLLOW, Doing.LOOK_BEYOND}
+    assert any(glanced for _, glanced, _ in asked)
+    assert all(reads is not glanced for reads, glanced, _ in asked)
 
 
 def test_whatever_is_seen_in_a_turn_is_other_crop() -> None:
