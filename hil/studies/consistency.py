@@ -85,7 +85,7 @@ class Watcher:
     ) -> None:
         here = placed(self._corners, *believed)
         off = here - placed(self._corners, *true)
-        p = self._run.pilot.position.covariance_of(here)
+        p = self._run.pilot.position.borders.covariance_of(here)
         squared = np.einsum("ni,nij,nj->n", off, np.linalg.inv(p), off)
         worst = int(np.argmax(squared))
         self.samples.add("outline", float(squared[worst]), float(np.hypot(*off[worst])))

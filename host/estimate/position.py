@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.estimate import prior, spread
+from host.estimate.borders import Borders
 from host.estimate.kalman import Filter, Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -121,41 +122,10 @@ class Position(Filter):
         """(3, 3) of the pose, m and rad."""
         return self._p[: YAW + 1, : YAW + 1].copy()
 
-    def covariance_of(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame, against the border
-        nearest to each: the direction's uncertainty moves them the more, the farther from the rear
-        axle they are."""
-        x, y, _ = self.pose
-        found = np.empty((len(points), 2, 2))
-        spread.of_points(self._p, STATES, x, y, points, self.outline.nearest(points), found)
-        return found
-
-    def against(
-        self, points: NDArray[np.float64], places: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of points (n, 2) of the machine against the borders nearest to (m, 2) places, as they
-        were planned: (m, n, 2, 2), m²; and (m, 2), m, how far those borders lie from there. Of a
-        border that lies as planned (1, n, 2, 2) is all."""
-        x, y, _ = self.pose
-        if not self.outline.states:
-            found = np.empty((1, len(points), 2, 2))
-            near = np.zeros((len(points), 0))
-            spread.of_points(self._p, STATES, x, y, points, near, found[0])
-            return found, np.zeros_like(places)
-        near = self.outline.weights(places)
-        found = np.empty((len(places), len(points), 2, 2))
-        for k in range(len(places)):
-            of = near[[k]].repeat(len(points), 0)
-            spread.of_points(self._p, STATES, x, y, points, of, found[k])
-        return found, near @ self.outline.moved_m
-
-    def as_planned(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n, 2) points of the machine where they would lie if the border nearest to each lay as
-        the plan has it."""
-        if self.outline.as_planned:
-            return points
-        moved: NDArray[np.float64] = points - self.outline.nearest(points) @ self.outline.moved_m
-        return moved
+    @property
+    def borders(self) -> Borders:
+        """The place against the field's borders, as it is now."""
+        return Borders(self._x, self._p, self.outline)
 
     def place(
         self,

@@ -15,9 +15,10 @@ from host.estimate.crop_ahead import END_CLEAR_M, EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.gaps import TELLS_M, Gaps, across
 from host.estimate.odometry import Motion
+from host.pilot.gaze import STOP_AFTER_S
 from host.pilot.guard import Guard
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import STOP_AFTER_S, Sight
+from host.pilot.sight import Sight
 from host.pilot.stop_and_look import Look
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning

@@ -165,7 +165,7 @@ class Guard:
         x, y, yaw = self._position.pose
         axle = np.array([x, y])
         outline = placed(self._outline, x, y, yaw)
-        covariance, shifts = self._position.against(outline, self._nearest())
+        covariance, shifts = self._position.borders.against(outline, self._nearest())
         turn = at.heading_rad - yaw
         c, s = math.cos(turn), math.sin(turn)
         into = np.array([[c, s], [-s, c]])
@@ -204,7 +204,8 @@ class Guard:
         later = np.empty_like(now)
         sweep.moved(now, (x, y), *self._motion(command), LEADS_AWAY_S, later)
         room, room_later = (
-            self._fence.clearance(self._position.as_planned(outline)) for outline in (now, later)
+            self._fence.clearance(self._position.borders.as_planned(outline))
+            for outline in (now, later)
         )
         return room_later > room + LEADS_AWAY_M
 
@@ -221,8 +222,8 @@ class Guard:
             return None
         x, y, yaw = self._position.pose
         outline = placed(self._outline, x, y, yaw)
-        covariance, shifts = self._position.against(outline, self._nearest())
-        planned = self._position.as_planned(outline)
+        covariance, shifts = self._position.borders.against(outline, self._nearest())
+        planned = self._position.borders.as_planned(outline)
         nearer_m = seen.crop_m
         if math.isfinite(seen.clear_m) and command.speed_mps > 0.0:
             clear = self._fence.clearance(planned)
@@ -239,7 +240,7 @@ class Guard:
         """(m, 2) of each side of the geofence, as planned, the place nearest to the machine."""
         assert self._fence is not None
         x, y, _ = self._position.pose
-        axle = self._position.as_planned(np.array([[x, y]]))
+        axle = self._position.borders.as_planned(np.array([[x, y]]))
         return self._fence.nearest(axle[0])
 
 

@@ -63,7 +63,7 @@ class KeepClear:
         here = np.array([position.pose[:2]])
         blade, half = place.blade_m, vehicle.blade_width_m / 2
         offset, turned = float(place.x[LANE_OFFSET]), float(place.x[LANE_YAW])
-        ((mx, my),) = (here - position.as_planned(here)).tolist()
+        ((mx, my),) = (here - position.borders.as_planned(here)).tolist()
         along, left = [], []
         for x, y in keep_out:
             dx, dy = x - side.x_m + mx, y - side.y_m + my
@@ -80,7 +80,7 @@ class KeepClear:
         if gap + SLOPE * away > FAR_M:
             return 0.0
         points = placed(self._outline, *position.pose)
-        covariance = position.covariance_of(points)
+        covariance = position.borders.covariance_of(points)
         across = np.array([-s, c])
         sigma = math.sqrt(float((covariance @ across @ across).max()))
         short = self._sigmas * sigma + ROOM_M - gap - SLOPE * away

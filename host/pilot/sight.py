@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from host.core.messages import Frame
 from host.core.vehicle import Vehicle
@@ -26,12 +26,11 @@ from host.estimate.dusty_edge import CONFIDENCE, DustyEdge
 from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
+from host.pilot.gaze import Gaze, Steady
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, CropView, Detector
 
-STOP_AFTER_S = 0.8
-"""Without a picture to be believed, or without the edge, the machine stops."""
 LOST_M = 1.0
 """Way without a sure edge, and of the strip, from which on crop beside the blade tells where the
 edge is not: at a strip's beginning the turns have left some standing;"""
@@ -76,49 +75,6 @@ CORNER_SIGMAS = 3.0
 """How far beside the lane a corner may be, in the lane's own uncertainty."""
 LEARN_AFTER_M = 2.0
 """Of a side, until what the turn left askew is straightened: then the steering's bias shows."""
-
-
-class Steady:
-    """Since when something holds. After a gap of STOP_AFTER_S it has to prove itself anew."""
-
-    def __init__(self) -> None:
-        self.stamp = -math.inf
-        """When it last held."""
-        self.broken = -math.inf
-
-    @property
-    def held_s(self) -> float:
-        """For how long without a break."""
-        return self.stamp - self.broken
-
-    def note(self, stamp: float, holds: bool) -> None:
-        """What a picture says of it."""
-        if not holds or stamp - self.stamp > STOP_AFTER_S:
-            self.broken = stamp
-        if holds:
-            self.stamp = stamp
-
-
-@dataclass(frozen=True, slots=True)
-class Gaze:
-    """What pictures may tell while a behaviour is active."""
-
-    looks: bool = True
-    """Pictures are looked at at all."""
-    lane: bool = True
-    """An edge may be the lane's."""
-    cutting: bool = False
-    """The machine drives along a side, its blade's dust in the air."""
-    on_side: bool = False
-    """The crop ahead is the side's that is being cut."""
-    hesitates: bool = False
-    """The machine was told to stand for a doubt: an edge that leaps is believed in the end."""
-    begins: bool = False
-    """Crop before the blade is where the side begins."""
-    ends: bool = False
-    """Clear ground before the blade counts towards the side's end."""
-    settles: bool = False
-    """Nothing is believed before the dust has settled."""
 
 
 class Sight:

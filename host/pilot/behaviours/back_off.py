@@ -14,8 +14,8 @@ from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.follow import LANE_SIGMA_M
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, Context
 from host.pilot.endings import Elsewhere, Patience, SideEnd, end_by_plan, gave_up
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.sight import Gaze
 
 BACK_AFTER_S = 6.0
 BACK_M = 0.6

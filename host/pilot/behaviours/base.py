@@ -8,9 +8,9 @@ from typing import ClassVar
 from host.core.messages import Command
 from host.field.areas import Verdict
 from host.pilot.context import Context
+from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree, Watched
 from host.pilot.phase import Go, Phase, Reason
-from host.pilot.sight import Gaze
 
 Step = tuple[Command, Go | None]
 """What to do now, and whether another behaviour takes over."""

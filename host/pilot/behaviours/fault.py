@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from host.pilot.behaviours.base import Behaviour, Step
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Phase
-from host.pilot.sight import Gaze
 
 
 class Fault(Behaviour):

@@ -9,9 +9,10 @@ from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
 from host.pilot.endings import Beside, Elsewhere, SideEnd, end_by_plan, end_side, leave_rest
+from host.pilot.gaze import STOP_AFTER_S, Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
-from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze
+from host.pilot.sight import UNSEEN_M
 from host.pilot.stop_and_look import LONG_LOOK_S, LOOK_S, LOOKING
 
 LANE_SIGMA_M = 0.3

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.endings import SideEnd, turn_on
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Phase
-from host.pilot.sight import Gaze
 
 STRIPS = 3
 """At each step. On a field of 57 ha with 162 corners a step of three took 6.5 ms of its 50 in the

@@ -6,8 +6,9 @@ from host.estimate.crop_ahead import CLEAR_M, EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import STAND_S, Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.sight import UNSEEN_M, Gaze
+from host.pilot.sight import UNSEEN_M
 
 
 class Why(Reason):

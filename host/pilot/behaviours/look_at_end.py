@@ -10,8 +10,8 @@ from host.estimate.crop_ahead import EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.look_at_edge import rolls_on
 from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.sight import Gaze
 from host.pilot.stop_and_look import LOOKING
 
 BARE_LOOKS = 2

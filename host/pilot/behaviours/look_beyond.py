@@ -15,8 +15,8 @@ from host.field.areas import Verdict
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, leave_side
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Go, Phase
-from host.pilot.sight import Gaze
 
 PICTURES: Final = 8
 """That must say it: nearly a second's."""

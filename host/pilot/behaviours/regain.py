@@ -12,8 +12,8 @@ import math
 from host.field.areas import Verdict
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
-from host.pilot.sight import Gaze
 
 RUN_UP_M = 2.0
 """Before where the machine came off: the way in which it moves aside by most of a blade's width."""

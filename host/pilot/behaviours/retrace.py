@@ -7,9 +7,9 @@ from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
 from host.pilot.endings import SideEnd, turn_on
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Phase
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import Gaze
 
 
 class Retrace(Behaviour):

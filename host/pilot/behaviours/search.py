@@ -8,9 +8,9 @@ from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
 from host.pilot.endings import Blind, blind
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
-from host.pilot.sight import Gaze
 
 PICTURES = 5
 """That show no crop, for there to be none; or an edge beside which the lane is not, to go on."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S
 from host.pilot.endings import Patience, gave_up
+from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Phase, Reason
-from host.pilot.sight import Gaze
 
 
 class Why(Reason):

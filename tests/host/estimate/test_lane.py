@@ -581,7 +581,7 @@ def test_a_direction_that_is_not_known_moves_what_lies_before_the_axle() -> None
     points = reach @ np.array([[c, s], [-s, c]]) + (x, y)
     rng = np.random.default_rng(1)
     poses = rng.multivariate_normal([x, y, yaw], position.covariance, 40_000)
-    stated = position.covariance_of(points)
+    stated = position.borders.covariance_of(points)
     for point, found in zip(reach, stated, strict=True):
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         drawn = [

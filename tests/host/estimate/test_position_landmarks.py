@@ -137,11 +137,11 @@ def test_beside_a_border_the_machine_knows_its_place_though_not_in_the_field() -
     x, y, _ = position.pose
     near, far = np.array([[x, y]]), np.array([[13.5, 9.0]])
     assert np.sqrt(np.diag(position.covariance)[:2]).min() > 0.9
-    assert np.sqrt(np.diag(position.covariance_of(near)[0])).max() < 0.25
-    assert np.sqrt(np.diag(position.covariance_of(far)[0])).min() > 0.9
+    assert np.sqrt(np.diag(position.borders.covariance_of(near)[0])).max() < 0.25
+    assert np.sqrt(np.diag(position.borders.covariance_of(far)[0])).min() > 0.9
     driven.on(7.0)
     x, y, _ = position.pose
-    beside = position.covariance_of(np.array([[x, y]]))[0, 1, 1]
+    beside = position.borders.covariance_of(np.array([[x, y]]))[0, 1, 1]
     assert math.sqrt(beside) < 0.25
 
 

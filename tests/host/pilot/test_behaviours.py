@@ -71,11 +71,12 @@ from host.pilot.endings import (
     leave_side,
     over,
 )
+from host.pilot.gaze import STOP_AFTER_S, Gaze
 from host.pilot.guard import Guard, Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import STOP_AFTER_S, UNSEEN_M, Gaze, Sight
+from host.pilot.sight import UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral

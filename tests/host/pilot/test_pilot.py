@@ -344,7 +344,7 @@ def test_the_stated_uncertainty_of_the_position_holds() -> None:
         x, y, _ = pilot.position.pose
         error = np.array([x - world.x, y - world.y])
         distance = error @ np.linalg.solve(
-            pilot.position.covariance_of(np.array([[x, y]]))[0], error
+            pilot.position.borders.covariance_of(np.array([[x, y]]))[0], error
         )
         looks += 1
         beyond += distance > 9.0

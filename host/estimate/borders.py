@@ -1,0 +1,57 @@
+"""The filter's place (`host.estimate.position`) against the borders: what the fence asks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.estimate import spread
+from host.estimate.kalman import Array
+from host.estimate.outline import Outline
+from host.estimate.states import STATES, X, Y
+
+
+@dataclass(frozen=True, slots=True)
+class Borders:
+    """A state (states,) with its covariance (states, states), and where the corners were found."""
+
+    x: Array
+    p: Array
+    outline: Outline
+
+    def covariance_of(self, points: Array) -> Array:
+        """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame, against the border
+        nearest to each: the direction's uncertainty moves them the more, the farther from the rear
+        axle they are."""
+        found = np.empty((len(points), 2, 2))
+        spread.of_points(self.p, STATES, *self._axle, points, self.outline.nearest(points), found)
+        return found
+
+    def against(self, points: Array, places: Array) -> tuple[Array, Array]:
+        """Of points (n, 2) of the machine against the borders nearest to (m, 2) places, as they
+        were planned: (m, n, 2, 2), m²; and (m, 2), m, how far those borders lie from there. Of a
+        border that lies as planned (1, n, 2, 2) is all."""
+        if not self.outline.states:
+            found = np.empty((1, len(points), 2, 2))
+            near = np.zeros((len(points), 0))
+            spread.of_points(self.p, STATES, *self._axle, points, near, found[0])
+            return found, np.zeros_like(places)
+        near = self.outline.weights(places)
+        found = np.empty((len(places), len(points), 2, 2))
+        for k in range(len(places)):
+            of = near[[k]].repeat(len(points), 0)
+            spread.of_points(self.p, STATES, *self._axle, points, of, found[k])
+        return found, near @ self.outline.moved_m
+
+    def as_planned(self, points: Array) -> Array:
+        """(n, 2) points of the machine where they would lie if the border nearest to each lay as
+        the plan has it."""
+        if self.outline.as_planned:
+            return points
+        moved: Array = points - self.outline.nearest(points) @ self.outline.moved_m
+        return moved
+
+    @property
+    def _axle(self) -> tuple[float, float]:
+        return self.x.item(X), self.x.item(Y)
