@@ -59,18 +59,22 @@ picture, it does for good."""
 
 COLUMNS: Final = (
     "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "blade",
-    "fresh", "read_ahead_m", "read_right_m", "confidence", "edge_offset_m", "edge_ahead_m",
+    "fresh", "read_ahead_m", "read_right_m", "read_beside_m", "confidence", "edge_offset_m",
+    "edge_beside_m", "edge_ahead_m",
     "crop_ahead_m", "ahead_confidence", "lies_confidence", "tip_share", "usable", "reason",
 )  # fmt: skip
 """Of the library; truths first, then the answer."""
 
 # Of a situation, and what a difference of one counts for: dust in the air, depth, distance ahead,
 # pictures since it began, the answer before (its kind, its error), density, the angle of the slope,
-# place of the right end, crop height, cloud, hour, drilled.
+# place of the right end and of what stands beside the way, crop height, cloud, hour, drilled.
 SCALES: Final = np.array(
-    [0.1, 0.3, 0.15, 4.0, 0.6, 0.03, 0.25, 0.2, 0.05, 0.15, 1.0, 5.0, 2.0], np.float32
+    [0.1, 0.3, 0.15, 4.0, 0.6, 0.03, 0.25, 0.2, 0.05, 0.3, 0.15, 1.0, 5.0, 2.0], np.float32
 )
 FEATURES: Final = len(SCALES)
+
+FAR_BESIDE_M: Final = 2.5
+"""Stands for nothing beside the way: farther left than anything is."""
 
 NO_RIGHT_END: Final = "the crop ahead has no clear right end"
 
@@ -194,6 +198,7 @@ class Library:
         self.kind = np.empty(n, np.int8)
         self.follows = np.zeros(n, np.bool_)
         self.error = np.full(n, np.nan, np.float32)
+        self.beside_error = np.full(n, np.nan, np.float32)
         self.features = np.zeros((n, FEATURES), np.float32)
         cells: dict[tuple[int, ...], list[int]] = {}
         before_kind, before_error, since = 0, 0.0, 0
@@ -214,6 +219,8 @@ class Library:
             expected = -(drive["blade_width_m"] / 2 - drive["overlap_m"])
             error = float(c["edge_offset_m"][k]) - (float(c["read_right_m"][k]) - expected)
             self.error[k] = error
+            beside = float(c["read_beside_m"][k]) - expected
+            self.beside_error[k] = float(c["edge_beside_m"][k]) - beside
             follows = (
                 k > 0
                 and self.drive[k] == self.drive[k - 1]
@@ -228,7 +235,7 @@ class Library:
                 before_kind, before_error = 0, 0.0
             last = cell
             self.features[k] = features_of(
-                Air(**drive["air"]), ahead, depth, right - expected, slope,
+                Air(**drive["air"]), ahead, depth, right - expected, beside, slope,
                 float(c["density"][k]), blade, since, before_kind, before_error,
             )  # fmt: skip
             before_kind = int(self.kind[k])
@@ -274,8 +281,8 @@ LEAST: Final = 12
 
 
 def features_of(
-    air: Air, ahead_m: float, depth_m: float, offset_m: float, slope: float, density: float,
-    blade: bool, since: int, kind: int, error_m: float,
+    air: Air, ahead_m: float, depth_m: float, offset_m: float, beside_m: float, slope: float,
+    density: float, blade: bool, since: int, kind: int, error_m: float,
 ) -> NDArray[np.float32]:  # fmt: skip
     """(FEATURES,) of a situation, in the order of SCALES."""
     return np.array(
@@ -289,6 +296,7 @@ def features_of(
             density,
             math.atan(slope) if math.isfinite(slope) else 0.0,
             max(-1.0, min(1.0, offset_m)) if math.isfinite(offset_m) else 0.0,
+            beside_m if math.isfinite(beside_m) else FAR_BESIDE_M,
             air.crop_height_m,
             air.cloud,
             air.hour,
@@ -458,16 +466,21 @@ class ModelDetector:
         self._row = row
         return self._view(row, sight, edge)
 
-    def _beside(self, sight: Sight) -> float:
-        """What it shows beside the machine's way, with an error that lasts for a second."""
+    def _beside(self, row: int, sight: Sight) -> float:
+        """What it shows beside the machine's way: as in a like situation, or where nothing stood
+        there, by the rule of BESIDE_SIGMA_M, with an error that lasts for a second."""
         fresh = math.sqrt(1.0 - LASTS**2) * self._rng.standard_normal()
         self._aside = LASTS * self._aside + self._aside_sigma_m * fresh
-        return sight.read_beside_m - self._expected_m + self._aside
+        errors, true_m = self._library, sight.read_beside_m - self._expected_m
+        known = math.isfinite(errors.values["read_beside_m"][row])
+        if math.isnan(true_m):
+            return NAN if known else float(errors.values["edge_beside_m"][row])
+        return true_m + (float(errors.beside_error[row]) if known else self._aside)
 
     def _fits(self, row: int, sight: Sight, cell: Cell, edge: int) -> bool:
         errors, c = self._library, self._library.values
         zone, blade, moving, fresh = cell
-        across = edge == ACROSS
+        across, beside_m = edge == ACROSS, sight.read_beside_m
         return bool(
             errors.follows[row]
             and (errors.zone[row] == zone or across)
@@ -477,13 +490,15 @@ class ModelDetector:
             and (abs(c["speed_mps"][row]) > MOVING_MPS) == bool(moving)
             and (zone not in (2, 3) or across or abs(c["ahead_m"][row] - sight.ahead_m) < KEPT_M[0])
             and (zone != 1 or abs(c["depth_m"][row] - sight.depth_m) < KEPT_M[1])
+            and (zone != 4 or math.isnan(c["read_beside_m"][row]) == math.isnan(beside_m))
         )
 
     def _draw(self, sight: Sight, cell: Cell, edge: int) -> int:
         errors = self._library
         here = features_of(
-            self._air, sight.ahead_m, sight.depth_m, sight.right_m - self._expected_m, sight.slope,
-            sight.density, sight.blade, self._since, self._kind, self._error,
+            self._air, sight.ahead_m, sight.depth_m, sight.right_m - self._expected_m,
+            sight.read_beside_m - self._expected_m, sight.slope, sight.density, sight.blade,
+            self._since, self._kind, self._error,
         )  # fmt: skip
         offset, pick = (int(k) for k in self._rng.integers(1 << 30, size=2))
         for key in _keys(self._mount, *cell, edge):
@@ -522,7 +537,7 @@ class ModelDetector:
         return CropView(
             confidence,
             edge_offset_m=offset,
-            edge_beside_m=self._beside(sight),
+            edge_beside_m=self._beside(row, sight),
             edge_ahead_m=beyond,
             edge_heading_rad=NAN,
             crop_ahead_m=ahead,

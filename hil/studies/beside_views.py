@@ -23,13 +23,14 @@ from host.vision.mounted.detector import make_detector
 from host.vision.view import BESIDE_AHEAD_M, CropView
 from sim_plant.camera import Camera
 
-Kind = Literal["beside", "far", "remnant", "plain"]
-KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain")
-OFF_M: Final = {"beside": (0.95, 1.6), "far": (2.4, 4.0)}
-"""How far right of its lane the machine stands."""
+Kind = Literal["beside", "far", "remnant", "plain", "flank"]
+KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain", "flank")
+OFF_M: Final = {"beside": (0.95, 1.6), "far": (2.4, 4.0), "flank": (0.85, 1.0)}
+"""How far right of its lane the machine stands: off its crop, out of reach of any, and on the lane
+before, as it backs beside the next strip."""
 GAP_M, WIDE_M = (0.3, 0.8), (0.15, 0.4)
 """Between the edge and what an earlier strip has left, and how wide that is."""
-ASKEW_RAD: Final = 0.12
+ASKEW_RAD: Final = {"beside": 0.12, "far": 0.12, "flank": 0.04}
 STANDS_M: Final = (4.0, 9.0)
 """Along the edge."""
 PICTURES: Final = 4
@@ -70,7 +71,8 @@ def views(seed: int, count: int, mount: str, kind: Kind) -> Iterator[tuple[CropV
         lane_m = 0.5 * v.blade_width_m - v.overlap_m
         x = float(rng.uniform(*STANDS_M))
         if kind in OFF_M:
-            off_m, yaw = float(rng.uniform(*OFF_M[kind])), float(rng.uniform(-ASKEW_RAD, ASKEW_RAD))
+            askew = ASKEW_RAD[kind]
+            off_m, yaw = float(rng.uniform(*OFF_M[kind])), float(rng.uniform(-askew, askew))
             y = edge.depth_m + lane_m - off_m
             _cleared(edge, edge.depth_m)
             ahead_m = v.blade_x_m + BESIDE_AHEAD_M
@@ -104,8 +106,8 @@ def _seen(edge: Edge, pose: tuple[float, float, float]) -> CropView:
 
 
 def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
-    """All views of a kind. Crop beside the way is asked for only where none is said ahead, and
-    where it is within reach."""
+    """All views of a kind. Crop beside the way is asked for only where it is within reach, and where
+    none is said ahead; on a strip's flank whatever is said ahead."""
     asked = seen = sure = 0
     errors: list[float] = []
     for view, true_m in views(seed, count, mount, kind):
@@ -117,8 +119,9 @@ def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
                 seen += 1
                 errors.append(off)
             continue
-        within = true_m < BESIDE_LEFT_M[1] if kind == "beside" else true_m > NEXT_M
-        if view.crop_ahead_m < END_CLEAR_M or not within:
+        within = true_m > NEXT_M if kind == "far" else true_m < BESIDE_LEFT_M[1]
+        blocked = kind != "flank" and view.crop_ahead_m < END_CLEAR_M
+        if blocked or not within:
             continue
         asked += 1
         if math.isfinite(view.edge_beside_m):

@@ -81,10 +81,13 @@ What dust adds is judged before (host.pilot.sight)."""
 CUT = Wander(0.035, 0.7)
 """Of an edge that the machine has left, its way too: 0.03 m RMS beside the straight line (81 strips
 of 8 random fields, from the fourth metre on)."""
-BESIDE = Wander(0.3, 10.0)
-"""Of the next strip's edge as a machine sees it that backs beside it: the detector looks for the
-right end of what stands before the blade, and what it then takes of an edge at the picture's border
-is 0.2 to 0.3 m off, all along."""
+BESIDE = Wander(0.12, 2.0)
+"""Of the next strip's edge as a machine sees it that backs beside it: an edge that the machine has
+left, and what the detector errs of crop beside its way (docs/understand/vision.md)."""
+PRESSED = Wander(0.3, 10.0)
+"""Of an edge where wheels have pressed down the crop: the detector looks for the right end of what
+stands before the blade, and what it then takes of an edge at the picture's border is 0.2 to 0.3 m
+off, all along."""
 
 
 def move(

@@ -31,7 +31,7 @@ from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, strai
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import BESIDE, CUT, DRILLED, STEP_SIGMA, move
+from host.estimate.motion_model import CUT, DRILLED, STEP_SIGMA, Wander, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
@@ -73,10 +73,7 @@ class Position(Filter):
     """Unknown until `place`. Sides are the plan's; where they are found to lie is known here."""
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        boundary: Sequence[tuple[float, float]] = (),
-        sigma_m: float = 0.0,
+        self, vehicle: Vehicle, boundary: Sequence[tuple[float, float]] = (), sigma_m: float = 0.0
     ) -> None:
         """`boundary`: its corners, counter-clockwise, each known to sigma_m; 0: they lie where it
         says."""
@@ -91,8 +88,7 @@ class Position(Filter):
         self._lanes = Lanes(vehicle.blade_width_m)
         self._lane_of = NO_SIDE
         self._wander = DRILLED
-        self.beside = False
-        """Whether its lane's edge is seen from beside it, and not followed where it wanders."""
+        self._beside: Wander | None = None
         self.aside = Aside()
         """Of the present lane."""
         self.known = False
@@ -116,6 +112,11 @@ class Position(Filter):
         be found, it may lie some degrees askew of the courses; one that is known may not."""
         askew = self._x[PLAN_YAW] if self.outline.states else 0.0
         return float(self._x[YAW] + self._x[CRAB] + askew)
+
+    @property
+    def beside(self) -> bool:
+        """Whether its lane's edge is seen from beside it, and not followed where it wanders."""
+        return self._beside is not None
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -180,11 +181,11 @@ class Position(Filter):
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
         self.aside = Aside()
 
-    def _other_edge(self, side: Side, *, beside: bool = False) -> None:
+    def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
         """Nothing is known yet of how this one wanders, as it is seen."""
         left = side.inside_m > self._vehicle.blade_width_m / 2 or self._lanes.knows(side)
-        self._lane_of, self.beside = side, beside
-        self._wander = BESIDE if beside else CUT if left else DRILLED
+        self._lane_of, self._beside = side, beside
+        self._wander = beside or (CUT if left else DRILLED)
         self._x[WANDER] = 0.0
         self._p[WANDER, :] = self._p[:, WANDER] = 0.0
         self._p[WANDER, WANDER] = self._wander.sigma_m**2
@@ -208,11 +209,11 @@ class Position(Filter):
         self._p[LANE, LANE] = covariance
         self._other_edge(side)
 
-    def look(self, side: Side, *, beside: bool) -> None:
-        """The edge of the present lane, this side's, is seen from beside it from here on, or from
-        where it is to be cut."""
-        if beside is not self.beside:
-            self._other_edge(side, beside=beside)
+    def look(self, side: Side, beside: Wander | None) -> None:
+        """The edge of the present lane, this side's, is seen from beside it from here on, and that
+        errs so; or from where it is to be cut."""
+        if beside is not self._beside:
+            self._other_edge(side, beside)
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""

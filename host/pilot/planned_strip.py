@@ -12,6 +12,7 @@ from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.gaps import SQUARE_RAD
 from host.estimate.measurements import begin, end
+from host.estimate.motion_model import BESIDE, PRESSED
 from host.estimate.odometry import Motion
 from host.pilot.plan_side import SIGMAS, PlanSide
 from host.pilot.strip import Beyond, Strip
@@ -103,7 +104,8 @@ class PlannedStrip(PlanSide):
 
     def _look_from_lane(self) -> None:
         """It is no more seen from beside, but where its edge is pressed down."""
-        self.estimate.position.look(self.planned_piece, beside=self._pressed_m > 0.0)
+        pressed = PRESSED if self._pressed_m > 0.0 else None
+        self.estimate.position.look(self.planned_piece, pressed)
 
     def saw_begin(self) -> None:
         self._look_from_lane()  # a turn that was broken off has not led along it
@@ -162,7 +164,7 @@ class PlannedStrip(PlanSide):
         far the turn to it has turned."""
         here = self.estimate.motion
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
-            self.estimate.position.look(self.planned_piece, beside=False)
+            self.estimate.position.look(self.planned_piece, None)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
         bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
         if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
@@ -182,7 +184,7 @@ class PlannedStrip(PlanSide):
         if turning.beside:
             # Its edge is in view all the way back.
             self.begin_lane()
-            self.estimate.position.look(self.planned_piece, beside=True)
+            self.estimate.position.look(self.planned_piece, BESIDE)
             self.estimate.lane.begin(turning.beside_m)
             return
         self.estimate.position.less_sure(*self.turn_sigmas(turning))

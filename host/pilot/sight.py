@@ -161,7 +161,9 @@ class Sight:
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         estimate.pictures.take(view, then)
         # Elsewhere swath may lie across: it must lead no blade through a gap.
-        view = self._of_lane(view.with_lying() if strip.surely_crop else view, strip, then)
+        view = self._of_lane(
+            view.with_lying() if strip.surely_crop else view, strip, then, beside=beside
+        )
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)
         sure = view.confidence >= CONFIDENT
@@ -204,9 +206,19 @@ class Sight:
                 self.ahead.back_away(view, then)
             self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
 
-    def _of_lane(self, view: CropView, strip: Strip, then: Motion) -> CropView:
-        """Where nothing stands right ahead of the blade, the edge of what stands beside its way is
-        the lane's. What stands across the way, without a right end, is another field's."""
+    def _of_lane(self, view: CropView, strip: Strip, then: Motion, *, beside: bool) -> CropView:
+        """Where nothing stands right ahead of the blade, or the machine backs `beside` the lane,
+        the edge of what stands beside its way is the lane's. What stands across the way, without a
+        right end, is another field's."""
+        if beside:
+            # The right end of what stands before the blade is the picture's own border there.
+            sure = BESIDE_SURE if math.isfinite(view.edge_beside_m) else 0.0
+            return replace(
+                view,
+                edge_offset_m=view.edge_beside_m,
+                edge_ahead_m=BESIDE_AHEAD_M,
+                confidence=sure,
+            )
         across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
         clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
         if across or not (clear and strip.placed and math.isfinite(view.edge_beside_m)):

@@ -17,6 +17,11 @@ OUTSIDE_M: Final = 0.2
 """Left of the machine's middle, at least: what stands farther right stands in its way."""
 REACH_M: Final = 1.5
 """And at most. Farther off it may be another field's, and foreshortened a decimetre is no pixel."""
+QUARTILE: Final = 0.25
+"""Of the feet from right to left, the one that is near the right end: what is seen between the
+stalks, and stands behind them, lies left of it."""
+NEAR_M: Final = 0.15
+"""Feet within so much of that are the right end's: a row's unevenness, and 5 degrees askew."""
 NEAREST, FARTHEST = np.float32(BESIDE_M[0]), np.float32(BESIDE_M[1])
 
 
@@ -25,7 +30,16 @@ def right_end_beside(x: Floats, y: Floats, blade_x_m: float) -> float:
     """Where its right end lies, m left of the vehicle's x axis, of the feet of standing crop (n,)
     `x`, `y`, m in the vehicle frame; NaN without (docs/understand/vision.md says how exact)."""
     ahead = x - np.float32(blade_x_m)
-    near = (ahead > NEAREST) & (ahead < FARTHEST)
-    feet = np.sort(y[near & (y > np.float32(OUTSIDE_M)) & (y < np.float32(REACH_M))])
+    along = (ahead > NEAREST) & (ahead < FARTHEST)
+    feet = np.sort(y[along & (y > np.float32(OUTSIDE_M)) & (y < np.float32(REACH_M))])
     n = len(feet)
-    return float(np.float32(0.5) * (feet[(n - 1) // 2] + feet[n // 2])) if n >= BLOCKS else NAN
+    if n < BLOCKS:
+        return NAN
+    at = QUARTILE * (n - 1)
+    k = int(at)
+    right = feet[k] + np.float32(at - k) * (feet[k + 1] - feet[k])
+    near = feet[np.abs(feet - right) < np.float32(NEAR_M)]
+    n = len(near)
+    if n < BLOCKS:
+        return NAN
+    return float(np.float32(0.5) * (near[(n - 1) // 2] + near[n // 2]))

@@ -83,16 +83,44 @@ def test_answers_lie_about_the_truth_as_the_detectors_did() -> None:
     )
 
 
+class Beside:
+    """A machine with crop half a metre left of its way, and a library that says of it what a test
+    wants."""
+
+    def __init__(self, camera: str, **columns: float) -> None:
+        start = {"lateral_error_m": -0.7}
+        self._standing = Standing(scenario(camera=camera, belief="exact", start=start))
+        bench, known = self._standing.bench, library()
+        put = {name: np.full(known.size, value, np.float32) for name, value in columns.items()}
+        self._standing.eyes = ModelEyes(bench, Library(known.columns | put, known.about))
+        self._standing.detector = self._standing.eyes.detector()
+        inset_m = bench.scenario.vehicle.inset_m
+        self._expected_m = PerfectEye(bench).sight().beside_m + inset_m
+
+    def errors(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Of its place, m."""
+        answers = self._standing.answers(2000)
+        return np.array([view.edge_beside_m - self._expected_m for view in answers])
+
+
 @pytest.mark.parametrize(("camera", "off_m"), [("low", 0.09), ("mast", 0.04)])
-def test_crop_beside_the_way_is_seen_as_far_off_as_it_was_measured(
+def test_crop_beside_the_way_is_seen_as_far_off_as_it_was_rendered_where_no_drive_met_it(
     camera: str, off_m: float
 ) -> None:
-    start = {"lateral_error_m": -0.7}
-    standing = Standing(scenario(camera=camera, belief="exact", start=start))
-    truth = PerfectEye(standing.bench)
-    expected = truth.sight().beside_m + standing.bench.scenario.vehicle.inset_m
-    errors = np.array([view.edge_beside_m - expected for view in standing.answers(2000)])
-    assert float(np.std(errors)) == pytest.approx(off_m, rel=0.25)
+    beside = Beside(camera, read_beside_m=math.nan, edge_beside_m=math.nan)
+    assert float(np.std(beside.errors())) == pytest.approx(off_m, rel=0.25)
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.17])
+def test_crop_beside_the_way_is_seen_as_far_off_as_the_detector_saw_it(off_m: float) -> None:
+    inset_m = scenario().vehicle.inset_m
+    beside = Beside("low", read_beside_m=0.5, edge_beside_m=0.5 + inset_m + off_m)
+    assert beside.errors() == pytest.approx(off_m, abs=0.02)
+
+
+def test_crop_beside_the_way_that_the_detector_did_not_see_is_not_seen() -> None:
+    beside = Beside("low", read_beside_m=0.5, edge_beside_m=math.nan)
+    assert np.isnan(beside.errors()).all()
 
 
 def test_that_crop_may_lie_is_said_as_the_detector_said_it() -> None:

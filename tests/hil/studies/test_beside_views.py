@@ -16,6 +16,15 @@ def test_crop_beside_the_way_is_seen_and_none_where_it_is_far(mount: str) -> Non
     assert far.seen == 0
 
 
+@pytest.mark.parametrize("mount", ["low", "mast"])
+def test_the_flank_of_the_next_strip_is_seen_to_a_few_centimetres(mount: str) -> None:
+    """Where a shuttle backs beside it, half a metre off: as far as it is said at all."""
+    flank = judged(5, 4, mount, "flank")
+    assert flank.views == 4
+    assert flank.seen >= 2
+    assert flank.rms_m < 0.08
+
+
 def test_what_an_earlier_strip_has_left_is_not_the_edge_but_makes_it_unsure() -> None:
     remnant, plain = (judged(5, 4, "low", kind) for kind in ("remnant", "plain"))
     assert (remnant.views, plain.views) == (4, 4)

@@ -12,7 +12,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.kalman import Measurement
 from host.estimate.lane import Lane
 from host.estimate.lanes import CATCH_UP_M, STRAIGHTEN_M, Aside, caught_up, straightened
-from host.estimate.motion_model import YAW_SIGMA_SHARE
+from host.estimate.motion_model import BESIDE, PRESSED, YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.estimate.prior import START_SIGMA
@@ -402,22 +402,32 @@ def test_how_sure_a_machine_is_where_it_will_have_backed_to() -> None:
     assert position.end_sigma_m(ring(0), -1) == pytest.approx(ahead_of_time, rel=0.02)
 
 
-def test_an_edge_that_is_seen_from_beside_moves_a_machine_little() -> None:
+def test_edges_that_are_seen_from_beside_at_one_place_count_as_one_that_errs_by_12_cm() -> None:
     def place_m(*, beside: bool) -> float:
         machine = OnLane(VEHICLE)
-        machine.position.look(machine.position.on_lane().side, beside=beside)
+        machine.position.look(machine.position.on_lane().side, BESIDE if beside else None)
         for _ in range(20):
             machine.lane.correct(0.1, math.nan, 1.0, (0.0, 0.0))
         return abs(machine.lane.blade_offset_m)
 
+    known_m = OnLane(VEHICLE).lane.offset_sigma_m
+    as_one = 0.1 * known_m**2 / (known_m**2 + 0.12**2)
     assert place_m(beside=False) > 0.08
-    assert place_m(beside=True) < 0.03
+    assert place_m(beside=True) == pytest.approx(as_one, rel=0.03)
+
+
+def test_an_edge_that_wheels_have_pressed_down_moves_a_machine_little() -> None:
+    machine = OnLane(VEHICLE)
+    machine.position.look(machine.position.on_lane().side, PRESSED)
+    for _ in range(20):
+        machine.lane.correct(0.1, math.nan, 1.0, (0.0, 0.0))
+    assert abs(machine.lane.blade_offset_m) < 0.03
 
 
 def test_how_surely_a_lane_is_known_from_beside_is_the_machines_place() -> None:
     machine = OnLane(VEHICLE)
     known_m = machine.lane.offset_sigma_m
-    machine.position.look(machine.position.on_lane().side, beside=True)
+    machine.position.look(machine.position.on_lane().side, BESIDE)
     assert machine.lane.offset_sigma_m == pytest.approx(known_m, abs=0.01)
 
 

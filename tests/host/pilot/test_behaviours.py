@@ -1270,6 +1270,33 @@ def test_where_nothing_stands_ahead_the_edge_beside_the_way_is_the_lanes(
     assert context.sight.beside(context.motion) is is_lane
 
 
+@pytest.mark.parametrize(("beside_m", "taken_m"), [(0.2, 0.2), (math.nan, 0.0)])
+def test_beside_the_next_strip_the_edge_beside_the_way_counts_alone(
+    beside_m: float, taken_m: float
+) -> None:
+    """What a picture that shows no more than that strip's flank takes for the right end of what
+    stands before the blade is the border of what it shows."""
+    next_m = VEHICLE.pass_m
+    flank = replace(CUTTING, edge_offset_m=next_m - 0.3, edge_beside_m=next_m + beside_m)
+    context = on_side(cut_m=5.0, eye=Shown(flank))
+    assert isinstance(context.strip, PlannedStrip)
+    context.estimate.lane.place(-next_m, 0.0, 0.05, 0.02)
+    context.strip.place(5.0)
+    turn = shuttle(VEHICLE, -8.0, VEHICLE.pass_m, 3.0)
+    turning = Turning(NOW, turn, (0.0, 0.0, 0.0))
+    assert turning.beside
+    context.strip.begin_leg(turning)
+    context.estimate.position.less_sure(0.5, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    for k in range(10):
+        stamp = NOW + 0.1 * k
+        moved(context, 5.0 - 0.03 * k, -0.3, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+    left_m = before - context.estimate.lane.blade_offset_m
+    assert left_m == pytest.approx(taken_m, abs=0.05)
+
+
 @pytest.mark.parametrize(("cut_m", "ahead_m"), [(4.0, 0.0), (7.5, math.inf), (9.7, math.inf)])
 def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt(
     cut_m: float, ahead_m: float

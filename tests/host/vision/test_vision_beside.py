@@ -32,6 +32,19 @@ def test_the_feet_beside_the_way_say_where_the_crop_ends() -> None:
     assert right_end_beside(x, y, BLADE_X_M) == pytest.approx(0.9)
 
 
+def test_stalks_that_are_seen_behind_the_first_ones_do_not_move_the_right_end() -> None:
+    """From low down most of the blocks look between the stalks."""
+    x, y = feet(0.5, blocks=12)
+    y[5:] = np.linspace(0.75, 1.45, 7)
+    assert right_end_beside(x, y, BLADE_X_M) == pytest.approx(0.5, abs=0.01)
+
+
+def test_feet_that_stand_in_no_line_tell_no_right_end() -> None:
+    x, y = feet(0.3, blocks=BLOCKS)
+    y[1:] = 0.7, 1.2
+    assert math.isnan(right_end_beside(x, y, BLADE_X_M))
+
+
 @pytest.mark.parametrize("at_m", [OUTSIDE_M - 0.1, REACH_M + 0.1])
 def test_neither_what_stands_in_the_way_nor_what_is_far_off_stands_beside_it(at_m: float) -> None:
     assert math.isnan(right_end_beside(*feet(at_m), BLADE_X_M))
