@@ -102,7 +102,7 @@ class Follow(Behaviour):
         """Clear ground longer than a patch, after a look: what comes next may be somebody else's,
         and a person must see. The last side ends there if the plan has next to nothing more, and
         so does any side of a boundary that is still to be found, and once one that is all but
-        driven: the turn leads back into the field, and the geofence watches."""
+        driven, or is short: the turn leads back into the field, and the geofence watches."""
         context, guard = self.context, self.context.estimate.cut
         if not guard.refused:
             return None
@@ -118,7 +118,8 @@ class Follow(Behaviour):
             return Why.LAST_CLEAR.go()
         if context.strip.remnant:
             return Why.REMNANT_GONE.go()
-        if context.guard.fenced and left_m < END_REST_M:
+        little = left_m < END_REST_M or context.strip.skippable
+        if context.guard.fenced and little:
             go = end_by_plan(context, now)
             if go is not None:
                 return go

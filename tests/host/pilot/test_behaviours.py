@@ -565,6 +565,20 @@ def test_clear_ground_on_a_side_that_is_all_but_driven_ends_it_once(
     assert is_for(Follow(context).step(NOW)[1], reason)
 
 
+@pytest.mark.parametrize(
+    ("length_m", "reason"), [(2.5, SideEnd.BY_PLAN), (6.0, Followed.CLEAR_GROUND)]
+)
+def test_clear_ground_on_a_short_side_leads_on_to_the_next(
+    monkeypatch: pytest.MonkeyPatch, length_m: float, reason: Reason
+) -> None:
+    """It may have gone with its neighbours, as one whose crop was never met."""
+    monkeypatch.setattr(CutGuard, "clear_m", 5.0)
+    sides = PLAN.sides[0], replace(PLAN.sides[1], length_m=length_m), PLAN.sides[2]
+    context = on_side(1, replace(PLAN, sides=sides), cut_m=0.5)
+    context.estimate.cut.refused = True
+    assert is_for(Follow(context).step(NOW)[1], reason)
+
+
 # ---- the looks, the doubt ------------------------------------------------------------------------
 
 
