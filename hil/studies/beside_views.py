@@ -106,8 +106,8 @@ def _seen(edge: Edge, pose: tuple[float, float, float]) -> CropView:
 
 
 def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
-    """All views of a kind. Crop beside the way is asked for only where it is within reach, and where
-    none is said ahead; on a strip's flank whatever is said ahead."""
+    """All views of a kind. Crop beside the way is asked for only where it is within reach, and none
+    is said ahead; on a strip's flank whatever is said ahead."""
     asked = seen = sure = 0
     errors: list[float] = []
     for view, true_m in views(seed, count, mount, kind):
