@@ -38,14 +38,14 @@ def test_the_count_takes_numbers_in_capitals_with_the_text_below(tmp_path: Path)
 
 
 def test_a_constant_is_varied_wherever_it_was_taken_and_put_back() -> None:
-    from host.pilot import sight  # noqa: PLC0415
+    from host.pilot import gaze  # noqa: PLC0415
     from host.pilot.behaviours import follow  # noqa: PLC0415
 
-    was = sight.STOP_AFTER_S
-    with varied(Constant("host/pilot/sight.py", "STOP_AFTER_S", ""), 1.5):
-        assert sight.STOP_AFTER_S == follow.STOP_AFTER_S == 1.5 * was
-    assert sight.STOP_AFTER_S == follow.STOP_AFTER_S == was
-    assert "host.pilot.sight" in sys.modules
+    was = gaze.STOP_AFTER_S
+    with varied(Constant("host/pilot/gaze.py", "STOP_AFTER_S", ""), 1.5):
+        assert gaze.STOP_AFTER_S == follow.STOP_AFTER_S == 1.5 * was
+    assert gaze.STOP_AFTER_S == follow.STOP_AFTER_S == was
+    assert "host.pilot.gaze" in sys.modules
 
 
 @pytest.mark.parametrize(
