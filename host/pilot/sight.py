@@ -210,26 +210,20 @@ class Sight:
         """Where nothing stands right ahead of the blade, or the machine backs `beside` the lane,
         the edge of what stands beside its way is the lane's. What stands across the way, without a
         right end, is another field's."""
-        if beside:
-            # The right end of what stands before the blade is the picture's own border there.
-            sure = BESIDE_SURE if math.isfinite(view.edge_beside_m) else 0.0
-            return replace(
-                view,
-                edge_offset_m=view.edge_beside_m,
-                edge_ahead_m=BESIDE_AHEAD_M,
-                confidence=sure,
-            )
-        across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
-        clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
-        if across or not (clear and strip.placed and math.isfinite(view.edge_beside_m)):
-            return view
-        if min(strip.along_m(then), strip.left_m() - BESIDE_AHEAD_M) <= 0.0:
-            return view
-        self.beside_at_m = then.distance_m
-        if view.confidence >= CONFIDENT and view.crop_ahead_m < BESIDE_M[1]:
-            return view
-        edge_m, at_m = view.edge_beside_m, BESIDE_AHEAD_M
-        return replace(view, edge_offset_m=edge_m, edge_ahead_m=at_m, confidence=BESIDE_SURE)
+        seen = math.isfinite(view.edge_beside_m)
+        # Beside a strip the right end of what stands before the blade is the picture's own border.
+        if not beside:
+            across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
+            clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
+            if across or not (clear and strip.placed and seen):
+                return view
+            if min(strip.along_m(then), strip.left_m() - BESIDE_AHEAD_M) <= 0.0:
+                return view
+            self.beside_at_m = then.distance_m
+            if view.confidence >= CONFIDENT and view.crop_ahead_m < BESIDE_M[1]:
+                return view
+        edge_m, sure = view.edge_beside_m, BESIDE_SURE if seen else 0.0
+        return replace(view, edge_offset_m=edge_m, edge_ahead_m=BESIDE_AHEAD_M, confidence=sure)
 
     def take_looks(self) -> bool:
         """A look without a sure edge is over. Whether it and the one before it have the edge in one

@@ -84,11 +84,11 @@ def test_answers_lie_about_the_truth_as_the_detectors_did() -> None:
 
 
 class Beside:
-    """A machine with crop half a metre left of its way, and a library that says of it what a test
-    wants."""
+    """A machine left_m left of its lane: with crop 0.3 m left of its way, or at -2.0 with none. And
+    a library that says of it what a test wants."""
 
-    def __init__(self, camera: str, **columns: float) -> None:
-        start = {"lateral_error_m": -0.7}
+    def __init__(self, camera: str, left_m: float = -0.7, **columns: float) -> None:
+        start = {"lateral_error_m": left_m}
         self._standing = Standing(scenario(camera=camera, belief="exact", start=start))
         bench, known = self._standing.bench, library()
         put = {name: np.full(known.size, value, np.float32) for name, value in columns.items()}
@@ -97,6 +97,10 @@ class Beside:
         inset_m = bench.scenario.vehicle.inset_m
         self._expected_m = PerfectEye(bench).sight().beside_m + inset_m
 
+    def said(self) -> list[float]:
+        """Its place, m."""
+        return [view.edge_beside_m for view in self._standing.answers(50)]
+
     def errors(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Of its place, m."""
         answers = self._standing.answers(2000)
@@ -104,7 +108,7 @@ class Beside:
 
 
 @pytest.mark.parametrize(("camera", "off_m"), [("low", 0.09), ("mast", 0.04)])
-def test_crop_beside_the_way_is_seen_as_far_off_as_it_was_rendered_where_no_drive_met_it(
+def test_crop_beside_the_way_is_seen_as_far_off_as_a_rule_says_where_no_drive_met_it(
     camera: str, off_m: float
 ) -> None:
     beside = Beside(camera, read_beside_m=math.nan, edge_beside_m=math.nan)
@@ -121,6 +125,14 @@ def test_crop_beside_the_way_is_seen_as_far_off_as_the_detector_saw_it(off_m: fl
 def test_crop_beside_the_way_that_the_detector_did_not_see_is_not_seen() -> None:
     beside = Beside("low", read_beside_m=0.5, edge_beside_m=math.nan)
     assert np.isnan(beside.errors()).all()
+
+
+@pytest.mark.parametrize(("was_m", "said_m"), [(math.nan, 0.7), (0.5, math.nan)])
+def test_what_is_said_beside_the_way_where_nothing_stands_was_said_where_nothing_stood(
+    was_m: float, said_m: float
+) -> None:
+    beside = Beside("low", -2.0, read_beside_m=was_m, edge_beside_m=0.7)
+    assert beside.said() == pytest.approx([said_m] * 50, nan_ok=True)
 
 
 def test_that_crop_may_lie_is_said_as_the_detector_said_it() -> None:

@@ -488,6 +488,20 @@ def test_crop_whose_beginning_a_shuttle_has_pressed_down_tells_no_place(
     assert (context.estimate.position.pose != before) is tells
 
 
+@pytest.mark.parametrize(("early_m", "most_m"), [(0.0, 0.4), (1.0, 0.15)])
+def test_an_edge_that_a_shuttle_has_pressed_down_counts_less(early_m: float, most_m: float) -> None:
+    context = on_side(cut_m=None)
+    backing(context, early_m)
+    position, lane = context.estimate.position, context.estimate.lane
+    position.less_sure(0.12, 0.0)
+    before = lane.blade_offset_m
+    for _ in range(20):
+        lane.correct(0.3, math.nan, 1.0, (0.0, 0.0))
+    moved_m = abs(lane.blade_offset_m - before)
+    assert 0.0 < moved_m < most_m
+    assert (moved_m > 0.25) is (early_m == 0.0)
+
+
 def test_along_what_a_shuttle_has_pressed_down_no_edge_is_followed() -> None:
     context = on_side(cut_m=0.2)
     strip, position = context.strip, context.estimate.position
