@@ -97,11 +97,14 @@ class Harvest:
         camera_threads: int = 1,
         darkroom: Executor | None = None,
         eyes: Callable[[Bench], Eyes] | None = None,
+        recorded_as: Scenario | None = None,
     ) -> None:
         """`eyes`: what takes the pictures and makes the detector, as the scenario says where none
         are given; `detector`: another one for the same pictures. Eyes that take no pictures leave
-        none in record and film."""
+        none in record and film. `recorded_as`: the same scenario as the record is to name it, whose
+        files will lie elsewhere."""
         self.scenario = scenario
+        self._recorded_as = recorded_as or scenario
         self.bench = Bench(scenario, camera_threads=camera_threads)
         self.eyes: Eyes = (eyes or eyes_of)(self.bench)
         self._detector = detector or (lambda _: self.eyes.detector())
@@ -150,7 +153,7 @@ class Harvest:
         seen = {**scenario.vehicle.mounts, scenario.camera: scenario.mount}
         vehicle = scenario.vehicle.model_copy(update={"mounts": seen})
         about = {
-            "scenario": scenario.model_dump_json(),
+            "scenario": self._recorded_as.model_dump_json(),
             # as a drive's record has them, so that `daranti see` reads either
             "vehicle": vehicle.model_dump_json(),
             "mount": scenario.camera,
@@ -392,16 +395,25 @@ def harvest(
     *,
     camera_threads: int = 1,
     eyes: Callable[[Bench], Eyes] | None = None,
+    recorded_as: Scenario | None = None,
 ) -> dict[str, Any]:
     """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4, record.mcap
     and events.json into `out`, of which a scenario may want the two JSON files only. Returns the
-    summary. The number of threads changes nothing but the time it takes."""
+    summary. The number of threads changes nothing but the time it takes. `recorded_as`: as
+    Harvest has it."""
     lean = scenario.record.files == "figures"
     film = out / "camera.mp4" if scenario.record.film and not lean else None
     out.mkdir(parents=True, exist_ok=True)
     begin, used = time.perf_counter(), time.process_time()
     record = None if lean else out / "record.mcap"
-    run = Harvest(scenario, record, film, camera_threads=camera_threads, eyes=eyes)
+    run = Harvest(
+        scenario,
+        record,
+        film,
+        camera_threads=camera_threads,
+        eyes=eyes,
+        recorded_as=recorded_as,
+    )
     try:
         run.run(progress)
     finally:

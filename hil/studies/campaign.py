@@ -80,14 +80,13 @@ def run_job(job: Job) -> dict[str, Any]:
         return summary_of(place)
     place.parent.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=f".{job.key}-", dir=place.parent))
-    chosen = Scenario.model_validate_json(job.scenario)
-    described = chosen.model_dump(mode="json")
+    chosen = described = Scenario.model_validate_json(job.scenario)
     try:
         if job.commissioned:
             commission(chosen, work / BELIEF_FOLDER, walk_of(chosen))
+            described = changed(chosen, {"belief": {"folder": str(place / BELIEF_FOLDER)}})
             chosen = changed(chosen, {"belief": {"folder": str(work / BELIEF_FOLDER)}})
-            described["belief"]["folder"] = str(place / BELIEF_FOLDER)
-        summary = harvest.harvest(chosen, work)
+        summary = harvest.harvest(chosen, work, recorded_as=described)
     except Exception as error:  # one run's failure must not end the others
         summary = {
             "scenario": chosen.name,
@@ -98,7 +97,7 @@ def run_job(job: Job) -> dict[str, Any]:
         (work / "traceback.txt").write_text(traceback.format_exc(), encoding="utf-8")
         (work / "summary.json").write_text(json.dumps(summary, indent=2), encoding="utf-8")
     (work / "scenario.yaml").write_text(
-        yaml.safe_dump(described, sort_keys=False), encoding="utf-8"
+        yaml.safe_dump(described.model_dump(mode="json"), sort_keys=False), encoding="utf-8"
     )
     if summary["outcome"] == "finished" and not job.keep_records:
         (work / "record.mcap").unlink(missing_ok=True)

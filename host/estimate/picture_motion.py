@@ -44,9 +44,12 @@ BINS: Final = 120
 """So many are remembered, a minute's."""
 WAY_M: Final = 0.8
 """Driven, over which the way that pictures show is compared with the wheels'. Less tells sooner."""
+STEP_M: Final = 0.06
+"""Driven in a step, from which on it counts: pictures of a machine that stands drift by up to half
+as much."""
 SHOWN_SHARE: Final = 0.1
-"""Of that way, which pictures show at least: good ones 0.2 and more, such that stand still none, as
-where wheels spin."""
+"""Of that way, which pictures show at least: good ones 0.36 and more, such that stand still none,
+as where wheels spin."""
 BACKWARD_SHARE: Final = -0.06
 """Of it, which pictures that are upside down show at most: from the mast -0.1 and less."""
 ENOUGH_RAD: Final = math.radians(7.0)
@@ -55,8 +58,10 @@ the pictures err a step, up to 0.8 degrees, is a ninth of it. Less tells sooner.
 OTHER_WAY: Final = -0.4
 """Share of the machine's turns that pictures show at most which are turned over: they show -0.7 and
 less, good ones 0 and more, and 0.7 but for a gyroscope that finds its offset."""
-TURN_S: Final = 6.0
-"""Over which turns are compared for pictures that come late: one at a corner takes half of it."""
+TURN_S: Final = 8.0
+"""Over which turns are compared for pictures that come late: longer than one at a corner takes, at
+whose beginning and at whose end such pictures are off. Over 6 s, crop that comes before the lens at
+its end, and shifts by up to five times the turn, looks late."""
 TURNED_RAD: Final = math.radians(20.0)
 """That both must have turned in that time, to and fro."""
 AS_ONE: Final = 0.3
@@ -69,8 +74,9 @@ LAG_S: Final = 0.2
 LATE_S: Final = 0.35
 """and told of: less shows at no turn, and the machine bears it."""
 MISFIT_RAD: Final = math.radians(6.0)
-"""Root of the squares of what pictures that are late show otherwise, step by step, at least. Good
-ones make up to 6.5 degrees, which no delay explains."""
+"""Root of the squares of what pictures that are late show otherwise, step by step, at least: half a
+second's 6.4 degrees and more in 16 picture drives. Of what good ones show a delay explains
+nothing there."""
 EXPLAINED_SHARE: Final = 0.5
 """Of it, that is left at most if they are taken to be late."""
 OR_WHEELS: Final = (
@@ -172,7 +178,7 @@ class PictureMotion:
     def _still(self) -> str:
         """Whether they show the machine stand, or drive the other way."""
         shown_m = driven_m = 0.0
-        for bin_ in reversed(self._bins):
+        for bin_ in (b for b in reversed(self._bins) if b.driven_m > STEP_M):
             shown_m, driven_m = shown_m + bin_.shown_m, driven_m + bin_.driven_m
             if driven_m > WAY_M:
                 break

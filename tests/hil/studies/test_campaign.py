@@ -25,6 +25,7 @@ from hil.judge.overview import overview, ranking, stopped_safely
 from hil.scenario.scenario import Scenario, changed, load
 from hil.studies.campaign import jobs_of, run_campaign, run_job, seeds_of, variants
 from host.core.errors import UserError
+from host.runs.record import about
 
 needs_firmware = pytest.mark.skipif(
     not targets.DESK_LIBRARY.exists(), reason="the desk firmware is not built: make build"
@@ -132,7 +133,9 @@ def test_a_run_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     (job,) = jobs_of([load(str(tiny(tmp_path)))], tmp_path, False)
     first = run_job(job)
     driven: list[Any] = []
-    monkeypatch.setattr("hil.bench.harvest.harvest", lambda *what: driven.append(what) or first)
+    monkeypatch.setattr(
+        "hil.bench.harvest.harvest", lambda *what, **_: driven.append(what) or first
+    )
     assert run_job(job) == first
     assert not driven
     assert first["run"] == job.key
@@ -142,21 +145,27 @@ def test_a_run_is_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 @needs_firmware
 def test_a_commissioned_run_harvests_with_what_was_found(tmp_path: Path) -> None:
-    brief = {"field": {"size_m": [14.0, 11.0]}, "eyes": "model", "limits": {"time_s": 1.0}}
+    brief = {
+        "field": {"size_m": [14.0, 11.0]},
+        "eyes": "model",
+        "limits": {"time_s": 1.0},
+    }
     (plain,) = jobs_of([load("default", brief)], tmp_path, False)
-    (job,) = jobs_of([load("default", brief)], tmp_path, False, commissioned=True)
+    (job,) = jobs_of([load("default", brief)], tmp_path, True, commissioned=True)
     assert job.key != plain.key
     assert run_job(job)["outcome"] == "broken off"
     folder = job.place / "belief"
     again = load(str(job.place / "scenario.yaml"))
     assert again.belief.folder == str(folder)
     assert again.told == changed(load("default", brief), {"belief": {"folder": str(folder)}}).told
+    recorded = about(job.place / "record.mcap")["scenario"]
+    assert Scenario.model_validate_json(recorded).told == again.told
 
 
 def test_a_run_that_crashes_is_a_result_with_its_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fall(*_: object) -> None:
+    def fall(*_: object, **__: object) -> None:
         raise RuntimeError("over a stone")
 
     monkeypatch.setattr("hil.bench.harvest.harvest", fall)

@@ -153,6 +153,51 @@ def test_pictures_of_another_place_are_named_where_the_gyroscope_tells_of_the_tu
     assert watched(none_turns, motions=by_angle)[0] == "", "or the potentiometer is wrong"
 
 
+NEAR_TURNED = """
+0.4 1 1.4 3 0.7 3.2 2 0.8 3.3 0.6 1.5 1.2 2.2 -0.2 0.9 0.9 2.1 -0.4 0.9 2.1 -0.4 0.9 2.2
+0.9 -0.4 0.9 2.2 -0.4 0.9 1 2.2 -0.3 0.9 1 2.2 -0.3 0.9 1 2.3 -0.3 0.9 0.9 2.2 -0.3 0.9
+1 1.1 1.3 2.9 1.8 2 0.8 3.3 0.6 1.2 1.5 -0.6 0.1 -0 0
+"""
+NEAR_SHOWN = """
+0.8 1 1.8 2 2 2.1 2 2 1.5 1.5 1.2 1.2 0.9 1 0.7 0.9 1 1 1.1 0.9 1 1.1 1 1.1 0.9 1.1 1
+1.1 1.1 1.2 0.9 1.1 1.2 1.1 1.2 1 1.1 0.9 1.3 1.4 1.6 - 1.2 1.1 1.2 1.4 - 2.9 - - -4.4
+2.2 - - 6.8 3.8 1.2 0.3 0 -0
+"""
+"""A low camera's turn at a corner, deg a picture: as its end crop comes before the lens, after
+pictures that show nothing (-), and shifts by five times what the machine turns (random field
+10001)."""
+
+
+def test_near_crop_that_shifts_by_more_than_the_turn_accuses_no_camera() -> None:
+    turned = [0.0] * 50 + [float(v) for v in NEAR_TURNED.split()] + [0.0] * 20
+    shown = [0.0] * 50 + [NAN if v == "-" else float(v) for v in NEAR_SHOWN.split()] + [0.0] * 20
+    yaw = np.radians(np.cumsum(turned))
+    motions = [
+        Motion(0.1 * k, 0.15, 0.0, 0.015 * k, float(y), 0.015 * k, 0.0, 0.001)
+        for k, y in enumerate(yaw)
+    ]
+
+    def shows(a: Motion, b: Motion) -> tuple[float, float]:
+        return math.radians(shown[round(b.stamp / 0.1)]), b.distance_m - a.distance_m
+
+    assert watched(shows, motions=motions)[0] == ""
+
+
+def test_what_pictures_drift_by_while_the_machine_stands_hides_none_of_its_way() -> None:
+    """A drive in short pieces, with long stands between, whose pictures drift backwards."""
+    at, motions = 0.0, []
+    for k in range(1500):
+        speed = SPEED_MPS if k % 150 < 10 else 0.0
+        at += speed * PICTURE_S
+        motions.append(Motion(k * PICTURE_S, speed, 0.0, at, 0.0, at, 0.0))
+
+    def drifts(a: Motion, b: Motion) -> tuple[float, float]:
+        way_m = b.distance_m - a.distance_m
+        return 0.0, way_m if way_m > 0.0 else -0.005
+
+    assert watched(drifts, motions=motions)[0] == ""
+
+
 def test_pictures_that_are_not_believed_tell_nothing() -> None:
     hangs = watched(same_ago=lambda k: max(0, k - 120), usable=lambda k: k < 122)
     assert hangs[0] == "", "the machine stands for that, and goes on by itself"
