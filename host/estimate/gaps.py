@@ -14,16 +14,10 @@ from typing import Final
 
 TAPE_M: Final = 0.2
 """What a taped gap errs: no border is straight."""
-LOOKS: Final = 4
-"""Places from which it is looked at where the first look contradicts what was said. A look errs by
-0.25 m from the mast and by 0.5 m from the low camera (346 stands of the model eyes' drives; 1.5
-degrees of pitch), and all pictures from one place err alike: by the ground that the machine stands
-on, or by what stands in the way."""
 SEEN_M: Final = 0.2
-"""What their median errs."""
+"""What is seen errs, looked at until it is known."""
 TELLS_M: Final = 0.4
-"""What is seen contradicts what was said by more: then it is looked at again, where the strip
-leaves room for that."""
+"""What is seen contradicts what was said by more."""
 LEAST_M: Final = 1.2
 """The narrowest gap that is harvested beside."""
 SQUARE_RAD: Final = math.radians(30.0)

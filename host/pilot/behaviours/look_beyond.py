@@ -1,6 +1,7 @@
 """Look beyond: stand at the end of a side that ends at the field's boundary, until the dust has
-settled, to see how far before the blade the next crop stands. The turn leads there. Where that
-contradicts what was said, look again from places behind, on ground that is cut, and come back."""
+settled, to see how far before the blade the next crop stands. The turn leads there. While that is
+not known well, or contradicts what was said, go nearer, the blade off, and look again, as far as
+the ground is surely clear; and come back."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from typing import Final
 
 from host.core.messages import Command
 from host.estimate.crop_ahead import CONFIDENT
-from host.estimate.gaps import LOOKS
+from host.estimate.crop_beyond import CropBeyond
 from host.field.areas import Verdict
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import FARTHEST_M, Context
@@ -20,8 +21,17 @@ from host.pilot.phase import Go, Phase
 
 PICTURES: Final = 8
 """That must say it: nearly a second's."""
-APART_M: Final = 0.25
-"""From one place to the next. More needs a longer strip, less shows the same ground."""
+PLACES: Final = 4
+"""Looked from, at most."""
+KNOWN_M: Final = 0.3
+"""Standard deviation of the next crop's place, within which a look is enough that contradicts
+nothing."""
+SIGMAS: Final = 2.0
+"""Of that, and"""
+STAND_M: Final = 0.15
+"""more, by which it stays away from where the next crop is seen: by braking and the tape."""
+LEAST_M: Final = 0.15
+"""Nearer than the last place, for a look to tell more."""
 
 
 class LookBeyond(Behaviour):
@@ -35,10 +45,11 @@ class LookBeyond(Behaviour):
         super().__init__(context)
         self._end_m = context.motion.distance_m
         """The travelled distance at the side's end."""
-        self._seen_m: list[float] = []
-        """How far before the blade at the side's end the next crop stands, as each place shows."""
+        self._beyond = CropBeyond(context.vehicle)
         self._to_m: float | None = None
         """The travelled distance that the machine goes to; None where it stands and looks."""
+        self._way = 1.0
+        """1 forward, -1 back."""
         self._places = 0
         self._stamp = self._since = -math.inf
 
@@ -57,13 +68,14 @@ class LookBeyond(Behaviour):
         enough = len(self._ahead_m) >= PICTURES
         if not (enough or context.look.over(now)):
             return context.hold(), None
-        back_m = self._end_m - context.motion.distance_m
+        here_m = context.motion.distance_m
         if enough and context.stands_after(now - self._since):
-            self._seen_m.append(median(self._ahead_m) - back_m)
-        if self._places < LOOKS and self._doubted():
-            self._to_m = self._end_m - self._places * APART_M
+            self._beyond.see(here_m - self._end_m, median(self._ahead_m))
+        nearer_m = self._nearer_m() if self._places < PLACES else 0.0
+        if nearer_m > LEAST_M:
+            self._to(here_m + nearer_m)
         elif self._places > 1:
-            self._to_m = self._end_m
+            self._to(self._end_m)
         else:
             return context.hold(), self._done(now)
         return context.hold(), None
@@ -81,26 +93,31 @@ class LookBeyond(Behaviour):
         self._ahead_m: list[float] = []
         self.context.look.begin(now, self.context.motion.distance_m)
 
-    def _doubted(self) -> bool:
-        """Whether the first look contradicts what was said, and cut ground lies behind. That no
-        crop is in view contradicts nothing."""
-        context = self.context
-        room = context.sight.ahead.entered and context.cut_m > LOOKS * APART_M
-        if not (room and self._seen_m and self._seen_m[0] < FARTHEST_M):
-            return False
-        back_m = self._end_m - context.motion.distance_m
-        return context.doubts_beyond(self._seen_m[0] + back_m)
+    def _nearer_m(self) -> float:
+        """How much nearer it is to look from next; 0: what was seen is enough. That no crop is in
+        view contradicts nothing."""
+        known, context = self._beyond.known, self.context
+        if known is None or min(self._ahead_m, default=0.0) >= FARTHEST_M:
+            return 0.0
+        beyond_m, sigma_m = known
+        ahead_m = beyond_m - (context.motion.distance_m - self._end_m)
+        if sigma_m < KNOWN_M and not context.doubts_beyond(ahead_m):
+            return 0.0
+        return ahead_m - SIGMAS * sigma_m - STAND_M
+
+    def _to(self, to_m: float) -> None:
+        self._to_m = to_m
+        self._way = math.copysign(1.0, to_m - self.context.motion.distance_m)
 
     def _go(self, now: float, to_m: float) -> Step:
         context = self.context
-        left_m = to_m - context.motion.distance_m
-        back = to_m < self._end_m
+        left_m = self._way * (to_m - context.motion.distance_m)
         coast_m = abs(context.motion.speed_mps) * context.vehicle.drive_lag_s
-        if (-left_m if back else left_m) > coast_m:
-            return self._drive(-1.0 if back else 1.0), None
+        if left_m > coast_m:
+            return self._drive(self._way), None
         if not context.standing(now):
             return context.hold(), None
-        if not back:
+        if self._way < 0.0:
             return context.hold(), self._done(now)
         self._look(now)
         return context.hold(), None
@@ -112,8 +129,8 @@ class LookBeyond(Behaviour):
 
     def _done(self, now: float) -> Go:
         context = self.context
-        if self._seen_m:
-            back_m = self._end_m - context.motion.distance_m
-            context.saw_beyond(median(self._seen_m) + back_m)
+        known = self._beyond.known
+        if known is not None:
+            context.saw_beyond(known[0] - (context.motion.distance_m - self._end_m))
         assert context.ended is not None
         return leave_side(context, now, context.ended)

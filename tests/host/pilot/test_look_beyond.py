@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from host.core.vehicle import Vehicle
-from host.estimate.gaps import LOOKS, SEEN_M
+from host.estimate.crop_beyond import HEIGHT_M
+from host.estimate.gaps import SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
 from host.field.areas import Level, Verdict
-from host.pilot.behaviours.look_beyond import APART_M, PICTURES, LookBeyond
+from host.pilot.behaviours.look_beyond import PICTURES, PLACES, STAND_M, LookBeyond
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side
-from host.pilot.phase import Doing
+from host.pilot.phase import Doing, Go
 from host.pilot.planned_strip import PlannedStrip
 from host.route.plan import spiral
 from host.vision.view import CropView
@@ -35,21 +37,85 @@ def at_end(cut_m: float = 10.0) -> Context:
     return context
 
 
-def look(context: Context, ahead_m: float, pictures: int = PICTURES) -> object:
-    """Why it goes on after so many pictures of crop so far ahead."""
-    behaviour = LookBeyond(context)
-    behaviour.enter(NOW)
-    for k in range(pictures):
+def pictures(context: Context, behaviour: LookBeyond, ahead_m: float, count: int) -> Go | None:
+    """So many, taken without dust from where the machine stands, of crop so far ahead."""
+    go = None
+    for k in range(count):
         stamp = NOW + 1.5 + 0.1 * k
         seeing(context, CropView(0.0, crop_ahead_m=ahead_m, ahead_confidence=1.0), stamp=stamp)
         command, go = behaviour.step(stamp)
         assert stands(command)
-    return None if go is None else go.reason
+    return go
 
 
-def test_the_turn_begins_once_enough_pictures_have_shown_what_lies_beyond() -> None:
-    assert look(at_end(), 2.0, PICTURES - 1) is None
-    assert look(at_end(), 2.0) is SideEnd.SEEN
+def look(context: Context, shows: Callable[[float], float]) -> list[float]:
+    """Drives the behaviour to its end. `shows(at_m)`: how far before the blade pictures from at_m
+    beyond the side's end show crop. Returns the places that it looked from."""
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    end_m, now = context.motion.distance_m, NOW
+    at_m, places, go = 0.0, [0.0], None
+    while go is None:
+        now += 0.1
+        view = CropView(0.0, crop_ahead_m=shows(at_m), ahead_confidence=1.0)
+        seeing(context, view, stamp=now)
+        command, go = behaviour.step(now)
+        assert not command.blade
+        if command.speed_mps == 0.0 and abs(at_m - places[-1]) > 0.1:
+            places.append(at_m)
+        at_m += 0.1 * command.speed_mps
+        moved(context, end_m + at_m, command.speed_mps, stamp=now)
+        assert now < NOW + 60.0
+    assert go.reason is SideEnd.SEEN
+    assert at_m == pytest.approx(0.0, abs=0.05), "it comes back"
+    return places[:-1] if len(places) > 1 else places
+
+
+def stands_at(crop_m: float, pitch_deg: float = 0.0) -> Callable[[float], float]:
+    """What pictures show of crop so far beyond the end, by a low camera that looks so much lower
+    than is believed."""
+
+    def shows(at_m: float) -> float:
+        ahead_m = crop_m - at_m
+        from_axle_m = VEHICLE.blade_x_m + ahead_m
+        return ahead_m - math.radians(pitch_deg) * from_axle_m**2 / HEIGHT_M
+
+    return shows
+
+
+def test_enough_pictures_are_looked_at_before_it_goes_on() -> None:
+    for count, decided in ((PICTURES - 1, False), (PICTURES, True)):
+        context = at_end()
+        behaviour = LookBeyond(context)
+        behaviour.enter(NOW)
+        go = pictures(context, behaviour, FARTHEST_M, count)
+        assert (go is not None) is decided
+
+
+def test_it_goes_nearer_until_the_next_crop_is_known_and_no_nearer_than_is_clear() -> None:
+    for crop_m in (1.0, 1.5, 2.0):
+        places = look(at_end(), stands_at(crop_m))
+        assert 1 < len(places) <= PLACES
+        assert max(places) < crop_m - STAND_M
+
+
+@pytest.mark.parametrize("pitch_deg", [1.5, 2.5])
+def test_a_camera_that_looks_lower_than_is_believed_narrows_no_gap(pitch_deg: float) -> None:
+    """Its first look shows crop half a metre too near, or more."""
+    context = at_end()
+    shows = stands_at(2.0, pitch_deg)
+    assert shows(0.0) < 2.0 - 0.5
+    look(context, shows)
+    assert context.plan.gap_m == 2.0
+
+
+@pytest.mark.parametrize("pitch_deg", [-1.5, 0.0, 1.5])
+def test_a_gap_narrower_than_was_said_is_found_whatever_the_camera_s_pitch(
+    pitch_deg: float,
+) -> None:
+    context = at_end()
+    look(context, stands_at(1.2, pitch_deg))
+    assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.3)
 
 
 def test_beyond_an_edge_it_looks_once() -> None:
@@ -77,81 +143,31 @@ def test_a_look_that_shows_nothing_ends_all_the_same() -> None:
     assert context.plan.gap_m == 2.0
 
 
-def look_again(context: Context, *seen_m: float) -> list[float]:
-    """Pictures from one place after the other show crop so far before the side's end, which
-    contradicts what was said; how far behind that the places were."""
-    behaviour = LookBeyond(context)
-    behaviour.enter(NOW)
-    end_m, now = context.motion.distance_m, NOW
-    at_m, places, go = end_m, [], None
-    while go is None:
-        now += 0.1
-        back_m = end_m - at_m
-        view = CropView(
-            0.0,
-            crop_ahead_m=seen_m[min(len(places), len(seen_m) - 1)] + back_m,
-            ahead_confidence=1.0,
-        )
-        seeing(context, view, stamp=now)
-        command, go = behaviour.step(now)
-        assert not command.blade
-        if command.speed_mps == 0.0 and (not places or abs(back_m - places[-1]) > 0.1):
-            places.append(back_m)
-        at_m += 0.1 * command.speed_mps
-        moved(context, at_m, command.speed_mps, stamp=now)
-        assert now < NOW + 60.0
-    assert at_m == pytest.approx(end_m, abs=0.05), "it comes back"
-    return places
-
-
-def test_crop_nearer_than_was_said_is_looked_at_again_from_other_places() -> None:
-    context = at_end()
-    before = context.guard
-    places = look_again(context, 1.2)
-    assert len(places) == LOOKS + 1, "and at last the end again"
-    assert places[:-1] == pytest.approx([k * APART_M for k in range(LOOKS)], abs=0.1)
-    assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
-    assert context.guard is not before
-    assert "geofence" not in context.reason
-
-
-def test_one_look_that_contradicts_the_others_narrows_nothing() -> None:
-    """A tuft, a bump below the wheels: the next place shows something else."""
-    context = at_end()
-    before = context.guard
-    look_again(context, 0.4, 2.1, 1.8, 2.0)
-    assert context.plan.gap_m == 2.0
-    assert context.guard is before
-    assert context.gaps.wrong == ""
-
-
-def test_where_no_crop_is_in_view_beyond_a_wide_gap_one_look_is_enough() -> None:
+def test_where_no_crop_is_in_view_one_look_is_enough() -> None:
     context = on_side(plan=replace(PLAN, gap_m=4.0), cut_m=10.0)
     end_side(context, NOW, clear_ahead(context))
-    assert look(context, FARTHEST_M + 1.0) is SideEnd.SEEN
+    assert look(context, lambda _: FARTHEST_M + 1.0) == [0.0]
 
 
-def test_a_short_strip_leaves_no_room_to_look_from_elsewhere() -> None:
-    context = on_side(plan=PLAN, cut_m=10.0)
-    end_side(context, NOW, clear_ahead(context))
-    context.sight.ahead.entered_at = context.motion
-    assert look(context, 1.2) is SideEnd.SEEN
-    assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
+def test_crop_right_before_the_blade_is_gone_no_nearer_to() -> None:
+    context = at_end()
+    assert look(context, stands_at(0.5)) == [0.0]
 
 
 def test_what_the_geofence_stops_is_judged_by_what_was_seen() -> None:
     context = at_end()
     behaviour = LookBeyond(context)
-    assert look(context, 1.2) is None
     behaviour.enter(NOW)
+    assert pictures(context, behaviour, 1.2, PICTURES) is None
     go = behaviour.blocked(NOW, Verdict(Level.STOP, "too near", 0.1))
     assert go is not None and go.reason is SideEnd.SEEN
+    assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
 
 
 def test_crop_where_it_should_stand_narrows_nothing() -> None:
     context = at_end()
     before = context.guard
-    look(context, 2.0)
+    look(context, stands_at(2.0))
     assert context.plan.gap_m == 2.0
     assert context.guard is before
 

@@ -1,0 +1,56 @@
+"""How far the next crop stands, by looks from several places: facts of the estimate."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from host.core.vehicle import Vehicle
+from host.estimate.crop_beyond import HEIGHT_M, CropBeyond
+
+VEHICLE = Vehicle()
+
+
+def shown_m(crop_m: float, pitch_rad: float) -> float:
+    """How far before the blade a camera shows it that looks so much lower than is believed."""
+    below_rad = math.atan2(HEIGHT_M, VEHICLE.blade_x_m + crop_m) + pitch_rad
+    return HEIGHT_M / math.tan(below_rad) - VEHICLE.blade_x_m
+
+
+def seen(crop_m: float, pitch_rad: float, *at_m: float) -> tuple[float, float]:
+    beyond = CropBeyond(VEHICLE)
+    for at in at_m:
+        beyond.see(at, shown_m(crop_m - at, pitch_rad))
+    assert beyond.known is not None
+    return beyond.known
+
+
+def test_without_a_look_nothing_is_known() -> None:
+    assert CropBeyond(VEHICLE).known is None
+
+
+@given(st.floats(0.3, 2.5))
+def test_one_look_is_taken_as_it_is_and_believed_less_the_farther_it_reaches(crop_m: float) -> None:
+    place_m, sigma_m = seen(crop_m, 0.0, 0.0)
+    assert place_m == pytest.approx(crop_m, abs=0.01)
+    assert sigma_m < seen(crop_m + 0.2, 0.0, 0.0)[1]
+
+
+def test_two_metres_are_known_to_half_a_metre_at_first() -> None:
+    """What looks of picture drives err by (docs/use/thousand_fields.md)."""
+    assert seen(2.0, 0.0, 0.0)[1] == pytest.approx(0.5, abs=0.06)
+
+
+@given(st.floats(1.2, 2.3), st.floats(-2.0, 2.0))
+def test_looks_from_nearer_take_more_than_half_of_a_pitch_s_error_away(
+    crop_m: float, pitch_deg: float
+) -> None:
+    pitch = math.radians(pitch_deg)
+    once = seen(crop_m, pitch, 0.0)
+    often = seen(crop_m, pitch, 0.0, 0.4 * crop_m, 0.6 * crop_m)
+    assert abs(often[0] - crop_m) < 0.5 * abs(once[0] - crop_m) + 0.01
+    assert often[1] < 0.7 * once[1]
+    assert abs(often[0] - crop_m) < 2.0 * often[1]
