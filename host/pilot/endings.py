@@ -3,12 +3,13 @@ several behaviours share."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from host.estimate.crop_ahead import EndOfField
 from host.pilot.context import Context, Ended
 from host.pilot.phase import Doing, Go, Reason
-from host.pilot.strip import Strip
+from host.pilot.strip import Strip, little_m2
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan
 from host.route.turn_choice import next_turn
@@ -17,9 +18,6 @@ LEFT_M2 = 1.0
 """That stays standing besides what the plan had shown: of more the owner is told."""
 LEFT_SHARE = 0.05
 """Of the field: with more than that it is not harvested."""
-LITTLE_SHARE, LITTLE_M2 = 0.03, 8.0
-"""Of the field, and at most: once no more than that is left, and the machine cannot get there, the
-harvest is over."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 
@@ -117,17 +115,27 @@ def end_by_plan(context: Context, now: float) -> Go | None:
     return end_side(context, now, EndOfField(now, context.motion, context.strip.index))
 
 
-def leave_rest(context: Context) -> bool:
+def little_left(context: Context) -> bool:
     """Whether so little of the plan is left, from the present side on, that the harvest may end
-    without it. Then that stays standing."""
-    strip = context.strip
-    side = context.plan.sides[strip.index]
-    whole_m2 = side.length_m * side.width_m
-    rest_m2 = strip.rest_m2 + (strip.left_m2 if context.turning is None else whole_m2)
-    little = context.left_m2 + rest_m2 < min(LITTLE_SHARE * context.plan.area_m2, LITTLE_M2)
+    without it."""
+    return context.left_m2 + _rest_m2(context) < little_m2(context.plan)
+
+
+def leave_rest(context: Context) -> bool:
+    """The same. Then that stays standing."""
+    little = little_left(context)
     if little:
-        context.left_standing_m2 += rest_m2
+        context.left_standing_m2 += _rest_m2(context)
     return little
+
+
+def _rest_m2(context: Context) -> float:
+    """Of the plan, from the present side on."""
+    strip, sides = context.strip, context.plan.sides
+    if not strip.placed:
+        return math.inf
+    whole_m2 = sides[strip.index].length_m * sides[strip.index].width_m
+    return strip.rest_m2 + (strip.left_m2 if context.turning is None else whole_m2)
 
 
 def over(context: Context, go: Go) -> Go:
@@ -189,7 +197,7 @@ def gave_up(context: Context, now: float) -> Go | None:
     """Whether it has hesitated for too long."""
     if now - context.since <= GIVE_UP_S:
         return None
-    if context.strip.remnant:
+    if little_left(context):
         return Patience.REMNANT.go(reason=context.reason)
     return Patience.GAVE_UP.go(seconds=f"{GIVE_UP_S:.0f}", reason=context.reason)
 

@@ -12,7 +12,7 @@ from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
 from host.estimate.prior import START_SIGMA
 from host.field.areas import GAP_MARGIN_M
-from host.pilot.strip import Strip
+from host.pilot.strip import Strip, little_m2
 from host.route.plan import Plan
 from host.route.side import NO_EDGE, Side
 
@@ -23,12 +23,9 @@ LATE_M = 0.9
 """How far before or after the plan's end of a side vision may end it; less than a gap."""
 LAST_EARLY_M = 0.3
 """On the last side: no turn needs the room, and what seemed clear is cut on the way to its end."""
-LITTLE_SHARE, LITTLE_M2 = 0.02, 8.0
-"""Of the field, and at most, that is next to nothing: it may be given up as done where nothing
-shows it."""
 SKIP_SIDE_M = 3.0
-"""A side up to this long without any crop is driven along to the next, and so is one that is next
-to nothing."""
+"""A side up to this long without any crop is driven along to its end, and so is one that is next to
+nothing."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 CORNER_M = 0.3
@@ -87,10 +84,9 @@ class PlanSide(Strip):
         self.last = index + 1 >= len(plan.sides)
         self.blind_end = side.blind_end
         self.begins_slanting = side.edge_begin_m > SQUARE_M
-        self._little_m2 = min(LITTLE_SHARE * sum(areas), LITTLE_M2)
-        self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < self._little_m2
+        self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < little_m2(plan)
         self.search_reach_m = 0.0
-        if sum(areas[index:]) >= self._little_m2:
+        if sum(areas[index:]) >= little_m2(plan):
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
@@ -254,10 +250,6 @@ class PlanSide(Strip):
     def rest_m2(self) -> float:
         rest = self.plan.sides[self.index + 1 :]
         return sum(side.length_m * side.width_m for side in rest)
-
-    @property
-    def remnant(self) -> bool:
-        return self.left_m2 + self.rest_m2 < self._little_m2
 
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma

@@ -21,6 +21,15 @@ PLACE_SIGMA_RAD = math.radians(2.5)
 TURN_M = 3.2
 """Way of a turn (docs/understand/navigation.md, a corner of 90 degrees)."""
 
+LITTLE_SHARE, LITTLE_M2 = 0.03, 8.0
+"""Of the field, and at most: once no more than that is left, and it shows nowhere, or the machine
+cannot get there, the harvest is over."""
+
+
+def little_m2(plan: Plan) -> float:
+    """As much of a plan's field."""
+    return min(LITTLE_SHARE * plan.area_m2, LITTLE_M2)
+
 
 class Beyond(NamedTuple):
     """The boundary at a strip's end."""
@@ -144,11 +153,6 @@ class Strip:
     def rest_m2(self) -> float:
         """What the plan has after it."""
         return 0.0
-
-    @property
-    def remnant(self) -> bool:
-        """Whether what the plan has left is next to nothing."""
-        return False
 
     @property
     def surely_crop(self) -> bool:

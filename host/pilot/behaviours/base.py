@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from host.core.messages import Command
 from host.field.areas import Verdict
-from host.pilot.context import Context
+from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
 from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree, Watched
 from host.pilot.phase import Go, Phase, Reason
@@ -50,6 +50,15 @@ class Behaviour(ABC):
         return (
             SeenFree(crop_m=self.context.strip.sure_ahead_m()) if self.gaze.on_side else SeenFree()
         )
+
+    def clear_ahead(self, now: float) -> SeenFree:
+        """Beyond an end that has just been found for the first time, the next crop ahead."""
+        sight, motion = self.context.sight, self.context.motion
+        view = sight.view
+        if view is None or not sight.sees_ahead() or now - sight.stamp > SLOW_AFTER_S:
+            return SeenFree()
+        since = motion.distance_m - self.context.estimate.odometry.at(sight.stamp).distance_m
+        return SeenFree(clear_m=min(view.crop_ahead_m, FARTHEST_M) - max(0.0, since))
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
         """The geofence lets the last command not pass. Without a transition the machine stands and

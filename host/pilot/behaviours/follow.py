@@ -8,7 +8,15 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S
-from host.pilot.endings import Beside, Elsewhere, SideEnd, end_by_plan, end_side, leave_rest
+from host.pilot.endings import (
+    Beside,
+    Elsewhere,
+    SideEnd,
+    end_by_plan,
+    end_side,
+    leave_rest,
+    little_left,
+)
 from host.pilot.gaze import STOP_AFTER_S, Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -116,7 +124,7 @@ class Follow(Behaviour):
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
             return Why.LAST_CLEAR.go()
-        if context.strip.remnant:
+        if little_left(context):
             return Why.REMNANT_GONE.go()
         little = left_m < END_REST_M or context.strip.skippable
         if context.guard.fenced and little:
@@ -168,7 +176,7 @@ class Follow(Behaviour):
         if searched and ahead.crop_at_m - context.motion.distance_m > NO_CROP_M:
             if context.may_regain():
                 return Beside.REGAIN.go()
-            if strip.remnant:
+            if little_left(context):
                 return Why.REMNANT_GONE.go()
             # A short side may have gone with its neighbours.
             return end_side(context, now, here) if strip.skippable else Why.CROP_GONE.go()

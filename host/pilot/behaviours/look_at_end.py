@@ -9,7 +9,7 @@ from __future__ import annotations
 from host.estimate.crop_ahead import EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.look_at_edge import rolls_on
-from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side, little_left
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.stop_and_look import LOOKING
@@ -68,7 +68,7 @@ class LookAtEnd(Behaviour):
         seen = context.sight.edge_at_m > context.look.at_m
         context.bare = 0 if seen else context.bare + clear
         if context.bare > BARE_LOOKS:
-            if context.strip.last or context.strip.remnant:
+            if context.strip.last or little_left(context):
                 return Why.NO_CROP_LEFT.go()
             here = here or EndOfField(now, context.motion, context.strip.index)
             end_m = context.strip.along_m(here.motion)

@@ -17,13 +17,14 @@ from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, leave_side
 from host.pilot.gaze import Gaze
+from host.pilot.guard import SeenFree
 from host.pilot.phase import Go, Phase
 
 PICTURES: Final = 8
 """That must say it: nearly a second's."""
 PLACES: Final = 4
 """Looked from, at most."""
-KNOWN_M: Final = 0.3
+KNOWN_M: Final = 0.35
 """Standard deviation of the next crop's place, within which a look is enough that contradicts
 nothing."""
 SIGMAS: Final = 2.0
@@ -48,8 +49,8 @@ class LookBeyond(Behaviour):
         self._beyond = CropBeyond(context.vehicle)
         self._to_m: float | None = None
         """The travelled distance that the machine goes to; None where it stands and looks."""
-        self._way = 1.0
-        """1 forward, -1 back."""
+        self._returns = False
+        """Whether it goes back to the side's end, and goes on from there."""
         self._places = 0
         self._stamp = self._since = -math.inf
 
@@ -73,17 +74,24 @@ class LookBeyond(Behaviour):
             self._beyond.see(here_m - self._end_m, median(self._ahead_m))
         nearer_m = self._nearer_m() if self._places < PLACES else 0.0
         if nearer_m > LEAST_M:
-            self._to(here_m + nearer_m)
+            self._to_m = here_m + nearer_m
         elif self._places > 1:
-            self._to(self._end_m)
+            self._to_m, self._returns = self._end_m, True
         else:
             return context.hold(), self._done(now)
         return context.hold(), None
 
+    def seen_free(self, now: float) -> SeenFree:
+        return self.clear_ahead(now)
+
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
-        """What was seen so far must do."""
+        """No nearer; and where it cannot go back either, what was seen so far must do."""
         del verdict
-        return self._done(now)
+        if self._to_m is None or self._returns:
+            return self._done(now)
+        self._places = PLACES
+        self._to_m, self._returns = self._end_m, True
+        return None
 
     def _look(self, now: float) -> None:
         self._to_m = None
@@ -105,19 +113,15 @@ class LookBeyond(Behaviour):
             return 0.0
         return ahead_m - SIGMAS * sigma_m - STAND_M
 
-    def _to(self, to_m: float) -> None:
-        self._to_m = to_m
-        self._way = math.copysign(1.0, to_m - self.context.motion.distance_m)
-
     def _go(self, now: float, to_m: float) -> Step:
         context = self.context
-        left_m = self._way * (to_m - context.motion.distance_m)
+        way = -1.0 if self._returns else 1.0
         coast_m = abs(context.motion.speed_mps) * context.vehicle.drive_lag_s
-        if left_m > coast_m:
-            return self._drive(self._way), None
+        if way * (to_m - context.motion.distance_m) > coast_m:
+            return self._drive(way), None
         if not context.standing(now):
             return context.hold(), None
-        if self._way < 0.0:
+        if self._returns:
             return context.hold(), self._done(now)
         self._look(now)
         return context.hold(), None

@@ -8,7 +8,7 @@ from dataclasses import replace
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
+from host.pilot.context import Context
 from host.pilot.endings import Blind, blind, leave_rest
 from host.pilot.guard import NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -112,13 +112,7 @@ class DriveTurn(Behaviour):
         return context.drive(steer, -speed if leg.reverse else speed, blade=False), None
 
     def seen_free(self, now: float) -> SeenFree:
-        """Beyond an end that has just been found for the first time, the next crop ahead."""
-        sight, motion = self.context.sight, self.context.motion
-        view = sight.view
-        if view is None or not sight.sees_ahead() or now - sight.stamp > SLOW_AFTER_S:
-            return SeenFree()
-        since = motion.distance_m - self.context.estimate.odometry.at(sight.stamp).distance_m
-        return SeenFree(clear_m=min(view.crop_ahead_m, FARTHEST_M) - max(0.0, since))
+        return self.clear_ahead(now)
 
     def paused(self, now: float) -> None:
         super().paused(now)

@@ -540,7 +540,12 @@ def test_follow_gives_up_crop_that_is_not_to_be_found(
 def test_a_longer_strip_is_driven_along_where_it_is_next_to_nothing_of_a_large_field() -> None:
     large = replace(PLAN.sides[2], length_m=300.0)
     context = on_side(
-        1, replace(PLAN, sides=(PLAN.sides[0], replace(PLAN.sides[1], length_m=5.0), large)),
+        1,
+        replace(
+            PLAN,
+            sides=(PLAN.sides[0], replace(PLAN.sides[1], length_m=5.0), large),
+            boundary=((0.0, 0.0), (10.0, 0.0), (10.0, 300.0), (0.0, 300.0)),
+        ),
         cut_m=None,
     )  # fmt: skip
     context.strip.search_m = 1.0

@@ -159,7 +159,10 @@ def test_what_the_geofence_stops_is_judged_by_what_was_seen() -> None:
     behaviour = LookBeyond(context)
     behaviour.enter(NOW)
     assert pictures(context, behaviour, 1.2, PICTURES) is None
-    go = behaviour.blocked(NOW, Verdict(Level.STOP, "too near", 0.1))
+    stop = Verdict(Level.STOP, "too near", 0.1)
+    assert behaviour.blocked(NOW, stop) is None, "it goes back to the side's end"
+    moved(context, context.motion.distance_m - 0.1, -0.3, stamp=NOW + 5.0)
+    go = behaviour.blocked(NOW + 5.0, stop)
     assert go is not None and go.reason is SideEnd.SEEN
     assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
 
