@@ -7,8 +7,18 @@ from typing import Any
 
 import click
 
+from hil.commands.seeds import SEEDS
 from hil.studies.belief_sizes import SIZED, draw_sizes
-from hil.studies.beliefs import AND, CASES, MOST_PAIRS, ONLY_PICTURES, harmless, run, table_of
+from hil.studies.beliefs import (
+    AND,
+    CASES,
+    MOST_PAIRS,
+    ONLY_PICTURES,
+    SEED,
+    harmless,
+    run,
+    table_of,
+)
 from hil.studies.beliefs import pairs as drawn_pairs
 from host.core.errors import UserError
 from host.core.progress import Watch
@@ -21,6 +31,8 @@ from host.core.terminal import PlainConsole, echo
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
 @click.option("--pairs", type=click.IntRange(1, MOST_PAIRS), help="So many pairs of them instead.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the pairs.")
+@click.option("--seeds", type=SEEDS, default=str(SEED), show_default=True,
+              help="Of each harvest's crop, weather and noise.")  # fmt: skip
 @click.option("--sizes", is_flag=True, help="Errors of several sizes instead, and their plot.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/beliefs"))
 def beliefs(
@@ -29,6 +41,7 @@ def beliefs(
     firmware: str,
     pairs: int | None,
     seed: int,
+    seeds: list[int],
     sizes: bool,
     out: Path,
 ) -> None:
@@ -38,6 +51,8 @@ def beliefs(
     Exits with an error where the neighbour's crop was cut or the machine left its area."""
     if bool(cases) + (pairs is not None) + sizes > 1:
         raise UserError("give cases, --pairs or --sizes, and not two of them")
+    if sizes and len(seeds) > 1:
+        raise UserError("--sizes draws one seed: give one in --seeds")
     chosen = list(cases or CASES)
     if pairs is not None:
         chosen = drawn_pairs(pairs, seed)
@@ -61,8 +76,8 @@ def beliefs(
             f"{row['outside_m']:g} m, coverage {row['coverage']:.3f}, {end}"
         )
 
-    with Watch("beliefs", len(chosen)) as watch:
-        rows = run(chosen, out, eyes, firmware, show, known)
+    with Watch("beliefs", len(chosen) * len(seeds)) as watch:
+        rows = run(chosen, out, eyes, firmware, show, known, seeds)
     PlainConsole().print_table(table_of(rows))
     if sizes:
         draw_sizes(rows, out / "beliefs.png")

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from hil.commands.seeds import SEEDS
 from hil.judge.causes import causes, circumstances
 from hil.judge.overview import overview, ranking, stopped_safely
 from hil.report import campaign_tables, report
@@ -18,9 +19,7 @@ from hil.studies.campaign import (
     looked_at_again,
     run_campaign,
     scenarios_of,
-    seeds_of,
 )
-from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -31,7 +30,7 @@ REASONS = 40
 @click.command()
 @click.option("--scenario", "names", multiple=True, metavar="NAME|FILE", help="May be repeated.")
 @click.option("--random", "random_fields", is_flag=True, help="Random fields, one per seed.")
-@click.option("--seeds", default="1-4", show_default=True, metavar="1-30|1,4,9")
+@click.option("--seeds", type=SEEDS, default="1-4", show_default=True)
 @click.option(
     "--set", "settings", multiple=True, metavar="FIELD=A,B", help="Sweeps a scenario field."
 )
@@ -53,7 +52,7 @@ REASONS = 40
 def campaign(
     names: tuple[str, ...],
     random_fields: bool,
-    seeds: str,
+    seeds: list[int],
     settings: tuple[str, ...],
     out: Path,
     commissioned: bool,
@@ -72,11 +71,7 @@ def campaign(
     The cost of a run, for --rank, is 10 / m of lateral RMS error plus the share left standing: for
     sweeps of the steering law and the speed in runs of one length."""
 
-    try:
-        numbers = seeds_of(seeds)
-    except ValueError as error:
-        raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
-    chosen = scenarios_of(names, numbers, settings, eyes, random_fields=random_fields)
+    chosen = scenarios_of(names, seeds, settings, eyes, random_fields=random_fields)
     jobs = jobs_of(chosen, out, keep_records, commissioned=commissioned)
 
     def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:

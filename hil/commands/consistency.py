@@ -9,37 +9,32 @@ from typing import Any
 import click
 from rich.table import Table
 
+from hil.commands.seeds import SEEDS
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import changed
-from hil.studies.campaign import seeds_of
 from hil.studies.consistency import overview, watched
-from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 
 
 @click.command()
-@click.option("--seeds", default="1-8", show_default=True, metavar="1-30|1,4,9")
+@click.option("--seeds", type=SEEDS, default="1-8", show_default=True)
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="model", show_default=True)
 @click.option("--dust", type=NumberRange(0, 1), help="In all fields, instead of each its own.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/consistency.json"))
-def consistency(seeds: str, eyes: str, dust: float | None, out: Path) -> None:
+def consistency(seeds: list[int], eyes: str, dust: float | None, out: Path) -> None:
     """Harvests random fields and compares the estimator's errors with what it says of them. The
     boundary is exact, so that there is one field frame; machine, mount and lens are as wrong as
     an owner's values are."""
-    try:
-        numbers = seeds_of(seeds)
-    except ValueError as error:
-        raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
     setting: dict[str, Any] = {"eyes": eyes, "belief": {"errors": {"walk_cep_m": None}}}
     if dust is not None:
         setting["weather"] = {"dust": dust}
     console = PlainConsole()
     out.parent.mkdir(parents=True, exist_ok=True)
     runs = []
-    with Watch("fields", len(numbers)) as watch:
-        for seed in numbers:
+    with Watch("fields", len(seeds)) as watch:
+        for seed in seeds:
             runs.append(watched(changed(random_field(seed), setting)))
             out.write_text(json.dumps(runs), encoding="utf-8")
             last = runs[-1]

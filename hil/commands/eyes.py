@@ -11,22 +11,14 @@ import click
 from rich.table import Table
 
 from hil.bench.model_eyes import LIBRARY
-from hil.studies.campaign import seeds_of
+from hil.commands.seeds import SEEDS
 from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
-from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
-SEEDS, LATE, COMPARED = "9001-9030", "9031-9046", "9061-9066"
-
-
-def _seeds(text: str) -> list[int]:
-    try:
-        return seeds_of(text)
-    except ValueError as error:
-        raise UserError(f"--seeds {text}: say 1-30, or 1,4,9 ({error})") from error
+FITTED, LATE, COMPARED = "9001-9030", "9031-9046", "9061-9066"
 
 
 def _drive(
@@ -65,7 +57,7 @@ _options = [
 
 def _common(seeds: str) -> Callable[[Any], Any]:
     """The options of all three, `seeds` by default."""
-    of_seeds = click.option("--seeds", default=seeds, show_default=True, metavar="1-30|1,4,9")
+    of_seeds = click.option("--seeds", type=SEEDS, default=seeds, show_default=True)
 
     def with_options(command: Any) -> Any:
         for option in reversed([of_seeds, *_options]):
@@ -76,24 +68,29 @@ def _common(seeds: str) -> Callable[[Any], Any]:
 
 
 @eyes.command("fit")
-@_common(SEEDS)
+@_common(FITTED)
 @click.option(
     "--late",
+    type=SEEDS,
     default=LATE,
     show_default=True,
-    metavar="1-30|1,4,9",
     help="Random fields that the model drives, the detector looking on; none: ''.",
 )
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="The file to write; default the bench's own.")  # fmt: skip
 def fit_command(
-    seeds: str, out: Path, workers: int, scheduler: str | None, late: str, library: Path
+    seeds: list[int],
+    out: Path,
+    workers: int,
+    scheduler: str | None,
+    late: list[int],
+    library: Path,
 ) -> None:
     """Drives fields with pictures, or takes drives that are there, and keeps what the
     detector answered to each as the model eyes' library."""
-    _drive(_seeds(seeds), out, "picture", workers, scheduler)
+    _drive(seeds, out, "picture", workers, scheduler)
     if late:
-        _drive(_seeds(late), out, "both", workers, scheduler)
+        _drive(late, out, "both", workers, scheduler)
     with Watch("fit"):
         made = fit(out, library, datetime.datetime.now(datetime.UTC).date())
     PlainConsole().print_table(fitted(made.about["figures"]))
@@ -101,19 +98,18 @@ def fit_command(
 
 
 @eyes.command("judge")
-@_common(SEEDS)
+@_common(FITTED)
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="Of errors; default the bench's own.")  # fmt: skip
 def judge_command(
-    seeds: str, out: Path, workers: int, scheduler: str | None, library: Path
+    seeds: list[int], out: Path, workers: int, scheduler: str | None, library: Path
 ) -> None:
     """Drives the same fields both ways and compares what came of it. By the model each field is
     driven without what it taught the model itself."""
-    numbers = _seeds(seeds)
-    pictures = _drive(numbers, out, "picture", workers, scheduler)
-    models = _drive(numbers, out, "model", workers, scheduler, library)
+    pictures = _drive(seeds, out, "picture", workers, scheduler)
+    models = _drive(seeds, out, "model", workers, scheduler, library)
     rows = judge(pictures, models)
-    table = Table(title=f"{len(numbers)} fields by pictures and by the model")
+    table = Table(title=f"{len(seeds)} fields by pictures and by the model")
     for title in ("figure", "values", "median", "p90", "KS p", "Cliff's delta", "agrees"):
         table.add_column(title, justify="left" if title == "figure" else "right")
     for row in rows:
@@ -136,13 +132,12 @@ def judge_command(
 @click.option("--library", type=click.Path(path_type=Path), default=LIBRARY, show_default=False,
               help="Of errors; default the bench's own.")  # fmt: skip
 def compare_command(
-    seeds: str, out: Path, workers: int, scheduler: str | None, library: Path
+    seeds: list[int], out: Path, workers: int, scheduler: str | None, library: Path
 ) -> None:
     """Drives random fields by the model, shows the detector the same moments in pictures, and
     prints what each says, situation by situation."""
-    numbers = _seeds(seeds)
-    _drive(numbers, out, "both", workers, scheduler, library)
-    paths = [Task(seed, str(out), "both").path for seed in numbers]
+    _drive(seeds, out, "both", workers, scheduler, library)
+    paths = [Task(seed, str(out), "both").path for seed in seeds]
     PlainConsole().print_table(compared_table(compared(paths)))
 
 

@@ -12,9 +12,9 @@ import click
 import numpy as np
 from rich.table import Table
 
+from hil.commands.seeds import SEEDS
 from hil.scenario import scenario
 from hil.scenario.faults import PAIRS
-from hil.studies.campaign import seeds_of
 from hil.studies.moments import Moment, moments
 from host.core.errors import UserError
 from host.core.number_range import NumberRange
@@ -28,7 +28,7 @@ BOUND_MS: Final = 1600.0
 @click.command()
 @click.option("--fault", default="pot.stuck", show_default=True, metavar="COMPONENT.FAILURE")
 @click.option("--scenario", "name", default="default", show_default=True)
-@click.option("--seeds", default="1-4", show_default=True, metavar="1-30|1,4,9")
+@click.option("--seeds", type=SEEDS, default="1-4", show_default=True)
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="model", show_default=True)
 @click.option("--moments", "count", type=click.IntRange(1), default=60, show_default=True)
 @click.option("--every", type=NumberRange(0, min_open=True), default=3.0, show_default=True)
@@ -37,7 +37,7 @@ BOUND_MS: Final = 1600.0
 def command(
     fault: str,
     name: str,
-    seeds: str,
+    seeds: list[int],
     eyes: str,
     count: int,
     every: float,
@@ -50,10 +50,6 @@ def command(
     failing = next((pair for pair in PAIRS if ".".join(pair) == fault), None)
     if failing is None:
         raise UserError(f"--fault {fault}: no such fault; `daranti-hil faults` knows them")
-    try:
-        numbers = seeds_of(seeds)
-    except ValueError as error:
-        raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
     found: list[Moment] = []
     out.parent.mkdir(parents=True, exist_ok=True)
     bound_ms = PAIRS[failing].bound_s * 1000
@@ -61,8 +57,8 @@ def command(
         "seed", "moments", "made a difference", f"later than {bound_ms:.0f} ms",
         f"than {BOUND_MS:.0f} ms", "median ms", "worst ms", "wheel turned, deg", "aside, m", "harm",
     )  # fmt: skip
-    with Watch("harvests", len(numbers)) as progress:
-        for seed in numbers:
+    with Watch("harvests", len(seeds)) as progress:
+        for seed in seeds:
             base = scenario.load(name, {"seed": seed, "eyes": eyes})
             new = moments(base, failing, count=count, every_s=every, watch_s=watch)
             found += new

@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 from rich.table import Table
 
-from hil.studies.campaign import seeds_of
+from hil.commands.seeds import SEEDS
 from hil.studies.outlines import Planned, outline, planned
 from host.core.errors import UserError
 from host.core.progress import Watch
@@ -66,11 +66,11 @@ def summary(rows: list[Planned]) -> dict[str, Any]:
 
 
 @click.command()
-@click.option("--seeds", default="1-20", show_default=True, metavar="1-30|1,4,9")
+@click.option("--seeds", type=SEEDS, default="1-20", show_default=True)
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("out/outlines"), show_default=True
 )
-def outlines(seeds: str, out: Path) -> None:
+def outlines(seeds: list[int], out: Path) -> None:
     """Draws outlines of 10 to 160 corners and 0.1 to 60 ha, plans each, and drives the plan on
     paper: edges that bend, corners that a tractor's track has rounded, tracks that jitter, fields
     without any corner, and fields with a real inner corner.
@@ -78,14 +78,10 @@ def outlines(seeds: str, out: Path) -> None:
     Writes summary.json. Exits with an error where one has no plan, takes more than 10 s of
     processor time, or turns more than a quarter of its way of cutting without having a real inner
     corner."""
-    try:
-        wanted = seeds_of(seeds)
-    except ValueError as error:
-        raise UserError(f"--seeds {seeds}: say 1-30, or 1,4,9 ({error})") from error
     out.mkdir(parents=True, exist_ok=True)
     rows = []
-    with Watch("outlines", len(wanted)) as watch:
-        for seed in wanted:
+    with Watch("outlines", len(seeds)) as watch:
+        for seed in seeds:
             rows.append(planned(outline(seed)))
             watch.step(str(seed))
     PlainConsole().print_table(table_of(rows))

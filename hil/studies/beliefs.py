@@ -4,8 +4,9 @@ does."""
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ from rich.table import Table
 from hil.bench.harvest import harvest
 from hil.bench.wrong_pictures import WrongPictures
 from hil.judge.figures import MARKS
-from hil.scenario.scenario import Scenario, load, merge
+from hil.scenario.scenario import Scenario, changed, load, merge
 from host.field.boundary_file import UNKNOWN_SIGMA_M
 
 SIZE_M: Final = (9.0, 7.0)
@@ -290,14 +291,18 @@ def run(
     firmware: str,
     done: Callable[[dict[str, Any]], None] | None = None,
     of: Mapping[str, dict[str, Any]] = CASES,
+    seeds: Sequence[int] = (SEED,),
 ) -> list[dict[str, Any]]:
-    """Harvests each case into its folder; its rows, which beliefs.json keeps too."""
+    """Harvests each case into its folder, with each seed of crop, weather and noise; its rows,
+    which beliefs.json keeps too."""
     rows = []
-    for case in cases:
+    for case, seed in itertools.product(cases, seeds):
         wrong = PICTURES.get(case)
         eyes_of = wrong.eyes if wrong is not None else None
-        summary = harvest(scenario_of(case, eyes, firmware, of), out / slug(case), eyes=eyes_of)
-        row = {"belief": case} | {name: summary[name] for name in FIGURES}
+        name = case if len(seeds) == 1 else f"{case}, seed {seed}"
+        scenario = changed(scenario_of(case, eyes, firmware, of), {"seed": seed})
+        summary = harvest(scenario, out / slug(name), eyes=eyes_of)
+        row = {"belief": name} | {name: summary[name] for name in FIGURES}
         rows.append(row)
         if done is not None:
             done(row)

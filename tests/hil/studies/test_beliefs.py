@@ -18,12 +18,13 @@ from hil.bench.lockstep import Bench
 from hil.bench.wrong_pictures import WrongPictures
 from hil.commands.beliefs import beliefs
 from hil.firmware import targets
-from hil.scenario.scenario import changed
+from hil.scenario.scenario import Scenario, changed
 from hil.studies.belief_sizes import SIZED, SIZES, draw_sizes
 from hil.studies.beliefs import (
     AND,
     CASES,
     COUNTS_PER_DEG,
+    FIGURES,
     KINDS,
     OLD_FROM_S,
     ONLY_PICTURES,
@@ -31,6 +32,7 @@ from hil.studies.beliefs import (
     harmless,
     merge_all,
     pairs,
+    run,
     scenario_of,
 )
 from host.core.errors import UserError
@@ -111,6 +113,23 @@ def test_the_command_knows_one_way_of_choosing_and_its_cases() -> None:
     for wrong in (["exact", "--sizes"], ["--sizes", "--pairs", "2"], ["no such case"]):
         done = CliRunner().invoke(beliefs, wrong)
         assert isinstance(done.exception, UserError)
+
+
+def test_each_case_is_harvested_with_each_seed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def harvested(scenario: Scenario, out: Path, **_: object) -> dict[str, Any]:
+        assert out.parent == tmp_path
+        return dict.fromkeys(FIGURES, "") | {"coverage": 0.01 * scenario.seed}
+
+    monkeypatch.setattr("hil.studies.beliefs.harvest", harvested)
+    rows = run(["exact", "hall 5 %"], tmp_path, "model", "desk", seeds=[3, 4])
+    assert [(row["belief"], row["coverage"]) for row in rows] == [
+        ("exact, seed 3", 0.03),
+        ("exact, seed 4", 0.04),
+        ("hall 5 %, seed 3", 0.03),
+        ("hall 5 %, seed 4", 0.04),
+    ]
 
 
 def test_model_eyes_leave_out_what_they_cannot_see(tmp_path: Path) -> None:

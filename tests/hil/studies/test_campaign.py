@@ -299,3 +299,10 @@ def test_a_scheduler_that_is_not_there_is_one_message(tmp_path: Path) -> None:
     jobs = jobs_of([load(str(tiny(tmp_path)))], tmp_path, False)
     with pytest.raises(UserError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         run_campaign(jobs, tmp_path, scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("text", ["x", "1-", "3,,4"])
+def test_seeds_that_are_none_are_refused_with_what_would_do(text: str) -> None:
+    done = CliRunner().invoke(campaign, ["--seeds", text])
+    assert isinstance(done.exception, UserError)
+    assert f"--seeds {text}: say 1-30, or 1,4,9" in str(done.exception)
