@@ -16,10 +16,8 @@ TAPE_M: Final = 0.2
 """What a taped gap errs: no border is straight."""
 SEEN_M: Final = 0.2
 """What is seen errs, looked at until it is known."""
-TELLS_M: Final = 0.4
+TELLS_M: Final = 0.3
 """What is seen contradicts what was said by more."""
-LEAST_M: Final = 1.2
-"""The narrowest gap that is harvested beside."""
 SQUARE_RAD: Final = math.radians(30.0)
 """Against the edge's normal, at most, under which a side's end tells of the gap: the last tip of
 the one crop and the first of the other stand at opposite ends of the blade."""
@@ -64,10 +62,9 @@ class Gaps:
 
     @property
     def field_m(self) -> float:
-        """What to reckon with anywhere: what was said, where no edge shows less. One that shows
-        less than anybody harvests beside is misread, until most show as little."""
-        likely = [seen_m for seen_m in self._seen.values() if seen_m >= LEAST_M]
-        return self.narrowed(min([*likely, self._seen_m]))
+        """What to reckon with beside an edge that has not been looked at: what was said, where
+        most show no less."""
+        return self.narrowed(self._seen_m)
 
     @property
     def _seen_m(self) -> float:
@@ -81,8 +78,8 @@ class Gaps:
         said = f"the gap was said to be {self.said_m:.1f} m"
         if self.narrowed(self._seen_m) != self.said_m:
             return f"{said}, pictures show {self._seen_m:.1f} m"
-        if self.field_m != self.said_m:
-            least_m = min(seen_m for seen_m in self._seen.values() if seen_m >= LEAST_M)
+        least_m = min(self._seen.values(), default=math.inf)
+        if self.contradicts(least_m):
             return f"{said}, pictures show {least_m:.1f} m at one side"
         if self.narrowed(self.room_m) != self.said_m:
             return f"{said}, something stands {max(0.0, self.room_m):.1f} m beyond the side's end"
