@@ -3,7 +3,8 @@
 A picture shows under which angle below the horizon its foot stands. That is off by the camera's
 pitch: its mount's, and that of the ground which the machine stands on, within half a metre much the
 same. So looks from different distances tell both the distance and the pitch: least squares by
-Gauss and Newton.
+Gauss and Newton. A tuft of grass before the crop makes a look quite another; such a one counts the
+less, the farther it is from what the others show.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ UNEVEN_RAD: Final = math.radians(0.5)
 """and by which it is another half a metre farther on."""
 FOOT_M: Final = 0.05
 """By which a border is no line."""
-STEPS: Final = 5
-"""Of Gauss and Newton: by then it has settled to a millimetre."""
+LIKELY: Final = 2.0
+"""Standard deviations within which a look agrees with the others."""
+STEPS: Final = 12
+"""Of Gauss and Newton: by then it has settled to a centimetre."""
 
 
 class CropBeyond:
@@ -48,14 +51,15 @@ class CropBeyond:
             return None
         at, ahead = np.array(self._looks).T
         shown = np.arctan2(HEIGHT_M, self._blade_m + ahead)
-        place_m, pitch, covariance = at[-1] + ahead[-1], 0.0, np.eye(2)
+        place_m, pitch, covariance = float(np.median(at + ahead)), 0.0, np.eye(2)
         for _ in range(STEPS):
             far = np.maximum(self._blade_m + place_m - at, HEIGHT_M)
             per_m = HEIGHT_M / (far**2 + HEIGHT_M**2)
             noise = np.hypot(UNEVEN_RAD, FOOT_M * per_m)
             slopes = np.column_stack([-per_m, np.ones(len(at))]) / noise[:, None]
             off = (shown - np.arctan2(HEIGHT_M, far) - pitch) / noise
-            covariance = np.linalg.inv(slopes.T @ slopes + np.diag([0.0, PITCH_RAD**-2]))
-            step = covariance @ (slopes.T @ off - np.array([0.0, pitch / PITCH_RAD**2]))
+            agree = slopes.T / (1.0 + (off / LIKELY) ** 2)
+            covariance = np.linalg.inv(agree @ slopes + np.diag([0.0, PITCH_RAD**-2]))
+            step = covariance @ (agree @ off - np.array([0.0, pitch / PITCH_RAD**2]))
             place_m, pitch = place_m + step[0], pitch + step[1]
         return float(place_m), math.sqrt(covariance[0, 0])

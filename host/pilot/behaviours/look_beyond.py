@@ -1,7 +1,7 @@
 """Look beyond: stand at the end of a side that ends at the field's boundary, until the dust has
 settled, to see how far before the blade the next crop stands. The turn leads there. While that is
-not known well, or contradicts what was said, go nearer, the blade off, and look again, as far as
-the ground is surely clear; and come back."""
+not known well, or contradicts what was said, look again from nearer, the blade off, as far as the
+ground is surely clear, else from farther back over ground that is cut; and come back."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ STAND_M: Final = 0.15
 """more, by which it stays away from where the next crop is seen: by braking and the tape."""
 LEAST_M: Final = 0.15
 """Nearer than the last place, for a look to tell more."""
+APART_M: Final = 0.25
+"""From one place to the next behind it."""
 
 
 class LookBeyond(Behaviour):
@@ -49,6 +51,8 @@ class LookBeyond(Behaviour):
         self._beyond = CropBeyond(context.vehicle)
         self._to_m: float | None = None
         """The travelled distance that the machine goes to; None where it stands and looks."""
+        self._way = 1.0
+        """Nearer; -1: back."""
         self._returns = False
         """Whether it goes back to the side's end, and goes on from there."""
         self._places = 0
@@ -72,11 +76,11 @@ class LookBeyond(Behaviour):
         here_m = context.motion.distance_m
         if enough and context.stands_after(now - self._since):
             self._beyond.see(here_m - self._end_m, median(self._ahead_m))
-        nearer_m = self._nearer_m() if self._places < PLACES else 0.0
-        if nearer_m > LEAST_M:
-            self._to_m = here_m + nearer_m
+        way_m = self._way_m() if self._places < PLACES else 0.0
+        if way_m != 0.0:
+            self._to_m, self._way = here_m + way_m, math.copysign(1.0, way_m)
         elif self._places > 1:
-            self._to_m, self._returns = self._end_m, True
+            self._return()
         else:
             return context.hold(), self._done(now)
         return context.hold(), None
@@ -90,7 +94,7 @@ class LookBeyond(Behaviour):
         if self._to_m is None or self._returns:
             return self._done(now)
         self._places = PLACES
-        self._to_m, self._returns = self._end_m, True
+        self._return()
         return None
 
     def _look(self, now: float) -> None:
@@ -101,24 +105,32 @@ class LookBeyond(Behaviour):
         self._ahead_m: list[float] = []
         self.context.look.begin(now, self.context.motion.distance_m)
 
-    def _nearer_m(self) -> float:
-        """How much nearer it is to look from next; 0: what was seen is enough. That no crop is in
-        view contradicts nothing."""
+    def _way_m(self) -> float:
+        """How far to the place that it is to look from next; 0: what was seen is enough. That no
+        crop is in view contradicts nothing."""
         known, context = self._beyond.known, self.context
         if known is None or min(self._ahead_m, default=0.0) >= FARTHEST_M:
             return 0.0
         beyond_m, sigma_m = known
         ahead_m = beyond_m - (context.motion.distance_m - self._end_m)
-        if sigma_m < KNOWN_M and not context.doubts_beyond(ahead_m):
+        doubted = context.doubts_beyond(ahead_m)
+        if sigma_m < KNOWN_M and not doubted:
             return 0.0
-        return ahead_m - SIGMAS * sigma_m - STAND_M
+        nearer_m = ahead_m - SIGMAS * sigma_m - STAND_M
+        if nearer_m > LEAST_M and self._way > 0.0:
+            return nearer_m
+        behind = context.sight.ahead.entered and context.cut_m > PLACES * APART_M
+        return -APART_M if doubted and behind else 0.0
+
+    def _return(self) -> None:
+        self._to_m, self._returns = self._end_m, True
+        self._way = math.copysign(1.0, self._end_m - self.context.motion.distance_m)
 
     def _go(self, now: float, to_m: float) -> Step:
         context = self.context
-        way = -1.0 if self._returns else 1.0
         coast_m = abs(context.motion.speed_mps) * context.vehicle.drive_lag_s
-        if way * (to_m - context.motion.distance_m) > coast_m:
-            return self._drive(way), None
+        if self._way * (to_m - context.motion.distance_m) > coast_m:
+            return self._drive(self._way), None
         if not context.standing(now):
             return context.hold(), None
         if self._returns:

@@ -14,7 +14,7 @@ from host.estimate.gaps import SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
 from host.field.areas import Level, Verdict
-from host.pilot.behaviours.look_beyond import PICTURES, PLACES, STAND_M, LookBeyond
+from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go
@@ -149,9 +149,21 @@ def test_where_no_crop_is_in_view_one_look_is_enough() -> None:
     assert look(context, lambda _: FARTHEST_M + 1.0) == [0.0]
 
 
-def test_crop_right_before_the_blade_is_gone_no_nearer_to() -> None:
+def test_crop_right_before_the_blade_is_looked_at_from_farther_back() -> None:
+    places = look(at_end(), stands_at(0.5))
+    assert places == pytest.approx([-k * APART_M for k in range(PLACES)], abs=0.1)
+
+
+def test_a_short_strip_leaves_no_room_for_that() -> None:
     context = at_end()
+    context.sight.ahead.entered_at = context.motion
     assert look(context, stands_at(0.5)) == [0.0]
+
+
+def test_a_tuft_before_the_crop_narrows_no_gap_where_the_other_looks_contradict_it() -> None:
+    context = at_end()
+    look(context, lambda at_m: 0.5 if abs(at_m) < 0.1 else 2.0 - at_m)
+    assert context.plan.gap_m == 2.0
 
 
 def test_what_the_geofence_stops_is_judged_by_what_was_seen() -> None:
