@@ -54,3 +54,12 @@ def test_looks_from_nearer_take_more_than_half_of_a_pitch_s_error_away(
     assert abs(often[0] - crop_m) < 0.5 * abs(once[0] - crop_m) + 0.01
     assert often[1] < 0.7 * once[1]
     assert abs(often[0] - crop_m) < 2.0 * often[1]
+
+
+def test_a_look_that_the_others_contradict_counts_little() -> None:
+    """A tuft of grass before the crop, which places behind see past."""
+    beyond = CropBeyond(VEHICLE)
+    for at, ahead_m in ((0.0, 0.5), (-0.25, 2.25), (-0.5, 2.5), (-0.75, 2.75)):
+        beyond.see(at, ahead_m)
+    assert beyond.known is not None
+    assert beyond.known[0] == pytest.approx(2.0, abs=0.2)
