@@ -14,10 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from host.core.vehicle import Vehicle
+from host.core.vehicle import LOW, Vehicle
 
-HEIGHT_M: Final = 0.6
-"""Of the low camera. From the mast a look errs by half as much."""
+HEIGHT_M: Final = LOW.z_m
+"""Of the camera that errs more: from the mast a look errs by half as much."""
 PITCH_RAD: Final = math.radians(1.4)
 """What mount and ground err by: so much explains the errors of 346 looks of the model eyes' drives,
 0.5 m from the low camera at 2 m;"""

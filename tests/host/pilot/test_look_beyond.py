@@ -179,6 +179,15 @@ def test_what_the_geofence_stops_is_judged_by_what_was_seen() -> None:
     assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.05)
 
 
+def test_on_its_way_nearer_the_geofence_is_told_what_is_seen_to_be_clear() -> None:
+    context = at_end()
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    assert behaviour.seen_free(NOW + 5.0).clear_m == math.inf, "an old picture tells nothing"
+    seeing(context, CropView(0.0, crop_ahead_m=1.2, ahead_confidence=1.0), stamp=NOW)
+    assert behaviour.seen_free(NOW).clear_m == pytest.approx(1.2)
+
+
 def test_crop_where_it_should_stand_narrows_nothing() -> None:
     context = at_end()
     before = context.guard
