@@ -178,7 +178,7 @@ class PictureMotion:
     def _still(self) -> str:
         """Whether they show the machine stand, or drive the other way."""
         shown_m = driven_m = 0.0
-        for bin_ in (b for b in reversed(self._bins) if b.driven_m > STEP_M):
+        for bin_ in filter(_tells_way, reversed(self._bins)):
             shown_m, driven_m = shown_m + bin_.shown_m, driven_m + bin_.driven_m
             if driven_m > WAY_M:
                 break
@@ -245,6 +245,12 @@ class PictureMotion:
             "camera's stream is late, or the phone is loose; restart its camera app, and check how "
             "it is fastened"
         )
+
+
+def _tells_way(bin_: _Bin) -> bool:
+    """Whether the ground in the pictures has moved more by the machine's way than by its turning:
+    of what moves both ways at once, the picture watch shows the turn alone."""
+    return bin_.driven_m > max(STEP_M, AHEAD_M * abs(bin_.turned_rad))
 
 
 def _misfit(shown: Floats, turned: Floats) -> float:

@@ -205,3 +205,15 @@ def test_pictures_that_are_not_believed_tell_nothing() -> None:
     assert by_turns[0] == "", "what a picture shows since one that is not believed"
     dark = watched(gain=(1.0, NAN))
     assert dark[0] == ""
+
+
+def test_a_way_that_a_sharp_turn_hides_accuses_no_camera() -> None:
+    """A shuttle's turns, to and fro on the lock: what a low camera sees shifts by the turn alone
+    (random field 10107)."""
+    at, yaw, motions = 0.0, 0.0, []
+    for k in range(300):
+        way = 1.0 if k % 60 < 30 else -1.0
+        at, yaw = at + 0.02 * way, yaw + way * math.radians(2.0)
+        motions.append(Motion(k * PICTURE_S, 0.2 * way, 0.0, at, yaw, at, 0.0, 0.001))
+
+    assert watched(lambda a, b: (b.yaw_rad - a.yaw_rad, 0.0), motions=motions)[0] == ""
