@@ -32,6 +32,10 @@ DOUBTED: Final = 1.25
 as long as a slope may explain it."""
 IN_LINE_M: Final = 0.4
 """Beside its place, at most, an edge is the one that was followed before the clear ground."""
+IN_LINE_SHARE: Final = 0.25
+"""Of a look's pictures of crop at the blade, how many show its edge there, and fewer elsewhere: what
+lies across has none, and of crop that is being cut dust in the shade hides it in every other one.
+"""
 SHOWN_M, SHOWN_FOR_M = 0.6, 0.5
 """Beside its place, at most, an edge along which clear ground is crossed: half a blade's width and
 what a lane errs; and the way for which one that was seen is there."""
@@ -61,9 +65,9 @@ class CutGuard:
         self._held_since: float | None = None
         self._at_blade = 0
         """Pictures in a row that showed crop there."""
-        self._looks = [0, 0, 0]
-        """Of those of the look, how many showed clear ground, crop at the blade, and the edge of
-        that in line with what was followed."""
+        self._looks = [0, 0, 0, 0]
+        """Of those of the look, how many showed clear ground, crop at the blade, the edge of that
+        in line with what was followed, and elsewhere."""
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
         self._edge_at_m = -math.inf
@@ -131,10 +135,12 @@ class CutGuard:
             self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
         self._at_blade = self._at_blade + 1 if at_blade else 0
-        in_line = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < IN_LINE_M
+        sure = view.confidence >= CONFIDENT
+        in_line = sure and abs(view.edge_offset_m) < IN_LINE_M
         if looks:
             self._looks[at_blade] += 1
             self._looks[2] += at_blade and in_line
+            self._looks[3] += at_blade and sure and not in_line
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             goes_on = own and in_line
@@ -169,13 +175,13 @@ class CutGuard:
                 return replace(command, blade=False)
             if not forward:
                 return command
-            self._held_since, self._looks = now, [0, 0, 0]
+            self._held_since, self._looks = now, [0, 0, 0, 0]
         if not forward:
             return command
         if now - self._held_since > LOOK_S:
-            clear, crop, in_line = self._looks
+            clear, crop, in_line, aside = self._looks
             gap = ends and not own and self.clear_m >= END_CLEAR_M
-            if crop > clear and (not gap or 2 * in_line > crop):
+            if crop > clear and (not gap or in_line > max(aside, IN_LINE_SHARE * crop)):
                 self._held_since = self._clear_from_m = None
                 return command
             if own and self._shown:

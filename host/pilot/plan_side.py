@@ -26,6 +26,8 @@ LAST_EARLY_M = 0.3
 SKIP_SIDE_M = 3.0
 """A side up to this long without any crop is driven along to its end, and so is one that is next to
 nothing."""
+LATE_SHARE = 0.5
+"""Of the plan that is left, up to which strips have shown that the field is this one."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""
 CORNER_M = 0.3
@@ -85,9 +87,12 @@ class PlanSide(Strip):
         self.blind_end = side.blind_end
         self.begins_slanting = side.edge_begin_m > SQUARE_M
         self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < little_m2(plan)
+        late = sum(areas[index:]) < LATE_SHARE * sum(areas)
+        self.may_be_gone = late or side.inside_m > vehicle.blade_width_m / 2
         self.search_reach_m = 0.0
         if sum(areas[index:]) >= little_m2(plan):
-            self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
+            whole = self.skippable or self.may_be_gone
+            self.search_reach_m = side.length_m if whole else NO_CROP_M
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self._beyond_m = max(0.0, side.fence_m - side.length_m)

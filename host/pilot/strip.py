@@ -60,6 +60,9 @@ class Strip:
     """Whether the machine knows its place in the plan."""
     skippable = False
     """Whether it is driven along to the next where its crop is not found."""
+    may_be_gone = False
+    """Whether crop of it that is not there has gone with the strips before: it lies inside of them,
+    or most of the field is cut."""
     search_reach_m = 0.0
     """How far beyond its expected beginning crop is looked for that is not in view; 0: not."""
     teaches = True

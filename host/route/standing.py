@@ -45,6 +45,8 @@ TURN_RAD: Final = math.radians(100.0)
 began, and nobody could get from there to the next: that stands on all sides."""
 PEAK_M: Final = 10.0
 """Way over which an edge is asked where it turns most."""
+MIN_WIDTH_M: Final = 0.05
+"""A strip that is nowhere wider was cut by the blade's overlap."""
 MIN_STRIP_M2: Final = 0.02
 """What a strip must hold; smaller remains are nothing a camera could find."""
 NEAR_M: Final = 1e-3
@@ -384,19 +386,19 @@ def strip_along(
     if not near:
         return None
     area = max(near, key=lambda g: g.area)
-    if area.area < MIN_STRIP_M2:
+    reach_m = float(shapely.distance(line, shapely.points(shapely.get_coordinates(area))).max())
+    if area.area < MIN_STRIP_M2 or reach_m < MIN_WIDTH_M:
         return None
     alongs = shapely.line_locate_point(line, shapely.points(area.exterior.coords))
     first, last = float(alongs.min()), float(alongs.max())
     (x, y) = line.interpolate(first).coords[0]
-    reach = shapely.distance(line, shapely.points(shapely.get_coordinates(area)))
-    begins, ends = _rows(line, area, first, last, min(width, float(reach.max())))
+    begins, ends = _rows(line, area, first, last, min(width, reach_m))
     laid_along = functools.cache(lambda heading: (turned(field, heading), turned(area, heading)))
     return Strip(
         area,
         (float(x), float(y)),
         last - first,
-        min(width, float(reach.max())),
+        min(width, reach_m),
         width_m - width,
         _bends(edge, over_m[0] - first),
         last - first + _room(*laid_along(edge.end_heading), 1),

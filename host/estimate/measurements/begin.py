@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from host.estimate.kalman import Array, Measurement
-from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, SLOPE_MOST, Across, border
+from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, Across, border, slant
 from host.estimate.place import Place
 
 SEEN_SIGMA_M = 0.15
@@ -28,6 +28,6 @@ def begin(
     """The blade met it, and has travelled ago_m since."""
     side = place.side
     sigma = math.hypot(sigma_m, SLANT_SHARE * side.begin_seen_m)
-    slope = min(SLOPE_MOST, side.edge_begin_m / side.width_m)
+    slope = slant(side.edge_begin_m, side.width_m)
     met_m = side.begin_seen_m + ago_m
     return border("begin", place, p, met_m, sigma, slope, across, way=-1)

@@ -35,6 +35,12 @@ BOUNDARY: Final = Across(0.0, 0.0, 0.0)
 """The border is the field's own."""
 
 
+def slant(far_m: float, width_m: float) -> float:
+    """The slope of a border that is `far_m` farther along at one side of a strip than at the other.
+    A plan that is laid out anew may have a strip with next to no width."""
+    return min(SLOPE_MOST, far_m / width_m) if width_m > 0.0 else SLOPE_MOST
+
+
 def border(
     name: str,
     place: Place,

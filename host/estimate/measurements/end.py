@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from host.estimate.kalman import Array, Measurement
-from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, SLOPE_MOST, Across, border
+from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, Across, border, slant
 from host.estimate.place import Place
 
 SIGMA_M = 0.15
@@ -21,7 +21,7 @@ def end(
 ) -> Measurement:
     """The blade met it, and has travelled ago_m since, give or take doubt_m."""
     side = place.side
-    slope = min(SLOPE_MOST, side.edge_end_m / side.width_m)
+    slope = slant(side.edge_end_m, side.width_m)
     sigma = math.hypot(SIGMA_M * (1 + slope**2), SLANT_SHARE * side.end_seen_m, doubt_m)
     seen = side.length_m - side.end_seen_m - EARLY_M
     return border("end", place, p, seen + ago_m, sigma, -slope, across, way=1)

@@ -137,6 +137,29 @@ def test_where_a_side_may_end_crop_after_a_gap_leads_on_only_with_its_edge_in_li
     assert drive.guard.refused is not goes_on
 
 
+@pytest.mark.parametrize(
+    ("edges", "goes_on"),
+    [
+        ((0.05, math.nan, math.nan), True),
+        ((0.05, math.nan, math.nan, math.nan, math.nan), False),
+        ((0.05, 0.8, 0.8, math.nan), False),
+    ],
+)
+def test_an_edge_in_line_that_dust_hides_now_and_then_leads_on(
+    edges: tuple[float, ...], goes_on: bool
+) -> None:
+    """Of a look's pictures a quarter, and more than show one elsewhere (random field 10119)."""
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(END_CLEAR_M - PATCH_M)
+    drive.ends = True
+    drive.run(5.8)
+    drive.crop_ahead = lambda _: 0.0
+    for k in range(round((LOOK_S + 1.0) / STEP_S)):
+        drive.edge_m = edges[k % len(edges)]
+        drive.run(STEP_S)
+    assert drive.guard.refused is not goes_on
+
+
 def test_what_is_no_longer_than_a_patch_is_no_gap() -> None:
     drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
     drive.ends = True

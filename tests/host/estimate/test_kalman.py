@@ -151,6 +151,14 @@ def test_a_slanting_border_is_met_earlier_farther_left() -> None:
     assert begin.begin(left, np.eye(STATES), 0.0).innovation == pytest.approx([0.0])
 
 
+def test_a_strip_without_width_has_a_beginning_and_an_end_too() -> None:
+    """A plan that is laid out anew leaves such ones (random field 10118)."""
+    side = replace(SIDE, width_m=0.0, edge_begin_m=0.4, edge_end_m=0.4)
+    at_begin = place(-VEHICLE.blade_x_m, 0.0, side=side)
+    assert math.isfinite(begin.begin(at_begin, np.eye(STATES), 0.0).innovation.item())
+    assert math.isfinite(end.end(at_begin, np.eye(STATES), 0.0, 0.0).innovation.item())
+
+
 # ---- what lasts ----------------------------------------------------------------------------------
 
 

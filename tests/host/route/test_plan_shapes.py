@@ -47,6 +47,15 @@ def test_beside_a_narrow_strip_the_lane_lies_further_out_but_never_beside_the_bo
         assert side.shift_m == pytest.approx(min(room, 0.35), abs=1e-3)
 
 
+@pytest.mark.parametrize("more_m", [0.01, 0.03, 0.045])
+def test_no_strip_is_planned_that_the_overlap_has_cut(more_m: float) -> None:
+    """A plan that is laid out anew would end with one of no width (random field 10118)."""
+    for passes in (4, 5):
+        wide = passes * VEHICLE.pass_m + more_m
+        plan = spiral([(0.0, 0.0), (9.0, 0.0), (9.0, wide), (0.0, wide)], 0, VEHICLE, gap_m=2.0)
+        assert min(side.width_m for side in plan.sides) >= VEHICLE.overlap_m / 2
+
+
 def plan_around(hole: shapely.Polygon) -> Plan:
     field = [(0.0, 0.0), (15.0, 0.0), (15.0, 13.0), (0.0, 13.0)]
     ring = [(x, y) for x, y in hole.exterior.coords[:-1]]
