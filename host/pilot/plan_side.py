@@ -26,7 +26,7 @@ LAST_EARLY_M = 0.3
 SKIP_SIDE_M = 3.0
 """A side up to this long without any crop is driven along to its end, and so is one that is next to
 nothing."""
-LATE_SHARE = 0.5
+LATE_SHARE = 0.3
 """Of the plan that is left, up to which strips have shown that the field is this one."""
 NO_CROP_M = 1.2
 """Crop this much farther after a turn than the plan says is somebody else's, or none."""

@@ -43,7 +43,8 @@ class CropView:
     edge_curvature_1pm: float = NAN
     crop_ahead_m: float = NAN
     """From the blade's line to the nearest standing crop ahead within the blade's width; 0 while
-    cutting, inf where none stands in view, NaN where unknown."""
+    cutting, negative where the camera behind the blade stands in it, inf where none stands in view,
+    NaN where unknown."""
     ahead_confidence: float = 0.0
     """The same meaning for `crop_ahead_m`, within 0.25 m."""
     lies_confidence: float = 0.0

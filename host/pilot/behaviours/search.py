@@ -11,11 +11,14 @@ from host.pilot.endings import Blind, blind
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
+from host.pilot.strip import little_m2
 
 PICTURES = 5
 """That show no crop, for there to be none; or an edge beside which the lane is not, to go on."""
 CONTRADICTED_PICTURES = 15
 """The same where the lane refuses that edge: standing, it comes to believe it."""
+EMPTY_SHARE = 0.75
+"""Of a side, from its beginning on, that is seen without crop for it to have gone."""
 MOST_PICTURES = 50
 """Without anything to be made out."""
 
@@ -67,7 +70,8 @@ class Search(Behaviour):
         expected = context.turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
         if view.crop_ahead_m > expected + NO_CROP_M:
             self._empty += 1
-            return self._nothing_there(expected) if self._empty >= PICTURES else None
+            seen_m = view.crop_ahead_m - expected
+            return self._nothing_there(expected, seen_m) if self._empty >= PICTURES else None
         # What the lane does not believe at once it learns here, where no dust is in the air.
         contradicted = context.estimate.lane.contradicted
         agreed = view.confidence >= CONFIDENT and not contradicted
@@ -76,11 +80,13 @@ class Search(Behaviour):
         context.begin_strip()
         return Why.CROP_AHEAD.go(side=context.strip.name, ahead_m=f"{view.crop_ahead_m:.1f}")
 
-    def _nothing_there(self, expected_m: float) -> Go:
-        """No crop in view after a turn: the end, unless the plan still has a long side here. Then
-        the machine may be out of line, and looks for it along the lane."""
+    def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
+        """No crop in view after a turn: the end, unless the plan still has a long side here that is
+        not seen to be empty, or more after it. Then the machine may be out of line, and looks for
+        it along the lane."""
         context, strip = self.context, self.context.strip
-        if strip.search_reach_m <= 0.0:
+        empty = strip.may_be_gone and seen_m > EMPTY_SHARE * strip.left_m()
+        if strip.search_reach_m <= 0.0 or (empty and strip.rest_m2 < little_m2(context.plan)):
             return Why.NO_CROP_LEFT.go()
         # A tight turn may end past where the crop begins: then all of the way is still to go.
         strip.search_m = max(0.0, expected_m) + strip.search_reach_m

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from host.estimate.crop_ahead import AT_BLADE_M
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.context import Context
+from host.pilot.context import SLOW_AFTER_S, Context
 from host.pilot.endings import Blind, blind, leave_rest
 from host.pilot.guard import NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -63,6 +64,8 @@ class DriveTurn(Behaviour):
         super().__init__(context)
         self._wary: int | None = None
         """How much of the room another way is looked for in, from the least on; None: none is."""
+        self._doubt_m = context.strip.begin_doubt_m
+        """How much farther back the next side may begin; pictures on the way make it surer."""
 
     @property
     def turning(self) -> Turning:
@@ -95,7 +98,7 @@ class DriveTurn(Behaviour):
             return context.hold(), Why.TURNED.go()
         leg = turning.leg
         assert leg is not None
-        if self.leg_done():
+        if self.leg_done(now):
             self._next(now)
             return context.drive(leg.steer_rad, 0.0, blade=False), None
         steer = self._steer(leg)
@@ -168,16 +171,26 @@ class DriveTurn(Behaviour):
             if turning.leg is not None:
                 self._next(now)
 
-    def leg_done(self) -> bool:
+    def leg_done(self, now: float) -> bool:
         """Whether the goal is reached, or will be by coasting on. Backing along the new side goes
-        on for a while until the machine is in line with it."""
+        on for a while until the machine is in line with it, and as far as its beginning may lie
+        farther back while crop stands at the blade."""
         context, turning = self.context, self.turning
         to_go = turning.to_go(context.motion, context.vehicle.drive_lag_s)
+        if not turning.backing or to_go > 0:
+            return to_go <= 0
+        if -to_go < self._doubt_m and self._inside(now):
+            return False
         room = min(ALIGN_ROOM_M[0] + context.strip.back_m, ALIGN_ROOM_M[1])
-        if turning.backing and -room < to_go <= 0:
-            lane = context.estimate.lane
-            return abs(lane.off_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
-        return to_go <= 0
+        lane = context.estimate.lane
+        aligned = abs(lane.off_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
+        return aligned or -to_go >= room
+
+    def _inside(self, now: float) -> bool:
+        """Whether a picture of now surely shows crop at the blade."""
+        sight = self.context.sight
+        at_blade = sight.view is not None and sight.view.crop_ahead_m < AT_BLADE_M
+        return at_blade and sight.sees_ahead() and now - sight.stamp < SLOW_AFTER_S
 
     def _next(self, now: float) -> None:
         turning, lane = self.turning, self.context.estimate.lane

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Mount, Vehicle
 from host.vision.geometry import Camera
+from host.vision.mounted.before_lens import before_lens
 from host.vision.mounted.evidence import Evidence
 from host.vision.mounted.face import (
     FAR_M,
@@ -77,6 +78,8 @@ moves, lens or not."""
 COVERED = 0.2
 """Share of either side from which on the right end may be the border of what covers it. Chosen with
 `BESIDE_M` on twelve drives of seed 31."""
+BEFORE_LENS_SURE = 0.9
+"""That crop stands where the camera is, where it hides all else."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
@@ -126,7 +129,8 @@ class MountedDetector:
         self._finder = FaceFinder(camera, vehicle)
         x, y, z = (float(c) for c in camera.position)
         level = float(camera.project([[x + FAR_M * 100, y, z]])[0, 1])
-        self._lens = LensWatch(camera.size, int(min(max(level, 0.0), camera.size[1] - 1.0)))
+        self._level = int(min(max(level, 0.0), camera.size[1] - 1.0))
+        self._lens = LensWatch(camera.size, self._level)
         self._lying = LyingCrop(camera, vehicle)
         self._drawn_z = np.concatenate(
             [[LOWEST_M, LOWEST_M], np.linspace(0.0, vehicle.crop_height_m, 10)]
@@ -157,6 +161,14 @@ class MountedDetector:
 
     def _see(self, bgr: Picture, stages: bool) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
+        if self._below_tops and before_lens(seen.grey[self._level :]):
+            return CropView(
+                0.0,
+                crop_ahead_m=float(self._camera.position[0]) - self._vehicle.blade_x_m,
+                ahead_confidence=BEFORE_LENS_SURE,
+                reason="stems stand right before the lens",
+                stages=pictures,
+            )
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN

@@ -1069,7 +1069,7 @@ def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
         offset_m -= VEHICLE.blade_x_m * math.sin(heading)
         context.estimate.lane.place(offset_m, heading, 0.1, 0.1)
         monkeypatch.setattr(turning_, "to_go", lambda *_: -beyond_m)
-        return DriveTurn(context).leg_done()
+        return DriveTurn(context).leg_done(NOW)
 
     assert not done(0.0, -0.1)
     assert done(0.0, 0.1)
@@ -1078,6 +1078,44 @@ def test_a_side_is_begun_in_line_or_from_as_far_back_as_there_is_room(
     assert done(0.0, 0.6, offset_m=0.1)
     assert not done(2.0, 0.9, offset_m=0.1)
     assert done(2.0, 1.1, offset_m=0.1)
+
+
+def test_a_machine_with_crop_at_its_blade_backs_as_far_as_its_side_may_begin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(PlannedStrip, "begin_doubt_m", 0.8)
+    at_blade = replace(CUTTING, crop_ahead_m=0.0)
+
+    def done(view: CropView, beyond_m: float) -> bool:
+        context = turning()
+        turning_ = context.turning
+        assert turning_ is not None
+        while not turning_.backing:
+            turning_.next(NOW)
+        context.estimate.lane.place(0.0, 0.0, 0.1, 0.1)
+        seeing(context, view)
+        monkeypatch.setattr(turning_, "to_go", lambda *_: -beyond_m)
+        return DriveTurn(context).leg_done(NOW)
+
+    assert not done(at_blade, 0.7)
+    assert done(at_blade, 0.9)
+    assert done(replace(CUTTING, crop_ahead_m=0.3), 0.1)
+    assert done(replace(at_blade, ahead_confidence=0.2), 0.1)
+
+
+def test_a_camera_that_backs_through_crop_tells_how_far_inside_the_blade_is() -> None:
+    """Right before its lens, 1.4 m behind the blade; nearer to the beginning it tells nothing."""
+    inside = replace(CUTTING, confidence=0.0, crop_ahead_m=-1.4)
+    for believed_m, tells in ((0.9, True), (1.6, False)):
+        context = on_side(cut_m=None, eye=Shown(inside))
+        turning_ = backing(context, 0.0)
+        moved(context, believed_m)
+        before_m = context.strip.along_m(context.motion)
+        frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+        settled = context.look.settled
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning_, NOW, settled)
+        after_m = context.strip.along_m(context.motion)
+        assert (after_m > before_m) is tells
 
 
 def searched(context: Context, view: CropView, pictures: int) -> list[Go]:
@@ -1114,6 +1152,29 @@ def test_search_drives_along_a_long_side_without_crop_in_view() -> None:
     [go] = searched(context, replace(CUTTING, crop_ahead_m=math.inf), PICTURES)
     assert is_for(go, Searched.NOT_IN_VIEW)
     assert math.isfinite(context.strip.search_m)
+
+
+@pytest.mark.parametrize(
+    ("rest_m", "clear_m", "reason"),
+    [
+        (0.2, 9.0, Searched.NO_CROP_LEFT),
+        (0.2, 3.0, Searched.NOT_IN_VIEW),
+        (9.0, 9.0, Searched.NOT_IN_VIEW),
+    ],
+)
+def test_a_last_long_side_that_is_seen_to_be_empty_has_gone(
+    rest_m: float, clear_m: float, reason: Reason
+) -> None:
+    """Late in the field, and next to nothing after it (random field 10113)."""
+    side = PLAN.sides[1]
+    first = replace(PLAN.sides[0], length_m=100.0)
+    sides = (first, replace(side, length_m=8.0), replace(side, length_m=rest_m))
+    context = turned(replace(PLAN, sides=sides))
+    assert context.turning is not None
+    expected_m = context.turning.crop_expected_m(context.motion, VEHICLE.blade_x_m)
+    empty = replace(CUTTING, crop_ahead_m=expected_m + clear_m)
+    [go] = searched(context, empty, PICTURES)
+    assert is_for(go, reason)
 
 
 def test_a_turn_that_ends_past_where_the_crop_begins_searches_as_far_on_from_there() -> None:

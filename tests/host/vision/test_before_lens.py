@@ -1,0 +1,55 @@
+"""Stems right before the lens of a camera below the tops, and what only looks a little like them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from host.core.vehicle import LOW, MAST, Mount, Vehicle
+from host.vision.mounted.before_lens import before_lens
+from host.vision.mounted.detector import make_detector
+
+ROWS, COLUMNS = 480, 640
+Grey = NDArray[np.uint8]
+
+
+def noisy(grey: NDArray[np.float64], sd: float = 1.0) -> Grey:
+    rng = np.random.default_rng(3)
+    return np.clip(grey + rng.normal(0.0, sd, grey.shape), 0, 255).astype(np.uint8)
+
+
+def stems(wide_px: int = 60) -> NDArray[np.float64]:
+    """Upright bands, dark and bright, over all of the picture."""
+    bands = 40.0 + 70.0 * (np.arange(COLUMNS) // wide_px % 3)
+    return np.tile(bands, (ROWS, 1))
+
+
+def test_wide_bands_without_any_grain_stand_right_before_the_lens() -> None:
+    assert before_lens(noisy(stems()))
+
+
+@pytest.mark.parametrize(
+    "grey",
+    [
+        noisy(stems(), sd=6.0),
+        noisy(stems(wide_px=5)),
+        noisy(np.full((ROWS, COLUMNS), 120.0)),
+        noisy(np.where(np.arange(ROWS)[:, None] < 240, stems(), 120.0)),
+        noisy(np.zeros((3, COLUMNS))),
+    ],
+    ids=["grain", "stems farther away", "dust", "smooth ground before crop", "next to no picture"],
+)
+def test_what_shows_ground_or_nothing_does_not(grey: Grey) -> None:
+    assert not before_lens(grey)
+
+
+@pytest.mark.parametrize(("mount", "ahead_m"), [(LOW, LOW.x_m - 1.5), (MAST, None)])
+def test_a_camera_below_the_tops_says_that_crop_stands_where_it_is(
+    mount: Mount, ahead_m: float | None
+) -> None:
+    picture = np.dstack([noisy(stems())] * 3)
+    view = make_detector("robust", Vehicle(), mount).see(picture)
+    assert (view.crop_ahead_m == pytest.approx(ahead_m)) is (ahead_m is not None)
+    assert view.confidence == 0.0 or ahead_m is None
+    assert ("before the lens" in view.reason) is (ahead_m is not None)
