@@ -17,11 +17,16 @@ from host.field.areas import outline_of, placed
 ROOM_M: Final = 0.1
 """More than the geofence asks for: the lane is not followed better than that."""
 MOST_M: Final = 0.5
-"""Half of the blade cuts still."""
+"""Half of the blade cuts still. Where a strip is cut to the right, it may be the blade's width."""
 SLOPE: Final = 0.1
 """Of the way around: 6 degrees against the lane."""
 FAR_M: Final = 1.5
 """Nothing so far away is in the way of a machine that still knows its place."""
+PAST_SLOPE: Final = 0.3
+"""The same where it takes more, up to the blade's width, over the swath of the strip before: 17
+degrees, which the steering follows over 2 m."""
+END_M: Final = 0.5
+"""So near its end, what stands before the machine ends the strip."""
 BESIDE: Final = 0.5
 """Of the blade's half width: what stands nearer to the lane stands before the machine."""
 
@@ -75,7 +80,10 @@ class KeepClear:
         rear = blade - vehicle.blade_x_m - vehicle.rear_overhang_m
         away = max(0.0, min(along) - blade, rear - max(along))
         self.near = self.near or max(gap, away) < FAR_M
-        if low < BESIDE * half and high > -BESIDE * half:
+        before = low < BESIDE * half and high > -BESIDE * half
+        # inside of a strip that is cut the ground right of the machine is free
+        wide = low + high > 0.0 and side.inside_m > half
+        if before and (not wide or min(along) > side.length_m - END_M):
             return 0.0
         if gap + SLOPE * away > FAR_M:
             return 0.0
@@ -83,5 +91,10 @@ class KeepClear:
         covariance = position.borders.covariance_of(points)
         across = np.array([-s, c])
         sigma = math.sqrt(float((covariance @ across @ across).max()))
-        short = self._sigmas * sigma + ROOM_M - gap - SLOPE * away
-        return math.copysign(min(max(0.0, short), MOST_M), -low)
+        short = self._sigmas * sigma + ROOM_M - gap
+        if before and short > vehicle.blade_width_m:
+            return 0.0
+        most, slope = MOST_M, SLOPE
+        if wide and short > MOST_M:
+            most, slope = vehicle.blade_width_m, PAST_SLOPE
+        return math.copysign(min(max(0.0, short - slope * away), most), -low - high)

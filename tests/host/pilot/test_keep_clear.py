@@ -15,6 +15,7 @@ from host.pilot.guard import Guard
 from host.pilot.keep_clear import FAR_M, MOST_M, ROOM_M, SLOPE, KeepClear
 from host.pilot.pilot import Pilot
 from host.route.plan import spiral
+from host.route.side import Side
 from tests.helpers.eyes import Eyes
 from tests.helpers.simple_world import SimpleWorld, drive
 
@@ -28,9 +29,9 @@ AT_M = 8.0
 """Where the blade is, along the side."""
 
 
-def placed(sigma_m: float, at_m: float = AT_M) -> Position:
+def placed(sigma_m: float, at_m: float = AT_M, side: Side = SIDE) -> Position:
     position = Position(VEHICLE)
-    position.place(SIDE, at_m, 0.0, 0.0, (0.01, sigma_m, 0.0))
+    position.place(side, at_m, 0.0, 0.0, (0.01, sigma_m, 0.0))
     position.predict(Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), cutting=False)
     return position
 
@@ -41,8 +42,13 @@ def post(x_m: float, y_m: float, across_m: float = 0.4) -> list[tuple[float, flo
     return [(x_m + dx, y_m + dy) for dx, dy in corners]
 
 
-def aside(keep_out: list[tuple[float, float]], sigma_m: float = 0.2, at_m: float = AT_M) -> float:
-    clear = KeepClear([keep_out], SIGMAS, VEHICLE, placed(sigma_m, at_m))
+def aside(
+    keep_out: list[tuple[float, float]],
+    sigma_m: float = 0.2,
+    at_m: float = AT_M,
+    side: Side = SIDE,
+) -> float:
+    clear = KeepClear([keep_out], SIGMAS, VEHICLE, placed(sigma_m, at_m, side))
     clear.look()
     return clear.aside_m
 
@@ -86,6 +92,30 @@ def test_nothing_far_off_is_in_the_way() -> None:
 
 def test_before_what_stands_ahead_it_does_not_turn_aside() -> None:
     assert aside(post(AT_M + 1.0, VEHICLE.inset_m)) == 0.0
+
+
+INNER = replace(SIDE, places_m=((0.0, VEHICLE.pass_m),))
+
+
+@pytest.mark.parametrize(
+    ("side", "low_m", "away_m", "passed_m"),
+    [
+        (INNER, 0.05, 0.0, 0.95),
+        (INNER, 0.05, 2.0, 0.35),
+        (INNER, -0.05, 0.0, None),
+        (SIDE, 0.05, 0.0, None),
+        (replace(INNER, length_m=AT_M + 2.3), 0.05, 2.0, None),
+    ],
+    ids=["beside", "ahead", "too far right", "no strip beside is cut", "at the strip's end"],
+)
+def test_what_stands_before_a_part_of_the_blade_is_passed_over_the_swath_beside(
+    side: Side, low_m: float, away_m: float, passed_m: float | None
+) -> None:
+    """It takes what of the blade stands before it, the place's doubt and room (random field
+    10104)."""
+    keep_out = post(AT_M + away_m + (0.2 if away_m else -0.5), VEHICLE.inset_m + low_m + 0.2)
+    found = aside(keep_out, side=side)
+    assert found == (0.0 if passed_m is None else pytest.approx(-passed_m, abs=0.01))
 
 
 def test_the_guard_knows_the_keep_outs_of_its_plan_with_their_margin() -> None:
