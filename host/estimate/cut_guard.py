@@ -33,9 +33,9 @@ as long as a slope may explain it."""
 IN_LINE_M: Final = 0.4
 """Beside its place, at most, an edge is the one that was followed before the clear ground."""
 IN_LINE_SHARE: Final = 0.25
-"""Of a look's pictures of crop at the blade, how many show its edge there, and fewer elsewhere: what
-lies across has none, and of crop that is being cut dust in the shade hides it in every other one.
-"""
+"""Of a look's pictures of crop at the blade, how many show its edge there, and fewer elsewhere:
+what lies across has none, and of crop that is being cut dust in the shade hides it in every other
+one."""
 SHOWN_M, SHOWN_FOR_M = 0.6, 0.5
 """Beside its place, at most, an edge along which clear ground is crossed: half a blade's width and
 what a lane errs; and the way for which one that was seen is there."""

@@ -105,7 +105,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("edge_offset_most_m", "edge_beside_m", "edge_ahead_m", "tip_share"),
             **_numbers("lies_confidence", "shown_turn_rad", "shown_way_m", "same_ago"),
             **_numbers("ahead_confidence", "end_of_field", "e_outer_px", "o_map_px"),
-            **_numbers("l_height_px", "l_reference_px"),
+            **_numbers("l_height_px", "l_reference_px", "ahead_by_height_m"),
             reason=_TEXT,
             usable={"type": "boolean"},
         ),

@@ -47,6 +47,9 @@ class CropView:
     NaN where unknown."""
     ahead_confidence: float = 0.0
     """The same meaning for `crop_ahead_m`, within 0.25 m."""
+    ahead_by_height_m: float = NAN
+    """The same by how high that crop looks, if it is as high as what was cut: how the camera is
+    pitched leaves it as it is. NaN: not known."""
     lies_confidence: float = 0.0
     """That crop lies flattened at the blade, where `crop_ahead_m` says that none stands. Swath that
     an earlier strip has left across the way looks alike: `with_lying` is for who knows that none

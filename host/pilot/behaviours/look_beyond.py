@@ -70,12 +70,16 @@ class LookBeyond(Behaviour):
             view = sight.view
             if view is not None and view.usable and view.ahead_confidence >= CONFIDENT:
                 self._ahead_m.append(min(view.crop_ahead_m, FARTHEST_M))
+                if math.isfinite(view.ahead_by_height_m):
+                    self._by_height_m.append(view.ahead_by_height_m)
         enough = len(self._ahead_m) >= PICTURES
         if not (enough or context.look.over(now)):
             return context.hold(), None
         here_m = context.motion.distance_m
         if enough and context.stands_after(now - self._since):
-            self._beyond.see(here_m - self._end_m, median(self._ahead_m))
+            known = 2 * len(self._by_height_m) > len(self._ahead_m)
+            by_height_m = median(self._by_height_m) if known else math.nan
+            self._beyond.see(here_m - self._end_m, median(self._ahead_m), by_height_m)
         way_m = self._way_m() if self._places < PLACES else 0.0
         if way_m != 0.0:
             self._to_m, self._way = here_m + way_m, math.copysign(1.0, way_m)
@@ -103,6 +107,7 @@ class LookBeyond(Behaviour):
         self._places += 1
         self._stamp = self.context.sight.stamp
         self._ahead_m: list[float] = []
+        self._by_height_m: list[float] = []
         self.context.look.begin(now, self.context.motion.distance_m)
 
     def _way_m(self) -> float:

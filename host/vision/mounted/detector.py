@@ -188,6 +188,7 @@ class MountedDetector:
             self._near = self._near or self._cutting
         wanders = self._wanders(face)
         covered = self._covered(face)
+        high = self._below_tops and math.isfinite(face.ahead_m + face.tops_px + grown)
         confidence = face.right_confidence * self._steadiness(face, expected)
         ahead_confidence = face.ahead_confidence * self._lasting(face)
         if covered or wanders:
@@ -209,6 +210,7 @@ class MountedDetector:
             edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
             crop_ahead_m=face.ahead_m,
             ahead_confidence=ahead_confidence,
+            ahead_by_height_m=self._finder.by_height_m(face, grown) if high else NAN,
             tip_share=HIDDEN_DENSE if self._below_tops else NAN,
             end_of_field=self._end_of_field(height),
             e_outer_px=e_outer,

@@ -77,6 +77,9 @@ ASKEW_M = 0.4
 """The right end's distance and the nearest one's differ by less, where both are the same face's."""
 FOOT_M = 0.5
 """The stems' lower ends fade in shade and dust: the foot is looked for this much nearer."""
+LOOKS_HIGHER = 1.05
+"""Than at the blade crop looks some metres away: its first stems tell the foot, its last ears the
+tops. Chosen on seven drives; of five others 1.05, too."""
 LOWER = 0.7
 """Of the height above the horizon at which the tops of crop that is being cut were seen: the next
 crop's, a gap further away, are lower than this."""
@@ -238,7 +241,8 @@ class FaceFinder:
                 dust, ahead = ahead - stands_m, stands_m
         stands_beside = right_end_beside(x, y, self._vehicle.blade_x_m)
         if ahead > FAR_M:
-            return Face(ahead, sight, NAN, 0.0, NAN, standing, veiled, beside_m=stands_beside)
+            nothing = (NAN, 0.0, NAN, standing, veiled)
+            return Face(ahead, sight, *nothing, beside_m=stands_beside, tops_px=tops)
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         height = self._height(grown_px)
@@ -265,6 +269,16 @@ class FaceFinder:
                 return seems
             ahead, sight = LATE_M, max(sight, LATE_SURE)
         return replace(seems, ahead_m=ahead, ahead_confidence=sight)
+
+    def by_height_m(self, face: Face, grown_px: float) -> float:
+        """How far before the blade's line what stands at the face's distance is by the angle
+        between its foot and its tops, if its height is that of the field's crop (`grown_px` as for
+        `find`); NaN where that is not known."""
+        x_c, _, z_c = self._at
+        behind = self._vehicle.blade_x_m - x_c
+        foot = z_c / (behind + face.ahead_m)
+        looks = foot + face.tops_px / self._focal
+        return LOOKS_HIGHER * self._height(grown_px) / looks - behind
 
     def _height(self, tops_px: float) -> float:
         """Of the crop: as its tops were seen at the blade, else as the vehicle file has it. In the

@@ -63,3 +63,40 @@ def test_a_look_that_the_others_contradict_counts_little() -> None:
         beyond.see(at, ahead_m)
     assert beyond.known is not None
     assert beyond.known[0] == pytest.approx(2.0, abs=0.2)
+
+
+def with_height(pitch_rad: float, higher: float, *at_m: float) -> tuple[float, float]:
+    """Looks at crop 1.8 m before the blade, so much higher than the field's."""
+    beyond = CropBeyond(VEHICLE)
+    for at in at_m:
+        ahead_m = 1.8 - at
+        by_height_m = (VEHICLE.blade_x_m + ahead_m) / higher - VEHICLE.blade_x_m
+        beyond.see(at, shown_m(ahead_m, pitch_rad), by_height_m)
+    assert beyond.known is not None
+    return beyond.known
+
+
+@pytest.mark.parametrize("pitch_deg", [-3.0, 3.0])
+def test_how_high_it_looks_takes_much_of_a_pitch_s_error_away(pitch_deg: float) -> None:
+    """From one place already, where the foot alone errs by 0.8 m and more."""
+    pitch = math.radians(pitch_deg)
+    once, alone = with_height(pitch, 1.0, 0.0), seen(1.8, pitch, 0.0)
+    assert abs(once[0] - 1.8) < 0.6 * abs(alone[0] - 1.8)
+    assert once[1] < alone[1]
+
+
+@pytest.mark.parametrize("higher", [0.8, 1.2])
+def test_a_next_crop_of_another_height_is_not_believed_elsewhere_for_that(higher: float) -> None:
+    once, often = with_height(0.0, higher, 0.0), with_height(0.0, higher, 0.0, 0.6, 1.1)
+    assert once[0] == pytest.approx(1.8, abs=0.5)
+    assert once[0] == pytest.approx(1.8, abs=1.5 * once[1])
+    assert often[0] == pytest.approx(1.8, abs=0.25)
+
+
+def test_a_look_that_shows_no_tops_counts_by_its_foot() -> None:
+    beyond, alone = CropBeyond(VEHICLE), CropBeyond(VEHICLE)
+    beyond.see(0.0, 1.8, 1.6)
+    beyond.see(0.5, 1.3)
+    alone.see(0.0, 1.8)
+    assert beyond.known is not None and alone.known is not None
+    assert beyond.known[1] < alone.known[1]

@@ -84,7 +84,7 @@ def test_the_end_of_a_side_shows_where_the_corner_lies(longer_m: float) -> None:
     assert position.at(FIRST).side.length_m == pytest.approx(14.0 + longer_m, abs=0.1)
 
 
-def test_where_a_slanting_border_lies_is_known_beside_the_corner_that_the_machine_stands_at() -> None:
+def test_where_a_slanting_border_lies_is_known_at_the_corner_where_the_machine_stands() -> None:
     """Wherever the corner is: both lie as far aside with it (random field 10112)."""
     ring = [(0.0, 0.0), (14.0, 0.0), (20.0, 10.0), (-6.0, 10.0)]
     tip, length = 0.6 * WIDTH, 14.0 + 1.2 * WIDTH

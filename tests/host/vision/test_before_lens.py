@@ -1,4 +1,4 @@
-"""Stems right before the lens of a camera below the tops, and what only looks a little like them."""
+"""Stems right before the lens of a camera below the tops, and what only looks alike."""
 
 from __future__ import annotations
 

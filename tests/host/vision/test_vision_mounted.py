@@ -324,6 +324,21 @@ def test_what_the_file_errs_of_crop_and_mount_makes_no_ears_of_the_next_crop(
     assert view.crop_ahead_m == pytest.approx(gap_m, abs=0.65)
 
 
+@pytest.mark.parametrize("pitch_deg", [-2.0, 0.0, 2.0])
+def test_how_far_the_next_crop_is_shows_by_its_height_however_the_camera_is_pitched(
+    pitch_deg: float,
+) -> None:
+    """Once the field's own has been seen at the blade; the foot alone then errs by 0.6 m."""
+    mount = LOW.model_copy(update={"pitch_deg": LOW.pitch_deg + pitch_deg})
+    eye = make_detector("robust", Vehicle(crop_height_m=0.9), mount)
+    next_one = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 1.7)
+    assert math.isnan(eye.see(next_one).ahead_by_height_m)
+    for seed in range(TRACK + 1):
+        eye.see(field(LOW, next_crop_m=None, seed=seed))
+    eye.restart(turned=False)
+    assert eye.see(next_one).ahead_by_height_m == pytest.approx(1.7, abs=0.35)
+
+
 def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
     hidden = dusty(near, 225)
