@@ -13,11 +13,12 @@ from host.sensors.picture_watch import PictureWatch
 from host.vision.mounted.detector import Mode, make_detector
 from host.vision.mounted.paper import PaperParams
 from host.vision.shown_motion import ShownMotion
-from host.vision.view import CropView, Detector
+from host.vision.view import NAN, CropView, Detector
 
 PROVED: Final = 3
 """Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
-looks sound, and would keep a blind machine driving."""
+looks sound, and would keep a blind machine driving. And so many without a jump until they tell of
+motion."""
 
 
 class WatchedDetector:
@@ -28,6 +29,7 @@ class WatchedDetector:
         self._watch = PictureWatch(mount.width_px, mount.height_px)
         self._motion = ShownMotion(mount, *self._watch.small_size)
         self._spoilt = ""
+        self._since_jump = PROVED
         self._sound = PROVED
 
     def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
@@ -41,9 +43,13 @@ class WatchedDetector:
         return self._moved(problem or self._detector.glance(bgr))
 
     def _moved(self, view: CropView) -> CropView:
-        """The view, and how the camera has moved."""
+        """The view, and how the camera has moved. Just after a jump what still stands right before
+        the lens would pass for the ground."""
         watch = self._watch
         turn_rad, way_m = self._motion.take(watch.small)
+        self._since_jump = 0 if watch.jumped else self._since_jump + 1
+        if self._since_jump < PROVED:
+            turn_rad = way_m = NAN
         return replace(view, shown_turn_rad=turn_rad, shown_way_m=way_m, same_ago=watch.same_ago)
 
     def _problem(self, bgr: NDArray[np.uint8]) -> CropView | None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import pytest
 
 from host.core.vehicle import MAST
 from host.vision.view import CropView
-from host.vision.watched import WatchedDetector
+from host.vision.watched import PROVED, WatchedDetector
 from tests.helpers.shots import Picture, scene, shot
 
 
@@ -69,6 +71,17 @@ def test_a_picture_of_quite_another_place_shows_nothing_but_that_the_camera_live
     assert "another" in view.reason
     assert behind.seen == 1
     assert made.see(shot(255 - scene(1), 3)).usable
+
+
+def test_just_after_a_jump_pictures_tell_of_no_motion() -> None:
+    """Stalks right before the lens of a camera that comes out of them (random field 10127)."""
+    made, world = WatchedDetector(Counting(), MAST), scene()
+    made.see(shot(world, 100, 0))
+    told = [math.isfinite(made.see(shot(world, 80 + k, k)).shown_turn_rad) for k in range(1, 3)]
+    made.see(255 - shot(world, 80, 9))
+    after = [math.isfinite(made.see(shot(world, 80 + k, k)).shown_turn_rad) for k in range(10, 15)]
+    assert told == [True, True]
+    assert after == [False] * PROVED + [True] * (5 - PROVED)
 
 
 def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> None:
