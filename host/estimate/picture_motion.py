@@ -134,7 +134,8 @@ class PictureMotion:
         self._turns.append((then.stamp, then.yaw_rad))
         while self._turns[0][0] < then.stamp - TURN_S - LATEST_S:
             self._turns.popleft()
-        if not view.usable:
+        if not view.usable or view.crop_ahead_m < 0.0:
+            # What stands right before the lens hides what tells of motion.
             self._bin = None
             return
         found = self._elsewhere(view)

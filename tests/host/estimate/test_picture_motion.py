@@ -3,6 +3,7 @@ way it is wrong, and no good camera is accused."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 
@@ -205,6 +206,16 @@ def test_pictures_that_are_not_believed_tell_nothing() -> None:
     assert by_turns[0] == "", "what a picture shows since one that is not believed"
     dark = watched(gain=(1.0, NAN))
     assert dark[0] == ""
+
+
+def test_stems_right_before_the_lens_tell_of_no_motion() -> None:
+    """They pass by otherwise than the ground does (random field 10132)."""
+    watch = PictureMotion(Vehicle())
+    for before, now in itertools.pairwise(driven()):
+        shown_rad = -3.0 * (now.yaw_rad - before.yaw_rad)
+        view = CropView(0.0, crop_ahead_m=-1.4, shown_turn_rad=shown_rad, shown_way_m=0.0)
+        watch.take(view, now)
+    assert watch.wrong == ""
 
 
 def test_a_way_that_a_sharp_turn_hides_accuses_no_camera() -> None:
