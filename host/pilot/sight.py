@@ -187,7 +187,8 @@ class Sight:
                     stays = not in_leg or beside
                     self._take_edge(view, strip, then, since_shutter, gaze, stays, moved=moved)
             elif not in_leg:
-                self._take_corner(view, strip, then, since_shutter)
+                dusty = gaze.cutting or then.stamp - since < LEAP_STAYS_S
+                self._take_corner(view, strip, then, since_shutter, dusty=dusty)
         if gaze.lane and cutting and not in_leg:
             if sure:
                 self._crop_beside.clear()
@@ -285,14 +286,19 @@ class Sight:
             strip.seen_beside(view, then)
 
     def _take_corner(
-        self, view: CropView, strip: Strip, then: Motion, since_shutter: tuple[float, float]
+        self,
+        view: CropView,
+        strip: Strip,
+        then: Motion,
+        since_shutter: tuple[float, float],
+        *,
+        dusty: bool,
     ) -> None:
         """Where the crop's border slants across the strip, the right end that a picture shows is
         the corner from which the outer edge runs. It tells a lane that is doubtful more than dead
-        reckoning does."""
+        reckoning does. `dusty`: at the blade the dust may hide it."""
         lane, corner = self._estimate.lane, strip.corner(view, then)
-        in_dust = view.edge_ahead_m < NEAR_CROP_M
-        if corner is None or in_dust:
+        if corner is None or (dusty and view.edge_ahead_m < NEAR_CROP_M):
             return
         if strip is not self._doubtful:
             if lane.offset_sigma_m < CORNER_SIGMA_M:

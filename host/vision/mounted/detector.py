@@ -143,8 +143,9 @@ class MountedDetector:
         self._cutting = False
         self._near = False
         """Whether what the blade cuts, or has just cut, is before it."""
-        self._no_dust = True
-        """Whether the next picture is the first after a restart: the blade is out of the crop."""
+        self._dustless = TRACKED
+        """Pictures of crop at the blade until its dust may hide where that ends: so many must be
+        believed for a place to be known."""
         self._stands_m = math.inf
         self._track: deque[float] = deque(maxlen=TRACK)
         self._tops: deque[float] = deque(maxlen=TRACK)
@@ -196,7 +197,7 @@ class MountedDetector:
         if wanders:
             # behind what was cut last, the next crop comes and goes about where it is out of sight
             ahead_confidence *= 1.0 if self._near else DOUBT
-        self._no_dust = False
+        self._dustless = max(0, self._dustless - self._cutting)
         height = l_height(seen.upright)
         if math.isnan(self._l_reference) and confidence >= SURE:
             self._l_reference = height
@@ -232,7 +233,7 @@ class MountedDetector:
         """The blade is out of the crop; the paper's references stay."""
         self._cutting = False
         self._near = self._near and not turned
-        self._no_dust = True
+        self._dustless = TRACKED
         self._stands_m = math.inf
         self._track.clear()
         self._tops.clear()
@@ -254,7 +255,9 @@ class MountedDetector:
         if self._cutting and face.ahead_m >= NEAR_M:
             return DOUBT  # not the face that is being cut
         known = math.isfinite(expected)
-        if not known and self._cutting and not self._no_dust:
+        if not known and self._cutting and self._track and self._dustless:
+            expected = self._track[0]
+        elif not known and self._cutting and not self._dustless:
             expected = self._expected_m
         away = abs(face.right_m - expected)
         if face.right_confidence >= SURE:

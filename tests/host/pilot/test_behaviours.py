@@ -83,6 +83,7 @@ from host.route.plan import Plan, spiral
 from host.route.side import Side
 from host.route.turn_legs import Goal, Turn, driven, shuttle
 from host.vision.view import CropView
+from tests.helpers.places import wandered
 
 VEHICLE = Vehicle()
 PLAN = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)], 1, VEHICLE, gap_m=2.0)
@@ -1138,6 +1139,26 @@ def test_search_takes_crop_where_the_plan_has_it() -> None:
     [go] = searched(context, replace(CUTTING, crop_ahead_m=expected), 1)
     assert is_for(go, Searched.CROP_AHEAD)
     assert context.turning is None
+
+
+@pytest.mark.parametrize(("stood_s", "told"), [(3.0, True), (0.5, False)])
+def test_where_its_beginning_slants_a_standing_machine_takes_the_corner_for_its_edge(
+    stood_s: float, told: bool
+) -> None:
+    """At the blade, once its dust has settled, where the lane is doubtful (random field 10133)."""
+    slanting = replace(PLAN.sides[0], edge_begin_m=1.5)
+    plan = replace(PLAN, sides=(slanting, *PLAN.sides[1:]))
+    at_blade = replace(CUTTING, confidence=0.9, edge_offset_m=0.1, crop_ahead_m=0.0)
+    context = on_side(plan=plan, cut_m=0.3, eye=Shown(at_blade))
+    for _ in range(45):
+        wandered(context.estimate.position, 1.0, context.motion)
+    moved(context, 0.2, stamp=NOW)
+    lane = context.estimate.lane
+    before_m = lane.offset_sigma_m
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    settled = context.look.settled
+    context.sight.take(frame, BackOff.gaze, context.strip, None, NOW - stood_s, settled)
+    assert (lane.offset_sigma_m < 0.8 * before_m) is told
 
 
 def test_search_gives_an_edge_that_the_lane_refuses_longer() -> None:

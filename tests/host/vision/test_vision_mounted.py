@@ -231,6 +231,14 @@ def test_no_track_begins_far_from_the_blades_end_while_crop_is_being_cut() -> No
     assert eye.see(field(MAST)).confidence > 0.5
 
 
+def test_an_edge_far_from_the_blades_end_is_believed_where_the_first_pictures_show_it() -> None:
+    """Beside an edge that nobody has seen a turn ends outside of it; the blade's dust comes later
+    (random field 10133)."""
+    eye = detector("robust", MAST)
+    for seed in range(4):
+        assert eye.see(field(MAST, right_m=-0.1, seed=seed)).confidence >= 0.5
+
+
 def test_out_of_the_crop_an_edge_far_from_the_blades_end_is_believed_at_once() -> None:
     """A machine that stands, its blade off, to see where it is: each picture begins anew."""
     eye = detector("robust", MAST)
