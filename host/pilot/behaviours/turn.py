@@ -36,6 +36,9 @@ INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
 """Before the crop, for the camera to see where it begins."""
+SEEN_BACK_M = (0.8, 1.2)
+"""Before the crop as it is seen, so far back is far enough for a machine that is in line, and for
+any: more than is planned by what a look errs."""
 ALIGN_ROOM_M = (0.5, 1.0)
 """How much farther than planned the vehicle may back to get into line with the edge: into the gap,
 and at most, over what has been cut."""
@@ -174,16 +177,20 @@ class DriveTurn(Behaviour):
     def leg_done(self, now: float) -> bool:
         """Whether the goal is reached, or will be by coasting on. Backing along the new side goes
         on for a while until the machine is in line with it, and as far as its beginning may lie
-        farther back while crop stands at the blade."""
+        farther back while crop stands at the blade; it ends sooner where that is seen to lie
+        nearer."""
         context, turning = self.context, self.turning
         to_go = turning.to_go(context.motion, context.vehicle.drive_lag_s)
-        if not turning.backing or to_go > 0:
+        if not turning.backing:
             return to_go <= 0
+        lane = context.estimate.lane
+        aligned = abs(lane.off_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
+        if to_go > 0:
+            before_m = context.sight.ahead.begins_at_m - context.motion.distance_m
+            return before_m > SEEN_BACK_M[0 if aligned else 1]
         if -to_go < self._doubt_m and self._inside(now):
             return False
         room = min(ALIGN_ROOM_M[0] + context.strip.back_m, ALIGN_ROOM_M[1])
-        lane = context.estimate.lane
-        aligned = abs(lane.off_m) < ALIGNED[0] and abs(lane.heading_rad) < ALIGNED[1]
         return aligned or -to_go >= room
 
     def _inside(self, now: float) -> bool:

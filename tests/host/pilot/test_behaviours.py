@@ -11,7 +11,7 @@ import pytest
 from host.core.frames import Pose2
 from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, EndOfField
+from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, Ahead, EndOfField
 from host.estimate.cut_guard import CutGuard
 from host.estimate.lane import Lane
 from host.estimate.measurements.begin import EARLY_M
@@ -1102,6 +1102,26 @@ def test_a_machine_with_crop_at_its_blade_backs_as_far_as_its_side_may_begin(
     assert done(at_blade, 0.9)
     assert done(replace(CUTTING, crop_ahead_m=0.3), 0.1)
     assert done(replace(at_blade, ahead_confidence=0.2), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("before_m", "offset_m", "enough"),
+    [(0.9, 0.0, True), (0.7, 0.0, False), (0.9, 0.1, False), (1.3, 0.1, True)],
+)
+def test_a_machine_that_sees_its_side_begin_farther_ahead_backs_no_more(
+    before_m: float, offset_m: float, enough: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is left of the way back by dead reckoning (random field 10137)."""
+    context = turning()
+    turning_ = context.turning
+    assert turning_ is not None
+    while not turning_.backing:
+        turning_.next(NOW)
+    context.estimate.lane.place(offset_m, 0.0, 0.1, 0.1)
+    begins_at_m = context.motion.distance_m + before_m
+    monkeypatch.setattr(Ahead, "begins_at_m", begins_at_m)
+    monkeypatch.setattr(turning_, "to_go", lambda *_: 0.5)
+    assert DriveTurn(context).leg_done(NOW) is enough
 
 
 def test_a_camera_that_backs_through_crop_tells_how_far_inside_the_blade_is() -> None:
