@@ -85,6 +85,7 @@ class PlanSide(Strip):
         self._planned = side
         self.last = index + 1 >= len(plan.sides)
         self.blind_end = side.blind_end
+        self.tip_m = side.edge_end_m
         self.begins_slanting = side.edge_begin_m > SQUARE_M
         self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < little_m2(plan)
         late = sum(areas[index:]) < LATE_SHARE * sum(areas)

@@ -67,6 +67,8 @@ class Strip:
     """How far beyond its expected beginning crop is looked for that is not in view; 0: not."""
     teaches = True
     """Whether driving along it shows the steering's bias."""
+    tip_m = 0.0
+    """From where the crop's border meets its outer edge to its last tip, at an end that slants."""
     clear_end_m = 0.0
     """How far its blade may run over clear ground: over a last tip that is too narrow to be seen,
     and over what earlier rounds have cut between its end and the boundary."""

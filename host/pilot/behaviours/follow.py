@@ -96,7 +96,8 @@ class Follow(Behaviour):
                 context.left_standing_m2 += strip.left_m2
                 here = EndOfField(now, context.motion, strip.index)
                 return end_side(context, now, here, refused=True)
-        ends = strip.placed and strip.left_m() < END_REST_M and verdict.clearance_m >= 0.0
+        rest_m = END_REST_M + strip.tip_m
+        ends = strip.placed and strip.left_m() < rest_m and verdict.clearance_m >= 0.0
         go = end_by_plan(context, now) if ends else None
         return go or super().blocked(now, verdict)
 

@@ -408,6 +408,9 @@ def test_a_side_that_is_about_to_end_ends_where_the_geofence_stops_the_machine_o
     assert is_for(Follow(again).blocked(NOW, verdict), Watched.GEOFENCE)
     before = on_side(cut_m=PLAN.sides[0].length_m - END_REST_M - 0.1)
     assert is_for(Follow(before).blocked(NOW, verdict), Watched.GEOFENCE)
+    slanting = (replace(PLAN.sides[0], edge_end_m=1.5), *PLAN.sides[1:])
+    tip = on_side(plan=replace(PLAN, sides=slanting), cut_m=PLAN.sides[0].length_m - 2.0)
+    assert is_for(Follow(tip).blocked(NOW, verdict), SideEnd.BY_PLAN)
 
 
 def backing(context: Context, early_m: float) -> Turning:
