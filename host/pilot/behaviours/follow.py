@@ -179,7 +179,7 @@ class Follow(Behaviour):
                 return Beside.REGAIN.go()
             if little_left(context):
                 return Why.REMNANT_GONE.go()
-            # Its neighbours may have taken a short side along, or one that the drive has come to.
+            # A short side may have gone with its neighbours, and one inside of others, or late.
             if strip.skippable:
                 return end_side(context, now, here)
             return (strip.may_be_gone and end_by_plan(context, now)) or Why.CROP_GONE.go()
