@@ -211,6 +211,7 @@ class Field:
         self.height: NDArray[np.float32] = (
             spec.crop_height_m + spec.crop_height_sd_m * level / np.float32(0.16)
         ).astype(np.float32)
+        self.height[beyond[::2, ::2]] *= np.float32(spec.neighbour_height)
         self.green = _patches(seed + 41, half, block, wave, spec.green)
         self.density = 1 - 0.65 * _patches(seed + 51, half, block, wave, spec.thin)
         lodged = _patches(seed + 61, half, block, 1.6 * wave, spec.lodged)

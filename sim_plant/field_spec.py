@@ -48,6 +48,8 @@ class FieldSpec(Strict):
     neighbours: Literal["all", "none"] | tuple[Side, ...] = "all"
     """Sides (by the outward normal of the nearest edge) with a neighbour's crop behind the gap."""
     neighbour_depth_m: Positive = 6.0
+    neighbour_height: Annotated[float, Limits(ge=0.3, le=2.0)] = 1.0
+    """Times the field's own crop's height."""
     cell_m: Annotated[float, Limits(ge=0.01, le=0.05)] = 0.025
     crop_height_m: Positive = 0.9
     crop_height_sd_m: NotNegative = 0.05

@@ -40,6 +40,8 @@ REFLEX_DEG: Final = (205.0, 280.0)
 """Inside angle of a corner that points inwards."""
 KEEP_OUT_SHARE: Final = 0.5
 """Of the fields that have a pole or a tree."""
+NEIGHBOUR_HEIGHT: Final = (0.85, 1.15)
+"""Of the neighbours' crop, times the field's: another sort, or sown at another time."""
 KEEP_OUT_M: Final = (0.4, 0.8)
 """Across: a pole, a tree with its roots, a well."""
 KEEP_OUT_FREE_M: Final = 3.5
@@ -229,7 +231,9 @@ def random_field(seed: int) -> Scenario:
     ring = outline(drawn.rng, shape)
     field = _field(drawn, ring)
     weather = _weather(drawn)
-    # Machine and phone have numbers of their own: the fields stay what they were.
+    # Neighbours, machine and phone have numbers of their own: the fields stay what they were.
+    higher = Drawn(seed, 0xBA11E).within(*NEIGHBOUR_HEIGHT)
+    field = field.model_copy(update={"neighbour_height": higher})
     kit = Drawn(seed, 0xC0DE)
     return Scenario(
         name=f"random {shape}" + (" with a keep-out" if field.keep_outs else ""),

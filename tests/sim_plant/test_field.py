@@ -202,6 +202,17 @@ def test_patches_cover_their_share() -> None:
     assert (field.green > 0.5).mean() == pytest.approx(0.1, abs=0.01)
 
 
+def test_the_neighbours_crop_is_as_much_higher_as_is_said() -> None:
+    same, lower = (
+        Field(FieldSpec(crop_height_sd_m=0.0, lodged=0.0, neighbour_height=times), 1)
+        for times in (1.0, 0.7)
+    )
+    shares = lower.height / same.height
+    kind = lower.kind[::2, ::2]
+    assert shares[kind == ground.NEIGHBOUR] == pytest.approx(0.7, abs=1e-3)
+    assert shares[kind == ground.CROP] == pytest.approx(1.0)
+
+
 def test_lodged_crop_is_lower() -> None:
     spec = PLAIN.model_copy(update={"size_m": (20.0, 20.0), "lodged": 0.3})
     field = Field(spec, seed=2)

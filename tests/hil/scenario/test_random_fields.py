@@ -65,6 +65,8 @@ def test_every_kind_of_field_is_drawn() -> None:
     convex = {bool((corner_angles_deg(np.array(s.world.corners)) < 180).all()) for s in MANY}
     assert convex == {True, False}
     with_keep_out = [scenario for scenario in MANY if scenario.field.keep_outs]
+    higher = [scenario.field.neighbour_height for scenario in MANY]
+    assert min(higher) < 0.87 and max(higher) > 1.13
     assert 0.1 < len(with_keep_out) / len(MANY) < 0.3
     assert {bool(scenario.field.trees) for scenario in with_keep_out} == {True, False}
 
