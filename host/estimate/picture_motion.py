@@ -134,7 +134,7 @@ class PictureMotion:
         self._turns.append((then.stamp, then.yaw_rad))
         while self._turns[0][0] < then.stamp - TURN_S - LATEST_S:
             self._turns.popleft()
-        if not view.usable or view.crop_ahead_m < 0.0:
+        if not view.usable or view.hidden:
             # What stands right before the lens hides what tells of motion.
             self._bin = None
             return

@@ -114,10 +114,6 @@ class PlannedStrip(PlanSide):
             ago_m = self.estimate.motion.distance_m - self.ahead.begins_at_m
             self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
 
-    def stands_inside(self, by_m: float) -> None:
-        if self.along_m(self.estimate.motion) < by_m:
-            self.estimate.position.at_begin(self._straight[0], by_m, begin.INSIDE_SIGMA_M)
-
     def met_begin(self, ago_m: float) -> None:
         # Where the turn has pressed the crop down, what is met is not where it began.
         if not self._begin_seen and self._pressed_m == 0.0:

@@ -205,8 +205,6 @@ class Sight:
             ends = gaze.ends and (not gaze.settles or settled(frame.stamp))
             if turning is not None and self._backs_away(turning, then):
                 self.ahead.back_away(view, then)
-            if turning is not None and turning.backing and view.crop_ahead_m < 0.0:
-                strip.stands_inside(-view.crop_ahead_m)
             self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
 
     def _of_lane(self, view: CropView, strip: Strip, then: Motion, *, beside: bool) -> CropView:

@@ -204,9 +204,6 @@ class Strip:
         """The machine stands where it is to drive along the strip, and has seen what it can of its
         beginning."""
 
-    def stands_inside(self, by_m: float) -> None:
-        """The blade stands at least so far inside its beginning."""
-
     def met_begin(self, ago_m: float) -> None:
         """The blade met the crop, and has travelled ago_m since."""
 

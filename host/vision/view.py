@@ -43,8 +43,7 @@ class CropView:
     edge_curvature_1pm: float = NAN
     crop_ahead_m: float = NAN
     """From the blade's line to the nearest standing crop ahead within the blade's width; 0 while
-    cutting, negative where the camera behind the blade stands in it, inf where none stands in view,
-    NaN where unknown."""
+    cutting, inf where none stands in view, NaN where unknown."""
     ahead_confidence: float = 0.0
     """The same meaning for `crop_ahead_m`, within 0.25 m."""
     ahead_by_height_m: float = NAN
@@ -71,6 +70,8 @@ class CropView:
     """(n, 2) points (u, v) on the edge."""
     reason: str = ""
     """Why the confidence is low, in words."""
+    hidden: bool = False
+    """Stems right before the lens hide all else: nobody knows whose they are."""
     usable: bool = True
     """False where the picture shows nothing of the world of now, whatever is in it."""
     shown_turn_rad: float = NAN

@@ -11,8 +11,6 @@ from host.estimate.place import Place
 SEEN_SIGMA_M = 0.15
 """Of the beginning as a machine sees it that backs away from it: 0.1 m for one picture, and the
 first stems stand a little inside."""
-INSIDE_SIGMA_M = 0.3
-"""Of it where the camera of a machine that backs towards it still stands in the crop."""
 MET_SIGMA_M = 0.25
 EARLY_M = 0.2
 """Of the beginning by the first picture that shows crop at the blade of a machine that drives up to

@@ -61,10 +61,12 @@ class Search(Behaviour):
         self._judged = now
 
     def _judge(self) -> Go | None:
-        """By one more picture."""
+        """By one more picture. Stems right before the lens are no empty ground."""
         context, view = self.context, self.context.sight.view
         assert context.turning is not None
         self._tries += 1
+        if view is not None and view.hidden:
+            self._empty = 0
         if view is None or not context.sight.sees_ahead():
             return Why.NOTHING_TO_SEE.go() if self._tries > MOST_PICTURES else None
         expected = context.turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)

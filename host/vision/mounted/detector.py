@@ -78,8 +78,6 @@ moves, lens or not."""
 COVERED = 0.2
 """Share of either side from which on the right end may be the border of what covers it. Chosen with
 `BESIDE_M` on twelve drives of seed 31."""
-BEFORE_LENS_SURE = 0.9
-"""That crop stands where the camera is, where it hides all else."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
@@ -163,13 +161,8 @@ class MountedDetector:
     def _see(self, bgr: Picture, stages: bool) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         if self._below_tops and before_lens(seen.grey[self._level :]):
-            return CropView(
-                0.0,
-                crop_ahead_m=float(self._camera.position[0]) - self._vehicle.blade_x_m,
-                ahead_confidence=BEFORE_LENS_SURE,
-                reason="stems stand right before the lens",
-                stages=pictures,
-            )
+            reason = "stems stand right before the lens"
+            return CropView(0.0, hidden=True, reason=reason, stages=pictures)
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN

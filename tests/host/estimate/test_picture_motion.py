@@ -213,7 +213,7 @@ def test_stems_right_before_the_lens_tell_of_no_motion() -> None:
     watch = PictureMotion(Vehicle())
     for before, now in itertools.pairwise(driven()):
         shown_rad = -3.0 * (now.yaw_rad - before.yaw_rad)
-        view = CropView(0.0, crop_ahead_m=-1.4, shown_turn_rad=shown_rad, shown_way_m=0.0)
+        view = CropView(0.0, hidden=True, shown_turn_rad=shown_rad, shown_way_m=0.0)
         watch.take(view, now)
     assert watch.wrong == ""
 

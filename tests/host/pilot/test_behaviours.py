@@ -1127,21 +1127,6 @@ def test_a_machine_that_sees_its_side_begin_farther_ahead_backs_no_more(
     assert DriveTurn(context).leg_done(NOW) is enough
 
 
-def test_a_camera_that_backs_through_crop_tells_how_far_inside_the_blade_is() -> None:
-    """Right before its lens, 1.4 m behind the blade; nearer to the beginning it tells nothing."""
-    inside = replace(CUTTING, confidence=0.0, crop_ahead_m=-1.4)
-    for believed_m, tells in ((0.9, True), (1.6, False)):
-        context = on_side(cut_m=None, eye=Shown(inside))
-        turning_ = backing(context, 0.0)
-        moved(context, believed_m)
-        before_m = context.strip.along_m(context.motion)
-        frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
-        settled = context.look.settled
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning_, NOW, settled)
-        after_m = context.strip.along_m(context.motion)
-        assert (after_m > before_m) is tells
-
-
 def searched(context: Context, view: CropView, pictures: int) -> list[Go]:
     """What a search makes of so many of the same picture."""
     search, out = Search(context), []
@@ -1196,6 +1181,21 @@ def test_search_drives_along_a_long_side_without_crop_in_view() -> None:
     [go] = searched(context, replace(CUTTING, crop_ahead_m=math.inf), PICTURES)
     assert is_for(go, Searched.NOT_IN_VIEW)
     assert math.isfinite(context.strip.search_m)
+
+
+def test_stems_right_before_the_lens_begin_no_strip() -> None:
+    """Whatever pictures between them seem to show (random field 10167: the neighbour's)."""
+    context, search = turned(), []
+    hidden = CropView(0.0, hidden=True)
+    clear = replace(CUTTING, crop_ahead_m=math.inf)
+    behaviour = Search(context)
+    behaviour.enter(NOW)
+    for k in range(1, MOST_PICTURES + 2):
+        stamp = NOW + STAND_S + 0.1 * k
+        seeing(context, hidden if k % PICTURES == 0 or k > MOST_PICTURES else clear, stamp=stamp)
+        search.append(behaviour.step(stamp)[1])
+    assert all(go is None for go in search[:-1])
+    assert is_for(search[-1], Searched.NOTHING_TO_SEE)
 
 
 @pytest.mark.parametrize(
