@@ -107,6 +107,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("ahead_confidence", "end_of_field", "e_outer_px", "o_map_px"),
             **_numbers("l_height_px", "l_reference_px", "ahead_by_height_m"),
             reason=_TEXT,
+            hidden={"type": "boolean"},
             usable={"type": "boolean"},
         ),
     ),

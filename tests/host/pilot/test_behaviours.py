@@ -727,6 +727,18 @@ def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -
     assert stands(again.step(late)[0])
 
 
+@pytest.mark.parametrize(("met", "goes_on"), [(True, True), (False, False)])
+def test_among_stems_that_hide_all_else_it_goes_on_only_in_a_strip_that_it_has_met(
+    met: bool, goes_on: bool
+) -> None:
+    context = on_side(cut_m=BEGINNING_M - 0.1)
+    if not met:
+        context.sight.ahead.entered_at = None
+    seeing(context, CropView(0.0, hidden=True))
+    context.sight.seen_at_m = context.motion.distance_m
+    assert context.goes_unseeing(NOW) is goes_on
+
+
 @pytest.mark.parametrize("cut_m", [BEGINNING_M - 0.1, BEGINNING_M + 0.1])
 @pytest.mark.parametrize("sees", [True, False])
 def test_having_backed_it_goes_on_at_a_strips_beginning(cut_m: float, sees: bool) -> None:
