@@ -53,4 +53,4 @@ def before_lens(grey: Mask) -> bool:
             before = mean
     if smooth < MOST * rows * columns:
         return False
-    return steps / ((rows - lower) * (columns - 1)) > BANDS * spread / smooth
+    return bool(steps / ((rows - lower) * (columns - 1)) > BANDS * spread / smooth)
