@@ -347,6 +347,25 @@ def test_how_far_the_next_crop_is_shows_by_its_height_however_the_camera_is_pitc
     assert eye.see(next_one).ahead_by_height_m == pytest.approx(1.7, abs=0.35)
 
 
+@pytest.mark.parametrize("lodged", [False, True])
+def test_crop_that_looks_too_high_for_where_its_foot_seems_to_be_is_no_clear_ground(
+    lodged: bool,
+) -> None:
+    """Lodged stalks lie before its foot, which seems farther off (random field 10167)."""
+    eye = make_detector("robust", Vehicle(crop_height_m=0.9), LOW)
+    for seed in range(TRACK + 1):
+        eye.see(field(LOW, next_crop_m=None, seed=seed))
+    eye.restart(turned=False)
+    picture = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 3.2).copy()
+    if lodged:
+        level_row = int(Camera(LOW).project([[1000.0, 0.0, 0.6]])[0, 1])
+        near = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 0.5)
+        picture[:level_row] = near[:level_row]
+    view = eye.see(picture)
+    assert view.crop_ahead_m > 2.0
+    assert (view.ahead_confidence >= 0.5) is not lodged
+
+
 def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
     hidden = dusty(near, 225)
