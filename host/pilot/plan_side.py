@@ -112,8 +112,6 @@ class PlanSide(Strip):
         self._crop_at_m = -math.inf
         """The travelled distance up to which crop has been seen to go on from what was cut: how
         far along the side that is, is found out with where the side begins."""
-        self._end_doubt_m = 0.0
-        """Of an end that a look has shown where none was expected."""
         self._expected_m, self._doubt_m = side.length_m, 0.0
         """Where the side was taken to end before anything was seen of it, and how surely."""
 
@@ -224,8 +222,6 @@ class PlanSide(Strip):
         if self.new:
             position.ends_at(last, along_m - self._pieces[-1][0], FOUND_SIGMA_M**2)
         else:
-            # Or it is a patch, and the place was right.
-            self._end_doubt_m = off_m / 2
             position.less_sure_along(last, off_m)
 
     @property

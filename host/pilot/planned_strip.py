@@ -138,7 +138,6 @@ class PlannedStrip(PlanSide):
         share = share / SEEN_SHARE if math.isfinite(share) else 1.0
         last = self._straight[-1]
         as_seen = replace(last, end_seen_m=share * last.end_seen_m)
-        doubt = math.hypot(doubt, self._end_doubt_m)
         self.estimate.position.at_end(as_seen, ago, drift, doubt)
 
     def gap_beyond(self) -> Beyond | None:

@@ -363,20 +363,6 @@ def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted() -> None:
     assert strip.side.length_m == length_m
 
 
-@pytest.mark.parametrize(("off_m", "least_m"), [(1.2, 0.4), (0.1, 0.0)])
-def test_an_end_that_was_found_elsewhere_may_have_been_a_patch(
-    off_m: float, least_m: float
-) -> None:
-    """The place is known from it to half of what it was off by."""
-    context = along(9.0, KNOWN)
-    strip = strip_of(context)
-    here = EndOfField(NOW, context.motion, strip.index)
-    strip.ends_at(strip.side.length_m - off_m)
-    strip.met_end(here, None, looked=True)
-    sigma_m = strip.estimate.position.end_sigma_m(strip.planned_piece)
-    assert least_m <= sigma_m < least_m + 0.3
-
-
 def test_clear_ground_far_from_any_end_that_the_walk_may_mean_stops_the_machine() -> None:
     """What is wrong by so much is the place, and beyond may stand the neighbour's crop."""
     context = along(5.0)
