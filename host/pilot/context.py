@@ -221,7 +221,10 @@ class Context:
         such stalks can stand."""
         blind_m = self.motion.distance_m - self.sight.seen_at_m
         begins = self.strip.along_m(self.motion) < BEGINNING_M and blind_m < BLIND_ON_M
-        return begins and self.strip.surely_own and not self.blind(now)
+        view, ahead = self.sight.view, self.sight.ahead
+        # Whose stems those are, nobody knows before the blade has met the strip's own.
+        hidden = view is not None and view.hidden and not ahead.entered
+        return begins and self.strip.surely_own and not (hidden or self.blind(now))
 
     # ---- commands --------------------------------------------------------------------------------
 

@@ -41,7 +41,7 @@ class Search(Behaviour):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._tries = self._empty = self._hidden = 0
+        self._tries = self._empty = 0
         self._judged = -math.inf
         """The stamp of the last picture that was judged."""
 
@@ -61,15 +61,12 @@ class Search(Behaviour):
         self._judged = now
 
     def _judge(self) -> Go | None:
-        """By one more picture. Stems right before the lens are no empty ground: whose they are,
-        only the plan says."""
+        """By one more picture. Stems right before the lens are no empty ground."""
         context, view = self.context, self.context.sight.view
         assert context.turning is not None
         self._tries += 1
         if view is not None and view.hidden:
-            self._hidden, self._empty = self._hidden + 1, 0
-            if self._hidden >= PICTURES and context.strip.surely_own:
-                return self._look_along_lane(expected_m=0.0)
+            self._empty = 0
         if view is None or not context.sight.sees_ahead():
             return Why.NOTHING_TO_SEE.go() if self._tries > MOST_PICTURES else None
         expected = context.turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
@@ -93,11 +90,7 @@ class Search(Behaviour):
         empty = strip.may_be_gone and seen_m > EMPTY_SHARE * strip.left_m()
         if strip.search_reach_m <= 0.0 or (empty and strip.rest_m2 < little_m2(context.plan)):
             return Why.NO_CROP_LEFT.go()
-        return self._look_along_lane(expected_m)
-
-    def _look_along_lane(self, expected_m: float) -> Go:
-        """A tight turn may end past where the crop begins: then all of the way is still to go."""
-        context, strip = self.context, self.context.strip
+        # A tight turn may end past where the crop begins: then all of the way is still to go.
         strip.search_m = max(0.0, expected_m) + strip.search_reach_m
         context.begin_strip()
         return Why.NOT_IN_VIEW.go(side=strip.name)

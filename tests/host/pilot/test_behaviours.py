@@ -727,6 +727,18 @@ def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -
     assert stands(again.step(late)[0])
 
 
+@pytest.mark.parametrize(("met", "goes_on"), [(True, True), (False, False)])
+def test_among_stems_that_hide_all_else_it_goes_on_only_in_a_strip_that_it_has_met(
+    met: bool, goes_on: bool
+) -> None:
+    context = on_side(cut_m=BEGINNING_M - 0.1)
+    if not met:
+        context.sight.ahead.entered_at = None
+    seeing(context, CropView(0.0, hidden=True))
+    context.sight.seen_at_m = context.motion.distance_m
+    assert context.goes_unseeing(NOW) is goes_on
+
+
 @pytest.mark.parametrize("cut_m", [BEGINNING_M - 0.1, BEGINNING_M + 0.1])
 @pytest.mark.parametrize("sees", [True, False])
 def test_having_backed_it_goes_on_at_a_strips_beginning(cut_m: float, sees: bool) -> None:
@@ -1183,26 +1195,19 @@ def test_search_drives_along_a_long_side_without_crop_in_view() -> None:
     assert math.isfinite(context.strip.search_m)
 
 
-@pytest.mark.parametrize("own", [True, False])
-def test_among_stems_right_before_the_lens_only_a_strip_beyond_doubt_is_begun(
-    own: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whatever pictures between them seem to show: they may be the neighbour's (random field
-    10167)."""
-    monkeypatch.setattr(PlannedStrip, "surely_own", own)
-    context = turned()
-    behaviour, goes = Search(context), []
+def test_stems_right_before_the_lens_begin_no_strip() -> None:
+    """Whatever pictures between them seem to show (random field 10167: the neighbour's)."""
+    context, search = turned(), []
+    hidden = CropView(0.0, hidden=True)
+    clear = replace(CUTTING, crop_ahead_m=math.inf)
+    behaviour = Search(context)
     behaviour.enter(NOW)
-    hidden, clear = CropView(0.0, hidden=True), replace(CUTTING, crop_ahead_m=math.inf)
     for k in range(1, MOST_PICTURES + 2):
         stamp = NOW + STAND_S + 0.1 * k
-        sees = clear if k % PICTURES == 1 and k <= MOST_PICTURES else hidden
-        seeing(context, sees, stamp=stamp)
-        goes.append(behaviour.step(stamp)[1])
-        if goes[-1] is not None:
-            break
-    assert is_for(goes[-1], Searched.NOT_IN_VIEW if own else Searched.NOTHING_TO_SEE)
-    assert (len(goes) > 2 * PICTURES) is not own
+        seeing(context, hidden if k % PICTURES == 0 or k > MOST_PICTURES else clear, stamp=stamp)
+        search.append(behaviour.step(stamp)[1])
+    assert all(go is None for go in search[:-1])
+    assert is_for(search[-1], Searched.NOTHING_TO_SEE)
 
 
 @pytest.mark.parametrize(
