@@ -14,10 +14,8 @@ from typing import Final
 import numpy as np
 
 from host.estimate.kalman import Array
-from host.estimate.measurements.border import slant
 from host.estimate.place import Place
 from host.estimate.states import STATES, X, Y
-from host.route.side import NO_EDGE
 
 LIKELY: Final = -2.0
 """The bound in standard deviations from the mean: farther before it cuts off next to nothing."""
@@ -27,16 +25,11 @@ FARTHEST: Final = 6.0
 
 def to_border(place: Place, way: int) -> Array:
     """(states,) the derivative of how far the blade is before the side's end (way 1) or its
-    beginning (-1), where it is beside the lane: a border of the field that slants lies elsewhere
-    there."""
-    (c, s), side, slope = place.direction, place.side, 0.0
-    if way > 0 and side.ends_at != NO_EDGE:
-        slope = slant(side.edge_end_m, side.width_m)
-    elif way < 0 and side.begins_at != NO_EDGE:
-        slope = -slant(side.edge_begin_m, side.width_m)
+    beginning (-1)."""
+    c, s = place.direction
     h = np.zeros(len(place.x))
-    h[X], h[Y] = -c - slope * s, -s + slope * c
-    h[STATES:] = place.outline.end(side, way)
+    h[X], h[Y] = -c, -s
+    h[STATES:] = place.outline.end(place.side, way)
     return h
 
 

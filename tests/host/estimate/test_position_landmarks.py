@@ -84,18 +84,6 @@ def test_the_end_of_a_side_shows_where_the_corner_lies(longer_m: float) -> None:
     assert position.at(FIRST).side.length_m == pytest.approx(14.0 + longer_m, abs=0.1)
 
 
-def test_where_a_slanting_border_lies_is_known_at_the_corner_where_the_machine_stands() -> None:
-    """Wherever the corner is: both lie as far aside with it (random field 10112)."""
-    ring = [(0.0, 0.0), (14.0, 0.0), (20.0, 10.0), (-6.0, 10.0)]
-    tip, length = 0.6 * WIDTH, 14.0 + 1.2 * WIDTH
-    side = Side(-tip, 0.0, 0.0, length, WIDTH, length, edge_begin_m=tip, edge_end_m=tip)
-    first = BoundaryEdges(ring).namer()(side)
-    position = Position(VEHICLE, ring, 0.5)
-    position.place(first, 0.0, 0.0, 0.0)
-    assert position.end_sigma_m(first, -1) < 0.2
-    assert position.end_sigma_m(first) > 0.5
-
-
 def along_second(off_rad: float) -> Position:
     """Both sides driven, where the second edge runs off_rad otherwise than planned."""
     driven = Driven(Position(VEHICLE, RING, 1.0))
