@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from host.core.messages import Command, Request, Telemetry
@@ -49,6 +49,20 @@ HISTORY_S: Final = 2.0
 """Of the way driven, kept for pictures that come late: more than any camera's delay."""
 
 
+@dataclass(slots=True)
+class _Look:
+    """How many of its pictures showed what."""
+
+    clear: int = 0
+    """Clear ground;"""
+    crop: int = 0
+    """crop at the blade;"""
+    in_line: int = 0
+    """the edge of that, in line with what was followed;"""
+    aside: int = 0
+    """and elsewhere."""
+
+
 class CutGuard:
     """Fed with all telemetry and with the pictures taken along a side."""
 
@@ -65,9 +79,7 @@ class CutGuard:
         self._held_since: float | None = None
         self._at_blade = 0
         """Pictures in a row that showed crop there."""
-        self._looks = [0, 0, 0, 0]
-        """Of those of the look, how many showed clear ground, crop at the blade, the edge of that
-        in line with what was followed, and elsewhere."""
+        self._look = _Look()
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
         self._edge_at_m = -math.inf
@@ -138,9 +150,10 @@ class CutGuard:
         sure = view.confidence >= CONFIDENT
         in_line = sure and abs(view.edge_offset_m) < IN_LINE_M
         if looks:
-            self._looks[at_blade] += 1
-            self._looks[2] += at_blade and in_line
-            self._looks[3] += at_blade and sure and not in_line
+            self._look.clear += not at_blade
+            self._look.crop += at_blade
+            self._look.in_line += at_blade and in_line
+            self._look.aside += at_blade and sure and not in_line
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             goes_on = own and in_line
@@ -175,13 +188,14 @@ class CutGuard:
                 return replace(command, blade=False)
             if not forward:
                 return command
-            self._held_since, self._looks = now, [0, 0, 0, 0]
+            self._held_since, self._look = now, _Look()
         if not forward:
             return command
         if now - self._held_since > LOOK_S:
-            clear, crop, in_line, aside = self._looks
+            look = self._look
             gap = ends and not own and self.clear_m >= END_CLEAR_M
-            if crop > clear and (not gap or in_line > max(aside, IN_LINE_SHARE * crop)):
+            in_line = look.in_line > max(look.aside, IN_LINE_SHARE * look.crop)
+            if look.crop > look.clear and (in_line or not gap):
                 self._held_since = self._clear_from_m = None
                 return command
             if own and self._shown:

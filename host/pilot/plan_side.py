@@ -92,8 +92,7 @@ class PlanSide(Strip):
         self.may_be_gone = late or side.inside_m > vehicle.blade_width_m / 2
         self.search_reach_m = 0.0
         if sum(areas[index:]) >= little_m2(plan):
-            whole = self.skippable or self.may_be_gone
-            self.search_reach_m = side.length_m if whole else NO_CROP_M
+            self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
         first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self._beyond_m = max(0.0, side.fence_m - side.length_m)

@@ -14,7 +14,7 @@ from host.estimate.gaps import SQUARE_RAD
 from host.estimate.measurements import begin, end
 from host.estimate.motion_model import BESIDE, PRESSED
 from host.estimate.odometry import Motion
-from host.pilot.plan_side import NO_CROP_M, SIGMAS, PlanSide
+from host.pilot.plan_side import SIGMAS, PlanSide
 from host.pilot.strip import Beyond, Strip
 from host.pilot.turn_progress import Turning
 from host.route.boundary_edges import BoundaryEdges
@@ -93,9 +93,8 @@ class PlannedStrip(PlanSide):
         if self.ahead.entered:
             return True
         here = self.estimate.motion
-        seen, along = self.ahead.crop_at_m - here.distance_m, self.along_m(here)
-        goes_on = along < NO_CROP_M or not math.isfinite(self.search_m)
-        return seen < BLADE_ON_M or (along > -BLADE_ON_M and goes_on)
+        seen = self.ahead.crop_at_m - here.distance_m
+        return min(seen, -self.along_m(here)) < BLADE_ON_M
 
     @property
     def _begin_seen(self) -> bool:

@@ -179,10 +179,8 @@ class Follow(Behaviour):
                 return Beside.REGAIN.go()
             if little_left(context):
                 return Why.REMNANT_GONE.go()
-            # A short side may have gone with its neighbours, and one inside of others, or late.
-            if strip.skippable:
-                return end_side(context, now, here)
-            return (strip.may_be_gone and end_by_plan(context, now)) or Why.CROP_GONE.go()
+            # A short side may have gone with its neighbours.
+            return end_side(context, now, here) if strip.skippable else Why.CROP_GONE.go()
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
             return go or Why.TOO_LONG.go()
@@ -190,12 +188,8 @@ class Follow(Behaviour):
 
     def _doubts(self, now: float) -> Go | None:
         """Whether the edge is too unsure to cut on, or might be seen without the dust."""
-        context, strip = self.context, self.context.strip
-        lane, sight = context.estimate.lane, context.sight
-        # Over clear ground, its blade off, it looks for crop, and needs no edge.
-        empty = not strip.blade_due() and sight.sees_ahead()
-        beside = context.estimate.position.beside
-        unknown = lane.offset_sigma_m > LANE_SIGMA_M and not (beside or empty)
+        context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
+        unknown = lane.offset_sigma_m > LANE_SIGMA_M and not context.estimate.position.beside
         lost = now - sight.seen.stamp > STOP_AFTER_S or unknown
         if lost and not (context.backs > 0 and context.goes_unseeing(now)):
             sight.seen.broken = now

@@ -541,30 +541,6 @@ def test_follow_gives_up_crop_that_is_not_to_be_found(
     assert is_for(go, reason or Followed.REMNANT_GONE)
 
 
-def test_late_in_the_field_one_side_that_is_gone_is_driven_along_and_no_second_one() -> None:
-    sides = (replace(PLAN.sides[0], length_m=100.0), *PLAN.sides[1:3])
-    context = on_side(1, replace(PLAN, sides=sides), cut_m=None)
-    assert context.strip.search_reach_m == PLAN.sides[1].length_m
-    for k, reason in enumerate((SideEnd.BY_PLAN, Followed.CROP_GONE)):
-        context.strip.search_m = 1.0
-        moved(context, context.motion.distance_m + 1.1, stamp=NOW + k)
-        assert is_for(Follow(context).step(NOW)[1], reason)
-        context.turning = None
-        context.begin_strip()
-
-
-def test_the_blade_is_off_where_crop_is_looked_for_until_some_is_seen() -> None:
-    context = on_side(2, cut_m=None)
-    strip = context.strip
-    strip.search_m = 9.0
-    moved(context, NO_CROP_M - 0.1)
-    assert strip.blade_due()
-    moved(context, NO_CROP_M + 0.5, stamp=NOW + 1.0)
-    assert not strip.blade_due()
-    context.sight.ahead.crop_at_m = context.motion.distance_m + 0.5
-    assert strip.blade_due()
-
-
 def test_a_longer_strip_is_driven_along_where_it_is_next_to_nothing_of_a_large_field() -> None:
     large = replace(PLAN.sides[2], length_m=300.0)
     context = on_side(
