@@ -11,6 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+PRUNED = 0.15
+"""Probability below which the less likely of two meanings is dropped."""
 KEPT = 64
 """Innovations that wait for a reader, at most: some seconds'."""
 
@@ -26,6 +28,9 @@ class Measurement:
     innovation: Array
     variances: Array
     gate: float = math.inf
+    other: tuple[float, float] = (0.0, 0.0)
+    """Of a single number: the share of such measurements that are of something else, and by how
+    much their variance is larger for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +77,45 @@ def _fuse(
     return variance, nis
 
 
+@njit(cache=True, nogil=True)
+def _fuse_either(
+    x: Array, p: Array, h: Array, z: float, noise: float, share: float, more: float, held: int
+) -> tuple[float, float]:
+    """`_fuse` of a number that is what it seems, or with probability `share` of something else,
+    with a noise that is larger by `more`. Each of the two is taken; mean and covariance are those
+    of the mixture of both (Gaussian sum, Sorenson and Alspach, Automatica 7, 1971, merged to one
+    normal distribution as in probabilistic data association, Bar-Shalom et al. 2001, 6.4). So a
+    number that may be either moves the state by half, and leaves it less sure."""
+    n = len(x)
+    hp = np.zeros(n)
+    for k in range(n):
+        if h[k] != 0.0:
+            for i in range(n):
+                hp[i] += h[k] * p[k, i]
+    own = 0.0
+    for k in range(n):
+        own += hp[k] * h[k]
+    sure, wide = own + noise, own + noise + more
+    likely = (1.0 - share) * math.exp(-0.5 * z * z / sure) / math.sqrt(sure)
+    unlikely = share * math.exp(-0.5 * z * z / wide) / math.sqrt(wide)
+    total = likely + unlikely
+    weight = likely / total if total > 0.0 else 0.0
+    if min(weight, 1.0 - weight) < PRUNED:
+        weight = round(weight)
+    gain = weight / sure + (1.0 - weight) / wide
+    apart = 1.0 / sure - 1.0 / wide
+    spread = weight * (1.0 - weight) * apart * apart * z * z
+    step = hp.copy()
+    if held >= 0:
+        step[held] = 0.0
+    for k in range(n):
+        x[k] += gain * z * step[k]
+        for i in range(n):
+            taken = gain * (step[k] * hp[i] + hp[k] * step[i])
+            p[k, i] += (gain + spread) * step[k] * step[i] - taken
+    return sure, z * z / sure
+
+
 class Filter:
     """State and covariance. Subclasses predict."""
 
@@ -97,9 +141,12 @@ class Filter:
     def _fuse_one(self, measurement: Measurement, frozen: Sequence[int]) -> bool:
         """`fuse` of a single number, as most are."""
         z, x, held = float(measurement.innovation[0]), self._x.copy(), frozen[0] if frozen else -1
-        variance, nis = _fuse(
-            x, self._p, measurement.h[0], z, float(measurement.variances[0]), measurement.gate, held
-        )
+        h, noise = measurement.h[0], float(measurement.variances[0])
+        share, more = measurement.other
+        if share > 0.0:
+            variance, nis = _fuse_either(x, self._p, h, z, noise, share, more, held)
+        else:
+            variance, nis = _fuse(x, self._p, h, z, noise, measurement.gate, held)
         used = nis <= measurement.gate
         self._note(Innovation(measurement.name, z, math.sqrt(variance), nis, 1, used))
         if used:

@@ -349,14 +349,14 @@ class Position(Filter):
         """The blade met the beginning of a side's crop, and has travelled ago_m since (negative: is
         to travel), with that standard deviation."""
         across = self._lanes.across(self.outline, side, -1, float(self._x[SIGHT]))
-        self._take(begin.begin(self.at(side), self._p, ago_m, sigma_m, across))
+        self._take(begin.begin(self.at(side), ago_m, sigma_m, across))
 
     def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
         drift_m is what a wrong scale of the distances may have done along it."""
         self.less_sure_along(side, drift_m)
         across = self._lanes.across(self.outline, side, 1, float(self._x[SIGHT]))
-        self._take(end.end(self.at(side), self._p, ago_m, doubt_m, across))
+        self._take(end.end(self.at(side), ago_m, doubt_m, across))
 
     def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:
         """A side's end is now taken to lie along_m past its beginning, with that variance against

@@ -270,7 +270,8 @@ class PlanSide(Strip):
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_at_m = max(self._crop_at_m, motion.distance_m)
-        if not self.new:
+        late_m = self._crop_to_m - self._expected_m
+        if not self.new or late_m > END_SIGMAS * self._doubt_m:
             return
         start, last = self._pieces[-1]
         known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from host.estimate.kalman import Array, Measurement
+from host.estimate.kalman import Measurement
 from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, Across, border, slant
 from host.estimate.place import Place
 
@@ -20,7 +20,6 @@ it: the detector's own promise (`CropView.ahead_confidence`); it takes crop for 
 
 def begin(
     place: Place,
-    p: Array,
     ago_m: float,
     sigma_m: float = MET_SIGMA_M,
     across: Across = BOUNDARY,
@@ -30,4 +29,4 @@ def begin(
     sigma = math.hypot(sigma_m, SLANT_SHARE * side.begin_seen_m)
     slope = slant(side.edge_begin_m, side.width_m)
     met_m = side.begin_seen_m + ago_m
-    return border("begin", place, p, met_m, sigma, slope, across, way=-1)
+    return border("begin", place, met_m, sigma, slope, across, way=-1)

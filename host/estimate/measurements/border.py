@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from host.estimate.kalman import Array, Measurement
+from host.estimate.kalman import Measurement
 from host.estimate.place import Place
 from host.estimate.states import SIGHT, STATES, YAW
 
@@ -15,9 +15,11 @@ SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
 SLOPE_MOST = 2.2
 """Of a slanting border, along the side for each metre across it: a corner of 155°."""
-DOUBTED_SIGMAS = 2.0
-"""A border that is seen farther from where it is expected counts the less, the farther: weeds in
-the gap look like crop, and dust hides it."""
+OTHER_SHARE, OTHER_SIGMA_M = 0.12, 1.0
+"""Of the borders that pictures show, those that are something else: weeds in the gap look like
+crop, dust hides it, and a strip before has left some. Of 1061 ends and 861 beginnings of 40 model
+drives 17 % were off by 0.7 m, and 6 % by 2.6 m (maximum likelihood), the others by 0.8 and 1.0
+times what is said here."""
 
 
 class Across(NamedTuple):
@@ -44,7 +46,6 @@ def slant(far_m: float, width_m: float) -> float:
 def border(
     name: str,
     place: Place,
-    p: Array,
     blade_m: float,
     sigma_m: float,
     slope: float,
@@ -62,6 +63,10 @@ def border(
     h[0, SIGHT] = -across.by_sight
     h[0, STATES:] = -place.outline.end(place.side, way)
     innovation = blade_m + across.beyond_m - place.blade_m - slope * place.across_m
-    expected = math.sqrt((h @ p @ h.T).item() + sigma_m**2)
-    doubt = max(1.0, abs(innovation) / (DOUBTED_SIGMAS * expected))
-    return Measurement(name, h, np.array([innovation]), np.array([(sigma_m * doubt**2) ** 2]))
+    return Measurement(
+        name,
+        h,
+        np.array([innovation]),
+        np.array([sigma_m**2]),
+        other=(OTHER_SHARE, OTHER_SIGMA_M**2),
+    )

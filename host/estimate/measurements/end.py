@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from host.estimate.kalman import Array, Measurement
+from host.estimate.kalman import Measurement
 from host.estimate.measurements.border import BOUNDARY, SLANT_SHARE, Across, border, slant
 from host.estimate.place import Place
 
@@ -16,12 +16,10 @@ EARLY_M = 0.1
 before its end from the mast, at 0.05 m from the low camera (docs/understand/vision.md)."""
 
 
-def end(
-    place: Place, p: Array, ago_m: float, doubt_m: float, across: Across = BOUNDARY
-) -> Measurement:
+def end(place: Place, ago_m: float, doubt_m: float, across: Across = BOUNDARY) -> Measurement:
     """The blade met it, and has travelled ago_m since, give or take doubt_m."""
     side = place.side
     slope = slant(side.edge_end_m, side.width_m)
     sigma = math.hypot(SIGMA_M * (1 + slope**2), SLANT_SHARE * side.end_seen_m, doubt_m)
     seen = side.length_m - side.end_seen_m - EARLY_M
-    return border("end", place, p, seen + ago_m, sigma, -slope, across, way=1)
+    return border("end", place, seen + ago_m, sigma, -slope, across, way=1)

@@ -29,11 +29,11 @@ def seen(place: Place) -> Measurement:
 
 
 def begun(place: Place) -> Measurement:
-    return begin.begin(place, np.eye(len(place.x)), 0.2)
+    return begin.begin(place, 0.2)
 
 
 def ended(place: Place) -> Measurement:
-    return end.end(place, np.eye(len(place.x)), 0.2, 0.0)
+    return end.end(place, 0.2, 0.0)
 
 
 @pytest.mark.parametrize("index", [0, 1, 4, 5])

@@ -133,30 +133,49 @@ def test_a_course_tells_of_yaw_and_the_plans_direction() -> None:
 
 
 def test_a_begin_and_an_end_tell_how_far_along_it_is() -> None:
-    p = np.eye(STATES) * 0.01
     at_begin = place(-VEHICLE.blade_x_m, 0.0)
-    assert begin.begin(at_begin, p, 0.0).innovation == pytest.approx([0.0])
+    assert begin.begin(at_begin, 0.0).innovation == pytest.approx([0.0])
     at_end = place(10.0 - VEHICLE.blade_x_m, 0.0)
-    told = end.end(at_end, p, end.EARLY_M, 0.0)
+    told = end.end(at_end, end.EARLY_M, 0.0)
     assert told.innovation == pytest.approx([0.0])
-    assert end.end(at_end, p, end.EARLY_M, 0.5).variances[0] > told.variances[0]
-    far = begin.begin(at_begin, p, 2.0)
-    near = begin.begin(at_begin, p, 0.2)
-    assert far.variances[0] > 4 * near.variances[0], "what is far off is doubted"
+    assert end.end(at_end, end.EARLY_M, 0.5).variances[0] > told.variances[0]
+
+
+@pytest.mark.parametrize(
+    "border", [begin.begin(place(0.0, 0.0), 0.0), end.end(place(0.0, 0.0), 0.0, 0.0)]
+)
+def test_a_border_that_may_be_something_else_moves_the_place_by_a_part(border: Measurement) -> None:
+    """As expected it leaves the place surer; within reason it is taken as it is; where it may be
+    either, the place moves by a part and is less sure; far off it is next to nothing."""
+    sigma_m, shares, sigmas = 0.3, [], []
+    for off_m in (0.0, 0.3, 1.0, 3.0):
+        one = Read(np.zeros(STATES), np.eye(STATES) * sigma_m**2)
+        only_x = np.zeros_like(border.h)
+        only_x[0, X] = 1.0
+        assert one.fuse(replace(border, h=only_x, innovation=np.array([off_m])))
+        x, p = one.state
+        shares.append(x[X] / off_m if off_m > 0.0 else 0.0)
+        sigmas.append(math.sqrt(p[X][X]))
+    assert shares[1] > 0.5
+    assert 0.2 < shares[2] < 0.8 * shares[1]
+    assert shares[3] < 0.15
+    assert sigmas[0] == pytest.approx(sigmas[1])
+    assert sigmas[0] < 0.7 * sigma_m
+    assert sigmas[2] > 1.1 * sigma_m
 
 
 def test_a_slanting_border_is_met_earlier_farther_left() -> None:
     slanting = replace(SIDE, edge_begin_m=VEHICLE.pass_m)
     left = place(-VEHICLE.blade_x_m - 0.3, 0.3, side=slanting)
-    assert begin.begin(left, np.eye(STATES), 0.0).innovation == pytest.approx([0.0])
+    assert begin.begin(left, 0.0).innovation == pytest.approx([0.0])
 
 
 def test_a_strip_without_width_has_a_beginning_and_an_end_too() -> None:
     """A plan that is laid out anew leaves such ones (random field 10118)."""
     side = replace(SIDE, width_m=0.0, edge_begin_m=0.4, edge_end_m=0.4)
     at_begin = place(-VEHICLE.blade_x_m, 0.0, side=side)
-    assert math.isfinite(begin.begin(at_begin, np.eye(STATES), 0.0).innovation.item())
-    assert math.isfinite(end.end(at_begin, np.eye(STATES), 0.0, 0.0).innovation.item())
+    assert math.isfinite(begin.begin(at_begin, 0.0).innovation.item())
+    assert math.isfinite(end.end(at_begin, 0.0, 0.0).innovation.item())
 
 
 # ---- what lasts ----------------------------------------------------------------------------------

@@ -72,12 +72,12 @@ def test_a_border_that_a_strip_has_left_is_met_where_that_lies(
     """Farther on by so much, less surely, and where it is met tells what pictures show amiss."""
     position = Position(VEHICLE, RING, 1.0)
     position.place(ACROSS, along_m, 0.0, 0.0)
-    place, covariance = position.at(ACROSS), np.eye(len(position.x))
-    own = measured(place, covariance, 0.0, 0.0)
-    left = measured(place, covariance, 0.0, 0.0, Across(0.3, 0.4, 2.0))
+    place = position.at(ACROSS)
+    own = measured(place, 0.0, 0.0)
+    left = measured(place, 0.0, 0.0, Across(0.3, 0.4, 2.0))
     assert left.innovation[0] - own.innovation[0] == pytest.approx(0.3)
     assert left.variances[0] - own.variances[0] > 0.15
-    more = measured(place, covariance, 0.0, 0.0, Across(0.3 + 2.0 * 0.1, 0.4, 2.0))
+    more = measured(place, 0.0, 0.0, Across(0.3 + 2.0 * 0.1, 0.4, 2.0))
     by_sight = (more.innovation[0] - left.innovation[0]) / 0.1
     assert left.h[0, SIGHT] == pytest.approx(-by_sight)
     assert own.h[0, SIGHT] == 0.0
