@@ -21,7 +21,7 @@ MOST: Final = 2 / 3
 """and so many must be below it, as where smooth stubble lies beside crop they are not."""
 BANDS: Final = 2.4
 """Times the mean of those, the cells' means differ from one to the next beside it, in the lower
-third: of smooth ground they hardly do. Chosen on ten drives, in which 0.8 of such pictures are
+third: of smooth ground they hardly do. Chosen on ten drives, in which 209 of 278 such pictures are
 known and no others are, and on 101 photographs, of which none is."""
 
 

@@ -81,7 +81,8 @@ COVERED = 0.2
 FOOT_HIDDEN = 0.75
 """Of the distance of its foot, from the camera: crop that looks so high as to stand nearer than
 that has lodged stalks before its foot. Of pictures at a field's border one in 70 looks so, where
-the neighbour's crop is as high as the field's; 15 % more take a seventh off."""
+the neighbour's crop is as high as the field's. A neighbour's crop that is 15 % higher looks an
+eighth nearer."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
