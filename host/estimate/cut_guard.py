@@ -36,6 +36,9 @@ IN_LINE_SHARE: Final = 0.25
 """Of a look's pictures of crop at the blade, how many show its edge there, and fewer elsewhere:
 what lies across has none, and of crop that is being cut dust in the shade hides it in every other
 one."""
+STANDS_M: Final = 0.35
+"""Before the blade, at most, crop stands right at it in a look, if its edge is in line: of crop that
+a machine has just stopped in, every other picture shows the foot 0.31 m ahead."""
 SHOWN_M, SHOWN_FOR_M = 0.6, 0.5
 """Beside its place, at most, an edge along which clear ground is crossed: half a blade's width and
 what a lane errs; and the way for which one that was seen is there."""
@@ -91,6 +94,13 @@ class CutGuard:
     def clear_m(self) -> float:
         """How far the blade has come over clear ground, at most."""
         return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
+
+    @property
+    def beside(self) -> bool:
+        """Whether what was refused is crop at the blade whose edge lies elsewhere: the machine may
+        have come off its own."""
+        look = self._look
+        return self.refused and look.aside > IN_LINE_SHARE * (look.clear + look.crop)
 
     def begin(self, slack_m: float = 0.0) -> None:
         """A side, on which clear ground may be longer by `slack_m`: at a last tip that is too
@@ -150,10 +160,12 @@ class CutGuard:
         sure = view.confidence >= CONFIDENT
         in_line = sure and abs(view.edge_offset_m) < IN_LINE_M
         if looks:
-            self._look.clear += not at_blade
-            self._look.crop += at_blade
-            self._look.in_line += at_blade and in_line
-            self._look.aside += at_blade and sure and not in_line
+            near = view.crop_ahead_m < STANDS_M
+            stands = at_blade or (near and in_line)
+            self._look.clear += not stands
+            self._look.crop += stands
+            self._look.in_line += stands and in_line
+            self._look.aside += near and sure and not in_line
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             goes_on = own and in_line

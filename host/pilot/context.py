@@ -209,9 +209,10 @@ class Context:
         return now - self.sight.usable.stamp > STOP_AFTER_S
 
     def may_regain(self) -> bool:
-        """Whether the machine has come off its strip's crop, which is seen beside it, and has not
-        come back to it in vain."""
-        return self.regained < REGAINS and self.sight.beside(self.motion)
+        """Whether the machine has come off its strip's crop, which is seen beside it or with its
+        edge elsewhere, and has not come back to it in vain."""
+        beside = self.sight.beside(self.motion) or self.estimate.cut.beside
+        return self.regained < REGAINS and beside
 
     def goes_unseeing(self, now: float) -> bool:
         """Whether the machine may drive on by dead reckoning that has lost the edge at a strip's

@@ -160,6 +160,28 @@ def test_an_edge_in_line_that_dust_hides_now_and_then_leads_on(
     assert drive.guard.refused is not goes_on
 
 
+@pytest.mark.parametrize(
+    ("foot_m", "edge_m", "goes_on", "beside"),
+    [(0.31, 0.05, True, False), (0.31, 0.6, False, True), (0.5, 0.05, False, False)],
+)
+def test_crop_that_pictures_show_a_hand_ahead_stands_at_the_blade_if_it_is_in_line(
+    foot_m: float, edge_m: float, goes_on: bool, beside: bool
+) -> None:
+    """A machine that has just stopped in its crop (random field 10221), and one that has come off
+    it (10238)."""
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(END_CLEAR_M - PATCH_M)
+    drive.ends = True
+    drive.run(5.8)
+    assert drive.last.speed_mps == 0.0
+    drive.edge_m = edge_m
+    for k in range(round((LOOK_S + 1.0) / STEP_S)):
+        drive.crop_ahead = [lambda _: 0.0, lambda _: foot_m, lambda _: foot_m][k % 3]
+        drive.run(STEP_S)
+    assert drive.guard.refused is not goes_on
+    assert drive.guard.beside is beside
+
+
 def test_what_is_no_longer_than_a_patch_is_no_gap() -> None:
     drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
     drive.ends = True

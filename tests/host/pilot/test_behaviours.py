@@ -1478,6 +1478,13 @@ def test_clear_ground_with_crop_beside_it_sends_the_machine_back_twice(beside: b
     assert context.regained == 0, "another strip"
 
 
+def test_crop_at_the_blade_with_its_edge_elsewhere_sends_the_machine_back_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(CutGuard, "beside", True)
+    assert is_for(refused(on_side(cut_m=3.0), beside=False), Beside.REGAIN)
+
+
 def test_it_goes_back_the_way_it_came_with_its_blade_off() -> None:
     context = on_side(cut_m=5.0)
     refused(context, beside=True)
