@@ -37,8 +37,8 @@ IN_LINE_SHARE: Final = 0.25
 what lies across has none, and of crop that is being cut dust in the shade hides it in every other
 one."""
 STANDS_M: Final = 0.35
-"""Before the blade, at most, crop with its edge in line stands right at it in a look: of crop that a
-machine has just stopped in, every other picture shows the foot 0.31 m ahead."""
+"""Before the blade, at most, crop with its edge in line stands right at it in a look: of crop that
+a machine has just stopped in, every other picture shows the foot 0.31 m ahead."""
 SHOWN_M, SHOWN_FOR_M = 0.6, 0.5
 """Beside its place, at most, an edge along which clear ground is crossed: half a blade's width and
 what a lane errs; and the way for which one that was seen is there."""
