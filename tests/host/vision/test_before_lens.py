@@ -38,9 +38,17 @@ def test_wide_bands_without_any_grain_stand_right_before_the_lens() -> None:
         noisy(stems(wide_px=5)),
         noisy(np.full((ROWS, COLUMNS), 120.0)),
         noisy(np.where(np.arange(ROWS)[:, None] < 240, stems(), 120.0)),
+        np.where(np.arange(COLUMNS) < COLUMNS // 2, noisy(stems()), noisy(stems(), sd=6.0)),
         noisy(np.zeros((3, COLUMNS))),
     ],
-    ids=["grain", "stems farther away", "dust", "smooth ground before crop", "next to no picture"],
+    ids=[
+        "grain",
+        "stems farther away",
+        "dust",
+        "smooth ground before crop",
+        "stems before half of the lens",
+        "next to no picture",
+    ],
 )
 def test_what_shows_ground_or_nothing_does_not(grey: Grey) -> None:
     assert not before_lens(grey)
