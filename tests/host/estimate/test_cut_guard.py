@@ -143,6 +143,7 @@ def test_where_a_side_may_end_crop_after_a_gap_leads_on_only_with_its_edge_in_li
         ((0.05, math.nan, math.nan), True),
         ((0.05, math.nan, math.nan, math.nan, math.nan), False),
         ((0.05, 0.8, 0.8, math.nan), False),
+        ((0.05, 0.05, 0.8, 0.8, 0.8), False),
     ],
 )
 def test_an_edge_in_line_that_dust_hides_now_and_then_leads_on(

@@ -1187,19 +1187,21 @@ def test_stems_right_before_the_lens_begin_no_strip() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rest_m", "clear_m", "reason"),
+    ("cut_m", "inside_m", "rest_m", "clear_m", "reason"),
     [
-        (0.2, 9.0, Searched.NO_CROP_LEFT),
-        (0.2, 3.0, Searched.NOT_IN_VIEW),
-        (9.0, 9.0, Searched.NOT_IN_VIEW),
+        (100.0, 0.0, 0.2, 9.0, Searched.NO_CROP_LEFT),
+        (100.0, 0.0, 0.2, 3.0, Searched.NOT_IN_VIEW),
+        (100.0, 0.0, 9.0, 9.0, Searched.NOT_IN_VIEW),
+        (12.0, VEHICLE.pass_m, 0.2, 9.0, Searched.NO_CROP_LEFT),
+        (12.0, 0.0, 0.2, 9.0, Searched.NOT_IN_VIEW),
     ],
 )
 def test_a_last_long_side_that_is_seen_to_be_empty_has_gone(
-    rest_m: float, clear_m: float, reason: Reason
+    cut_m: float, inside_m: float, rest_m: float, clear_m: float, reason: Reason
 ) -> None:
-    """Late in the field, and next to nothing after it (random field 10113)."""
-    side = PLAN.sides[1]
-    first = replace(PLAN.sides[0], length_m=100.0)
+    """Late in the field or inside of strips, and next to nothing after it (random field 10113)."""
+    side = replace(PLAN.sides[1], places_m=((0.0, inside_m),))
+    first = replace(PLAN.sides[0], length_m=cut_m)
     sides = (first, replace(side, length_m=8.0), replace(side, length_m=rest_m))
     context = turned(replace(PLAN, sides=sides))
     assert context.turning is not None

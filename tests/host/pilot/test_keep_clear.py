@@ -118,6 +118,12 @@ def test_what_stands_before_a_part_of_the_blade_is_passed_over_the_swath_beside(
     assert found == (0.0 if passed_m is None else pytest.approx(-passed_m, abs=0.01))
 
 
+def test_what_stands_right_of_the_blade_s_middle_is_not_passed_on_the_right() -> None:
+    """However well the place is known, and though the ground there is cut."""
+    assert aside(post(AT_M - 0.5, VEHICLE.inset_m - 0.05), 0.05, side=INNER) == 0.0
+    assert aside(post(AT_M - 0.5, VEHICLE.inset_m + 0.05), 0.05, side=INNER) < 0.0
+
+
 def test_the_guard_knows_the_keep_outs_of_its_plan_with_their_margin() -> None:
     ring = left_of_the_blade(0.45)
     plan = spiral(RING, 0, VEHICLE, gap_m=2.0, keep_outs=[ring])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -48,16 +49,22 @@ def pictures(context: Context, behaviour: LookBeyond, ahead_m: float, count: int
     return go
 
 
-def look(context: Context, shows: Callable[[float], float]) -> list[float]:
+def look(
+    context: Context,
+    shows: Callable[[float], float],
+    by_height_m: Callable[[float], float] = lambda _: math.nan,
+) -> list[float]:
     """Drives the behaviour to its end. `shows(at_m)`: how far before the blade pictures from at_m
-    beyond the side's end show crop. Returns the places that it looked from."""
+    beyond the side's end show crop, and `by_height_m(at_m)` the same by how high that looks.
+    Returns the places that it looked from."""
     behaviour = LookBeyond(context)
     behaviour.enter(NOW)
     end_m, now = context.motion.distance_m, NOW
     at_m, places, go = 0.0, [0.0], None
     while go is None:
         now += 0.1
-        view = CropView(0.0, crop_ahead_m=shows(at_m), ahead_confidence=1.0)
+        ahead_m, high_m = shows(at_m), by_height_m(at_m)
+        view = CropView(0.0, crop_ahead_m=ahead_m, ahead_by_height_m=high_m, ahead_confidence=1.0)
         seeing(context, view, stamp=now)
         command, go = behaviour.step(now)
         assert not command.blade
@@ -116,6 +123,20 @@ def test_a_gap_narrower_than_was_said_is_found_whatever_the_camera_s_pitch(
     context = at_end()
     look(context, stands_at(1.2, pitch_deg))
     assert context.plan.gap_m == pytest.approx(1.2 - EARLY_M - SEEN_M, abs=0.3)
+
+
+@pytest.mark.parametrize(("every", "place_m"), [(1, 0.78), (PICTURES, 0.33)])
+def test_how_high_the_next_crop_looks_counts_where_most_pictures_tell_it(
+    every: int, place_m: float
+) -> None:
+    """The machine stands nose-down: the foot seems 0.9 m nearer than the crop is."""
+    shown = itertools.count()
+
+    def by_height_m(at_m: float) -> float:
+        return 2.0 - at_m if next(shown) % every == 0 else math.nan
+
+    _, second, *_ = look(at_end(), lambda at_m: 1.1 - at_m, by_height_m)
+    assert second == pytest.approx(place_m, abs=0.1)
 
 
 def test_beyond_an_edge_it_looks_once() -> None:
