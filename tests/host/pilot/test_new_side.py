@@ -25,7 +25,7 @@ from host.pilot.context import Context, Ended
 from host.pilot.endings import Elsewhere, SideEnd, end_side, leave_side, outward, turn_on
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
-from host.pilot.plan_side import BLIND_M, OUTWARD_M, SIGMAS
+from host.pilot.plan_side import BLIND_M, END_SIGMAS, OUTWARD_M, SIGMAS
 from host.pilot.planned_strip import TURN_KNOWN_M, PlannedStrip
 from host.pilot.stop_and_look import LONG_LOOK_S
 from host.pilot.turn_progress import Turning
@@ -233,6 +233,16 @@ def test_an_end_is_no_nearer_than_the_crop_that_was_seen_and_gives_way_to_it() -
     assert strip.side.length_m > max(strip.along_m(context.motion), 12.0)
     known = strip_of(along(8.0, KNOWN))
     assert known.sure_ahead_m() == pytest.approx(known.side.length_m)
+
+
+def test_crop_far_past_where_a_side_may_end_is_another_error_and_moves_no_end() -> None:
+    """Dust after an end that nobody saw looked like crop for 2 m (random field 10053)."""
+    context = along(8.0)
+    strip = strip_of(context)
+    length_m = strip.side.length_m
+    moved(context, length_m + END_SIGMAS * context.estimate.position.end_sigma_m(strip.side) + 1.0)
+    strip.goes_on(context.motion)
+    assert strip.side.length_m == pytest.approx(length_m)
 
 
 def test_crop_that_goes_on_moves_an_end_once_however_many_pictures_show_it() -> None:
