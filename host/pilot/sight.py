@@ -57,6 +57,10 @@ that a picture shows while the lane lies farther away is another one's."""
 LEAP_M = 0.35
 """An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
 the crop's face or the border of the blade's dust."""
+LEAP_PICTURES, ALIKE_M = 3, 0.15
+"""In a row that show an edge so far from the lane, each within so much of the one before, for it to
+be believed at all: of a lane that is not known to a third of a metre one whim of the detector would
+make another strip's (random field 10229)."""
 BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 """How sure the edge of crop beside the machine is, and the way for which that is there."""
 TIP_M = 1.0
@@ -87,6 +91,9 @@ class Sight:
         self._dusty = DustyEdge()
         self._looks = SteadyLooks()
         self._crop_beside: deque[bool] = deque(maxlen=BESIDE_OF)
+        self._leap = math.nan, 0
+        """How far left of the lane's the last sure picture's edge was, where that was far, and how
+        many in a row have shown it there."""
         self.view: CropView | None = None
         """What the last picture shows."""
         self.stamp = -math.inf
@@ -182,13 +189,16 @@ class Sight:
         shows_lane = gaze.lane and abs(askew_rad) <= ACROSS_RAD
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
-                if not self._leaps(strip.edge_m(view, then), strip, gaze, then, since):
+                edge_m = strip.edge_m(view, then)
+                if self._shown(edge_m) and not self._leaps(edge_m, strip, gaze, then, since):
                     # Crop that stands elsewhere passes before a machine that turns.
                     stays = not in_leg or beside
                     self._take_edge(view, strip, then, since_shutter, gaze, stays, moved=moved)
             elif not in_leg:
                 dusty = gaze.cutting or then.stamp - since < LEAP_STAYS_S
                 self._take_corner(view, strip, then, since_shutter, dusty=dusty)
+        if not sure:
+            self._leap = math.nan, 0
         if gaze.lane and cutting and not in_leg:
             if sure:
                 self._crop_beside.clear()
@@ -345,6 +355,17 @@ class Sight:
         clear = view.confidence >= CONFIDENT or not gaze.cutting
         if ends and clear and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
             strip.goes_on(seen.motion)
+
+    def _shown(self, edge_m: float) -> bool:
+        """Whether a sure picture's edge is near the lane's, or the pictures before show it, too."""
+        leap_m = edge_m + self._estimate.lane.blade_offset_m
+        if abs(leap_m) <= LEAP_M:
+            self._leap = math.nan, 0
+            return True
+        last_m, count = self._leap
+        count = count + 1 if abs(leap_m - last_m) < ALIKE_M else 1
+        self._leap = leap_m, count
+        return count >= LEAP_PICTURES
 
     def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
         """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""

@@ -76,7 +76,7 @@ from host.pilot.guard import Guard, Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import UNSEEN_M, Sight
+from host.pilot.sight import LEAP_PICTURES, UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
@@ -456,7 +456,7 @@ def test_what_a_turning_machine_sees_against_its_lane_makes_that_no_more_doubtfu
         moved(context, -1.0 - 0.06 * k, -0.6, stamp=stamp)
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
         context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
-        if k == 0:
+        if k == LEAP_PICTURES - 1:
             assert lane.contradicted
     assert (lane.offset_sigma_m < 1.1 * before) is turns
 
@@ -1313,11 +1313,40 @@ def test_beside_a_strip_that_was_begun_inside_a_tip_is_no_edge(
     context = on_side(cut_m=begun_m, eye=eye)
     context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
     context.sight.ahead.approached = approached
-    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
     moved(context, begun_m + 0.02, 0.3)
-    context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    for k in range(LEAP_PICTURES):
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
     taken = context.estimate.lane.blade_offset_m > 0.05
     assert taken is (approached or begun_m > 1.0 or outside_m < 0.3)
+
+
+@pytest.mark.parametrize(
+    ("edges_m", "taken"),
+    [
+        ((-0.7, -0.7), False),
+        ((-0.7, -0.7, -0.7), True),
+        ((-0.7, -0.7, math.nan, -0.7), False),
+        ((-0.7, -0.4, -0.7), False),
+        ((-0.3,), True),
+    ],
+    ids=["a whim", "stays", "not sure between", "here and there", "near"],
+)
+def test_an_edge_far_from_a_lane_that_is_hardly_known_is_one_once_it_stays(
+    edges_m: tuple[float, ...], taken: bool
+) -> None:
+    """One picture in a hundred had another strip's edge, and the lane moved there (random field
+    10229)."""
+    eye = Shown()
+    context = on_side(cut_m=5.0, eye=eye)
+    context.estimate.lane.place(0.0, 0.0, 0.35, 0.02)
+    moved(context, 5.02, 0.3)
+    for k, edge_m in enumerate(edges_m):
+        sure = 0.0 if math.isnan(edge_m) else 0.9
+        eye.view = replace(CUTTING, edge_offset_m=edge_m, confidence=sure)
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    assert (context.estimate.lane.blade_offset_m > 0.05) is taken
 
 
 # ---- all of them ---------------------------------------------------------------------------------
@@ -1413,10 +1442,11 @@ def test_where_nothing_stands_ahead_the_edge_beside_the_way_is_the_lanes(
     context = on_side(cut_m=cut_m, eye=eye)
     context.estimate.position.less_sure(0.3, 0.0)
     before = context.estimate.lane.blade_offset_m
-    frame = Frame(context.motion.stamp, np.zeros((1, 1, 3), np.uint8))
     context.sight.edge_at_m = cut_m - 0.5
     since = NOW - 10.0  # it stands, and looks
-    context.sight.take(frame, LookAtEnd.gaze, context.strip, None, since, lambda _: True)
+    for k in range(LEAP_PICTURES):
+        frame = Frame(context.motion.stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, since, lambda _: True)
     moved_m = context.estimate.lane.blade_offset_m - before
     assert (moved_m < -0.3) is is_lane, "the lane lies left of the machine"
     assert context.sight.beside(context.motion) is is_lane
