@@ -96,6 +96,11 @@ class CutGuard:
         return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
 
     @property
+    def unseen(self) -> bool:
+        """Whether the look showed nothing at all."""
+        return self.refused and self._look.clear + self._look.crop == 0
+
+    @property
     def beside(self) -> bool:
         """Whether what was refused is crop at the blade whose edge lies elsewhere: the machine may
         have come off its own."""

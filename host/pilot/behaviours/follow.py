@@ -58,6 +58,11 @@ class Why(Reason):
         "clear ground for {clear} m where the plan has crop{more}: what stands beyond may be the "
         "neighbour's; check the boundary and the corner that the machine was put at",
     )
+    NOTHING_SEEN = (
+        Doing.FAULT,
+        "no picture shows for {clear} m what stands before the blade, and no look without dust "
+        "does: {why}",
+    )
     LEFT_AT_KEEP_OUT = Doing.FINISH, "what is left stands too near a keep-out"
     CROP_GONE = Doing.FAULT, "the crop that the plan has here is not to be found"
 
@@ -132,6 +137,9 @@ class Follow(Behaviour):
             go = end_by_plan(context, now)
             if go is not None:
                 return go
+        if guard.unseen and not context.sight.sees_ahead():
+            why = context.why_unseen("no sure view")
+            return Why.NOTHING_SEEN.go(clear=f"{guard.clear_m:.1f}", why=why)
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
         return Why.CLEAR_GROUND.go(clear=f"{guard.clear_m:.1f}", more=more)
 

@@ -1517,6 +1517,17 @@ def test_crop_at_the_blade_with_its_edge_elsewhere_sends_the_machine_back_too(
     assert is_for(refused(on_side(cut_m=3.0), beside=False), Beside.REGAIN)
 
 
+def test_a_look_that_shows_nothing_is_not_told_as_clear_ground() -> None:
+    """Stems stood right before the lens (random field 10251)."""
+    context = on_side(cut_m=3.0)
+    stems = replace(CUTTING, confidence=0.0, ahead_confidence=0.0, reason="stems before the lens")
+    seeing(context, stems)
+    go = refused(context, beside=False)
+    assert is_for(go, Followed.NOTHING_SEEN)
+    assert go is not None
+    assert "stems before the lens" in go.text
+
+
 def test_it_goes_back_the_way_it_came_with_its_blade_off() -> None:
     context = on_side(cut_m=5.0)
     refused(context, beside=True)
