@@ -83,6 +83,9 @@ FOOT_HIDDEN = 0.75
 that has lodged stalks before its foot. Of pictures at a field's border one in 70 looks so, where
 the neighbour's crop is as high as the field's. A neighbour's crop that is 15 % higher looks an
 eighth nearer."""
+HIDDEN_NEAR_M = 3.5
+"""Before the blade, at most, that crop must stand by how high it looks, for clear ground to be
+doubted for that: of what is farther the tops alone, without any foot, still leave 1.2 m."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
@@ -256,9 +259,10 @@ class MountedDetector:
         return self._finder.by_height_m(face, grown_px) if known and self._below_tops else NAN
 
     def _foot_hidden(self, face: Face, by_height_m: float) -> bool:
-        """Whether crop looks so high that it stands nearer than its foot seems to."""
+        """Whether crop looks so high that it stands near, and nearer than its foot seems to."""
         behind_m = self._vehicle.blade_x_m - float(self._camera.position[0])
-        return behind_m + by_height_m < FOOT_HIDDEN * (behind_m + face.ahead_m)
+        near = by_height_m < HIDDEN_NEAR_M
+        return near and behind_m + by_height_m < FOOT_HIDDEN * (behind_m + face.ahead_m)
 
     def _steadiness(self, face: Face, expected: float) -> float:
         """Remembers a clear right end; factor on the confidence in it."""

@@ -366,6 +366,25 @@ def test_crop_that_looks_too_high_for_where_its_foot_seems_to_be_is_no_clear_gro
     assert (view.ahead_confidence >= 0.5) is not lodged
 
 
+@pytest.mark.parametrize(("tops_m", "clear"), [(0.8, False), (2.8, True)])
+def test_crop_that_stands_far_by_how_high_it_looks_too_leaves_the_ground_clear(
+    tops_m: float, clear: bool
+) -> None:
+    """However far its foot seems: the machine stood for a minute before crop 4 m away, whose foot
+    seemed to be 7 m away (random field 10203)."""
+    eye = make_detector("robust", Vehicle(crop_height_m=0.9), LOW)
+    for seed in range(TRACK + 1):
+        eye.see(field(LOW, next_crop_m=None, seed=seed))
+    eye.restart(turned=False)
+    picture = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 6.0).copy()
+    level_row = int(Camera(LOW).project([[1000.0, 0.0, 0.6]])[0, 1])
+    tops = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + tops_m)
+    picture[:level_row] = tops[:level_row]
+    view = eye.see(picture)
+    assert view.crop_ahead_m > 4.0
+    assert (view.ahead_confidence >= 0.5) is clear
+
+
 def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
     hidden = dusty(near, 225)
