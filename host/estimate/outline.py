@@ -88,8 +88,14 @@ def _spread(moved: Array) -> float:
 class Outline:
     """(n, 2) corners; without any nothing is ever moved."""
 
-    def __init__(self, ring: Sequence[tuple[float, float]] = ()) -> None:
+    def __init__(
+        self, ring: Sequence[tuple[float, float]] = (), walked: Array | None = None
+    ) -> None:
+        """`ring`: the plan's corners; `walked`: (n, 2) where they were entered, if the plan has
+        been laid out anew since."""
         self._planned = BoundaryEdges(ring)
+        self.walked: Array = self._planned.corners if walked is None else walked
+        """(n, 2) the corners as they were entered."""
         self._edges = self._planned
         """Where they are found to lie: a derivative against a direction of before would let what is
         seen beside the lane move the corners along it."""
@@ -103,7 +109,7 @@ class Outline:
         self._nearest: tuple[Array, Array] | None = None
         """The last places asked for, and the answer."""
         self.astray_m = 0.0
-        """How far a corner has been found from where the plan has it, among the others."""
+        """How far a corner has been found from where it was entered, among the others."""
 
     @property
     def states(self) -> int:
@@ -126,7 +132,7 @@ class Outline:
             self.moved_m = self.moved_m + by_m.reshape(-1, 2)
             self._moved_any = bool(self.moved_m.any())
             self._edges = BoundaryEdges(self.corners)
-            self.astray_m = _spread(self.moved_m)
+            self.astray_m = _spread(self._planned.corners + self.moved_m - self.walked)
             self._found.clear()
             self._pieces.clear()
             self._nearest = None

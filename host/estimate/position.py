@@ -378,7 +378,7 @@ class Position(Filter):
         """The plan has been laid out anew around the corners as they were found, and this is its
         side that the machine is at."""
         found = np.array(self.outline.corners)
-        self.outline = Outline(boundary)
+        self.outline = Outline(boundary, self.outline.walked)
         self.outline.move((found - np.array(boundary)).ravel())
         self._lane_of = side
 

@@ -270,7 +270,10 @@ class PlanSide(Strip):
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_at_m = max(self._crop_at_m, motion.distance_m)
-        late_m = self._crop_to_m - self._expected_m
+        # An end that gives way takes the place along: what the wheels say since the crop was met
+        # does not, and so no crop leads on for ever.
+        cut_m = self.ahead.cut_m(motion) if self.ahead.entered else 0.0
+        late_m = max(self._crop_to_m, cut_m) - self._expected_m
         if not self.new or late_m > END_SIGMAS * self._doubt_m:
             return
         start, last = self._pieces[-1]

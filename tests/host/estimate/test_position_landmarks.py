@@ -195,9 +195,13 @@ def test_laid_out_anew_the_corners_lie_where_the_plan_has_them() -> None:
     position.at_end(FIRST, 0.0)
     pose, end_sigma = position.pose, position.end_sigma_m(FIRST)
     corners = position.outline.corners
+    astray_m = position.outline.astray_m
+    assert astray_m > 0.3
     position.laid_anew(corners, FIRST)
     assert not position.outline.moved_m.any()
     assert position.outline.corners == corners
+    position.outline.move(np.full(position.outline.states, 1e-6))
+    assert position.outline.astray_m == pytest.approx(astray_m), "it was walked only once"
     assert position.pose == pose
     assert position.end_sigma_m(FIRST) == pytest.approx(end_sigma, rel=0.05)
 
