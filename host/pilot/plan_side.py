@@ -113,6 +113,8 @@ class PlanSide(Strip):
         far along the side that is, is found out with where the side begins."""
         self._expected_m, self._doubt_m = side.length_m, 0.0
         """Where the side was taken to end before anything was seen of it, and how surely."""
+        self._found_off_m = 0.0
+        """How far from where it was expected a look has found its end."""
 
     @property
     def side(self) -> Side:
@@ -221,7 +223,7 @@ class PlanSide(Strip):
         if self.new:
             position.ends_at(last, along_m - self._pieces[-1][0], FOUND_SIGMA_M**2)
         else:
-            position.less_sure_along(last, off_m)
+            self._found_off_m = off_m
 
     @property
     def _end_sigma_m(self) -> float:
@@ -258,7 +260,7 @@ class PlanSide(Strip):
 
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma
-        farthest *= self.along_m(self.estimate.motion)
+        farthest *= max(self.along_m(self.estimate.motion), self._cut_m(self.estimate.motion))
         last_m = min(self._planned.fence_m, self.side.length_m + LEFT_OVER_M) + LATE_M
         if farthest <= last_m:
             return False
@@ -267,13 +269,15 @@ class PlanSide(Strip):
             doubt_m = max(doubt_m, self.estimate.position.end_sigma_m(self._straight[-1]))
         return farthest > last_m + LATE_SIGMAS * doubt_m
 
+    def _cut_m(self, motion: Motion) -> float:
+        """How far the side's crop has been cut by the wheels alone: an end that gives way to crop
+        takes the place along, and so no crop leads on for ever."""
+        return self.ahead.cut_m(motion) if self.ahead.entered else 0.0
+
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_at_m = max(self._crop_at_m, motion.distance_m)
-        # An end that gives way takes the place along: what the wheels say since the crop was met
-        # does not, and so no crop leads on for ever.
-        cut_m = self.ahead.cut_m(motion) if self.ahead.entered else 0.0
-        late_m = max(self._crop_to_m, cut_m) - self._expected_m
+        late_m = max(self._crop_to_m, self._cut_m(motion)) - self._expected_m
         if not self.new or late_m > END_SIGMAS * self._doubt_m:
             return
         start, last = self._pieces[-1]

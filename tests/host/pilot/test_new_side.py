@@ -373,17 +373,23 @@ def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
     assert is_for(Follow(context).step(NOW)[1], known)
 
 
-def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted() -> None:
-    """A boundary that is known stays where it is."""
-    strip = strip_of(along(9.0, KNOWN))
+@pytest.mark.parametrize(("off_m", "doubted_m"), [(0.1, 0.0), (1.5, 1.5)])
+def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted(
+    off_m: float, doubted_m: float
+) -> None:
+    """It may be none as well, so the place stays where it was. A boundary that is known does."""
+    context = along(10.0 - off_m, KNOWN)
+    strip = strip_of(context)
     position, piece = strip.estimate.position, strip.planned_piece
     before_m, length_m = position.end_sigma_m(piece), strip.side.length_m
-    beside_m = position.beside_sigma_m(piece)
-    strip.ends_at(length_m - 0.1)
-    assert position.end_sigma_m(piece) == before_m, "that is what its place may err"
-    strip.ends_at(length_m - 1.5)
-    assert position.end_sigma_m(piece) == pytest.approx(math.hypot(before_m, 1.5), rel=0.01)
+    beside_m, at_m = position.beside_sigma_m(piece), position.along(piece)
+    strip.ends_at(length_m - off_m)
+    strip.met_end(EndOfField(NOW, context.motion, 0), None, looked=True)
+    found_m = position.end_sigma_m(piece)
+    assert (found_m > before_m) is (doubted_m > 0.0)
+    assert found_m >= 0.99 * doubted_m
     assert position.beside_sigma_m(piece) == pytest.approx(beside_m), "along it only"
+    assert abs(position.along(piece) - at_m) < 0.15
     assert strip.side.length_m == length_m
 
 
