@@ -260,7 +260,7 @@ class PlanSide(Strip):
 
     def overrun(self) -> bool:
         farthest = 1 + self.estimate.odometry.scale_sigma
-        farthest *= max(self.along_m(self.estimate.motion), self._cut_m(self.estimate.motion))
+        farthest *= self.along_m(self.estimate.motion)
         last_m = min(self._planned.fence_m, self.side.length_m + LEFT_OVER_M) + LATE_M
         if farthest <= last_m:
             return False
