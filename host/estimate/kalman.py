@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 PRUNED = 0.15
-"""Probability below which the less likely of two meanings is dropped."""
+"""Probability below which the less likely of two meanings is dropped, as in multiple hypothesis
+tracking. Smaller: ends that are as expected leave the place less sure."""
 KEPT = 64
 """Innovations that wait for a reader, at most: some seconds'."""
 
@@ -29,8 +30,8 @@ class Measurement:
     variances: Array
     gate: float = math.inf
     other: tuple[float, float] = (0.0, 0.0)
-    """Of a single number: the share of such measurements that are of something else, and by how
-    much their variance is larger for it."""
+    """Of a single number, instead of a gate: the share of such measurements that are of something
+    else, and by how much their variance is larger for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +49,24 @@ class Innovation:
 
 
 @njit(cache=True, nogil=True)
+def _times(h: Array, p: Array) -> Array:
+    """H P of one number; most of `h` is zero."""
+    hp = np.zeros(len(h))
+    for k in range(len(h)):
+        if h[k] != 0.0:
+            for i in range(len(h)):
+                hp[i] += h[k] * p[k, i]
+    return hp
+
+
+@njit(cache=True, nogil=True)
 def _fuse(
     x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: int
 ) -> tuple[float, float]:
     """Joseph's form for one number, in place; nothing beyond the gate. `held`: a state that is
     considered and not changed, -1 for none. Returns the innovation's variance and its normalised
     square. Compiled: numpy takes ten times as long for so few states."""
-    n = len(x)
-    hp = np.zeros(n)
-    for k in range(n):
-        if h[k] != 0.0:
-            for i in range(n):
-                hp[i] += h[k] * p[k, i]
+    n, hp = len(x), _times(h, p)
     variance = noise
     for k in range(n):
         variance += hp[k] * h[k]
@@ -82,16 +89,12 @@ def _fuse_either(
     x: Array, p: Array, h: Array, z: float, noise: float, share: float, more: float, held: int
 ) -> tuple[float, float]:
     """`_fuse` of a number that is what it seems, or with probability `share` of something else,
-    with a noise that is larger by `more`. Each of the two is taken; mean and covariance are those
-    of the mixture of both (Gaussian sum, Sorenson and Alspach, Automatica 7, 1971, merged to one
-    normal distribution as in probabilistic data association, Bar-Shalom et al. 2001, 6.4). So a
-    number that may be either moves the state by half, and leaves it less sure."""
-    n = len(x)
-    hp = np.zeros(n)
-    for k in range(n):
-        if h[k] != 0.0:
-            for i in range(n):
-                hp[i] += h[k] * p[k, i]
+    with a noise whose variance is larger by `more`; it has no gate. Each of the two is taken; mean
+    and covariance are those of the mixture of both (Gaussian sum, Sorenson and Alspach, Automatica
+    7, 1971, merged to one normal distribution as in probabilistic data association, Bar-Shalom et
+    al. 2001, 6.4). So a number that may be either moves the state by a part, and leaves it less
+    sure."""
+    n, hp = len(x), _times(h, p)
     own = 0.0
     for k in range(n):
         own += hp[k] * h[k]

@@ -47,8 +47,8 @@ SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
 END_SIGMAS = 4.0
-"""Within so many of where a side was taken to end a look may find its end; more is another error.
-"""
+"""Within so many of where a side was taken to end a look may find its end, and crop that goes on
+moves it; more is another error."""
 FOUND_SIGMA_M = 0.3
 """Of an end that was found elsewhere, before its own measurement is taken."""
 UNKNOWN_M = 0.3
@@ -66,7 +66,7 @@ UNSURE_SHARE = 0.5
 LEFT_OVER_M = 1.0
 """Beyond a side's end, on ground that is cut: what stands there for longer is another side's."""
 LATE_SIGMAS = 3.0
-"""Crop that goes on farther than so many is not the side's: something else is wrong."""
+"""A side that is longer by more than so many is not that side: something else is wrong."""
 CUT_BEFORE_M = 0.4
 """Half of the way in which the end of a side lies that was cut to it in an earlier run: what the
 progress errs, and what a person puts the machine wrong."""
@@ -270,8 +270,8 @@ class PlanSide(Strip):
         return farthest > last_m + LATE_SIGMAS * doubt_m
 
     def _cut_m(self, motion: Motion) -> float:
-        """How far the side's crop has been cut by the wheels alone: an end that gives way to crop
-        takes the place along, and so no crop leads on for ever."""
+        """How far the side's crop has been cut, by the wheels alone. By the place the way to an end
+        that gives way to crop would not grow: the place goes along with the end."""
         return self.ahead.cut_m(motion) if self.ahead.entered else 0.0
 
     def goes_on(self, motion: Motion) -> None:

@@ -55,12 +55,13 @@ IN_VIEW_M, IN_VIEW_SIGMAS = 1.3, 3.0
 picture: pictures show 1.45 m to the left of where it should be and 1.15 m to the right. An edge
 that a picture shows while the lane lies farther away is another one's."""
 LEAP_M = 0.35
-"""An edge that leaps farther inside, but no farther than the blade is wide, is a patch of weeds' in
-the crop's face or the border of the blade's dust."""
+"""An edge that lies farther from the lane has leapt: one picture is not enough to believe it. In
+dust, one that has leapt inside, but no farther than the blade is wide, is a patch of weeds' in the
+crop's face or the border of the dust."""
 LEAP_PICTURES, ALIKE_M = 3, 0.15
-"""In a row that show an edge so far from the lane, each within so much of the one before, for it to
-be believed at all: of a lane that is not known to a third of a metre one whim of the detector would
-make another strip's (random field 10229)."""
+"""Sure pictures in a row that must show it, each within so much of the one before. The gate of a
+lane that a turn has left known to a third of a metre lets another strip's edge pass, and one
+picture in a hundred shows that."""
 BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 """How sure the edge of crop beside the machine is, and the way for which that is there."""
 TIP_M = 1.0
@@ -190,7 +191,7 @@ class Sight:
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
                 edge_m = strip.edge_m(view, then)
-                if self._shown(edge_m) and not self._leaps(edge_m, strip, gaze, then, since):
+                if self._confirmed(edge_m) and not self._leaps(edge_m, strip, gaze, then, since):
                     # Crop that stands elsewhere passes before a machine that turns.
                     stays = not in_leg or beside
                     self._take_edge(view, strip, then, since_shutter, gaze, stays, moved=moved)
@@ -356,7 +357,7 @@ class Sight:
         if ends and clear and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
             strip.goes_on(seen.motion)
 
-    def _shown(self, edge_m: float) -> bool:
+    def _confirmed(self, edge_m: float) -> bool:
         """Whether a sure picture's edge is near the lane's, or the pictures before show it, too."""
         leap_m = edge_m + self._estimate.lane.blade_offset_m
         if abs(leap_m) <= LEAP_M:

@@ -83,9 +83,9 @@ FOOT_HIDDEN = 0.75
 that has lodged stalks before its foot. Of pictures at a field's border one in 70 looks so, where
 the neighbour's crop is as high as the field's. A neighbour's crop that is 15 % higher looks an
 eighth nearer."""
-HIDDEN_NEAR_M = 3.5
-"""Before the blade, at most, that crop must stand by how high it looks, for clear ground to be
-doubted for that: of what is farther the tops alone, without any foot, still leave 1.2 m."""
+HIDDEN_NEAR_M = 1.0
+"""Before the blade, at most, that it must stand by its tops alone, for clear ground to be doubted:
+0.8 m of that end a side, and 0.2 m more for what the tops err."""
 CLEAR, CLEAR_VEILED = 2, 5
 """Pictures without crop near ahead, while cutting, until they are no whim of dust; the latter where
 dust lies over the ground that should be seen."""
@@ -193,7 +193,7 @@ class MountedDetector:
         by_height_m = self._by_height(face, grown)
         confidence = face.right_confidence * self._steadiness(face, expected)
         ahead_confidence = face.ahead_confidence * self._lasting(face)
-        if self._foot_hidden(face, by_height_m):
+        if self._foot_hidden(face, by_height_m, grown):
             ahead_confidence *= DOUBT
         if covered or wanders:
             confidence *= DOUBT
@@ -258,11 +258,12 @@ class MountedDetector:
         known = math.isfinite(face.ahead_m + face.tops_px + grown_px)
         return self._finder.by_height_m(face, grown_px) if known and self._below_tops else NAN
 
-    def _foot_hidden(self, face: Face, by_height_m: float) -> bool:
-        """Whether crop looks so high that it stands near, and nearer than its foot seems to."""
+    def _foot_hidden(self, face: Face, by_height_m: float, grown_px: float) -> bool:
+        """Whether crop looks so high that it stands nearer than its foot seems to, and near."""
+        if not self._finder.by_tops_m(face, grown_px) < HIDDEN_NEAR_M:
+            return False
         behind_m = self._vehicle.blade_x_m - float(self._camera.position[0])
-        near = by_height_m < HIDDEN_NEAR_M
-        return near and behind_m + by_height_m < FOOT_HIDDEN * (behind_m + face.ahead_m)
+        return behind_m + by_height_m < FOOT_HIDDEN * (behind_m + face.ahead_m)
 
     def _steadiness(self, face: Face, expected: float) -> float:
         """Remembers a clear right end; factor on the confidence in it."""

@@ -270,6 +270,14 @@ class FaceFinder:
             ahead, sight = LATE_M, max(sight, LATE_SURE)
         return replace(seems, ahead_m=ahead, ahead_confidence=sight)
 
+    def by_tops_m(self, face: Face, grown_px: float) -> float:
+        """How far before the blade's line it is by how high its tops look above the horizon, if its
+        height is that of the field's crop, whatever hides its foot; inf where none do."""
+        x_c, _, z_c = self._at
+        above = self._height(grown_px) - z_c
+        away = self._focal * above / face.tops_px if face.tops_px > 0.0 else math.inf
+        return away - (self._vehicle.blade_x_m - x_c)
+
     def by_height_m(self, face: Face, grown_px: float) -> float:
         """How far before the blade's line what stands at the face's distance is by the angle
         between its foot and its tops, if its height is that of the field's crop (`grown_px` as for
