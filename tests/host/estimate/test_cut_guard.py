@@ -181,6 +181,17 @@ def test_crop_that_pictures_show_a_hand_ahead_stands_at_the_blade_if_it_is_in_li
         drive.run(STEP_S)
     assert drive.guard.refused is not goes_on
     assert drive.guard.beside is beside
+    drive.guard.begin()
+    assert not drive.guard.beside, "another side"
+
+
+def test_an_edge_elsewhere_of_crop_that_stands_off_is_none_to_go_back_to() -> None:
+    drive = Drive(lambda x: 0.0 if x < 2.0 else 0.5)
+    drive.run(5.8)
+    drive.edge_m = 0.6
+    drive.run(LOOK_S + 1.0)
+    assert drive.guard.refused
+    assert not drive.guard.beside
 
 
 def test_what_is_no_longer_than_a_patch_is_no_gap() -> None:

@@ -371,12 +371,12 @@ def test_crop_that_stands_far_by_how_high_it_looks_too_leaves_the_ground_clear(
     tops_m: float, clear: bool
 ) -> None:
     """However far its foot seems: the machine stood for a minute before crop 4 m away, whose foot
-    seemed to be 7 m away (random field 10203)."""
+    seemed to be much farther (random field 10203)."""
     eye = make_detector("robust", Vehicle(crop_height_m=0.9), LOW)
     for seed in range(TRACK + 1):
         eye.see(field(LOW, next_crop_m=None, seed=seed))
     eye.restart(turned=False)
-    picture = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 6.0).copy()
+    picture = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 10.0).copy()
     level_row = int(Camera(LOW).project([[1000.0, 0.0, 0.6]])[0, 1])
     tops = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + tops_m)
     picture[:level_row] = tops[:level_row]
