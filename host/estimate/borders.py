@@ -9,7 +9,7 @@ import numpy as np
 from host.estimate import spread
 from host.estimate.kalman import Array
 from host.estimate.outline import Outline
-from host.estimate.states import STATES, X, Y
+from host.estimate.states import STATES, YAW, X, Y
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,19 @@ class Borders:
     x: Array
     p: Array
     outline: Outline
+    more_m: Array | None = None
+    """(n, 2) by how much farther from there the corners lie, m."""
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """(x, y, yaw) of the rear axle, m and rad."""
+        return self.x.item(X), self.x.item(Y), self.x.item(YAW)
+
+    @property
+    def _moved_m(self) -> Array:
+        """(n, 2) how far each corner lies from where the plan has it."""
+        moved = self.outline.moved_m
+        return moved if self.more_m is None else moved + self.more_m
 
     def covariance_of(self, points: Array) -> Array:
         """(n, 2, 2), m², of points (n, 2) of the machine, m in the field frame, against the border
@@ -42,14 +55,14 @@ class Borders:
         for k in range(len(places)):
             of = near[[k]].repeat(len(points), 0)
             spread.of_points(self.p, STATES, *self._axle, points, of, found[k])
-        return found, near @ self.outline.moved_m
+        return found, near @ self._moved_m
 
     def as_planned(self, points: Array) -> Array:
         """(n, 2) points of the machine where they would lie if the border nearest to each lay as
         the plan has it."""
-        if self.outline.as_planned:
+        if self.outline.as_planned and self.more_m is None:
             return points
-        moved: Array = points - self.outline.nearest(points) @ self.outline.moved_m
+        moved: Array = points - self.outline.nearest(points) @ self._moved_m
         return moved
 
     @property

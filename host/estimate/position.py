@@ -22,6 +22,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_ndtr
 
 from host.core.vehicle import Vehicle
 from host.estimate import prior, spread
@@ -65,6 +66,12 @@ that many pictures agreed on outlasts a patch of weeds or thin crop, whose borde
 edge."""
 DOUBTFUL: Final = slice(X, LANE_YAW + 1)
 """What that takes back: the machine's place, and its lane's."""
+WRONG_PLACE = 0.3
+"""Probability that an end that a look finds where none is believed is one, and the place wrong: of
+five in drives with pictures and model eyes none or one was (low camera). Smaller: a boundary that
+is surely longer than the field is believed for longer."""
+TOGETHER_M = 0.25
+"""Two places nearer to each other are one."""
 NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A lane of which no plan knows: along x from the origin."""
 
@@ -121,12 +128,21 @@ class Position(Filter):
     @property
     def covariance(self) -> NDArray[np.float64]:
         """(3, 3) of the pose, m and rad."""
-        return self._p[: YAW + 1, : YAW + 1].copy()
+        by = self._apart[: YAW + 1]
+        return self._p[: YAW + 1, : YAW + 1] + self.likely * np.outer(by, by)
 
     @property
     def borders(self) -> Borders:
         """The place against the field's borders, as it is now."""
         return Borders(self._x, self._p, self.outline)
+
+    @property
+    def all_borders(self) -> tuple[Borders, ...]:
+        """The same of every place at which the machine may be: that, and the alternative."""
+        if self.likely == 0.0:
+            return (self.borders,)
+        more = self._apart[STATES:].reshape(-1, 2)
+        return self.borders, Borders(self._x + self._apart, self._p, self.outline, more)
 
     def place(
         self,
@@ -179,6 +195,7 @@ class Position(Filter):
         lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *range(STATES, len(self._x))]
         self._p[lost, :] = self._p[:, lost] = 0.0
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
+        self.forget()
         self.aside = Aside()
 
     def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
@@ -186,7 +203,7 @@ class Position(Filter):
         left = side.inside_m > self._vehicle.blade_width_m / 2 or self._lanes.knows(side)
         self._lane_of, self._beside = side, beside
         self._wander = beside or (CUT if left else DRILLED)
-        self._x[WANDER] = 0.0
+        self._x[WANDER] = self._apart[WANDER] = 0.0
         self._p[WANDER, :] = self._p[:, WANDER] = 0.0
         self._p[WANDER, WANDER] = self._wander.sigma_m**2
 
@@ -204,7 +221,7 @@ class Position(Filter):
             aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
             self.aside = caught_up(aside, float(lane[0]), math.sqrt(covariance[0, 0]))
             lane = lane - np.array(self.aside)
-        self._x[LANE] = lane
+        self._x[LANE], self._apart[LANE] = lane, 0.0
         self._p[LANE, :], self._p[:, LANE] = with_sight, with_sight.T
         self._p[LANE, LANE] = covariance
         self._other_edge(side)
@@ -219,7 +236,7 @@ class Position(Filter):
         """Moves with the vehicle."""
         past, self._past = self._past, motion
         if past is not None:
-            move(self._x, self._p, past, motion, self._wander, cutting=cutting)
+            move(self._x, self._p, self._apart, past, motion, self._wander, cutting=cutting)
 
     def at(self, side: Side) -> Place:
         """The place against a side."""
@@ -242,8 +259,7 @@ class Position(Filter):
         heading = math.remainder(place.turned_rad - self._x[LANE_YAW], math.tau)
         across, turned = place.beside(along), place.turned()
         turned[LANE_YAW] = -1.0
-        sigmas = (math.sqrt(across @ self._p @ across), math.sqrt(turned @ self._p @ turned))
-        return offset, heading, *sigmas
+        return offset, heading, self.sigma(across), self.sigma(turned)
 
     def on_lane(self) -> Place:
         """The place against the present lane's side."""
@@ -258,10 +274,6 @@ class Position(Filter):
     def less_sure_along(self, side: Side, along_m: float) -> None:
         """Of its place along a side."""
         self._p[:YAW, :YAW] += np.outer(d := np.array(self.at(side).direction), d) * along_m**2
-
-    def sigma(self, h: NDArray[np.float64]) -> float:
-        """Standard deviation of what has the derivative `h`, (states,)."""
-        return math.sqrt(max(0.0, float(h @ self._p @ h)))
 
     def beside_sigma_m(self, side: Side) -> float:
         """Standard deviation of how far the machine is beside a side's line, as the plan has it."""
@@ -279,7 +291,7 @@ class Position(Filter):
         if back_m != 0.0:
             h[SCALE] -= back_m
             h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
-        return math.sqrt(h @ self._p @ h + STEP_SIGMA[0] ** 2 * back_m)
+        return math.sqrt(self.sigma(h) ** 2 + STEP_SIGMA[0] ** 2 * back_m)
 
     @property
     def corners_sigma_m(self) -> float:
@@ -297,7 +309,7 @@ class Position(Filter):
         """Standard deviation of the boundary's angle between the edges of two sides."""
         h = np.zeros(len(self._x))
         h[STATES:] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
-        return math.sqrt(h @ self._p @ h)
+        return self.sigma(h)
 
     def see_edge(
         self, seen: Measurement, *, learn: bool, cutting: bool = True, doubts: bool = True
@@ -323,9 +335,16 @@ class Position(Filter):
     def _take(self, measurement: Measurement, frozen: Sequence[int] = (CURVE,)) -> bool:
         """Only an edge along which the machine drives shows what the pot does not."""
         taken = self.fuse(measurement, frozen=frozen)
-        if taken:
-            self._learn()
+        self._settle()
         return taken
+
+    def _settle(self) -> None:
+        """What was measured is learnt from, and two places that have come together are one."""
+        if self.likely > 0.0:
+            places = self._apart[[X, Y, *range(STATES, len(self._x))]]
+            if float(np.abs(places).max()) < TOGETHER_M:
+                self.merge()
+        self._learn()
 
     def take_curve(self) -> float:
         """What is known of the curvature that the pot does not show since the last call, 1/m;
@@ -351,12 +370,49 @@ class Position(Filter):
         across = self._lanes.across(self.outline, side, -1, float(self._x[SIGHT]))
         self._take(begin.begin(self.at(side), ago_m, sigma_m, across))
 
-    def at_end(self, side: Side, ago_m: float, drift_m: float = 0.0, doubt_m: float = 0.0) -> None:
+    def at_end(
+        self,
+        side: Side,
+        ago_m: float,
+        drift_m: float = 0.0,
+        doubt_m: float = 0.0,
+        elsewhere_m: float = 0.0,
+    ) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
-        drift_m is what a wrong scale of the distances may have done along it."""
+        drift_m is what a wrong scale of the distances may have done along it. `elsewhere_m`: by
+        more than is believed of it, the place is wrong by so much or the end is none: then the
+        machine may be at either place."""
         self.less_sure_along(side, drift_m)
         across = self._lanes.across(self.outline, side, 1, float(self._x[SIGHT]))
-        self._take(end.end(self.at(side), ago_m, doubt_m, across))
+        seen = end.end(self.at(side), ago_m, doubt_m, across)
+        before, by = self._x, self._if_true(seen, side, elsewhere_m)
+        self.fuse(seen, frozen=(CURVE,))
+        if elsewhere_m > 0.0:
+            self.keep_apart(before + by - self._x, WRONG_PLACE)
+        self._settle()
+
+    def _if_true(self, seen: Measurement, side: Side, elsewhere_m: float) -> NDArray[np.float64]:
+        """(states,) by how much a border that was seen moves the state, if it is one and the place
+        along the side errs by elsewhere_m besides what is known."""
+        h, along = seen.h[0], np.zeros(len(self._x))
+        along[:YAW] = np.multiply(elsewhere_m, self.at(side).direction)
+        ph = self._p @ h + along * (along @ h)
+        moved: NDArray[np.float64] = ph * (seen.innovation[0] / (h @ ph + seen.variances[0]))
+        return moved
+
+    def crop_at(self, side: Side, ago_m: float) -> None:
+        """What is being cut went on at the blade ago_m ago: where the machine may be at two places,
+        it is rather at the one from which the side's end lies beyond."""
+        if self.likely == 0.0:
+            return
+        place = self.at(side)
+        h = to_border(place, 1)
+        left_m = place.side.length_m - place.blade_m + ago_m
+        lefts = np.array([left_m, left_m + float(h @ self._apart)])
+        sigma = math.hypot(math.sqrt(h @ self._p @ h), end.SIGMA_M)
+        by_here, by_other = log_ndtr(lefts / sigma)
+        self.heed(float(by_other - by_here))
+        self._settle()
 
     def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:
         """A side's end is now taken to lie along_m past its beginning, with that variance against
@@ -365,12 +421,13 @@ class Position(Filter):
         h = to_border(place, 1)
         ph = self._p @ h
         before = float(h @ ph)
-        step = ph * ((along_m - place.side.length_m) / before)
+        step = ph / before
         # Seen from the machine, whose place was not measured: with it stays what is tied to it, as
         # the side's beginning is.
         step[STATES:] -= np.tile(step[[X, Y]], self.outline.states // 2)
         step[:STATES] = 0.0
-        self._x = self._x + step
+        self._x = self._x + step * (along_m - place.side.length_m)
+        self._apart = self._apart - step * float(h @ self._apart)
         self._p = self._p + np.outer(ph, ph) * ((variance_m2 - before) / before**2)
         self._learn()
 
@@ -397,3 +454,6 @@ class Position(Filter):
         x, y = self._x[[GRADE_X, GRADE_Y]]
         self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
         spread.turn(self._p, GRADE_X, c, s)
+        xs = np.array([X, *range(GRADE_X, len(self._x), 2)])
+        x, y = self._apart[xs], self._apart[xs + 1]
+        self._apart[xs], self._apart[xs + 1] = c * x - s * y, s * x + c * y

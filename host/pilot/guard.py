@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from host.core.frames import Pose2
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
+from host.estimate.borders import Borders
 from host.estimate.course_check import ELSEWHERE_RAD
 from host.estimate.estimator import Estimator
 from host.estimate.position import Position
@@ -159,13 +160,23 @@ class Guard:
 
     def room_around(self, at: Pose2) -> Room | None:
         """The areas and the machine's uncertain place in a frame in which it is at `at`; None
-        without fence or place."""
+        without fence or place. Where the machine may be at two places, the borders lie where they
+        do from either."""
         if self._fence is None or not self._position.known:
             return None
-        x, y, yaw = self._position.pose
+        rooms = [self._room_around(at, borders) for borders in self._position.all_borders]
+        return Room(
+            np.concatenate([room.sides for room in rooms]),
+            np.concatenate([room.margins for room in rooms], axis=1),
+        )
+
+    def _room_around(self, at: Pose2, borders: Borders) -> Room:
+        """The same of one place."""
+        assert self._fence is not None
+        x, y, yaw = borders.pose
         axle = np.array([x, y])
         outline = placed(self._outline, x, y, yaw)
-        covariance, shifts = self._position.borders.against(outline, self._nearest())
+        covariance, shifts = borders.against(outline, self._nearest(borders))
         turn = at.heading_rad - yaw
         c, s = math.cos(turn), math.sin(turn)
         into = np.array([[c, s], [-s, c]])
@@ -183,47 +194,60 @@ class Guard:
         """The command as the geofence lets it pass, whatever vision says, or why it does not. What
         leads away from the border is let pass slowly: a
         machine that stands too near must be able to leave. What was `seen` makes the border no
-        wider, only the position against it surer."""
-        if command.request is not Request.DRIVE or command.speed_mps == 0.0:
+        wider, only the position against it surer. Of two places at which the machine may be,
+        neither may be too near."""
+        if self._fence is None or not self._position.known:
             return command
-        verdict = self._verdict(command, seen)
-        if verdict is None or verdict.level is Level.CLEAR:
+        x, y, yaw = self._position.pose
+        for borders in self._position.all_borders:
+            if command.request is not Request.DRIVE or command.speed_mps == 0.0:
+                return command
+            # What crop was seen to stand is so much farther before the end from a place behind.
+            back_m = (x - borders.pose[0]) * math.cos(yaw) + (y - borders.pose[1]) * math.sin(yaw)
+            from_there = replace(seen, crop_m=seen.crop_m + max(0.0, back_m))
+            limited = self._limit(command, from_there, borders)
+            if isinstance(limited, Verdict):
+                return limited
+            command = limited
+        return command
+
+    def _limit(self, command: Command, seen: SeenFree, borders: Borders) -> Command | Verdict:
+        """The same of one place."""
+        verdict = self._verdict(command, seen, borders)
+        if verdict.level is Level.CLEAR:
             return command
         slow = math.copysign(min(abs(command.speed_mps), CREEP_MPS), command.speed_mps)
         slowly = replace(command, speed_mps=slow, reason=f"{command.reason}; {verdict.reason}")
-        creeping = self._verdict(slowly, seen) or verdict
-        if creeping.level is not Level.STOP:
+        if self._verdict(slowly, seen, borders).level is not Level.STOP:
             return slowly
-        return slowly if self._leads_away(command) else verdict
+        return slowly if self._leads_away(command, borders) else verdict
 
-    def _leads_away(self, command: Command) -> bool:
+    def _leads_away(self, command: Command, borders: Borders) -> bool:
         """Whether the machine will have more room a little later."""
         assert self._fence is not None
-        x, y, yaw = self._position.pose
+        x, y, yaw = borders.pose
         now = placed(self._outline, x, y, yaw)
         later = np.empty_like(now)
-        sweep.moved(now, (x, y), *self._motion(command), LEADS_AWAY_S, later)
+        sweep.moved(now, (x, y), *self._motion(command, yaw), LEADS_AWAY_S, later)
         room, room_later = (
-            self._fence.clearance(self._position.borders.as_planned(outline))
-            for outline in (now, later)
+            self._fence.clearance(borders.as_planned(outline)) for outline in (now, later)
         )
         return room_later > room + LEADS_AWAY_M
 
-    def _motion(self, command: Command) -> tuple[tuple[float, float], float]:
+    def _motion(self, command: Command, yaw_rad: float) -> tuple[tuple[float, float], float]:
         """The rear axle's velocity, m/s, field frame, and the yaw rate, rad/s: on the lock a
         machine's blade swings to where its axle does not go."""
-        speed, yaw = command.speed_mps, self._position.pose[2]
+        speed = command.speed_mps
         rate = speed * math.tan(command.steer_rad) / self._vehicle.wheelbase_m
-        return (speed * math.cos(yaw), speed * math.sin(yaw)), rate
+        return (speed * math.cos(yaw_rad), speed * math.sin(yaw_rad)), rate
 
-    def _verdict(self, command: Command, seen: SeenFree) -> Verdict | None:
-        """The geofence's answer; None without fence or place."""
-        if self._fence is None or not self._position.known:
-            return None
-        x, y, yaw = self._position.pose
+    def _verdict(self, command: Command, seen: SeenFree, borders: Borders) -> Verdict:
+        """The geofence's answer."""
+        assert self._fence is not None
+        x, y, yaw = borders.pose
         outline = placed(self._outline, x, y, yaw)
-        covariance, shifts = self._position.borders.against(outline, self._nearest())
-        planned = self._position.borders.as_planned(outline)
+        covariance, shifts = borders.against(outline, self._nearest(borders))
+        planned = borders.as_planned(outline)
         nearer_m = seen.crop_m
         if math.isfinite(seen.clear_m) and command.speed_mps > 0.0:
             clear = self._fence.clearance(planned)
@@ -232,15 +256,16 @@ class Guard:
             flat = covariance.reshape(-1, 2, 2)
             flat = no_farther(flat, yaw, nearer_m / self._fence.sigmas)
             covariance = flat.reshape(covariance.shape)
+        motion = self._motion(command, yaw)
         return self._fence.check(
-            outline, covariance, *self._motion(command), (x, y), shifts=shifts, planned=planned
+            outline, covariance, *motion, (x, y), shifts=shifts, planned=planned
         )
 
-    def _nearest(self) -> NDArray[np.float64]:
+    def _nearest(self, borders: Borders) -> NDArray[np.float64]:
         """(m, 2) of each side of the geofence, as planned, the place nearest to the machine."""
         assert self._fence is not None
-        x, y, _ = self._position.pose
-        axle = self._position.borders.as_planned(np.array([[x, y]]))
+        x, y, _ = borders.pose
+        axle = borders.as_planned(np.array([[x, y]]))
         return self._fence.nearest(axle[0])
 
 

@@ -277,6 +277,8 @@ class PlanSide(Strip):
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_at_m = max(self._crop_at_m, motion.distance_m)
+        ago_m = self.estimate.motion.distance_m - motion.distance_m
+        self.estimate.position.crop_at(self._straight[-1], ago_m)
         late_m = max(self._crop_to_m, self._cut_m(motion)) - self._expected_m
         if not self.new or late_m > END_SIGMAS * self._doubt_m:
             return

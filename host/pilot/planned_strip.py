@@ -137,10 +137,7 @@ class PlannedStrip(PlanSide):
         share = share / SEEN_SHARE if math.isfinite(share) else 1.0
         last = self._straight[-1]
         as_seen = replace(last, end_seen_m=share * last.end_seen_m)
-        self.estimate.position.at_end(as_seen, ago, drift, doubt)
-        # Whether the place is wrong by as much or the end was none, nobody knows before the next
-        # border: doubted first, the place would go wherever the end is.
-        self.estimate.position.less_sure_along(last, self._found_off_m)
+        self.estimate.position.at_end(as_seen, ago, drift, doubt, self._found_off_m)
         self._found_off_m = 0.0
 
     def gap_beyond(self) -> Beyond | None:
