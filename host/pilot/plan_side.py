@@ -102,6 +102,11 @@ class PlanSide(Strip):
         self.resumed = index == 0 and side.begins_at == NO_EDGE
         """Whether it was begun in an earlier run."""
         self.bent = bool(side.bends)
+        at_end, before = side.ends_at, plan.sides[:index]
+        self._border_met = at_end != NO_EDGE and any(
+            at_end == past.ends_at or at_end in past.edges for past in before
+        )
+        """Whether a side before has ended at the same border or run along it."""
         self._straight = [piece for _, piece in side.pieces()]
         """As planned."""
         self._at = 0
@@ -220,7 +225,7 @@ class PlanSide(Strip):
         last, position = self._straight[-1], self.estimate.position
         if off_m <= SIGMAS * max(self._doubt_m, 0.0 if self.new else self._end_sigma_m):
             return
-        if self.new:
+        if self._may_lie_elsewhere:
             position.ends_at(last, along_m - self._pieces[-1][0], FOUND_SIGMA_M**2)
         else:
             self._found_off_m = off_m
@@ -280,7 +285,7 @@ class PlanSide(Strip):
         ago_m = self.estimate.motion.distance_m - motion.distance_m
         self.estimate.position.crop_at(self._straight[-1], ago_m)
         late_m = max(self._crop_to_m, self._cut_m(motion)) - self._expected_m
-        if not self.new or late_m > END_SIGMAS * self._doubt_m:
+        if not self._may_lie_elsewhere or late_m > END_SIGMAS * self._doubt_m:
             return
         start, last = self._pieces[-1]
         known = goes_on(self._crop_to_m, self._expected_m, self._doubt_m)
@@ -311,6 +316,12 @@ class PlanSide(Strip):
     @property
     def new(self) -> bool:
         return self._doubt_m >= UNKNOWN_M
+
+    @property
+    def _may_lie_elsewhere(self) -> bool:
+        """Whether an end elsewhere than expected tells where the border lies, and not the
+        machine."""
+        return self.new and not self._border_met
 
     @property
     def outward_m(self) -> float:
