@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,6 +24,8 @@ LIKELIER = 0.7
 SAYS_MOST = 0.5
 """By which one measurement that has a gate changes the logarithm of the alternative's odds at most:
 pictures that follow each other err alike."""
+TINY = 1e-30
+"""Of a likelihood, whose logarithm is taken."""
 KEPT = 64
 """Innovations that wait for a reader, at most: some seconds'."""
 
@@ -69,208 +72,244 @@ def _times(h: Array, p: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _dot(h: Array, v: Array) -> float:
-    total = 0.0
-    for k in range(len(h)):
-        total += h[k] * v[k]
-    return total
-
-
-@njit(cache=True, nogil=True)
 def _fuse(
-    x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: int, apart: Array
-) -> tuple[float, float, float]:
+    x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: int
+) -> tuple[float, float]:
     """Joseph's form for one number, in place; nothing beyond the gate. `held`: a state that is
-    considered and not changed, -1 for none. `apart`: to the state's alternative, which takes the
-    number for itself; zeros where there is none. Returns the innovation's variance, its normalised
-    square, and the alternative's. Compiled: numpy takes ten times as long for so few states."""
-    n, hp, other_z = len(x), _times(h, p), z - _dot(h, apart)
+    considered and not changed, -1 for none. Returns the innovation's variance and its normalised
+    square. Compiled: numpy takes ten times as long for so few states."""
+    n, hp = len(x), _times(h, p)
     variance = noise
     for k in range(n):
         variance += hp[k] * h[k]
-    nis, other = z * z / variance, other_z * other_z / variance
+    nis = z * z / variance
+    if nis > gate:
+        return variance, nis
     gain = hp / variance
     if held >= 0:
         gain[held] = 0.0
-    for k in range(n):
-        if other <= gate:
-            apart[k] += gain[k] * other_z
-        if nis <= gate:
-            apart[k] -= gain[k] * z
-    if nis > gate:
-        return variance, nis, other
     for k in range(n):
         x[k] += gain[k] * z
         for i in range(n):
             taken = gain[k] * hp[i] + hp[k] * gain[i]
             p[k, i] += gain[k] * gain[i] * variance - taken
-    return variance, nis, other
+    return variance, nis
 
 
 @njit(cache=True, nogil=True)
-def _meanings(z: float, sure: float, wide: float, share: float) -> tuple[float, float]:
-    """How likely a number z off is what it seems, of variance `sure`, and no other, of variance
-    `wide`, as `share` of such numbers are; and how likely the number is at all."""
+def _meanings(
+    p: Array, h: Array, z: float, noise: float, share: float, more: float
+) -> tuple[float, float, float]:
+    """Of a number that is what it seems, or with probability `share` of something else, with a
+    noise whose variance is larger by `more`: how likely it is the former, how likely it is at all,
+    and how far apart the two would lead what it measures."""
+    hp = _times(h, p)
+    own = 0.0
+    for k in range(len(h)):
+        own += hp[k] * h[k]
+    sure, wide = own + noise, own + noise + more
     likely = (1.0 - share) * math.exp(-0.5 * z * z / sure) / math.sqrt(sure)
     unlikely = share * math.exp(-0.5 * z * z / wide) / math.sqrt(wide)
     total = likely + unlikely
-    return (likely / total if total > 0.0 else 0.0), total
-
-
-@njit(cache=True, nogil=True)
-def _merged(z: float, sure: float, wide: float, weight: float) -> tuple[float, float]:
-    """Of both meanings of a number taken together: the gain, for each unit of H P, and by how much
-    their distance makes the state less sure."""
-    if min(weight, 1.0 - weight) < PRUNED:
-        weight = round(weight)
-    apart = 1.0 / sure - 1.0 / wide
-    return weight / sure + (1.0 - weight) / wide, weight * (1.0 - weight) * apart * apart * z * z
+    apart = abs(z) * own * (1.0 / sure - 1.0 / wide)
+    return (likely / total if total > 0.0 else 0.0), total, apart
 
 
 @njit(cache=True, nogil=True)
 def _fuse_either(
-    x: Array,
-    p: Array,
-    h: Array,
-    z: float,
-    noise: float,
-    share: float,
-    more: float,
-    held: int,
-    apart: Array,
-    likely: float,
-) -> tuple[float, float, float]:
-    """`_fuse` of a number that is what it seems, or with probability `share` of something else,
-    with a noise whose variance is larger by `more`; it has no gate. Where the two lead far apart,
-    the likelier is taken and the other is the state's alternative from now on (Gaussian sum,
-    Sorenson and Alspach, Automatica 7, 1971). Otherwise, or where there is one already, mean and
-    covariance are those of the mixture of both (probabilistic data association, Bar-Shalom et al.
-    2001, 6.4). Returns the innovation's variance and normalised square, and the alternative's
-    probability, which was `likely`."""
-    n, hp, other_z = len(x), _times(h, p), z - _dot(h, apart)
-    own = _dot(hp, h)
+    x: Array, p: Array, h: Array, z: float, noise: float, more: float, weight: float, held: int
+) -> tuple[float, float]:
+    """`_fuse` of a number that is what it seems with probability `weight`, and otherwise has a
+    noise whose variance is larger by `more`; it has no gate. Each of the two is taken; mean and
+    covariance are those of the mixture of both (Gaussian sum, Sorenson and Alspach, Automatica 7,
+    1971, merged to one normal distribution as in probabilistic data association, Bar-Shalom et al.
+    2001, 6.4). So a number that may be either moves the state by a part, and leaves it less
+    sure."""
+    n, hp = len(x), _times(h, p)
+    own = 0.0
+    for k in range(n):
+        own += hp[k] * h[k]
     sure, wide = own + noise, own + noise + more
-    weight, total = _meanings(z, sure, wide, share)
-    gain, spread = _merged(z, sure, wide, weight)
-    other_gain, leads = 0.0, own * (1.0 / sure - 1.0 / wide) * z
-    if likely > 0.0:
-        other_weight, other_total = _meanings(other_z, sure, wide, share)
-        other_gain, other_spread = _merged(other_z, sure, wide, other_weight)
-        of_both = (1.0 - likely) * total + likely * other_total
-        likely = likely * other_total / of_both if of_both > 0.0 else likely
-        mean = (1.0 - likely) * gain + likely * other_gain
-        more_p = (1.0 - likely) * spread + likely * other_spread
-    elif abs(leads) > APART_M and min(weight, 1.0 - weight) > FORGOTTEN:
-        likely = min(weight, 1.0 - weight)
-        gain, other_gain = 1.0 / sure, 1.0 / wide
-        if weight < 0.5:
-            gain, other_gain = other_gain, gain
-        mean, more_p = (1.0 - likely) * gain + likely * other_gain, 0.0
-    else:
-        mean, more_p = gain, spread
+    if min(weight, 1.0 - weight) < PRUNED:
+        weight = round(weight)
+    gain = weight / sure + (1.0 - weight) / wide
+    apart = 1.0 / sure - 1.0 / wide
+    spread = weight * (1.0 - weight) * apart * apart * z * z
     step = hp.copy()
     if held >= 0:
         step[held] = 0.0
     for k in range(n):
         x[k] += gain * z * step[k]
-        if likely > 0.0:
-            apart[k] += (other_gain * other_z - gain * z) * step[k]
         for i in range(n):
-            taken = mean * (step[k] * hp[i] + hp[k] * step[i])
-            p[k, i] += (mean + more_p) * step[k] * step[i] - taken
-    return sure, z * z / sure, likely
+            taken = gain * (step[k] * hp[i] + hp[k] * step[i])
+            p[k, i] += (gain + spread) * step[k] * step[i] - taken
+    return sure, z * z / sure
+
+
+class _Taken(NamedTuple):
+    """What a measurement makes of a state."""
+
+    x: Array
+    p: Array
+    innovation: Innovation
+    log_likelihood: float
+    """But for a constant."""
+
+
+def _gain(
+    p: Array, measurement: Measurement, frozen: Sequence[int]
+) -> tuple[Array, Array, Array, Innovation]:
+    """The gain, H P, the innovation's covariance, and what is left for the record."""
+    h, z = measurement.h, measurement.innovation
+    hp = h @ p
+    s = hp @ h.T + np.diag(measurement.variances)
+    nis = float(z @ np.linalg.solve(s, z))
+    gain = np.asarray(np.linalg.solve(s, hp).T, np.float64)
+    if frozen:
+        gain[list(frozen)] = 0.0
+    used = nis <= measurement.gate
+    return gain, hp, s, _innovation(measurement, s[0, 0], nis, used=used)
+
+
+def _innovation(m: Measurement, variance: float, nis: float, *, used: bool) -> Innovation:
+    z = m.innovation
+    return Innovation(m.name, float(z[0]), math.sqrt(variance), nis, len(z), used)
+
+
+def _taken(x: Array, p: Array, measurement: Measurement, frozen: Sequence[int]) -> _Taken:
+    """Of a measurement with a gate. Writes to `p`."""
+    z = measurement.innovation
+    if len(z) == 1 and len(frozen) <= 1:
+        x, held = x.copy(), frozen[0] if frozen else -1
+        h, noise = measurement.h[0], float(measurement.variances[0])
+        variance, nis = _fuse(x, p, h, float(z[0]), noise, measurement.gate, held)
+        innovation = _innovation(measurement, variance, nis, used=nis <= measurement.gate)
+        return _Taken(x, p, innovation, -0.5 * (nis + math.log(variance)))
+    gain, hp, s, innovation = _gain(p, measurement, frozen)
+    log_likelihood = -0.5 * (innovation.nis + float(np.linalg.slogdet(s)[1]))
+    if innovation.used:
+        taken = gain @ hp
+        x = x + gain @ z
+        # Joseph's form, multiplied out: it holds for any gain, and costs states squared.
+        p = p - taken - taken.T + gain @ s @ gain.T
+    return _Taken(x, p, innovation, log_likelihood)
+
+
+def _taken_either(x: Array, p: Array, measurement: Measurement, frozen: Sequence[int]) -> _Taken:
+    """Of a number that may be of something else. Writes to `p`."""
+    x, held = x.copy(), frozen[0] if frozen else -1
+    h, z = measurement.h[0], float(measurement.innovation[0])
+    noise, (share, more) = float(measurement.variances[0]), measurement.other
+    weight, total, _ = _meanings(p, h, z, noise, share, more)
+    variance, nis = _fuse_either(x, p, h, z, noise, more, weight, held)
+    innovation = _innovation(measurement, variance, nis, used=True)
+    return _Taken(x, p, innovation, math.log(max(total, TINY)))
 
 
 class Filter:
-    """State and covariance, and at times an alternative: another state, of the same covariance,
-    that is kept until measurements have decided between the two. Subclasses predict."""
+    """State and covariance, and at times an alternative to both, that is kept until measurements
+    have decided between the two (a Gaussian sum of two, merged where they come together).
+    Subclasses predict."""
 
     def __init__(self, x: Array, p: Array) -> None:
         self._x, self._p = x, p
         self._apart: Array = np.zeros(len(x))
-        """From the state to its alternative."""
+        """From the state to its alternative,"""
+        self._other_p: Array = p
+        """and the alternative's covariance."""
         self.likely = 0.0
         """The alternative's probability; 0: there is none."""
         self.innovations: list[Innovation] = []
         """Since whoever reads them has emptied it; the latest KEPT at most."""
 
+    @property
+    def _covariances(self) -> tuple[Array, ...]:
+        """The state's, and the alternative's if there is one."""
+        return (self._p,) if self.likely == 0.0 else (self._p, self._other_p)
+
     def fuse(self, measurement: Measurement, *, frozen: Sequence[int] = ()) -> bool:
         """Takes the measurement and returns True, or refuses it. The states `frozen` are considered
         and not changed (Schmidt-Kalman)."""
-        if len(measurement.innovation) == 1 and len(frozen) <= 1:
-            return self._fuse_one(measurement, frozen)
-        gain, hp, s = self._gain(measurement, frozen)
-        if gain is None:
+        either = measurement.other[0] > 0.0
+        if either and self.likely == 0.0 and self._taken_apart(measurement, frozen):
+            return True
+        take = _taken_either if either else _taken
+        before = self._x
+        here = take(before, self._p, measurement, frozen)
+        self._x, self._p = here.x, here.p
+        self._note(here.innovation)
+        if self.likely > 0.0:
+            from_there = replace(
+                measurement, innovation=measurement.innovation - measurement.h @ self._apart
+            )
+            there = take(before + self._apart, self._other_p, from_there, frozen)
+            self._apart, self._other_p = there.x - here.x, there.p
+            most = math.inf if either else SAYS_MOST
+            self.heed(there.log_likelihood - here.log_likelihood, most)
+        return here.innovation.used
+
+    def _taken_apart(self, measurement: Measurement, frozen: Sequence[int]) -> bool:
+        """Takes what may be of something else for what is likelier, and keeps the other as an
+        alternative, where the two lead far apart."""
+        z, noise = float(measurement.innovation[0]), float(measurement.variances[0])
+        share, more = measurement.other
+        weight, _, leads = _meanings(self._p, measurement.h[0], z, noise, share, more)
+        if leads < APART_M or min(weight, 1.0 - weight) < FORGOTTEN:
             return False
-        z = measurement.innovation
-        other_z = z - measurement.h @ self._apart
-        self._x = self._x + gain @ z
-        self._apart = self._apart + gain @ (other_z - z)
-        taken = gain @ hp
-        # Joseph's form, multiplied out: it holds for any gain, and costs states squared.
-        self._p = self._p - taken - taken.T + gain @ s @ gain.T
-        self.heed(float(z @ np.linalg.solve(s, z) - other_z @ np.linalg.solve(s, other_z)) / 2)
+        sure, wide = (
+            _taken(
+                self._x,
+                self._p.copy(),
+                replace(measurement, gate=math.inf, variances=measurement.variances + more_m2),
+                frozen,
+            )
+            for more_m2 in (0.0, more)
+        )
+        here, there = (sure, wide) if weight >= 0.5 else (wide, sure)
+        self._x, self._p = here.x, here.p
+        self.keep_apart(there.x - here.x, there.p, min(weight, 1.0 - weight))
+        self._note(sure.innovation)
         return True
 
-    def _fuse_one(self, measurement: Measurement, frozen: Sequence[int]) -> bool:
-        """`fuse` of a single number, as most are."""
-        z, x, held = float(measurement.innovation[0]), self._x.copy(), frozen[0] if frozen else -1
-        h, noise, apart = measurement.h[0], float(measurement.variances[0]), self._apart
-        share, more = measurement.other
-        if share > 0.0:
-            variance, nis, self.likely = _fuse_either(
-                x, self._p, h, z, noise, share, more, held, apart, self.likely
-            )
-            self._x = x
-            self._decide()
-        else:
-            gate = measurement.gate
-            variance, nis, other = _fuse(x, self._p, h, z, noise, gate, held, apart)
-            self._x = x
-            self.heed((nis - other) / 2)
-        used = nis <= measurement.gate
-        self._note(Innovation(measurement.name, z, math.sqrt(variance), nis, 1, used))
-        return used
-
-    def heed(self, log_ratio: float) -> None:
-        """Something is so much likelier (the logarithm of its likelihoods' ratio) if the
-        alternative is true."""
-        if self.likely > 0.0:
-            says = math.exp(min(SAYS_MOST, max(-SAYS_MOST, log_ratio)))
-            self.likely *= says / (1.0 - self.likely + self.likely * says)
-            self._decide()
-
-    def keep_apart(self, by: Array, likely: float) -> None:
-        """The state may also be another, (states,) `by` from it, with that probability. What was
-        its alternative is forgotten."""
-        self._apart, self.likely = by, likely
-
-    def _decide(self) -> None:
-        """Drops an alternative that is unlikely, and takes one that is likelier."""
+    def heed(self, log_ratio: float, most: float = SAYS_MOST) -> None:
+        """Something is so much likelier (the logarithm of the likelihoods' ratio) if the
+        alternative is true; it counts `most` at most."""
+        if self.likely == 0.0:
+            return
+        says = math.exp(min(most, max(-most, log_ratio)))
+        self.likely *= says / (1.0 - self.likely + self.likely * says)
         if self.likely > LIKELIER:
             self._x = self._x + self._apart
             self._apart, self.likely = -self._apart, 1.0 - self.likely
-        if 0.0 < self.likely < FORGOTTEN:
+            self._p, self._other_p = self._other_p, self._p
+        if self.likely < FORGOTTEN:
             self.forget()
+
+    def keep_apart(self, by: Array, p: Array, likely: float) -> None:
+        """The state may also be another, (states,) `by` from it, with the covariance `p` and that
+        probability. What was its alternative is forgotten."""
+        self._apart, self._other_p, self.likely = by, p, likely
 
     def merge(self) -> None:
         """State and alternative become one: the mean and the covariance of both."""
         by, likely = self._apart, self.likely
         self._x = self._x + likely * by
+        self._p = (1.0 - likely) * self._p + likely * self._other_p
         self._p = self._p + likely * (1.0 - likely) * np.outer(by, by)
         self.forget()
 
     def forget(self) -> None:
         """There is no alternative any more."""
-        self.keep_apart(np.zeros(len(self._x)), 0.0)
+        self.keep_apart(np.zeros(len(self._x)), self._p, 0.0)
 
     def sigma(self, h: Array) -> float:
         """Standard deviation, about the state, of what has the derivative `h`, (states,): where
         there is an alternative, of both."""
-        own = float(h @ self._p @ h)
+        variance = float(h @ self._p @ h)
         if self.likely > 0.0:
-            own += self.likely * float(h @ self._apart) ** 2
-        return math.sqrt(max(0.0, own))
+            other = float(h @ self._other_p @ h) + float(h @ self._apart) ** 2
+            variance += self.likely * (other - variance)
+        return math.sqrt(max(0.0, variance))
 
     def _note(self, innovation: Innovation) -> None:
         self.innovations.append(innovation)
@@ -279,8 +318,9 @@ class Filter:
     def yield_to(self, bound: Measurement, *, moves: Sequence[int]) -> None:
         """Moves the states `moves` towards a bound that they violate. It says nothing of how surely
         they are known there: the covariance stays."""
-        gain, _, _ = self._gain(bound, ())
-        if gain is not None:
+        gain, _, _, innovation = _gain(self._p, bound, ())
+        self._note(innovation)
+        if innovation.used:
             at = list(moves)
             self._x = self._x.copy()
             self._x[at] += gain[at] @ bound.innovation
@@ -290,25 +330,8 @@ class Filter:
         grows so many times."""
         h = np.zeros_like(measurement.h)
         h[:, states] = measurement.h[:, states]
-        ph = np.zeros((len(self._p), len(h)))
-        ph[states] = self._p[states] @ h.T
-        grown = np.linalg.solve(h @ ph, ph.T)
-        self._p = self._p + (growth**2 - 1.0) * ph @ grown
-
-    def _gain(
-        self, measurement: Measurement, frozen: Sequence[int]
-    ) -> tuple[Array | None, Array, Array]:
-        """The gain (None beyond the measurement's gate), H P and the innovation's covariance.
-        Leaves the innovation for the record."""
-        h, z = measurement.h, measurement.innovation
-        hp = h @ self._p
-        s = hp @ h.T + np.diag(measurement.variances)
-        nis = float(z @ np.linalg.solve(s, z))
-        used = nis <= measurement.gate
-        self._note(Innovation(measurement.name, float(z[0]), math.sqrt(s[0, 0]), nis, len(z), used))
-        if not used:
-            return None, hp, s
-        gain = np.asarray(np.linalg.solve(s, hp).T, np.float64)
-        if frozen:
-            gain[list(frozen)] = 0.0
-        return gain, hp, s
+        for p in self._covariances:
+            ph = np.zeros((len(p), len(h)))
+            ph[states] = p[states] @ h.T
+            grown = np.linalg.solve(h @ ph, ph.T)
+            p[:] += (growth**2 - 1.0) * ph @ grown

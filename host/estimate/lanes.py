@@ -47,6 +47,11 @@ class Lain(NamedTuple):
         rest = p[LANE, LANE] - np.outer(by_sight, p[SIGHT, LANE])
         return cls(side, x[LANE].copy(), float(x[SIGHT]), by_sight, rest)
 
+    def covariance(self, p: Array) -> Array:
+        """(2, 2) of the lane, where `p` is the filter's covariance."""
+        by_sight: Array = np.outer(self.by_sight, self.by_sight) * p[SIGHT, SIGHT]
+        return self.p + by_sight
+
 
 class Aside(NamedTuple):
     """How far right of its usual place beside the edge a lane is laid, over ground that is cut."""

@@ -91,10 +91,9 @@ off, all along."""
 
 
 def move(
-    x: Array, p: Array, apart: Array, past: Motion, motion: Motion, wander: Wander, *, cutting: bool
+    x: Array, p: Array, past: Motion, motion: Motion, wander: Wander, *, cutting: bool
 ) -> None:
-    """Moves the state `x`, its covariance `p` and what another state is `apart` from it, from one
-    motion to a later one, in place."""
+    """Moves the state `x` and its covariance `p` from one motion to a later one, in place."""
     lasted = max(0.0, motion.stamp - past.stamp)
     p[GYRO, GYRO] += GYRO_WALK**2 * lasted
     step = motion.distance_m - past.distance_m
@@ -102,14 +101,13 @@ def move(
     if step == 0.0 and turn == 0.0:
         return
     along = ROLL_SIGMA if motion.rolls else STEP_SIGMA[0]
-    _move(x, p, apart, step, turn, lasted, motion.gyro_noise, cutting, along, *wander)
+    _move(x, p, step, turn, lasted, motion.gyro_noise, cutting, along, *wander)
 
 
 @njit(cache=True, nogil=True)
 def _move(
     x: Array,
     p: Array,
-    apart: Array,
     step: float,
     turn: float,
     lasted: float,
@@ -148,9 +146,9 @@ def _move(
     x[CRAB] *= crab
     x[WANDER] *= same
     x[SIGHT] *= alike
-    for of in range(3):
-        q = p if of == 0 else p.T if of == 1 else apart.reshape(-1, 1)
-        for k in range(q.shape[1]):
+    for columns in (False, True):
+        q = p.T if columns else p
+        for k in range(len(x)):
             by_turn = of_turn * q[turns_by, k] + of_scale * q[GYRO_SCALE, k]
             # The way was made at the middle of the turn.
             yawed = q[YAW, k] + by_turn / 2

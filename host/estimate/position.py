@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -128,8 +129,13 @@ class Position(Filter):
     @property
     def covariance(self) -> NDArray[np.float64]:
         """(3, 3) of the pose, m and rad."""
-        by = self._apart[: YAW + 1]
-        return self._p[: YAW + 1, : YAW + 1] + self.likely * np.outer(by, by)
+        pose = slice(X, YAW + 1)
+        if self.likely == 0.0:
+            return self._p[pose, pose].copy()
+        by, share = self._apart[pose], self.likely
+        of_both = (1.0 - share) * self._p + share * self._other_p
+        found: NDArray[np.float64] = of_both[pose, pose] + share * np.outer(by, by)
+        return found
 
     @property
     def borders(self) -> Borders:
@@ -142,7 +148,7 @@ class Position(Filter):
         if self.likely == 0.0:
             return (self.borders,)
         more = self._apart[STATES:].reshape(-1, 2)
-        return self.borders, Borders(self._x + self._apart, self._p, self.outline, more)
+        return self.borders, Borders(self._x + self._apart, self._other_p, self.outline, more)
 
     def place(
         self,
@@ -193,9 +199,9 @@ class Position(Filter):
         self._x[STATES:] = 0.0
         corners = np.full(self.outline.states, self.sigma_m)
         lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *range(STATES, len(self._x))]
+        self.forget()
         self._p[lost, :] = self._p[:, lost] = 0.0
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
-        self.forget()
         self.aside = Aside()
 
     def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
@@ -204,8 +210,9 @@ class Position(Filter):
         self._lane_of, self._beside = side, beside
         self._wander = beside or (CUT if left else DRILLED)
         self._x[WANDER] = self._apart[WANDER] = 0.0
-        self._p[WANDER, :] = self._p[:, WANDER] = 0.0
-        self._p[WANDER, WANDER] = self._wander.sigma_m**2
+        for p in self._covariances:
+            p[WANDER, :] = p[:, WANDER] = 0.0
+            p[WANDER, WANDER] = self._wander.sigma_m**2
 
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
@@ -213,8 +220,7 @@ class Position(Filter):
         self._lanes.keep(Lain.of(self._lane_of, self._x, self._p))
         self._lane_of = side
         lain = self._lanes.beside(side, float(self._x[SIGHT]))
-        lane, with_sight = lain.x, np.outer(lain.by_sight, self._p[SIGHT])
-        covariance = lain.p + np.outer(lain.by_sight, lain.by_sight) * self._p[SIGHT, SIGHT]
+        lane, covariance = lain.x, lain.covariance(self._p)
         self.aside = Aside()
         if straight and self._lanes.knows(side):
             sigma = math.sqrt(covariance[1, 1])
@@ -222,8 +228,10 @@ class Position(Filter):
             self.aside = caught_up(aside, float(lane[0]), math.sqrt(covariance[0, 0]))
             lane = lane - np.array(self.aside)
         self._x[LANE], self._apart[LANE] = lane, 0.0
-        self._p[LANE, :], self._p[:, LANE] = with_sight, with_sight.T
-        self._p[LANE, LANE] = covariance
+        for p in self._covariances:
+            with_sight = np.outer(lain.by_sight, p[SIGHT])
+            p[LANE, :], p[:, LANE] = with_sight, with_sight.T
+            p[LANE, LANE] = lain.covariance(p)
         self._other_edge(side)
 
     def look(self, side: Side, beside: Wander | None) -> None:
@@ -236,7 +244,11 @@ class Position(Filter):
         """Moves with the vehicle."""
         past, self._past = self._past, motion
         if past is not None:
-            move(self._x, self._p, self._apart, past, motion, self._wander, cutting=cutting)
+            other = self._x + self._apart
+            move(self._x, self._p, past, motion, self._wander, cutting=cutting)
+            if self.likely > 0.0:
+                move(other, self._other_p, past, motion, self._wander, cutting=cutting)
+                self._apart = other - self._x
 
     def at(self, side: Side) -> Place:
         """The place against a side."""
@@ -269,11 +281,13 @@ class Position(Filter):
 
     def less_sure(self, place_m: float, yaw_rad: float) -> None:
         """Of its place, m in every direction, and of its direction."""
-        self._p[[X, Y, YAW], [X, Y, YAW]] += np.square([place_m, place_m, yaw_rad])
+        for p in self._covariances:
+            p[[X, Y, YAW], [X, Y, YAW]] += np.square([place_m, place_m, yaw_rad])
 
     def less_sure_along(self, side: Side, along_m: float) -> None:
         """Of its place along a side."""
-        self._p[:YAW, :YAW] += np.outer(d := np.array(self.at(side).direction), d) * along_m**2
+        for p in self._covariances:
+            p[:YAW, :YAW] += np.outer(d := np.array(self.at(side).direction), d) * along_m**2
 
     def beside_sigma_m(self, side: Side) -> float:
         """Standard deviation of how far the machine is beside a side's line, as the plan has it."""
@@ -385,20 +399,24 @@ class Position(Filter):
         self.less_sure_along(side, drift_m)
         across = self._lanes.across(self.outline, side, 1, float(self._x[SIGHT]))
         seen = end.end(self.at(side), ago_m, doubt_m, across)
-        before, by = self._x, self._if_true(seen, side, elsewhere_m)
+        if_wrong = self._if_wrong(seen, side, elsewhere_m)
         self.fuse(seen, frozen=(CURVE,))
         if elsewhere_m > 0.0:
-            self.keep_apart(before + by - self._x, WRONG_PLACE)
+            x, p = if_wrong
+            self.keep_apart(x - self._x, p, WRONG_PLACE)
         self._settle()
 
-    def _if_true(self, seen: Measurement, side: Side, elsewhere_m: float) -> NDArray[np.float64]:
-        """(states,) by how much a border that was seen moves the state, if it is one and the place
-        along the side errs by elsewhere_m besides what is known."""
-        h, along = seen.h[0], np.zeros(len(self._x))
+    def _if_wrong(
+        self, seen: Measurement, side: Side, elsewhere_m: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """State and covariance if a border that was seen is one, and the place along the side errs
+        by elsewhere_m besides what is known."""
+        other = Filter(self._x, self._p.copy())
+        along = np.zeros(len(self._x))
         along[:YAW] = np.multiply(elsewhere_m, self.at(side).direction)
-        ph = self._p @ h + along * (along @ h)
-        moved: NDArray[np.float64] = ph * (seen.innovation[0] / (h @ ph + seen.variances[0]))
-        return moved
+        other._p += np.outer(along, along)
+        other.fuse(replace(seen, other=(0.0, 0.0)), frozen=(CURVE,))
+        return other._x, other._p
 
     def crop_at(self, side: Side, ago_m: float) -> None:
         """What is being cut went on at the blade ago_m ago: where the machine may be at two places,
@@ -409,8 +427,8 @@ class Position(Filter):
         h = to_border(place, 1)
         left_m = place.side.length_m - place.blade_m + ago_m
         lefts = np.array([left_m, left_m + float(h @ self._apart)])
-        sigma = math.hypot(math.sqrt(h @ self._p @ h), end.SIGMA_M)
-        by_here, by_other = log_ndtr(lefts / sigma)
+        sigmas = [math.hypot(math.sqrt(h @ p @ h), end.SIGMA_M) for p in self._covariances]
+        by_here, by_other = log_ndtr(lefts / sigmas)
         self.heed(float(by_other - by_here))
         self._settle()
 
@@ -420,15 +438,17 @@ class Position(Filter):
         place = self.at(side)
         h = to_border(place, 1)
         ph = self._p @ h
-        before = float(h @ ph)
-        step = ph / before
+        step = ph / float(h @ ph)
         # Seen from the machine, whose place was not measured: with it stays what is tied to it, as
         # the side's beginning is.
         step[STATES:] -= np.tile(step[[X, Y]], self.outline.states // 2)
         step[:STATES] = 0.0
         self._x = self._x + step * (along_m - place.side.length_m)
         self._apart = self._apart - step * float(h @ self._apart)
-        self._p = self._p + np.outer(ph, ph) * ((variance_m2 - before) / before**2)
+        for p in self._covariances:
+            ph = p @ h
+            before = float(h @ ph)
+            p[:] += np.outer(ph, ph) * ((variance_m2 - before) / before**2)
         self._learn()
 
     def laid_anew(self, boundary: Sequence[tuple[float, float]], side: Side) -> None:
@@ -453,7 +473,8 @@ class Position(Filter):
         c, s = math.cos(turned), math.sin(turned)
         x, y = self._x[[GRADE_X, GRADE_Y]]
         self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
-        spread.turn(self._p, GRADE_X, c, s)
+        for p in self._covariances:
+            spread.turn(p, GRADE_X, c, s)
         xs = np.array([X, *range(GRADE_X, len(self._x), 2)])
         x, y = self._apart[xs], self._apart[xs + 1]
         self._apart[xs], self._apart[xs + 1] = c * x - s * y, s * x + c * y

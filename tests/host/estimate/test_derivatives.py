@@ -94,7 +94,7 @@ def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool) -> Non
 
     def moved(x: Array, p: Array) -> tuple[Array, Array]:
         x, p = x.copy(), p.copy()
-        move(x, p, np.zeros(len(x)), past, later, DRILLED, cutting=cutting)
+        move(x, p, past, later, DRILLED, cutting=cutting)
         return x, p
 
     nothing = np.zeros((len(state), len(state)))
