@@ -148,6 +148,8 @@ class Context:
         sure = gap_m >= END_CLEAR_M
         if not sure and self.sight.ahead.end is not None and gap_m < END_CLEAR_M - TELLS_M:
             return
+        if not sure and self.estimate.position.likely > 0.0:
+            return  # the end may be none, and what stands there the side's own
         if sure:
             gaps.note(beyond.edge, gap_m)
         if sure and ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:

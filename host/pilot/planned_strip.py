@@ -145,9 +145,6 @@ class PlannedStrip(PlanSide):
         edge = last.ends_at
         if self.plan.gap_m is None or edge == NO_EDGE or self._beyond_m > AT_BOUNDARY_M:
             return None
-        # An end that may be none: what stands beyond may be its own crop.
-        if self.estimate.position.likely > 0.0:
-            return None
         normal = BoundaryEdges(self.plan.boundary).headings[edge] - math.pi / 2
         askew = math.remainder(normal - last.heading_rad, math.tau)
         if abs(askew) > SQUARE_RAD:

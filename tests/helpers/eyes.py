@@ -18,6 +18,7 @@ class ToldEnd(NamedTuple):
     ago_m: float
     drift_m: float
     doubt_m: float
+    elsewhere_m: float
 
 
 class Eyes:

@@ -4,6 +4,7 @@ they never change."""
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -90,6 +91,30 @@ def test_an_edge_that_was_found_farther_out_has_its_gap_there() -> None:
     position.at_end(plan().sides[0], 0.0)
     assert passes(Guard(plan(), VEHICLE, position).limit(ON))
     assert not passes(guard_at(-0.8, 0.0).limit(ON)), "where it is known to lie nearer"
+
+
+def test_of_two_places_at_which_it_may_be_neither_may_be_too_near() -> None:
+    """An end is found 4 m before the plan's, and the machine goes on: from the end it would be
+    beyond the gap."""
+    position, side = driven(4.0, 0.0), plan().sides[0]
+    slow = replace(ON, speed_mps=CREEP_MPS)
+    on = Motion(0.0, 0.5, 0.0, side.length_m - 4.0 + 1.7, 0.0, 0.0, 0.0)
+    at = Pose2(0.0, 0.0, 0.0)
+    one = Guard(plan(), VEHICLE, position).room_around(at)
+    position.at_end(side, 0.0, 0.0, 0.3, 4.0)
+    assert passes(Guard(plan(), VEHICLE, position).limit(slow), slow)
+    both = Guard(plan(), VEHICLE, position).room_around(at)
+    assert one is not None and both is not None
+    nearest, nearest_of_both = (float(r.sides[:, [0, 2]].min(axis=1).max()) for r in (one, both))
+    assert len(both.sides) == 2 * len(one.sides) == both.margins.shape[1]
+    assert nearest_of_both == pytest.approx(nearest, abs=0.4), "what main sees stays"
+    ahead = np.sort(both.sides[:, [0, 2]].min(axis=1))[-2:]
+    assert ahead[1] - ahead[0] == pytest.approx(4.0, abs=0.6)
+    position.predict(on, cutting=False)
+    guard = Guard(plan(), VEHICLE, position)
+    assert not passes(guard.limit(slow), slow)
+    position.forget()
+    assert passes(guard.limit(slow), slow)
 
 
 def test_what_an_edge_lies_off_along_itself_says_nothing_of_another_edge() -> None:

@@ -14,6 +14,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import CLEAR_M, END_SURE, EndOfField
 from host.estimate.cut_guard import PATCH_M, CutGuard
 from host.estimate.odometry import Odometry
+from host.estimate.position import WRONG_PLACE
 from host.pilot.behaviours.follow import Follow
 from host.pilot.behaviours.follow import Why as Followed
 from host.pilot.behaviours.look_at_edge import LookAtEdge
@@ -376,11 +377,12 @@ def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
     assert is_for(Follow(context).step(NOW)[1], known)
 
 
-@pytest.mark.parametrize(("off_m", "doubted_m"), [(0.1, 0.0), (1.5, 1.5)])
+@pytest.mark.parametrize(("off_m", "doubted"), [(0.1, False), (1.5, True)])
 def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted(
-    off_m: float, doubted_m: float
+    off_m: float, doubted: bool
 ) -> None:
-    """It may be none as well, so the place stays where it was. A boundary that is known does."""
+    """It may be none as well, so the place stays where it was, and the machine may also be at the
+    end. A boundary that is known stays."""
     context = along(10.0 - off_m, KNOWN)
     strip = strip_of(context)
     position, piece = strip.estimate.position, strip.planned_piece
@@ -388,12 +390,14 @@ def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted(
     beside_m, at_m = position.beside_sigma_m(piece), position.along(piece)
     strip.ends_at(length_m - off_m)
     strip.met_end(EndOfField(NOW, context.motion, 0), None, looked=True)
-    found_m = position.end_sigma_m(piece)
-    if doubted_m == 0.0:
-        assert found_m < before_m, "that is what its place may err"
+    if doubted:
+        here, there = position.all_borders
+        assert math.dist(here.pose[:2], there.pose[:2]) == pytest.approx(off_m, abs=0.3)
+        assert position.likely == WRONG_PLACE
     else:
-        assert found_m == pytest.approx(math.hypot(before_m, doubted_m), rel=0.01)
-    assert position.beside_sigma_m(piece) == pytest.approx(beside_m), "along it only"
+        assert position.end_sigma_m(piece) < before_m, "that is what its place may err"
+        assert position.likely == 0.0
+    assert position.beside_sigma_m(piece) == pytest.approx(beside_m, rel=0.01), "along it only"
     assert abs(position.along(piece) - at_m) < 0.15
     assert strip.side.length_m == length_m
 
