@@ -30,6 +30,9 @@ BEGINS_M: Final = (0.05, 1.0)
 begins: 0.00 m off in the median, 0.09 m standard deviation from the mast (library of the model
 eyes). One that drives up to it takes the last 0.3 m for none."""
 BEGIN_PICTURES: Final = 5
+BEGUN_EARLY_M: Final = 0.4
+"""Before where a machine that backed away from it saw the crop begin: what then seems to stand at
+the blade is a last swath, or stalks of the strip before (model field 10334)."""
 EDGE_SURE: Final = (0.7, 10)
 """Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
 that has moved inside counts where at least this share of so many pictures are sure."""
@@ -93,6 +96,10 @@ class Ahead:
         away from it saw; NaN where it saw too little of it."""
         return float(np.median(self._begins)) if len(self._begins) >= BEGIN_PICTURES else math.nan
 
+    def begun(self, then: Motion) -> bool:
+        """Whether crop at the blade may be the side's."""
+        return not then.distance_m < self.begins_at_m - BEGUN_EARLY_M
+
     def turn(self) -> None:
         """To the next side: its crop may be seen already while the machine turns."""
         self.crop_at_m = math.inf
@@ -149,8 +156,9 @@ class Ahead:
         """Of a sure picture on a side: whether the crop begins at the blade just there. What shows
         no crop any more counts towards the side's end, of which it may be the first that was
         `seen`."""
-        met = not self.entered and view.crop_ahead_m < NEAR_CROP_M
-        if met or (not self.entered and seen.motion.distance_m > self.crop_at_m + NEAR_CROP_M):
+        begins = not self.entered and self.begun(seen.motion)
+        met = begins and view.crop_ahead_m < NEAR_CROP_M
+        if met or (begins and seen.motion.distance_m > self.crop_at_m + NEAR_CROP_M):
             self.entered_at = seen.motion
         if view.crop_ahead_m < END_CLEAR_M:
             self.go_on()

@@ -222,7 +222,8 @@ class Pilot:
             context.look.settled,
         )
         strip, sight = context.strip, context.sight
-        if self._behaviour.gaze.on_side and sight.view is not None:
+        then = context.estimate.odometry.at(sight.stamp)
+        if self._behaviour.gaze.on_side and sight.view is not None and sight.ahead.begun(then):
             dusty = self._behaviour.gaze.cutting and sight.ahead.in_dust(*EDGE_SURE)
             context.estimate.cut.take_picture(
                 sight.stamp, sight.view, own=strip.surely_own, dusty=dusty

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from host.estimate.crop_ahead import (
     BEGIN_PICTURES,
+    BEGUN_EARLY_M,
     END_CLEAR_M,
     END_PICTURES,
     NEAR_CROP_M,
@@ -55,6 +56,22 @@ def test_a_machine_that_backs_away_sees_where_the_crop_begins() -> None:
     assert ahead.begins_at_m == pytest.approx(5.0)
     ahead.turn()
     assert math.isnan(ahead.begins_at_m)
+
+
+def test_crop_at_the_blade_well_before_the_side_was_seen_to_begin_is_not_its_own() -> None:
+    """A last swath, or stalks of the strip before; and where dust hides the foot, the way to it
+    begins nothing either."""
+    ahead = Ahead()
+    for k in range(BEGIN_PICTURES):
+        ahead.back_away(crop(0.1 * (k + 2)), at(5.0 - 0.1 * (k + 2)))
+    early_m = 5.0 - BEGUN_EARLY_M
+    assert not ahead.begun(at(early_m - 0.01)) and ahead.begun(at(early_m + 0.01))
+    assert not shown(ahead, early_m - 0.3, 0.0)
+    assert not shown(ahead, early_m - 0.05, 0.5)
+    assert not ahead.entered
+    assert shown(ahead, early_m + 0.1, 0.0)
+    ahead.turn()
+    assert ahead.begun(at(0.0)), "where nobody saw it begin, it begins anywhere"
 
 
 def test_crop_that_dust_hides_is_met_where_it_was_seen_and_that_is_no_sight_of_its_beginning() -> (
