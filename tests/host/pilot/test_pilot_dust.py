@@ -47,6 +47,30 @@ def standing(world: SimpleWorld, begin_m: float, end_m: float) -> bool:
     return bool(strip[(rows > begin_m) & (rows < end_m)].any())
 
 
+def test_what_seems_to_stand_at_the_blade_before_a_short_side_begins_ends_no_side() -> None:
+    """Where the turn saw it begin half a metre farther on. The blade's guard would count clear
+    ground from there (model field 10334)."""
+    plan = spiral([(0.0, 0.0), (3.6, 0.0), (3.6, 10.0), (0.0, 10.0)], 1, VEHICLE, gap_m=2.0)
+    world = SimpleWorld(VEHICLE, 3.6, 10.0)
+    eyes = Eyes(world, beside(0.0))
+    pilot = Pilot(VEHICLE, eyes, plan)
+    drive(world, pilot, 120.0, until=lambda: pilot.phase is Phase.TURN)
+    rows, columns = (np.arange(n) * CELL - world.margin for n in world.crop.shape)
+    world.crop[np.ix_(rows > 8.9, columns > 2.1)] = False
+    shown: list[CropView] = []
+
+    def swath(view: CropView) -> CropView:
+        if pilot.phase is not Phase.FOLLOW or len(shown) > 2:
+            return view
+        shown.append(view)
+        return replace(view, crop_ahead_m=0.0, ahead_confidence=0.95)
+
+    eyes.spoil = swath
+    drive(world, pilot, 120.0, until=lambda: pilot.strip.index > 1 or pilot.cut_m > 1.5)
+    assert len(shown) == 3 and shown[0].crop_ahead_m > 1.0
+    assert pilot.strip.index == 1
+
+
 def test_a_patch_of_weeds_in_the_face_does_not_move_the_lane() -> None:
     world, eyes, pilot = cutting()
     before = (world.x, world.y)
