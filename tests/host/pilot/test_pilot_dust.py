@@ -66,7 +66,11 @@ def test_what_seems_to_stand_at_the_blade_before_a_short_side_begins_ends_no_sid
         return replace(view, crop_ahead_m=0.0, ahead_confidence=0.95)
 
     eyes.spoil = swath
-    drive(world, pilot, 120.0, until=lambda: pilot.strip.index > 1 or pilot.cut_m > 1.5)
+
+    def through() -> bool:
+        return pilot.strip.index > 1 or (pilot.phase is Phase.FOLLOW and pilot.cut_m > 1.5)
+
+    drive(world, pilot, 120.0, until=through)
     assert len(shown) == 3 and shown[0].crop_ahead_m > 1.0
     assert pilot.strip.index == 1
 
