@@ -61,7 +61,8 @@ COLUMNS: Final = (
     "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "blade",
     "fresh", "read_ahead_m", "read_right_m", "read_beside_m", "confidence", "edge_offset_m",
     "edge_beside_m", "edge_ahead_m",
-    "crop_ahead_m", "ahead_confidence", "lies_confidence", "tip_share", "usable", "reason",
+    "crop_ahead_m", "ahead_by_height_m", "ahead_confidence", "lies_confidence", "tip_share",
+    "hidden", "usable", "reason",
 )  # fmt: skip
 """Of the library; truths first, then the answer."""
 
@@ -527,6 +528,9 @@ class ModelDetector:
         ahead = seen
         if sight.ahead_m >= CUTTING_M and math.isfinite(seen) and math.isfinite(was):
             ahead = read_as(seen, was, sight.read_ahead_m)
+        by_height = float(c["ahead_by_height_m"][row])
+        if math.isfinite(by_height) and math.isfinite(was):
+            by_height = read_as(by_height, was, sight.read_ahead_m)
         beyond = float(c["edge_ahead_m"][row])
         if math.isfinite(seen) and math.isfinite(ahead):
             beyond = max(0.0, beyond + ahead - seen)
@@ -541,9 +545,11 @@ class ModelDetector:
             edge_ahead_m=beyond,
             edge_heading_rad=NAN,
             crop_ahead_m=ahead,
+            ahead_by_height_m=by_height,
             ahead_confidence=float(c["ahead_confidence"][row]),
             lies_confidence=float(c["lies_confidence"][row]),
             tip_share=float(c["tip_share"][row]),
             reason=errors.reasons[int(c["reason"][row])] if sure else NO_RIGHT_END,
+            hidden=bool(c["hidden"][row]),
             usable=bool(c["usable"][row]),
         )
