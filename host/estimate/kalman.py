@@ -325,13 +325,14 @@ class Filter:
             self._x = self._x.copy()
             self._x[at] += gain[at] @ bound.innovation
 
-    def doubt(self, measurement: Measurement, states: slice, growth: float) -> None:
+    def doubt(self, measurement: Measurement, states: Sequence[int], growth: float) -> None:
         """Takes back some of what these states say of what was measured: its standard deviation
         grows so many times."""
         h = np.zeros_like(measurement.h)
-        h[:, states] = measurement.h[:, states]
+        at = list(states)
+        h[:, at] = measurement.h[:, at]
         for p in self._covariances:
             ph = np.zeros((len(p), len(h)))
-            ph[states] = p[states] @ h.T
-            grown = np.linalg.solve(h @ ph, ph.T)
+            ph[at] = p[at] @ h.T
+            grown = np.linalg.pinv(h @ ph) @ ph.T
             p[:] += (growth**2 - 1.0) * ph @ grown

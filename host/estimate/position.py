@@ -65,8 +65,12 @@ DOUBTED = {True: 1.03, False: 1.06}
 cuts and its dust is in the air. A lane that a turn has left askew yields within half a metre; one
 that many pictures agreed on outlasts a patch of weeds or thin crop, whose border looks like the
 edge."""
-DOUBTFUL: Final = slice(X, LANE_YAW + 1)
+DOUBTFUL: Final = (X, Y, YAW, LANE_OFFSET, LANE_YAW)
 """What that takes back: the machine's place, and its lane's."""
+DOUBTED_YAW_RAD: Final = math.radians(6.0)
+"""Standard deviation of the machine's direction, up to which it is doubted too: what a turn by the
+steering angle leaves. More would let edges of other strips turn a machine that has lost its own, by
+40 degrees against gyroscope and courses (model field 10215)."""
 WRONG_PLACE = 0.3
 """Probability that an end that a look finds where none is believed is one, and the place wrong: of
 five in drives with pictures and model eyes none or one was (low camera). Smaller: a boundary that
@@ -208,7 +212,8 @@ class Position(Readings):
         too. False where it contradicts what is believed beyond its gate; then that is doubted."""
         taken = self._take(seen, frozen=() if learn else (CURVE,))
         if not taken and doubts:
-            self.doubt(seen, DOUBTFUL, DOUBTED[cutting])
+            sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
+            self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
         return taken
 
     def lies_right(self, seen: Measurement) -> None:
