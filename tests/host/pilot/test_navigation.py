@@ -231,6 +231,18 @@ def test_contradiction_that_lasts_raises_the_uncertainty_before_it_is_believed()
     assert lane.blade_offset_m < -0.3
 
 
+def test_however_long_pictures_contradict_the_lane_they_turn_no_machine_round() -> None:
+    """Edges of other strips, now here and now there, had turned one by 40 degrees against its
+    gyroscope (model field 10215)."""
+    machine = OnLane(VEHICLE)
+    for k in range(20):
+        machine.lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
+    for k in range(400):
+        assert not machine.lane.correct((4.0, -4.0)[k % 2] * 1.05**k, math.nan, 1.0, (0.0, 0.0))
+    assert math.sqrt(machine.position.covariance[2, 2]) < math.radians(8.0)
+    assert math.sqrt(machine.position.covariance[1, 1]) > 1.0, "of its place it knows no more"
+
+
 L_SHAPE = [(0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (5.0, 5.0), (5.0, 10.0), (0.0, 10.0)]
 
 
