@@ -267,6 +267,19 @@ def test_an_end_that_a_look_has_shown_leaves_the_turn_no_more_room_than_that_loo
     assert "beyond the side's end" in context.gaps.wrong
 
 
+def test_crop_right_beyond_an_end_that_may_be_none_may_be_the_sides_own_and_proves_no_gap() -> None:
+    """It had left the turn no room at all (model field 10304)."""
+    context = on_side(plan=PLAN, cut_m=8.5)
+    context.strip.ends_at(8.5)
+    end_side(context, NOW, clear_ahead(context))
+    assert context.estimate.position.likely > 0.0
+    context.sight.ahead.go_on()
+    context.saw_beyond(0.3)
+    assert context.plan.gap_m == 2.0
+    context.saw_beyond(2.0)
+    assert context.strip.along_m(context.motion) == pytest.approx(10.0, abs=0.3), "it was one"
+
+
 def test_a_side_that_ends_at_cut_ground_shows_nothing_of_the_gap() -> None:
     inner = on_side(8, PLAN, cut_m=6.0).strip
     assert inner.gap_beyond() is None
