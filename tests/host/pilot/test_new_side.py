@@ -236,6 +236,33 @@ def test_an_end_is_no_nearer_than_the_crop_that_was_seen_and_gives_way_to_it() -
     assert known.sure_ahead_m() == pytest.approx(known.side.length_m)
 
 
+@pytest.mark.parametrize(("index", "moves"), [(0, True), (3, False), (4, False)])
+def test_a_border_that_a_side_before_has_met_does_not_move(index: int, moves: bool) -> None:
+    """The fourth side ends at the edge that the first has run along, the fifth where the first has
+    ended. Dust at their ends looked like crop, and moved such borders out (model field 10317)."""
+
+    def doubted(cut_m: float) -> Context:
+        context = on_side(index, plan=NEW, cut_m=cut_m)
+        strip = strip_of(context)
+        context.estimate.position.less_sure_along(strip.planned_piece, 0.5)
+        strip.arrive(None)
+        assert strip.new
+        return context
+
+    context = doubted(8.0)
+    length_m = strip_of(context).side.length_m
+    moved(context, length_m + 0.5)
+    strip_of(context).goes_on(context.motion)
+    assert (strip_of(context).side.length_m > length_m + 0.1) is moves
+
+    context = doubted(length_m - 3.0)
+    strip, position = strip_of(context), context.estimate.position
+    strip.ends_at(length_m - 3.0)
+    strip.met_end(EndOfField(NOW, context.motion, index), None, looked=True)
+    assert (position.likely > 0.0) is not moves, "an end elsewhere tells of the machine"
+    assert (abs(strip.side.length_m - length_m) > 1.0) is moves
+
+
 def test_crop_far_past_where_a_side_may_end_is_another_error_and_moves_no_end() -> None:
     """Dust after an end that nobody saw looked like crop for 2 m (random field 10053)."""
     context = along(8.0)
