@@ -83,6 +83,32 @@ def test_answers_lie_about_the_truth_as_the_detectors_did() -> None:
     )
 
 
+def taught(standing: Standing, **columns: np.ndarray[Any, np.dtype[Any]]) -> Standing:
+    """By a library that says so."""
+    known = library()
+    standing.eyes = ModelEyes(standing.bench, Library(known.columns | columns, known.about))
+    standing.detector = standing.eyes.detector()
+    return standing
+
+
+def test_stems_right_before_the_lens_are_said_as_the_detector_said_them() -> None:
+    every = np.ones(library().size, np.bool_)
+    for hidden in (True, False):
+        standing = taught(Standing(scenario()), hidden=every & hidden)
+        assert {view.hidden for view in standing.answers(20)} == {hidden}
+
+
+def test_how_far_crop_is_by_its_height_errs_as_the_detectors_did() -> None:
+    by_height = library().columns["read_ahead_m"] + np.float32(0.3)
+    standing = taught(Standing(scenario(start={"before_m": 1.2})), ahead_by_height_m=by_height)
+    true_m = PerfectEye(standing.bench).sight().read_ahead_m
+    for view in standing.answers(50):
+        assert view.ahead_by_height_m == pytest.approx(true_m + 0.3, abs=1e-5)
+    nowhere = np.full(library().size, np.nan, np.float32)
+    view = taught(Standing(scenario()), ahead_by_height_m=nowhere).answers(1)[0]
+    assert math.isnan(view.ahead_by_height_m)
+
+
 class Beside:
     """A machine left_m left of its lane: with crop 0.3 m left of its way, or at -2.0 with none. And
     a library that says of it what a test wants."""

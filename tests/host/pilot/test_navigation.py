@@ -235,7 +235,7 @@ def test_however_long_pictures_contradict_the_lane_they_turn_no_machine_round() 
     """Edges of other strips, now here and now there, had turned one by 40 degrees against its
     gyroscope (model field 10215)."""
     machine = OnLane(VEHICLE)
-    for k in range(20):
+    for _ in range(20):
         machine.lane.correct(0.0, 0.0, 1.0, (0.0, 0.0))
     for k in range(400):
         assert not machine.lane.correct((4.0, -4.0)[k % 2] * 1.05**k, math.nan, 1.0, (0.0, 0.0))
