@@ -17,15 +17,19 @@ PRUNED = 0.15
 tracking. Smaller: ends that are as expected leave the place less sure."""
 APART_M = 0.5
 """From where on two meanings are kept apart, m. Nearer, one normal distribution holds both."""
-FORGOTTEN = 0.02
-"""Probability below which the alternative is dropped."""
+FORGOTTEN = 0.05
+"""Probability below which the alternative is dropped: as much as the geofence's two standard
+deviations leave of the state itself."""
+TOGETHER = 2.0
+"""Squared Mahalanobis distance, up to which state and alternative are merged: nothing that is
+measured tells them apart."""
 LIKELIER = 0.7
 """And above which it is taken for the state: not at once, for the machine changes its course."""
 SAYS_MOST = 0.5
 """By which one measurement that has a gate changes the logarithm of the alternative's odds at most:
 pictures that follow each other err alike."""
-TINY = 1e-30
-"""Of a likelihood, whose logarithm is taken."""
+TINY = 1e-9
+"""Of a likelihood, whose logarithm is taken, and of a variance, by which is divided."""
 KEPT = 64
 """Innovations that wait for a reader, at most: some seconds'."""
 
@@ -289,6 +293,19 @@ class Filter:
         """The state may also be another, (states,) `by` from it, with the covariance `p` and that
         probability. What was its alternative is forgotten."""
         self._apart, self._other_p, self.likely = by, p, likely
+
+    def settle(self, of: Sequence[int]) -> None:
+        """Merges state and alternative where they are together, as far as the states `of` say, m:
+        near each other, or no farther apart than either is unsure of."""
+        if self.likely == 0.0:
+            return
+        at = list(of)
+        by, apart = self._apart[at], [p[np.ix_(at, at)] for p in self._covariances]
+        near = float(np.abs(by).max()) < APART_M / 2
+        if near or all(
+            by @ np.linalg.solve(p + TINY * np.eye(len(at)), by) < TOGETHER for p in apart
+        ):
+            self.merge()
 
     def merge(self) -> None:
         """State and alternative become one: the mean and the covariance of both."""

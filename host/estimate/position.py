@@ -75,8 +75,6 @@ WRONG_PLACE = 0.3
 """Probability that an end that a look finds where none is believed is one, and the place wrong: of
 five in drives with pictures and model eyes none or one was (low camera). Smaller: a boundary that
 is surely longer than the field is believed for longer."""
-TOGETHER_M = 0.25
-"""Two places nearer to each other are one."""
 
 
 class Position(Readings):
@@ -235,10 +233,7 @@ class Position(Readings):
 
     def _settle(self) -> None:
         """What was measured is learnt from, and two places that have come together are one."""
-        if self.likely > 0.0:
-            places = self._apart[[X, Y, *range(STATES, len(self._x))]]
-            if float(np.abs(places).max()) < TOGETHER_M:
-                self.merge()
+        self.settle([X, Y, *range(STATES, len(self._x))])
         self._learn()
 
     def take_curve(self) -> float:

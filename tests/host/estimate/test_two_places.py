@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import FORGOTTEN, LIKELIER, SAYS_MOST, Filter, Measurement
 from host.estimate.odometry import Motion
-from host.estimate.position import TOGETHER_M, WRONG_PLACE, Position
+from host.estimate.position import WRONG_PLACE, Position
 from host.route.plan import Plan, spiral
 from host.route.side import Side
 from tests.helpers.places import followed
@@ -248,8 +248,13 @@ def test_crop_at_the_blade_tells_against_a_place_at_the_end() -> None:
 
 
 def test_two_places_that_have_come_together_are_one() -> None:
-    drive = found_early(TOGETHER_M - 0.05)
-    assert drive.position.likely == 0.0
+    assert found_early(0.2).position.likely == 0.0
+    drive = found_early()
+    wide = drive.position.end_sigma_m(drive.side)
+    drive.position.less_sure_along(drive.side, 2.0)
+    drive.position.crop_at(drive.side, 0.0)
+    assert drive.position.likely == 0.0, "nothing tells them apart any more"
+    assert drive.position.end_sigma_m(drive.side) > wide
 
 
 def test_put_down_anew_it_is_at_one_place() -> None:
