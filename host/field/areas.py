@@ -155,6 +155,8 @@ class Verdict:
     clearance_m: float
     at_keep_out: bool = False
     """A keep-out is nearer than the border."""
+    elsewhere: bool = False
+    """Said of another place at which the machine may be; where it believes to be it may go on."""
 
 
 CLEAR = Verdict(Level.CLEAR, "", math.nan)

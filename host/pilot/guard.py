@@ -207,7 +207,7 @@ class Guard:
             from_there = replace(seen, crop_m=seen.crop_m + max(0.0, back_m))
             limited = self._limit(command, from_there, borders)
             if isinstance(limited, Verdict):
-                return limited
+                return replace(limited, elsewhere=borders.more_m is not None)
             command = limited
         return command
 

@@ -92,8 +92,13 @@ class Follow(Behaviour):
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
         """A side that is about to end, and one beside a keep-out, ends where the geofence has it
         end, which knows how surely the machine knows its place; what is left of it stays, and is
-        told when all else is cut."""
+        told when all else is cut. Where only another place at which the machine may be is too near,
+        crop at the blade tells against that."""
         context, strip = self.context, self.context.strip
+        here_m = context.motion.distance_m
+        if verdict.elsewhere and here_m - context.look.at_m > END_LOOK_EVERY_M:
+            context.look.begin(now, here_m)
+            return Why.IN_DUST.go()
         if verdict.at_keep_out and strip.placed:
             if leave_rest(context):
                 return Why.LEFT_AT_KEEP_OUT.go()

@@ -397,6 +397,16 @@ def test_the_harvest_is_over_where_all_that_is_left_stands_at_a_keep_out(clear_m
     assert context.left_m2 == pytest.approx(left_m2), "and it is told"
 
 
+def test_where_only_another_place_is_too_near_crop_at_the_blade_decides_once() -> None:
+    """A machine that believes to be elsewhere, and had stood for good (model field 10317)."""
+    context = on_side()
+    context.begin_strip()
+    verdict = replace(TOO_NEAR, elsewhere=True)
+    assert is_for(Follow(context).blocked(NOW, verdict), Followed.IN_DUST)
+    assert is_for(Follow(context).blocked(NOW + 5.0, verdict), Watched.GEOFENCE)
+    assert is_for(Follow(on_side()).blocked(NOW, TOO_NEAR), Watched.GEOFENCE)
+
+
 def test_a_side_that_is_about_to_end_ends_where_the_geofence_stops_the_machine_once() -> None:
     """Twice in a row it is no end, and well before it none at all."""
     verdict = replace(TOO_NEAR, at_keep_out=False, clearance_m=0.1)

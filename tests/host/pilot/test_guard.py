@@ -62,6 +62,7 @@ def passes(answer: Command | Verdict, command: Command = ON) -> bool:
 def test_where_the_end_may_be_anywhere_the_machine_does_not_drive_on_unseeing() -> None:
     answer = guard_at(0.3).limit(ON)
     assert not passes(answer)
+    assert not (isinstance(answer, Verdict) and answer.elsewhere)
     assert passes(guard_at(0.3, 0.0).limit(ON)), "where the boundary is known it may"
 
 
@@ -112,7 +113,8 @@ def test_of_two_places_at_which_it_may_be_neither_may_be_too_near() -> None:
     assert ahead[1] - ahead[0] == pytest.approx(4.0, abs=0.6)
     position.predict(on, cutting=False)
     guard = Guard(plan(), VEHICLE, position)
-    assert not passes(guard.limit(slow), slow)
+    answer = guard.limit(slow)
+    assert isinstance(answer, Verdict) and answer.elsewhere
     position.forget()
     assert passes(guard.limit(slow), slow)
 
