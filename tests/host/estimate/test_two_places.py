@@ -42,6 +42,10 @@ class Two(Filter):
     def own_sigma(self) -> float:
         return math.sqrt(self._p[0, 0])
 
+    @property
+    def other_sigma(self) -> float:
+        return math.sqrt(self._other_p[0, 0])
+
 
 def border(at: float, one: Two | None = None) -> Measurement:
     """A border 0.25 m unsure is met where the first number should be `at`."""
@@ -112,12 +116,14 @@ def test_what_neither_expects_changes_neither() -> None:
 
 def test_the_likelier_is_taken_for_the_state_and_the_other_kept() -> None:
     one = two()
-    here, there = one.here, one.there
+    here, there, other_sigma = one.here, one.there, one.other_sigma
+    assert other_sigma != one.own_sigma
     one.heed(math.log(LIKELIER / (1 - LIKELIER) * (1 - one.likely) / one.likely) - 0.01, 9.0)
     assert one.here == here, "not at once"
     one.heed(0.02)
     assert (one.here, one.there) == pytest.approx((there, here))
     assert one.likely == pytest.approx(1.0 - LIKELIER, abs=0.01)
+    assert one.own_sigma == other_sigma
 
 
 def test_together_they_are_as_unsure_as_both_and_how_far_apart_they_are() -> None:
