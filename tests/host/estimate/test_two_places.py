@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.vehicle import Vehicle
+from host.estimate import states as states_of
 from host.estimate.kalman import FORGOTTEN, LIKELIER, SAYS_MOST, Filter, Measurement
 from host.estimate.odometry import Motion
 from host.estimate.position import WRONG_PLACE, Position
@@ -214,6 +215,66 @@ def test_both_places_go_on_as_the_machine_does() -> None:
     assert np.diff(drive.places(), axis=0)[0] == pytest.approx(before, abs=0.02)
     (x, y), _ = drive.places()
     assert (x, y) == pytest.approx((13.0 - VEHICLE.blade_x_m, VEHICLE.inset_m + 2.0), abs=0.2)
+
+
+def apart(drive: Drive, **states: float) -> Position:
+    """It may also be elsewhere, by so much of each of these states."""
+    position = drive.position
+    by = np.zeros(len(position.x))
+    for name, value in states.items():
+        by[getattr(states_of, name)] = value
+    more = 0.5 * np.eye(len(by))
+    position.keep_apart(by, more @ more, 0.4)
+    return position
+
+
+def test_the_other_place_moves_by_its_own_direction_and_grows_as_unsure() -> None:
+    drive = Drive(5.0)
+    position = apart(drive, X=1.0, YAW=0.1)
+    before = position.all_borders[1].p[0, 0]
+    drive.move(2.0)
+    (x, y), (x_other, y_other) = drive.places()
+    assert y_other - y == pytest.approx(2.0 * math.sin(0.1), abs=1e-3)
+    assert x_other - x == pytest.approx(1.0 + 2.0 * (math.cos(0.1) - 1.0), abs=1e-3)
+    assert position.all_borders[1].p[0, 0] > before
+
+
+def test_of_a_new_lane_both_places_know_the_same() -> None:
+    drive = Drive(5.0)
+    position = apart(drive, X=1.0, LANE_OFFSET=0.4, WANDER=0.1)
+    position.begin(drive.plan.sides[1])
+    here, there = position.all_borders
+    lane = [states_of.LANE_OFFSET, states_of.LANE_YAW, states_of.WANDER]
+    assert there.x[lane] == pytest.approx(here.x[lane])
+    for one in lane:
+        assert there.p[one, one] < 0.3, "of its own it had 0.25 of each, and none is added"
+    assert there.p[states_of.WANDER, states_of.WANDER] == here.p[states_of.WANDER, states_of.WANDER]
+
+
+def test_an_end_that_is_put_elsewhere_is_there_for_both_places() -> None:
+    """By how far before the blade it lies."""
+    drive = Drive(12.0, sigma_m=0.5)
+    position = apart(drive, X=1.0)
+    position.ends_at(drive.side, 13.0, 0.01)
+    here, there = position.all_borders
+    place = np.array([[14.0, 0.5]])
+    (end,), (other,) = (borders.against(np.zeros((1, 2)), place)[1] for borders in (here, there))
+    assert 14.0 + end[0] - here.pose[0] == pytest.approx(14.0 + other[0] - there.pose[0], abs=0.05)
+
+
+def test_where_an_edge_turns_what_lies_between_the_places_turns_with_it() -> None:
+    drive = Drive(2.0, sigma_m=1.0)
+    position = apart(drive, X=1.0)
+    corner = np.zeros((1, len(position.x)))
+    corner[0, states_of.STATES + 3] = 1.0  # the second one's y: it turns the first edge
+    position.fuse(Measurement("corner", corner, np.array([1.4]), np.array([1e-6])))
+    before = np.diff(drive.places(), axis=0)[0]
+    position.rested(0.0, 1.0)
+    after = np.diff(drive.places(), axis=0)[0]
+    turned_rad = position.outline.heading_rad(0)
+    assert turned_rad > 0.05
+    c, s = math.cos(turned_rad), math.sin(turned_rad)
+    assert after == pytest.approx(np.array([[c, -s], [s, c]]) @ before, abs=1e-6)
 
 
 def turned(drive: Drive, true_m: float) -> Drive:
