@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from host.core.vehicle import Vehicle
 from host.estimate import states as states_of
+from host.estimate.borders import Borders
 from host.estimate.kalman import FORGOTTEN, LIKELIER, SAYS_MOST, Filter, Measurement
 from host.estimate.odometry import Motion
+from host.estimate.outline import Outline
 from host.estimate.position import WRONG_PLACE, Position
 from host.route.plan import Plan, spiral
 from host.route.side import Side
@@ -356,3 +358,13 @@ def test_where_corners_are_found_the_other_place_has_corners_of_its_own() -> Non
     along = there.pose[0] - here.pose[0]
     assert 14.0 + shift_there[0, 0] - there.pose[0] == pytest.approx(VEHICLE.blade_x_m, abs=0.4)
     assert along + abs(shift_there[0, 0] - shift[0, 0]) > 0.5
+
+
+def test_corners_that_lie_elsewhere_from_the_other_place_alone_count_there() -> None:
+    outline = Outline(RING)
+    x = np.zeros(states_of.STATES + 8)
+    point = np.array([[7.0, 0.2]])
+    more_m = np.array([[0.0, -1.0], [0.0, -1.0], [0.0, 0.0], [0.0, 0.0]])
+    assert Borders(x, np.eye(len(x)), outline).as_planned(point) == pytest.approx(point)
+    there = Borders(x, np.eye(len(x)), outline, more_m)
+    assert there.as_planned(point) == pytest.approx(point + [[0.0, 1.0]])
