@@ -198,14 +198,10 @@ class Guard:
         neither may be too near."""
         if self._fence is None or not self._position.known:
             return command
-        x, y, yaw = self._position.pose
         for borders in self._position.all_borders:
             if command.request is not Request.DRIVE or command.speed_mps == 0.0:
                 return command
-            # What crop was seen to stand is so much farther before the end from a place behind.
-            back_m = (x - borders.pose[0]) * math.cos(yaw) + (y - borders.pose[1]) * math.sin(yaw)
-            from_there = replace(seen, crop_m=seen.crop_m + max(0.0, back_m))
-            limited = self._limit(command, from_there, borders)
+            limited = self._limit(command, seen, borders)
             if isinstance(limited, Verdict):
                 return replace(limited, elsewhere=borders.more_m is not None)
             command = limited
