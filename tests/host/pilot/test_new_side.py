@@ -417,20 +417,18 @@ def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted(
     beside_m, at_m = position.beside_sigma_m(piece), position.along(piece)
     strip.ends_at(length_m - off_m)
     strip.met_end(EndOfField(NOW, context.motion, 0), None, looked=True)
-    if doubted:
-        here, there = position.all_borders
-        assert math.dist(here.pose[:2], there.pose[:2]) == pytest.approx(off_m, abs=0.3)
-        assert position.likely == WRONG_PLACE
-        strip.goes_on(context.motion)
-        moved(context, length_m - off_m + 0.6)
-        strip.goes_on(context.motion)
-        assert position.likely < WRONG_PLACE, "crop at the blade is beyond that end"
-    else:
+    assert position.beside_sigma_m(piece) == pytest.approx(beside_m, rel=0.01), "along it only"
+    assert abs(position.along(piece) - at_m) < 0.15
+    if not doubted:
         assert position.end_sigma_m(piece) < before_m, "that is what its place may err"
         assert position.likely == 0.0
-    if not doubted:
-        assert abs(position.along(piece) - at_m) < 0.15
-    assert position.beside_sigma_m(piece) == pytest.approx(beside_m, rel=0.05), "along it only"
+        return
+    here, there = position.all_borders
+    assert math.dist(here.pose[:2], there.pose[:2]) == pytest.approx(off_m, abs=0.3)
+    assert position.likely == WRONG_PLACE
+    moved(context, length_m - off_m + 0.6)
+    strip.goes_on(context.motion)
+    assert position.likely < WRONG_PLACE, "crop at the blade is beyond that end"
     assert strip.side.length_m == length_m
 
 
