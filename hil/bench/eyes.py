@@ -89,6 +89,7 @@ class PerfectEye:
     def knock(self, lens: CameraSpec) -> None:
         """The camera is this one from now on."""
         told = self._bench.scenario.told
+        self._lens_m = lens.x_m, lens.y_m
         self._misreading = Misreading(lens, self._blade[0], told.mount, told.vehicle)
 
     def sight(self) -> Sight:
@@ -101,6 +102,7 @@ class PerfectEye:
             float(state["v"]),
             bool(state["blade_spinning"]),
             self._misreading,
+            self._lens_m,
         )
 
 

@@ -33,6 +33,22 @@ def test_the_edge_and_the_crop_ahead_are_where_they_are(
     assert seen.depth_m > 2.9
 
 
+@pytest.mark.parametrize(
+    ("into_m", "yaw_rad"), [(-0.06, 0.0), (0.02, 0.0), (0.02, 2.0), (3.0, 1.0)]
+)
+def test_crop_stands_right_before_a_lens_where_its_ground_is_crop(
+    crop: Field, into_m: float, yaw_rad: float
+) -> None:
+    """Of a lens at x 0.3, y 0.1 that is so far across the west side."""
+    lens_m = (0.3, 0.1)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    at = (into_m, 5.0)
+    pose = (at[0] - lens_m[0] * c + lens_m[1] * s, at[1] - lens_m[0] * s - lens_m[1] * c, yaw_rad)
+    before = into_m + 0.05 * c > 0.0
+    assert look(crop, pose, BLADE_X_M, BLADE_WIDTH_M, lens_m=lens_m).before_lens is before
+    assert not look(crop, pose, BLADE_X_M, BLADE_WIDTH_M).before_lens
+
+
 def test_a_machine_askew_sees_a_slope(crop: Field) -> None:
     yaw = math.pi / 2 + math.radians(8)
     seen = look(crop, (9.6, -BLADE_X_M - 0.2, yaw), BLADE_X_M, BLADE_WIDTH_M)
