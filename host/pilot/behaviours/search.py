@@ -7,7 +7,7 @@ import math
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
-from host.pilot.endings import Blind, blind
+from host.pilot.endings import Blind, Patience, blind, leave_rest
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -37,7 +37,7 @@ class Search(Behaviour):
 
     phase = Phase.SEARCH
     gaze = Gaze(begins=True)
-    reasons = (Why, Blind)
+    reasons = (Why, Blind, Patience)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -68,7 +68,7 @@ class Search(Behaviour):
         if view is not None and view.hidden:
             self._empty = 0
         if view is None or not context.sight.sees_ahead():
-            return Why.NOTHING_TO_SEE.go() if self._tries > MOST_PICTURES else None
+            return self._nothing_seen() if self._tries > MOST_PICTURES else None
         expected = context.turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
         if view.crop_ahead_m > expected + NO_CROP_M:
             self._empty += 1
@@ -81,6 +81,11 @@ class Search(Behaviour):
             return None
         context.begin_strip()
         return Why.CROP_AHEAD.go(side=context.strip.name, ahead_m=f"{view.crop_ahead_m:.1f}")
+
+    def _nothing_seen(self) -> Go:
+        """A person must see, unless next to nothing of the plan is left."""
+        go = Why.NOTHING_TO_SEE.go()
+        return Patience.REMNANT.go(reason=go.text) if leave_rest(self.context) else go
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
         """No crop in view after a turn: the end, unless the plan still has a long side here that is

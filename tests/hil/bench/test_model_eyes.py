@@ -174,7 +174,9 @@ def test_crop_beside_the_way_that_the_detector_did_not_see_is_not_seen() -> None
 def test_what_is_said_beside_the_way_where_nothing_stands_was_said_where_nothing_stood(
     was_m: float, said_m: float
 ) -> None:
-    beside = Beside("mast", -2.0, read_beside_m=was_m, edge_beside_m=0.7)  # a low lens stands in the crop
+    beside = Beside(
+        "mast", -2.0, read_beside_m=was_m, edge_beside_m=0.7
+    )  # a low lens stands in the crop
     assert beside.said() == pytest.approx([said_m] * 50, nan_ok=True)
 
 

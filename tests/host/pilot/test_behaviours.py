@@ -1246,6 +1246,15 @@ def test_search_that_makes_nothing_out_needs_a_person() -> None:
     assert [go.reason for go in goes] == [Searched.NOTHING_TO_SEE]
 
 
+def test_where_next_to_nothing_is_left_nobody_is_called_for_it() -> None:
+    """Of the plan (model field 10354 had 0.9998 of its crop cut)."""
+    sides = (PLAN.sides[0], replace(PLAN.sides[1], length_m=1.5))
+    context = turned(replace(PLAN, sides=sides))
+    goes = searched(context, CropView(0.0, hidden=True), MOST_PICTURES + 1)
+    assert [go.reason for go in goes] == [Patience.REMNANT]
+    assert context.left_standing_m2 > 1.0, "it is told of"
+
+
 # ---- the end -------------------------------------------------------------------------------------
 
 
