@@ -7,7 +7,7 @@ import math
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
-from host.pilot.endings import Blind, Patience, blind, leave_rest
+from host.pilot.endings import Blind, blind, leave_rest
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -29,6 +29,7 @@ class Why(Reason):
     CROP_AHEAD = Doing.FOLLOW, "{side}: crop {ahead_m} m ahead"
     NOT_IN_VIEW = Doing.FOLLOW, "{side}: no crop in view, looking for it"
     NO_CROP_LEFT = Doing.FINISH, "no crop left beside the last swath"
+    REMNANT = Doing.FINISH, "the last remnant shows nothing after the turn"
     NOTHING_TO_SEE = Doing.FAULT, "nothing to be made out after the turn"
 
 
@@ -37,7 +38,7 @@ class Search(Behaviour):
 
     phase = Phase.SEARCH
     gaze = Gaze(begins=True)
-    reasons = (Why, Blind, Patience)
+    reasons = (Why, Blind)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -84,8 +85,7 @@ class Search(Behaviour):
 
     def _nothing_seen(self) -> Go:
         """A person must see, unless next to nothing of the plan is left."""
-        go = Why.NOTHING_TO_SEE.go()
-        return Patience.REMNANT.go(reason=go.text) if leave_rest(self.context) else go
+        return (Why.REMNANT if leave_rest(self.context) else Why.NOTHING_TO_SEE).go()
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
         """No crop in view after a turn: the end, unless the plan still has a long side here that is

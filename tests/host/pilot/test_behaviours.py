@@ -1251,7 +1251,7 @@ def test_where_next_to_nothing_is_left_nobody_is_called_for_it() -> None:
     sides = (PLAN.sides[0], replace(PLAN.sides[1], length_m=1.5))
     context = turned(replace(PLAN, sides=sides))
     goes = searched(context, CropView(0.0, hidden=True), MOST_PICTURES + 1)
-    assert [go.reason for go in goes] == [Patience.REMNANT]
+    assert [go.reason for go in goes] == [Searched.REMNANT]
     assert context.left_standing_m2 > 1.0, "it is told of"
 
 
