@@ -247,7 +247,10 @@ class PlanSide(Strip):
         return self._beyond_doubt(0.0) or not self.may_end_at(along_m)
 
     def _beyond_doubt(self, more_m: float) -> bool:
-        """Whether what is left of the side, and so much more, is more than any belief errs."""
+        """Whether what is left of the side, and so much more, is more than any belief errs. Of a
+        machine that may be at two places nothing is."""
+        if self.estimate.position.likely > 0.0:
+            return False
         left = self.left_m() + more_m - SIGMAS * self._doubt_m
         return left > max(SURE_M, SURE_SHARE * (self.side.length_m + more_m))
 

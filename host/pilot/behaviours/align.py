@@ -67,6 +67,8 @@ class Align(Behaviour):
         """The stamp of the last picture that was judged."""
         self._askew = 0
         """Pictures that showed the machine askew, less those that showed it in line."""
+        self._endless = 0
+        """Pictures that showed crop without a right end, less those that showed one."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -80,13 +82,19 @@ class Align(Behaviour):
         if isinstance(strip, PlannedStrip) and strip.resumed and view.crop_ahead_m > NO_CROP_M:
             return context.hold(), self._nothing_ahead(now, strip)
         slanting = strip.begins_slanting
-        if not (slanting or view.confidence > NO_END):
+        fresh = context.sight.stamp > self._judged
+        self._judged = context.sight.stamp
+        endless = not (slanting or view.confidence > NO_END)
+        if fresh:
+            self._endless = max(-1, self._endless + (1 if endless else -1))
+        if endless:
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
             if now - context.since >= TRUST_AFTER_S:
                 context.reason = Wait.NO_END.go().text
             return context.hold(), None
         seen = view.confidence >= CONFIDENT and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
+        trusted = trusted and self._endless <= 0
         if not (seen or slanting or trusted):
             return context.hold(), None
         lane = context.estimate.lane
@@ -95,7 +103,7 @@ class Align(Behaviour):
             edge, heading = strip.edge_m(view, context.motion), view.edge_heading_rad
             ahead_m = view.edge_ahead_m
             lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
-            if self._shows_askew(lane.heading_rad):
+            if self._shows_askew(lane.heading_rad, fresh=fresh):
                 deg = f"{math.degrees(abs(lane.heading_rad)):.0f}"
                 context.reason = Wait.ASKEW.go(deg=deg).text
                 return context.hold(), None
@@ -107,11 +115,9 @@ class Align(Behaviour):
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
 
-    def _shows_askew(self, heading_rad: float) -> bool:
+    def _shows_askew(self, heading_rad: float, *, fresh: bool) -> bool:
         """Whether most pictures so far show the machine askew of the edge, as this one."""
-        stamp = self.context.sight.stamp
-        if stamp > self._judged:
-            self._judged = stamp
+        if fresh:
             askew = abs(heading_rad) > ASKEW_RAD
             self._askew = max(-1, self._askew + (1 if askew else -1))
         return self._askew > 0
