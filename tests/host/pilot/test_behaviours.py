@@ -259,6 +259,22 @@ def test_align_trusts_the_operator_where_a_plan_says_what_is_there(
     assert is_for(go, Aligned.TRUSTED if trusts else None)
 
 
+@pytest.mark.parametrize(("endless", "trusts"), [(4, False), (1, True)])
+def test_align_trusts_nobody_where_most_pictures_show_crop_without_an_end(
+    endless: int, trusts: bool
+) -> None:
+    """So a machine sees the neighbour's that was put down the wrong way round: one faint picture of
+    an end had sent it off."""
+    context = standing(PLAN)
+    align, shown = Align(context), [0.0] * endless + [0.2] * 2
+    for k, confidence in enumerate(shown):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(shown) else 0.0)
+        seeing(context, replace(CUTTING, confidence=confidence), stamp=stamp)
+        go = align.step(stamp)[1]
+        assert go is None or k + 1 == len(shown)
+    assert is_for(go, Aligned.TRUSTED if trusts else None)
+
+
 # ---- follow --------------------------------------------------------------------------------------
 
 
@@ -884,6 +900,9 @@ def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_
     assert context.strip.along_m(context.motion) == pytest.approx(along_m, abs=0.01)
     assert context.strip.surely_own is own
     assert not context.strip.surely_crop
+    position = context.estimate.position
+    position.keep_apart(np.zeros(len(position.x)), np.eye(len(position.x)), 0.3)
+    assert not context.strip.surely_own, "where the machine may be at two places nothing is"
 
 
 def after_search(turn: DriveTurn) -> None:
