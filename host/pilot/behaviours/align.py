@@ -19,6 +19,9 @@ TRUST_AFTER_S = 3.0
 across the strip, what is seen is not the edge, and that holds at once."""
 NO_END: Final = 0.05
 """Confidence of an edge that is made up: the crop goes on to the right."""
+SURE_COUNTS: Final = 5
+"""Pictures without one that a sure picture of the crop's right end outweighs. A machine that faces
+the neighbour's crop sees faint ends in a quarter of its pictures, and no sure one."""
 SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
 ASKEW_RAD: Final = 2.0 * SEEN_SIGMA[1]
@@ -68,7 +71,8 @@ class Align(Behaviour):
         self._askew = 0
         """Pictures that showed the machine askew, less those that showed it in line."""
         self._endless = 0
-        """Pictures that showed crop without a right end, less those that showed one."""
+        """Pictures that showed crop without a right end, less those that showed one, of which a
+        sure one counts more."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -86,7 +90,8 @@ class Align(Behaviour):
         self._judged = context.sight.stamp
         endless = not (slanting or view.confidence > NO_END)
         if fresh:
-            self._endless = max(-1, self._endless + (1 if endless else -1))
+            shows = SURE_COUNTS if view.confidence >= CONFIDENT else 1
+            self._endless = max(-SURE_COUNTS, self._endless + (1 if endless else -shows))
         if endless:
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
             if now - context.since >= TRUST_AFTER_S:

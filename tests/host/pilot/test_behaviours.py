@@ -275,6 +275,21 @@ def test_align_trusts_nobody_where_most_pictures_show_crop_without_an_end(
     assert is_for(go, Aligned.TRUSTED if trusts else None)
 
 
+def test_a_sure_picture_of_an_end_outweighs_some_without_one() -> None:
+    """A mirrored camera shows it now and then; once the machine drives, its pictures are told."""
+    context = standing(PLAN)
+    align = Align(context)
+    askew = replace(CUTTING, edge_offset_m=0.75, edge_heading_rad=math.nan)
+    faint, none = replace(CUTTING, confidence=0.2), replace(CUTTING, confidence=0.0)
+    views = [none] * 4 + [askew, none, none, faint]
+    for k, view in enumerate(views):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(views) else 0.0)
+        seeing(context, view, stamp=stamp)
+        go = align.step(stamp)[1]
+        assert go is None or k + 1 == len(views)
+    assert is_for(go, Aligned.TRUSTED)
+
+
 # ---- follow --------------------------------------------------------------------------------------
 
 
