@@ -28,6 +28,7 @@ from hil.bench.sight import CUTTING_M, Sight
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
 from host.sensors.jpeg import NOTHING, Bgr
+from host.vision.mounted.before_lens import HIDES
 from host.vision.view import NAN, CropView
 from sim_plant.camera import CameraSpec
 
@@ -280,10 +281,9 @@ camera, 13 from the mast)."""
 LASTS: Final = 0.9
 """Correlation of that error from picture to picture."""
 HIDDEN: Final = {"low": 0.8, "mast": 0.0}
-"""How often the detector knows stems right before the lens for what they are, by the mount (253 of
-318 pictures of six fitted drives). What else the detector makes of a picture says nothing of
-that: so its answers to those that it knew are no answers of another situation."""
-HIDES: Final = "stems stand right before the lens"
+"""How often the detector knows stems right before the lens for what they are, by the mount: 253 of
+318 pictures of six fitted drives, 66 of 106 of three others. Its answers to them are answers to no
+other situation."""
 LEAST: Final = 12
 """Rows of a cell from which on it stands for itself."""
 

@@ -38,8 +38,8 @@ BESIDE_WIDE_M: Final = 0.2
 REMNANT_M: Final = 0.45
 """What is narrower, and has more crop to its left, is no strip's edge but an earlier one's rest."""
 LENS_M: Final = (0.05, 0.03)
-"""Before a camera's lens and to either side of its axis: crop that stands there hides all else. Of
-318 pictures of six low cameras the detector says so of 253, and of seven others in 5,468."""
+"""Before a camera's lens and to either side of its axis: crop that stands there hides all else
+(docs/use/thousand_fields.md)."""
 DEPTH_M: Final = 3.0
 """No more of the crop behind its face is looked at."""
 

@@ -20,7 +20,7 @@ class Borders:
     p: Array
     outline: Outline
     more_m: Array | None = None
-    """(n, 2) by how much farther from there the corners lie, m."""
+    """(n, 2), m, what comes to that where the state is an alternative; None: it is none."""
 
     @property
     def pose(self) -> tuple[float, float, float]:

@@ -192,18 +192,17 @@ class Guard:
 
     def limit(self, command: Command, seen: SeenFree = SeenFree()) -> Command | Verdict:
         """The command as the geofence lets it pass, whatever vision says, or why it does not. What
-        leads away from the border is let pass slowly: a
-        machine that stands too near must be able to leave. What was `seen` makes the border no
-        wider, only the position against it surer. Of two places at which the machine may be,
-        neither may be too near."""
+        leads away from the border is let pass slowly: a machine that stands too near must be able
+        to leave. What was `seen` makes the border no wider, only the position against it surer. Of
+        two places at which the machine may be, neither may be too near."""
         if self._fence is None or not self._position.known:
             return command
-        for borders in self._position.all_borders:
+        for at, borders in enumerate(self._position.all_borders):
             if command.request is not Request.DRIVE or command.speed_mps == 0.0:
                 return command
             limited = self._limit(command, seen, borders)
             if isinstance(limited, Verdict):
-                return replace(limited, elsewhere=borders.more_m is not None)
+                return replace(limited, elsewhere=at > 0)
             command = limited
         return command
 

@@ -13,6 +13,8 @@ import numba
 
 from host.vision.pictures import Mask
 
+HIDES: Final = "stems stand right before the lens"
+"""In words, for the view."""
 CELL_PX: Final = 8
 FLAT: Final = 2.5
 """Standard deviation of the grey levels within a cell, 255ths of the logarithmic range: most cells

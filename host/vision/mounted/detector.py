@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Mount, Vehicle
 from host.vision.geometry import Camera
-from host.vision.mounted.before_lens import before_lens
+from host.vision.mounted.before_lens import HIDES, before_lens
 from host.vision.mounted.evidence import Evidence
 from host.vision.mounted.face import (
     FAR_M,
@@ -169,8 +169,7 @@ class MountedDetector:
     def _see(self, bgr: Picture, stages: bool) -> CropView:
         seen, pictures = self._source.look(bgr, stages, self._cutting and self._below_tops)
         if self._below_tops and before_lens(seen.grey[self._level :]):
-            reason = "stems stand right before the lens"
-            return CropView(0.0, hidden=True, reason=reason, stages=pictures)
+            return CropView(0.0, hidden=True, reason=HIDES, stages=pictures)
         expected = self._expected()
         stands = 0.0 if self._cutting else max(0.0, self._stands_m - APPROACH_M)
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN

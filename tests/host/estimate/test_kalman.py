@@ -142,23 +142,19 @@ def test_a_begin_and_an_end_tell_how_far_along_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("border", "either_m"),
-    [
-        (begin.begin(place(0.0, 0.0), 0.0), 0.9),
-        (end.end(place(0.0, 0.0), 0.0, 0.0), 0.69),
-    ],
+    "border", [begin.begin(place(0.0, 0.0), 0.0), end.end(place(0.0, 0.0), 0.0, 0.0)]
 )
-def test_a_border_that_may_be_something_else_moves_the_place_by_a_part(
-    border: Measurement, either_m: float
-) -> None:
+def test_a_border_that_may_be_something_else_moves_the_place_by_a_part(border: Measurement) -> None:
     """As expected it leaves the place surer; within reason it is taken as it is; where it may be
-    either, the place moves by a part and is less sure; far off it is next to nothing."""
+    either, the place is moved by a part of it and less sure, both meanings taken together; far off
+    it is next to nothing."""
     sigma_m, shares, sigmas = 0.3, [], []
-    for off_m in (0.0, 0.3, either_m, 3.0):
+    for off_m in (0.0, 0.3, 1.0, 3.0):
         one = Read(np.zeros(STATES), np.eye(STATES) * sigma_m**2)
         only_x = np.zeros_like(border.h)
         only_x[0, X] = 1.0
         assert one.fuse(replace(border, h=only_x, innovation=np.array([off_m])))
+        one.merge()
         x, p = one.state
         shares.append(x[X] / off_m if off_m > 0.0 else 0.0)
         sigmas.append(math.sqrt(p[X][X]))
@@ -167,7 +163,7 @@ def test_a_border_that_may_be_something_else_moves_the_place_by_a_part(
     assert shares[3] < 0.15
     assert sigmas[0] == pytest.approx(sigmas[1])
     assert sigmas[0] < 0.7 * sigma_m
-    assert sigmas[2] > 1.3 * sigmas[1]
+    assert sigmas[2] > 1.1 * sigma_m
 
 
 def test_a_slanting_border_is_met_earlier_farther_left() -> None:
