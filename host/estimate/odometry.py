@@ -304,7 +304,7 @@ class Odometry:
         if self._coast.turned:
             return step_m - 2 * back_m, -speed
         downhill = self._slope.rolls(self.now.yaw_rad)
-        if downhill == 0 or self._driven_s > -STOPS_S:
+        if downhill == 0 or self._driven_s > -STOPS_S or not self._coast.slowed:
             return step_m, speed
         return math.copysign(step_m, downhill), math.copysign(speed, downhill)
 

@@ -85,6 +85,11 @@ class Coast:
         self.turned = False
         """Whether it has come to roll against the way it was driven."""
 
+    @property
+    def slowed(self) -> bool:
+        """Whether it has been so slow that it may have turned round since."""
+        return self._slowest_mps < TURNS_MPS
+
     def take(self, step_m: float, speed_mps: float) -> float:
         """With what was counted since the last call: how much of all that was counted so far went
         the other way, and was not known to."""

@@ -28,6 +28,7 @@ class Why(Reason):
 
     CROP_AHEAD = Doing.FOLLOW, "{side}: crop {ahead_m} m ahead"
     NOT_IN_VIEW = Doing.FOLLOW, "{side}: no crop in view, looking for it"
+    OWN_CROP = Doing.FOLLOW, "{side}: nothing to be made out, in crop that is surely the field's"
     NO_CROP_LEFT = Doing.FINISH, "no crop left beside the last swath"
     REMNANT = Doing.FINISH, "the last remnant shows nothing after the turn"
     NOTHING_TO_SEE = Doing.FAULT, "nothing to be made out after the turn"
@@ -54,14 +55,14 @@ class Search(Behaviour):
         go = blind(context, now)
         if go is None and context.standing(now) and context.sight.stamp > self._judged:
             self._judged = context.sight.stamp
-            go = self._judge()
+            go = self._judge(now)
         return context.hold(), go
 
     def paused(self, now: float) -> None:
         super().paused(now)
         self._judged = now
 
-    def _judge(self) -> Go | None:
+    def _judge(self, now: float) -> Go | None:
         """By one more picture. Stems right before the lens are no empty ground."""
         context, view = self.context, self.context.sight.view
         assert context.turning is not None
@@ -69,7 +70,7 @@ class Search(Behaviour):
         if view is not None and view.hidden:
             self._empty = 0
         if view is None or not context.sight.sees_ahead():
-            return self._nothing_seen() if self._tries > MOST_PICTURES else None
+            return self._nothing_seen(now) if self._tries > MOST_PICTURES else None
         expected = context.turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
         if view.crop_ahead_m > expected + NO_CROP_M:
             self._empty += 1
@@ -83,9 +84,14 @@ class Search(Behaviour):
         context.begin_strip()
         return Why.CROP_AHEAD.go(side=context.strip.name, ahead_m=f"{view.crop_ahead_m:.1f}")
 
-    def _nothing_seen(self) -> Go:
-        """A person must see, unless next to nothing of the plan is left."""
-        return (Why.REMNANT if leave_rest(self.context) else Why.NOTHING_TO_SEE).go()
+    def _nothing_seen(self, now: float) -> Go:
+        """From another place more may be seen. A person must see whose crop that is, unless next to
+        nothing of the plan is left."""
+        context = self.context
+        if context.goes_unseeing(now):
+            context.begin_strip()
+            return Why.OWN_CROP.go(side=context.strip.name)
+        return (Why.REMNANT if leave_rest(context) else Why.NOTHING_TO_SEE).go()
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
         """No crop in view after a turn: the end, unless the plan still has a long side here that is
