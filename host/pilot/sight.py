@@ -50,6 +50,9 @@ to show the lane's edge."""
 ALONG_M = 0.5
 """From both ends of the next strip, beside which a shuttle backs, for what is seen at the blade to
 be its edge."""
+BEFORE_M = 1.0
+"""Before where a strip's crop can begin, an edge is another's: what borders and swath are ragged
+by."""
 IN_VIEW_M, IN_VIEW_SIGMAS = 1.3, 3.0
 """Beside the blade's middle, and of the lane's uncertainty besides, the lane's edge may lie in a
 picture: pictures show 1.45 m to the left of where it should be and 1.15 m to the right. An edge
@@ -397,7 +400,17 @@ class Sight:
         far = strip.placed and off_m > IN_VIEW_M
         if far and off_m > IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m:
             return False
+        if self.before_begin(view, strip, then):
+            return False
         return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
+
+    def before_begin(self, view: CropView, strip: Strip, then: Motion) -> bool:
+        """Whether what stands in the picture taken then stands before any crop of the strip."""
+        if not strip.placed:
+            return False
+        before_m = -(strip.along_m(then) + view.edge_ahead_m)
+        # how surely the beginning is known, which takes long, is asked only where it decides
+        return before_m > BEFORE_M and before_m > BEFORE_M + strip.begin_doubt_m
 
     def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:
         """Whether the right end of the crop at the blade may be what the strip before has left
