@@ -76,6 +76,9 @@ WRONG_PLACE = 0.3
 five in drives with pictures and model eyes none or one was (low camera). Smaller: a boundary that
 is surely longer than the field is believed for longer."""
 
+SURELY: Final = 20.0
+"""Logarithm of a likelihood ratio that decides."""
+
 
 class Position(Readings):
     """Unknown until `place`. Sides are the plan's; where they are found to lie is known here."""
@@ -307,6 +310,16 @@ class Position(Readings):
         by_here, by_other = log_ndtr(lefts / sigmas)
         self.heed(float(by_other - by_here))
         self._settle()
+
+    def ended(self, side: Side, ago_m: float) -> None:
+        """The blade surely met the end of a side ago_m ago: of two places the machine is at the one
+        from which that end lies there."""
+        if self.likely == 0.0:
+            return
+        place = self.at(side)
+        past_m = place.blade_m - ago_m - place.side.length_m
+        other_m = past_m - float(to_border(place, 1) @ self._apart)
+        self.heed(SURELY if abs(other_m) < abs(past_m) else -SURELY, SURELY)
 
     def ends_at(self, side: Side, along_m: float, variance_m2: float) -> None:
         """A side's end is now taken to lie along_m past its beginning, with that variance against

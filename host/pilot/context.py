@@ -38,7 +38,7 @@ STOPPED_MPS = 0.03
 CREEPING_MPS = 0.2
 """A braked machine on a slope of 7 degrees: it cannot stand better than that."""
 BEGINNING_M = 3.0
-"""Of a strip: what its turn has left askew is straightened by then."""
+"""Of a strip, or behind a bend of it: what the turn has left askew is straightened by then."""
 BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
 REGAINS = 2
@@ -152,9 +152,12 @@ class Context:
             return  # the end may be none, and what stands there the side's own
         if sure:
             gaps.note(beyond.edge, gap_m)
-        if sure and ahead_m < FARTHEST_M and abs(beyond.past_m - beyond.ago_m) > TELLS_M:
-            self.strip.met_end_surely()
+        if sure and ahead_m < FARTHEST_M:
+            self.strip.end_was_one()
             beyond = self.strip.gap_beyond() or beyond
+            if abs(beyond.past_m - beyond.ago_m) > TELLS_M:
+                self.strip.met_end_surely()
+                beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
         gaps.room_m = min(gap_m, room_m) if sure else room_m
         least_m = gaps.narrowed(gaps.room_m) if sure else max(0.0, room_m)
@@ -218,12 +221,13 @@ class Context:
 
     def goes_unseeing(self, now: float) -> bool:
         """Whether the machine may drive on by dead reckoning that has lost the edge at a strip's
-        beginning, and looked for it in vain: a low camera among stalks that the turn has left
-        beside the blade shows no more, and a machine inside of the edge sees crop on both sides.
+        beginning, or behind a bend, and looked for it in vain: a low camera among stalks that the
+        turn has left beside the blade shows no more, a machine inside of the edge sees crop on both
+        sides, and an edge that bends to the right leaves the picture.
         Only in crop that is the field's beyond doubt, and without any sight of it no farther than
         such stalks can stand."""
         blind_m = self.motion.distance_m - self.sight.seen_at_m
-        begins = self.strip.along_m(self.motion) < BEGINNING_M and blind_m < BLIND_ON_M
+        begins = self.strip.straight_m(self.motion) < BEGINNING_M and blind_m < BLIND_ON_M
         view, ahead = self.sight.view, self.sight.ahead
         # Whose stems those are, nobody knows before the blade has met the strip's own.
         hidden = view is not None and view.hidden and not ahead.entered

@@ -182,6 +182,9 @@ class PlanSide(Strip):
         start = self._pieces[self._at][0] if self._at else 0.0
         return start + self.estimate.position.along(self._straight[self._at]) - travelled
 
+    def straight_m(self, motion: Motion) -> float:
+        return self.along_m(motion) - (self._pieces[self._at][0] if self._at else 0.0)
+
     @property
     def _crop_to_m(self) -> float:
         """How far along the side crop goes on from what was cut."""

@@ -154,6 +154,10 @@ class PlannedStrip(PlanSide):
         ago = here.distance_m - self._end_at_m - end.EARLY_M
         return Beyond(edge, askew, ago, past, (edge, last.edge))
 
+    def end_was_one(self) -> None:
+        ago_m = self.estimate.motion.distance_m - self._end_at_m
+        self.estimate.position.ended(self._straight[-1], ago_m)
+
     def met_end_surely(self) -> None:
         last, position = self._straight[-1], self.estimate.position
         ago = self.estimate.motion.distance_m - self._end_at_m

@@ -99,6 +99,10 @@ class Strip:
         """How far the blade had come past the strip's beginning at a motion."""
         return self.ahead.cut_m(motion)
 
+    def straight_m(self, motion: Motion) -> float:
+        """The same past the beginning of the straight piece that the blade is at."""
+        return self.along_m(motion)
+
     def past_end(self, motion: Motion) -> bool:
         """Whether clear ground is to be expected there."""
         return False
@@ -213,6 +217,9 @@ class Strip:
     def gap_beyond(self) -> Beyond | None:
         """What lies beyond its end, where that is the field's boundary and has just been seen."""
         return None
+
+    def end_was_one(self) -> None:
+        """What was taken for its end is one."""
 
     def met_end_surely(self) -> None:
         """What stands beyond its end stands where it should: that was its end, wherever the machine
