@@ -154,10 +154,9 @@ class Context:
             gaps.note(beyond.edge, gap_m)
         if sure and ahead_m < FARTHEST_M:
             self.strip.end_was_one()
-            beyond = self.strip.gap_beyond() or beyond
             if abs(beyond.past_m - beyond.ago_m) > TELLS_M:
                 self.strip.met_end_surely()
-                beyond = self.strip.gap_beyond() or beyond
+            beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
         gaps.room_m = min(gap_m, room_m) if sure else room_m
         least_m = gaps.narrowed(gaps.room_m) if sure else max(0.0, room_m)
@@ -230,7 +229,8 @@ class Context:
         begins = self.strip.straight_m(self.motion) < BEGINNING_M and blind_m < BLIND_ON_M
         view, ahead = self.sight.view, self.sight.ahead
         # Whose stems those are, nobody knows before the blade has met the strip's own.
-        hidden = view is not None and view.hidden and not ahead.entered
+        met = ahead.entered and self.turning is None
+        hidden = view is not None and view.hidden and not met
         return begins and self.strip.surely_own and not (hidden or self.blind(now))
 
     # ---- commands --------------------------------------------------------------------------------

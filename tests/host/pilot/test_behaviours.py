@@ -486,11 +486,11 @@ def test_what_a_turning_machine_sees_against_its_lane_makes_that_no_more_doubtfu
     turns: bool,
 ) -> None:
     """Crop that stands elsewhere passes before it; what lasts beside a machine on its lane does."""
-    elsewhere = replace(CUTTING, edge_offset_m=1.2, crop_ahead_m=0.5)
+    elsewhere = replace(CUTTING, edge_offset_m=1.2, crop_ahead_m=0.5, edge_ahead_m=0.5)
     context = on_side(cut_m=None, eye=Shown(elsewhere))
     turning = backing(context, 0.0) if turns else None
     lane = context.estimate.lane
-    context.estimate.position.place(context.strip.planned_piece, -1.0, 0.0, 0.0)
+    context.estimate.position.place(context.strip.planned_piece, 0.0, 0.0, 0.0)
     before = lane.offset_sigma_m
     for k in range(10):
         stamp = NOW + 0.1 * k

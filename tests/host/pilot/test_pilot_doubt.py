@@ -16,7 +16,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.position import Position
 from host.field.areas import Geofence, areas_of
 from host.pilot import steering_law
-from host.pilot.context import RESUME_AFTER_S
+from host.pilot.context import BLIND_ON_M, RESUME_AFTER_S
 from host.pilot.endings import GIVE_UP_S
 from host.pilot.guard import CREEP_MPS
 from host.pilot.phase import Doing, Phase
@@ -856,15 +856,33 @@ def test_a_turn_by_a_speed_that_is_only_modelled_leaves_it_less_sure_of_its_plac
     assert sigmas[1] > 1.3 * sigmas[0]
 
 
-def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
+def searching(view: CropView) -> tuple[SimpleWorld, Pilot]:
+    """The first turn is over, and every picture shows that from here on."""
     world = SimpleWorld(VEHICLE)
-    eyes = Eyes(world, lambda view: view)
+    eyes = Eyes(world, lambda seen: seen)
     pilot = Pilot(VEHICLE, eyes, PLAN)
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.SEARCH)
-    eyes.spoil = lambda _view: CropView(0.0, reason="nothing")
+    eyes.spoil = lambda _view: view
+    return world, pilot
+
+
+def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
+    """Stems right before the lens may be the neighbour's."""
+    world, pilot = searching(CropView(0.0, hidden=True, reason="nothing"))
     harvest(world, pilot, world.now + 30.0)
     assert pilot.phase is Phase.FAULT
     assert "made out" in pilot.reason
+
+
+def test_in_crop_that_is_surely_the_fields_it_goes_on_a_little_to_look_again() -> None:
+    """Most of a side is ahead. It does not cut all of it unseeing."""
+    world, pilot = searching(CropView(0.0, reason="nothing"))
+    before = world.x, world.y
+    drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
+    assert pilot.phase is Phase.FOLLOW
+    harvest(world, pilot, world.now + 200.0)
+    assert 0.5 < math.dist(before, (world.x, world.y)) < BLIND_ON_M + 0.2
+    assert pilot.phase is Phase.FAULT
 
 
 def test_a_finished_machine_may_be_pushed_anywhere() -> None:
