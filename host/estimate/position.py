@@ -106,12 +106,14 @@ class Position(Readings):
     ) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
         axle offset_m left of the lane, the vehicle heading_rad left of its direction. `sigmas`: of
-        the axle's place, m, and of the direction, rad."""
+        the axle's place along the side and beside it, m, and of the direction, rad."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         back = along_m + side.begin_seen_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
         x, y = side.x_m + c * back - s * inside, side.y_m + s * back + c * inside
         self._anew((x, y, side.heading_rad + heading_rad), sigmas, LANE_SIGMA)
+        turned = np.array([[c, -s], [s, c]])
+        self._p[:YAW, :YAW] = turned @ self._p[:YAW, :YAW] @ turned.T
         # Where the edge truly is, there the operator has put the machine: so far past its corner.
         with_corners = np.eye(len(self._x))
         ahead = self.outline.of_corner(side.edge, (c, s))

@@ -170,7 +170,7 @@ class Context:
         beyond = self.strip.gap_beyond()
         if beyond is None or self.sight.ahead.end is not None:
             return False
-        way_m = beyond.ago_m + ahead_m
+        way_m = max(beyond.ago_m, self.estimate.cut.clear_m) + ahead_m
         return across(way_m, beyond.askew_rad, self.vehicle.blade_width_m) < NO_GAP_M
 
     def doubts_beyond(self, ahead_m: float) -> bool:

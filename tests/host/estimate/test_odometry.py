@@ -214,6 +214,23 @@ def test_a_machine_that_runs_away_has_not_turned_round() -> None:
     assert abs(slide.lost_m - before) < 0.05
 
 
+@pytest.mark.parametrize("duty", [90, -90])
+def test_a_machine_that_never_slowed_goes_on_whatever_is_believed_of_the_slope(
+    monkeypatch: pytest.MonkeyPatch, duty: int
+) -> None:
+    """Told to stand it rolls on downhill, at the creep of its brake; the slope is taken for the
+    opposite."""
+    ahead = math.copysign(1.0, duty)
+    monkeypatch.setattr(Slope, "rolls", lambda *_: -int(ahead))
+    slide = Slide(-0.6 * ahead)
+    slide.drive(2.0, duty)
+    before = slide.lost_m
+    slide.drive(3.0, 0)
+    assert ahead * slide.speed > 0.1
+    assert abs(slide.lost_m - before) < 0.05
+    assert slide.odometry.now.speed_mps == pytest.approx(slide.speed, abs=0.03)
+
+
 def test_on_the_level_a_machine_that_runs_out_counts_as_it_goes() -> None:
     slide = Slide(0.0)
     slide.drive(2.0, 90)

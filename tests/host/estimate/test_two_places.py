@@ -322,6 +322,24 @@ def test_crop_that_stood_before_the_end_of_either_place_tells_nothing() -> None:
     assert drive.position.likely == pytest.approx(before, abs=0.01)
 
 
+@pytest.mark.parametrize("ago_m", [0.0, -2.0])
+def test_an_end_that_surely_was_one_leaves_the_place_from_which_it_lies_there(ago_m: float) -> None:
+    """Met where the machine stands, or two metres before it."""
+    drive = found_early()
+    drive.position.ended(drive.side, ago_m)
+    assert drive.position.likely == 0.0
+    (x, _), *others = drive.places()
+    assert not others
+    assert x == pytest.approx(14.0 + ago_m - VEHICLE.blade_x_m, abs=0.3)
+
+
+def test_at_one_place_an_end_that_was_one_moves_nothing() -> None:
+    drive = Drive(12.0)
+    before = drive.places()
+    drive.position.ended(drive.side, 0.0)
+    assert drive.places() == before
+
+
 def test_two_places_that_have_come_together_are_one() -> None:
     assert found_early(0.2).position.likely == 0.0
     drive = found_early()

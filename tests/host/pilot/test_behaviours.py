@@ -1375,6 +1375,24 @@ def test_beside_a_strip_that_was_begun_inside_a_tip_is_no_edge(
 
 
 @pytest.mark.parametrize(
+    ("before_m", "sigma_m", "taken"), [(0.8, 0.1, True), (2.5, 0.1, False), (2.5, 1.0, True)]
+)
+def test_an_edge_well_before_where_a_strip_can_begin_is_anothers(
+    before_m: float, sigma_m: float, *, taken: bool
+) -> None:
+    """What a turn has passed stands at the blade; how surely the beginning is known counts."""
+    eye = Shown(replace(CUTTING, edge_offset_m=0.3))
+    context = on_side(cut_m=None, eye=eye)
+    context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
+    assert isinstance(context.strip, PlannedStrip)
+    context.strip.place(-before_m, 0.3, sigma_m)
+    moved(context, 0.02, 0.3)
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    assert (context.estimate.lane.blade_offset_m < -0.05) is taken
+
+
+@pytest.mark.parametrize(
     ("edges_m", "taken"),
     [
         ((-0.7, -0.7), False),
