@@ -19,6 +19,7 @@ from hil.bench.live_view import LiveView
 from hil.bench.lockstep import Bench
 from hil.bench.model_eyes import ModelEyes
 from hil.judge import pictures
+from hil.judge.decisions import Decisions
 from hil.judge.metrics import Truth
 from hil.scenario.faults import Fault
 from hil.scenario.scenario import Scenario
@@ -114,6 +115,7 @@ class Harvest:
         self.pilot = self._new_pilot()
         self._recorded = self._plan
         self.truth = Truth(self.bench.world, self.bench.field)
+        self.decisions = Decisions(self.bench.field, self._told.vehicle)
         self.steering: list[tuple[float, float, float, float]] = []
         self.frames = 0
         self.seconds = dict.fromkeys(("bench", "picture wait", "pilot", "record", "video"), 0.0)
@@ -230,6 +232,7 @@ class Harvest:
         if self.bench.faults.host_runs(now):
             self._host(now)
         self.truth.step(now, self.bench.pose, self.bench.cut_cells, self.pilot)
+        self.decisions.step(now, self.bench.pose, self.pilot)
         seconds["pilot"] += clock() - start
 
     def _picture(self, now: float) -> None:
@@ -397,10 +400,10 @@ def harvest(
     eyes: Callable[[Bench], Eyes] | None = None,
     recorded_as: Scenario | None = None,
 ) -> dict[str, Any]:
-    """Runs a scenario and writes summary.json, map.png, steering.png, camera.mp4, record.mcap
-    and events.json into `out`, of which a scenario may want the two JSON files only. Returns the
-    summary. The number of threads changes nothing but the time it takes. `recorded_as`: as
-    Harvest has it."""
+    """Runs a scenario and writes summary.json, map.png, decisions.png, steering.png, camera.mp4,
+    record.mcap and events.json into `out`, of which a scenario may want the two JSON files only.
+    Returns the summary. The number of threads changes nothing but the time it takes.
+    `recorded_as`: as Harvest has it."""
     lean = scenario.record.files == "figures"
     film = out / "camera.mp4" if scenario.record.film and not lean else None
     out.mkdir(parents=True, exist_ok=True)
@@ -450,6 +453,7 @@ def harvest(
         f"coverage {summary['coverage']:.3f}, {summary['outcome']}"
     )
     pictures.draw_map(out / "map.png", run.bench.field, run.truth.path, title)
+    run.decisions.draw(out / "decisions.png", [(t, x, y) for t, x, y, *_ in run.truth.path])
     if run.steering:
         pictures.draw_steering(out / "steering.png", np.array(run.steering))
     return summary

@@ -30,6 +30,10 @@ _GROUND = {
     ground.NEIGHBOUR_STUBBLE: (0.55, 0.0, 0.6),
     ground.OBSTACLE: (0.25, 0.25, 0.25),
 }
+GROUND = np.zeros((256, 3))
+"""The same by kind."""
+for _kind, _colour in _GROUND.items():
+    GROUND[_kind] = _colour
 _NAMES = {
     ground.CROP: "missed",
     ground.STUBBLE: "cut",
@@ -52,9 +56,6 @@ def draw_map(
     path: Path, crop: Field, track: list[tuple[float, float, float, float, Phase]], title: str
 ) -> None:
     """map.png: what is cut, missed and the neighbour's, and the rear axle's path by phase."""
-    colours = np.zeros((256, 3))
-    for kind, colour in _GROUND.items():
-        colours[kind] = colour
     rows, columns = crop.kind.shape
     x0, y0 = crop.origin
     corners = np.array(crop.spec.corners)
@@ -63,7 +64,7 @@ def draw_map(
     extent = (x0, x0 + columns * crop.cell, y0, y0 + rows * crop.cell)
     figure = Figure(figsize=(9, 9), layout="constrained")
     axes = figure.subplots()
-    axes.imshow(colours[crop.kind], origin="lower", extent=extent, interpolation="nearest")
+    axes.imshow(GROUND[crop.kind], origin="lower", extent=extent, interpolation="nearest")
     points = np.array([(x, y) for _, x, y, _, _ in track]).reshape(-1, 2) - zero
     for number, corner in enumerate(corners - zero):
         axes.annotate(str(number), corner, (5, 5), textcoords="offset points", weight="bold")

@@ -252,7 +252,7 @@ def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]
         raise UserError(f"{folder / 'summary.json'}: it has no {error}") from error
     names = (folder.name, against.name if against is not None else "")
     sections = [Section("Figures", reason, compared(summary, other, names))]
-    sections += _maps([folder, against])
+    sections += [*_maps([folder, against]), *_decisions(folder)]
     kept = folder / RECORD
     if kept.exists():
         theirs = against / RECORD if against is not None else None
@@ -267,6 +267,12 @@ def _maps(folders: Sequence[Path | None]) -> list[Section]:
         if place is not None and (uri := _file(place / "map.png")) is not None
     ]
     return [Section("Map", pictures=maps)] if maps else []
+
+
+def _decisions(folder: Path) -> list[Section]:
+    uri = _file(folder / "decisions.png")
+    about = "What stood around the machine when it last decided, and, dashed, its edge as believed."
+    return [Section("Its last decisions", about, pictures=[(uri, "")])] if uri is not None else []
 
 
 def rig_sections(folder: Path) -> tuple[str, list[Section]]:
@@ -316,14 +322,14 @@ def _spread_of(summaries: Sequence[dict[str, Any]]) -> Figure:
     return figure
 
 
-def _map(folder: Path, summary: dict[str, Any]) -> str | None:
-    """Of a run that kept its record, or of the same field driven again for its map."""
+def _kept(folder: Path, summary: dict[str, Any], name: str) -> str | None:
+    """A picture of a run that kept its record, or of the same field driven again for its map."""
     run = str(summary["run"])
     drawn = str(summary.get("map", run))
     # The settings' hash apart, which is of the files that are kept, too.
     same = glob.escape(run.rpartition("-")[0])
-    again = sorted(folder.glob(f"maps/runs/{same}-*/map.png"))
-    for path in (*(folder / r / drawn / "map.png" for r in ("runs", "maps/runs")), *again):
+    again = sorted(folder.glob(f"maps/runs/{same}-*/{name}"))
+    for path in (*(folder / r / drawn / name for r in ("runs", "maps/runs")), *again):
         uri = _file(path)
         if uri is not None:
             return uri
@@ -392,9 +398,19 @@ def campaign_sections(
     maps = [
         (uri, f"{s['run']}: {s['outcome']}, coverage {show(s.get('coverage'))}. {s['reason']}")
         for s in ordered
-        if (uri := _map(folder, s)) is not None
+        if (uri := _kept(folder, s, "map.png")) is not None
     ]
     sections = [Section("The worst", pictures=maps[:WORST])] if maps else []
+    decisions = [
+        (uri, f"{s['run']}: {s['reason']}")
+        for s in ordered
+        if s["outcome"] != "finished" and (uri := _kept(folder, s, "decisions.png")) is not None
+    ]
+    about = (
+        "What stood around each machine when it last decided, and, dashed, its edge as believed."
+    )
+    if decisions:
+        sections.append(Section("Where they stopped", about, pictures=decisions[:WORST]))
     sections += _hesitation_sections(summaries)
     sections.append(Section("Every run's coverage", pictures=[(_drawn(_spread_of(summaries)), "")]))
     before = {str(row["scenario"]): row for row in against or ()}

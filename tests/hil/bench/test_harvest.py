@@ -55,7 +55,7 @@ def test_a_side_is_cut_and_the_machine_turns(tmp_path: Path) -> None:
 def test_a_run_leaves_what_it_promises(tmp_path: Path) -> None:
     summary = harvest(quick(limits={"time_s": 2.0}), tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
-    pictures = {"map.png", "steering.png", "camera.mp4"}
+    pictures = {"map.png", "decisions.png", "steering.png", "camera.mp4"}
     assert names == pictures | {"summary.json", "events.json", "record.mcap"}
     assert summary["simulated_s"] == 2.0
     assert {"coverage", "missed_m2", "neighbour_cut_m2", "outside_m", "false_ends"} <= set(summary)

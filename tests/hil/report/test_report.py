@@ -329,6 +329,24 @@ def test_a_campaigns_worst_runs_are_shown_by_the_maps_that_were_drawn_of_them(
     assert "a-0-5c33: fault" not in text
 
 
+def test_where_a_campaigns_runs_stopped_is_shown_and_not_where_they_finished(
+    tmp_path: Path,
+) -> None:
+    runs = [
+        {"scenario": "a", "run": f"a-{k}-5c33", "outcome": outcome, "coverage": 0.5, "reason": why}
+        for k, (outcome, why) in enumerate((("fault", "lost"), ("finished", "all cut")))
+    ]
+    (tmp_path / "campaign.json").write_text(json.dumps(runs))
+    for k in range(2):
+        (tmp_path / f"runs/a-{k}-5c33").mkdir(parents=True)
+        decided = tmp_path / f"runs/a-{k}-5c33" / "decisions.png"
+        cv2.imwrite(str(decided), np.zeros((4, 4, 3), np.uint8))
+    text = report_of(tmp_path).read_text()
+    assert "Where they stopped" in text
+    assert "a-0-5c33: lost" in text
+    assert "a-1-5c33: all cut" not in text
+
+
 def test_a_fault_matrix_report_marks_what_is_unsafe(tmp_path: Path) -> None:
     good = Verdict("pot off", "follow", "stop", "250 ms", "firmware", 9.0, 12.0, 0.1, True, "ok")
     bad = Verdict("pot stuck", "turn", "stop", "250 ms", "nobody", None, None, 2.0, False, "UNSAFE")
