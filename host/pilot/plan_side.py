@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import shapely
+
+from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import AT_BLADE_M, Ahead
 from host.estimate.estimator import Estimator
@@ -43,6 +46,9 @@ corner of a walked boundary errs;"""
 SURE_SHARE = 0.4
 """and the share of the way across it, from where the side begins, for an odometer that loses half
 of its pulses: at the true border it still has 0.38 of that to go."""
+DEEP_M, DEEP_SIGMAS = 2.0, 4.0
+"""Inside the boundary, by more than it and the place err, what stands is the field's: two strips
+have been cut around it."""
 SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
@@ -244,10 +250,23 @@ class PlanSide(Strip):
     @property
     def surely_own(self) -> bool:
         # how surely the end is known is asked only where it decides: it takes long
-        if not self._beyond_doubt(self._beyond_m):
+        if self._beyond_doubt(self._beyond_m):
+            along_m = self.along_m(self.estimate.motion)
+            if self._beyond_doubt(0.0) or not self.may_end_at(along_m):
+                return True
+        return self._deep_inside
+
+    @property
+    def _deep_inside(self) -> bool:
+        """Whether the blade is farther inside the boundary, as that was found, than any belief
+        errs."""
+        position = self.estimate.position
+        if not position.known or position.likely > 0.0:
             return False
-        along_m = self.along_m(self.estimate.motion)
-        return self._beyond_doubt(0.0) or not self.may_end_at(along_m)
+        blade = Pose2(*position.pose).ahead(self.vehicle.blade_x_m)
+        field, at = shapely.Polygon(position.outline.corners), shapely.Point(blade[:2])
+        inside_m = field.exterior.distance(at) if field.contains(at) else 0.0
+        return inside_m > DEEP_M + DEEP_SIGMAS * position.corners_sigma_m
 
     def _beyond_doubt(self, more_m: float) -> bool:
         """Whether what is left of the side, and so much more, is more than any belief errs. Of a
