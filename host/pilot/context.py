@@ -41,8 +41,6 @@ BEGINNING_M = 3.0
 """Of a strip, or behind a bend of it: what the turn has left askew is straightened by then."""
 BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
-NO_GAP_M = 0.6
-"""Between two fields there is more: half of the narrowest gap that is harvested beside."""
 REGAINS = 2
 """Times, at most, that the machine goes back to the crop beside it, on a side."""
 STAND_S = 1.5
@@ -163,15 +161,6 @@ class Context:
         gaps.room_m = min(gap_m, room_m) if sure else room_m
         least_m = gaps.narrowed(gaps.room_m) if sure else max(0.0, room_m)
         self._reckon_with(min(gaps.beside(beyond.edges), least_m))
-
-    def crop_goes_on(self, ahead_m: float) -> bool:
-        """Whether crop ahead_m before the blade, at what seemed a side's end, is the side's own: it
-        stands nearer than any gap is wide, and no sure pictures have ended the side."""
-        beyond = self.strip.gap_beyond()
-        if beyond is None or self.sight.ahead.end is not None:
-            return False
-        way_m = max(beyond.ago_m, self.estimate.cut.clear_m) + ahead_m
-        return across(way_m, beyond.askew_rad, self.vehicle.blade_width_m) < NO_GAP_M
 
     def doubts_beyond(self, ahead_m: float) -> bool:
         """Whether crop ahead_m before the blade contradicts what was said of the gap."""

@@ -13,6 +13,9 @@ from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
+from host.pilot.sight import ALIKE_M, LEAP_M, LEAP_PICTURES
+from host.pilot.strip import Strip
+from host.vision.view import CropView
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants
@@ -73,6 +76,9 @@ class Align(Behaviour):
         self._endless = 0
         """Pictures that showed crop without a right end, less those that showed one, of which a
         sure one counts more."""
+        self._aside = math.nan, 0
+        """Where the last sure picture had the edge, far from where the operator was to put the
+        blade, m, and how many in a row have had it there."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -97,7 +103,7 @@ class Align(Behaviour):
             if now - context.since >= TRUST_AFTER_S:
                 context.reason = Wait.NO_END.go().text
             return context.hold(), None
-        seen = view.confidence >= CONFIDENT and not slanting
+        seen = self._shows_edge(strip, view, fresh=fresh) and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
         trusted = trusted and self._endless <= 0
         if not (seen or slanting or trusted):
@@ -119,6 +125,19 @@ class Align(Behaviour):
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
+
+    def _shows_edge(self, strip: Strip, view: CropView, *, fresh: bool) -> bool:
+        """Whether a picture surely shows the crop's edge: far from where the operator was to put
+        the blade one picture is not enough to believe it."""
+        sure = view.confidence >= CONFIDENT
+        edge_m = strip.edge_m(view, self.context.motion)
+        if not sure or abs(edge_m) <= LEAP_M:
+            self._aside = math.nan, 0
+            return sure
+        last_m, count = self._aside
+        if fresh:
+            self._aside = edge_m, count + 1 if abs(edge_m - last_m) < ALIKE_M else 1
+        return self._aside[1] >= LEAP_PICTURES
 
     def _shows_askew(self, heading_rad: float, *, fresh: bool) -> bool:
         """Whether most pictures so far show the machine askew of the edge, as this one."""

@@ -1,8 +1,7 @@
 """Look beyond: stand at the end of a side that ends at the field's boundary, until the dust has
 settled, to see how far before the blade the next crop stands. The turn leads there. While that is
 not known well, or contradicts what was said, look again from nearer, the blade off, as far as the
-ground is surely clear, else from farther back over ground that is cut; and come back. Crop that
-stands nearer than any gap is wide is the side's own."""
+ground is surely clear, else from farther back over ground that is cut; and come back."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, leave_side
 from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree
-from host.pilot.phase import Doing, Go, Phase, Reason
+from host.pilot.phase import Go, Phase
 
 PICTURES: Final = 8
 """That must say it: nearly a second's."""
@@ -38,18 +37,12 @@ APART_M: Final = 0.25
 """From one place to the next behind it."""
 
 
-class Why(Reason):
-    """Out of it, besides to what comes after the side."""
-
-    NO_END = Doing.FOLLOW, "crop stands {ahead_m} m before the blade: the side goes on"
-
-
 class LookBeyond(Behaviour):
     """See the module."""
 
     phase = Phase.TURN
     gaze = Gaze(lane=False)
-    reasons = (Why, SideEnd, Elsewhere)
+    reasons = (SideEnd, Elsewhere)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -159,10 +152,6 @@ class LookBeyond(Behaviour):
         context = self.context
         known = self._beyond.known
         if known is not None:
-            ahead_m = known[0] - (context.motion.distance_m - self._end_m)
-            if context.crop_goes_on(ahead_m):
-                context.sight.ahead.go_on()
-                return Why.NO_END.go(ahead_m=f"{max(0.0, ahead_m):.1f}")
-            context.saw_beyond(ahead_m)
+            context.saw_beyond(known[0] - (context.motion.distance_m - self._end_m))
         assert context.ended is not None
         return leave_side(context, now, context.ended)

@@ -15,7 +15,7 @@ from host.estimate.gaps import SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
 from host.field.areas import Level, Verdict
-from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond, Why
+from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Elsewhere, SideEnd, end_side
 from host.pilot.phase import Doing, Go
@@ -49,14 +49,14 @@ def pictures(context: Context, behaviour: LookBeyond, ahead_m: float, count: int
     return go
 
 
-def looked(
+def look(
     context: Context,
     shows: Callable[[float], float],
     by_height_m: Callable[[float], float] = lambda _: math.nan,
-) -> tuple[Go, list[float]]:
+) -> list[float]:
     """Drives the behaviour to its end. `shows(at_m)`: how far before the blade pictures from at_m
     beyond the side's end show crop, and `by_height_m(at_m)` the same by how high that looks.
-    Returns what it goes to, and the places that it looked from."""
+    Returns the places that it looked from."""
     behaviour = LookBeyond(context)
     behaviour.enter(NOW)
     end_m, now = context.motion.distance_m, NOW
@@ -73,19 +73,9 @@ def looked(
         at_m += 0.1 * command.speed_mps
         moved(context, end_m + at_m, command.speed_mps, stamp=now)
         assert now < NOW + 60.0
-    assert at_m == pytest.approx(0.0, abs=0.05), "it comes back"
-    return go, places[:-1] if len(places) > 1 else places
-
-
-def look(
-    context: Context,
-    shows: Callable[[float], float],
-    by_height_m: Callable[[float], float] = lambda _: math.nan,
-) -> list[float]:
-    """The places that it looked from at an end that is one."""
-    go, places = looked(context, shows, by_height_m)
     assert go.reason is SideEnd.SEEN
-    return places
+    assert at_m == pytest.approx(0.0, abs=0.05), "it comes back"
+    return places[:-1] if len(places) > 1 else places
 
 
 def stands_at(crop_m: float, pitch_deg: float = 0.0) -> Callable[[float], float]:
@@ -107,21 +97,6 @@ def test_enough_pictures_are_looked_at_before_it_goes_on() -> None:
         behaviour.enter(NOW)
         go = pictures(context, behaviour, FARTHEST_M, count)
         assert (go is not None) is decided
-
-
-@pytest.mark.parametrize(
-    ("crop_m", "surely_ended", "goes_on"),
-    [(0.3, False, True), (1.2, False, False), (0.3, True, False)],
-)
-def test_crop_nearer_than_any_gap_is_wide_is_the_sides_own_unless_pictures_surely_ended_it(
-    crop_m: float, surely_ended: bool, goes_on: bool
-) -> None:
-    context = at_end()
-    if not surely_ended:
-        context.sight.ahead.go_on()
-    go, _ = looked(context, stands_at(crop_m))
-    assert (go.reason is Why.NO_END) is goes_on
-    assert (go.reason.to is Doing.FOLLOW) is goes_on
 
 
 def test_it_goes_nearer_until_the_next_crop_is_known_and_no_nearer_than_is_clear() -> None:
