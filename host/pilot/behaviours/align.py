@@ -13,9 +13,6 @@ from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import ALIKE_M, LEAP_M, LEAP_PICTURES
-from host.pilot.strip import Strip
-from host.vision.view import CropView
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants
@@ -29,6 +26,8 @@ SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
 ASKEW_RAD: Final = 2.0 * SEEN_SIGMA[1]
 """By which no operator puts the machine down askew of its side."""
+ASIDE_M: Final = 3.0 * SEEN_SIGMA[0]
+"""By which none puts the blade's end down beside the edge."""
 TRUSTED_SIGMA = (0.05, math.radians(2))
 """Where it does not: a machine that believes less would not set off."""
 
@@ -54,6 +53,11 @@ class Wait(Reason):
         "pictures show the crop's edge {deg} deg askew of the machine: put it in line with its "
         "side; if it is, the pictures are mirrored or upside down, or the camera is turned",
     )
+    ASIDE = (
+        Doing.ALIGN,
+        "pictures show the crop's edge {m} m beside the blade's right end: put that on the edge; "
+        "if it is, put the machine a little farther along its side, where pictures show it",
+    )
     NOTHING_AHEAD = (
         Doing.ALIGN,
         "nothing stands before the blade, and the plan has {left} m more of this side: put the "
@@ -73,12 +77,11 @@ class Align(Behaviour):
         """The stamp of the last picture that was judged."""
         self._askew = 0
         """Pictures that showed the machine askew, less those that showed it in line."""
+        self._aside = 0
+        """The same of sure pictures that showed the edge elsewhere than at the blade's end."""
         self._endless = 0
         """Pictures that showed crop without a right end, less those that showed one, of which a
         sure one counts more."""
-        self._aside = math.nan, 0
-        """Where the last sure picture had the edge, far from where the operator was to put the
-        blade, m, and how many in a row have had it there."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -103,9 +106,9 @@ class Align(Behaviour):
             if now - context.since >= TRUST_AFTER_S:
                 context.reason = Wait.NO_END.go().text
             return context.hold(), None
-        seen = self._shows_edge(strip, view, fresh=fresh) and not slanting
+        seen = view.confidence >= CONFIDENT and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
-        trusted = trusted and self._endless <= 0
+        trusted = trusted and self._endless <= 0 and self._aside <= 0
         if not (seen or slanting or trusted):
             return context.hold(), None
         lane = context.estimate.lane
@@ -118,6 +121,9 @@ class Align(Behaviour):
                 deg = f"{math.degrees(abs(lane.heading_rad)):.0f}"
                 context.reason = Wait.ASKEW.go(deg=deg).text
                 return context.hold(), None
+            if self._shows_aside(edge, fresh=fresh):
+                context.reason = Wait.ASIDE.go(m=f"{abs(edge):.1f}").text
+                return context.hold(), None
         if isinstance(strip, PlannedStrip):
             along_m, along_sigma_m = strip.put_down(view.crop_ahead_m)
             beside_sigma_m = START_SIGMA[1] if seen else TRUSTED_SIGMA[0]
@@ -126,25 +132,19 @@ class Align(Behaviour):
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
 
-    def _shows_edge(self, strip: Strip, view: CropView, *, fresh: bool) -> bool:
-        """Whether a picture surely shows the crop's edge: far from where the operator was to put
-        the blade one picture is not enough to believe it."""
-        sure = view.confidence >= CONFIDENT
-        edge_m = strip.edge_m(view, self.context.motion)
-        if not sure or abs(edge_m) <= LEAP_M:
-            self._aside = math.nan, 0
-            return sure
-        last_m, count = self._aside
-        if fresh:
-            self._aside = edge_m, count + 1 if abs(edge_m - last_m) < ALIKE_M else 1
-        return self._aside[1] >= LEAP_PICTURES
-
     def _shows_askew(self, heading_rad: float, *, fresh: bool) -> bool:
         """Whether most pictures so far show the machine askew of the edge, as this one."""
         if fresh:
             askew = abs(heading_rad) > ASKEW_RAD
             self._askew = max(-1, self._askew + (1 if askew else -1))
         return self._askew > 0
+
+    def _shows_aside(self, edge_m: float, *, fresh: bool) -> bool:
+        """The same of the blade's end beside the edge."""
+        if fresh:
+            aside = abs(edge_m) > ASIDE_M
+            self._aside = max(-1, self._aside + (1 if aside else -1))
+        return self._aside > 0
 
     def _nothing_ahead(self, now: float, strip: PlannedStrip) -> Go | None:
         """Of a side that was begun before: where it may end it has been cut to its end."""

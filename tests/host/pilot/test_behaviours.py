@@ -233,6 +233,26 @@ def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
     assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
 
 
+@pytest.mark.parametrize("edge_m", [0.6, -0.6])
+def test_align_does_not_set_off_while_most_sure_pictures_show_the_edge_beside_the_blade(
+    edge_m: float,
+) -> None:
+    """Not on the operator's word either, however long that takes: one of both is wrong."""
+    context = standing(PLAN)
+    align = Align(context)
+    aside = replace(CUTTING, edge_offset_m=edge_m, edge_heading_rad=math.nan)
+    unsure = replace(aside, confidence=0.3)
+    views = [aside, aside, *[unsure] * 40, CUTTING, CUTTING, CUTTING]
+    for k, view in enumerate(views):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+        assert is_for(go, Aligned.SEEN if k == len(views) - 2 else None)
+        assert k > 1 or "0.6 m beside" in context.reason
+        if go is not None:
+            return
+
+
 def test_align_does_not_set_off_while_most_pictures_show_the_machine_askew() -> None:
     """No operator puts it down so: the pictures are mirrored or upside down, or it is elsewhere."""
     context = standing(PLAN)
