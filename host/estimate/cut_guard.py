@@ -117,6 +117,10 @@ class CutGuard:
         self._crossing = False
         self.refused = False
 
+    def allow(self, slack_m: float) -> None:
+        """Clear ground may be so much longer than a patch, from now on."""
+        self._slack_m = slack_m
+
     def go_back(self) -> None:
         """The machine is to go back over clear ground that it has come over. From there on the same
         clear ground is as long as it was, and no longer."""

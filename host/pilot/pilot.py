@@ -197,7 +197,10 @@ class Pilot:
         guard, strip = self._context.estimate.cut, self._context.strip
         end_m = strip.along_m(self._context.motion) - guard.clear_m
         ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
-        return guard.limit(now, command, own=strip.surely_own, ends=ends)
+        # Elsewhere than at its end no tip and no earlier round explains it.
+        guard.allow(strip.clear_end_m if ends else 0.0)
+        gap = ends or (guard.clear_m > 0.0 and strip.outermost)
+        return guard.limit(now, command, own=strip.surely_own, ends=gap)
 
     def _listen(self, fix: Fix | None, telemetry: Telemetry | None) -> None:
         context = self._context

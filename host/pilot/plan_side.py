@@ -95,7 +95,8 @@ class PlanSide(Strip):
         self.begins_slanting = side.edge_begin_m > SQUARE_M
         self.skippable = side.length_m < SKIP_SIDE_M or areas[index] < little_m2(plan)
         late = sum(areas[index:]) < LATE_SHARE * sum(areas)
-        self.may_be_gone = late or side.inside_m > vehicle.blade_width_m / 2
+        self.outermost = side.inside_m <= vehicle.blade_width_m / 2
+        self.may_be_gone = late or not self.outermost
         self.search_reach_m = 0.0
         if sum(areas[index:]) >= little_m2(plan):
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M

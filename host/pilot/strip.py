@@ -63,6 +63,8 @@ class Strip:
     may_be_gone = False
     """Whether crop of it that is not there has gone with the strips before: it lies inside of them,
     or most of the field is cut."""
+    outermost = False
+    """Whether the gap to the neighbour's crop lies beside it."""
     search_reach_m = 0.0
     """How far beyond its expected beginning crop is looked for that is not in view; 0: not."""
     teaches = True
