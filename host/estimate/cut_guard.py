@@ -85,8 +85,9 @@ class CutGuard:
         self._look = _Look()
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
-        self._edge_at_m = -math.inf
-        """The way at the last picture that surely showed an edge beside the machine."""
+        self._edge_at_m = self._line_at_m = -math.inf
+        """The way at the last picture that surely showed an edge beside the machine, and one near
+        the lane."""
         self.refused = False
         """Whether the machine has stood and looked, and what lies beyond must not be cut."""
 
@@ -162,6 +163,8 @@ class CutGuard:
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
         looks = self._held_since is not None and stamp > self._held_since + SETTLE_S
         along = view.confidence >= CONFIDENT and abs(view.edge_offset_m) < SHOWN_M
+        if along:
+            self._line_at_m = then_m
         if along or view.edge_beside_m < ALONGSIDE_M:
             self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
@@ -185,27 +188,35 @@ class CutGuard:
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
             self._clear_from_m = then_m
 
-    @property
-    def _shown(self) -> bool:
-        """Whether a picture has shown an edge beside the machine of late."""
-        return self._way_m - self._edge_at_m < SHOWN_FOR_M
+    def _shown(self, beside: bool) -> bool:
+        """Whether a picture has shown an edge beside the machine of late. Where the gap lies beside
+        the side, too, only one that goes on in line."""
+        at_m = self._line_at_m if beside else self._edge_at_m
+        return self._way_m - at_m < SHOWN_FOR_M
 
     @property
     def _allowed_m(self) -> float:
         return PATCH_M + self._slack_m
 
     def limit(
-        self, now: float, command: Command, *, own: bool = False, ends: bool = False
+        self,
+        now: float,
+        command: Command,
+        *,
+        own: bool = False,
+        ends: bool = False,
+        beside: bool = False,
     ) -> Command:
         """The command as it may be carried out. Where the plan has crop beyond doubt (`own`), long
         clear ground is crossed with the blade off, after the same look, along an edge in sight.
         Where the side may end (`ends`), clear ground as long as an end's may be the gap, and crop
-        beyond it leads on only where its edge is in line."""
+        beyond it leads on only where its edge is in line. So it does where the gap lies `beside`
+        the side, whatever the plan has along it: the machine may have left it sideways."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
         if self._held_since is None:
             if self.clear_m < self._allowed_m:
                 return command
-            if self._crossing and own and self._shown:
+            if self._crossing and own and self._shown(beside):
                 return replace(command, blade=False)
             if not forward:
                 return command
@@ -214,12 +225,12 @@ class CutGuard:
             return command
         if now - self._held_since > LOOK_S:
             look = self._look
-            gap = ends and not own and self.clear_m >= END_CLEAR_M
+            gap = (beside or (ends and not own)) and self.clear_m >= END_CLEAR_M
             in_line = look.in_line > max(look.aside, IN_LINE_SHARE * look.crop)
             if look.crop > look.clear and (in_line or not gap):
                 self._held_since = self._clear_from_m = None
                 return command
-            if own and self._shown:
+            if own and self._shown(beside):
                 self._held_since, self._crossing = None, True
                 return replace(command, blade=False)
             self.refused = True

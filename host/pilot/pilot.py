@@ -199,8 +199,8 @@ class Pilot:
         ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
         # Elsewhere than at its end no tip and no earlier round explains it.
         guard.allow(strip.clear_end_m if ends else 0.0)
-        gap = ends or (guard.clear_m > 0.0 and strip.outermost)
-        return guard.limit(now, command, own=strip.surely_own, ends=gap)
+        own, beside = strip.surely_own, strip.outermost
+        return guard.limit(now, command, own=own, ends=ends, beside=beside)
 
     def _listen(self, fix: Fix | None, telemetry: Telemetry | None) -> None:
         context = self._context

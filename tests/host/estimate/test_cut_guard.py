@@ -36,7 +36,7 @@ class Drive:
         self.last = GO
         self.own = False
         """Whether the plan has crop here beyond doubt."""
-        self.ends = False
+        self.ends = self.beside = False
         """Whether the side may end here."""
         self.edge_m = math.nan
         """Where pictures surely show an edge; NaN: they show none."""
@@ -45,7 +45,9 @@ class Drive:
 
     def run(self, seconds: float, command: Command = GO) -> Command:
         for _ in range(round(seconds / STEP_S)):
-            passed = self.guard.limit(self.t, command, own=self.own, ends=self.ends)
+            passed = self.guard.limit(
+                self.t, command, own=self.own, ends=self.ends, beside=self.beside
+            )
             self.last = passed
             self.t += STEP_S
             self.x += passed.speed_mps * STEP_S
@@ -135,6 +137,42 @@ def test_where_a_side_may_end_crop_after_a_gap_leads_on_only_with_its_edge_in_li
     drive.crop_ahead = lambda _: 0.0
     drive.run(LOOK_S + 1.0)
     assert drive.guard.refused is not goes_on
+
+
+@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize(("edge_m", "goes_on"), [(0.0, True), (0.8, False), (math.nan, False)])
+def test_beside_the_gap_crop_after_clear_ground_leads_on_only_with_its_edge_in_line(
+    edge_m: float, goes_on: bool, own: bool
+) -> None:
+    """Whatever the plan has along the side: the machine may have left it sideways."""
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(END_CLEAR_M - PATCH_M)
+    drive.beside, drive.own, drive.edge_m = True, own, edge_m
+    drive.run(5.8)
+    drive.crop_ahead = lambda _: 0.0
+    drive.run(LOOK_S + 1.0)
+    cuts = drive.last.blade and not drive.guard.refused
+    assert cuts is goes_on
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_beside_the_gap_clear_ground_is_crossed_along_an_edge_in_line_only(beside: bool) -> None:
+    """Crop that stands somewhere left of the machine does elsewhere: it may be across the gap."""
+    for edge_m, beside_m in ((0.0, math.nan), (math.nan, 0.8)):
+        drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+        drive.guard.begin()
+        drive.own, drive.beside = True, beside
+        drive.edge_m, drive.beside_m = edge_m, beside_m
+        drive.run(12.0)
+        assert drive.guard.refused is (beside and math.isnan(edge_m))
+
+
+def test_where_a_side_does_not_end_clear_ground_is_no_longer_than_a_patch() -> None:
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(slack_m=0.9)
+    drive.guard.allow(0.0)
+    drive.run(8.0)
+    assert drive.x == pytest.approx(2.0 + PATCH_M, abs=0.15)
 
 
 @pytest.mark.parametrize(
