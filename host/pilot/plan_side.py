@@ -46,9 +46,10 @@ corner of a walked boundary errs;"""
 SURE_SHARE = 0.4
 """and the share of the way across it, from where the side begins, for an odometer that loses half
 of its pulses: at the true border it still has 0.38 of that to go."""
-DEEP_M, DEEP_SIGMAS = 2.0, 4.0
-"""Inside the boundary, by more than it and the place err, what stands is the field's: two strips
-have been cut around it."""
+DEEP_M = 3.5
+"""Inside the boundary what stands is the field's: no side is said so much too long."""
+DEEP_SIGMAS = 10.0
+"""Or so many of what corners and place err, if that is more."""
 SIGMAS = 2.0
 """Of an end that was never seen: clear ground within so many of its standard deviations may be it,
 crop beyond as many may be the neighbour's."""
@@ -262,12 +263,13 @@ class PlanSide(Strip):
         """Whether the blade is farther inside the boundary, as that was found, than any belief
         errs."""
         position = self.estimate.position
-        if not position.known or position.likely > 0.0:
+        corners = position.outline.corners  # of a boundary that nobody measures there are none
+        if not (position.known and corners) or position.likely > 0.0:
             return False
         blade = Pose2(*position.pose).ahead(self.vehicle.blade_x_m)
-        field, at = shapely.Polygon(position.outline.corners), shapely.Point(blade[:2])
+        field, at = shapely.Polygon(corners), shapely.Point(blade[:2])
         inside_m = field.exterior.distance(at) if field.contains(at) else 0.0
-        return inside_m > DEEP_M + DEEP_SIGMAS * position.corners_sigma_m
+        return inside_m > max(DEEP_M, DEEP_SIGMAS * position.corners_sigma_m)
 
     def _beyond_doubt(self, more_m: float) -> bool:
         """Whether what is left of the side, and so much more, is more than any belief errs. Of a

@@ -940,6 +940,37 @@ def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_
     assert not context.strip.surely_own, "where the machine may be at two places nothing is"
 
 
+@pytest.mark.parametrize(
+    ("x_m", "sigma_m", "own"), [(5.0, 0.2, True), (2.5, 0.2, False), (5.0, 0.6, False)]
+)
+def test_deep_inside_a_boundary_that_was_found_what_stands_is_the_fields(
+    x_m: float, sigma_m: float, own: bool
+) -> None:
+    """On a short strip whose end is near, by more than the place errs."""
+    strip = Side(x_m, 4.0, math.pi / 2, 2.0, 0.9, fence_m=2.0)
+    plan = replace(PLAN, sides=(strip, strip), sigma_m=sigma_m)
+    context = on_side(0, plan, cut_m=1.0)
+    assert context.strip.surely_own is own
+    position = context.estimate.position
+    position.keep_apart(np.zeros(len(position.x)), 1e-6 * np.eye(len(position.x)), 0.3)
+    assert not context.strip.surely_own
+
+
+@pytest.mark.parametrize(("past_bend_m", "goes"), [(-0.5, False), (1.0, True)])
+def test_behind_a_bend_the_machine_may_drive_on_unseeing_as_at_a_strips_beginning(
+    past_bend_m: float, goes: bool
+) -> None:
+    """An edge that bends leaves the picture."""
+    plan = bent_plan()
+    along_m = plan.sides[0].bends[0][0] + past_bend_m
+    context = on_side(plan=plan, cut_m=0.0)
+    assert isinstance(context.strip, PlannedStrip)
+    context.strip.place(along_m)
+    context.sight.seen_at_m = context.motion.distance_m
+    assert context.strip.surely_own
+    assert context.goes_unseeing(NOW) is goes
+
+
 def after_search(turn: DriveTurn) -> None:
     """The geofence has stopped a leg; the machine stands until another way is found, or none."""
     assert turn.blocked(NOW, TOO_NEAR) is None
