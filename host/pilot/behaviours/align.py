@@ -22,6 +22,10 @@ NO_END: Final = 0.05
 SURE_COUNTS: Final = 5
 """Pictures without one that a sure picture of the crop's right end outweighs. A machine that faces
 the neighbour's crop sees faint ends in a quarter of its pictures, and no sure one."""
+SHOWN: Final = 3
+"""Pictures by which sure ones must outnumber those without an end, to set off by them; one that is
+as sure as this counts so many:"""
+SURELY: Final = 0.9
 SEEN_SIGMA = (0.15, math.radians(8))
 """Of the operator's alignment, m and rad, where the picture then says more."""
 ASKEW_RAD: Final = 2.0 * SEEN_SIGMA[1]
@@ -79,6 +83,8 @@ class Align(Behaviour):
         """Pictures that showed the machine askew, less those that showed it in line."""
         self._aside = 0
         """The same of sure pictures that showed the edge elsewhere than at the blade's end."""
+        self._shown = 0
+        """Sure pictures of the edge, less those without one."""
         self._endless = 0
         """Pictures that showed crop without a right end, less those that showed one, of which a
         sure one counts more."""
@@ -101,12 +107,14 @@ class Align(Behaviour):
         if fresh:
             shows = SURE_COUNTS if view.confidence >= CONFIDENT else 1
             self._endless = max(-SURE_COUNTS, self._endless + (1 if endless else -shows))
+            sure = 0 if view.confidence < CONFIDENT else SHOWN if view.confidence >= SURELY else 1
+            self._shown = max(0, self._shown - 1) if endless else self._shown + sure
         if endless:
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
             if now - context.since >= TRUST_AFTER_S:
                 context.reason = Wait.NO_END.go().text
             return context.hold(), None
-        seen = view.confidence >= CONFIDENT and not slanting
+        seen = view.confidence >= CONFIDENT and self._shown >= SHOWN and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
         trusted = trusted and self._endless <= 0 and self._aside <= 0
         if not (seen or slanting or trusted):

@@ -233,6 +233,30 @@ def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
     assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("confidences", "goes"),
+    [
+        ((0.9,), True),
+        ((0.6, 0.6), False),
+        ((0.6, 0.6, 0.6), True),
+        ((0.6, 0.0, 0.6, 0.0, 0.6, 0.0, 0.6), False),
+        ((0.0, 0.0, 0.3, 0.0, 0.6), False),
+        ((0.0, 0.0, 0.3, 0.0, 0.95), True),
+    ],
+)
+def test_one_picture_that_is_hardly_sure_sets_no_machine_off(
+    confidences: tuple[float, ...], goes: bool
+) -> None:
+    """Facing the neighbour's crop, one picture of thirty is (belief "the wrong way round")."""
+    context = standing(PLAN)
+    align = Align(context)
+    for k, confidence in enumerate(confidences):
+        seeing(context, replace(CUTTING, confidence=confidence), stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+    assert is_for(go, Aligned.SEEN if goes else None)
+
+
 @pytest.mark.parametrize("edge_m", [0.6, -0.6])
 def test_align_does_not_set_off_while_most_sure_pictures_show_the_edge_beside_the_blade(
     edge_m: float,
