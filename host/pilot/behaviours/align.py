@@ -13,6 +13,7 @@ from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
+from host.pilot.sight import LEAP_M
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants
@@ -86,8 +87,8 @@ class Align(Behaviour):
         self._shown = 0
         """Sure pictures of the edge, less those without one."""
         self._endless = 0
-        """Pictures that showed crop without a right end, less those that showed one, of which a
-        sure one counts more."""
+        """Pictures that did not show the crop's right end, or a faint one elsewhere than the
+        operator has put the blade's, less those that did, of which a sure one counts more."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -105,8 +106,10 @@ class Align(Behaviour):
         self._judged = context.sight.stamp
         endless = not (slanting or view.confidence > NO_END)
         if fresh:
-            shows = SURE_COUNTS if view.confidence >= CONFIDENT else 1
-            self._endless = max(-SURE_COUNTS, self._endless + (1 if endless else -shows))
+            certain = view.confidence >= CONFIDENT
+            elsewhere = not certain and abs(strip.edge_m(view, context.motion)) > LEAP_M
+            shows = 0 if endless or elsewhere else SURE_COUNTS if certain else 1
+            self._endless = max(-SURE_COUNTS, self._endless + (-shows if shows else 1))
             sure = 0 if view.confidence < CONFIDENT else SHOWN if view.confidence >= SURELY else 1
             self._shown = max(0, self._shown - 1) if endless else self._shown + sure
         if endless:

@@ -319,6 +319,21 @@ def test_align_trusts_nobody_where_most_pictures_show_crop_without_an_end(
     assert is_for(go, Aligned.TRUSTED if trusts else None)
 
 
+@pytest.mark.parametrize(("edge_m", "trusts"), [(0.0, True), (-0.5, False)])
+def test_faint_pictures_of_an_end_elsewhere_are_none_of_the_operators(
+    edge_m: float, trusts: bool
+) -> None:
+    """Facing the neighbour's crop, half of them were faint (belief "the wrong way round")."""
+    context = standing(PLAN)
+    align = Align(context)
+    faint = replace(CUTTING, confidence=0.3, edge_offset_m=edge_m)
+    for k in range(10):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k == 9 else 0.0)
+        seeing(context, faint, stamp=stamp)
+        go = align.step(stamp)[1]
+    assert is_for(go, Aligned.TRUSTED if trusts else None)
+
+
 def test_a_sure_picture_of_an_end_outweighs_some_without_one() -> None:
     """A mirrored camera shows it now and then; once the machine drives, its pictures are told."""
     context = standing(PLAN)
