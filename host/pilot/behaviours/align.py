@@ -51,7 +51,8 @@ class Wait(Reason):
         Doing.ALIGN,
         "the crop ahead has no end to the right, so this is not the corner, or not the direction, "
         "of the plan: put the machine at the field's corner, facing along its side, the blade's "
-        "right end on the crop's edge",
+        "right end on the crop's edge; if it stands so, the camera is turned, or its picture is "
+        "upside down",
     )
     ASKEW = (
         Doing.ALIGN,
