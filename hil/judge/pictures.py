@@ -31,7 +31,7 @@ _GROUND = {
     ground.OBSTACLE: (0.25, 0.25, 0.25),
 }
 GROUND = np.zeros((256, 3))
-"""The same by kind."""
+"""(256, 3): the colour of each kind of ground."""
 for _kind, _colour in _GROUND.items():
     GROUND[_kind] = _colour
 _NAMES = {

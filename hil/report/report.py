@@ -51,6 +51,7 @@ WORST = 12
 
 CAMPAIGN, VERDICTS, RIG = "campaign.json", "verdicts.jsonl", "rig.json"
 RECORD = "record.mcap"
+DECIDED = "What stood around it when it last decided, and, dashed, its edge as believed."
 RUN_KEYS = ("run", "scenario", "outcome", "reason")
 ZOOM = (
     "Turn the wheel to zoom, drag to move, click a name to hide its line; the round arrow shows "
@@ -271,8 +272,7 @@ def _maps(folders: Sequence[Path | None]) -> list[Section]:
 
 def _decisions(folder: Path) -> list[Section]:
     uri = _file(folder / "decisions.png")
-    about = "What stood around the machine when it last decided, and, dashed, its edge as believed."
-    return [Section("Its last decisions", about, pictures=[(uri, "")])] if uri is not None else []
+    return [Section("Its last decisions", DECIDED, pictures=[(uri, "")])] if uri is not None else []
 
 
 def rig_sections(folder: Path) -> tuple[str, list[Section]]:
@@ -406,11 +406,8 @@ def campaign_sections(
         for s in ordered
         if s["outcome"] != "finished" and (uri := _kept(folder, s, "decisions.png")) is not None
     ]
-    about = (
-        "What stood around each machine when it last decided, and, dashed, its edge as believed."
-    )
     if decisions:
-        sections.append(Section("Where they stopped", about, pictures=decisions[:WORST]))
+        sections.append(Section("Where they stopped", DECIDED, pictures=decisions[:WORST]))
     sections += _hesitation_sections(summaries)
     sections.append(Section("Every run's coverage", pictures=[(_drawn(_spread_of(summaries)), "")]))
     before = {str(row["scenario"]): row for row in against or ()}

@@ -400,11 +400,11 @@ class Sight:
         far = strip.placed and off_m > IN_VIEW_M
         if far and off_m > IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m:
             return False
-        if self.before_begin(view, strip, then):
+        if self._before_begin(view, strip, then):
             return False
         return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
 
-    def before_begin(self, view: CropView, strip: Strip, then: Motion) -> bool:
+    def _before_begin(self, view: CropView, strip: Strip, then: Motion) -> bool:
         """Whether what stands in the picture taken then stands before any crop of the strip."""
         if not strip.placed:
             return False

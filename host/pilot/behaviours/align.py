@@ -88,8 +88,8 @@ class Align(Behaviour):
         self._shown = 0
         """Sure pictures of the edge, less those without one."""
         self._endless = 0
-        """Pictures that did not show the crop's right end, or a faint one elsewhere than the
-        operator has put the blade's, less those that did, of which a sure one counts more."""
+        """Pictures that showed crop without a right end, less those that showed one, of which a
+        sure one counts more, and a faint one elsewhere than at the blade's nothing."""
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -109,8 +109,8 @@ class Align(Behaviour):
         if fresh:
             certain = view.confidence >= CONFIDENT
             elsewhere = not certain and abs(strip.edge_m(view, context.motion)) > LEAP_M
-            shows = 0 if endless or elsewhere else SURE_COUNTS if certain else 1
-            self._endless = max(-SURE_COUNTS, self._endless + (-shows if shows else 1))
+            shows = 0 if elsewhere else SURE_COUNTS if certain else 1
+            self._endless = max(-SURE_COUNTS, self._endless + (1 if endless else -shows))
             sure = 0 if view.confidence < CONFIDENT else SHOWN if view.confidence >= SURELY else 1
             self._shown = max(0, self._shown - 1) if endless else self._shown + sure
         if endless:

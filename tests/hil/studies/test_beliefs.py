@@ -36,7 +36,6 @@ from hil.studies.beliefs import (
     scenario_of,
 )
 from host.core.errors import UserError
-from host.pilot.endings import GIVE_UP_S
 from host.pilot.phase import Doing
 
 needs_firmware = pytest.mark.skipif(
@@ -230,7 +229,7 @@ def turns(run: Harvest) -> bool:
 def test_pictures_that_do_not_move_as_the_machine_stop_it_within_2_m_and_name_the_camera(
     case: str, known: Callable[[Harvest], bool], why: str
 ) -> None:
-    scenario = changed(scenario_of(case), {"limits": {"time_s": GIVE_UP_S + 5.0}})
+    scenario = changed(scenario_of(case), {"limits": {"time_s": 60.0}})
     wrong = PICTURES.get(case)
     with closing(Harvest(scenario, eyes=wrong.eyes if wrong is not None else None)) as run:
         run.run(enough=lambda: known(run))

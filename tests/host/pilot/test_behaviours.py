@@ -320,16 +320,20 @@ def test_align_trusts_nobody_where_most_pictures_show_crop_without_an_end(
 
 
 @pytest.mark.parametrize(("edge_m", "trusts"), [(0.0, True), (-0.5, False)])
-def test_faint_pictures_of_an_end_elsewhere_are_none_of_the_operators(
+def test_faint_pictures_of_an_end_elsewhere_outweigh_none_without_one(
     edge_m: float, trusts: bool
 ) -> None:
     """Facing the neighbour's crop, half of them were faint (belief "the wrong way round")."""
     context = standing(PLAN)
     align = Align(context)
-    faint = replace(CUTTING, confidence=0.3, edge_offset_m=edge_m)
-    for k in range(10):
-        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k == 9 else 0.0)
-        seeing(context, faint, stamp=stamp)
+    faint, none = (
+        replace(CUTTING, confidence=0.3, edge_offset_m=edge_m),
+        replace(CUTTING, confidence=0.0),
+    )
+    views = [none, none] + [faint] * 8
+    for k, view in enumerate(views):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(views) else 0.0)
+        seeing(context, view, stamp=stamp)
         go = align.step(stamp)[1]
     assert is_for(go, Aligned.TRUSTED if trusts else None)
 

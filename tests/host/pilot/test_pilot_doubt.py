@@ -866,17 +866,20 @@ def searching(view: CropView) -> tuple[SimpleWorld, Pilot]:
     return world, pilot
 
 
-def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends() -> None:
+@pytest.mark.parametrize(
+    "view", [CropView(0.0, reason="nothing"), CropView(0.0, hidden=True, crop_ahead_m=0.5)]
+)
+def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends(view: CropView) -> None:
     """Stems right before the lens may be the neighbour's."""
-    world, pilot = searching(CropView(0.0, hidden=True, reason="nothing"))
+    world, pilot = searching(view)
     harvest(world, pilot, world.now + 30.0)
     assert pilot.phase is Phase.FAULT
     assert "made out" in pilot.reason
 
 
-def test_in_crop_that_is_surely_the_fields_it_goes_on_a_little_to_look_again() -> None:
+def test_where_something_stands_in_crop_that_is_surely_the_fields_it_goes_on_a_little() -> None:
     """Most of a side is ahead. It does not cut all of it unseeing."""
-    world, pilot = searching(CropView(0.0, reason="nothing"))
+    world, pilot = searching(CropView(0.0, crop_ahead_m=1.0, ahead_confidence=0.4))
     before = world.x, world.y
     drive(world, pilot, 60.0, until=lambda: pilot.phase is Phase.FOLLOW)
     assert pilot.phase is Phase.FOLLOW
