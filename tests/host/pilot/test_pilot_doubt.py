@@ -13,6 +13,7 @@ import shapely
 
 from host.core.messages import Command, Fix, Frame, Request, State
 from host.core.vehicle import Vehicle
+from host.estimate.cut_guard import CutGuard
 from host.estimate.position import Position
 from host.field.areas import Geofence, areas_of
 from host.pilot import steering_law
@@ -952,3 +953,28 @@ def test_a_short_side_does_not_end_before_it_begins() -> None:
     drive(world, pilot, 60.0, until=lambda: pilot.turns == 1 or pilot.done)
     assert pilot.turns == 1, pilot.reason
     assert world.y + VEHICLE.blade_x_m > 0.3
+
+
+def test_the_blades_guard_knows_the_gap_beside_a_side_and_allows_more_than_a_patch_at_ends_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, Eyes(world, lambda view: view), PLAN)
+    beside: dict[int, set[bool]] = {}
+    slack: dict[int, set[float]] = {}
+    limit, allow = CutGuard.limit, CutGuard.allow
+
+    def limited(guard: CutGuard, now: float, command: Command, **told: bool) -> Command:
+        beside.setdefault(pilot.turns, set()).add(told["beside"])
+        return limit(guard, now, command, **told)
+
+    def allowed(guard: CutGuard, slack_m: float) -> None:
+        if guard.clear_m == 0.0:
+            slack.setdefault(pilot.turns, set()).add(slack_m)
+        allow(guard, slack_m)
+
+    monkeypatch.setattr(CutGuard, "limit", limited)
+    monkeypatch.setattr(CutGuard, "allow", allowed)
+    drive(world, pilot, 400.0, until=lambda: pilot.turns == 6)
+    assert [beside[k] for k in range(6)] == [{True}] * 4 + [{False}] * 2
+    assert slack[5] == {0.0}, "in the crop, though the field goes on behind its end"
