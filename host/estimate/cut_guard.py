@@ -6,7 +6,7 @@ than a patch may be a gap: the machine stands, looks once more without the blade
 farther unless crop stands right at the blade; where the side may end, only if its edge is in line
 with what was cut: a neighbour's lies across. Only where the plan has crop by more than any belief
 errs, and pictures show its edge all the way, does it go on, its blade off, and cuts again where the
-edge that it followed goes on in line.
+edge that it followed goes on in line; and right beside what it has cut itself, where no gap is.
 """
 
 from __future__ import annotations
@@ -152,12 +152,19 @@ class CutGuard:
         return math.copysign(most, duty if duty != 0.0 else counted)
 
     def take_picture(
-        self, stamp: float, view: CropView, *, own: bool = False, dusty: bool = False
+        self,
+        stamp: float,
+        view: CropView,
+        *,
+        own: bool = False,
+        swath: bool = False,
+        dusty: bool = False,
     ) -> None:
         """One along the side, taken at `stamp`. `own`: the plan has crop here beyond doubt. Then
         crop after long clear ground is the field's own where its edge goes on in line; a
-        neighbour's lies across. `dusty`: crop at the blade may be its dust, and ends no clear
-        ground before it was looked at."""
+        neighbour's lies across. `swath`: the blade is right beside what the machine has cut; then
+        it is in any case. `dusty`: crop at the blade may be its dust, and ends no clear ground
+        before it was looked at."""
         if view.ahead_confidence < CONFIDENT or not view.usable:
             return
         then_m = next((way for at, way in reversed(self._past) if at <= stamp), self._way_m)
@@ -180,7 +187,7 @@ class CutGuard:
             self._look.aside += near and sure and not in_line
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
-            goes_on = own and in_line
+            goes_on = swath or (own and in_line)
             surely = (goes_on or self._at_blade >= AT_BLADE_PICTURES) and not dusty
             ends_it = self._clear_from_m is None or surely
             if (patch or goes_on) and ends_it and self._held_since is None:
@@ -204,19 +211,22 @@ class CutGuard:
         command: Command,
         *,
         own: bool = False,
+        swath: bool = False,
         ends: bool = False,
         beside: bool = False,
     ) -> Command:
         """The command as it may be carried out. Where the plan has crop beyond doubt (`own`), long
-        clear ground is crossed with the blade off, after the same look, along an edge in sight.
+        clear ground is crossed with the blade off, after the same look, along an edge in sight;
+        right beside what the machine has cut (`swath`) without one.
         Where the side may end (`ends`), clear ground as long as an end's may be the gap, and crop
         beyond it leads on only where its edge is in line. So it does where the gap lies `beside`
         the side, whatever the plan has along it: the machine may have left it sideways."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
+        crosses = swath or (own and self._shown(beside))
         if self._held_since is None:
             if self.clear_m < self._allowed_m:
                 return command
-            if self._crossing and own and self._shown(beside):
+            if self._crossing and crosses:
                 return replace(command, blade=False)
             if not forward:
                 return command
@@ -225,12 +235,13 @@ class CutGuard:
             return command
         if now - self._held_since > LOOK_S:
             look = self._look
-            gap = (beside or (ends and not own)) and self.clear_m >= END_CLEAR_M
+            near = not swath and (beside or (ends and not own))
+            gap = near and self.clear_m >= END_CLEAR_M
             in_line = look.in_line > max(look.aside, IN_LINE_SHARE * look.crop)
             if look.crop > look.clear and (in_line or not gap):
                 self._held_since = self._clear_from_m = None
                 return command
-            if own and self._shown(beside):
+            if crosses:
                 self._held_since, self._crossing = None, True
                 return replace(command, blade=False)
             self.refused = True

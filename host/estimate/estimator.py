@@ -17,6 +17,7 @@ from host.estimate.odometry import Motion, Odometry
 from host.estimate.picture_motion import PictureMotion
 from host.estimate.position import Position
 from host.estimate.speed_watch import SpeedWatch
+from host.estimate.swaths import Swaths
 from host.route.plan import Plan
 
 DOPPLER_GAP_S = 2.0
@@ -31,6 +32,7 @@ class Estimator:
         self.position = Position(vehicle, plan.boundary, plan.sigma_m)
         self.lane = Lane(self.position, vehicle.blade_x_m)
         self.trails = Trails(vehicle)
+        self.swaths = Swaths()
         self.direction = DirectionCheck()
         self.cut = CutGuard(vehicle)
         self.speed = SpeedWatch(vehicle)

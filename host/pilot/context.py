@@ -225,13 +225,15 @@ class Context:
         sides, and an edge that bends to the right leaves the picture.
         Only in crop that is the field's beyond doubt, and without any sight of it no farther than
         such stalks can stand."""
-        blind_m = self.motion.distance_m - self.sight.seen_at_m
-        begins = self.strip.straight_m(self.motion) < BEGINNING_M and blind_m < BLIND_ON_M
+        beside = self.strip.beside_swath
+        begins = beside or self.strip.straight_m(self.motion) < BEGINNING_M
+        begins = begins and self.motion.distance_m - self.sight.seen_at_m < BLIND_ON_M
         view, ahead = self.sight.view, self.sight.ahead
-        # Whose stems those are, nobody knows before the blade has met the strip's own.
+        # Elsewhere, nobody knows whose stems those are before the blade has met the strip's own.
         met = ahead.entered and self.turning is None
-        hidden = view is not None and view.hidden and not met
-        return begins and self.strip.surely_own and not (hidden or self.blind(now))
+        hidden = view is not None and view.hidden and not (met or beside)
+        own = beside or self.strip.surely_own
+        return begins and own and not (hidden or self.blind(now))
 
     # ---- commands --------------------------------------------------------------------------------
 

@@ -199,8 +199,8 @@ class Pilot:
         ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
         # Elsewhere than at its end no tip and no earlier round explains it.
         guard.allow(strip.clear_end_m if ends else 0.0)
-        own, beside = strip.surely_own, strip.outermost
-        return guard.limit(now, command, own=own, ends=ends, beside=beside)
+        own, swath, beside = strip.surely_own, strip.beside_swath, strip.outermost
+        return guard.limit(now, command, own=own, swath=swath, ends=ends, beside=beside)
 
     def _listen(self, fix: Fix | None, telemetry: Telemetry | None) -> None:
         context = self._context
@@ -228,8 +228,9 @@ class Pilot:
         then = context.estimate.odometry.at(sight.stamp)
         if self._behaviour.gaze.on_side and sight.view is not None and sight.ahead.begun(then):
             dusty = self._behaviour.gaze.cutting and sight.ahead.in_dust(*EDGE_SURE)
+            own, swath = strip.surely_own, strip.beside_swath
             context.estimate.cut.take_picture(
-                sight.stamp, sight.view, own=strip.surely_own, dusty=dusty
+                sight.stamp, sight.view, own=own, swath=swath, dusty=dusty
             )
 
     def _explained(self, command: Command) -> Command:

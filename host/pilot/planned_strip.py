@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
+from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
@@ -62,6 +63,21 @@ class PlannedStrip(PlanSide):
         self._turned_from: _Before | None = None
         self._end_at_m = math.nan
         """The travelled distance at which the blade met its end."""
+
+    @property
+    def beside_swath(self) -> bool:
+        estimate = self.estimate
+        placed = (self._blade(borders.pose) for borders in estimate.position.all_borders)
+        return estimate.swaths.beside(self._blade(self._reckoned), placed)
+
+    @property
+    def _reckoned(self) -> tuple[float, float, float]:
+        here = self.estimate.motion
+        return here.x_m, here.y_m, here.yaw_rad
+
+    def _blade(self, pose: tuple[float, float, float]) -> Pose2:
+        """Its middle, where the rear axle is at a pose."""
+        return Pose2(*pose).ahead(self.vehicle.blade_x_m)
 
     def edge_m(self, view: CropView, then: Motion) -> float:
         """Its bends taken off: those that the machine itself has driven a round earlier."""
@@ -165,9 +181,12 @@ class PlannedStrip(PlanSide):
         position.at_end(last, ago, 0.0, 0.0)
 
     def cut(self) -> None:
-        """Its way is the next round's edge; and once, where the lane is known again, it tells how
-        far the turn to it has turned."""
+        """Its way is the next round's edge, and what stands beside it the field's; and once, where
+        the lane is known again, it tells how far the turn to it has turned."""
         here = self.estimate.motion
+        if self.estimate.cut.clear_m == 0.0:
+            reckoned, placed = self._blade(self._reckoned), self._blade(self.estimate.position.pose)
+            self.estimate.swaths.note(here.distance_m, reckoned, placed)
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
             self.estimate.position.look(self.planned_piece, None)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
@@ -221,6 +240,7 @@ class PlannedStrip(PlanSide):
             self._pass_bend()
         origin = self._origin(self.side if shuttles else self.piece)
         self.estimate.trails.end(self.planned_piece)
+        self.estimate.swaths.end()
         if isinstance(following, PlannedStrip):
             here, before = self.estimate.motion, None
             if self.ahead.entered and self.ahead.cut_m(here) > TURN_KNOWN_M:

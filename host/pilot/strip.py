@@ -176,6 +176,11 @@ class Strip:
         goes on, or the field does beyond it."""
         return False
 
+    @property
+    def beside_swath(self) -> bool:
+        """Whether what stands before the blade stands right beside what the machine cut last."""
+        return False
+
     def to_blind_end_m(self) -> float:
         """From where the blade will stop to where the strip ends before a keep-out; inf: it does
         not."""

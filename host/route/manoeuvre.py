@@ -46,9 +46,9 @@ PRESSED: Final = 4.0
 """and to press crop down: share of the wheels that do, times the way."""
 GREEDY: Final = 2.0
 """Times what the rest of the way costs at least: more finds one sooner, less a better one."""
-SHORT_M: Final = 0.9
+SHORT_M: Final = (0.9, 4.0)
 """Of the lane's crop, behind whose beginning there may be no room for the whole machine, so much
-may stay at most."""
+may stay; and where there is no such way, rather than all of the strip."""
 MOST_RAD: Final = math.radians(200.0)
 """That the last two arcs turn in all."""
 
@@ -84,9 +84,11 @@ def make_ready() -> None:
     way(Vehicle(), Pose2(0.0, 1.0, 0.0), Lane(0.0, 0.0, (0.0, 0.0)), Room(far, np.zeros((1, 1))))
 
 
-def way(vehicle: Vehicle, start: Pose2, lane: Lane, room: Room) -> tuple[Leg, ...] | None:
-    """The legs that lead from `start` onto the lane; None where none was found. Headings and places
-    along the lane count from the lane's."""
+def way(
+    vehicle: Vehicle, start: Pose2, lane: Lane, room: Room, short_m: float = SHORT_M[0]
+) -> tuple[Leg, ...] | None:
+    """The legs that lead from `start` onto the lane, no more than `short_m` past where its crop
+    begins; None where none was found. Headings and places along the lane count from the lane's."""
     radius, lock = turning_radius(vehicle)
     hull = shapely.convex_hull(shapely.MultiPoint(outline_of(vehicle)))
     outline = shapely.get_coordinates(hull)[:-1]
@@ -96,7 +98,7 @@ def way(vehicle: Vehicle, start: Pose2, lane: Lane, room: Room) -> tuple[Leg, ..
     )
     there, found = _search(
         np.array(start), radius, outline, wheels, room.sides, room.margins, half,
-        lane.ends_m, lane.crop_m, lane.border[0], lane.border[1],
+        lane.ends_m, lane.crop_m, lane.border[0], lane.border[1], short_m,
     )  # fmt: skip
     if not there:
         return None
@@ -243,10 +245,10 @@ def _arcs(at: Array, radius: float, which: int) -> tuple[float, float, float]:
 @njit(cache=True, nogil=True)
 def _search(
     start: Array, radius: float, outline: Array, wheels: Array, sides: Array, margins: Array,
-    half: float, ends: float, crop: float, border_y: float, border_rad: float,
+    half: float, ends: float, crop: float, border_y: float, border_rad: float, short: float,
 ) -> tuple[bool, Array]:  # fmt: skip
     """Whether there is a way; (n, 3): curvature, 1/m, sense of the way and its length, m, one row a
-    piece."""
+    piece. When as many places have been searched as may be, it is the best of those found."""
     cell, turn = CELLS
     across = int(2 * REACH_M / cell) + 1
     round_ = round(2 * math.pi / turn)
@@ -266,7 +268,7 @@ def _search(
     near[0] = _nearness(start, outline, sides, margins, len(margins), points)
     if near[0] == len(margins):
         return False, np.empty((0, 3))
-    expanded, end = 0, -1
+    expanded, end, cheapest = 0, -1, -1
     while len(heap) > 0 and expanded < EXPANDED:
         _, here, arrives = heapq.heappop(heap)
         if arrives:
@@ -300,7 +302,7 @@ def _search(
                 to, 0.0, -back, outline, sides, around, points, between
             ):
                 back = max(0.0, back - 0.5 * STEP_M)
-            if beyond - back > SHORT_M:
+            if beyond - back > short:
                 continue
             more += PRESSED * (beyond - back)
             if count < most:
@@ -308,6 +310,8 @@ def _search(
                 goal[count, 0], goal[count, 1] = k, first
                 goal[count, 2], goal[count, 3] = -k, second
                 heapq.heappush(heap, (cost[count], count, True))
+                if cheapest < 0 or cost[count] < cost[cheapest]:
+                    cheapest = count
                 count += 1
         for steer in range(5):
             k = (steer - 2) / (2 * radius)
@@ -335,6 +339,8 @@ def _search(
                 left = max(abs(to[1]), radius * askew, to[0] - ends)
                 heapq.heappush(heap, (g + GREEDY * left, count, False))
                 count += 1
+    if end < 0:
+        end = cheapest
     if end < 0:
         return False, np.empty((0, 3))
     pieces = [(goal[end, 2], goal[end, 3]), (goal[end, 0], goal[end, 1])]

@@ -85,10 +85,11 @@ class Search(Behaviour):
         return Why.CROP_AHEAD.go(side=context.strip.name, ahead_m=f"{view.crop_ahead_m:.1f}")
 
     def _nothing_seen(self, now: float) -> Go:
-        """Something that stands ahead at no sure distance may be seen better from another place.
-        Else a person must see, unless next to nothing of the plan is left."""
+        """Something that stands ahead at no sure distance, or right before the lens, may be seen
+        better from another place. Else a person must see, unless next to nothing of the plan is
+        left."""
         context, view = self.context, self.context.sight.view
-        stands = view is not None and math.isfinite(view.crop_ahead_m)
+        stands = view is not None and (view.hidden or math.isfinite(view.crop_ahead_m))
         if stands and context.goes_unseeing(now):
             context.begin_strip()
             return Why.OWN_CROP.go(side=context.strip.name)

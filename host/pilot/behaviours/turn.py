@@ -14,7 +14,7 @@ from host.pilot.endings import Blind, blind, leave_rest
 from host.pilot.guard import NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
-from host.route.manoeuvre import Lane, way
+from host.route.manoeuvre import SHORT_M, Lane, way
 from host.route.turn_legs import Follow as Along
 from host.route.turn_legs import Leg
 
@@ -30,8 +30,8 @@ ASIDE_M = 0.3
 metres."""
 SEARCHES = 6
 """So often another way is looked for, in one turn."""
-TRIES = sum(share == 1.0 for share, _ in NEARER)
-"""Rooms that it is looked for in."""
+ROOMS = sum(share == 1.0 for share, _ in NEARER)
+"""That it is looked for in: behind the beginning of the crop, and then in line at least."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 RUN_IN_M = 0.3
@@ -65,8 +65,8 @@ class DriveTurn(Behaviour):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._wary: int | None = None
-        """How much of the room another way is looked for in, from the least on; None: none is."""
+        self._tried: int | None = None
+        """In how many rooms another way has been looked for; None: none is."""
         self._doubt_m = context.strip.begin_doubt_m
         """How much farther back the next side may begin; pictures on the way make it surer."""
 
@@ -85,7 +85,7 @@ class DriveTurn(Behaviour):
         go = blind(context, now)
         if go is not None:
             return context.hold(), go
-        if self._wary is not None:
+        if self._tried is not None:
             self._search(now)
             return context.hold(), None
         if turning.leg is None and self._off_lane() and self._begin_search():
@@ -144,14 +144,16 @@ class DriveTurn(Behaviour):
         if self.turning.searches >= SEARCHES or not self.context.strip.placed:
             return False
         self.turning.searches += 1
-        self._wary = 0
+        self._tried = 0
         return True
 
     def _search(self, now: float) -> None:
         """Looks for another way to the lane within the geofence: at each step, which the firmware
-        waits for, with less room kept than at the one before."""
+        waits for, with less room kept than at the one before, and at last with more of the crop
+        behind the machine."""
         context, turning = self.context, self.turning
-        assert self._wary is not None
+        assert self._tried is not None
+        stays, wary = divmod(self._tried, ROOMS)
         if turning.beside:
             turning.anchor(context.motion, *context.estimate.lane.backwards)
         start = turning.beside_lane(context.motion)
@@ -162,15 +164,16 @@ class DriveTurn(Behaviour):
             border = vehicle.blade_width_m / 2 - turn.lane_y_m, turn.lane_rad
             ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
             lane = Lane(ends_m, turn.crop_begins_m, border)
-            legs = way(vehicle, start, lane, replace(room, margins=room.margins[self._wary :]))
-        self._wary += 1
+            kept = replace(room, margins=room.margins[wary:])
+            legs = way(vehicle, start, lane, kept, SHORT_M[stays])
+        self._tried += 1
         if legs is not None:
-            self._wary = None
+            self._tried = None
             turning.lay_anew(legs, now)
             if turning.backing:
                 context.strip.begin_leg(turning)
-        elif room is None or self._wary >= TRIES:
-            self._wary = None
+        elif room is None or self._tried >= ROOMS * len(SHORT_M):
+            self._tried = None
             if turning.leg is not None:
                 self._next(now)
 

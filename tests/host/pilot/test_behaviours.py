@@ -43,7 +43,7 @@ from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import SEARCHES, STEER_TIMEOUT_S, TRIES, DriveTurn
+from host.pilot.behaviours.turn import SEARCHES, STEER_TIMEOUT_S, ROOMS, DriveTurn
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -1017,7 +1017,7 @@ def test_behind_a_bend_the_machine_may_drive_on_unseeing_as_at_a_strips_beginnin
 def after_search(turn: DriveTurn) -> None:
     """The geofence has stopped a leg; the machine stands until another way is found, or none."""
     assert turn.blocked(NOW, TOO_NEAR) is None
-    for _ in range(TRIES):
+    for _ in range(ROOMS):
         before = turn.turning.turn
         command, go = turn.step(NOW)
         assert stands(command)
@@ -1056,7 +1056,7 @@ def test_beside_a_lane_another_way_begins_where_pictures_have_shown_the_machine(
     starts: list[Pose2] = []
     monkeypatch.setattr(turn_module, "way", lambda _, start, *__: starts.append(start))
     after_search(DriveTurn(context))
-    assert len(starts) == TRIES
+    assert len(starts) == ROOMS
     for start in starts:
         assert (start.y_m, start.heading_rad) == pytest.approx((0.4, 0.1))
 
@@ -1090,7 +1090,7 @@ def test_a_turn_that_ends_off_its_lane_goes_on(
     monkeypatch.setattr(turn.turning, "against_lane", lambda _: against)
     go = turn.step(NOW)[1]
     assert is_for(go, None if anew else Turned.TURNED)
-    for _ in range(TRIES if anew else 0):
+    for _ in range(ROOMS if anew else 0):
         turn.step(NOW)
     assert (turn.turning.leg is not None) is anew
 

@@ -83,7 +83,7 @@ def test_on_its_way_the_machine_leaves_no_permitted_area_and_touches_no_keep_out
             hull = shapely.convex_hull(shapely.MultiPoint(placed(outline_of(VEHICLE), *pose)))
             assert permitted.contains(hull)
             assert not tree.intersects(hull)
-    assert last.poses[-1].x_m <= lane.ends_m + SHORT_M
+    assert last.poses[-1].x_m <= lane.ends_m + SHORT_M[0]
 
 
 def test_at_a_corner_with_a_usual_gap_there_is_a_way() -> None:

@@ -1,0 +1,89 @@
+"""What the machine has cut itself. Crop right beside it is the same field's, whatever is believed
+of the boundary: between two fields lies a gap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host.core.frames import Pose2
+
+STEP_M: Final = 0.25
+"""Between two points of a swath."""
+ASIDE_M: Final = (0.2, 1.2)
+"""From its middle to the blade's middle, to the left: a strip's width is between. With more the
+blade's left end would reach over the narrowest gap that is harvested beside."""
+ALONG_RAD: Final = math.radians(30.0)
+"""Of a swath's direction, to be beside it."""
+BEFORE_END_M: Final = 1.0
+"""Before its end: a strip beside it is shorter where the border slants, by as much as the narrowest
+gap is wide where it slants by 60 degrees, and this is left for what a place errs."""
+
+BEFORE_BEGIN_M: Final = 0.5
+"""Before its beginning: less than half of that gap."""
+
+Line = NDArray[np.float64]
+
+
+class Swaths:
+    """The ways of the blade's middle through crop, m: the latest by dead reckoning, which knows the
+    way since then best, all before it in the field."""
+
+    def __init__(self) -> None:
+        self._reckoned: list[tuple[float, float]] = []
+        self._placed: list[tuple[float, float]] = []
+        self._travelled_m = -math.inf
+        self._latest: Line = np.empty((0, 2))
+        """By dead reckoning."""
+        self._past: list[Line] = []
+        """In the field; the latest is the last of them."""
+
+    def note(self, travelled_m: float, reckoned: Pose2, placed: Pose2) -> None:
+        """The blade cuts there: it has come farther than ever along its strip, or is passed over
+        in silence."""
+        if travelled_m < self._travelled_m + STEP_M:
+            return
+        self._travelled_m = travelled_m
+        self._reckoned.append(reckoned[:2])
+        self._placed.append(placed[:2])
+
+    def end(self) -> None:
+        """The strip is cut."""
+        if len(self._reckoned) > 1:
+            self._latest = np.array(self._reckoned)
+            self._past.append(np.array(self._placed))
+        self._reckoned, self._placed, self._travelled_m = [], [], -math.inf
+
+    def beside(self, reckoned: Pose2, placed: Iterable[Pose2]) -> bool:
+        """Whether what stands before the blade stands right beside a swath, on its left: before the
+        latest by dead reckoning, or before one at every place where the machine may be."""
+        if _beside(self._latest, reckoned):
+            return True
+        before = self._past[:-1]
+        return bool(before) and all(any(_beside(line, at) for line in before) for at in placed)
+
+
+def _beside(line: Line, at: Pose2) -> bool:
+    """The same of one."""
+    if len(line) < 2:
+        return False
+    x, y, heading = at
+    k = int(np.argmin(np.hypot(line[:, 0] - x, line[:, 1] - y)))
+    k = min(k, len(line) - 2)
+    dx, dy = line[k + 1] - line[k]
+    turned = math.remainder(heading - math.atan2(dy, dx), math.tau)
+    c, s = math.cos(heading - turned), math.sin(heading - turned)
+    along_m = c * (x - line[k, 0]) + s * (y - line[k, 1])
+    left_m = c * (y - line[k, 1]) - s * (x - line[k, 0])
+    least_m, most_m = ASIDE_M
+    after_m = (len(line) - 1 - k) * STEP_M - along_m
+    return (
+        abs(turned) < ALONG_RAD
+        and least_m < left_m < most_m
+        and (k > 0 or along_m > -BEFORE_BEGIN_M)
+        and after_m > BEFORE_END_M
+    )
