@@ -30,8 +30,8 @@ Line = NDArray[np.float64]
 
 
 class Swaths:
-    """The ways of the blade's middle through crop, m: the latest by dead reckoning, which knows the
-    way since then best, all before it in the field."""
+    """The ways of the blade's middle through crop, m, in the field; the latest by dead reckoning,
+    too, whatever has been found of the place since then."""
 
     def __init__(self) -> None:
         self._reckoned: list[tuple[float, float]] = []
@@ -40,11 +40,10 @@ class Swaths:
         self._latest: Line = np.empty((0, 2))
         """By dead reckoning."""
         self._past: list[Line] = []
-        """In the field; the latest is the last of them."""
+        """In the field."""
 
     def note(self, travelled_m: float, reckoned: Pose2, placed: Pose2) -> None:
-        """The blade cuts there: it has come farther than ever along its strip, or is passed over
-        in silence."""
+        """The blade cuts there. Where it has been before on its strip says nothing new."""
         if travelled_m < self._travelled_m + STEP_M:
             return
         self._travelled_m = travelled_m
@@ -59,12 +58,11 @@ class Swaths:
         self._reckoned, self._placed, self._travelled_m = [], [], -math.inf
 
     def beside(self, reckoned: Pose2, placed: Iterable[Pose2]) -> bool:
-        """Whether what stands before the blade stands right beside a swath, on its left: before the
-        latest by dead reckoning, or before one at every place where the machine may be."""
+        """Whether what stands before the blade stands right beside a swath, on its left: beside the
+        latest by dead reckoning, or beside one at every place where the machine may be."""
         if _beside(self._latest, reckoned):
             return True
-        before = self._past[:-1]
-        return bool(before) and all(any(_beside(line, at) for line in before) for at in placed)
+        return all(any(_beside(line, at) for line in self._past) for at in placed)
 
 
 def _beside(line: Line, at: Pose2) -> bool:

@@ -86,11 +86,11 @@ class Search(Behaviour):
 
     def _nothing_seen(self, now: float) -> Go:
         """Something that stands ahead at no sure distance, or right before the lens, may be seen
-        better from another place. Else a person must see, unless next to nothing of the plan is
-        left."""
+        better from another place, and so may whatever lies right beside what the machine has cut.
+        Else a person must see, unless next to nothing of the plan is left."""
         context, view = self.context, self.context.sight.view
         stands = view is not None and (view.hidden or math.isfinite(view.crop_ahead_m))
-        if stands and context.goes_unseeing(now):
+        if (stands or context.strip.beside_swath) and context.goes_unseeing(now):
             context.begin_strip()
             return Why.OWN_CROP.go(side=context.strip.name)
         return (Why.REMNANT if leave_rest(context) else Why.NOTHING_TO_SEE).go()

@@ -36,6 +36,8 @@ class Drive:
         self.last = GO
         self.own = False
         """Whether the plan has crop here beyond doubt."""
+        self.swath = False
+        """Whether it is right beside what it has cut."""
         self.ends = self.beside = False
         """Whether the side may end here."""
         self.edge_m = math.nan
@@ -46,7 +48,12 @@ class Drive:
     def run(self, seconds: float, command: Command = GO) -> Command:
         for _ in range(round(seconds / STEP_S)):
             passed = self.guard.limit(
-                self.t, command, own=self.own, ends=self.ends, beside=self.beside
+                self.t,
+                command,
+                own=self.own,
+                swath=self.swath,
+                ends=self.ends,
+                beside=self.beside,
             )
             self.last = passed
             self.t += STEP_S
@@ -68,7 +75,7 @@ class Drive:
                 crop_ahead_m=ahead,
                 ahead_confidence=0.9 if self.sure else 0.2,
             )
-            self.guard.take_picture(self.t, view, own=self.own)
+            self.guard.take_picture(self.t, view, own=self.own, swath=self.swath)
         return self.last
 
 
@@ -277,6 +284,33 @@ def test_a_plan_leads_over_clear_ground_only_along_an_edge_in_sight(
     assert drive.guard.refused is not crosses
     assert (drive.x > 5.5) is crosses
     assert drive.bladed_to < 3.0 + PATCH_M + 0.1 or drive.x > 6.0
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_right_beside_what_it_has_cut_clear_ground_is_crossed_and_the_next_crop_is_cut(
+    ends: bool,
+) -> None:
+    """No gap lies there, whatever pictures show of an edge."""
+    drive = Drive(field((0.2, 3.0), (6.0, 30.0)))
+    drive.swath, drive.ends, drive.beside = True, ends, ends
+    drive.run(12.0)
+    assert not drive.guard.refused
+    assert 4.0 < drive.x < 6.0
+    assert drive.bladed_to < 3.0 + PATCH_M + 0.1, "the blade is off on the way"
+    assert drive.run(14.0) == GO
+    assert drive.x > 7.0
+
+
+def test_where_what_it_has_cut_ends_it_goes_no_farther_over_clear_ground() -> None:
+    drive = Drive(field((0.2, 3.0), (9.0, 30.0)))
+    drive.swath = True
+    drive.run(14.0)
+    here = drive.x
+    assert 4.5 < here < 8.0
+    drive.swath = False
+    drive.run(12.0)
+    assert drive.guard.refused
+    assert drive.x < here + 0.1
 
 
 def test_a_crossing_ends_where_the_edge_is_out_of_sight() -> None:

@@ -43,7 +43,7 @@ from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import SEARCHES, STEER_TIMEOUT_S, ROOMS, DriveTurn
+from host.pilot.behaviours.turn import ROOMS, SEARCHES, STEER_TIMEOUT_S, DriveTurn
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -79,6 +79,7 @@ from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import LEAP_PICTURES, UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
+from host.route.manoeuvre import SHORT_M
 from host.route.plan import Plan, spiral
 from host.route.side import Side
 from host.route.turn_legs import Goal, Turn, driven, shuttle
@@ -819,6 +820,30 @@ def test_among_stems_that_hide_all_else_it_goes_on_only_in_a_strip_that_it_has_m
     assert context.goes_unseeing(NOW) is goes_on
 
 
+def cut_beside(context: Context) -> None:
+    """The strip right of the one that the machine is on has been cut just before."""
+    swaths, vehicle = context.estimate.swaths, context.vehicle
+    for k in range(40):
+        x, y = 0.25 * k + vehicle.blade_x_m, -vehicle.pass_m
+        swaths.note(x, Pose2(x, y, 0.0), Pose2(90.0, 90.0, 0.0))
+    swaths.end()
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+@pytest.mark.parametrize(("blind_m", "goes_on"), [(1.4, True), (1.6, False)])
+def test_right_beside_what_it_has_cut_it_goes_on_anywhere_as_far_as_stems_can_stand(
+    hidden: bool, blind_m: float, goes_on: bool
+) -> None:
+    """Where the plan is not sure enough, and among stems that nobody has met."""
+    context = on_side(cut_m=BEGINNING_M + 1.0)
+    context.sight.ahead.entered_at = None
+    seeing(context, CropView(0.0, hidden=hidden))
+    context.sight.seen_at_m = context.motion.distance_m - blind_m
+    assert not context.goes_unseeing(NOW)
+    cut_beside(context)
+    assert context.goes_unseeing(NOW) is goes_on
+
+
 @pytest.mark.parametrize("cut_m", [BEGINNING_M - 0.1, BEGINNING_M + 0.1])
 @pytest.mark.parametrize("sees", [True, False])
 def test_having_backed_it_goes_on_at_a_strips_beginning(cut_m: float, sees: bool) -> None:
@@ -1014,10 +1039,14 @@ def test_behind_a_bend_the_machine_may_drive_on_unseeing_as_at_a_strips_beginnin
     assert context.goes_unseeing(NOW) is goes
 
 
+LOOKS = ROOMS * len(SHORT_M)
+"""For another way, from one place."""
+
+
 def after_search(turn: DriveTurn) -> None:
     """The geofence has stopped a leg; the machine stands until another way is found, or none."""
     assert turn.blocked(NOW, TOO_NEAR) is None
-    for _ in range(ROOMS):
+    for _ in range(LOOKS):
         before = turn.turning.turn
         command, go = turn.step(NOW)
         assert stands(command)
@@ -1056,7 +1085,7 @@ def test_beside_a_lane_another_way_begins_where_pictures_have_shown_the_machine(
     starts: list[Pose2] = []
     monkeypatch.setattr(turn_module, "way", lambda _, start, *__: starts.append(start))
     after_search(DriveTurn(context))
-    assert len(starts) == ROOMS
+    assert len(starts) == LOOKS
     for start in starts:
         assert (start.y_m, start.heading_rad) == pytest.approx((0.4, 0.1))
 
@@ -1090,7 +1119,7 @@ def test_a_turn_that_ends_off_its_lane_goes_on(
     monkeypatch.setattr(turn.turning, "against_lane", lambda _: against)
     go = turn.step(NOW)[1]
     assert is_for(go, None if anew else Turned.TURNED)
-    for _ in range(ROOMS if anew else 0):
+    for _ in range(LOOKS if anew else 0):
         turn.step(NOW)
     assert (turn.turning.leg is not None) is anew
 
@@ -1322,6 +1351,19 @@ def test_stems_right_before_the_lens_begin_no_strip() -> None:
         search.append(behaviour.step(stamp)[1])
     assert all(go is None for go in search[:-1])
     assert is_for(search[-1], Searched.NOTHING_TO_SEE)
+
+
+def test_stems_right_beside_what_it_has_cut_are_the_strips_own() -> None:
+    context = turned()
+    context.sight.seen_at_m = context.motion.distance_m
+    here, vehicle = context.motion, context.vehicle
+    blade = Pose2(here.x_m, here.y_m, here.yaw_rad).ahead(vehicle.blade_x_m)
+    for k in range(40):
+        at = blade.ahead(0.25 * k, -vehicle.pass_m)
+        context.estimate.swaths.note(0.25 * k, at, at)
+    context.estimate.swaths.end()
+    goes = searched(context, CropView(0.0, hidden=True), MOST_PICTURES + 1)
+    assert [go.reason for go in goes] == [Searched.OWN_CROP]
 
 
 @pytest.mark.parametrize(

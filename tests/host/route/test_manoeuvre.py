@@ -94,6 +94,23 @@ def test_at_a_corner_with_a_usual_gap_there_is_a_way() -> None:
         assert way(VEHICLE, start, lane, around) is not None
 
 
+NARROW = room(box(-0.8, -9.0, 9.0, 9.0))
+"""Behind the lane's crop, which begins at 0, there is no room for the machine."""
+
+
+@pytest.mark.parametrize("askew_deg", [-45.0, -25.0, 30.0])
+def test_without_room_behind_the_crop_a_way_comes_into_line_inside_it(askew_deg: float) -> None:
+    start = Pose2(0.5, -0.3, math.radians(askew_deg))
+    assert way(VEHICLE, start, OPEN, NARROW) is None
+    legs = way(VEHICLE, start, OPEN, NARROW, SHORT_M[1])
+    assert legs is not None
+    *before, _ = (leg for leg in driven(VEHICLE, Turn(legs, 0.0, 0.0, 0.0, 0.0), at=start))
+    last = before[-1].poses[-1]
+    assert 0.0 < last.x_m - ENDS_M <= SHORT_M[1] + 0.8
+    assert abs(last.y_m) < 0.02
+    assert abs(math.remainder(last.heading_rad, math.tau)) < math.radians(1.0)
+
+
 def test_without_room_there_is_no_way() -> None:
     start = Pose2(0.0, 0.0, math.radians(90.0))
     assert way(VEHICLE, start, OPEN, room(box(-0.8, -0.7, 0.8, 1.9))) is None
