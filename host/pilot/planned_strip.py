@@ -185,8 +185,8 @@ class PlannedStrip(PlanSide):
         the lane is known again, it tells how far the turn to it has turned."""
         here = self.estimate.motion
         if self.estimate.cut.clear_m == 0.0:
-            reckoned, placed = self._blade(self._reckoned), self._blade(self.estimate.position.pose)
-            self.estimate.swaths.note(here.distance_m, reckoned, placed)
+            at = self._blade(self._reckoned), self._blade(self.estimate.position.pose)
+            self.estimate.swaths.note(here.distance_m, *at)
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
             self.estimate.position.look(self.planned_piece, None)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)

@@ -39,6 +39,9 @@ NEARLY_M = 0.8
 """Of the last side: clear ground from here on is its end."""
 END_REST_M = 1.0
 """Of a side, before its end: no more than a walked corner errs."""
+GONE_REST_M = 2.0
+"""The same of a side along which it has been driven in vain, right beside what the machine has cut:
+as far as that is surely beside it (host.estimate.swaths)."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -192,8 +195,11 @@ class Follow(Behaviour):
                 return Beside.REGAIN.go()
             if little_left(context):
                 return Why.REMNANT_GONE.go()
-            # A short side may have gone with its neighbours.
-            return end_side(context, now, here) if strip.skippable else Why.CROP_GONE.go()
+            if strip.beside_swath:
+                return None  # farther on it may stand
+            # A short side may have gone with its neighbours, and so may one along all of them.
+            gone = strip.skippable or (strip.placed and strip.left_m() < GONE_REST_M)
+            return end_side(context, now, here) if gone else Why.CROP_GONE.go()
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
             return go or Why.TOO_LONG.go()

@@ -75,5 +75,9 @@ class LookAtEnd(Behaviour):
             if context.strip.may_end_at(end_m):
                 context.strip.ends_at(end_m)
                 return end_side(context, now, here, looked=True)
-            return (Beside.REGAIN if context.may_regain() else Why.CROP_GONE).go()
+            if context.may_regain():
+                return Beside.REGAIN.go()
+            if not context.strip.beside_swath:
+                return Why.CROP_GONE.go()
+            # Right beside what the machine has cut it drives to the strip's end.
         return (Why.EDGE_SEEN if seen else Why.BARE_GROUND).go()

@@ -630,6 +630,36 @@ def test_a_side_does_not_run_on_over_ground_that_is_cut_but_for_what_it_may_have
         assert strip.overrun() is ends
 
 
+def cut_beside(context: Context, long_m: float = 10.0) -> None:
+    """So much of the strip right of the one that the machine is on has been cut just before."""
+    swaths, vehicle = context.estimate.swaths, context.vehicle
+    for k in range(round(long_m / 0.25) + 1):
+        x, y = 0.25 * k + vehicle.blade_x_m, -vehicle.pass_m
+        swaths.note(x, Pose2(x, y, 0.0), Pose2(90.0, 90.0, 0.0))
+    swaths.end()
+
+
+@pytest.mark.parametrize(
+    ("along_m", "beside_m", "reason"),
+    [
+        (1.1, 8.0, None),
+        (6.9, 7.0, SideEnd.SEEN),
+        (5.0, 5.0, Followed.CROP_GONE),
+        (1.1, 0.0, Followed.CROP_GONE),
+    ],
+)
+def test_right_beside_what_it_has_cut_it_drives_to_the_end_of_a_strip_that_is_not_to_be_found(
+    along_m: float, beside_m: float, reason: Reason | None
+) -> None:
+    """It has gone with its neighbours (random field 10697), or stands farther on."""
+    sides = (PLAN.sides[0], replace(PLAN.sides[1], length_m=8.0), PLAN.sides[2])
+    context = on_side(1, replace(PLAN, sides=sides), cut_m=None)
+    context.strip.search_m = 1.0
+    cut_beside(context, beside_m)
+    moved(context, along_m)
+    assert is_for(Follow(context).step(NOW)[1], reason)
+
+
 @pytest.mark.parametrize(
     ("length_m", "reason"), [(8.0, Followed.CROP_GONE), (2.5, SideEnd.SEEN), (0.01, None)]
 )
@@ -760,6 +790,15 @@ def test_looks_at_bare_ground_again_and_again_need_a_person() -> None:
         assert is_for(go, EndLook.BARE_GROUND if k < BARE_LOOKS else EndLook.CROP_GONE)
 
 
+def test_right_beside_what_it_has_cut_bare_ground_is_driven_over() -> None:
+    context = on_side(cut_m=5.0)
+    cut_beside(context)
+    context.bare = BARE_LOOKS
+    context.look.begin(NOW, 5.0)
+    clear_ahead(context)
+    assert is_for(LookAtEnd(context).step(NOW + 1.0)[1], EndLook.BARE_GROUND)
+
+
 def test_bare_ground_on_the_last_side_ends_the_field() -> None:
     last = len(PLAN.sides) - 1
     context = on_side(last, replace(PLAN, sides=PLAN.sides), cut_m=0.1)
@@ -818,15 +857,6 @@ def test_among_stems_that_hide_all_else_it_goes_on_only_in_a_strip_that_it_has_m
     seeing(context, CropView(0.0, hidden=True))
     context.sight.seen_at_m = context.motion.distance_m
     assert context.goes_unseeing(NOW) is goes_on
-
-
-def cut_beside(context: Context) -> None:
-    """The strip right of the one that the machine is on has been cut just before."""
-    swaths, vehicle = context.estimate.swaths, context.vehicle
-    for k in range(40):
-        x, y = 0.25 * k + vehicle.blade_x_m, -vehicle.pass_m
-        swaths.note(x, Pose2(x, y, 0.0), Pose2(90.0, 90.0, 0.0))
-    swaths.end()
 
 
 @pytest.mark.parametrize("hidden", [True, False])
