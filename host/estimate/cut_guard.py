@@ -75,6 +75,8 @@ class CutGuard:
         self._stamp = -math.inf
         self._past: deque[tuple[float, float]] = deque()
         """(stamp, way) of late, for pictures that come late."""
+        self._begun_m = 0.0
+        """The way at the side's beginning."""
         self._slack_m = 0.0
         self._cutting = False
         """Whether a picture has shown this side's crop at the blade."""
@@ -97,6 +99,11 @@ class CutGuard:
         return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
 
     @property
+    def driven_m(self) -> float:
+        """How far the machine has come since the side was begun, at most."""
+        return self._way_m - self._begun_m
+
+    @property
     def unseen(self) -> bool:
         """Whether the look showed nothing at all."""
         return self.refused and self._look.clear + self._look.crop == 0
@@ -112,6 +119,7 @@ class CutGuard:
         """A side, on which clear ground may be longer by `slack_m`: at a last tip that is too
         narrow to be seen, or where earlier rounds have cut what lies before the boundary."""
         self._slack_m = slack_m
+        self._begun_m = self._way_m
         self._cutting = False
         self._clear_from_m = self._held_since = None
         self._at_blade = 0

@@ -27,6 +27,9 @@ BEYOND: Final = 0.5
 """Of an edge's length: farther beyond a corner its line is taken to move as it does there."""
 PARALLEL: Final = 0.2
 """Sine of the angle under which a border must cross a side to move its end."""
+STRAIGHT_M: Final = 1.0
+"""Outer edge of a side, between its tips, from which on its ends tell its direction. What is
+shorter, or a strip that is nothing but tips, turns as the edge does that it lies along."""
 
 
 @njit(cache=True, nogil=True)
@@ -140,6 +143,10 @@ class Outline:
     def heading_rad(self, edge: int) -> float:
         """The direction in which an edge is found to run; 0 for none."""
         return 0.0 if edge == NO_EDGE else float(self._edges.headings[edge])
+
+    def _planned_rad(self, edge: int) -> float:
+        """The same in the plan."""
+        return 0.0 if edge == NO_EDGE else float(self._planned.headings[edge])
 
     # ---- derivatives -----------------------------------------------------------------------------
 
@@ -263,10 +270,13 @@ class Outline:
         else:
             bx, by = self._crossing(side, -1)
             ex, ey = self._crossing(side, 1)
-            heading = math.atan2(ey - by, ex - bx)
-            turned = math.remainder(heading - side.heading_rad, math.tau)
-            heading = side.heading_rad + turned
-            length = math.hypot(ex - bx, ey - by) + side.edge_begin_m + side.edge_end_m
+            tips_m = side.edge_begin_m + side.edge_end_m
+            if side.length_m - tips_m > STRAIGHT_M:
+                turned = math.atan2(ey - by, ex - bx) - side.heading_rad
+            else:
+                turned = self.heading_rad(side.edge) - self._planned_rad(side.edge)
+            heading = side.heading_rad + math.remainder(turned, math.tau)
+            length = math.cos(heading) * (ex - bx) + math.sin(heading) * (ey - by) + tips_m
             x = bx - side.edge_begin_m * math.cos(heading)
             y = by - side.edge_begin_m * math.sin(heading)
             bends = ()

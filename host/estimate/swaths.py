@@ -57,15 +57,16 @@ class Swaths:
             self._past.append(np.array(self._placed))
         self._reckoned, self._placed, self._travelled_m = [], [], -math.inf
 
-    def beside(self, reckoned: Pose2, placed: Iterable[Pose2]) -> bool:
+    def beside(self, reckoned: Pose2, placed: Iterable[Pose2], farther_m: float = 0.0) -> bool:
         """Whether what stands before the blade stands right beside a swath, on its left: beside the
-        latest by dead reckoning, or beside one at every place where the machine may be."""
-        if _beside(self._latest, reckoned):
+        latest by dead reckoning, or beside one at every place where the machine may be. It may have
+        come `farther_m` than its wheels say."""
+        if _beside(self._latest, reckoned, farther_m):
             return True
-        return all(any(_beside(line, at) for line in self._past) for at in placed)
+        return all(any(_beside(line, at, farther_m) for line in self._past) for at in placed)
 
 
-def _beside(line: Line, at: Pose2) -> bool:
+def _beside(line: Line, at: Pose2, farther_m: float) -> bool:
     """The same of one."""
     if len(line) < 2:
         return False
@@ -83,5 +84,5 @@ def _beside(line: Line, at: Pose2) -> bool:
         abs(turned) < ALONG_RAD
         and least_m < left_m < most_m
         and (k > 0 or along_m > -BEFORE_BEGIN_M)
-        and after_m > BEFORE_END_M
+        and after_m - farther_m > BEFORE_END_M
     )

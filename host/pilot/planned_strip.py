@@ -68,7 +68,12 @@ class PlannedStrip(PlanSide):
     def beside_swath(self) -> bool:
         estimate = self.estimate
         placed = (self._blade(borders.pose) for borders in estimate.position.all_borders)
-        return estimate.swaths.beside(self._blade(self._reckoned), placed)
+        farther_m = 0.0
+        begun_at = self.ahead.begun_at
+        if begun_at is not None:
+            counted_m = estimate.motion.distance_m - begun_at.distance_m
+            farther_m = max(0.0, estimate.cut.driven_m - counted_m)
+        return estimate.swaths.beside(self._blade(self._reckoned), placed, farther_m)
 
     @property
     def _reckoned(self) -> tuple[float, float, float]:

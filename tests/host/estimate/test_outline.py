@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate.outline import Outline
+from host.estimate.outline import STRAIGHT_M, Outline
 from host.route.boundary_edges import BoundaryEdges
 from host.route.plan import spiral
 from host.route.side import NO_EDGE, Side
@@ -219,6 +220,31 @@ def test_a_longer_side_has_its_fence_farther_on() -> None:
     found = outline_at(RECTANGLE, out).found(side)
     assert found.length_m == pytest.approx(side.length_m + 0.5)
     assert found.fence_m == pytest.approx(side.fence_m + 0.5)
+
+
+@given(
+    st.lists(st.floats(-0.3, 0.3), min_size=8, max_size=8),
+    st.integers(0, 7),
+    st.floats(0.5, 2.0),
+    st.floats(0.0, 1.2),
+    st.floats(0.0, 1.2),
+)
+def test_a_short_strip_turns_as_its_edge_does_also_where_it_is_nothing_but_tips(
+    moves: list[float], index: int, length_m: float, begin_m: float, end_m: float
+) -> None:
+    """Found by its ends it lay the other way round, which is where the machine then turned to
+    (model fields 10635 and 10646)."""
+    whole = planned(True)[index]
+    side = replace(whole, length_m=length_m, edge_begin_m=begin_m, edge_end_m=end_m)
+    outline = outline_at(SKEW, np.array(moves).reshape(4, 2))
+    found = outline.found(side)
+    turned = math.remainder(found.heading_rad - side.heading_rad, math.tau)
+    before = Outline(SKEW)
+    by_edge = outline.heading_rad(side.edge) - before.heading_rad(side.edge)
+    short = length_m - begin_m - end_m <= STRAIGHT_M
+    assert turned == pytest.approx(math.remainder(by_edge, math.tau), abs=1e-9 if short else 0.4)
+    assert found.length_m == pytest.approx(length_m, abs=1.0)
+    assert math.dist(found.pose(0.0)[:2], side.pose(0.0)[:2]) < 1.5
 
 
 # ---- bent sides ----------------------------------------------------------------------------------
