@@ -92,6 +92,10 @@ class Context:
         """How often the machine has backed off on this side."""
         self.regained = 0
         """How often it has gone back on this side because its crop stood beside it."""
+        self.crept = 0
+        """How often it has gone on unseeing on this side by what a look had shown."""
+        self._creeps_to_m = -math.inf
+        """The travelled distance up to which it does."""
         self.bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
 
@@ -201,7 +205,8 @@ class Context:
         self.estimate.cut.begin(self.strip.clear_end_m)
         self.sight.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
-        self.backs = self.bare = self.regained = 0
+        self.backs = self.bare = self.regained = self.crept = 0
+        self._creeps_to_m = -math.inf
 
     def why_unseen(self, otherwise: str) -> str:
         """What the last picture says of why it shows nothing."""
@@ -217,6 +222,15 @@ class Context:
         edge elsewhere, and has not come back to it in vain."""
         beside = self.sight.beside(self.motion) or self.estimate.cut.beside
         return self.regained < REGAINS and beside
+
+    def creep(self, to_m: float) -> None:
+        """On without an edge, up to that travelled distance."""
+        self.crept += 1
+        self._creeps_to_m = to_m
+
+    def creeps(self, now: float) -> bool:
+        """Whether it does, with eyes open."""
+        return self.motion.distance_m < self._creeps_to_m and not self.blind(now)
 
     def goes_unseeing(self, now: float) -> bool:
         """Whether the machine may drive on by dead reckoning that has lost the edge at a strip's

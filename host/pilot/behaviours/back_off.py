@@ -1,12 +1,18 @@
 """Back off: the edge is lost. Stand until it is in view again; after a while back over the swath,
 the blade off: crop that filled the picture is a face again. Once for each time that it is lost, a
-few times for each side."""
+few times for each side.
+
+If that is in vain, a machine inside its crop goes on by half a metre, and looks again: crop stood
+at its blade in a look without dust, and no gap is so narrow that it lies between two such looks.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from host.core.messages import Command
+from host.estimate.crop_ahead import AT_BLADE_M
 from host.estimate.odometry import Motion
 from host.field.areas import Verdict
 from host.pilot import steering_law
@@ -27,6 +33,22 @@ END_REST_M = 0.5
 """Of such a one, at most: there the edge is often none, a last tip or an earlier round's rest."""
 BACKS = 3
 """At most, on a side."""
+CREEP_M = 0.5
+"""From where the edge was lost, with the neighbour's crop no nearer than a gap of a metre."""
+CREEPS = 8
+"""At most, on a side: what is cut unseen may leave a sliver beside it."""
+CREEP_SIGMA_M = 0.6
+"""Of the lane at the blade, at most."""
+SETTLE_S = 2.0
+"""Until the dust has settled, and the pictures count."""
+AT_BLADE_SHARE = 1 / 3
+"""Of the sure ones, that show crop right at the blade, the others hardly before it: of crop that a
+machine has just stopped in every other one shows the foot 0.31 m ahead, and of crop that stands off
+one in ten shows it at the blade."""
+STANDS_M = 0.35
+CLEAR_SHARE = 0.2
+"""And so many, at most, that show it farther off."""
+LEAST_PICTURES = 10
 
 
 class Why(Reason):
@@ -34,6 +56,7 @@ class Why(Reason):
 
     SEEN = Doing.FOLLOW, "the edge is in view again"
     OWN_CROP = Doing.FOLLOW, "no clearer view, in crop that is surely the field's"
+    GOES_ON = Doing.FOLLOW, f"no clearer view, but crop stands at the blade: on by {CREEP_M} m"
 
 
 class BackOff(Behaviour):
@@ -48,6 +71,13 @@ class BackOff(Behaviour):
         self._from: Motion | None = None
         """Where the machine began to back; None while it stands."""
         self._backed = False
+        self._lost_at_m = context.motion.distance_m
+        """The travelled distance where the edge was lost."""
+        self._judged = -math.inf
+        """The stamp of the last picture that was judged."""
+        self._pictures = self._at_blade = self._clear = 0
+        """Sure ones without dust from where the edge was lost, those that show crop right at the
+        blade, and those that show none there."""
 
     def step(self, now: float) -> Step:
         context, seen = self.context, self.context.sight.seen
@@ -57,6 +87,7 @@ class BackOff(Behaviour):
         known = context.estimate.lane.offset_sigma_m < LANE_SIGMA_M
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
+        self._look(now)
         backed = self._from is None and (self._backed or context.backs >= BACKS)
         if backed and now - context.since > LOOKED_S:
             if context.goes_unseeing(now):
@@ -65,7 +96,34 @@ class BackOff(Behaviour):
                 go = end_by_plan(context, now)
                 if go is not None:
                     return context.hold(), go
+            if self._crop_goes_on():
+                context.creep(self._lost_at_m + CREEP_M)
+                return context.hold(), Why.GOES_ON.go()
         return self._move(now), None
+
+    def _look(self, now: float) -> None:
+        """Counts what pictures show before the machine has backed."""
+        context, view = self.context, self.context.sight.view
+        stamp = context.sight.stamp
+        settled = stamp > max(self._judged, context.since + SETTLE_S)
+        if self._backed or view is None or not settled or not context.standing(now):
+            return
+        self._judged = stamp
+        if context.sight.sees_ahead() and not math.isnan(view.crop_ahead_m):
+            self._pictures += 1
+            self._at_blade += view.crop_ahead_m < AT_BLADE_M
+            self._clear += view.crop_ahead_m >= STANDS_M
+
+    def _crop_goes_on(self) -> bool:
+        """Whether the crop that the blade has met stands at it still, by that look."""
+        context, lane = self.context, self.context.estimate.lane
+        if not context.sight.ahead.entered or context.crept >= CREEPS:
+            return False
+        stands = self._pictures >= LEAST_PICTURES and (
+            self._at_blade >= AT_BLADE_SHARE * self._pictures
+            and self._clear <= CLEAR_SHARE * self._pictures
+        )
+        return stands and lane.offset_sigma_m < CREEP_SIGMA_M
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
         del now, verdict

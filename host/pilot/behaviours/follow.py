@@ -208,6 +208,8 @@ class Follow(Behaviour):
     def _doubts(self, now: float) -> Go | None:
         """Whether the edge is too unsure to cut on, or might be seen without the dust."""
         context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
+        if context.creeps(now):
+            return None
         unknown = lane.offset_sigma_m > LANE_SIGMA_M and not context.estimate.position.beside
         lost = now - sight.seen.stamp > STOP_AFTER_S or unknown
         if lost and not (context.backs > 0 and context.goes_unseeing(now)):

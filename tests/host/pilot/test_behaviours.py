@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,16 @@ from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours import turn as turn_module
 from host.pilot.behaviours.align import TRUST_AFTER_S, Align
 from host.pilot.behaviours.align import Why as Aligned
-from host.pilot.behaviours.back_off import BACK_AFTER_S, BACK_M, BACKS, LOOKED_S, BackOff
+from host.pilot.behaviours.back_off import (
+    BACK_AFTER_S,
+    BACK_M,
+    BACKS,
+    CREEP_M,
+    CREEP_SIGMA_M,
+    CREEPS,
+    LOOKED_S,
+    BackOff,
+)
 from host.pilot.behaviours.back_off import END_REST_M as BACKED_REST_M
 from host.pilot.behaviours.back_off import Why as BackedOff
 from host.pilot.behaviours.connect import ARM_RETRY_S, Connect
@@ -912,6 +922,83 @@ def test_having_backed_in_vain_it_leaves_a_side_that_is_all_but_cut_once(
     assert context.left_m2 == pytest.approx(left_m2)
     assert context.strip.index == int(ends)
     assert context.ends == [], "no picture showed it"
+
+
+AT_BLADE, JUST_BEFORE, CLEAR = (
+    replace(CUTTING, confidence=0.1, crop_ahead_m=ahead_m) for ahead_m in (0.0, 0.31, 1.2)
+)
+"""Without an edge."""
+
+
+def looked(context: Context, views: Sequence[CropView], *, from_s: float = 2.1) -> Go | None:
+    """What the machine does that has lost the edge and has backed often, after such pictures."""
+    context.sight.seen.broken, context.backs = NOW, BACKS
+    behaviour = BackOff(context)
+    for k, view in enumerate(views):
+        stamp = NOW + from_s + 0.1 * k
+        context.sight.view, context.sight.stamp = view, stamp
+        assert is_for(behaviour.step(stamp)[1], None)
+    late = NOW + LOOKED_S + 0.1
+    context.sight.usable.stamp = late
+    return behaviour.step(late)[1]
+
+
+def inside() -> Context:
+    """Past the beginning of a strip, where the plan's word alone leads on."""
+    return on_side(cut_m=BEGINNING_M + 0.5)
+
+
+@pytest.mark.parametrize(
+    ("views", "goes_on"),
+    [
+        ([AT_BLADE] * 20, True),
+        ([AT_BLADE, JUST_BEFORE, JUST_BEFORE] * 7, True),
+        ([AT_BLADE, *[JUST_BEFORE] * 4] * 5, False),
+        ([*[AT_BLADE] * 7, *[CLEAR] * 3] * 2, False),
+        ([AT_BLADE] * 9, False),
+        ([replace(AT_BLADE, ahead_confidence=0.2)] * 20, False),
+        ([CropView(0.0, hidden=True)] * 20, False),
+    ],
+)
+def test_crop_that_stands_at_the_blade_in_a_look_is_cut_on_for_half_a_metre(
+    views: Sequence[CropView], goes_on: bool
+) -> None:
+    context = inside()
+    assert is_for(looked(context, views), BackedOff.GOES_ON if goes_on else None)
+    lost_at_m = context.motion.distance_m
+    context.sight.seen.stamp = NOW - STOP_AFTER_S - 0.1
+    for on_m, goes in ((CREEP_M - 0.05, goes_on), (CREEP_M + 0.05, False)):
+        moved(context, lost_at_m + on_m, stamp=NOW + on_m)
+        assert is_for(Follow(context).step(NOW)[1], None if goes else Followed.EDGE_LOST)
+
+
+def test_pictures_in_the_blades_dust_are_no_such_look() -> None:
+    assert is_for(looked(inside(), [AT_BLADE] * 15, from_s=0.1), None)
+
+
+def test_it_creeps_only_in_crop_that_it_has_met() -> None:
+    context = inside()
+    context.sight.ahead.entered_at = None
+    assert is_for(looked(context, [AT_BLADE] * 20), None)
+
+
+def test_it_creeps_so_often_on_a_side_and_with_a_lane_known_so_well() -> None:
+    context = inside()
+    context.crept = CREEPS
+    assert is_for(looked(context, [AT_BLADE] * 20), None)
+    context.begin_strip()
+    assert context.crept == 0
+    context = inside()
+    context.estimate.position.less_sure(CREEP_SIGMA_M + 0.1, 0.0)
+    assert is_for(looked(context, [AT_BLADE] * 20), None)
+
+
+def test_it_creeps_with_eyes_open_only() -> None:
+    context = inside()
+    assert is_for(looked(context, [AT_BLADE] * 20), BackedOff.GOES_ON)
+    moved(context, context.motion.distance_m + 0.1, stamp=NOW)
+    late = context.sight.usable.stamp + STOP_AFTER_S + 0.1
+    assert is_for(Follow(context).step(late)[1], Followed.EDGE_LOST)
 
 
 @pytest.mark.parametrize(
