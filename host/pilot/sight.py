@@ -27,6 +27,7 @@ from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.gaze import Gaze, Steady
+from host.pilot.leaps import INWARD_M, LEAP_M, LEAP_STAYS_S, Leaps, is_dusts
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, CropView, Detector
@@ -51,20 +52,11 @@ ALONG_M = 0.5
 """From both ends of the next strip, beside which a shuttle backs, for what is seen at the blade to
 be its edge."""
 BEFORE_M = 1.0
-"""Before where a strip's crop can begin, an edge is another's: what borders and swath are ragged
-by."""
+"""By which borders and swath are ragged: an edge farther before a strip's crop is another's."""
 IN_VIEW_M, IN_VIEW_SIGMAS = 1.3, 3.0
 """Beside the blade's middle, and of the lane's uncertainty besides, the lane's edge may lie in a
 picture: pictures show 1.45 m to the left of where it should be and 1.15 m to the right. An edge
 that a picture shows while the lane lies farther away is another one's."""
-LEAP_M = 0.35
-"""An edge that lies farther from the lane has leapt: one picture is not enough to believe it. In
-dust, one that has leapt inside, but no farther than the blade is wide, is a patch of weeds' in the
-crop's face or the border of the dust."""
-LEAP_PICTURES, ALIKE_M = 3, 0.15
-"""Sure pictures in a row that must show it, each within so much of the one before. The gate of a
-lane that a turn has left known to a third of a metre lets another strip's edge pass, and one
-picture in a hundred shows that."""
 BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 """How sure the edge of crop beside the machine is, and the way for which that is there."""
 TIP_M = 1.0
@@ -72,10 +64,6 @@ TIP_M = 1.0
 of its beginning at most, twice."""
 TIP_SIGMAS = 3.0
 """Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
-LEAP_STAYS_S = 2.0
-"""It is believed when it stays that long after the machine was told to stand."""
-INWARD_M = 0.06
-"""In dust an edge that has moved inside by more is the dust's."""
 CORNER_SIGMA_M = 0.15
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""
@@ -95,9 +83,7 @@ class Sight:
         self._dusty = DustyEdge()
         self._looks = SteadyLooks()
         self._crop_beside: deque[bool] = deque(maxlen=BESIDE_OF)
-        self._leap = math.nan, 0
-        """How far left of the lane's the last sure picture's edge was, where that was far, and how
-        many in a row have shown it there."""
+        self._leap = Leaps()
         self.view: CropView | None = None
         """What the last picture shows."""
         self.stamp = -math.inf
@@ -194,7 +180,9 @@ class Sight:
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._on_lane(view, strip, turning, then):
                 edge_m = strip.edge_m(view, then)
-                if self._confirmed(edge_m) and not self._leaps(edge_m, strip, gaze, then, since):
+                leap_m = edge_m + estimate.lane.blade_offset_m
+                dusts = self._dusty_leap(leap_m, strip, gaze, then, since)
+                if self._leap.confirmed(leap_m) and not dusts:
                     # Crop that stands elsewhere passes before a machine that turns.
                     stays = not in_leg or beside
                     self._take_edge(view, strip, then, since_shutter, gaze, stays, moved=moved)
@@ -202,7 +190,7 @@ class Sight:
                 dusty = gaze.cutting or then.stamp - since < LEAP_STAYS_S
                 self._take_corner(view, strip, then, since_shutter, dusty=dusty)
         if not sure:
-            self._leap = math.nan, 0
+            self._leap.forget()
         if gaze.lane and cutting and not in_leg:
             if sure:
                 self._crop_beside.clear()
@@ -360,26 +348,14 @@ class Sight:
         if ends and clear and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
             strip.goes_on(seen.motion)
 
-    def _confirmed(self, edge_m: float) -> bool:
-        """Whether a sure picture's edge is near the lane's, or the pictures before show it, too."""
-        leap_m = edge_m + self._estimate.lane.blade_offset_m
-        if abs(leap_m) <= LEAP_M:
-            self._leap = math.nan, 0
-            return True
-        last_m, count = self._leap
-        count = count + 1 if abs(leap_m - last_m) < ALIKE_M else 1
-        self._leap = leap_m, count
-        return count >= LEAP_PICTURES
-
-    def _leaps(self, edge_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float) -> bool:
-        """Whether an edge lies so far inside that it is rather a patch of weeds' or the dust's."""
-        settling = then.stamp - since < LEAP_STAYS_S
-        dusty = gaze.cutting or (gaze.hesitates and settling)
-        leap = edge_m + self._estimate.lane.blade_offset_m
+    def _dusty_leap(
+        self, leap_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float
+    ) -> bool:
+        """Whether an edge that lies so far left of the lane's is the dust's."""
+        dusty = gaze.cutting or (gaze.hesitates and then.stamp - since < LEAP_STAYS_S)
         # Before the side's crop is met the blade raises no dust.
         in_dust = self.ahead.entered and self.ahead.in_dust(*EDGE_SURE)
-        least = INWARD_M if in_dust else LEAP_M
-        return dusty and strip.placed and least < leap < self._vehicle.blade_width_m
+        return dusty and strip.placed and is_dusts(leap_m, in_dust, self._vehicle.blade_width_m)
 
     def _on_lane(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the

@@ -10,10 +10,10 @@ from host.estimate.prior import START_SIGMA
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
 from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
+from host.pilot.leaps import LEAP_M
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import LEAP_M
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants

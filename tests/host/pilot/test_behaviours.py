@@ -83,10 +83,11 @@ from host.pilot.endings import (
 )
 from host.pilot.gaze import STOP_AFTER_S, Gaze
 from host.pilot.guard import Guard, Watched
+from host.pilot.leaps import LEAP_PICTURES
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import LEAP_PICTURES, UNSEEN_M, Sight
+from host.pilot.sight import UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.manoeuvre import SHORT_M
