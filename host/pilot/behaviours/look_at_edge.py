@@ -20,11 +20,6 @@ class Why(Reason):
     STILL_TO_FIND = Doing.BACK_OFF, "no clearer view of a side that is still to be found: {why}"
 
 
-CONTRADICTED_S = 8.0
-"""For so long, at most, sure pictures may contradict the lane until it gives way: each doubts it by
-a sixteenth, and the first two seconds are for the dust."""
-
-
 def rolls_on(context: Context, now: float) -> bool:
     """Whether the machine is still on its way to a stand. A blade that stops first pushes the last
     crop over instead of cutting it."""
@@ -43,9 +38,7 @@ class LookAtEdge(Behaviour):
         if rolls_on(context, now):
             return context.hold(blade=True), None
         if context.sight.unseen_m(context.motion) < UNSEEN_M:
-            patient = now - context.since < CONTRADICTED_S
-            waits = context.estimate.lane.contradicted and patient
-            return context.hold(), None if waits else Why.SEEN.go()
+            return context.hold(), Why.SEEN.go()
         return context.hold(), self._go_on(now) if context.look.over(now) else None
 
     def _go_on(self, now: float) -> Go | None:
