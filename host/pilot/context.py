@@ -41,6 +41,8 @@ BEGINNING_M = 3.0
 """Of a strip, or behind a bend of it: what the turn has left askew is straightened by then."""
 BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
+PAST_LEFT_M = 3.0
+"""Of a strip, for which it is worth while to go past what stands beside it."""
 REGAINS = 2
 """Times, at most, that the machine goes back to the crop beside it, on a side."""
 STAND_S = 1.5
@@ -75,6 +77,11 @@ class Context:
         self.strip = Strip(plan, 0, vehicle, self.estimate, self.sight.ahead)
         self.turning: Turning | None = None
         """The turn that is being driven, or whose end is being looked at."""
+        self._led_by: Turning | None = None
+        """The one that has led to the present strip."""
+        self._passes_m2: float | None = None
+        """Of the strip, what was left of it when the machine began to go past what stands beside
+        it."""
         self.anew: Anew | None = None
         """The plan around what was found of the boundary, while not all of it is laid out."""
         self.ended: Ended | None = None
@@ -197,6 +204,11 @@ class Context:
 
     def begin_strip(self) -> None:
         """Along the strip from here on."""
+        if self.turning is not None:
+            self._led_by = None if self.turning.passes else self.turning
+        if self._passes_m2 is not None:
+            self.left_standing_m2 += max(0.0, self._passes_m2 - self.strip.left_m2)
+            self._passes_m2 = None
         self.turning = None
         self.gaps.room_m = math.inf
         self._reckon_with(self.gaps.field_m)
@@ -216,6 +228,17 @@ class Context:
     def blind(self, now: float) -> bool:
         """Whether pictures are missing or show nothing of the world of now, for too long."""
         return now - self.sight.usable.stamp > STOP_AFTER_S
+
+    def go_past(self) -> bool:
+        """Begins the turn past what stands beside the strip, to where that goes on, once for each
+        strip; False where too little is left behind it."""
+        turning = self._led_by
+        if turning is None or self.strip.left_m() < PAST_LEFT_M:
+            return False
+        self._led_by, self.turning = None, turning
+        self._passes_m2 = self.strip.left_m2
+        turning.go_past(self.motion, *self.estimate.lane.backwards)
+        return True
 
     def may_regain(self) -> bool:
         """Whether the machine has come off its strip's crop, which is seen beside it or with its

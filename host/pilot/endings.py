@@ -54,9 +54,10 @@ class Elsewhere(Reason):
 
 
 class Beside(Reason):
-    """The machine has come off its crop."""
+    """The machine has come off its crop, or is led off it."""
 
     REGAIN = Doing.REGAIN, "the crop stands beside the machine: going back to drive along it"
+    PAST = Doing.TURN, "{side}: past what stands beside it, to where it goes on"
 
 
 class Patience(Reason):
@@ -103,6 +104,13 @@ def leave_side(context: Context, now: float, ended: Ended) -> Go:
         context.ended = ended
         return Elsewhere.FOUND.go(side=strip.name)
     return turn_on(context, now, ended)
+
+
+def leave_strip(context: Context, now: float) -> Go:
+    """Ends the present side beside a keep-out. What is left of it stays standing."""
+    context.left_standing_m2 += context.strip.left_m2
+    end = EndOfField(now, context.motion, context.strip.index)
+    return end_side(context, now, end, refused=True)
 
 
 def end_by_plan(context: Context, now: float) -> Go | None:

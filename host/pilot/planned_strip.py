@@ -63,14 +63,15 @@ class PlannedStrip(PlanSide):
         self._turned_from: _Before | None = None
         self._end_at_m = math.nan
         """The travelled distance at which the blade met its end."""
+        self._begun = False
+        """Whether the machine drives along it, and no more to it."""
 
     @property
     def beside_swath(self) -> bool:
         estimate = self.estimate
         placed = (self._blade(borders.pose) for borders in estimate.position.all_borders)
-        farther_m = 0.0
-        begun_at = self.ahead.begun_at
-        if begun_at is not None:
+        farther_m, begun_at = 0.0, self.ahead.begun_at
+        if self._begun and begun_at is not None:
             counted_m = estimate.motion.distance_m - begun_at.distance_m
             farther_m = max(0.0, estimate.cut.driven_m - counted_m)
         return estimate.swaths.beside(self._blade(self._reckoned), placed, farther_m)
@@ -129,6 +130,7 @@ class PlannedStrip(PlanSide):
         self.estimate.position.look(self.planned_piece, pressed)
 
     def saw_begin(self) -> None:
+        self._begun = True
         self._look_from_lane()  # a turn that was broken off has not led along it
         if self._begin_seen:
             ago_m = self.estimate.motion.distance_m - self.ahead.begins_at_m
@@ -266,6 +268,7 @@ class PlannedStrip(PlanSide):
         strip.search_m = self.search_m
         strip._at = min(self._at, len(strip._straight) - 1)
         strip._turned_from, strip._on_lane = self._turned_from, self._on_lane
+        strip._begun = self._begun
         strip._pressed_m = self._pressed_m
         strip._crop_at_m, strip._doubt_m = self._crop_at_m, self._doubt_m
         strip._expected_m = self._expected_m

@@ -13,6 +13,9 @@ from host.route.turn_legs import Follow, Goal, Leg, Turn
 ACROSS_RAD: Final = math.radians(60.0)
 """Askew of the new lane by more, no edge that the machine sees can be that lane's."""
 
+PAST_M: Final = 0.5
+"""Farther along its lane, at least, the way past something leads to it again."""
+
 
 class Turning:
     """`origin` is the turn's frame in dead reckoning's (x, y, direction)."""
@@ -30,11 +33,26 @@ class Turning:
         """Whether the geofence has ended one of its legs."""
         self.searches = 0
         """How often another way was looked for from where it stood."""
+        self.past_m = -math.inf
+        """Along the new lane, from where on the rear axle is to come to it: past what stands beside
+        it."""
 
     @property
     def leg(self) -> Leg | None:
         """The present one; None after the last."""
         return self.turn.legs[self._index] if self._index < len(self.turn.legs) else None
+
+    @property
+    def passes(self) -> bool:
+        """Whether it leads past something to the lane that it has come to before."""
+        return math.isfinite(self.past_m)
+
+    def go_past(self, motion: Motion, offset_m: float, turned_rad: float) -> None:
+        """From a lane that it has come to, offset_m left of it and turned_rad left of its
+        direction: past what stands beside it, and to the same lane again."""
+        self.anchor(motion, offset_m, turned_rad)
+        self.past_m = self.beside_lane(motion).x_m + PAST_M
+        self.searches, self.broken_off = 0, True
 
     def lay_anew(self, legs: tuple[Leg, ...], now: float) -> None:
         """Another way to the same lane, from here; its headings, and places along, are the

@@ -49,6 +49,8 @@ GREEDY: Final = 2.0
 SHORT_M: Final = (0.9, 4.0)
 """Of the lane's crop, behind whose beginning there may be no room for the whole machine, so much
 may stay; and where there is no such way, rather than all of the strip."""
+ON_M: Final = 2.0
+"""That must be free straight on along the lane, where the way is to lead past something."""
 MOST_RAD: Final = math.radians(200.0)
 """That the last two arcs turn in all."""
 
@@ -63,6 +65,9 @@ class Lane(NamedTuple):
     border: tuple[float, float]
     """(y, rad) of the old side's swath: its left border at x = 0, and the lane's direction against
     it. Left of that, and from the new lane's right border on, crop stands."""
+    past_m: float = -math.inf
+    """The rear axle comes to the lane at least so far along it: past what stands beside it. Then
+    the way leads on from there, and not back to the crop's beginning."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +103,7 @@ def way(
     )
     there, found = _search(
         np.array(start), radius, outline, wheels, room.sides, room.margins, half,
-        lane.ends_m, lane.crop_m, lane.border[0], lane.border[1], short_m,
+        lane.ends_m, lane.crop_m, lane.border[0], lane.border[1], short_m, lane.past_m,
     )  # fmt: skip
     if not there:
         return None
@@ -114,7 +119,8 @@ def way(
         if abs(curvature) * radius < 0.99:
             steer = math.atan(vehicle.wheelbase_m * curvature)
         legs.append(Leg(steer, sense < 0.0, Goal.HEADING, heading))
-    legs.append(Leg(0.0, True, Goal.ALONG, lane.ends_m, Follow.NEW_LANE))
+    if math.isinf(lane.past_m):
+        legs.append(Leg(0.0, True, Goal.ALONG, lane.ends_m, Follow.NEW_LANE))
     return tuple(legs)
 
 
@@ -246,6 +252,7 @@ def _arcs(at: Array, radius: float, which: int) -> tuple[float, float, float]:
 def _search(
     start: Array, radius: float, outline: Array, wheels: Array, sides: Array, margins: Array,
     half: float, ends: float, crop: float, border_y: float, border_rad: float, short: float,
+    past: float,
 ) -> tuple[bool, Array]:  # fmt: skip
     """Whether there is a way; (n, 3): curvature, 1/m, sense of the way and its length, m, one row a
     piece. When as many places have been searched as may be, it is the best of those found."""
@@ -268,6 +275,14 @@ def _search(
     near[0] = _nearness(start, outline, sides, margins, len(margins), points)
     if near[0] == len(margins):
         return False, np.empty((0, 3))
+    passes = past > -math.inf
+    while passes and past < start[0] + REACH_M:
+        at[:] = past, 0.0, 0.0
+        if _free(at, outline, sides, margins[near[0]], points) and _piece(
+            at, 0.0, ON_M, outline, sides, margins[near[0]], points, between
+        ):
+            break
+        past += STEP_M
     expanded, end, cheapest = 0, -1, -1
     while len(heap) > 0 and expanded < EXPANDED:
         _, here, arrives = heapq.heappop(heap)
@@ -286,7 +301,9 @@ def _search(
             k = side / radius
             _on(at, k, first, to)
             _on(to, -k, second, between)
-            beyond = max(0.0, between[0] - ends)
+            if between[0] < past:
+                continue
+            beyond = 0.0 if passes else max(0.0, between[0] - ends)
             more = abs(first) + abs(second) + beyond + 2 * STEERING_M
             more += REVERSAL_M * ((first * last_way < 0.0) + (first * second < 0.0))
             more += REVERSAL_M * (second > 0.0 and beyond > 0.0)
@@ -297,6 +314,8 @@ def _search(
                 continue
             more += PRESSED * abs(second) * _pressed(to, wheels, half, crop, border_y, border_rad)
             to[:] = between
+            if passes and not _piece(to, 0.0, ON_M, outline, sides, around, points, between):
+                continue
             back = beyond
             while back > 0.0 and not _piece(
                 to, 0.0, -back, outline, sides, around, points, between
@@ -336,7 +355,8 @@ def _search(
                 done[count, 0], done[count, 1] = k, way_m
                 near[count] = _nearness(to, outline, sides, margins, near[here], points)
                 askew = abs(math.atan2(math.sin(to[2]), math.cos(to[2])))
-                left = max(abs(to[1]), radius * askew, to[0] - ends)
+                along = past - to[0] if passes else to[0] - ends
+                left = max(abs(to[1]), radius * askew, along)
                 heapq.heappush(heap, (g + GREEDY * left, count, False))
                 count += 1
     if end < 0:

@@ -15,6 +15,7 @@ from host.pilot.endings import (
     end_by_plan,
     end_side,
     leave_rest,
+    leave_strip,
     little_left,
 )
 from host.pilot.gaze import STOP_AFTER_S, Gaze
@@ -106,9 +107,9 @@ class Follow(Behaviour):
             if leave_rest(context):
                 return Why.LEFT_AT_KEEP_OUT.go()
             if verdict.clearance_m >= 0.0:
-                context.left_standing_m2 += strip.left_m2
-                here = EndOfField(now, context.motion, strip.index)
-                return end_side(context, now, here, refused=True)
+                if context.go_past():
+                    return Beside.PAST.go(side=strip.name)
+                return leave_strip(context, now)
         rest_m = END_REST_M + strip.tip_m
         ends = strip.placed and strip.left_m() < rest_m and verdict.clearance_m >= 0.0
         go = end_by_plan(context, now) if ends else None

@@ -7,7 +7,7 @@ import math
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
-from host.pilot.endings import Blind, blind, leave_rest
+from host.pilot.endings import Blind, Elsewhere, SideEnd, blind, leave_rest, leave_strip
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -39,7 +39,7 @@ class Search(Behaviour):
 
     phase = Phase.SEARCH
     gaze = Gaze(begins=True)
-    reasons = (Why, Blind)
+    reasons = (Why, Blind, SideEnd, Elsewhere)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -87,13 +87,19 @@ class Search(Behaviour):
     def _nothing_seen(self, now: float) -> Go:
         """Something that stands ahead at no sure distance, or right before the lens, may be seen
         better from another place, and so may whatever lies right beside what the machine has cut.
-        Else a person must see, unless next to nothing of the plan is left."""
+        Past what stands beside a strip, what is left of it stays. Else a person must see, unless
+        next to nothing of the plan is left."""
         context, view = self.context, self.context.sight.view
         stands = view is not None and (view.hidden or math.isfinite(view.crop_ahead_m))
         if (stands or context.strip.beside_swath) and context.goes_unseeing(now):
             context.begin_strip()
             return Why.OWN_CROP.go(side=context.strip.name)
-        return (Why.REMNANT if leave_rest(context) else Why.NOTHING_TO_SEE).go()
+        if leave_rest(context):
+            return Why.REMNANT.go()
+        if context.turning is not None and context.turning.passes:
+            context.begin_strip()
+            return leave_strip(context, now)
+        return Why.NOTHING_TO_SEE.go()
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
         """No crop in view after a turn: the end, unless the plan still has a long side here that is

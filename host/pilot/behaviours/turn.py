@@ -28,6 +28,8 @@ ASKEW_RAD = math.radians(20.0)
 ASIDE_M = 0.3
 """Beside the new lane, with which a turn is over: what following makes good within a strip's first
 metres."""
+AT_M = 0.3
+"""Along the lane, by which a way past something may end short."""
 SEARCHES = 6
 """So often another way is looked for, in one turn."""
 ROOMS = sum(share == 1.0 for share, _ in NEARER)
@@ -88,7 +90,7 @@ class DriveTurn(Behaviour):
         if self._tried is not None:
             self._search(now)
             return context.hold(), None
-        if turning.leg is None and self._off_lane() and self._begin_search():
+        if turning.leg is None and self._goes_elsewhere() and self._begin_search():
             return context.hold(), None
         if turning.leg is None:
             _, turned = turning.against_lane(context.motion)
@@ -134,6 +136,11 @@ class DriveTurn(Behaviour):
             self._next(now)
         return None
 
+    def _goes_elsewhere(self) -> bool:
+        """Whether the turn is to lead elsewhere than to where the machine stands."""
+        here_m = self.turning.beside_lane(self.context.motion).x_m
+        return self._off_lane() or here_m < self.turning.past_m - AT_M
+
     def _off_lane(self) -> bool:
         """Whether the machine is not where a side can be begun."""
         offset, turned = self.turning.against_lane(self.context.motion)
@@ -163,7 +170,7 @@ class DriveTurn(Behaviour):
             turn, vehicle = turning.turn, context.vehicle
             border = vehicle.blade_width_m / 2 - turn.lane_y_m, turn.lane_rad
             ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
-            lane = Lane(ends_m, turn.crop_begins_m, border)
+            lane = Lane(ends_m, turn.crop_begins_m, border, turning.past_m)
             kept = replace(room, margins=room.margins[wary:])
             legs = way(vehicle, start, lane, kept, SHORT_M[stays])
         self._tried += 1
