@@ -60,6 +60,7 @@ from host.pilot.behaviours.wait_for_camera import Why as Waited
 from host.pilot.context import (
     BEGINNING_M,
     BLIND_ON_M,
+    PAST_LEFT_M,
     REGAINS,
     RESUME_AFTER_S,
     SLOW_AFTER_S,
@@ -89,10 +90,11 @@ from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
-from host.pilot.turn_progress import Turning
+from host.pilot.turn_progress import PAST_M, Turning
 from host.route.manoeuvre import SHORT_M
 from host.route.plan import Plan, spiral
 from host.route.side import Side
+from host.route.turn_legs import Follow as Along
 from host.route.turn_legs import Goal, Turn, driven, shuttle
 from host.vision.view import CropView
 from tests.helpers.places import wandered
@@ -104,6 +106,10 @@ CUTTING = CropView(
 )
 NOW = 100.0
 TOO_NEAR = Verdict(Level.STOP, "too near", 0.1)
+
+
+LOOKS = ROOMS * len(SHORT_M)
+"""For another way, from one place."""
 
 
 class Shown:
@@ -490,6 +496,77 @@ def test_what_is_left_beside_keep_outs_is_counted_together_and_told_at_the_end()
         assert (f"{left_m2:.0f} m2" in go.text) is (told is not SideEnd.LAST)
     going_on = SideEnd.KEEP_OUT.go(side="side 1")
     assert over(context, going_on) == going_on
+
+
+AT_KEEP_OUT = replace(TOO_NEAR, at_keep_out=True, clearance_m=0.1)
+
+
+def turned_to(left_m: float) -> Context:
+    """On the second side, to which a turn has led, with so much of it left."""
+    context = turned()
+    assert context.turning is not None
+    context.begin_strip()
+    length_m = context.strip.left_m() + context.strip.along_m(context.motion)
+    moved(context, context.motion.distance_m + length_m - left_m)
+    place = context.estimate.position
+    place.place(PLAN.sides[1], length_m - left_m, 0.0, 0.0)
+    assert context.strip.left_m() == pytest.approx(left_m, abs=0.05)
+    return context
+
+
+@pytest.mark.parametrize(
+    ("left_m", "reason"),
+    [(PAST_LEFT_M + 0.2, Beside.PAST), (PAST_LEFT_M - 0.2, SideEnd.KEEP_OUT)],
+)
+def test_past_a_keep_out_beside_a_strip_it_turns_to_where_that_goes_on(
+    left_m: float, reason: Reason
+) -> None:
+    context = turned_to(left_m)
+    assert is_for(Follow(context).blocked(NOW, AT_KEEP_OUT), reason)
+    assert context.strip.index == (1 if reason is Beside.PAST else 2)
+
+
+def test_a_turn_past_a_keep_out_leads_to_its_lane_farther_on_and_counts_what_it_leaves() -> None:
+    context = turned_to(7.0)
+    Follow(context).blocked(NOW, AT_KEEP_OUT)
+    turn = DriveTurn(context)
+    turning = turn.turning
+    here = turning.beside_lane(context.motion)
+    for _ in range(LOOKS):
+        assert stands(turn.step(NOW)[0])
+        if turning.leg is not None:
+            break
+    legs = turning.turn.legs
+    assert legs and all(leg.follow is Along.NOTHING for leg in legs), "nothing leads back"
+    of_lane = [
+        replace(leg, value=leg.value - turning.turn.lane_rad) if leg.goal is Goal.HEADING else leg
+        for leg in legs
+    ]
+    *_, last = driven(VEHICLE, Turn(tuple(of_lane), 0.0, 0.0, 0.0, 0.0), at=here)
+    end = last.poses[-1]
+    assert end.x_m > here.x_m + PAST_M - 0.05
+    assert end.y_m == pytest.approx(0.0, abs=0.03)
+    moved(context, context.motion.distance_m + 2.0, stamp=NOW + 4.0)
+    context.begin_strip()
+    assert context.left_standing_m2 == pytest.approx(2.0 * PLAN.sides[1].width_m, rel=0.1)
+
+
+def test_past_a_keep_out_it_turns_once_on_a_strip() -> None:
+    context = turned_to(7.0)
+    assert is_for(Follow(context).blocked(NOW, AT_KEEP_OUT), Beside.PAST)
+    context.begin_strip()
+    assert is_for(Follow(context).blocked(NOW, AT_KEEP_OUT), SideEnd.KEEP_OUT)
+
+
+def test_where_nothing_is_made_out_past_a_keep_out_the_rest_of_the_strip_stays() -> None:
+    context = turned_to(7.0)
+    Follow(context).blocked(NOW, AT_KEEP_OUT)
+    while context.turning is not None and context.turning.leg is not None:
+        context.turning.next(NOW)
+    left_m2 = context.strip.left_m2
+    goes = searched(context, CropView(0.0), MOST_PICTURES + 1)
+    assert [go.reason for go in goes] == [SideEnd.KEEP_OUT]
+    assert context.left_standing_m2 == pytest.approx(left_m2, rel=0.05)
 
 
 @pytest.mark.parametrize("clear_m", [0.1, -0.1])
@@ -1155,10 +1232,6 @@ def test_behind_a_bend_the_machine_may_drive_on_unseeing_as_at_a_strips_beginnin
     context.sight.seen_at_m = context.motion.distance_m
     assert context.strip.surely_own
     assert context.goes_unseeing(NOW) is goes
-
-
-LOOKS = ROOMS * len(SHORT_M)
-"""For another way, from one place."""
 
 
 def after_search(turn: DriveTurn) -> None:

@@ -111,6 +111,30 @@ def test_without_room_behind_the_crop_a_way_comes_into_line_inside_it(askew_deg:
     assert abs(math.remainder(last.heading_rad, math.tau)) < math.radians(1.0)
 
 
+def test_a_way_past_what_stands_beside_the_lane_leads_to_it_behind_that_and_not_back() -> None:
+    start, post = Pose2(0.0, 0.0, 0.0), box(2.5, 0.1, 3.0, 0.6)
+    past = OPEN._replace(past_m=0.5)
+    around = room(box(-20.0, -20.0, 20.0, 20.0), post)
+    legs = way(VEHICLE, start, past, around)
+    assert legs is not None
+    tree = shapely.Polygon(post[:, :2])
+    driven_poses = poses(start, legs)
+    for pose in driven_poses:
+        hull = shapely.convex_hull(shapely.MultiPoint(placed(outline_of(VEHICLE), *pose)))
+        assert not tree.intersects(hull)
+    last = driven_poses[-1]
+    assert last.x_m - VEHICLE.rear_overhang_m > 3.0
+    assert abs(last.y_m) < 0.02
+    assert abs(math.remainder(last.heading_rad, math.tau)) < math.radians(1.0)
+
+
+def test_past_what_is_too_long_there_is_no_way() -> None:
+    wall = box(2.5, 0.1, 18.0, 0.6)
+    past = OPEN._replace(past_m=0.5)
+    around = room(box(-20.0, -20.0, 20.0, 20.0), wall)
+    assert way(VEHICLE, Pose2(0.0, 0.0, 0.0), past, around) is None
+
+
 def test_without_room_there_is_no_way() -> None:
     start = Pose2(0.0, 0.0, math.radians(90.0))
     assert way(VEHICLE, start, OPEN, room(box(-0.8, -0.7, 0.8, 1.9))) is None
