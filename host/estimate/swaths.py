@@ -63,7 +63,8 @@ class Swaths:
         come `farther_m` than its wheels say."""
         if _beside(self._latest, reckoned, farther_m):
             return True
-        return all(any(_beside(line, at, farther_m) for line in self._past) for at in placed)
+        places = [any(_beside(line, at, farther_m) for line in self._past) for at in placed]
+        return bool(places) and all(places)
 
 
 def _beside(line: Line, at: Pose2, farther_m: float) -> bool:

@@ -23,6 +23,7 @@ from host.pilot.stop_and_look import Look
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning
 from host.route.anew import Anew
+from host.route.manoeuvre import SHORT_M
 from host.route.plan import Plan
 from host.vision.view import Detector
 
@@ -206,6 +207,9 @@ class Context:
         """Along the strip from here on."""
         if self.turning is not None:
             self._led_by = None if self.turning.passes else self.turning
+            behind_m = -self.turning.crop_expected_m(self.motion, self.vehicle.blade_x_m)
+            if self._led_by is not None and behind_m > SHORT_M[0]:
+                self.left_standing_m2 += behind_m * self.strip.width_m
         if self._passes_m2 is not None:
             self.left_standing_m2 += max(0.0, self._passes_m2 - self.strip.left_m2)
             self._passes_m2 = None

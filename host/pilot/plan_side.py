@@ -105,7 +105,7 @@ class PlanSide(Strip):
         self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
         self._beyond_m = max(0.0, side.fence_m - side.length_m)
         """How far the field goes on beyond its end, over ground that is cut."""
-        self.back_m, self.shift_m = side.back_m, side.shift_m
+        self.back_m, self.shift_m, self.width_m = side.back_m, side.shift_m, side.width_m
         self.clear_end_m = side.end_seen_m + self._beyond_m
         self.resumed = index == 0 and side.begins_at == NO_EDGE
         """Whether it was begun in an earlier run."""
@@ -284,7 +284,7 @@ class PlanSide(Strip):
 
     @property
     def left_m2(self) -> float:
-        return self.left_m() * self._planned.width_m
+        return self.left_m() * self.width_m
 
     @property
     def rest_m2(self) -> float:

@@ -80,6 +80,8 @@ class Strip:
     """Whether its edge bends on the way."""
     shift_m = 0.0
     """How far right of its usual place the lane lies."""
+    width_m = 0.0
+    """Of its crop, as planned."""
 
     def __init__(
         self, plan: Plan, index: int, vehicle: Vehicle, estimate: Estimator, ahead: Ahead
@@ -178,7 +180,7 @@ class Strip:
 
     @property
     def beside_swath(self) -> bool:
-        """Whether what stands before the blade stands right beside what the machine cut last."""
+        """Whether what stands before the blade stands right beside what the machine has cut."""
         return False
 
     def to_blind_end_m(self) -> float:

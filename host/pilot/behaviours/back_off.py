@@ -45,10 +45,10 @@ AT_BLADE_SHARE = 1 / 3
 """Of the sure ones, that show crop right at the blade, the others hardly before it: of crop that a
 machine has just stopped in every other one shows the foot 0.31 m ahead, and of crop that stands off
 one in ten shows it at the blade."""
-STANDS_M = 0.35
-CLEAR_SHARE = 0.2
-"""And so many, at most, that show it farther off."""
+STANDS_M, CLEAR_SHARE = 0.35, 0.2
+"""What is hardly before it, and the share of those, at most, that show it farther off."""
 LEAST_PICTURES = 10
+"""Sure ones, a second's."""
 
 
 class Why(Reason):

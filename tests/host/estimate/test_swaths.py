@@ -104,6 +104,7 @@ def test_beside_an_earlier_one_the_machine_is_at_every_place_where_it_may_be() -
     cut(swaths, aside_m=300.0)
     beside = Pose2(5.0, STRIP_M, 0.0)
     assert swaths.beside(AWAY, [beside])
+    assert not swaths.beside(AWAY, []), "a machine that knows no place is beside none"
     assert swaths.beside(AWAY, [beside, Pose2(6.0, STRIP_M, 0.0)])
     assert not swaths.beside(AWAY, [beside, Pose2(5.0, STRIP_M + 1.0, 0.0)])
 

@@ -511,6 +511,7 @@ def turned_to(left_m: float) -> Context:
     place = context.estimate.position
     place.place(PLAN.sides[1], length_m - left_m, 0.0, 0.0)
     assert context.strip.left_m() == pytest.approx(left_m, abs=0.05)
+    context.left_standing_m2 = 0.0  # of a turn that no wheel has driven
     return context
 
 
@@ -567,6 +568,20 @@ def test_where_nothing_is_made_out_past_a_keep_out_the_rest_of_the_strip_stays()
     goes = searched(context, CropView(0.0), MOST_PICTURES + 1)
     assert [go.reason for go in goes] == [SideEnd.KEEP_OUT]
     assert context.left_standing_m2 == pytest.approx(left_m2, rel=0.05)
+
+
+@pytest.mark.parametrize(("inside_m", "told"), [(0.5, False), (2.5, True)])
+def test_what_a_turn_leaves_behind_the_machine_is_told(inside_m: float, told: bool) -> None:
+    """One that found no room behind the crop's beginning."""
+    context = turned()
+    assert context.turning is not None
+    expected_m = context.turning.crop_expected_m(context.motion, VEHICLE.blade_x_m)
+    turn = context.turning.turn
+    begins_m = turn.crop_begins_m - expected_m - inside_m
+    context.turning.turn = replace(turn, crop_begins_m=begins_m)
+    context.begin_strip()
+    left_m2 = inside_m * PLAN.sides[1].width_m if told else 0.0
+    assert context.left_standing_m2 == pytest.approx(left_m2)
 
 
 @pytest.mark.parametrize("clear_m", [0.1, -0.1])
