@@ -73,6 +73,15 @@ def test_wherever_a_swath_lies_the_same_is_beside_it(
     assert swaths.beside(start.ahead(along_m, left_m), [AWAY]) is beside
 
 
+@pytest.mark.parametrize(("farther_m", "beside"), [(3.9, True), (4.1, False)])
+def test_a_machine_that_may_have_come_farther_may_be_past_its_end(
+    farther_m: float, beside: bool
+) -> None:
+    at = Pose2(LONG_M - BEFORE_END_M - 4.0, STRIP_M, 0.0)
+    assert one().beside(at, [AWAY], farther_m) is beside
+    assert one().beside(AWAY, [at], farther_m) is beside
+
+
 def test_across_the_narrowest_gap_from_it_nothing_is_beside_it() -> None:
     """A blade of 0.9 m that reaches over a gap of 1.2 m from where a blade has cut."""
     assert not one().beside(Pose2(5.0, 0.45 + 1.2 - 0.45 + 0.01, 0.0), [AWAY])

@@ -742,6 +742,17 @@ def cut_beside(context: Context, long_m: float = 10.0) -> None:
     swaths.end()
 
 
+@pytest.mark.parametrize(("driven_m", "beside"), [(5.0, True), (9.5, False)])
+def test_wheels_that_lose_pulses_lead_past_no_swaths_end(
+    driven_m: float, beside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The blade's guard counts the way by the drive's duty, too."""
+    context = on_side(cut_m=5.0)
+    cut_beside(context)
+    monkeypatch.setattr(CutGuard, "driven_m", property(lambda _: driven_m))
+    assert context.strip.beside_swath is beside
+
+
 @pytest.mark.parametrize(
     ("along_m", "beside_m", "reason"),
     [
