@@ -22,7 +22,6 @@ ALONG_RAD: Final = math.radians(30.0)
 BEFORE_END_M: Final = 1.0
 """Before its end: a strip beside it is shorter where the border slants, by as much as the narrowest
 gap is wide where it slants by 60 degrees, and this is left for what a place errs."""
-
 BEFORE_BEGIN_M: Final = 0.5
 """Before its beginning: less than half of that gap."""
 
@@ -43,7 +42,7 @@ class Swaths:
         """In the field."""
 
     def note(self, travelled_m: float, reckoned: Pose2, placed: Pose2) -> None:
-        """The blade cuts there. Where it has been before on its strip says nothing new."""
+        """The blade cuts there. Going over the same ground again adds nothing."""
         if travelled_m < self._travelled_m + STEP_M:
             return
         self._travelled_m = travelled_m

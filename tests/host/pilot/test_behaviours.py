@@ -742,6 +742,21 @@ def cut_beside(context: Context, long_m: float = 10.0) -> None:
     swaths.end()
 
 
+def test_the_way_of_a_blade_over_clear_ground_is_no_swath(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    context = on_side(cut_m=0.5)
+    for k in range(1, 40):
+        monkeypatch.setattr(CutGuard, "clear_m", property(lambda _, k=k: 0.3 if k > 20 else 0.0))
+        moved(context, 0.5 + 0.25 * k, stamp=NOW + k)
+        context.strip.cut()
+    context.estimate.swaths.end()
+    left_m = VEHICLE.pass_m
+    for along_m, beside in ((3.0, True), (7.5, False)):
+        at = Pose2(along_m + VEHICLE.blade_x_m, left_m, 0.0)
+        assert context.estimate.swaths.beside(at, []) is beside
+
+
 @pytest.mark.parametrize(("driven_m", "beside"), [(5.0, True), (9.5, False)])
 def test_wheels_that_lose_pulses_lead_past_no_swaths_end(
     driven_m: float, beside: bool, monkeypatch: pytest.MonkeyPatch
@@ -1078,6 +1093,25 @@ def test_crop_that_stands_at_the_blade_in_a_look_is_cut_on_for_half_a_metre(
 
 def test_pictures_in_the_blades_dust_are_no_such_look() -> None:
     assert is_for(looked(inside(), [AT_BLADE] * 15, from_s=0.1), None)
+
+
+def test_pictures_from_where_it_has_backed_to_are_no_such_look() -> None:
+    """What they show at the blade was cut before."""
+    context = inside()
+    context.sight.seen.broken = NOW
+    behaviour = BackOff(context)
+    late = NOW + BACK_AFTER_S + 0.1
+    context.sight.usable.stamp = late
+    behaviour.step(late)
+    assert behaviour.step(late)[0].speed_mps < 0.0
+    moved(context, context.motion.distance_m - BACK_M - 0.01, stamp=late)
+    for k in range(20):
+        stamp = late + 0.1 * (k + 1)
+        context.sight.view, context.sight.stamp = AT_BLADE, stamp
+        behaviour.step(stamp)
+    later = NOW + LOOKED_S + 0.1
+    context.sight.usable.stamp = later
+    assert is_for(behaviour.step(later)[1], None)
 
 
 def test_it_creeps_only_in_crop_that_it_has_met() -> None:

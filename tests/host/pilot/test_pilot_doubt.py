@@ -978,3 +978,30 @@ def test_the_blades_guard_knows_the_gap_beside_a_side_and_allows_more_than_a_pat
     drive(world, pilot, 400.0, until=lambda: pilot.turns == 6)
     assert [beside[k] for k in range(6)] == [{True}] * 4 + [{False}] * 2
     assert slack[5] == {0.0}, "in the crop, though the field goes on behind its end"
+
+
+def test_the_blades_guard_is_told_where_it_is_right_beside_what_was_cut(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In the second round that is the first round's swath, but near its ends."""
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, Eyes(world, lambda view: view), PLAN)
+    told_of: dict[tuple[str, int], list[bool]] = {}
+    limit, take_picture = CutGuard.limit, CutGuard.take_picture
+
+    def limited(guard: CutGuard, now: float, command: Command, **told: bool) -> Command:
+        told_of.setdefault(("limit", pilot.turns), []).append(told["swath"])
+        return limit(guard, now, command, **told)
+
+    def seen(guard: CutGuard, stamp: float, view: CropView, **told: bool) -> None:
+        told_of.setdefault(("picture", pilot.turns), []).append(told["swath"])
+        take_picture(guard, stamp, view, **told)
+
+    monkeypatch.setattr(CutGuard, "limit", limited)
+    monkeypatch.setattr(CutGuard, "take_picture", seen)
+    drive(world, pilot, 400.0, until=lambda: pilot.turns == 6)
+    for what in ("limit", "picture"):
+        assert not any(any(told_of[what, k]) for k in range(4)), "in the first round nothing was"
+        for k in (4, 5):
+            shares = told_of[what, k]
+            assert 0.5 < sum(shares) / len(shares) < 1.0
