@@ -131,8 +131,11 @@ class BackOff(Behaviour):
         return None
 
     def paused(self, now: float) -> None:
+        """A person may have moved the machine, or what stands before it."""
         super().paused(now)
         self._backed = False
+        self._lost_at_m = self.context.motion.distance_m
+        self._pictures = self._at_blade = self._clear = 0
 
     def _move(self, now: float) -> Command:
         context, motion = self.context, self.context.motion

@@ -1114,6 +1114,19 @@ def test_pictures_from_where_it_has_backed_to_are_no_such_look() -> None:
     assert is_for(behaviour.step(later)[1], None)
 
 
+def test_after_a_pause_a_look_counts_anew() -> None:
+    context = inside()
+    context.sight.seen.broken, context.backs = NOW, BACKS
+    behaviour = BackOff(context)
+    for k in range(20):
+        context.sight.view, context.sight.stamp = AT_BLADE, NOW + 2.1 + 0.1 * k
+        behaviour.step(context.sight.stamp)
+    behaviour.paused(NOW + 5.0)
+    late = NOW + 5.0 + LOOKED_S + 0.1
+    context.sight.usable.stamp = late
+    assert is_for(behaviour.step(late)[1], None)
+
+
 def test_it_creeps_only_in_crop_that_it_has_met() -> None:
     context = inside()
     context.sight.ahead.entered_at = None
