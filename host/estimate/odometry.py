@@ -95,6 +95,8 @@ class _Reckoned(NamedTuple):
     stamp: float
     yaw_rad: float
     distance_m: float
+    rolled_rad: float
+    """Turned to and fro with the drive off, this way or that."""
 
 
 class Odometry:
@@ -115,10 +117,10 @@ class Odometry:
         self._history: deque[Motion] = deque()
         self.gyroscope = Gyroscope()
         """Its offset is the filter's to say."""
-        self._by_angle: deque[_Reckoned] = deque([_Reckoned(-math.inf, 0.0, 0.0)])
+        self._by_angle: deque[_Reckoned] = deque([_Reckoned(-math.inf, 0.0, 0.0, 0.0)])
         self._missed_rad = 0.0
         """What the gyroscope has shown besides, still to be taken."""
-        self._compared_m = 0.0
+        self._compared = self._by_angle[0]
         self._trims: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
         """(stamp, trim) since the gyroscope's comparison begins: what it taught may be wrong."""
         self._still_since = math.inf
@@ -165,6 +167,7 @@ class Odometry:
         vehicle = self._vehicle
         curvature = math.tan(telemetry.angle_rad + self.trim_rad) / vehicle.wheelbase_m
         curvature *= self.yaw_gain
+        middle_1pm = (curvature + past.curvature_1pm) / 2
         if telemetry.speed_mps is not None:
             step = (
                 telemetry.distance_m - self._odometer
@@ -172,7 +175,7 @@ class Odometry:
                 else telemetry.speed_mps * dt
             )
             self._odometer = telemetry.distance_m
-            step, self._speed = self._rolled(step, telemetry, dt)
+            step, yaw_step, self._speed = self._rolled(step, step * middle_1pm, telemetry, dt)
             too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
             self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
         else:
@@ -181,8 +184,9 @@ class Odometry:
             before = self._speed
             self._speed += (target - self._speed) * blend
             step = (before + self._speed) / 2 * dt
-        yaw_step = step * (curvature + past.curvature_1pm) / 2
-        self._reckon(telemetry, step, yaw_step)
+            yaw_step = step * middle_1pm
+        rolls = step != 0.0 and self._driven_s < -STOPS_S
+        self._reckon(telemetry, step, yaw_step, rolls=rolls)
         yaw_step, self._missed_rad = yaw_step + self._missed_rad, 0.0
         middle = past.yaw_rad + yaw_step / 2
         self.now = Motion(
@@ -194,7 +198,7 @@ class Odometry:
             past.x_m + step * math.cos(middle),
             past.y_m + step * math.sin(middle),
             self._gyro_noise(telemetry.stamp),
-            step != 0.0 and self._driven_s < -STOPS_S,
+            rolls,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
@@ -206,11 +210,12 @@ class Odometry:
         tells = gyroscope.useful and stamp - gyroscope.known_to < FRESH_S
         return gyroscope.noise if tells else 0.0
 
-    def _reckon(self, telemetry: Telemetry, step_m: float, yaw_step: float) -> None:
+    def _reckon(self, telemetry: Telemetry, step_m: float, yaw_step: float, *, rolls: bool) -> None:
         before = self._by_angle[-1]
         stamp = telemetry.stamp
         distance, yaw = before.distance_m + step_m, before.yaw_rad + yaw_step
-        self._by_angle.append(_Reckoned(stamp, yaw, distance))
+        rolled = before.rolled_rad + (abs(yaw_step) if rolls else 0.0)
+        self._by_angle.append(_Reckoned(stamp, yaw, distance, rolled))
         while self._by_angle[0].stamp < stamp - HISTORY_S:
             self._by_angle.popleft()
         moves = telemetry.drive_duty != 0 or step_m != 0.0
@@ -224,8 +229,13 @@ class Odometry:
         at = self._angle_at(turned.stamp)
         stand = self._stand(gyroscope.stamp)
         believed = not gyroscope.contradicted
-        way = at.distance_m - self._compared_m if at else 0.0
-        middle = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
+        way = rolled = middle = 0.0
+        before = self._compared
+        if at is not None:
+            way, rolled = at.distance_m - before.distance_m, at.rolled_rad - before.rolled_rad
+            middle = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
+            middle += 2.0 * rolled
+            self._compared = at
         missed = gyroscope.take(turned, at.yaw_rad if at else None, stand, middle)
         self._missed_rad += missed
         if believed and gyroscope.contradicted:
@@ -236,11 +246,13 @@ class Odometry:
             self._trims.popleft()
         if at is None:
             return
-        self._compared_m = at.distance_m
         if stand is not None:
             self._learn_gain(*gyroscope.take_leg())
         elif gyroscope.useful:
             self._learn_trim(missed, way)
+            if rolled > 0.0:
+                reckoned = at.yaw_rad - before.yaw_rad
+                self._coast.shown(missed + reckoned, reckoned)
 
     def _stand(self, stamp: float) -> Stand | None:
         """Whether the machine stood then, and did not turn. Between two pulses of its sensor it may
@@ -265,7 +277,8 @@ class Odometry:
                 share = min(1.0, (stamp - each.stamp) / span) if 0 < span < math.inf else 0.0
                 yaw = each.yaw_rad + share * (later.yaw_rad - each.yaw_rad)
                 distance = each.distance_m + share * (later.distance_m - each.distance_m)
-                return _Reckoned(stamp, yaw, distance)
+                rolled = each.rolled_rad + share * (later.rolled_rad - each.rolled_rad)
+                return _Reckoned(stamp, yaw, distance, rolled)
             later = each
         return later
 
@@ -286,9 +299,11 @@ class Odometry:
         more = LEG_SHARE * (seen_rad / reckoned_rad - 1.0)
         self.yaw_gain = min(high, max(low, self.yaw_gain * (1.0 + more)))
 
-    def _rolled(self, step_m: float, telemetry: Telemetry, dt: float) -> tuple[float, float]:
-        """The step and the speed with their true signs: one hall sensor counts a machine that rolls
-        back down a slope as going on."""
+    def _rolled(
+        self, step_m: float, yaw_rad: float, telemetry: Telemetry, dt: float
+    ) -> tuple[float, float, float]:
+        """The step, what it turned and the speed with their true signs: one hall sensor counts a
+        machine that rolls back down a slope as going on."""
         speed = telemetry.speed_mps
         assert speed is not None
         if telemetry.drive_duty != 0:
@@ -298,15 +313,14 @@ class Odometry:
             if straight and self._driven_s > STEADY_S and speed != 0.0:
                 level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
                 self._slope.learn(self.now.yaw_rad, speed, level, cutting=telemetry.blade)
-            return step_m, speed
+            return step_m, yaw_rad, speed
         self._driven_s = min(0.0, self._driven_s) - dt
-        back_m = self._coast.take(step_m, speed)
-        if self._coast.turned:
-            return step_m - 2 * back_m, -speed
-        downhill = self._slope.rolls(self.now.yaw_rad)
-        if downhill == 0 or self._driven_s > -STOPS_S or not self._coast.slowed:
-            return step_m, speed
-        return math.copysign(step_m, downhill), math.copysign(speed, downhill)
+        by_slope = 0
+        if self._driven_s <= -STOPS_S:
+            by_slope = round(math.copysign(1.0, step_m or speed))
+            by_slope *= self._slope.rolls(self.now.yaw_rad)
+        step_m, yaw_rad, way = self._coast.take(step_m, yaw_rad, speed, by_slope)
+        return step_m, yaw_rad, way * speed
 
     def turn_trim(self, curvature_1pm: float) -> None:
         """Takes a curvature that nearly straight driving showed besides what the pot said."""

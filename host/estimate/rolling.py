@@ -25,6 +25,9 @@ SURE: Final = 1.0
 LEAST_MPS: Final = 0.02
 TURNS_MPS: Final = 0.08
 TURNED_SHARE: Final = 1.15
+SHOWS_RAD: Final = math.radians(0.5)
+"""That a gyroscope must show of a machine that rolls with its wheels turned, to tell which way: a
+phone's errs by a tenth of a degree meanwhile."""
 TURNED_M: Final = 0.04
 """A braked machine that rolls on only slows down. One that had all but stopped and is the faster
 again, by such a factor at least after so far (two pulses), has turned round."""
@@ -81,25 +84,48 @@ class Coast:
 
     def __init__(self) -> None:
         self._slowest_mps = math.inf
-        self._since_slowest_m = 0.0
-        self.turned = False
+        self._counted: NDArray[np.float64] = np.zeros(2)
+        """Since it was slowest, as if it went on: m, and what that turned by the steering angle,
+        rad;"""
+        self._taken: NDArray[np.float64] = np.zeros(2)
+        """and as it was taken to go."""
+        self._way = 1
+        self._turned = False
         """Whether it has come to roll against the way it was driven."""
+        self._on_rad = 0.0
+        """Turned in one sense of late, as the gyroscope shows; positive: the way it was driven."""
 
-    @property
-    def slowed(self) -> bool:
-        """Whether it has been so slow that it may have turned round since."""
-        return self._slowest_mps < TURNS_MPS
+    def shown(self, seen_rad: float, reckoned_rad: float) -> None:
+        """The gyroscope has shown seen_rad while it rolled, and the steering angle reckoned_rad, as
+        it is taken to roll: wheels that are turned tell which way that is."""
+        on_rad = math.copysign(seen_rad, seen_rad * reckoned_rad * self._way)
+        self._on_rad = on_rad + (self._on_rad if on_rad * self._on_rad > 0.0 else 0.0)
 
-    def take(self, step_m: float, speed_mps: float) -> float:
-        """With what was counted since the last call: how much of all that was counted so far went
-        the other way, and was not known to."""
-        if self.turned:
-            return step_m
-        if abs(speed_mps) <= self._slowest_mps:
-            self._slowest_mps, self._since_slowest_m = abs(speed_mps), 0.0
+    def take(
+        self, step_m: float, yaw_rad: float, speed_mps: float, by_slope: int
+    ) -> tuple[float, float, int]:
+        """What was counted since the last call, and what that turned by the steering angle, as if
+        it went on; `by_slope`: -1 where the ground lets it roll against the way that it was driven,
+        1 along it, 0 where nobody knows. Returns the two as they were, and 1 or -1: which way it
+        goes. What turns out to have been taken for the other way is given back."""
+        step = np.array([step_m, yaw_rad])
+        slower = abs(speed_mps) <= self._slowest_mps and not self._turned
+        if slower:
+            self._slowest_mps = abs(speed_mps)
+            self._counted[:], self._taken[:] = 0.0, 0.0
         else:
-            self._since_slowest_m += step_m
-        far = abs(self._since_slowest_m) >= TURNED_M
-        stopped = 0.0 < self._slowest_mps < min(TURNS_MPS, abs(speed_mps) / TURNED_SHARE)
-        self.turned = far and stopped
-        return self._since_slowest_m if self.turned else 0.0
+            self._counted += step
+        far = abs(self._counted[0]) >= TURNED_M
+        slowest = self._slowest_mps
+        stopped = 0.0 < slowest < min(TURNS_MPS, abs(speed_mps) / TURNED_SHARE)
+        told = abs(self._on_rad) > SHOWS_RAD
+        self._turned = self._on_rad < 0.0 if told else self._turned or (far and stopped)
+        against = self._turned or (not told and by_slope < 0 and slowest < TURNS_MPS)
+        self._way = -1 if against else 1
+        took = self._way * step
+        if not slower and (self._turned or told):
+            took = self._way * self._counted - self._taken
+        self._taken += took
+        if slower or told:
+            self._counted[:], self._taken[:] = 0.0, 0.0
+        return float(took[0]), float(took[1]), self._way

@@ -38,17 +38,26 @@ class Drive:
         self.counted = True
         """Whether a hall sensor counts; no speed is known without it."""
         self.shake, self.random = 0.0, random.Random(1)
-        self.now = self.distance = self.yaw = self.shown = 0.0
+        self.now = self.distance = self.odometer = self.yaw = self.shown = 0.0
         self._sent: list[Turned] = []
 
     def go(
-        self, seconds: float, speed: float, steer_rad: float = 0.0, *, duty: int | None = None
+        self,
+        seconds: float,
+        speed: float,
+        steer_rad: float = 0.0,
+        *,
+        duty: int | None = None,
+        driven: float | None = None,
     ) -> None:
-        """At that speed and true steering angle; the wheels' sensor counts whole pulses."""
+        """At that speed and true steering angle. The wheels' sensor counts whole pulses, as the
+        machine was `driven` last: forward (1.0) or back (-1.0), whichever way it goes."""
         pulse_m = 1.0 / Vehicle().hall_pulses_per_m
         for _ in range(round(seconds / STEP_S)):
             self.now += STEP_S
             self.distance += speed * STEP_S
+            counted = speed if driven is None else math.copysign(speed, driven)
+            self.odometer += counted * STEP_S
             turn = speed * STEP_S * math.tan(steer_rad)
             self.yaw += turn
             self.shown += (self.scale * turn if self.gyro_turns else 0.0) + self.offset * STEP_S
@@ -68,7 +77,7 @@ class Drive:
                     steer_duty=0,
                     drive_duty=round(255 * speed) if duty is None else duty,
                     blade=False,
-                    speed_mps=speed if self.counted else None,
+                    speed_mps=counted if self.counted else None,
                     distance_m=self._pulses(pulse_m) if self.counted else 0.0,
                     battery_v=12.0,
                     last_seq=0,
@@ -77,7 +86,7 @@ class Drive:
             )
 
     def _pulses(self, pulse_m: float) -> float:
-        return math.floor(self.distance / pulse_m + 1e-9) * pulse_m
+        return math.floor(self.odometer / pulse_m + 1e-9) * pulse_m
 
     def quarter(self) -> None:
         """Turns left by a quarter on the lock, and stands."""
@@ -285,3 +294,44 @@ def test_a_pot_whose_middle_is_off_from_the_start_contradicts_no_gyroscope(pot_d
         assert not drive.estimate.odometry.gyroscope.contradicted
     assert abs(drive.error_rad) < math.radians(1.0)
     assert drive.estimate.odometry.trim_rad == pytest.approx(math.radians(pot_deg), abs=0.01)
+
+
+@pytest.mark.parametrize("driven", [-1.0, 1.0])
+@pytest.mark.parametrize("back", [True, False])
+def test_it_tells_which_way_a_machine_rolls_whose_wheels_are_turned(
+    driven: float, back: bool
+) -> None:
+    """A braked machine creeps as slowly back as it does on, and one hall sensor counts both alike.
+    Taken for the other way, it had turned a machine by twice what it turned."""
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.go(2.0, 0.3 * driven)
+    drive.go(0.8, 0.03 * driven, duty=0)
+    rolls = -0.07 * driven if back else 0.07 * driven
+    drive.go(3.0, rolls, math.radians(45), duty=0, driven=driven)
+    assert not drive.estimate.odometry.gyroscope.contradicted
+    assert drive.estimate.motion.distance_m == pytest.approx(drive.distance, abs=0.05)
+    drive.go(1.0, 0.0)
+    assert abs(drive.error_rad) < math.radians(1.0)
+
+
+def test_without_it_a_machine_that_rolled_back_has_turned_by_its_angle_of_then() -> None:
+    """It is found out by its growing speed, when the wheels are on the lock already."""
+    drive = Drive(late_s=math.inf)
+    drive.go(2.0, -0.3)
+    drive.go(0.4, -0.03, duty=0)
+    drive.go(0.5, 0.05, duty=0, driven=-1.0)
+    drive.go(0.5, 0.08, math.radians(45), duty=0, driven=-1.0)
+    assert drive.estimate.motion.distance_m == pytest.approx(drive.distance, abs=0.03)
+    assert abs(drive.error_rad) < math.radians(2.0)
+
+
+def test_what_a_machine_turned_while_it_rolled_contradicts_no_gyroscope() -> None:
+    """It is reckoned to have turned one way, and has turned the other."""
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.go(2.0, 0.3)
+    drive.go(0.8, 0.03, duty=0)
+    for _ in range(40):
+        drive.go(0.05, -0.2, math.radians(45), duty=0, driven=1.0)
+        assert not drive.estimate.odometry.gyroscope.contradicted
