@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from host.core.frames import Pose2
@@ -62,27 +63,33 @@ class Swaths:
         come `farther_m` than its wheels say."""
         if _beside(self._latest, reckoned, farther_m):
             return True
-        places = [any(_beside(line, at, farther_m) for line in self._past) for at in placed]
+        places = [
+            any(_beside(line, at, farther_m) for line in reversed(self._past)) for at in placed
+        ]
         return bool(places) and all(places)
 
 
+@njit(cache=True, nogil=True)
 def _beside(line: Line, at: Pose2, farther_m: float) -> bool:
-    """The same of one."""
+    """The same of one. Compiled: it is asked of every swath, twenty times a second."""
     if len(line) < 2:
         return False
     x, y, heading = at
-    k = int(np.argmin(np.hypot(line[:, 0] - x, line[:, 1] - y)))
+    k, best = 0, math.inf
+    for n in range(len(line)):
+        off = math.hypot(line[n, 0] - x, line[n, 1] - y)
+        if off < best:
+            k, best = n, off
     k = min(k, len(line) - 2)
-    dx, dy = line[k + 1] - line[k]
-    turned = math.remainder(heading - math.atan2(dy, dx), math.tau)
-    c, s = math.cos(heading - turned), math.sin(heading - turned)
+    dx, dy = line[k + 1, 0] - line[k, 0], line[k + 1, 1] - line[k, 1]
+    swath_rad = math.atan2(dy, dx)
+    c, s = math.cos(swath_rad), math.sin(swath_rad)
     along_m = c * (x - line[k, 0]) + s * (y - line[k, 1])
     left_m = c * (y - line[k, 1]) - s * (x - line[k, 0])
-    least_m, most_m = ASIDE_M
     after_m = (len(line) - 1 - k) * STEP_M - along_m
     return (
-        abs(turned) < ALONG_RAD
-        and least_m < left_m < most_m
+        math.cos(heading - swath_rad) > math.cos(ALONG_RAD)
+        and ASIDE_M[0] < left_m < ASIDE_M[1]
         and (k > 0 or along_m > -BEFORE_BEGIN_M)
         and after_m - farther_m > BEFORE_END_M
     )
