@@ -28,9 +28,10 @@ from host.estimate.states import (
 STEP_SIGMA = (0.03, 0.02)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
 across."""
-ROLL_SIGMA = 0.5
-"""Error along of a machine that rolls with its drive off, per square root of a metre: 0.1 m the
-other way is 0.2 m off."""
+ROLL_SHARE = 1.0
+"""Error along of a machine that rolls with its drive off, as a share of how far it has rolled: one
+taken for the other way is off by twice as much. Of 310 rolls of 16 random fields 95 % were off by
+no more than twice that; 0.02 m by 0.04 m, 0.05 m by 0.08 m, 0.2 m by 0.36 m."""
 SLIP_SIGMA = 0.015
 """Of the share of their way that the driven wheels lose by pushing the blade through crop, before
 anything is learned of it."""
@@ -100,8 +101,13 @@ def move(
     turn = motion.yaw_rad - past.yaw_rad
     if step == 0.0 and turn == 0.0:
         return
-    along = ROLL_SIGMA if motion.rolls else STEP_SIGMA[0]
-    _move(x, p, step, turn, lasted, motion.gyro_noise, cutting, along, *wander)
+    run = abs(step)
+    along_m2 = STEP_SIGMA[0] ** 2 * run
+    if motion.rolls:
+        # One roll errs one way all along.
+        whole_m = max(run, motion.rolled_m)
+        along_m2 = ROLL_SHARE**2 * (whole_m**2 - (whole_m - run) ** 2)
+    _move(x, p, step, turn, lasted, motion.gyro_noise, cutting, along_m2, *wander)
 
 
 @njit(cache=True, nogil=True)
@@ -113,7 +119,7 @@ def _move(
     lasted: float,
     gyro_noise: float,
     cutting: bool,
-    along_sigma: float,
+    along_m2: float,
     wander_sigma_m: float,
     wander_m: float,
 ) -> None:
@@ -162,11 +168,11 @@ def _move(
             q[WANDER, k] *= same
             q[SIGHT, k] *= alike
     # Neighbouring steps err alike: their errors grow along a metre as one.
-    along, across = along_sigma**2 * run, STEP_SIGMA[1] ** 2 * run
-    p[X, X] += c * c * along + s * s * across
-    p[Y, Y] += s * s * along + c * c * across
-    p[X, Y] += c * s * (along - across)
-    p[Y, X] += c * s * (along - across)
+    across_m2 = STEP_SIGMA[1] ** 2 * run
+    p[X, X] += c * c * along_m2 + s * s * across_m2
+    p[Y, Y] += s * s * along_m2 + c * c * across_m2
+    p[X, Y] += c * s * (along_m2 - across_m2)
+    p[Y, X] += c * s * (along_m2 - across_m2)
     p[YAW, YAW] += yaw
     p[CURVE, CURVE] += CURVE_PER_M**2 * run
     p[SIGHT, SIGHT] += SIGHT_SIGMA_M**2 * (1.0 - alike**2)

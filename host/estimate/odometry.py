@@ -81,7 +81,9 @@ class Motion:
     steering angle alone tells it."""
     rolls: bool = False
     """Whether it moves with its drive off, long after that could still be coasting: which way, one
-    hall sensor does not tell."""
+    hall sensor does not tell;"""
+    rolled_m: float = 0.0
+    """and how far it has come so since its drive was switched off, to and fro."""
 
     @property
     def by_gyro(self) -> bool:
@@ -185,7 +187,8 @@ class Odometry:
             self._speed += (target - self._speed) * blend
             step = (before + self._speed) / 2 * dt
             yaw_step = step * middle_1pm
-        rolls = step != 0.0 and self._driven_s < -STOPS_S
+        off = self._driven_s < -STOPS_S
+        rolls, rolled_m = off and step != 0.0, past.rolled_m + abs(step) if off else 0.0
         self._reckon(telemetry, step, yaw_step, rolls=rolls)
         yaw_step, self._missed_rad = yaw_step + self._missed_rad, 0.0
         middle = past.yaw_rad + yaw_step / 2
@@ -199,6 +202,7 @@ class Odometry:
             past.y_m + step * math.sin(middle),
             self._gyro_noise(telemetry.stamp),
             rolls,
+            rolled_m,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:

@@ -388,6 +388,21 @@ def test_a_machine_that_has_rolled_knows_its_place_along_less() -> None:
     assert sigma_m(rolls=True) > sigma_m(rolls=False) + 0.1
 
 
+@pytest.mark.parametrize("rolled_m", [0.02, 0.2])
+def test_one_roll_errs_as_a_share_of_how_far_it_has_gone(rolled_m: float) -> None:
+    """Which way it rolls is unknown once, not anew with each pulse of the wheels' sensor."""
+    variances = []
+    for rolls in (0.0, rolled_m):
+        position = Position(VEHICLE)
+        position.place(ring(0), 0.0, 0.0, 0.0)
+        for k in range(11):
+            share = k / 10
+            moved = replace(motion(share * rolled_m), rolls=rolls > 0.0, rolled_m=share * rolls)
+            position.predict(moved, cutting=False)
+        variances.append(position.end_sigma_m(ring(0)) ** 2)
+    assert math.sqrt(variances[1] - variances[0]) == pytest.approx(rolled_m, rel=0.1)
+
+
 def test_how_sure_a_machine_is_where_it_will_have_backed_to() -> None:
     """As sure as it then is."""
     position = Position(VEHICLE)
