@@ -52,6 +52,9 @@ class GyroSpec(Strict):
     """A share of the rate."""
     vibration_dps: NotNegative = 0.5
     """Standard deviation of a sample while the machine moves."""
+    force_zero_mps2: NotNegative = 0.2
+    """Standard deviation of what each axis of the accelerometer shows too much: half of the data
+    sheet's 40 mg."""
     delay_s: NotNegative = 0.1
     """From a sample to the host."""
 
@@ -77,6 +80,8 @@ class Part(NamedTuple):
     force_still: float
     """the same of the force's."""
     force_moving: float
+    force_zero: tuple[float, float, float]
+    """What each axis shows too much."""
     scale: float
 
 
@@ -89,6 +94,7 @@ class Gyro:
         self._rng = np.random.default_rng([seed, 0x6779])
         self.offset: Floats = self._rng.normal(0.0, math.radians(spec.offset_dps), 3)
         """(3,) that each axis shows at rest, rad/s."""
+        zero = self._rng.normal(0.0, spec.force_zero_mps2, 3)
         c, s = math.cos(pitch_rad), math.sin(pitch_rad)
         self.axes: Floats = np.array(((s, 0.0, c), (0.0, 1.0, 0.0), (-c, 0.0, s)))
         """Rows: the phone's axes in the vehicle's frame."""
@@ -101,6 +107,7 @@ class Gyro:
             moving,
             0.02,
             0.02 + SHAKEN * spec.vibration_dps,
+            (float(zero[0]), float(zero[1]), float(zero[2])),
             1.0 + spec.scale_error,
         )
 
@@ -115,8 +122,8 @@ class Gyro:
         return self._rng.standard_normal((count, 9))
 
     def sample(self, t: float, yaw_radps: float, roll: float, pitch: float, v: float) -> Sample:
-        """At simulated time t, on a machine that turns at that rate about its own vertical, banks
-        and climbs by these angles, rad, and moves at v, m/s."""
+        """At simulated time t, on a machine that turns at that rate about its own vertical and
+        moves at v, m/s; `roll` positive clockwise seen from behind, `pitch` nose down, rad."""
         out = np.empty(6)
         feel(self.part, self.axes, self.offset, self.drawn(1)[0], yaw_radps, roll, pitch, v, out)
         return self.sampled(t, out)
@@ -145,12 +152,13 @@ def feel(
     noise = part.moving if moves else part.still
     felt = part.force_moving if moves else part.force_still
     turned = yaw_radps * part.scale
-    ux, uy, uz = math.sin(pitch), -math.sin(roll), math.cos(pitch) * math.cos(roll)
+    ux, uy, uz = -math.sin(pitch), math.sin(roll), math.cos(pitch) * math.cos(roll)
     for k in range(3):
         ax, ay, az = axes[k]
         offset[k] += part.walk * drawn[k]
         out[k] = az * turned + offset[k] + noise * drawn[3 + k]
         out[3 + k] = GRAVITY * (ax * ux + ay * uy + az * uz) + felt * drawn[6 + k]
+        out[3 + k] += part.force_zero[k]
 
 
 _ROW: Final = "[%d, [%.6f, %.6f, %.6f]]"

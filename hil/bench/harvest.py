@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -221,7 +221,7 @@ class Harvest:
         felt = self.bench.felt()
         turned = self._turning.feed(now, sensors_json(felt)) if felt else None
         if turned is not None:
-            self._turned = Turned(_whole_ns(turned.stamp), turned.yaw_rad, turned.since)
+            self._turned = replace(turned, stamp=_whole_ns(turned.stamp))
         mark = clock()
         seconds["bench"] += mark - start
         self._picture(now)

@@ -6,6 +6,7 @@ Every `stamp` and `now` is in seconds of one clock that the caller owns; nothing
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,9 @@ class Turned:
     """Counter-clockwise, unwrapped, with all that the gyroscope errs, from `since` on."""
     since: float
     """Since when no sample is missing; what was turned before is not known."""
+    nose_up_rad: float = math.nan
+    """How far the phone's back camera looks above the horizon, as its accelerometer has shown since
+    the last; NaN: it has shown nothing."""
 
 
 class State(enum.IntEnum):

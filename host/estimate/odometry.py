@@ -15,7 +15,7 @@ from typing import NamedTuple
 from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.estimate.gyroscope import WINDOW_S, Gyroscope, Stand
-from host.estimate.rolling import Coast, Slope
+from host.estimate.rolling import Rolling
 
 HISTORY_S = 1.5
 GAIN_LIMITS = (0.6, 1.4)
@@ -37,10 +37,6 @@ angle says: tyres slip sideways, most at full lock, and a pot's scale is not exa
 YAW_GAIN_LIMITS = (0.85, 1.15)
 TURN_SIGMA_RAD = 0.02
 """How well the lanes before and after a turn show how far the machine has turned."""
-STEADY_S = 1.0
-"""After the drive is switched on, until the speed is the slope's and not the start's."""
-STOPS_S = 0.3
-"""After it is switched off, until a machine that still moves rolls, and does not coast."""
 TOO_FAST = 2.0
 """Times the speed at full duty: more than any slope gives."""
 TOO_FAST_S = 0.1
@@ -83,7 +79,8 @@ class Motion:
     """Whether it moves with its drive off, long after that could still be coasting: which way, one
     hall sensor does not tell;"""
     rolled_m: float = 0.0
-    """and how far it has come so since its drive was switched off, to and fro."""
+    """and how far it has come so since its drive was switched off, to and fro, while neither the
+    ground nor the gyroscope told which way."""
 
     @property
     def by_gyro(self) -> bool:
@@ -112,10 +109,7 @@ class Odometry:
         self._speed = 0.0
         self._odometer: float | None = None
         self._too_fast_s = 0.0
-        self._slope = Slope()
-        self._driven_s = 0.0
-        """Since the drive was last switched; negative: since it was switched off."""
-        self._coast = Coast()
+        self.rolling = Rolling(vehicle)
         self._history: deque[Motion] = deque()
         self.gyroscope = Gyroscope()
         """Its offset is the filter's to say."""
@@ -177,7 +171,11 @@ class Odometry:
                 else telemetry.speed_mps * dt
             )
             self._odometer = telemetry.distance_m
-            step, yaw_step, self._speed = self._rolled(step, step * middle_1pm, telemetry, dt)
+            straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
+            yaw_step = step * middle_1pm
+            step, yaw_step, self._speed = self.rolling.take(
+                step, yaw_step, telemetry, dt, past.yaw_rad, straight=straight
+            )
             too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
             self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
         else:
@@ -187,8 +185,7 @@ class Odometry:
             self._speed += (target - self._speed) * blend
             step = (before + self._speed) / 2 * dt
             yaw_step = step * middle_1pm
-        off = self._driven_s < -STOPS_S
-        rolls, rolled_m = off and step != 0.0, past.rolled_m + abs(step) if off else 0.0
+        rolls = self.rolling.off and step != 0.0
         self._reckon(telemetry, step, yaw_step, rolls=rolls)
         yaw_step, self._missed_rad = yaw_step + self._missed_rad, 0.0
         middle = past.yaw_rad + yaw_step / 2
@@ -202,7 +199,7 @@ class Odometry:
             past.y_m + step * math.sin(middle),
             self._gyro_noise(telemetry.stamp),
             rolls,
-            rolled_m,
+            self.rolling.unsure_m,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
@@ -240,6 +237,9 @@ class Odometry:
             middle = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
             middle += 2.0 * rolled
             self._compared = at
+        if self.rolling.steady:
+            lasted_s = turned.stamp - gyroscope.stamp
+            self.rolling.climb.learn(self.now.yaw_rad, turned.nose_up_rad, lasted_s)
         missed = gyroscope.take(turned, at.yaw_rad if at else None, stand, middle)
         self._missed_rad += missed
         if believed and gyroscope.contradicted:
@@ -254,9 +254,8 @@ class Odometry:
             self._learn_gain(*gyroscope.take_leg())
         elif gyroscope.useful:
             self._learn_trim(missed, way)
-            if rolled > 0.0:
-                reckoned = at.yaw_rad - before.yaw_rad
-                self._coast.shown(missed + reckoned, reckoned)
+            seen_rad = missed + at.yaw_rad - before.yaw_rad
+            self.rolling.shown(self.now.stamp, seen_rad, self.now.curvature_1pm)
 
     def _stand(self, stamp: float) -> Stand | None:
         """Whether the machine stood then, and did not turn. Between two pulses of its sensor it may
@@ -302,29 +301,6 @@ class Odometry:
         low, high = YAW_GAIN_LIMITS
         more = LEG_SHARE * (seen_rad / reckoned_rad - 1.0)
         self.yaw_gain = min(high, max(low, self.yaw_gain * (1.0 + more)))
-
-    def _rolled(
-        self, step_m: float, yaw_rad: float, telemetry: Telemetry, dt: float
-    ) -> tuple[float, float, float]:
-        """The step, what it turned and the speed with their true signs: one hall sensor counts a
-        machine that rolls back down a slope as going on."""
-        speed = telemetry.speed_mps
-        assert speed is not None
-        if telemetry.drive_duty != 0:
-            self._driven_s = max(0.0, self._driven_s) + dt
-            self._coast = Coast()
-            straight = abs(telemetry.angle_rad) < STRAIGHT_RAD
-            if straight and self._driven_s > STEADY_S and speed != 0.0:
-                level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
-                self._slope.learn(self.now.yaw_rad, speed, level, cutting=telemetry.blade)
-            return step_m, yaw_rad, speed
-        self._driven_s = min(0.0, self._driven_s) - dt
-        by_slope = 0
-        if self._driven_s <= -STOPS_S:
-            by_slope = round(math.copysign(1.0, step_m or speed))
-            by_slope *= self._slope.rolls(self.now.yaw_rad)
-        step_m, yaw_rad, way = self._coast.take(step_m, yaw_rad, speed, by_slope)
-        return step_m, yaw_rad, way * speed
 
     def turn_trim(self, curvature_1pm: float) -> None:
         """Takes a curvature that nearly straight driving showed besides what the pot said."""

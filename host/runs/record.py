@@ -77,7 +77,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("speed_mps", "course_rad"),
         ),
     ),
-    "/turned": ("daranti.Turned", _schema(**_numbers("yaw_rad", "since"))),
+    "/turned": ("daranti.Turned", _schema(**_numbers("yaw_rad", "since", "nose_up_rad"))),
     "/telemetry": (
         "daranti.Telemetry",
         _schema(
@@ -260,7 +260,8 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
 
     def turned(self, turned: Turned) -> None:
         """What the gyroscope has turned."""
-        self.put("/turned", turned.stamp, {"yaw_rad": turned.yaw_rad, "since": turned.since})
+        numbers = {"yaw_rad": turned.yaw_rad, "since": turned.since}
+        self.put("/turned", turned.stamp, {**numbers, "nose_up_rad": turned.nose_up_rad})
 
     def pilot(self, stamp: float, snapshot: Snapshot) -> None:
         """What the pilot is doing, and where it believes to be."""
@@ -447,7 +448,9 @@ def fix_of(stamp: float, message: Message) -> Fix:
 
 def turned_of(stamp: float, message: Message) -> Turned:
     """A /turned message as it went in."""
-    return Turned(stamp, message["yaw_rad"], message["since"])
+    nose_up = message.get("nose_up_rad")
+    nose_up_rad = math.nan if nose_up is None else nose_up
+    return Turned(stamp, message["yaw_rad"], message["since"], nose_up_rad)
 
 
 def view_of(message: Message) -> CropView:

@@ -104,6 +104,8 @@ class Turning:
         self._levelled: float | None = None
         self._rate = 0.0
         self._up: Vector | None = None
+        self._forces: Vector = (0.0, 0.0, 0.0)
+        """The sum of what the accelerometer has shown since the last word."""
         self._behind = math.inf
         """Least that the laptop's time was ahead of the phone's at an answer."""
         self._heard = -math.inf
@@ -127,7 +129,15 @@ class Turning:
         self._heard = now
         for k in fresh:
             self._take(gyro.clock_s[k], gyro.xyz[k], up)
-        return Turned(newest + self._behind - UNDERWAY_S, self._yaw, self._since)
+        stamp = newest + self._behind - UNDERWAY_S
+        return Turned(stamp, self._yaw, self._since, self._nose_up())
+
+    def _nose_up(self) -> float:
+        """Android's z axis points out of the screen, against the way that the back camera looks."""
+        x, y, z = self._forces
+        self._forces = (0.0, 0.0, 0.0)
+        size = math.sqrt(x * x + y * y + z * z)
+        return -math.asin(z / size) if size > 0.0 else math.nan
 
     def _restart(self) -> None:
         self._clock = self._levelled = None
@@ -156,6 +166,8 @@ class Turning:
             else:
                 blend = 1.0 - math.exp(-(clock - self._levelled) / LEVEL_S)
             self._levelled = clock
+            sx, sy, sz = self._forces
+            self._forces = (sx + fx, sy + fy, sz + fz)
             x, y, z = fx / size, fy / size, fz / size
             ux, uy, uz = self._up or (x, y, z)
             ux, uy, uz = ux + blend * (x - ux), uy + blend * (y - uy), uz + blend * (z - uz)

@@ -57,6 +57,22 @@ def test_a_quarter_of_a_turn_is_one_however_the_phone_is_mounted(up: Axis, rate:
     assert turned.yaw_rad == pytest.approx(2 * rate, abs=1e-6)
 
 
+@pytest.mark.parametrize("portrait", [False, True])
+@pytest.mark.parametrize("down_deg", [28.0, 5.0, -3.0])
+def test_it_tells_how_far_the_back_camera_looks_above_the_horizon(
+    down_deg: float, portrait: bool
+) -> None:
+    """Android's z axis points out of the screen (sensor coordinate system)."""
+    down = math.radians(down_deg)
+    upright = math.cos(down)
+    up = (0.0, upright, math.sin(down)) if portrait else (upright, 0.0, math.sin(down))
+    turning = Turning()
+    for at in (0.0, 1.0):
+        turned = turning.feed(9.0 + at, answer(steps(at + 0.02, at + 1.0, 0.0), up))
+        assert turned is not None
+        assert turned.nose_up_rad == pytest.approx(-down, abs=1e-6)
+
+
 def test_degrees_a_second_are_understood() -> None:
     data = json.loads(answer(steps(0, 1, 90.0), unit="°/s"))
     data["accel"]["unit"] = "m/s²"
