@@ -255,7 +255,7 @@ class Odometry:
         elif gyroscope.useful:
             self._learn_trim(missed, way)
             seen_rad = missed + at.yaw_rad - before.yaw_rad
-            self.rolling.shown(self.now.stamp, seen_rad, self.now.curvature_1pm)
+            self.rolling.shown(seen_rad, self.now.curvature_1pm)
 
     def _stand(self, stamp: float) -> Stand | None:
         """Whether the machine stood then, and did not turn. Between two pulses of its sensor it may

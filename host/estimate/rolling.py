@@ -29,10 +29,8 @@ STEADY_S: Final = 1.0
 """After the drive is switched, until speed and lie are the ground's and not the start's."""
 STOPS_S: Final = 0.3
 """After it is switched off, until a machine that still moves rolls, and does not coast."""
-ROLLS_S: Final = 1.0
-"""After a pulse of the hall sensor, as long as a machine that rolls may turn by it;"""
 TELLS_1PM: Final = 0.2
-"""with its wheels turned so far at least, to tell which way."""
+"""With its wheels turned so far at least, a machine that rolls turns so that it tells which way."""
 ROLLS_RAD: Final = math.radians(0.3)
 """On less steep ground nobody knows which way it rolls."""
 SURE: Final = 1.0
@@ -164,9 +162,7 @@ class Rolling:
         self._driven = 1
         """Which way it was driven last: 1 forward, -1 back;"""
         self._driven_s = 0.0
-        """since when the drive is on; negative: off;"""
-        self._counted_s = -math.inf
-        """when the wheels' sensor counted last since then."""
+        """since when the drive is on; negative: off."""
         self.unsure_m = 0.0
         """How far it has rolled since then, to and fro, while neither the ground nor the gyroscope
         told which way."""
@@ -181,11 +177,10 @@ class Rolling:
         """Whether it is long since the drive was switched."""
         return abs(self._driven_s) > STEADY_S
 
-    def shown(self, stamp: float, seen_rad: float, curvature_1pm: float) -> None:
+    def shown(self, seen_rad: float, curvature_1pm: float) -> None:
         """What the gyroscope has shown since its last word: a machine that rolls with turned wheels
         shows which way."""
-        moves = self.off and stamp - self._counted_s < ROLLS_S
-        if moves and abs(curvature_1pm) > TELLS_1PM:
+        if abs(curvature_1pm) > TELLS_1PM:
             self._coast.shown(math.copysign(seen_rad, seen_rad * curvature_1pm * self._driven))
 
     def take(
@@ -211,8 +206,6 @@ class Rolling:
                 self._slope.learn(yaw_rad, speed, level, cutting=telemetry.blade)
             return step_m, turned_rad, speed
         self._driven_s = min(0.0, self._driven_s) - dt
-        if step_m != 0.0:
-            self._counted_s = telemetry.stamp
         downhill, sure = self._downhill(yaw_rad)
         by_slope = downhill * round(math.copysign(1.0, step_m or speed))
         step_m, turned_rad, way = self._coast.take(step_m, turned_rad, speed, by_slope, sure=sure)

@@ -9,6 +9,7 @@ import os
 import random
 import struct
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ from hil.bench.replay import replay
 from hil.firmware import targets
 from hil.judge.plots import series
 from host.core.errors import UserError
-from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.core.messages import Command, Fix, Request, State, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.runs import record
 from host.runs.pictures import recorded
@@ -80,6 +81,24 @@ def test_telemetry_command_and_fix_come_back_as_they_were(
     assert record.telemetry_of(at, first) == telemetry
     assert record.command_of(second) == command
     assert record.fix_of(at, third) == fix
+
+
+@given(STAMP, NUMBER, NUMBER, st.one_of(st.just(math.nan), NUMBER))
+def test_what_the_gyroscope_turned_comes_back_as_it_was(
+    stamp: float, yaw: float, since: float, nose_up: float
+) -> None:
+    turned = Turned(stamp, yaw, since, nose_up)
+    with Scratch() as path:
+        with Recorder(path) as recorder:
+            recorder.turned(turned)
+        ((_, at, message),) = record.read(path)
+    back = record.turned_of(at, message)
+    assert replace(back, nose_up_rad=0.0) == replace(turned, nose_up_rad=0.0)
+    assert back.nose_up_rad == pytest.approx(nose_up, nan_ok=True)
+
+
+def test_of_a_record_before_the_accelerometer_was_kept_it_is_not_known() -> None:
+    assert math.isnan(record.turned_of(1.0, {"yaw_rad": 0.1, "since": 0.0}).nose_up_rad)
 
 
 class Scratch:

@@ -12,6 +12,7 @@ from host.estimate.climb import Climb
 from host.estimate.odometry import Odometry
 
 WAYS = [k * math.pi / 2 for k in range(4)]
+MOUNT = math.radians(-5.0)
 PULSE_M = 1.0 / Vehicle().hall_pulses_per_m
 
 
@@ -53,25 +54,32 @@ def test_what_shows_nothing_or_is_no_camera_that_sees_the_crop_teaches_nothing(
     assert climb.uphill(0.0) == before
 
 
-@pytest.mark.parametrize("driven", [1, -1])
-@pytest.mark.parametrize("nose_up_deg", [2.0, -2.0])
-def test_the_ground_tells_which_way_a_braked_machine_rolls(driven: int, nose_up_deg: float) -> None:
-    """Its wheels point straight ahead, and it creeps by as much either way."""
-    odometry = Odometry(Vehicle())
-    now, odometer, true_m = 0.0, 0.0, 0.0
+class Roller:
+    """A braked machine on ground that rises along x; its wheels point straight ahead."""
 
-    def go(seconds: float, speed: float, duty: int) -> None:
-        nonlocal now, odometer, true_m
+    def __init__(self, nose_up_deg: float, driven: int, yaws: list[float]) -> None:
+        """`yaws`: the directions in which it has been."""
+        self.odometry, self.driven = Odometry(Vehicle()), driven
+        self.up = math.radians(nose_up_deg)
+        self.now = self.odometer = self.true_m = 0.0
+        seen(self.odometry.rolling.climb, yaws, (self.up, 0.0), MOUNT)
+
+    @property
+    def error_m(self) -> float:
+        """Of dead reckoning."""
+        return self.odometry.now.distance_m - self.true_m
+
+    def go(self, seconds: float, speed: float, duty: int) -> None:
+        """The wheels' sensor counts as the machine was driven."""
         for _ in range(round(seconds / 0.05)):
-            now += 0.05
-            true_m += speed * 0.05
-            odometer += abs(speed) * 0.05 * driven
-            up = math.radians(nose_up_deg) * math.cos(odometry.now.yaw_rad)
-            odometry.take_turned(Turned(now - 0.1, 0.0, 0.0, math.radians(-5.0) + up))
-            counted = math.floor(odometer / PULSE_M + 1e-9) * PULSE_M
-            odometry.update(
+            self.now += 0.05
+            self.true_m += speed * 0.05
+            self.odometer += abs(speed) * 0.05 * self.driven
+            self.odometry.take_turned(Turned(self.now - 0.1, 0.0, 0.0, MOUNT + self.up))
+            counted = math.floor(self.odometer / PULSE_M + 1e-9) * PULSE_M
+            self.odometry.update(
                 Telemetry(
-                    stamp=now,
+                    stamp=self.now,
                     state=State.RUNNING,
                     faults=0,
                     setpoint_rad=0.0,
@@ -79,7 +87,7 @@ def test_the_ground_tells_which_way_a_braked_machine_rolls(driven: int, nose_up_
                     steer_duty=0,
                     drive_duty=duty,
                     blade=False,
-                    speed_mps=abs(speed) * driven,
+                    speed_mps=abs(speed) * self.driven,
                     distance_m=counted,
                     battery_v=12.0,
                     last_seq=0,
@@ -87,10 +95,48 @@ def test_the_ground_tells_which_way_a_braked_machine_rolls(driven: int, nose_up_
                 )
             )
 
-    seen(odometry.rolling.climb, WAYS, (math.radians(nose_up_deg), 0.0), math.radians(-5.0))
-    go(2.0, 0.3 * driven, 100 * driven)
-    go(1.0, 0.0, 0)
-    before = odometry.now.distance_m - true_m
-    go(3.0, -0.05 if nose_up_deg > 0.0 else 0.05, 0)
-    assert odometry.now.distance_m - true_m == pytest.approx(before, abs=1.5 * PULSE_M)
-    assert odometry.now.rolled_m == 0.0, "nothing is unsure of it"
+
+@pytest.mark.parametrize("driven", [1, -1])
+@pytest.mark.parametrize("nose_up_deg", [2.0, -2.0])
+def test_the_ground_tells_which_way_a_braked_machine_rolls(driven: int, nose_up_deg: float) -> None:
+    """It creeps by as much either way."""
+    roller = Roller(nose_up_deg, driven, WAYS)
+    roller.go(2.0, 0.3 * driven, 100 * driven)
+    roller.go(1.0, 0.0, 0)
+    before = roller.error_m
+    roller.go(3.0, -0.05 if nose_up_deg > 0.0 else 0.05, 0)
+    assert roller.error_m == pytest.approx(before, abs=1.5 * PULSE_M)
+    assert roller.odometry.now.rolled_m == 0.0, "nothing is unsure of it"
+
+
+def test_a_machine_that_starts_or_stops_shows_no_ground() -> None:
+    """It nods, and what it gains of speed looks like a slope."""
+    roller = Roller(2.0, 1, WAYS)
+    roller.go(3.0, 0.3, 100)
+    roller.go(0.05, 0.0, 0)
+    before = roller.odometry.rolling.climb.uphill(0.0)
+    roller.up -= 0.2
+    roller.go(0.8, 0.0, 0)
+    assert roller.odometry.rolling.climb.uphill(0.0) == before
+    roller.up += 0.2
+    roller.go(2.0, 0.0, 0)
+    assert roller.odometry.rolling.climb.uphill(0.0) != before
+
+
+def test_downhill_a_machine_that_becomes_faster_has_not_turned_round() -> None:
+    roller = Roller(-2.0, 1, WAYS)
+    roller.go(2.0, 0.3, 100)
+    roller.go(0.5, 0.03, 0)
+    before = roller.error_m
+    roller.go(3.0, 0.07, 0)
+    assert roller.error_m == pytest.approx(before, abs=1.5 * PULSE_M)
+
+
+@pytest.mark.parametrize("yaws", [[0.0], [0.0, 0.45]])
+def test_ground_that_may_be_the_mount_tells_nothing(yaws: list[float]) -> None:
+    roller = Roller(2.0, 1, yaws)
+    roller.go(2.0, 0.3, 100)
+    roller.go(1.0, 0.0, 0)
+    roller.go(3.0, 0.05, 0)
+    assert abs(roller.error_m) < 1.5 * PULSE_M, "it goes on, as far as anybody knows"
+    assert roller.odometry.now.rolled_m == pytest.approx(0.15, abs=1.5 * PULSE_M)

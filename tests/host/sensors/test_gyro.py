@@ -64,13 +64,13 @@ def test_it_tells_how_far_the_back_camera_looks_above_the_horizon(
 ) -> None:
     """Android's z axis points out of the screen (sensor coordinate system)."""
     down = math.radians(down_deg)
-    upright = math.cos(down)
-    up = (0.0, upright, math.sin(down)) if portrait else (upright, 0.0, math.sin(down))
     turning = Turning()
-    for at in (0.0, 1.0):
+    for at, nose_up in ((0.0, -down), (1.0, 0.1 - down)):
+        upright, back = math.cos(nose_up), -math.sin(nose_up)
+        up = (0.0, upright, back) if portrait else (upright, 0.0, back)
         turned = turning.feed(9.0 + at, answer(steps(at + 0.02, at + 1.0, 0.0), up))
         assert turned is not None
-        assert turned.nose_up_rad == pytest.approx(-down, abs=1e-6)
+        assert turned.nose_up_rad == pytest.approx(nose_up, abs=1e-6)
 
 
 def test_degrees_a_second_are_understood() -> None:
