@@ -341,6 +341,11 @@ class PlanSide(Strip):
             side.edge_end_m <= SQUARE_M or along_m <= end
         )
 
+    def before_edge(self, here: Motion) -> bool:
+        along_m = self.along_m(here)
+        begins = along_m < self.side.length_m / 2
+        return self.begins_slanting and begins and not self.shows_edge(along_m)
+
     @property
     def new(self) -> bool:
         return self._doubt_m >= UNKNOWN_M

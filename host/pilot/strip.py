@@ -192,6 +192,10 @@ class Strip:
         """Whether the strip's outer edge, and no slanting border, is what a picture shows there."""
         return True
 
+    def before_edge(self, here: Motion) -> bool:
+        """Whether a slanting border lies before the strip's outer edge still, at its beginning."""
+        return False
+
     def edge_m(self, view: CropView, then: Motion) -> float:
         """The edge's offset from its place beside this strip's lane in a picture taken then."""
         return view.edge_offset_m

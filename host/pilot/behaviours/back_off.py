@@ -17,7 +17,7 @@ from host.estimate.odometry import Motion
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.behaviours.follow import LANE_SIGMA_M
+from host.pilot.behaviours.follow import lane_unknown
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, Context
 from host.pilot.endings import Elsewhere, Patience, SideEnd, end_by_plan, gave_up
 from host.pilot.gaze import Gaze
@@ -84,7 +84,7 @@ class BackOff(Behaviour):
         go = gave_up(context, now)
         if go is not None:
             return context.stop(), go
-        known = context.estimate.lane.offset_sigma_m < LANE_SIGMA_M
+        known = not lane_unknown(context)
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
         self._look(now)

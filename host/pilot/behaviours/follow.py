@@ -7,7 +7,7 @@ from host.estimate.crop_ahead import END_CLEAR_M, END_SURE, EndOfField
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
-from host.pilot.context import SLOW_AFTER_S
+from host.pilot.context import SLOW_AFTER_S, Context
 from host.pilot.endings import (
     Beside,
     Elsewhere,
@@ -28,6 +28,10 @@ LANE_SIGMA_M = 0.3
 """Uncertainty of the edge at the blade beyond which the pilot does not cut on. Over a patch of
 weeds or thin crop, or where no edge line shows (short remnants, slanting ends), dead reckoning does
 for some metres."""
+BEFORE_EDGE_SIGMA_M = 0.6
+"""The same where a slanting border lies before the edge: standing there shows no more of it than
+the corner from which it runs, and the nearer that is, the better. Larger: beside a gap the geofence
+stops it."""
 DUST_SIGMA_M = 0.12
 """From here on it is worth a stop to look without the blade's dust."""
 LOOK_AFTER_M = 1.0
@@ -45,6 +49,15 @@ GONE_REST_M = 2.0
 as far as that is surely beside it (host.estimate.swaths)."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
+
+
+def lane_unknown(context: Context) -> bool:
+    """Whether the edge at the blade is too unsure to cut on."""
+    sigma_m = context.estimate.lane.offset_sigma_m
+    if sigma_m <= LANE_SIGMA_M:
+        return False
+    before = context.strip.before_edge(context.motion)
+    return not before or sigma_m > BEFORE_EDGE_SIGMA_M
 
 
 class Why(Reason):
@@ -208,10 +221,10 @@ class Follow(Behaviour):
 
     def _doubts(self, now: float) -> Go | None:
         """Whether the edge is too unsure to cut on, or might be seen without the dust."""
-        context, lane, sight = self.context, self.context.estimate.lane, self.context.sight
+        context, sight = self.context, self.context.sight
         if context.creeps(now):
             return None
-        unknown = lane.offset_sigma_m > LANE_SIGMA_M and not context.estimate.position.beside
+        unknown = not context.estimate.position.beside and lane_unknown(context)
         lost = now - sight.seen.stamp > STOP_AFTER_S or unknown
         if lost and not (context.backs > 0 and context.goes_unseeing(now)):
             sight.seen.broken = now

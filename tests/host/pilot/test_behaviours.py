@@ -937,6 +937,38 @@ def test_bare_ground_on_the_last_side_ends_the_field() -> None:
     assert is_for(LookAtEnd(context).step(NOW + 1.0)[1], EndLook.NO_CROP_LEFT)
 
 
+@pytest.mark.parametrize(
+    ("begins_m", "cut_m", "sigma_m", "drives"),
+    [
+        (2.0, 0.5, 0.45, True),
+        (2.0, 0.5, 0.65, False),
+        (2.0, 3.5, 0.45, False),
+        (0.0, 0.5, 0.45, False),
+        (0.0, 0.5, 0.2, True),
+    ],
+)
+def test_before_a_slanting_borders_edge_begins_a_machine_goes_on_less_surely(
+    begins_m: float, cut_m: float, sigma_m: float, drives: bool
+) -> None:
+    """Standing there it sees no more of the edge than its corner, however long: four of 160
+    random fields had ended so, in their first round."""
+    slanting = replace(PLAN.sides[0], edge_begin_m=begins_m)
+    context = on_side(plan=replace(PLAN, sides=(slanting, *PLAN.sides[1:])), cut_m=cut_m)
+    context.look.begin(NOW, context.motion.distance_m)
+    context.estimate.position.less_sure(sigma_m, 0.0)
+    seeing(context, CUTTING)
+    assert is_for(Follow(context).step(NOW)[1], None if drives else Followed.EDGE_LOST)
+    assert is_for(BackOff(context).step(NOW)[1], BackedOff.SEEN if drives else None)
+
+
+def test_before_the_end_of_a_slanting_border_it_does_not() -> None:
+    slanting = replace(PLAN.sides[0], edge_begin_m=2.0, edge_end_m=2.0)
+    plan = replace(PLAN, sides=(slanting, *PLAN.sides[1:]))
+    context = on_side(plan=plan, cut_m=slanting.length_m - 0.5)
+    context.estimate.position.less_sure(0.45, 0.0)
+    assert is_for(BackOff(context).step(NOW)[1], None)
+
+
 def test_back_off_goes_on_with_an_edge_that_has_stayed_in_view() -> None:
     context = on_side()
     assert is_for(BackOff(context).step(NOW)[1], BackedOff.SEEN)
