@@ -94,7 +94,8 @@ class Gyro:
         self._rng = np.random.default_rng([seed, 0x6779])
         self.offset: Floats = self._rng.normal(0.0, math.radians(spec.offset_dps), 3)
         """(3,) that each axis shows at rest, rad/s."""
-        zero = self._rng.normal(0.0, spec.force_zero_mps2, 3)
+        # Of its own: what one sensor errs changes nothing of the other.
+        zero = np.random.default_rng([seed, 0x6163]).normal(0.0, spec.force_zero_mps2, 3)
         c, s = math.cos(pitch_rad), math.sin(pitch_rad)
         self.axes: Floats = np.array(((s, 0.0, c), (0.0, 1.0, 0.0), (-c, 0.0, s)))
         """Rows: the phone's axes in the vehicle's frame."""

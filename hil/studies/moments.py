@@ -27,6 +27,9 @@ FIRST_S: Final = 10.0
 PHASES: Final[tuple[Situation, ...]] = ("follow", "turn")
 HARMS: Final = ("neighbour_cut_m2", "outside_m")
 """Figures of merit that must not grow."""
+FARTHER_S: Final = 1.0
+"""For which the harvest itself goes on after the last copy: one that is a little faster gets beyond
+the end of a path, and is not aside of it."""
 STILL_S: Final = 1.0
 """With drive and blade off for so long, nothing more comes."""
 
@@ -143,7 +146,7 @@ def moments(
                     fault = Fault(component=component, failure=failure, at=at)
                     taken.append(in_a_copy(partial(_taken, run, fault, situation, watch_s)))
         if taken:
-            run.run(enough=partial(_reached, run, taken[-1].moment.at_s + watch_s))
+            run.run(enough=partial(_reached, run, taken[-1].moment.at_s + watch_s + FARTHER_S))
         healthy = shapely.LineString([p[1:3] for p in run.truth.path])
     finally:
         run.close()
