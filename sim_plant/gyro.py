@@ -94,7 +94,7 @@ class Gyro:
         self._rng = np.random.default_rng([seed, 0x6779])
         self.offset: Floats = self._rng.normal(0.0, math.radians(spec.offset_dps), 3)
         """(3,) that each axis shows at rest, rad/s."""
-        # Of its own: what one sensor errs changes nothing of the other.
+        # Drawn apart, so that what the accelerometer errs leaves the gyroscope's draws as they are.
         zero = np.random.default_rng([seed, 0x6163]).normal(0.0, spec.force_zero_mps2, 3)
         c, s = math.cos(pitch_rad), math.sin(pitch_rad)
         self.axes: Floats = np.array(((s, 0.0, c), (0.0, 1.0, 0.0), (-c, 0.0, s)))

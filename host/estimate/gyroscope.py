@@ -6,8 +6,9 @@ has an offset, a state of the filter (`host.estimate.position`): every stand sho
 (`host.estimate.measurements.rest`), and a straight edge does.
 
 The two watch each other. Where they differ by more than both err together, and by more than a pot
-whose middle is off makes, which shows soon enough (`Odometry.trim_rad`), the steering angle is
-believed, as on a machine without a gyroscope, until a turn has shown that they agree again.
+whose middle is off makes, which shows soon enough (`Odometry.trim_rad`), or a roll that may have
+gone either way, the steering angle is believed, as on a machine without a gyroscope, until a turn
+has shown that they agree again.
 """
 
 from __future__ import annotations
@@ -75,11 +76,11 @@ class _Window:
         seen_rad: float,
         reckoned_rad: float,
         taken_rad: float,
-        middle_rad: float,
+        doubt_rad: float,
     ) -> None:
-        """A step; `taken_rad`: what it corrected the yaw by; `middle_rad`: what the pot's middle
-        may have made of it. What is too old is forgotten."""
-        row = stamp, seen_rad, reckoned_rad, abs(reckoned_rad), taken_rad, middle_rad
+        """A step; `taken_rad`: what it corrected the yaw by; `doubt_rad`: what the angle
+        may be off by. What is too old is forgotten."""
+        row = stamp, seen_rad, reckoned_rad, abs(reckoned_rad), taken_rad, doubt_rad
         for column, value in zip(self._columns, row, strict=True):
             column.append(value)
         stamps = self._columns[0]
@@ -88,9 +89,9 @@ class _Window:
                 column.popleft()
 
     def sums(self) -> tuple[float, float, float, float, float]:
-        """Of what was seen, reckoned, reckoned to and fro, and taken; and the pot's middle's."""
-        _, seen, reckoned, to_and_fro, taken, middle = self._columns
-        return sum(seen), sum(reckoned), sum(to_and_fro), sum(taken), sum(middle)
+        """Of what was seen, reckoned, reckoned to and fro, and taken; and the angle's doubt."""
+        _, seen, reckoned, to_and_fro, taken, doubt = self._columns
+        return sum(seen), sum(reckoned), sum(to_and_fro), sum(taken), sum(doubt)
 
     def clear(self) -> None:
         """Forgets all."""
@@ -147,12 +148,13 @@ class Gyroscope:
         turned: Turned,
         reckoned_rad: float | None,
         stand: Stand | None,
-        middle_rad: float = 0.0,
+        doubt_rad: float = 0.0,
     ) -> float:
         """What the yaw is to be corrected by, rad. `reckoned_rad`: the yaw by the steering angle at
         its stamp, None where that is not known any more; `stand`: since what it said last, None
-        where the machine moves or may turn unseen; `middle_rad`: what a pot whose middle is off
-        may have made of the way since then."""
+        where the machine moves or may turn unseen; `doubt_rad`: what the steering angle
+        may err of the way since then: its pot's middle may be off, and a machine that rolled may
+        have rolled the other way."""
         last, before = self._last, self._reckoned
         self._last = turned
         if reckoned_rad is not None:
@@ -175,7 +177,7 @@ class Gyroscope:
         self._shaken((seen - reckoned) / dt, reckoned / dt, dt)
         self._leg = (self._leg[0] + seen, self._leg[1] + reckoned)
         taken = seen - reckoned if self.useful else 0.0
-        self._steps.add(turned.stamp, seen, reckoned, taken, middle_rad)
+        self._steps.add(turned.stamp, seen, reckoned, taken, doubt_rad)
         return taken + self._compared(reckoned)
 
     def take_rests(self) -> list[Rest]:
@@ -210,8 +212,8 @@ class Gyroscope:
 
     def _compared(self, reckoned: float) -> float:
         """Believes it or not from here on; what was taken of late is given back."""
-        seen, by_angle, to_and_fro, taken, middle = self._steps.sums()
-        most = math.hypot(DIFFER_RAD, middle) + DIFFER_SHARE * max(abs(seen), to_and_fro)
+        seen, by_angle, to_and_fro, taken, doubt = self._steps.sums()
+        most = math.hypot(DIFFER_RAD, doubt) + DIFFER_SHARE * max(abs(seen), to_and_fro)
         if abs(seen - by_angle) > most:
             self._steps.clear()
             self._agreed_rad = 0.0

@@ -78,9 +78,9 @@ class Motion:
     rolls: bool = False
     """Whether it moves with its drive off, long after that could still be coasting: which way, one
     hall sensor does not tell;"""
-    rolled_m: float = 0.0
-    """and how far it has come so since its drive was switched off, to and fro, while neither the
-    ground nor the gyroscope told which way."""
+    roll_doubt_m: float = 0.0
+    """of how much of that, since its drive was switched off, neither the ground nor the gyroscope
+    told which way."""
 
     @property
     def by_gyro(self) -> bool:
@@ -199,7 +199,7 @@ class Odometry:
             past.y_m + step * math.sin(middle),
             self._gyro_noise(telemetry.stamp),
             rolls,
-            self.rolling.unsure_m,
+            self.rolling.doubt_m,
         )
         self._history.append(self.now)
         while self._history[0].stamp < self.now.stamp - HISTORY_S:
@@ -230,17 +230,17 @@ class Odometry:
         at = self._angle_at(turned.stamp)
         stand = self._stand(gyroscope.stamp)
         believed = not gyroscope.contradicted
-        way = rolled = middle = 0.0
+        way = doubt = 0.0
         before = self._compared
         if at is not None:
-            way, rolled = at.distance_m - before.distance_m, at.rolled_rad - before.rolled_rad
-            middle = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
-            middle += 2.0 * rolled
+            way = at.distance_m - before.distance_m
+            doubt = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
+            doubt += 2.0 * (at.rolled_rad - before.rolled_rad)
             self._compared = at
         if self.rolling.steady:
             lasted_s = turned.stamp - gyroscope.stamp
             self.rolling.climb.learn(self.now.yaw_rad, turned.nose_up_rad, lasted_s)
-        missed = gyroscope.take(turned, at.yaw_rad if at else None, stand, middle)
+        missed = gyroscope.take(turned, at.yaw_rad if at else None, stand, doubt)
         self._missed_rad += missed
         if believed and gyroscope.contradicted:
             self.trim_rad = self._trims[0][1]

@@ -163,9 +163,9 @@ class Rolling:
         """Which way it was driven last: 1 forward, -1 back;"""
         self._driven_s = 0.0
         """since when the drive is on; negative: off."""
-        self.unsure_m = 0.0
-        """How far it has rolled since then, to and fro, while neither the ground nor the gyroscope
-        told which way."""
+        self.doubt_m = 0.0
+        """How far it has rolled since then, to and fro, while neither ground nor gyroscope told
+        which way."""
 
     @property
     def off(self) -> bool:
@@ -180,7 +180,8 @@ class Rolling:
     def shown(self, seen_rad: float, curvature_1pm: float) -> None:
         """What the gyroscope has shown since its last word: a machine that rolls with turned wheels
         shows which way."""
-        if abs(curvature_1pm) > TELLS_1PM:
+        # One that still runs out shows how it was driven, and not yet how it rolls.
+        if self.off and abs(curvature_1pm) > TELLS_1PM:
             self._coast.shown(math.copysign(seen_rad, seen_rad * curvature_1pm * self._driven))
 
     def take(
@@ -200,7 +201,7 @@ class Rolling:
         if telemetry.drive_duty != 0:
             self._driven_s = max(0.0, self._driven_s) + dt
             self._driven = 1 if telemetry.drive_duty > 0 else -1
-            self._coast, self.unsure_m = Coast(), 0.0
+            self._coast, self.doubt_m = Coast(), 0.0
             if straight and self._driven_s > STEADY_S and speed != 0.0:
                 level = self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
                 self._slope.learn(yaw_rad, speed, level, cutting=telemetry.blade)
@@ -210,7 +211,7 @@ class Rolling:
         by_slope = downhill * round(math.copysign(1.0, step_m or speed))
         step_m, turned_rad, way = self._coast.take(step_m, turned_rad, speed, by_slope, sure=sure)
         if self.off and not (sure or self._coast.told):
-            self.unsure_m += abs(step_m)
+            self.doubt_m += abs(step_m)
         return step_m, turned_rad, way * speed
 
     def _downhill(self, yaw_rad: float) -> tuple[int, bool]:

@@ -30,8 +30,8 @@ weeds or thin crop, or where no edge line shows (short remnants, slanting ends),
 for some metres."""
 BEFORE_EDGE_SIGMA_M = 0.6
 """The same where a slanting border lies before the edge: standing there shows no more of it than
-the corner from which it runs, and the nearer that is, the better. Larger: beside a gap the geofence
-stops it."""
+the corner from which it runs, and the nearer that is, the better. Smaller: it waits there for a
+clearer view, in vain; larger: it may come off its crop before it sees the edge."""
 DUST_SIGMA_M = 0.12
 """From here on it is worth a stop to look without the blade's dust."""
 LOOK_AFTER_M = 1.0

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 
 from hil.bench.harvest import Harvest, harvest
 from hil.commands.harvest import harvest_command
 from hil.firmware import targets
 from hil.scenario.scenario import Scenario
+from host.runs.record import read
 from tests.helpers.oracle import Oracle, quick
 
 pytestmark = pytest.mark.skipif(
@@ -50,6 +53,18 @@ def test_a_side_is_cut_and_the_machine_turns(tmp_path: Path) -> None:
     assert run.pilot.turns == 1
     assert run.truth.summary()["neighbour_cut_m2"] == 0
     assert 0.15 < run.bench.field.coverage() < 0.4
+
+
+def test_the_pilot_is_told_how_the_phone_lies(tmp_path: Path) -> None:
+    """The default machine's camera looks down by its mount's pitch, on next to level ground."""
+    chosen = quick(limits={"time_s": 3.0})
+    run = Harvest(chosen, tmp_path / "r.mcap", detector=Oracle)
+    run.run()
+    run.close()
+    told = [m["nose_up_rad"] for topic, _, m in read(tmp_path / "r.mcap") if topic == "/turned"]
+    down_deg = chosen.world.lens.pitch_deg
+    assert len(told) > 20
+    assert math.degrees(np.mean(told)) == pytest.approx(-down_deg, abs=4.0)
 
 
 def test_a_run_leaves_what_it_promises(tmp_path: Path) -> None:

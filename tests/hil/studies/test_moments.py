@@ -47,6 +47,15 @@ def test_what_is_ridden_through_leaves_the_machine_on_its_path_or_stops_it() -> 
     ]
 
 
+def test_a_machine_that_only_becomes_faster_is_not_aside_of_its_path() -> None:
+    """The firmware takes wheels that lose pulses for slow ones. The last copy gets 0.1 m farther
+    than the harvest itself does in that time."""
+    chosen = scenario.load("default", EYES)
+    [moment] = moments(chosen, ("hall", "intermittent"), count=1, every_s=12.0, watch_s=2.0)
+    assert moment.way_m > 1.0
+    assert moment.aside_m < 1e-3
+
+
 def test_a_fault_that_does_not_exist_is_refused() -> None:
     answer = CliRunner().invoke(command, ["--fault", "pot.asleep"])
     assert answer.exit_code != 0

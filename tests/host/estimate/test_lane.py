@@ -397,7 +397,7 @@ def test_one_roll_errs_as_a_share_of_how_far_it_has_gone(rolled_m: float) -> Non
         position.place(ring(0), 0.0, 0.0, 0.0)
         for k in range(11):
             share = k / 10
-            moved = replace(motion(share * rolled_m), rolls=rolls > 0.0, rolled_m=share * rolls)
+            moved = replace(motion(share * rolled_m), rolls=rolls > 0.0, roll_doubt_m=share * rolls)
             position.predict(moved, cutting=False)
         variances.append(position.end_sigma_m(ring(0)) ** 2)
     assert math.sqrt(variances[1] - variances[0]) == pytest.approx(rolled_m, rel=0.1)

@@ -962,11 +962,15 @@ def test_before_a_slanting_borders_edge_begins_a_machine_goes_on_less_surely(
 
 
 def test_before_the_end_of_a_slanting_border_it_does_not() -> None:
-    slanting = replace(PLAN.sides[0], edge_begin_m=2.0, edge_end_m=2.0)
+    slanting = replace(PLAN.sides[0], length_m=4.0, edge_begin_m=1.0, edge_end_m=1.0)
     plan = replace(PLAN, sides=(slanting, *PLAN.sides[1:]))
-    context = on_side(plan=plan, cut_m=slanting.length_m - 0.5)
-    context.estimate.position.less_sure(0.45, 0.0)
-    assert is_for(BackOff(context).step(NOW)[1], None)
+    for before_m, drives in ((slanting.length_m - 0.5, True), (0.5, False)):
+        context = on_side(plan=plan, cut_m=slanting.length_m - before_m)
+        position = context.estimate.position
+        position.less_sure(math.sqrt(0.45**2 - context.estimate.lane.offset_sigma_m**2), 0.0)
+        seeing(context, CUTTING)
+        assert context.estimate.lane.offset_sigma_m == pytest.approx(0.45, abs=0.02)
+        assert is_for(BackOff(context).step(NOW)[1], BackedOff.SEEN if drives else None)
 
 
 def test_back_off_goes_on_with_an_edge_that_has_stayed_in_view() -> None:
@@ -992,14 +996,20 @@ def test_back_off_backs_once_and_so_far() -> None:
     assert context.backs == 1
 
 
-def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -> None:
-    context = on_side()
+def backing_off(context: Context) -> tuple[BackOff, float]:
+    """A machine that has lost the edge and backs, and since when."""
     context.sight.seen.broken = NOW
     behaviour = BackOff(context)
     late = NOW + BACK_AFTER_S + 0.1
     context.sight.usable.stamp = late
     behaviour.step(late)
-    assert behaviour.step(late)[0].speed_mps < 0
+    assert behaviour.step(late)[0].speed_mps < 0.0
+    return behaviour, late
+
+
+def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -> None:
+    context = on_side()
+    behaviour, late = backing_off(context)
     assert behaviour.blocked(late, TOO_NEAR) is None
     assert stands(behaviour.step(late)[0])
     context.backs = BACKS
@@ -1130,12 +1140,7 @@ def test_pictures_in_the_blades_dust_are_no_such_look() -> None:
 def test_pictures_from_where_it_has_backed_to_are_no_such_look() -> None:
     """What they show at the blade was cut before."""
     context = inside()
-    context.sight.seen.broken = NOW
-    behaviour = BackOff(context)
-    late = NOW + BACK_AFTER_S + 0.1
-    context.sight.usable.stamp = late
-    behaviour.step(late)
-    assert behaviour.step(late)[0].speed_mps < 0.0
+    behaviour, late = backing_off(context)
     moved(context, context.motion.distance_m - BACK_M - 0.01, stamp=late)
     for k in range(20):
         stamp = late + 0.1 * (k + 1)
