@@ -15,6 +15,10 @@ from host.route.side import NO_EDGE, Side
 
 LANE_SIGMA = (0.06, math.radians(0.5))
 """Of the outer edge's line against the plan's, m and rad."""
+LEFT_SIGMA = (0.3, math.radians(5.0))
+"""The same of what strips have left: its edges are no straight lines, and where these strips were
+cut is known by the places of then. What is seen of them leads the machine, and says nothing of
+where it is."""
 RING_SIGMA = (0.02, math.radians(0.2))
 RING_ENDS_M = 0.1
 """What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
@@ -93,9 +97,10 @@ class Lanes:
         """What is known of a side's lane before anything is seen of it: as it will be seen, beside
         where the machine has driven along the last."""
         seen = np.array([1.0, 0.0])
-        last = self._last(side)
+        last = None if side.left_over else self._last(side)
         if last is None:
-            return Lain(side, sight_m * seen, sight_m, seen, np.diag(LANE_SIGMA) ** 2)
+            sigma = LEFT_SIGMA if side.left_over else LANE_SIGMA
+            return Lain(side, sight_m * seen, sight_m, seen, np.diag(sigma) ** 2)
         moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
         askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
         grown = np.diag([RING_SIGMA[0] ** 2, askew**2])

@@ -50,6 +50,11 @@ class Swaths:
         self._reckoned.append(reckoned[:2])
         self._placed.append(placed[:2])
 
+    @property
+    def all(self) -> list[Line]:
+        """(n, 2) of each strip that was cut, in the field."""
+        return self._past
+
     def end(self) -> None:
         """The strip is cut."""
         if len(self._reckoned) > 1:

@@ -185,14 +185,15 @@ class Geofence:
         geometry: ask often, build once. ValueError without a permitted area."""
         if areas.permitted is None:
             raise ValueError("a geofence needs the gap's width")
-        self._permitted = areas.permitted
+        self.permitted: shapely.Polygon = areas.permitted
+        """Where the machine may be, keep-outs apart."""
         self._border = areas.permitted.exterior
         self._keep_outs = shapely.MultiPolygon(areas.keep_outs)
         self.sigmas = sigmas
         self._stop_s, self._slow_s, self._slow_m = stop_s, slow_s, slow_m
-        for geometry in (self._permitted, self._border, self._keep_outs):
+        for geometry in (self.permitted, self._border, self._keep_outs):
             shapely.prepare(geometry)
-        rings = [(0, ring) for ring in (self._border, *self._permitted.interiors)]
+        rings = [(0, ring) for ring in (self._border, *self.permitted.interiors)]
         for k, keep_out in enumerate(self._keep_outs.geoms):
             rings += [(1 + k, ring) for ring in (keep_out.exterior, *keep_out.interiors)]
         corners = [(of, shapely.get_coordinates(ring)) for of, ring in rings]
@@ -289,8 +290,8 @@ class Geofence:
         """The same where the outline touches a border or lies beyond."""
         shape = shapely.convex_hull(shapely.linestrings(outline))
         away = clearance = float(self._border.distance(shape))
-        if not self._permitted.contains(shape):
-            clearance = -float(shapely.distance(self._permitted, shapely.points(outline)).max())
+        if not self.permitted.contains(shape):
+            clearance = -float(shapely.distance(self.permitted, shapely.points(outline)).max())
         distances = [float(keep_out.distance(shape)) for keep_out in self._keep_outs.geoms]
         nearest = min(distances, default=math.inf)
         if nearest == 0.0:

@@ -7,7 +7,8 @@ import math
 from dataclasses import replace
 
 from host.estimate.crop_ahead import EndOfField
-from host.pilot.context import Context, Ended
+from host.pilot.context import SLOW_AFTER_S, Context, Ended
+from host.pilot.guard import Watched
 from host.pilot.phase import Doing, Go, Reason
 from host.pilot.strip import Strip, little_m2
 from host.pilot.turn_progress import Turning
@@ -58,6 +59,13 @@ class Beside(Reason):
 
     REGAIN = Doing.REGAIN, "the crop stands beside the machine: going back to drive along it"
     PAST = Doing.TURN, "{side}: past what stands beside it, to where it goes on"
+
+
+class Standing(Reason):
+    """The plan is at its end, and by the blade's way some of its crop still stands."""
+
+    LEFT = Doing.GATHER, "{reason}; looking for what is left standing"
+    ENDS = Doing.FINISH, "{reason}; not all that was left standing could be gathered: {why}"
 
 
 class Patience(Reason):
@@ -146,9 +154,34 @@ def _rest_m2(context: Context) -> float:
     return strip.rest_m2 + (strip.left_m2 if context.turning is None else whole_m2)
 
 
+def or_gather(context: Context, go: Go) -> Go:
+    """Where the harvest would end with `go`, it goes on to what is left standing. A doubt that is
+    for a person to decide may be gone elsewhere, once."""
+    strip, position = context.strip, context.estimate.position
+    placed = strip.placed and position.known and context.guard.fenced
+    if context.all_gathered or not placed:
+        return go
+    if go.reason.to is Doing.FAULT:
+        if context.gave_up or not context.place_known:
+            return go
+        context.gave_up = True
+    context.ended_by = context.ended_by or go.text
+    return Standing.LEFT.go(reason=go.text)
+
+
+def _of_the_machine(reason: Reason) -> bool:
+    """Whether something is wrong with it, and not with what it believes of the field."""
+    return isinstance(reason, Watched) and reason is not Watched.GEOFENCE
+
+
 def over(context: Context, go: Go) -> Go:
     """What the harvest ends with, where a transition would finish it. Around corners that were
     found elsewhere a plan may reach less than the one that the owner saw."""
+    if go.reason.to is Doing.FINISH:
+        go = or_gather(context, go)
+    if go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason):
+        context.end_gathering()
+        go = Standing.ENDS.go(reason=context.ended_by, why=go.text)
     left_m2 = context.left_m2
     if go.reason.to is not Doing.FINISH or left_m2 <= LEFT_M2:
         return go
@@ -207,7 +240,10 @@ def gave_up(context: Context, now: float) -> Go | None:
         return None
     if little_left(context):
         return Patience.REMNANT.go(reason=context.reason)
-    return Patience.GAVE_UP.go(seconds=f"{GIVE_UP_S:.0f}", reason=context.reason)
+    go = Patience.GAVE_UP.go(seconds=f"{GIVE_UP_S:.0f}", reason=context.reason)
+    # With nothing to be made out here, nothing will be elsewhere.
+    sees = now - context.sight.seen.stamp < SLOW_AFTER_S
+    return or_gather(context, go) if sees else go
 
 
 def blind(context: Context, now: float) -> Go | None:

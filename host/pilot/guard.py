@@ -4,6 +4,7 @@ must not be."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
 from host.route.manoeuvre import Room, make_ready
 from host.route.plan import Plan
+from host.route.standing import parts_of
 from host.route.turn_choice import ROOM_M, room_along
 from host.route.turn_legs import Turn
 
@@ -37,6 +39,9 @@ the machine may stand somewhere, and lead away from it."""
 ASTRAY_SIGMAS = 5.0
 ASTRAY_M = 2.0
 """Of a walked corner: what moves it farther than both is no walk's error."""
+INTO_CROP_M = 0.6
+"""So far into standing crop the machine may reach on its way elsewhere: where it has just cut, half
+of the blade is beside it."""
 LEADS_AWAY_S = 0.5
 LEADS_AWAY_M = 1e-3
 """Where the machine will be in so long its clearance must be more than now, for a motion near the
@@ -145,6 +150,11 @@ class Guard:
         """Whether there is a geofence."""
         return self._fence is not None
 
+    @property
+    def permitted(self) -> shapely.Polygon | None:
+        """Where the machine may be, keep-outs apart; None without a geofence."""
+        return self._fence.permitted if self._fence is not None else None
+
     def keep_clear(self) -> KeepClear:
         """What the keep-outs near the machine's present place ask for."""
         if self._position.known:
@@ -158,13 +168,14 @@ class Guard:
             return ROOM_M
         return room_along(turn, at, self._vehicle, self._fence)
 
-    def room_around(self, at: Pose2) -> Room | None:
-        """The areas and the machine's uncertain place in a frame in which it is at `at`; None
-        without fence or place. Where the machine may be at two places, the borders lie where they
-        do from either."""
+    def room_around(self, at: Pose2, standing: Sequence[shapely.Polygon] = ()) -> Room | None:
+        """The areas and the machine's uncertain place in a frame in which it is at `at`, and the
+        `standing` crop that it is not to drive through; None without fence or place. Where the
+        machine may be at two places, the borders lie where they do from either."""
         if self._fence is None or not self._position.known:
             return None
         rooms = [self._room_around(at, borders) for borders in self._position.all_borders]
+        rooms += [_crop_around(at, Pose2(*self._position.pose), part) for part in standing]
         return Room(
             np.concatenate([room.sides for room in rooms]),
             np.concatenate([room.margins for room in rooms], axis=1),
@@ -262,6 +273,20 @@ class Guard:
         x, y, _ = borders.pose
         axle = borders.as_planned(np.array([[x, y]]))
         return self._fence.nearest(axle[0])
+
+
+def _crop_around(at: Pose2, pose: Pose2, part: shapely.Polygon) -> Room:
+    """Standing crop in a frame in which the machine, whose pose in the field that is, is at
+    `at`: its blade may reach into it beside the way, not more."""
+    inner = part.buffer(-INTO_CROP_M, join_style="mitre")
+    rings = [left.exterior for left in parts_of(inner) if not left.is_empty]
+    sides = [np.zeros((0, 4))]
+    for ring in rings:
+        seen = [at.ahead(*pose.seen_from(x, y)) for x, y in ring.coords]
+        places = np.array([there[:2] for there in seen])
+        sides.append(np.hstack([places[:-1], places[1:]]))
+    found = np.concatenate(sides)
+    return Room(found, np.zeros((len(NEARER), len(found))))
 
 
 def no_farther(

@@ -42,6 +42,7 @@ class Doing(enum.Enum):
     BACK_OFF = "back off"
     LOOK_BEYOND = "look beyond"
     LAY_OUT = "lay out"
+    GATHER = "gather"
     RETRACE = "retrace"
     REGAIN = "regain"
     TURN = "turn"

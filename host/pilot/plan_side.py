@@ -37,6 +37,9 @@ CORNER_M = 0.3
 """How far along a side a slanting border's corner may lie from where dead reckoning has it."""
 SQUARE_M = 0.1
 """A border that crosses the strip over less is no slanting one."""
+SLANTS = 4.0
+"""Widths of a strip over which a border crosses it that slants: by 14 degrees. One that takes
+longer is an edge to be followed, as an inner corner's other side is, wherever the corner lies."""
 SHUTTLE_LEARN_M = 6.0
 """A shorter strip of a shuttle ends while it is being straightened still, and the next is begun by
 the same turn: strip after strip would teach the bias what that leaves."""
@@ -108,7 +111,6 @@ class PlanSide(Strip):
         self.back_m, self.shift_m, self.width_m = side.back_m, side.shift_m, side.width_m
         self.clear_end_m = side.end_seen_m + self._beyond_m
         self.resumed = index == 0 and side.begins_at == NO_EDGE
-        """Whether it was begun in an earlier run."""
         self.bent = bool(side.bends)
         at_end, before = side.ends_at, plan.sides[:index]
         self._border_met = at_end != NO_EDGE and any(
@@ -337,9 +339,17 @@ class PlanSide(Strip):
     def shows_edge(self, along_m: float) -> bool:
         side = self.side
         begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
-        return (side.edge_begin_m <= SQUARE_M or along_m >= begin) and (
-            side.edge_end_m <= SQUARE_M or along_m <= end
+        slants_m = SQUARE_M, SLANTS * side.width_m
+        return (not slants_m[0] < side.edge_begin_m < slants_m[1] or along_m >= begin) and (
+            not slants_m[0] < side.edge_end_m < slants_m[1] or along_m <= end
         )
+
+    def along_edge_m(self, motion: Motion) -> float:
+        """From an inner corner on that is another border, which nobody has driven along."""
+        side, along_m = self.side, self.along_m(motion)
+        corner_m = side.length_m - side.edge_end_m
+        past = side.edge_end_m > SLANTS * side.width_m and along_m > corner_m
+        return along_m - corner_m if past else along_m
 
     def before_edge(self, here: Motion) -> bool:
         along_m = self.along_m(here)

@@ -132,17 +132,19 @@ class PlannedStrip(PlanSide):
     def saw_begin(self) -> None:
         self._begun = True
         self._look_from_lane()  # a turn that was broken off has not led along it
-        if self._begin_seen:
+        if self._begin_seen and not self.side.left_over:
             ago_m = self.estimate.motion.distance_m - self.ahead.begins_at_m
             self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
 
     def met_begin(self, ago_m: float) -> None:
         # Where the turn has pressed the crop down, what is met is not where it began.
-        if not self._begin_seen and self._pressed_m == 0.0:
+        if not self._begin_seen and self._pressed_m == 0.0 and not self.side.left_over:
             early_m = begin.EARLY_M if self.index > 0 else 0.0
             self.estimate.position.at_begin(self._straight[0], ago_m - early_m)
 
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
+        if self.side.left_over:
+            return
         here = self.estimate.motion
         sure_m, doubt = end.motion.distance_m, 0.0
         if looked and self.ahead.in_dust(*END_SURE):

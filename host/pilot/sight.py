@@ -99,6 +99,8 @@ class Sight:
         """The strip whose lane was so when its corner was in view."""
         self.beside_at_m = -math.inf
         """The travelled distance at the last picture of crop beside the way, and none ahead."""
+        self.agreed_m = 0.0
+        """Way on the present strip over which edges have agreed with the lane."""
         self.edge_at_m = math.inf
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
@@ -111,6 +113,7 @@ class Sight:
         self.ahead.begin(here)
         self._looks.begin()
         self.beside_at_m = -math.inf
+        self.agreed_m = 0.0
 
     def unseen_m(self, motion: Motion) -> float:
         """Way since an edge corrected the lane."""
@@ -269,7 +272,7 @@ class Sight:
         *,
         moved: bool,
     ) -> None:
-        self.edge_at_m = then.distance_m
+        since_m, self.edge_at_m = self.unseen_m(then), then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
         seen = (
@@ -282,6 +285,8 @@ class Sight:
         ahead_m, cutting = view.edge_ahead_m, gaze.cutting
         lane.correct(*seen, ahead_m=ahead_m, learn=learn, cutting=cutting, stays=stays)
         self._estimate.learn_curve()
+        if not lane.contradicted and since_m < UNSEEN_M:
+            self.agreed_m += since_m
         if moved and not lane.contradicted and not self.beside(then):
             strip.seen_beside(view, then)
 

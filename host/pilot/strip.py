@@ -52,6 +52,8 @@ class Strip:
 
     last = False
     """Whether the plan has no side after it."""
+    resumed = False
+    """Whether it was begun in an earlier run."""
     blind_end = False
     """Whether it ends in standing crop, where no picture shows it."""
     begins_slanting = False
@@ -191,6 +193,10 @@ class Strip:
     def shows_edge(self, along_m: float) -> bool:
         """Whether the strip's outer edge, and no slanting border, is what a picture shows there."""
         return True
+
+    def along_edge_m(self, motion: Motion) -> float:
+        """How far the blade had come at a motion along the border that is the outer edge there."""
+        return self.along_m(motion)
 
     def before_edge(self, here: Motion) -> bool:
         """Whether a slanting border lies before the strip's outer edge still, at its beginning."""

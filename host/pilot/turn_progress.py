@@ -33,6 +33,8 @@ class Turning:
         """Whether the geofence has ended one of its legs."""
         self.searches = 0
         """How often another way was looked for from where it stood."""
+        self.elsewhere = False
+        """Whether it leads over ground that is cut to what others have left, from anywhere."""
         self.past_m = -math.inf
         """Along the new lane, from where on the rear axle is to come to it: past what stands beside
         it."""

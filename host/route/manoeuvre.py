@@ -35,7 +35,10 @@ STEP_M: Final = 0.25
 CELLS: Final = (0.1, math.radians(6.0))
 """Places and directions that are taken for one, m and rad."""
 REACH_M: Final = 6.0
-"""The search goes no farther from where the machine stands."""
+"""The search goes no farther from where the machine stands, or as far around a lane that is farther
+away."""
+SLOTS: Final = 1 << 16
+"""For the places that were reached: more than twice as many as there can be."""
 EXPANDED: Final = 2500
 """Places that are searched at most: what takes a laptop a twentieth of a second."""
 REVERSAL_M: Final = 0.5
@@ -68,6 +71,8 @@ class Lane(NamedTuple):
     past_m: float = -math.inf
     """The rear axle comes to the lane at least so far along it: past what stands beside it. Then
     the way leads on from there, and not back to the crop's beginning."""
+    from_m: float = -math.inf
+    """The rear axle comes to the lane at least so far along it: from elsewhere, near the crop."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,7 @@ def way(
     there, found = _search(
         np.array(start), radius, outline, wheels, room.sides, room.margins, half,
         lane.ends_m, lane.crop_m, lane.border[0], lane.border[1], short_m, lane.past_m,
+        lane.from_m,
     )  # fmt: skip
     if not there:
         return None
@@ -249,17 +255,28 @@ def _arcs(at: Array, radius: float, which: int) -> tuple[float, float, float]:
 
 
 @njit(cache=True, nogil=True)
+def _slot(reached: NDArray[np.int64], place: int) -> int:
+    """Where a place is kept, or is to be, among those that were reached; -1 is none."""
+    slot = (place * 2654435761) % SLOTS
+    while reached[slot] >= 0 and reached[slot] != place:
+        slot = (slot + 1) % SLOTS
+    return slot
+
+
+@njit(cache=True, nogil=True)
 def _search(
     start: Array, radius: float, outline: Array, wheels: Array, sides: Array, margins: Array,
     half: float, ends: float, crop: float, border_y: float, border_rad: float, short: float,
-    past: float,
+    past: float, nearest: float,
 ) -> tuple[bool, Array]:  # fmt: skip
     """Whether there is a way; (n, 3): curvature, 1/m, sense of the way and its length, m, one row a
     piece. When as many places have been searched as may be, it is the best of those found."""
     cell, turn = CELLS
-    across = int(2 * REACH_M / cell) + 1
+    reach = max(REACH_M, REACH_M / 2 + math.hypot(start[0] - ends, start[1]))
+    across = int(2 * reach / cell) + 1
     round_ = round(2 * math.pi / turn)
-    best = np.full((across, across, round_), np.float32(np.inf), np.float32)
+    reached = np.full(SLOTS, np.int64(-1))
+    best = np.empty(SLOTS, np.float32)
     most = 10 * EXPANDED + 1
     places = np.empty((most, 3))
     before = np.empty(most, np.int64)
@@ -301,7 +318,7 @@ def _search(
             k = side / radius
             _on(at, k, first, to)
             _on(to, -k, second, between)
-            if between[0] < past:
+            if between[0] < past or between[0] < nearest:
                 continue
             beyond = 0.0 if passes else max(0.0, between[0] - ends)
             more = abs(first) + abs(second) + beyond + 2 * STEERING_M
@@ -340,22 +357,23 @@ def _search(
                     continue
                 if not _piece(at, k, way_m, outline, sides, around, points, to):
                     continue
-                i = math.floor((to[0] - start[0] + REACH_M) / cell)
-                j = math.floor((to[1] - start[1] + REACH_M) / cell)
+                i = math.floor((to[0] - start[0] + reach) / cell)
+                j = math.floor((to[1] - start[1] + reach) / cell)
                 if i < 0 or j < 0 or i >= across or j >= across:
                     continue
                 m = math.floor(to[2] / turn) % round_
                 g = cost[here] + STEP_M + STEERING_M * (k != last)
                 g += REVERSAL_M * (way_m * last_way < 0.0)
                 g += PRESSED * STEP_M * _pressed(to, wheels, half, crop, border_y, border_rad)
-                if g >= best[i, j, m] or count >= most:
+                slot = _slot(reached, (i * across + j) * round_ + m)
+                if (reached[slot] >= 0 and g >= best[slot]) or count >= most:
                     continue
-                best[i, j, m] = g
+                reached[slot], best[slot] = (i * across + j) * round_ + m, g
                 places[count], before[count], cost[count] = to, here, g
                 done[count, 0], done[count, 1] = k, way_m
                 near[count] = _nearness(to, outline, sides, margins, near[here], points)
                 askew = abs(math.atan2(math.sin(to[2]), math.cos(to[2])))
-                along = past - to[0] if passes else to[0] - ends
+                along = past - to[0] if passes else max(to[0] - ends, nearest - to[0])
                 left = max(abs(to[1]), radius * askew, along)
                 heapq.heappush(heap, (g + GREEDY * left, count, False))
                 count += 1

@@ -79,6 +79,8 @@ class Plan:
     """Sides of the whole plan that were cut before; `sides` are those that are left."""
     sigma_m: float = 0.0
     """Standard deviation of each corner's place against the others, along x and along y."""
+    gathered: int = 0
+    """How many of the last sides gather what the others have left."""
     before: tuple[int, ...] = ()
     """The boundary's edges of the sides that were cut before."""
     way: str = "onward"

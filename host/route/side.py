@@ -55,6 +55,9 @@ class Side:
     """The boundary's edge that has left the border at which the outer edge begins,"""
     ends_at: int = NO_EDGE
     """and that at which it ends."""
+    left_over: bool = False
+    """Whether it is cut through what others have left: its edge lies along none of the boundary's,
+    and it begins and ends where these happened to end."""
 
     @property
     def edge(self) -> int:

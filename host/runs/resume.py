@@ -232,12 +232,17 @@ class Keeper:
 
     def _now(self, pilot: Pilot) -> Progress:
         side, cut_m = self._begun
-        if pilot.turns > 0:
+        turns, more_m = pilot.turns, pilot.cut_m
+        planned = len(pilot.plan.sides) - pilot.plan.gathered
+        if pilot.plan.gathered > 0:
+            # What gathers the plan's remains is no part of it: its last side is cut.
+            turns, more_m = planned - 1, pilot.plan.sides[planned - 1].length_m
+        if turns > 0:
             cut_m = 0.0
         found: dict[str, Any] = {}
         position = pilot.position
         if position.outline.states:
-            count = pilot.turns + (pilot.cut_m > 0.0)
+            count = turns + (more_m > 0.0)
             found = {
                 "corners": tuple(position.outline.corners),
                 "laid": pilot.plan.boundary,
@@ -248,8 +253,8 @@ class Keeper:
             **found,
             plan=self._plan,
             corner=self._corner,
-            side=side + pilot.turns,
-            cut_m=round(max(0.0, cut_m + pilot.cut_m), 3),
+            side=side + turns,
+            cut_m=round(max(0.0, cut_m + more_m), 3),
             pose=pilot.position.pose if pilot.position.known else None,
             phase=pilot.phase,
             reason=pilot.reason,

@@ -11,6 +11,7 @@ from host.pilot.behaviours.connect import Connect
 from host.pilot.behaviours.fault import Fault
 from host.pilot.behaviours.finish import Finish
 from host.pilot.behaviours.follow import Follow
+from host.pilot.behaviours.gather import Gather
 from host.pilot.behaviours.lay_out import LayOut
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_end import LookAtEnd
@@ -31,6 +32,7 @@ BEHAVIOURS: Mapping[Doing, type[Behaviour]] = {
     Doing.BACK_OFF: BackOff,
     Doing.LOOK_BEYOND: LookBeyond,
     Doing.LAY_OUT: LayOut,
+    Doing.GATHER: Gather,
     Doing.RETRACE: Retrace,
     Doing.REGAIN: Regain,
     Doing.TURN: DriveTurn,

@@ -9,7 +9,7 @@ from host.estimate.crop_ahead import CONFIDENT, EndOfField
 from host.estimate.prior import START_SIGMA
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
-from host.pilot.endings import Elsewhere, Patience, SideEnd, end_side, gave_up
+from host.pilot.endings import Elsewhere, Patience, SideEnd, Standing, end_side, gave_up
 from host.pilot.leaps import LEAP_M
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -75,7 +75,7 @@ class Align(Behaviour):
     """See the module."""
 
     phase = Phase.ALIGN
-    reasons = (Why, Wait, SideEnd, Elsewhere, Patience)
+    reasons = (Why, Wait, SideEnd, Elsewhere, Patience, Standing)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)

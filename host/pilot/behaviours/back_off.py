@@ -19,7 +19,7 @@ from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.follow import lane_unknown
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S, Context
-from host.pilot.endings import Elsewhere, Patience, SideEnd, end_by_plan, gave_up
+from host.pilot.endings import Elsewhere, Patience, SideEnd, Standing, end_by_plan, gave_up
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 
@@ -64,7 +64,7 @@ class BackOff(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(on_side=True, hesitates=True)
-    reasons = (Why, SideEnd, Elsewhere, Patience)
+    reasons = (Why, SideEnd, Elsewhere, Patience, Standing)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -83,7 +83,7 @@ class BackOff(Behaviour):
         context, seen = self.context, self.context.sight.seen
         go = gave_up(context, now)
         if go is not None:
-            return context.stop(), go
+            return (context.stop() if go.reason.to is Doing.FAULT else context.hold()), go
         known = not lane_unknown(context)
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()

@@ -10,6 +10,9 @@ from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import UNSEEN_M
 
+KNOWN_M = 2.0
+"""Along an edge, to know it: longer than a false end, or a patch beside it, is in view."""
+
 
 class Why(Reason):
     """Out of the look."""
@@ -37,9 +40,19 @@ class LookAtEdge(Behaviour):
         context = self.context
         if rolls_on(context, now):
             return context.hold(blade=True), None
-        if context.sight.unseen_m(context.motion) < UNSEEN_M:
+        seen, over = context.sight.unseen_m(context.motion) < UNSEEN_M, context.look.over(now)
+        if seen and (over or not self._to_believe()):
             return context.hold(), Why.SEEN.go()
-        return context.hold(), self._go_on(now) if context.look.over(now) else None
+        return context.hold(), self._go_on(now) if over else None
+
+    def _to_believe(self) -> bool:
+        """Whether the lane refuses the edge, and is to come to believe it where that stays in view:
+        on an edge that few pictures have shown yet they are as likely to have been wrong. One along
+        which the machine has driven for longer outlasts a patch of weeds."""
+        context = self.context
+        edge_m = context.strip.along_edge_m(context.motion)
+        known_m = min(context.sight.agreed_m, edge_m)
+        return context.estimate.lane.contradicted and known_m < KNOWN_M
 
     def _go_on(self, now: float) -> Go | None:
         """After a look that showed no edge. Where the side may end, only crop at the blade leads

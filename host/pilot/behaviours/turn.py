@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import shapely
+
 from host.estimate.crop_ahead import AT_BLADE_M
 from host.field.areas import Verdict
 from host.pilot import steering_law
@@ -36,6 +38,10 @@ ROOMS = sum(share == 1.0 for share, _ in NEARER)
 """That it is looked for in: behind the beginning of the crop, and then in line at least."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
+RUN_UP_M = 1.5
+"""Farther back, at most, a way from elsewhere comes to the lane: what a camera sees of it."""
+OPEN = (math.inf, 0.0)
+"""Nothing that is pressed down counts: what stands is given as what is in the way."""
 RUN_IN_M = 0.3
 """Before the crop, for the camera to see where it begins."""
 SEEN_BACK_M = (0.8, 1.2)
@@ -55,6 +61,7 @@ class Why(Reason):
         Doing.FAULT,
         "no room to turn {deg} deg more: drive it to where it has, or to a corner of what stands",
     )
+    NO_WAY = Doing.GATHER, "{side}: no way leads there"
     LEFT_NO_ROOM = Doing.FINISH, "there is no room to turn to what is left"
     ROLLS = Doing.FAULT, "told to stand, it rolls: the slope is too steep for its brake"
 
@@ -69,6 +76,10 @@ class DriveTurn(Behaviour):
         super().__init__(context)
         self._tried: int | None = None
         """In how many rooms another way has been looked for; None: none is."""
+        self._standing: list[shapely.Polygon] = []
+        """What it is not to lead through."""
+        self._no_way = False
+        """Whether none was found."""
         self._doubt_m = context.strip.begin_doubt_m
         """How much farther back the next side may begin; pictures on the way make it surer."""
 
@@ -90,8 +101,11 @@ class DriveTurn(Behaviour):
         if self._tried is not None:
             self._search(now)
             return context.hold(), None
-        if turning.leg is None and self._goes_elsewhere() and self._begin_search():
-            return context.hold(), None
+        if turning.leg is None and self._goes_elsewhere():
+            if not self._no_way and self._begin_search():
+                return context.hold(), None
+            if turning.elsewhere:
+                return context.hold(), Why.NO_WAY.go(side=context.strip.name)
         if turning.leg is None:
             _, turned = turning.against_lane(context.motion)
             if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
@@ -152,6 +166,8 @@ class DriveTurn(Behaviour):
             return False
         self.turning.searches += 1
         self._tried = 0
+        if self.turning.elsewhere:
+            self._standing = self.context.left_over.parts(*self.context.as_found)
         return True
 
     def _search(self, now: float) -> None:
@@ -160,17 +176,21 @@ class DriveTurn(Behaviour):
         behind the machine."""
         context, turning = self.context, self.turning
         assert self._tried is not None
-        stays, wary = divmod(self._tried, ROOMS)
         if turning.beside:
             turning.anchor(context.motion, *context.estimate.lane.backwards)
         start = turning.beside_lane(context.motion)
-        room = context.guard.room_around(start)
+        stays, wary = divmod(self._tried, ROOMS)
+        # Where the machine stands in what it takes for crop, no way leads out of it.
+        standing = self._standing if turning.elsewhere and stays == 0 else ()
+        room = context.guard.room_around(start, standing)
         legs = None
         if room is not None:
             turn, vehicle = turning.turn, context.vehicle
             border = vehicle.blade_width_m / 2 - turn.lane_y_m, turn.lane_rad
             ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
             lane = Lane(ends_m, turn.crop_begins_m, border, turning.past_m)
+            if turning.elsewhere:
+                lane = lane._replace(border=OPEN, from_m=ends_m - RUN_UP_M)
             kept = replace(room, margins=room.margins[wary:])
             legs = way(vehicle, start, lane, kept, SHORT_M[stays])
         self._tried += 1
@@ -180,7 +200,7 @@ class DriveTurn(Behaviour):
             if turning.backing:
                 context.strip.begin_leg(turning)
         elif room is None or self._tried >= ROOMS * len(SHORT_M):
-            self._tried = None
+            self._tried, self._no_way = None, True
             if turning.leg is not None:
                 self._next(now)
 

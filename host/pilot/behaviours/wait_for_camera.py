@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import RESUME_AFTER_S, SLOW_AFTER_S
-from host.pilot.endings import Patience, gave_up
+from host.pilot.endings import Patience, Standing, gave_up
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Phase, Reason
 
@@ -20,13 +20,13 @@ class WaitForCamera(Behaviour):
 
     phase = Phase.HESITATE
     gaze = Gaze(hesitates=True)
-    reasons = (Why, Patience)
+    reasons = (Why, Patience, Standing)
 
     def step(self, now: float) -> Step:
         context, usable = self.context, self.context.sight.usable
         go = gave_up(context, now)
         if go is not None:
-            return context.stop(), go
+            return (context.stop() if go.reason.to is Doing.FAULT else context.hold()), go
         if usable.held_s > RESUME_AFTER_S and now - usable.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEES_AGAIN.go()
         return context.hold(), None

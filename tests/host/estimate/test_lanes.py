@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from host.estimate.kalman import Measurement
 from host.estimate.lanes import Lain, Lanes
 from host.estimate.measurements.begin import begin
 from host.estimate.measurements.border import BOUNDARY, Across
+from host.estimate.measurements.edge import edge
 from host.estimate.measurements.end import end
 from host.estimate.outline import Outline
 from host.estimate.position import Position
@@ -81,3 +83,26 @@ def test_a_border_that_a_strip_has_left_is_met_where_that_lies(
     by_sight = (more.innovation[0] - left.innovation[0]) / 0.1
     assert left.h[0, SIGHT] == pytest.approx(-by_sight)
     assert own.h[0, SIGHT] == 0.0
+
+
+def test_of_what_strips_have_left_no_lane_is_known_whatever_was_cut_beside_it() -> None:
+    beside = NAMED(Side(14.0 - INSIDE, INSIDE, math.pi / 2, 6.0, WIDTH, 8.0))
+    known = lanes(0.05, 0.0)
+    assert known.beside(beside, 0.0).x[0] == pytest.approx(0.05)
+    left = known.beside(replace(beside, left_over=True), 0.0)
+    assert left.x[0] == 0.0
+    assert math.sqrt(left.p[0, 0]) > 0.25
+
+
+def test_an_edge_of_what_strips_have_left_leads_the_machine_and_moves_no_place() -> None:
+    moved = {}
+    for left_over in (False, True):
+        position = Position(VEHICLE, RING, 0.3)
+        side = replace(ACROSS, left_over=left_over)
+        position.place(ACROSS, 2.0, 0.0, 0.0, (0.1, 0.1, 0.02))
+        position.begin(side)
+        before = np.array(position.pose)
+        seen = edge(position.on_lane(), 0.1, math.nan, 0.9, (0.0, 0.0), 0.0)
+        position.see_edge(seen, learn=False)
+        moved[left_over] = float(np.hypot(*(np.array(position.pose) - before)[:2]))
+    assert moved[True] < 0.2 * moved[False]

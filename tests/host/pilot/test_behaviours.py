@@ -44,6 +44,8 @@ from host.pilot.behaviours.follow import (
     Follow,
 )
 from host.pilot.behaviours.follow import Why as Followed
+from host.pilot.behaviours.gather import Gather
+from host.pilot.behaviours.gather import Why as Gathered
 from host.pilot.behaviours.look_at_edge import LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as EdgeLook
 from host.pilot.behaviours.look_at_end import BARE_LOOKS, LookAtEnd
@@ -78,6 +80,7 @@ from host.pilot.endings import (
     Over,
     Patience,
     SideEnd,
+    Standing,
     end_side,
     leave_side,
     over,
@@ -489,7 +492,7 @@ def test_what_is_left_beside_keep_outs_is_counted_together_and_told_at_the_end()
         (LEFT_M2 + 0.1, Over.SOME_LEFT),
         (LEFT_MOST_M2 + 0.1, Over.MUCH_LEFT),
     ):
-        context.left_standing_m2 = left_m2
+        context.all_gathered, context.left_standing_m2 = True, left_m2
         go = over(context, SideEnd.LAST.go())
         assert is_for(go, told)
         assert go.text.startswith(SideEnd.LAST.text)
@@ -889,6 +892,40 @@ def test_a_look_at_the_edge_ends_with_a_sight_or_with_its_time() -> None:
     assert is_for(LookAtEdge(context).step(NOW + LOOK_S + 0.1)[1], EdgeLook.NO_CLEARER)
     context.sight.edge_at_m = 5.0
     assert is_for(LookAtEdge(context).step(NOW + 0.5)[1], EdgeLook.SEEN)
+
+
+@pytest.mark.parametrize(
+    ("refused", "agreed_m", "tip_m", "believes"),
+    [
+        (True, 0.5, 0.0, True),
+        (True, 3.0, 0.0, False),
+        (False, 0.5, 0.0, False),
+        (True, 3.0, 6.0, True),
+        (True, 3.0, 7.5, False),
+    ],
+)
+def test_an_edge_that_is_hardly_known_is_looked_at_until_the_lane_believes_what_is_seen(
+    refused: bool, agreed_m: float, tip_m: float, believes: bool
+) -> None:
+    """5 m along a side, behind whose inner corner another border is the edge, from tip_m before its
+    end on."""
+    side = replace(PLAN.sides[0], edge_end_m=tip_m)
+    context = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:])))
+    context.look.begin(NOW, 5.0)
+    context.sight.edge_at_m, context.sight.agreed_m = 5.0, agreed_m
+    context.estimate.lane.contradicted = refused
+    look = LookAtEdge(context)
+    assert is_for(look.step(NOW + LOOK_S - 0.1)[1], None if believes else EdgeLook.SEEN)
+    assert is_for(look.step(NOW + LOOK_S + 0.1)[1], EdgeLook.SEEN)
+
+
+@pytest.mark.parametrize(("tip_m", "shows"), [(0.0, True), (3.0, False), (6.0, True)])
+def test_a_border_that_hardly_slants_is_an_edge(tip_m: float, shows: bool) -> None:
+    """By 17 degrees it is none, by 9 it is followed."""
+    side = replace(PLAN.sides[0], edge_begin_m=tip_m, edge_end_m=tip_m)
+    for along_m in (1.0, side.length_m - 1.0):
+        strip = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:]))).strip
+        assert strip.shows_edge(along_m) is shows
 
 
 def test_a_look_at_the_end_turns_into_one_at_the_edge_where_crop_goes_on() -> None:
@@ -1753,8 +1790,153 @@ def test_what_a_plan_searches_does_not_reach_is_told_at_its_end(
     context = on_side(plan=replace(PLAN, leftover_m2=shown_m2))
     parts = (((0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0)),) if part else ()
     context.plan = replace(PLAN, leftover_m2=left_m2, parts=parts)
+    context.all_gathered = True
     go = over(context, SideEnd.LAST.go())
     assert is_for(go, told or SideEnd.LAST)
+
+
+# ---- what the plan has left standing -------------------------------------------------------------
+
+
+def row(y_m: float) -> list[tuple[float, float]]:
+    """Of a blade's middle through the square field, eastward."""
+    return [(x, y_m) for x in np.arange(0.2, 9.9, 0.25)]
+
+
+def with_swaths(context: Context, *, but_y_m: tuple[float, float] = (4.0, 6.0)) -> Context:
+    """All of the field was cut in rows, but what lies between two of them."""
+    for y_m in np.arange(0.45, 10.4, 0.9):
+        if not but_y_m[0] < y_m < but_y_m[1]:
+            for x, y in row(y_m):
+                context.estimate.swaths.note(100.0 * y_m + x, Pose2(x, y, 0.0), Pose2(x, y, 0.0))
+            context.estimate.swaths.end()
+    return context
+
+
+def at_plans_end(plan: Plan = PLAN) -> Context:
+    return on_side(len(plan.sides) - 1, plan)
+
+
+def test_at_the_plans_end_what_stands_by_the_blades_way_is_looked_for() -> None:
+    go = over(at_plans_end(), SideEnd.LAST.go())
+    assert is_for(go, Standing.LEFT)
+    assert go.text.startswith(SideEnd.LAST.text)
+    for plan in (replace(PLAN, done=1), replace(PLAN, gap_m=None)):
+        assert is_for(over(at_plans_end(plan), SideEnd.LAST.go()), SideEnd.LAST)
+
+
+def gathering(**where: tuple[float, float]) -> Context:
+    context = with_swaths(at_plans_end(), **where)
+    assert is_for(over(context, SideEnd.LAST.go()), Standing.LEFT)
+    return context
+
+
+def chosen(context: Context) -> Go:
+    """What gathering comes to."""
+    behaviour = Gather(context)
+    behaviour.enter(NOW)
+    for _ in range(30):
+        command, go = behaviour.step(NOW + STAND_S)
+        assert stands(command)
+        if go is not None:
+            return go
+    raise AssertionError("it stands for ever")
+
+
+def test_gather_goes_to_what_stands() -> None:
+    context = gathering()
+    before = context.plan
+    assert is_for(chosen(context), Gathered.STRIP)
+    side = context.strip.plan.sides[context.strip.index]
+    assert side.left_over and context.strip.last
+    assert 3.5 < side.y_m < 6.5
+    assert context.plan.sides[:-1] == before.sides
+    assert context.plan.gathered == 1
+    assert context.turning is not None and context.turning.elsewhere
+
+
+def test_gather_ends_where_nothing_stands() -> None:
+    context = gathering(but_y_m=(20.0, 21.0))
+    go = chosen(context)
+    assert is_for(go, Gathered.NOTHING)
+    assert go.text == SideEnd.LAST.text
+    assert is_for(over(context, go), Gathered.NOTHING)
+
+
+def test_gather_goes_nowhere_before_it_is_known_where_the_field_lies() -> None:
+    context = with_swaths(at_plans_end(replace(PLAN, sigma_m=1.5)))
+    assert is_for(over(context, SideEnd.LAST.go()), Standing.LEFT)
+    assert is_for(chosen(context), Gathered.NOTHING)
+    assert context.plan.gathered == 0
+    assert context.left_m2 > LEFT_M2
+
+
+def test_what_pictures_do_not_show_of_it_counts_as_cut() -> None:
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    context.nothing_stands()
+    context.end_gathering()
+    before_m2 = context.left_m2
+    other = gathering()
+    assert is_for(chosen(other), Gathered.STRIP)
+    other.end_gathering()
+    assert other.left_m2 > before_m2 + 3.0
+
+
+def test_the_way_to_it_is_found_from_where_the_machine_stands() -> None:
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    turn = DriveTurn(context)
+    turn.enter(NOW)
+    for _ in range(LOOKS):
+        command, go = turn.step(NOW)
+        assert stands(command) and go is None
+        if context.turning is not None and context.turning.leg is not None:
+            break
+    assert context.turning is not None and context.turning.leg is not None
+
+
+def test_where_no_way_leads_there_something_else_is_gathered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    monkeypatch.setattr(turn_module, "way", lambda *_: None)
+    turn = DriveTurn(context)
+    turn.enter(NOW)
+    steps = [turn.step(NOW)[1] for _ in range(LOOKS + 2)]
+    assert is_for(next(go for go in steps if go is not None), Turned.NO_WAY)
+
+
+def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:
+    context = on_side()
+    seeing(context, CUTTING, stamp=NOW + GIVE_UP_S)
+    assert is_for(BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1], Standing.LEFT)
+    go = BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1]
+    assert is_for(go, Patience.GAVE_UP)
+
+
+@pytest.mark.parametrize("plan", [PLAN, replace(PLAN, sigma_m=1.5)])
+def test_it_is_left_for_none_without_a_sight_or_a_place(plan: Plan) -> None:
+    context = on_side(plan=plan)
+    if plan is not PLAN:
+        seeing(context, CUTTING, stamp=NOW + GIVE_UP_S)
+    command, go = BackOff(context).step(NOW + GIVE_UP_S + 0.1)
+    assert is_for(go, Patience.GAVE_UP)
+    assert command.request is Request.STOP
+
+
+def test_what_breaks_gathering_off_ends_the_harvest_but_for_a_fault_of_the_machine() -> None:
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    disarmed = Watched.DISARMED.go()
+    assert over(context, disarmed) == disarmed
+    go = over(context, Searched.NOTHING_TO_SEE.go())
+    assert is_for(go, Over.MUCH_LEFT), "20 m2 of 100 stand"
+    assert SideEnd.LAST.text in go.text and Searched.NOTHING_TO_SEE.text in go.text
+    little = gathering(but_y_m=(20.0, 21.0))
+    little.plan = replace(little.plan, gathered=1)
+    assert is_for(over(little, Searched.NOTHING_TO_SEE.go()), Standing.ENDS)
 
 
 # ---- what pictures tell --------------------------------------------------------------------------

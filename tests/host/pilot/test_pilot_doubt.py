@@ -47,11 +47,11 @@ def endless(_view: CropView) -> CropView:
 
 
 def only_the_first_strip(plan: Plan) -> tuple[SimpleWorld, Pilot]:
-    """Nothing else of the field stands any more."""
+    """Nothing else of the field stands any more: an earlier run has cut it."""
     world = SimpleWorld(VEHICLE)
     columns = np.arange(world.crop.shape[1]) * 0.025 - world.margin
     world.crop[:, columns < 10 - VEHICLE.pass_m] = False
-    return world, Pilot(VEHICLE, world, plan)
+    return world, Pilot(VEHICLE, world, replace(plan, done=1))
 
 
 # ---- an edge that is lost inside the crop --------------------------------------------------------

@@ -436,7 +436,7 @@ def test_the_last_side_is_cut_to_its_end_though_it_seems_to_end_before() -> None
     """Elsewhere an end may come 0.8 m before the plan's; here nothing follows."""
     world = SimpleWorld(VEHICLE)
     eyes = Eyes(world, lambda view: hidden_ahead(view) if world.y > 7.7 else view)
-    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=PLAN.sides[:1]))
+    pilot = Pilot(VEHICLE, eyes, replace(PLAN, sides=PLAN.sides[:1], done=1))
     drive(world, pilot, 120.0, until=lambda: pilot.done)
     assert pilot.phase is Phase.FINISHED, pilot.reason
     assert not standing(world, 0.2, 9.6)

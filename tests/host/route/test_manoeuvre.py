@@ -16,6 +16,7 @@ from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field.areas import outline_of, placed
 from host.route.manoeuvre import SHORT_M, Lane, Room, way
+from host.route.turn_legs import Follow as Along
 from host.route.turn_legs import Goal, Leg, Turn, driven
 
 VEHICLE = Vehicle()
@@ -171,3 +172,36 @@ def test_legs_follow_each_other_with_another_steering_or_the_other_way(heading_d
     for one, other in itertools.pairwise(legs[:-1]):
         assert (one.steer_rad, one.reverse) != (other.steer_rad, other.reverse)
     assert legs[-1].goal is Goal.ALONG
+
+
+FAR = OPEN._replace(border=(math.inf, 0.0), from_m=ENDS_M - 1.5)
+"""Wherever it comes from, the machine comes to the lane just before its crop."""
+
+
+@settings(deadline=None, max_examples=40)
+@given(far=st.floats(6.0, 25.0), to=st.floats(-math.pi, math.pi), heading=st.floats(-3.1, 3.1))
+def test_from_far_away_every_way_ends_on_the_lane_near_its_crop(
+    far: float, to: float, heading: float
+) -> None:
+    start = Pose2(far * math.cos(to), far * math.sin(to), heading)
+    legs = way(VEHICLE, start, FAR, room(box(-60.0, -60.0, 60.0, 60.0)))
+    assert legs is not None
+    last = poses(start, legs)[-1]
+    assert ENDS_M - 1.6 < last.x_m <= ENDS_M + 0.01
+    assert abs(last.y_m) < 0.02
+    assert abs(math.remainder(last.heading_rad, math.tau)) < math.radians(1.0)
+    driven_m = sum(
+        leg.value if leg.goal is Goal.WAY else 0.0
+        for leg in legs
+        if leg.follow is not Along.NEW_LANE
+    )
+    assert driven_m < 2.0 * far + 10.0
+
+
+def test_from_far_away_a_way_leads_around_what_stands() -> None:
+    start, stands = Pose2(-14.0, 0.0, 0.0), box(-9.0, -3.0, -6.0, 3.0)
+    legs = way(VEHICLE, start, FAR, room(box(-60.0, -60.0, 60.0, 60.0), stands))
+    assert legs is not None
+    crop = shapely.box(-9.0, -3.0, -6.0, 3.0)
+    for pose in poses(start, legs):
+        assert not shapely.Polygon(placed(outline_of(VEHICLE), *pose)).intersects(crop)

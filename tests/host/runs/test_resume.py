@@ -343,6 +343,7 @@ class Stub:
     cut_m: float = 0.0
     phase: Phase = Phase.FOLLOW
     reason: str = ""
+    plan: Plan = PLAN
     position: Position = field(default_factory=lambda: Position(VEHICLE))
 
 
@@ -358,6 +359,18 @@ def test_what_was_cut_before_counts_on_the_side_that_was_resumed_only(tmp_path: 
     assert (first.side, first.cut_m) == (2, 3.5)
     later = kept_of(tmp_path / PATH, Stub(1, 0.5), (2, 3.0))
     assert (later.side, later.cut_m) == (3, 0.5)
+
+
+@pytest.mark.parametrize("gathered", [1, 3])
+def test_of_a_run_that_was_gathering_what_its_plan_had_left_nothing_is_to_be_resumed(
+    tmp_path: Path, gathered: int
+) -> None:
+    plan = replace(PLAN, sides=(*PLAN.sides, *PLAN.sides[-gathered:]), gathered=gathered)
+    last = len(PLAN.sides) - 1
+    kept = kept_of(tmp_path / PATH, Stub(last + gathered, 0.5, plan=plan))
+    assert kept.side == last
+    with pytest.raises(UserError, match="the last side was cut to its end"):
+        resume_at(kept, PLAN, tmp_path / PATH)
 
 
 @pytest.mark.usefixtures("a_quick_disk")

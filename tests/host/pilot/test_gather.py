@@ -1,0 +1,92 @@
+"""What the plan has left standing is gone to, strip by strip, in the plane world."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.vehicle import Vehicle
+from host.pilot.phase import Doing, Phase
+from host.pilot.pilot import Pilot
+from host.route.left_over import GATHER_M2
+from host.route.plan import Plan, spiral
+from tests.helpers.simple_world import CELL, SimpleWorld, drive, harvest
+
+VEHICLE = Vehicle()
+SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+PLAN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
+
+
+def stands_m2(world: SimpleWorld, x0: float, y0: float, x1: float, y1: float) -> float:
+    """Of that rectangle."""
+    rows = np.arange(world.crop.shape[0]) * CELL - world.margin
+    columns = np.arange(world.crop.shape[1]) * CELL - world.margin
+    inside = np.ix_((rows > y0) & (rows < y1), (columns > x0) & (columns < x1))
+    return float(world.crop[inside].sum()) * CELL**2
+
+
+@pytest.mark.parametrize("fewer", [2, 5])
+def test_strips_that_the_plan_does_not_have_are_gathered(fewer: int) -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:-fewer]))
+    harvest(world, pilot, 900.0)
+    assert pilot.phase is Phase.FINISHED, pilot.reason
+    assert pilot.plan.gathered >= 1
+    assert stands_m2(world, 0.0, 0.0, 10.0, 10.0) < GATHER_M2 + 0.3
+    assert world.neighbour_cut == 0
+
+
+def test_what_an_earlier_run_has_cut_is_not_looked_for() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:1], done=3))
+    harvest(world, pilot, 200.0)
+    assert pilot.phase is Phase.FINISHED
+    assert pilot.plan.gathered == 0
+
+
+def test_where_nobody_has_said_how_wide_the_gap_is_it_goes_nowhere_across_the_field() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:-3], gap_m=None))
+    harvest(world, pilot, 900.0)
+    assert pilot.phase is Phase.FINISHED
+    assert pilot.plan.gathered == 0
+
+
+def test_on_its_way_across_the_field_it_drives_through_no_crop_and_turns_no_blade() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:8]))
+    drive(world, pilot, 600.0, until=lambda: pilot.doing is Doing.GATHER)
+    before = world.coverage
+    drive(world, pilot, 60.0, until=lambda: pilot.doing is Doing.TURN)
+    blades: list[bool] = []
+
+    def arrived() -> bool:
+        blades.append(world.command.blade)
+        return pilot.doing is not Doing.TURN
+
+    drive(world, pilot, 200.0, until=arrived)
+    assert pilot.doing is Doing.SEARCH
+    assert not any(blades)
+    assert world.coverage == before
+
+
+def test_without_pictures_it_goes_nowhere_and_says_what_stands() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:-3]))
+    drive(world, pilot, 900.0, until=lambda: pilot.doing is Doing.GATHER)
+    world.unusable = True
+    before = world.pose()[:2]
+    harvest(world, pilot, world.now + 200.0)
+    assert pilot.phase is Phase.FINISHED
+    assert math.dist(before, world.pose()[:2]) < 0.2
+    assert f"{stands_m2(world, 0.0, 0.0, 10.0, 10.0):.0f} m2 stand" in pilot.reason
+
+
+def test_a_plan_without_sides_gathers_nothing() -> None:
+    world = SimpleWorld(VEHICLE)
+    pilot = Pilot(VEHICLE, world, Plan(boundary=tuple(SQUARE), gap_m=2.0))
+    harvest(world, pilot, 900.0)
+    assert pilot.plan.gathered == 0
