@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from host.pilot.behaviours import BEHAVIOURS  # noqa: E402
-from host.pilot.endings import Over  # noqa: E402
+from host.pilot.endings import Over, Standing  # noqa: E402
 from host.pilot.guard import Watched  # noqa: E402
 from host.pilot.phase import Reason  # noqa: E402
 
@@ -59,10 +59,11 @@ def chart() -> str:
             "",
             *(f"- to {reason.to.name}: {_words(reason)}" for reason in Watched),
             "",
-            "If crop stands at the end that the first plan would have cut, one of these takes the",
-            "place of the reason to FINISH (`host/pilot/endings.py`):",
+            "Where the plan ends and crop may still stand, one of these takes the place of the",
+            "reason to FINISH, or, while that is gathered, of a reason to FAULT",
+            "(`host/pilot/endings.py`):",
             "",
-            *(f"- to {reason.to.name}: {_words(reason)}" for reason in Over),
+            *(f"- to {reason.to.name}: {_words(reason)}" for reason in (*Standing, *Over)),
             "",
         ]
     )

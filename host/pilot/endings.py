@@ -36,6 +36,7 @@ class SideEnd(Reason):
 class Over(Reason):
     """The plan is cut, and the field is not."""
 
+    BROKEN_OFF = Doing.FINISH, "{reason}; not all that it left standing could be gathered: {why}"
     SOME_LEFT = (
         Doing.FINISH,
         "{reason}; some {left} m2 stand where it could not reach, or beside keep-outs",
@@ -65,7 +66,6 @@ class Standing(Reason):
     """The plan is at its end, and by the blade's way some of its crop still stands."""
 
     LEFT = Doing.GATHER, "{reason}; looking for what is left standing"
-    ENDS = Doing.FINISH, "{reason}; not all that was left standing could be gathered: {why}"
 
 
 class Patience(Reason):
@@ -181,7 +181,7 @@ def over(context: Context, go: Go) -> Go:
         go = or_gather(context, go)
     if go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason):
         context.end_gathering()
-        go = Standing.ENDS.go(reason=context.ended_by, why=go.text)
+        go = Over.BROKEN_OFF.go(reason=context.ended_by, why=go.text)
     left_m2 = context.left_m2
     if go.reason.to is not Doing.FINISH or left_m2 <= LEFT_M2:
         return go

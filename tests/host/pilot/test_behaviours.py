@@ -1936,7 +1936,7 @@ def test_what_breaks_gathering_off_ends_the_harvest_but_for_a_fault_of_the_machi
     assert SideEnd.LAST.text in go.text and Searched.NOTHING_TO_SEE.text in go.text
     little = gathering(but_y_m=(20.0, 21.0))
     little.plan = replace(little.plan, gathered=1)
-    assert is_for(over(little, Searched.NOTHING_TO_SEE.go()), Standing.ENDS)
+    assert is_for(over(little, Searched.NOTHING_TO_SEE.go()), Over.BROKEN_OFF)
 
 
 # ---- what pictures tell --------------------------------------------------------------------------
