@@ -92,7 +92,8 @@ class BackOff(Behaviour):
         if backed and now - context.since > LOOKED_S:
             if context.goes_unseeing(now):
                 return context.hold(), Why.OWN_CROP.go()
-            if context.strip.placed and context.strip.left_m() < END_REST_M:
+            strip, backed_m = context.strip, self._lost_at_m - context.motion.distance_m
+            if strip.placed and strip.left_m() - backed_m < END_REST_M + strip.tip_m:
                 go = end_by_plan(context, now)
                 if go is not None:
                     return context.hold(), go

@@ -1122,6 +1122,22 @@ def test_having_backed_in_vain_it_leaves_a_side_that_is_all_but_cut_once(
     assert context.ends == [], "no picture showed it"
 
 
+@pytest.mark.parametrize(("tip_m", "left_m"), [(0.0, 0.8), (1.0, 0.8), (1.0, 1.8)])
+def test_before_a_slanting_end_it_leaves_what_the_tip_holds_from_where_the_edge_was_lost(
+    tip_m: float, left_m: float
+) -> None:
+    side = replace(PLAN.sides[0], edge_end_m=tip_m)
+    plan = replace(PLAN, sides=(side, *PLAN.sides[1:]))
+    context = on_side(plan=plan, cut_m=side.length_m - left_m)
+    context.sight.seen.broken = NOW
+    back_off = BackOff(context)
+    moved(context, side.length_m - left_m - BACK_M)
+    late = NOW + LOOKED_S + 0.1
+    context.sight.usable.stamp, context.backs = late, BACKS
+    leaves = left_m < BACKED_REST_M + tip_m
+    assert is_for(back_off.step(late)[1], SideEnd.BY_PLAN if leaves else None)
+
+
 AT_BLADE, JUST_BEFORE, CLEAR = (
     replace(CUTTING, confidence=0.1, crop_ahead_m=ahead_m) for ahead_m in (0.0, 0.31, 1.2)
 )
