@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from host.core.frames import Pose2
 from host.core.messages import Command, Request, Telemetry
@@ -20,16 +19,15 @@ from host.estimate.odometry import Motion
 from host.pilot.gaze import STOP_AFTER_S
 from host.pilot.guard import Guard
 from host.pilot.planned_strip import PlannedStrip
+from host.pilot.remains import Remains, around
 from host.pilot.sight import Sight
 from host.pilot.stop_and_look import Look
 from host.pilot.strip import Strip
-from host.pilot.turn_progress import Turning
-from host.route.anew import Anew, moved_with
-from host.route.left_over import Gathering, LeftOver
+from host.pilot.turn_progress import Turning, turn_from_anywhere
+from host.route.anew import Anew
+from host.route.left_over import Gathering
 from host.route.manoeuvre import SHORT_M
 from host.route.plan import Plan
-from host.route.side import Side
-from host.route.turn_legs import Turn
 from host.vision.view import Detector
 
 FARTHEST_M = 2.5
@@ -114,17 +112,9 @@ class Context:
         """The travelled distance up to which it does."""
         self.bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
-        self.left_over = LeftOver(vehicle)
-        """What still stands by the way of the blade."""
-        self._gathers: shapely.Polygon | None = None
-        """What the present strip is to gather."""
-        self.ended_by = ""
-        """What the harvest would have ended with, but for what is still to be gathered."""
-        self.gave_up = False
-        """Whether that was a doubt for a person to decide."""
-        self.all_gathered = not plan.sides or plan.done > 0 or self.planned(0).resumed
-        """Whether nothing is left to go to, or nobody knows where: what an earlier run has cut is
-        in no swath of this one."""
+        known = bool(plan.sides) and plan.done == 0 and not self.planned(0).resumed
+        self.remains = Remains(vehicle, known=known)
+        """What the plan has left standing."""
 
     @property
     def left_m2(self) -> float:
@@ -171,16 +161,13 @@ class Context:
     def as_found(self) -> tuple[list[tuple[float, float]], list[list[tuple[float, float]]]]:
         """The boundary's corners where they are found to lie, and the keep-outs that go with
         them."""
-        boundary, outline = list(self.plan.boundary), self.estimate.position.outline
-        if outline.as_planned:
-            return boundary, [list(ring) for ring in self.plan.keep_outs]
-        corners = outline.corners
-        return corners, [moved_with(boundary, corners, ring) for ring in self.plan.keep_outs]
+        outline = self.estimate.position.outline
+        return around(self.plan, outline.corners if outline.states else list(self.plan.boundary))
 
     @property
     def gathering(self) -> bool:
         """Whether the plan is at its end, and the machine goes to what it has left standing."""
-        return self.plan.gathered > 0 and not self.all_gathered
+        return self.plan.gathered > 0 and not self.remains.over
 
     @property
     def place_known(self) -> bool:
@@ -191,10 +178,9 @@ class Context:
     def go_gather(self, now: float, strip: Gathering) -> None:
         """Drives to a strip that none of the plan's sides has cut: from wherever the machine stands
         the turn finds its way."""
-        self.left_over.tried(strip.area)
-        self._gathers = strip.area
+        self.remains.go_to(strip)
+        index, position = self.strip.index, self.estimate.position
         corners, outs = self.as_found
-        index = self.strip.index
         self.plan = replace(
             self.plan,
             sides=(*self.plan.sides[: index + 1], strip.side),
@@ -202,49 +188,25 @@ class Context:
             boundary=tuple(corners),
             keep_outs=tuple(map(tuple, outs)),
         )
-        self.guard = Guard(self.plan, self.vehicle, self.estimate.position)
-        following = PlannedStrip(
-            self.plan, index + 1, self.vehicle, self.estimate, self.sight.ahead
-        )
-        if self.estimate.position.outline.states:
-            self.estimate.position.laid_anew(corners, following.planned_piece)
+        self.guard = Guard(self.plan, self.vehicle, position)
+        following = self.planned(index + 1)
+        assert isinstance(following, PlannedStrip)
+        if position.outline.states:
+            position.laid_anew(corners, following.planned_piece)
         self.anew, self.by_plan = None, False
-        self.turning = Turning(now, Turn((), 0.0, 0.0, 0.0, 0.0), self._lane_of(strip.side))
-        self.turning.elsewhere = True
+        self.turning = turn_from_anywhere(
+            now, strip.side, self.vehicle, self.motion, Pose2(*position.pose)
+        )
         self.strip = following
         following.arrive(None)
         self.sight.ahead.turn()
 
-    def _lane_of(self, side: Side) -> tuple[float, float, float]:
-        """Where a side's lane begins, in dead reckoning's (x, y, direction)."""
-        here, at = self.motion, Pose2(*self.estimate.position.pose)
-        lane = Pose2(*side.pose(0.0, self.vehicle.inset_m - side.shift_m))
-        ahead, left = at.seen_from(lane.x_m, lane.y_m)
-        turned = math.remainder(lane.heading_rad - at.heading_rad, math.tau)
-        reckoned = Pose2(here.x_m, here.y_m, here.yaw_rad).ahead(ahead, left)
-        return reckoned.x_m, reckoned.y_m, here.yaw_rad + turned
-
-    def take_swaths(self, most: int) -> bool:
-        """Takes that many more of the strips that were cut for what is left over by them; False
-        once all are."""
-        left = self.left_over
-        swaths = self.estimate.swaths.all[left.swaths : left.swaths + most]
-        for swath in swaths:
-            left.take(swath)
-        return bool(swaths)
-
-    def nothing_stands(self) -> None:
-        """Pictures show no crop of the present strip: if it was to gather what others have left, by
-        the blade's way, the places of then were wrong."""
-        if self._gathers is not None:
-            self.left_over.gone(self._gathers)
-
     def end_gathering(self) -> None:
         """Nothing more of it can be gone to: what still stands by the blade's way, stays."""
-        self.estimate.swaths.end()
-        self.take_swaths(len(self.estimate.swaths.all))
-        self.all_gathered = True
-        stays_m2 = sum(part.area for part in self.left_over.parts(*self.as_found))
+        swaths = self.estimate.swaths
+        swaths.end()
+        self.remains.take(swaths.all, len(swaths.all))
+        stays_m2 = self.remains.end(*self.as_found)
         self.left_standing_m2 = max(0.0, stays_m2 - self.plan.unreached_m2)
 
     def saw_beyond(self, ahead_m: float) -> None:

@@ -159,13 +159,13 @@ def or_gather(context: Context, go: Go) -> Go:
     for a person to decide may be gone elsewhere, once."""
     strip, position = context.strip, context.estimate.position
     placed = strip.placed and position.known and context.guard.fenced
-    if context.all_gathered or not placed:
+    if context.remains.over or not placed:
         return go
     if go.reason.to is Doing.FAULT:
-        if context.gave_up or not context.place_known:
+        if context.remains.gave_up or not context.place_known:
             return go
-        context.gave_up = True
-    context.ended_by = context.ended_by or go.text
+        context.remains.gave_up = True
+    context.remains.ended_by = context.remains.ended_by or go.text
     return Standing.LEFT.go(reason=go.text)
 
 
@@ -181,7 +181,7 @@ def over(context: Context, go: Go) -> Go:
         go = or_gather(context, go)
     if go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason):
         context.end_gathering()
-        go = Over.BROKEN_OFF.go(reason=context.ended_by, why=go.text)
+        go = Over.BROKEN_OFF.go(reason=context.remains.ended_by, why=go.text)
     left_m2 = context.left_m2
     if go.reason.to is not Doing.FINISH or left_m2 <= LEFT_M2:
         return go

@@ -37,8 +37,7 @@ LOST_M = 1.0
 edge is not: at a strip's beginning the turns have left some standing;"""
 INSIDE_CROP_M = 0.1
 """how far beside, at least: the detector's own error;"""
-BESIDE_OF = 10
-BESIDE_LEAST = 8
+BESIDE_OF, BESIDE_LEAST = 10, 8
 """and in how many of the latest pictures, a second's: no clump, nor a whim of dust."""
 UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
@@ -275,20 +274,16 @@ class Sight:
         since_m, self.edge_at_m = self.unseen_m(then), then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
-        seen = (
-            strip.edge_m(view, then),
-            strip.edge_heading_rad(view),
-            view.confidence,
-            since_shutter,
-        )
+        edge_m, turned_rad = strip.edge_m(view, then), strip.edge_heading_rad(view)
+        seen = edge_m, turned_rad, view.confidence, since_shutter
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         ahead_m, cutting = view.edge_ahead_m, gaze.cutting
         lane.correct(*seen, ahead_m=ahead_m, learn=learn, cutting=cutting, stays=stays)
         self._estimate.learn_curve()
-        if not lane.contradicted and since_m < UNSEEN_M:
-            self.agreed_m += since_m
-        if moved and not lane.contradicted and not self.beside(then):
-            strip.seen_beside(view, then)
+        if not lane.contradicted:
+            self.agreed_m += since_m if since_m < UNSEEN_M else 0.0
+            if moved and not self.beside(then):
+                strip.seen_beside(view, then)
 
     def _take_corner(
         self,

@@ -7,7 +7,9 @@ from dataclasses import replace
 from typing import Final
 
 from host.core.frames import Pose2
+from host.core.vehicle import Vehicle
 from host.estimate.odometry import Motion
+from host.route.side import Side
 from host.route.turn_legs import Follow, Goal, Leg, Turn
 
 ACROSS_RAD: Final = math.radians(60.0)
@@ -148,3 +150,17 @@ class Turning:
         c, s = math.cos(direction), math.sin(direction)
         dx, dy = motion.x_m - x0, motion.y_m - y0
         return c * dx + s * dy, c * dy - s * dx, motion.yaw_rad - direction
+
+
+def turn_from_anywhere(
+    now: float, side: Side, vehicle: Vehicle, motion: Motion, at: Pose2
+) -> Turning:
+    """To the beginning of a side's lane, by a way that is still to be found; `at`: the machine's
+    pose in the field."""
+    lane = Pose2(*side.pose(0.0, vehicle.inset_m - side.shift_m))
+    turned = math.remainder(lane.heading_rad - at.heading_rad, math.tau)
+    begins = Pose2(motion.x_m, motion.y_m, motion.yaw_rad).ahead(*at.seen_from(*lane[:2]))
+    origin = begins.x_m, begins.y_m, motion.yaw_rad + turned
+    turning = Turning(now, Turn((), 0.0, 0.0, 0.0, 0.0), origin)
+    turning.elsewhere = True
+    return turning

@@ -151,10 +151,10 @@ class Follow(Behaviour):
             return Beside.REGAIN.go()
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
-            context.nothing_stands()
+            context.remains.nothing_stands()
             return Why.LAST_CLEAR.go()
         if little_left(context):
-            context.nothing_stands()
+            context.remains.nothing_stands()
             return Why.REMNANT_GONE.go()
         little = left_m < END_REST_M or context.strip.skippable
         if context.guard.fenced and little:
@@ -210,7 +210,7 @@ class Follow(Behaviour):
             if context.may_regain():
                 return Beside.REGAIN.go()
             if little_left(context):
-                context.nothing_stands()
+                context.remains.nothing_stands()
                 return Why.REMNANT_GONE.go()
             if strip.beside_swath:
                 return None  # farther on it may stand

@@ -32,17 +32,17 @@ class Gather(Behaviour):
         self.context.estimate.swaths.end()
 
     def step(self, now: float) -> Step:
-        context, left = self.context, self.context.left_over
+        context, remains = self.context, self.context.remains
         if not context.standing(now):
             return context.hold(), None
-        if context.take_swaths(SWATHS):
+        if remains.take(context.estimate.swaths.all, SWATHS):
             return context.hold(), None
         corners, outs = context.as_found
         here, permitted = Pose2(*context.estimate.position.pose), context.guard.permitted
-        strips = left.strips(corners, outs, here, permitted) if context.place_known else []
+        strips = remains.left.strips(corners, outs, here, permitted) if context.place_known else []
         if strips:
             context.go_gather(now, strips[0])
             area = f"{strips[0].area.area:.1f}"
             return context.hold(), Why.STRIP.go(side=context.strip.name, area=area)
         context.end_gathering()
-        return context.hold(), Why.NOTHING.go(reason=context.ended_by)
+        return context.hold(), Why.NOTHING.go(reason=remains.ended_by)

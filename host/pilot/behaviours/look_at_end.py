@@ -69,7 +69,7 @@ class LookAtEnd(Behaviour):
         context.bare = 0 if seen else context.bare + clear
         if context.bare > BARE_LOOKS:
             if context.strip.last or little_left(context):
-                context.nothing_stands()
+                context.remains.nothing_stands()
                 return Why.NO_CROP_LEFT.go()
             here = here or EndOfField(now, context.motion, context.strip.index)
             end_m = context.strip.along_m(here.motion)

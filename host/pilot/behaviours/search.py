@@ -115,7 +115,7 @@ class Search(Behaviour):
         context, strip = self.context, self.context.strip
         empty = strip.may_be_gone and seen_m > EMPTY_SHARE * strip.left_m()
         if strip.search_reach_m <= 0.0 or (empty and strip.rest_m2 < little_m2(context.plan)):
-            context.nothing_stands()
+            context.remains.nothing_stands()
             return Why.NO_CROP_LEFT.go()
         # A tight turn may end past where the crop begins: then all of the way is still to go.
         strip.search_m = max(0.0, expected_m) + strip.search_reach_m

@@ -167,7 +167,7 @@ class DriveTurn(Behaviour):
         self.turning.searches += 1
         self._tried = 0
         if self.turning.elsewhere:
-            self._standing = self.context.left_over.parts(*self.context.as_found)
+            self._standing = self.context.remains.left.parts(*self.context.as_found)
         return True
 
     def _search(self, now: float) -> None:

@@ -492,7 +492,7 @@ def test_what_is_left_beside_keep_outs_is_counted_together_and_told_at_the_end()
         (LEFT_M2 + 0.1, Over.SOME_LEFT),
         (LEFT_MOST_M2 + 0.1, Over.MUCH_LEFT),
     ):
-        context.all_gathered, context.left_standing_m2 = True, left_m2
+        context.remains.over, context.left_standing_m2 = True, left_m2
         go = over(context, SideEnd.LAST.go())
         assert is_for(go, told)
         assert go.text.startswith(SideEnd.LAST.text)
@@ -1806,7 +1806,7 @@ def test_what_a_plan_searches_does_not_reach_is_told_at_its_end(
     context = on_side(plan=replace(PLAN, leftover_m2=shown_m2))
     parts = (((0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0)),) if part else ()
     context.plan = replace(PLAN, leftover_m2=left_m2, parts=parts)
-    context.all_gathered = True
+    context.remains.over = True
     go = over(context, SideEnd.LAST.go())
     assert is_for(go, told or SideEnd.LAST)
 
@@ -1890,7 +1890,7 @@ def test_gather_goes_nowhere_before_it_is_known_where_the_field_lies() -> None:
 def test_what_pictures_do_not_show_of_it_counts_as_cut() -> None:
     context = gathering()
     assert is_for(chosen(context), Gathered.STRIP)
-    context.nothing_stands()
+    context.remains.nothing_stands()
     context.end_gathering()
     before_m2 = context.left_m2
     other = gathering()

@@ -1,0 +1,62 @@
+"""What the plan has left standing: whether it is still gone to, and what of it stays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from host.core.vehicle import Vehicle
+from host.route.anew import moved_with
+from host.route.left_over import Gathering, LeftOver, Ring
+from host.route.plan import Plan
+
+Corners = list[tuple[float, float]]
+
+
+class Remains:
+    """Of one run. `known`: the blade's way in this run tells of all that was cut."""
+
+    def __init__(self, vehicle: Vehicle, *, known: bool) -> None:
+        self.left = LeftOver(vehicle)
+        self.ended_by = ""
+        """What the harvest would have ended with, but for what is still to be gathered."""
+        self.gave_up = False
+        """Whether that was a doubt for a person to decide."""
+        self.over = not known
+        """Whether nothing is left to go to, or nobody knows where."""
+        self._strip: shapely.Polygon | None = None
+        """What the present strip is to gather."""
+
+    def take(self, swaths: Sequence[NDArray[np.float64]], most: int) -> bool:
+        """Takes that many more of the swaths; False once all are."""
+        more = swaths[self.left.swaths : self.left.swaths + most]
+        for swath in more:
+            self.left.take(swath)
+        return bool(more)
+
+    def go_to(self, strip: Gathering) -> None:
+        """It is the present one, and no other is laid through it."""
+        self.left.tried(strip.area)
+        self._strip = strip.area
+
+    def nothing_stands(self) -> None:
+        """Pictures show no crop of the present strip: if it was to gather what others have left, by
+        the blade's way, the places of then were wrong."""
+        if self._strip is not None:
+            self.left.gone(self._strip)
+
+    def end(self, boundary: Ring, keep_outs: Sequence[Ring]) -> float:
+        """Nothing more can be gone to. What stays, m²."""
+        self.over = True
+        return float(sum(part.area for part in self.left.parts(boundary, keep_outs)))
+
+
+def around(plan: Plan, found: Corners) -> tuple[Corners, list[Corners]]:
+    """A plan's boundary where its corners were found, and the keep-outs that go with them."""
+    boundary = list(plan.boundary)
+    if found == boundary:
+        return boundary, [list(ring) for ring in plan.keep_outs]
+    return found, [moved_with(boundary, found, ring) for ring in plan.keep_outs]
