@@ -165,6 +165,12 @@ class Context:
         return around(self.plan, outline.corners if outline.states else list(self.plan.boundary))
 
     @property
+    def to_be_left_m2(self) -> float:
+        """What would stand if the plan ended here."""
+        known_m2 = self.plan.unreached_m2 + self.left_standing_m2
+        return known_m2 + self.strip.left_m2 + self.strip.rest_m2
+
+    @property
     def gathering(self) -> bool:
         """Whether the plan is at its end, and the machine goes to what it has left standing."""
         return self.plan.gathered > 0 and not self.remains.over

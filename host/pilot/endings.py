@@ -165,7 +165,9 @@ def or_gather(context: Context, go: Go) -> Go:
         if context.remains.gave_up or not context.place_known:
             return go
         context.remains.gave_up = True
-    context.remains.ended_by = context.remains.ended_by or go.text
+    if not context.remains.ended_by:
+        context.remains.ended_by = go.text
+        context.remains.planned_m2 = context.to_be_left_m2
     return Standing.LEFT.go(reason=go.text)
 
 

@@ -39,7 +39,8 @@ class Gather(Behaviour):
             return context.hold(), None
         corners, outs = context.as_found
         here, permitted = Pose2(*context.estimate.position.pose), context.guard.permitted
-        strips = remains.left.strips(corners, outs, here, permitted) if context.place_known else []
+        sure = context.place_known and (context.gathering or remains.explained(corners, outs))
+        strips = remains.left.strips(corners, outs, here, permitted) if sure else []
         if strips:
             context.go_gather(now, strips[0])
             area = f"{strips[0].area.area:.1f}"

@@ -1841,8 +1841,10 @@ def test_at_the_plans_end_what_stands_by_the_blades_way_is_looked_for() -> None:
         assert is_for(over(at_plans_end(plan), SideEnd.LAST.go()), SideEnd.LAST)
 
 
-def gathering(**where: tuple[float, float]) -> Context:
+def gathering(left_m2: float = 30.0, **where: tuple[float, float]) -> Context:
+    """At the end of a plan that has left so much of 100 m2 itself."""
     context = with_swaths(at_plans_end(), **where)
+    context.left_standing_m2 = left_m2
     assert is_for(over(context, SideEnd.LAST.go()), Standing.LEFT)
     return context
 
@@ -1869,6 +1871,15 @@ def test_gather_goes_to_what_stands() -> None:
     assert context.plan.sides[:-1] == before.sides
     assert context.plan.gathered == 1
     assert context.turning is not None and context.turning.elsewhere
+
+
+@pytest.mark.parametrize("left_m2", [15.0, 30.0])
+def test_more_than_the_plan_has_left_stands_where_the_machine_has_lost_its_place(
+    left_m2: float,
+) -> None:
+    """27 m2 do, by the blade's way."""
+    go = chosen(gathering(left_m2))
+    assert is_for(go, Gathered.STRIP if left_m2 > 20.0 else Gathered.NOTHING)
 
 
 def test_gather_ends_where_nothing_stands() -> None:

@@ -20,6 +20,12 @@ SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
 PLAN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
 
 
+def without(fewer: int) -> Plan:
+    """The plan less its last sides, which it has left, as it knows."""
+    left_m2 = sum(side.length_m * side.width_m for side in PLAN.sides[-fewer:])
+    return replace(PLAN, sides=PLAN.sides[:-fewer], leftover_m2=left_m2)
+
+
 def stands_m2(world: SimpleWorld, x0: float, y0: float, x1: float, y1: float) -> float:
     """Of that rectangle."""
     rows = np.arange(world.crop.shape[0]) * CELL - world.margin
@@ -31,7 +37,7 @@ def stands_m2(world: SimpleWorld, x0: float, y0: float, x1: float, y1: float) ->
 @pytest.mark.parametrize("fewer", [2, 5])
 def test_strips_that_the_plan_does_not_have_are_gathered(fewer: int) -> None:
     world = SimpleWorld(VEHICLE)
-    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:-fewer]))
+    pilot = Pilot(VEHICLE, world, without(fewer))
     harvest(world, pilot, 900.0)
     assert pilot.phase is Phase.FINISHED, pilot.reason
     assert pilot.plan.gathered >= 1
@@ -57,7 +63,7 @@ def test_where_nobody_has_said_how_wide_the_gap_is_it_goes_nowhere_across_the_fi
 
 def test_on_its_way_across_the_field_it_drives_through_no_crop_and_turns_no_blade() -> None:
     world = SimpleWorld(VEHICLE)
-    pilot = Pilot(VEHICLE, world, replace(PLAN, sides=PLAN.sides[:8]))
+    pilot = Pilot(VEHICLE, world, without(len(PLAN.sides) - 8))
     drive(world, pilot, 600.0, until=lambda: pilot.doing is Doing.GATHER)
     before = world.coverage
     drive(world, pilot, 60.0, until=lambda: pilot.doing is Doing.TURN)
