@@ -26,6 +26,11 @@ def without(fewer: int) -> Plan:
     return replace(PLAN, sides=PLAN.sides[:-fewer], leftover_m2=left_m2)
 
 
+def ahead(world: SimpleWorld) -> tuple[float, float]:
+    """The machine's direction."""
+    return math.cos(world.yaw), math.sin(world.yaw)
+
+
 def stands_m2(world: SimpleWorld, x0: float, y0: float, x1: float, y1: float) -> float:
     """Of that rectangle."""
     rows = np.arange(world.crop.shape[0]) * CELL - world.margin
@@ -68,15 +73,19 @@ def test_on_its_way_across_the_field_it_drives_through_no_crop_and_turns_no_blad
     before = world.coverage
     drive(world, pilot, 60.0, until=lambda: pilot.doing is Doing.TURN)
     blades: list[bool] = []
+    middles: list[float] = []
 
     def arrived() -> bool:
         blades.append(world.command.blade)
+        x, y = (at + 0.5 * part for at, part in zip(world.pose()[:2], ahead(world), strict=True))
+        middles.append(stands_m2(world, x - 0.1, y - 0.1, x + 0.1, y + 0.1))
         return pilot.doing is not Doing.TURN
 
     drive(world, pilot, 200.0, until=arrived)
     assert pilot.doing is Doing.SEARCH
     assert not any(blades)
     assert world.coverage == before
+    assert sum(middles) == 0.0
 
 
 def test_without_pictures_it_goes_nowhere_and_says_what_stands() -> None:
