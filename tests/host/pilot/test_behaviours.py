@@ -1910,6 +1910,26 @@ def test_what_pictures_do_not_show_of_it_counts_as_cut() -> None:
     assert other.left_m2 > before_m2 + 3.0
 
 
+@pytest.mark.parametrize("left_over", [False, True])
+def test_where_strips_happened_to_end_tells_no_place(left_over: bool) -> None:
+    """Its crop is met 0.4 m late and ends 0.4 m early."""
+    plan = replace(PLAN, sides=(replace(PLAN.sides[0], left_over=left_over), *PLAN.sides[1:]))
+    context = on_side(plan=plan, cut_m=None)
+    strip = context.strip
+    met = []
+    for at_m, tell in (
+        (0.4, lambda: strip.met_begin(0.0)),
+        (9.6, lambda: strip.met_end(clear_ahead(context), CUTTING, looked=False)),
+    ):
+        moved(context, at_m)
+        context.sight.ahead.entered_at = context.motion
+        before = context.estimate.position.pose
+        tell()
+        met.append(math.dist(before[:2], context.estimate.position.pose[:2]))
+    assert (max(met) == 0.0) is left_over
+    assert (min(met) > 0.01) is not left_over
+
+
 def test_the_way_to_it_is_found_from_where_the_machine_stands() -> None:
     context = gathering()
     assert is_for(chosen(context), Gathered.STRIP)
