@@ -40,6 +40,12 @@ class Gather(Behaviour):
         corners, outs = context.as_found
         here, permitted = Pose2(*context.estimate.position.pose), context.guard.permitted
         sure = context.place_known and (context.gathering or remains.explained(corners, outs))
+        if not (sure or context.gathering):
+            # Where its swaths lie is not known: what stands is as the plan has it.
+            remains.over = True
+            if remains.gave_up:
+                context.left_standing_m2 += context.strip.left_m2 + context.strip.rest_m2
+            return context.hold(), Why.NOTHING.go(reason=remains.ended_by)
         strips = remains.left.strips(corners, outs, here, permitted) if sure else []
         if strips:
             context.go_gather(now, strips[0])

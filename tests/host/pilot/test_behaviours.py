@@ -1893,9 +1893,10 @@ def test_gather_ends_where_nothing_stands() -> None:
 def test_gather_goes_nowhere_before_it_is_known_where_the_field_lies() -> None:
     context = with_swaths(at_plans_end(replace(PLAN, sigma_m=1.5)))
     assert is_for(over(context, SideEnd.LAST.go()), Standing.LEFT)
+    context.left_standing_m2 = 3.0
     assert is_for(chosen(context), Gathered.NOTHING)
     assert context.plan.gathered == 0
-    assert context.left_m2 > LEFT_M2
+    assert context.left_m2 == 3.0, "as the plan has it"
 
 
 def test_what_pictures_do_not_show_of_it_counts_as_cut() -> None:
@@ -1961,6 +1962,17 @@ def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:
     assert is_for(BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1], Standing.LEFT)
     go = BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1]
     assert is_for(go, Patience.GAVE_UP)
+
+
+def test_a_strip_that_is_given_up_by_a_machine_that_has_lost_its_place_is_a_fault() -> None:
+    """All the rest of the plan stands, and most of what was cut is believed to."""
+    context = on_side(1)
+    seeing(context, CUTTING, stamp=NOW + GIVE_UP_S)
+    assert is_for(BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1], Standing.LEFT)
+    context.remains.planned_m2 = 0.0
+    go = over(context, chosen(context))
+    assert is_for(go, Over.MUCH_LEFT)
+    assert "gave up" in go.text
 
 
 @pytest.mark.parametrize("plan", [PLAN, replace(PLAN, sigma_m=1.5)])
