@@ -51,7 +51,7 @@ class Swaths:
         self._placed.append(placed[:2])
 
     @property
-    def all(self) -> list[Line]:
+    def past(self) -> list[Line]:
         """(n, 2) of each strip that was cut, in the field."""
         return self._past
 

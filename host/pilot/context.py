@@ -19,12 +19,12 @@ from host.estimate.odometry import Motion
 from host.pilot.gaze import STOP_AFTER_S
 from host.pilot.guard import Guard
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.remains import Remains, around
+from host.pilot.remains import Remains
 from host.pilot.sight import Sight
 from host.pilot.stop_and_look import Look
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import Turning, turn_from_anywhere
-from host.route.anew import Anew
+from host.route.anew import Anew, moved_with
 from host.route.left_over import Gathering
 from host.route.manoeuvre import SHORT_M
 from host.route.plan import Plan
@@ -43,7 +43,7 @@ CREEPING_MPS = 0.2
 """A braked machine on a slope of 7 degrees: it cannot stand better than that."""
 BEGINNING_M = 3.0
 """Of a strip, or behind a bend of it: what the turn has left askew is straightened by then."""
-KNOWN_M = 0.5
+PLACE_KNOWN_M = 0.5
 """Standard deviation of the corner that is known least: less than half of the narrowest gap that is
 harvested beside."""
 BLIND_ON_M = 1.5
@@ -161,14 +161,9 @@ class Context:
     def as_found(self) -> tuple[list[tuple[float, float]], list[list[tuple[float, float]]]]:
         """The boundary's corners where they are found to lie, and the keep-outs that go with
         them."""
-        outline = self.estimate.position.outline
-        return around(self.plan, outline.corners if outline.states else list(self.plan.boundary))
-
-    @property
-    def to_be_left_m2(self) -> float:
-        """What would stand if the plan ended here."""
-        known_m2 = self.plan.unreached_m2 + self.left_standing_m2
-        return known_m2 + self.strip.left_m2 + self.strip.rest_m2
+        believed = list(self.plan.boundary)
+        found = self.estimate.position.outline.corners or believed
+        return found, [moved_with(believed, found, ring) for ring in self.plan.keep_outs]
 
     @property
     def gathering(self) -> bool:
@@ -179,7 +174,7 @@ class Context:
     def place_known(self) -> bool:
         """Whether the first round, or the walk, has shown well enough where the field lies to drive
         across it."""
-        return self.estimate.position.corners_sigma_m < KNOWN_M
+        return self.estimate.position.corners_sigma_m < PLACE_KNOWN_M
 
     def go_gather(self, now: float, strip: Gathering) -> None:
         """Drives to a strip that none of the plan's sides has cut: from wherever the machine stands
@@ -211,7 +206,7 @@ class Context:
         """Nothing more of it can be gone to: what still stands by the blade's way, stays."""
         swaths = self.estimate.swaths
         swaths.end()
-        self.remains.take(swaths.all, len(swaths.all))
+        self.remains.take(swaths.past, len(swaths.past))
         stays_m2 = self.remains.end(*self.as_found)
         self.left_standing_m2 = max(0.0, stays_m2 - self.plan.unreached_m2)
 

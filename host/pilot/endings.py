@@ -165,9 +165,10 @@ def or_gather(context: Context, go: Go) -> Go:
         if context.remains.gave_up or not context.place_known:
             return go
         context.remains.gave_up = True
+        context.left_standing_m2 += _rest_m2(context)
     if not context.remains.ended_by:
         context.remains.ended_by = go.text
-        context.remains.planned_m2 = context.to_be_left_m2
+        context.remains.planned_m2 = context.plan.unreached_m2 + context.left_standing_m2
     return Standing.LEFT.go(reason=go.text)
 
 

@@ -11,12 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.route.anew import moved_with
 from host.route.left_over import Gathering, LeftOver, Ring
-from host.route.plan import Plan
-
-Corners = list[tuple[float, float]]
-
 
 ASTRAY_SHARE: Final = 0.08
 """Of the field, for crop that stands where the plan has none: beginnings without room were up to
@@ -72,11 +67,3 @@ class Remains:
         """Nothing more can be gone to. What stays, m²."""
         self.over = True
         return float(sum(part.area for part in self.left.parts(boundary, keep_outs)))
-
-
-def around(plan: Plan, found: Corners) -> tuple[Corners, list[Corners]]:
-    """A plan's boundary where its corners were found, and the keep-outs that go with them."""
-    boundary = list(plan.boundary)
-    if found == boundary:
-        return boundary, [list(ring) for ring in plan.keep_outs]
-    return found, [moved_with(boundary, found, ring) for ring in plan.keep_outs]

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
-from host.field.areas import outline_of, placed
+from host.field.areas import KEEP_OUT_MARGIN_M, outline_of, placed
 from host.route.cuts import Cuts
+from host.route.manoeuvre import RUN_IN_M, SHORT_M
 from host.route.plan import KEEP_OUT_M
 from host.route.side import Side
 from host.route.standing import edges_of, parts_of
@@ -34,19 +35,20 @@ AROUND_M: Final = 0.05
 SIMPLIFY_M: Final = 0.3
 """What strips of a shuttle leave is jagged by how differently they begin. An edge beside the lane
 by less is still seen for the lane's."""
-GATHER_M2: Final = 1.0
 GATHER_SHARE: Final = 0.002
-"""Of the field: a smaller piece is not worth the minute that it costs, on a field of any size."""
+GATHER_M2: Final = (1.0, 8.0)
+"""Of the field, and no less or more than that: a smaller piece is not worth the minute that it
+costs."""
 GAIN_M2: Final = 0.5
 """The same of one strip."""
 APPROACH_M: Final = 8.0
 """What a strip costs besides its own way and that to it, in metres: turns and looks."""
-SHORT_M: Final = (0.0, 0.3, 0.6, 0.9)
-"""Of a strip's beginning, behind which there may be no room for the machine, so much may stay."""
-PLACES, PLACES_M = 40, 0.5
-"""Along a strip, and how far apart, at which room is looked for, most and least."""
-RUN_IN_M: Final = 0.3
-"""From the blade to the crop, where a strip is begun."""
+SHORTS: Final = 4
+"""Beginnings that are tried, from a strip's own to `SHORT_M` later."""
+PLACES: Final = 40
+"""Along a strip, at most, where room for the machine is looked for;"""
+PLACES_M: Final = 0.5
+"""and how far apart at least."""
 BEYOND_M: Final = 0.25
 """A swath goes on beyond its first and last point, by as much as two of them are apart at most."""
 STRAIGHT_M: Final = 0.02
@@ -104,7 +106,7 @@ class LeftOver:
             standing = standing.difference(self._tried)
         core = standing.buffer(-HALF_SLIVER_M, join_style="mitre")
         opened = core.buffer(HALF_SLIVER_M, join_style="mitre").intersection(standing)
-        least_m2 = max(GATHER_M2, min(GATHER_SHARE * field.area, 8.0 * GATHER_M2))
+        least_m2 = min(max(GATHER_SHARE * field.area, GATHER_M2[0]), GATHER_M2[1])
         return [part for part in parts_of(opened) if part.area >= least_m2]
 
     def strips(
@@ -118,7 +120,7 @@ class LeftOver:
         `here`: they have room for it, in `permitted` and off the keep-outs."""
         field, width_m = _field(boundary, keep_outs), self._vehicle.pass_m
         known = Cuts(field, width_m)
-        outs = [shapely.Polygon(ring) for ring in keep_outs]
+        outs = [shapely.Polygon(ring).buffer(KEEP_OUT_MARGIN_M) for ring in keep_outs]
         found: list[tuple[float, Gathering]] = []
         for part in self.parts(boundary, keep_outs, tried=False):
             for shape in _shapes(part):
@@ -154,9 +156,10 @@ class LeftOver:
             return inside and not any(out.intersects(there) for out in outs)
 
         count = min(PLACES, max(2, math.ceil(side.length_m / PLACES_M)))
-        if not all(map(free, np.linspace(SHORT_M[-1], side.length_m, count).tolist())):
+        if not all(map(free, np.linspace(SHORT_M[0], side.length_m, count).tolist())):
             return None
-        return next((short_m for short_m in SHORT_M if free(short_m - RUN_IN_M)), None)
+        shorts_m = np.linspace(0.0, SHORT_M[0], SHORTS).tolist()
+        return next((short_m for short_m in shorts_m if free(short_m - RUN_IN_M)), None)
 
 
 def _beyond(before: NDArray[np.float64], at: NDArray[np.float64]) -> tuple[float, float]:

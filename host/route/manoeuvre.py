@@ -52,6 +52,8 @@ GREEDY: Final = 2.0
 SHORT_M: Final = (0.9, 4.0)
 """Of the lane's crop, behind whose beginning there may be no room for the whole machine, so much
 may stay; and where there is no such way, rather than all of the strip."""
+RUN_IN_M: Final = 0.3
+"""From the blade to the crop, where a strip is begun: the camera is to see where that begins."""
 ON_M: Final = 2.0
 """That must be free straight on along the lane, where the way is to lead past something."""
 MOST_RAD: Final = math.radians(200.0)

@@ -231,18 +231,22 @@ class Keeper:
         self._writer.shutdown()
 
     def _now(self, pilot: Pilot) -> Progress:
+        state: dict[str, Any] = {
+            "pose": pilot.position.pose if pilot.position.known else None,
+            "phase": pilot.phase,
+            "reason": pilot.reason,
+            "written": datetime.datetime.now(tz=datetime.UTC).isoformat(timespec="seconds"),
+        }
+        if pilot.plan.gathered > 0 and self._kept is not None:
+            # What gathers the plan's remains is no part of it.
+            return self._kept.model_copy(update=state)
         side, cut_m = self._begun
-        turns, more_m = pilot.turns, pilot.cut_m
-        planned = len(pilot.plan.sides) - pilot.plan.gathered
-        if pilot.plan.gathered > 0:
-            # What gathers the plan's remains is no part of it: its last side is cut.
-            turns, more_m = planned - 1, pilot.plan.sides[planned - 1].length_m
-        if turns > 0:
+        if pilot.turns > 0:
             cut_m = 0.0
         found: dict[str, Any] = {}
         position = pilot.position
         if position.outline.states:
-            count = turns + (more_m > 0.0)
+            count = pilot.turns + (pilot.cut_m > 0.0)
             found = {
                 "corners": tuple(position.outline.corners),
                 "laid": pilot.plan.boundary,
@@ -253,12 +257,9 @@ class Keeper:
             **found,
             plan=self._plan,
             corner=self._corner,
-            side=side + turns,
-            cut_m=round(max(0.0, cut_m + more_m), 3),
-            pose=pilot.position.pose if pilot.position.known else None,
-            phase=pilot.phase,
-            reason=pilot.reason,
-            written=datetime.datetime.now(tz=datetime.UTC).isoformat(timespec="seconds"),
+            side=side + pilot.turns,
+            cut_m=round(max(0.0, cut_m + pilot.cut_m), 3),
+            **state,
         )
 
     def _write(self, progress: Progress) -> None:

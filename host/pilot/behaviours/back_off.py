@@ -83,7 +83,7 @@ class BackOff(Behaviour):
         context, seen = self.context, self.context.sight.seen
         go = gave_up(context, now)
         if go is not None:
-            return (context.stop() if go.reason.to is Doing.FAULT else context.hold()), go
+            return self.gives_way(go)
         known = not lane_unknown(context)
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()

@@ -10,7 +10,7 @@ from host.field.areas import Verdict
 from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
 from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree, Watched
-from host.pilot.phase import Go, Phase, Reason
+from host.pilot.phase import Doing, Go, Phase, Reason
 
 Step = tuple[Command, Go | None]
 """What to do now, and whether another behaviour takes over."""
@@ -39,6 +39,11 @@ class Behaviour(ABC):
 
     def exit(self) -> None:  # noqa: B027
         """After the last step, whatever follows."""
+
+    def gives_way(self, go: Go) -> Step:
+        """The machine stands, and is off where a person is needed."""
+        context = self.context
+        return context.stop() if go.reason.to is Doing.FAULT else context.hold(), go
 
     def paused(self, now: float) -> None:
         """The operator has paused the machine: nothing runs out."""

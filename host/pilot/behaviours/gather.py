@@ -35,7 +35,7 @@ class Gather(Behaviour):
         context, remains = self.context, self.context.remains
         if not context.standing(now):
             return context.hold(), None
-        if remains.take(context.estimate.swaths.all, SWATHS):
+        if remains.take(context.estimate.swaths.past, SWATHS):
             return context.hold(), None
         corners, outs = context.as_found
         here, permitted = Pose2(*context.estimate.position.pose), context.guard.permitted
@@ -43,8 +43,6 @@ class Gather(Behaviour):
         if not (sure or context.gathering):
             # Where its swaths lie is not known: what stands is as the plan has it.
             remains.over = True
-            if remains.gave_up:
-                context.left_standing_m2 += context.strip.left_m2 + context.strip.rest_m2
             return context.hold(), Why.NOTHING.go(reason=remains.ended_by)
         strips = remains.left.strips(corners, outs, here, permitted) if sure else []
         if strips:

@@ -10,7 +10,7 @@ from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import UNSEEN_M
 
-KNOWN_M = 2.0
+EDGE_KNOWN_M = 2.0
 """Along an edge, to know it: longer than a false end, or a patch beside it, is in view."""
 
 
@@ -52,7 +52,7 @@ class LookAtEdge(Behaviour):
         context = self.context
         edge_m = context.strip.along_edge_m(context.motion)
         known_m = min(context.sight.agreed_m, edge_m)
-        return context.estimate.lane.contradicted and known_m < KNOWN_M
+        return context.estimate.lane.contradicted and known_m < EDGE_KNOWN_M
 
     def _go_on(self, now: float) -> Go | None:
         """After a look that showed no edge. Where the side may end, only crop at the blade leads

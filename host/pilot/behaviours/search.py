@@ -7,14 +7,7 @@ import math
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
-from host.pilot.endings import (
-    Blind,
-    Elsewhere,
-    SideEnd,
-    blind,
-    leave_rest,
-    leave_strip,
-)
+from host.pilot.endings import Blind, Elsewhere, SideEnd, blind, leave_rest, leave_strip
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M

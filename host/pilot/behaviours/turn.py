@@ -16,7 +16,7 @@ from host.pilot.endings import Blind, blind, leave_rest
 from host.pilot.guard import NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
-from host.route.manoeuvre import SHORT_M, Lane, way
+from host.route.manoeuvre import RUN_IN_M, SHORT_M, Lane, way
 from host.route.turn_legs import Follow as Along
 from host.route.turn_legs import Leg
 
@@ -38,12 +38,10 @@ ROOMS = sum(share == 1.0 for share, _ in NEARER)
 """That it is looked for in: behind the beginning of the crop, and then in line at least."""
 INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
-RUN_UP_M = 1.5
+ARRIVES_M = 1.5
 """Farther back, at most, a way from elsewhere comes to the lane: what a camera sees of it."""
 OPEN = (math.inf, 0.0)
 """Nothing that is pressed down counts: what stands is given as what is in the way."""
-RUN_IN_M = 0.3
-"""Before the crop, for the camera to see where it begins."""
 SEEN_BACK_M = (0.8, 1.2)
 """Before the crop as it is seen, so far back is far enough for a machine that is in line, and for
 any: more than is planned by what a look errs."""
@@ -78,8 +76,6 @@ class DriveTurn(Behaviour):
         """In how many rooms another way has been looked for; None: none is."""
         self._standing: list[shapely.Polygon] = []
         """What it is not to lead through."""
-        self._no_way = False
-        """Whether none was found."""
         self._doubt_m = context.strip.begin_doubt_m
         """How much farther back the next side may begin; pictures on the way make it surer."""
 
@@ -102,7 +98,7 @@ class DriveTurn(Behaviour):
             self._search(now)
             return context.hold(), None
         if turning.leg is None and self._goes_elsewhere():
-            if not self._no_way and self._begin_search():
+            if self._begin_search():
                 return context.hold(), None
             if turning.elsewhere:
                 return context.hold(), Why.NO_WAY.go(side=context.strip.name)
@@ -190,7 +186,7 @@ class DriveTurn(Behaviour):
             ends_m = turn.crop_begins_m - RUN_IN_M - vehicle.blade_x_m
             lane = Lane(ends_m, turn.crop_begins_m, border, turning.past_m)
             if turning.elsewhere:
-                lane = lane._replace(border=OPEN, from_m=ends_m - RUN_UP_M)
+                lane = lane._replace(border=OPEN, from_m=ends_m - ARRIVES_M)
             kept = replace(room, margins=room.margins[wary:])
             legs = way(vehicle, start, lane, kept, SHORT_M[stays])
         self._tried += 1
@@ -200,7 +196,9 @@ class DriveTurn(Behaviour):
             if turning.backing:
                 context.strip.begin_leg(turning)
         elif room is None or self._tried >= ROOMS * len(SHORT_M):
-            self._tried, self._no_way = None, True
+            self._tried = None
+            if turning.elsewhere:
+                turning.searches = SEARCHES  # from the same place none will be found either
             if turning.leg is not None:
                 self._next(now)
 

@@ -26,7 +26,7 @@ class WaitForCamera(Behaviour):
         context, usable = self.context, self.context.sight.usable
         go = gave_up(context, now)
         if go is not None:
-            return (context.stop() if go.reason.to is Doing.FAULT else context.hold()), go
+            return self.gives_way(go)
         if usable.held_s > RESUME_AFTER_S and now - usable.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEES_AGAIN.go()
         return context.hold(), None

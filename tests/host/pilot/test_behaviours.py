@@ -55,7 +55,7 @@ from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.behaviours.retrace import Retrace
 from host.pilot.behaviours.search import MOST_PICTURES, PICTURES, Search
 from host.pilot.behaviours.search import Why as Searched
-from host.pilot.behaviours.turn import ROOMS, SEARCHES, STEER_TIMEOUT_S, DriveTurn
+from host.pilot.behaviours.turn import ARRIVES_M, ROOMS, SEARCHES, STEER_TIMEOUT_S, DriveTurn
 from host.pilot.behaviours.turn import Why as Turned
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
@@ -94,7 +94,8 @@ from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import PAST_M, Turning
-from host.route.manoeuvre import SHORT_M
+from host.route.manoeuvre import RUN_IN_M, SHORT_M
+from host.route.manoeuvre import Lane as LaneTo
 from host.route.plan import Plan, spiral
 from host.route.side import Side
 from host.route.turn_legs import Follow as Along
@@ -1942,6 +1943,29 @@ def test_the_way_to_it_is_found_from_where_the_machine_stands() -> None:
         if context.turning is not None and context.turning.leg is not None:
             break
     assert context.turning is not None and context.turning.leg is not None
+    start = context.turning.beside_lane(context.motion)
+    *way, back = driven(VEHICLE, context.turning.turn, at=start)
+    assert back.leg.follow is Along.NEW_LANE
+    begins_m = -VEHICLE.blade_x_m - RUN_IN_M
+    assert math.hypot(start.x_m - begins_m, start.y_m) > 4.0, "it comes from far away"
+    assert begins_m - ARRIVES_M - 0.01 < way[-1].poses[-1].x_m
+
+
+@pytest.mark.parametrize(("gap_m", "goes"), [(2.0, True), (0.4, False)])
+def test_gather_drives_along_no_border_where_the_gap_has_no_room_for_the_machine(
+    gap_m: float, goes: bool
+) -> None:
+    """A band stands along the border that all the strips began at."""
+    context = at_plans_end(replace(PLAN, gap_m=gap_m))
+    for y_m in np.arange(0.45, 10.4, 0.9):
+        for x, y in [at for at in row(y_m) if at[0] > 1.0]:
+            context.estimate.swaths.note(100.0 * y_m + x, Pose2(x, y, 0.0), Pose2(x, y, 0.0))
+        context.estimate.swaths.end()
+    context.left_standing_m2 = 8.0
+    assert is_for(over(context, SideEnd.LAST.go()), Standing.LEFT)
+    chosen(context)
+    along = [side for side in context.plan.sides if side.left_over and side.length_m > 5.0]
+    assert bool(along) is goes
 
 
 def test_where_no_way_leads_there_something_else_is_gathered(
@@ -1949,11 +1973,15 @@ def test_where_no_way_leads_there_something_else_is_gathered(
 ) -> None:
     context = gathering()
     assert is_for(chosen(context), Gathered.STRIP)
-    monkeypatch.setattr(turn_module, "way", lambda *_: None)
+    asked: list[LaneTo] = []
+    monkeypatch.setattr(turn_module, "way", lambda *args: asked.append(args[2]))
     turn = DriveTurn(context)
     turn.enter(NOW)
     steps = [turn.step(NOW)[1] for _ in range(LOOKS + 2)]
     assert is_for(next(go for go in steps if go is not None), Turned.NO_WAY)
+    begins_m = -VEHICLE.blade_x_m - RUN_IN_M
+    assert {lane.from_m for lane in asked} == {begins_m - ARRIVES_M}, "not far before the crop"
+    assert len(asked) == LOOKS, "once in each room"
 
 
 def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:

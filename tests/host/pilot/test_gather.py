@@ -46,7 +46,7 @@ def test_strips_that_the_plan_does_not_have_are_gathered(fewer: int) -> None:
     harvest(world, pilot, 900.0)
     assert pilot.phase is Phase.FINISHED, pilot.reason
     assert pilot.plan.gathered >= 1
-    assert stands_m2(world, 0.0, 0.0, 10.0, 10.0) < GATHER_M2 + 0.3
+    assert stands_m2(world, 0.0, 0.0, 10.0, 10.0) < GATHER_M2[0] + 0.3
     assert world.neighbour_cut == 0
 
 

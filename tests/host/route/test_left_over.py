@@ -65,11 +65,11 @@ def test_what_is_narrower_than_places_err_was_cut(apart_m: float) -> None:
     assert bool(left.parts(field, [])) is (apart_m > 2 * HALF_SLIVER_M)
 
 
-@pytest.mark.parametrize("area_m2", [0.6 * GATHER_M2, 1.6 * GATHER_M2])
+@pytest.mark.parametrize("area_m2", [0.6 * GATHER_M2[0], 1.6 * GATHER_M2[0]])
 def test_what_is_too_small_to_be_worth_a_way_stays(area_m2: float) -> None:
     wide = math.sqrt(area_m2)
     left = cut(shapely.box(5.0, 5.0, 5.0 + wide, 5.0 + wide))
-    assert bool(left.parts(FIELD, [])) is (area_m2 > GATHER_M2)
+    assert bool(left.parts(FIELD, [])) is (area_m2 > GATHER_M2[0])
 
 
 def test_what_strips_have_left_beside_the_border_is_gathered_by_one_along_it() -> None:
@@ -168,3 +168,16 @@ def test_whatever_was_cut_strips_lead_through_what_was_not(
         assert not any(shapely.LineString(each).intersects(inner) for each in swaths)
     for strip in left.strips(FIELD, [], Pose2(x, 5.0, heading), AROUND):
         assert any(strip.area.intersection(part).area > 0.9 * strip.area.area for part in parts)
+
+
+@pytest.mark.parametrize(("later_m", "fits"), [(0.45, True), (0.75, False)])
+def test_a_strip_keeps_clear_of_keep_outs_by_the_geofences_margin(
+    later_m: float, fits: bool
+) -> None:
+    """Behind where it begins; the strip would have to begin so much later to touch none."""
+    left = cut(shapely.box(4.0, 5.0, 10.0, 5.9))
+    tail_m = 4.0 - 0.3 - VEHICLE.blade_x_m - VEHICLE.rear_overhang_m
+    x = tail_m + later_m
+    post = [(x - 0.2, 5.3), (x, 5.3), (x, 5.6), (x - 0.2, 5.6)]
+    strips = left.strips(FIELD, [post], HERE, AROUND)
+    assert any(abs(s.side.heading_rad) < 0.1 for s in strips) is fits

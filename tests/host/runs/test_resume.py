@@ -361,16 +361,27 @@ def test_what_was_cut_before_counts_on_the_side_that_was_resumed_only(tmp_path: 
     assert (later.side, later.cut_m) == (3, 0.5)
 
 
-@pytest.mark.parametrize("gathered", [1, 3])
-def test_of_a_run_that_was_gathering_what_its_plan_had_left_nothing_is_to_be_resumed(
-    tmp_path: Path, gathered: int
+@pytest.mark.usefixtures("a_quick_disk")
+@pytest.mark.parametrize(("given_up", "resumes_at"), [(False, None), (True, 2)])
+def test_what_gathers_a_plans_remains_is_no_progress_of_it(
+    tmp_path: Path, given_up: bool, resumes_at: int | None
 ) -> None:
-    plan = replace(PLAN, sides=(*PLAN.sides, *PLAN.sides[-gathered:]), gathered=gathered)
-    last = len(PLAN.sides) - 1
-    kept = kept_of(tmp_path / PATH, Stub(last + gathered, 0.5, plan=plan))
-    assert kept.side == last
-    with pytest.raises(UserError, match="the last side was cut to its end"):
-        resume_at(kept, PLAN, tmp_path / PATH)
+    last = 2 if given_up else len(PLAN.sides) - 1
+    cut_m = 1.5 if given_up else PLAN.sides[last].length_m
+    keeper = Keeper(tmp_path / PATH, PLAN, 1, print)
+    keeper.note(cast(Pilot, Stub(last, cut_m)))
+    for gathered in (1, 2, 3):
+        plan = replace(PLAN, sides=(*PLAN.sides[: last + 1], *PLAN.sides[:gathered]))
+        on = Stub(last + gathered, 3.0, Phase.TURN, plan=replace(plan, gathered=gathered))
+        keeper.note(cast(Pilot, on))
+    keeper.close(cast(Pilot, on))
+    kept = load(tmp_path / PATH)
+    assert (kept.side, kept.cut_m, kept.phase) == (last, pytest.approx(cut_m), Phase.TURN)
+    if resumes_at is None:
+        with pytest.raises(UserError, match="the last side was cut to its end"):
+            resume_at(kept, PLAN, tmp_path / PATH)
+    else:
+        assert resume_at(kept, PLAN, tmp_path / PATH)[0] == resumes_at
 
 
 @pytest.mark.usefixtures("a_quick_disk")
