@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from pyproj import Proj
 
@@ -18,12 +18,11 @@ class Pose2(NamedTuple):
     y_m: float
     heading_rad: float
 
-    def ahead(self, along_m: float, left_m: float = 0.0) -> Self:
+    def ahead(self, along_m: float, left_m: float = 0.0) -> Pose2:
         """The pose so far ahead and to the left of this one, with the same heading."""
-        c, s = math.cos(self.heading_rad), math.sin(self.heading_rad)
-        return self._replace(
-            x_m=self.x_m + c * along_m - s * left_m, y_m=self.y_m + s * along_m + c * left_m
-        )
+        x, y, heading = self
+        c, s = math.cos(heading), math.sin(heading)
+        return Pose2(x + c * along_m - s * left_m, y + s * along_m + c * left_m, heading)
 
     def seen_from(self, x_m: float, y_m: float) -> tuple[float, float]:
         """(ahead, left) in metres of a place of the same frame."""

@@ -45,17 +45,11 @@ class Borders:
         """Of points (n, 2) of the machine against the borders nearest to (m, 2) places, as they
         were planned: (m, n, 2, 2), m²; and (m, 2), m, how far those borders lie from there. Of a
         border that lies as planned (1, n, 2, 2) is all."""
-        if not self.outline.states:
-            found = np.empty((1, len(points), 2, 2))
-            near = np.zeros((len(points), 0))
-            spread.of_points(self.p, STATES, *self._axle, points, near, found[0])
-            return found, np.zeros_like(places)
-        near = self.outline.weights(places)
-        found = np.empty((len(places), len(points), 2, 2))
-        for k in range(len(places)):
-            of = near[[k]].repeat(len(points), 0)
-            spread.of_points(self.p, STATES, *self._axle, points, of, found[k])
-        return found, near @ self._moved_m
+        anywhere = not self.outline.states
+        near = np.zeros((1, 0)) if anywhere else self.outline.weights(places)
+        found = np.empty((len(near), len(points), 2, 2))
+        spread.of_points_against(self.p, STATES, *self._axle, points, near, found)
+        return found, np.zeros_like(places) if anywhere else near @ self._moved_m
 
     def as_planned(self, points: Array) -> Array:
         """(n, 2) points of the machine where they would lie if the border nearest to each lay as

@@ -12,6 +12,9 @@ import math
 from typing import Final
 
 import numpy as np
+from numba import njit
+
+from host.estimate.kalman import Array
 
 MOUNT_SIGMA: Final = math.radians(45.0)
 """Of the camera's pitch, with the accelerometer's own zero: nothing is believed of either."""
@@ -26,6 +29,23 @@ UP_RAD: Final = math.radians(8.0)
 round."""
 
 
+@njit(cache=True, nogil=True)
+def _learn(x: Array, p: Array, yaw_rad: float, nose_up_rad: float, lasted_s: float) -> None:
+    """`Climb.learn`, in place, due at each of a phone's samples."""
+    h = np.array([1.0, math.cos(yaw_rad), math.sin(yaw_rad)])
+    p[1, 1] += DRIFT**2 * lasted_s
+    p[2, 2] += DRIFT**2 * lasted_s
+    ph = np.zeros(3)
+    for k in range(3):
+        ph[k] = p[k, 0] * h[0] + p[k, 1] * h[1] + p[k, 2] * h[2]
+    spread = h[0] * ph[0] + h[1] * ph[1] + h[2] * ph[2] + NOISE**2 / lasted_s
+    off = nose_up_rad - (h[0] * x[0] + h[1] * x[1] + h[2] * x[2])
+    for k in range(3):
+        x[k] += ph[k] / spread * off
+        for n in range(3):
+            p[k, n] -= ph[k] / spread * ph[n]
+
+
 class Climb:
     """A recursive least squares fit of (mount's pitch, slope along x, slope along y), rad, in dead
     reckoning's frame."""
@@ -38,12 +58,7 @@ class Climb:
         """The camera has looked so far above the horizon for so long."""
         if not nose_up_rad < UP_RAD or not 0.0 < lasted_s < math.inf:
             return
-        h = np.array([1.0, math.cos(yaw_rad), math.sin(yaw_rad)])
-        self._p[[1, 2], [1, 2]] += DRIFT**2 * lasted_s
-        ph = self._p @ h
-        gain = ph / (float(h @ ph) + NOISE**2 / lasted_s)
-        self._x += gain * (nose_up_rad - float(h @ self._x))
-        self._p -= np.outer(gain, ph)
+        _learn(self._x, self._p, yaw_rad, nose_up_rad, lasted_s)
 
     def uphill(self, yaw_rad: float) -> tuple[float, float]:
         """How steeply the ground rises ahead of a machine with this yaw, rad, and its standard

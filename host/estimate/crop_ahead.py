@@ -4,11 +4,10 @@ are to be believed."""
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
-
-import numpy as np
 
 from host.estimate.odometry import Motion
 from host.vision.view import CropView
@@ -94,7 +93,7 @@ class Ahead:
     def begins_at_m(self) -> float:
         """The travelled distance at which the side's crop begins, by what a machine that backed
         away from it saw; NaN where it saw too little of it."""
-        return float(np.median(self._begins)) if len(self._begins) >= BEGIN_PICTURES else math.nan
+        return statistics.median(self._begins) if len(self._begins) >= BEGIN_PICTURES else math.nan
 
     def begun(self, then: Motion) -> bool:
         """Whether crop at the blade may be the side's."""

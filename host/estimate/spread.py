@@ -1,4 +1,4 @@
-"""Two large products of the covariance that are due at each step or picture, compiled: of most of
+"""Large products of the covariance that are due at each step or picture, compiled: of most of
 its states they take nothing, or one and the same. Where the corners stand among the states is an
 argument: compiled code that is cached would not see another number of states."""
 
@@ -18,29 +18,51 @@ def of_points(
     """Into `found`, (n, 2, 2), m²: of points (n, 2) of a machine whose rear axle is at x, y,
     against a border that moves by `near`, (n, corners), of each corner; their states begin at
     `first`."""
-    corners = near.shape[1]
-    count = 3 + 2 * corners
-    states = np.empty(count, np.int64)
-    by = np.zeros((2, count))
+    count = 3 + 2 * near.shape[1]
+    states, by = np.empty(count, np.int64), np.empty((2, count))
     for m in range(len(points)):
-        states[0], states[1], states[2] = X, Y, YAW
-        by[:, :] = 0.0
-        by[0, 0] = by[1, 1] = 1.0
-        by[0, 2], by[1, 2] = y - points[m, 1], points[m, 0] - x
-        used = 3
-        for k in range(corners):
-            if near[m, k] != 0.0:
-                states[used], states[used + 1] = first + 2 * k, first + 2 * k + 1
-                by[0, used] = by[1, used + 1] = -near[m, k]
-                used += 2
-        for r in range(2):
-            for c in range(r + 1):
-                total = 0.0
-                for i in range(used):
-                    if by[r, i] != 0.0:
-                        for j in range(used):
-                            total += by[r, i] * p[states[i], states[j]] * by[c, j]
-                found[m, r, c] = found[m, c, r] = total
+        _of_point(p, first, points[m, 0] - x, points[m, 1] - y, near[m], states, by, found[m])
+
+
+@njit(cache=True, nogil=True)
+def of_points_against(
+    p: Array, first: int, x: float, y: float, points: Array, near: Array, found: Array
+) -> None:
+    """Into `found`, (m, n, 2, 2), m²: `of_points` of all n points against each of m borders, which
+    move by `near`, (m, corners)."""
+    count = 3 + 2 * near.shape[1]
+    states, by = np.empty(count, np.int64), np.empty((2, count))
+    for k in range(len(near)):
+        for m in range(len(points)):
+            off_x, off_y = points[m, 0] - x, points[m, 1] - y
+            _of_point(p, first, off_x, off_y, near[k], states, by, found[k, m])
+
+
+@njit(cache=True, nogil=True)
+def _of_point(
+    p: Array, first: int, off_x: float, off_y: float, near: Array, states: Array, by: Array,
+    found: Array,
+) -> None:  # fmt: skip
+    """Into `found`, (2, 2), of a point that lies so far from the rear axle, field frame; `states`
+    and `by` are room to work in."""
+    states[0], states[1], states[2] = X, Y, YAW
+    by[:, :] = 0.0
+    by[0, 0] = by[1, 1] = 1.0
+    by[0, 2], by[1, 2] = -off_y, off_x
+    used = 3
+    for k in range(len(near)):
+        if near[k] != 0.0:
+            states[used], states[used + 1] = first + 2 * k, first + 2 * k + 1
+            by[0, used] = by[1, used + 1] = -near[k]
+            used += 2
+    for r in range(2):
+        for c in range(r + 1):
+            total = 0.0
+            for i in range(used):
+                if by[r, i] != 0.0:
+                    for j in range(used):
+                        total += by[r, i] * p[states[i], states[j]] * by[c, j]
+            found[r, c] = found[c, r] = total
 
 
 @njit(cache=True, nogil=True)

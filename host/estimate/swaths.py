@@ -41,6 +41,10 @@ class Swaths:
         """By dead reckoning."""
         self._past: list[Line] = []
         """In the field."""
+        self._all: Line = np.empty((0, 2))
+        """One after the other."""
+        self._ends = np.empty(0, np.int64)
+        """Of each of them, where it ends there."""
 
     def note(self, travelled_m: float, reckoned: Pose2, placed: Pose2) -> None:
         """The blade cuts there. Going over the same ground again adds nothing."""
@@ -60,6 +64,8 @@ class Swaths:
         if len(self._reckoned) > 1:
             self._latest = np.array(self._reckoned)
             self._past.append(np.array(self._placed))
+            self._all = np.concatenate([self._all, self._past[-1]])
+            self._ends = np.append(self._ends, len(self._all))
         self._reckoned, self._placed, self._travelled_m = [], [], -math.inf
 
     def beside(self, reckoned: Pose2, placed: Iterable[Pose2], farther_m: float = 0.0) -> bool:
@@ -68,9 +74,7 @@ class Swaths:
         come `farther_m` than its wheels say."""
         if _beside(self._latest, reckoned, farther_m):
             return True
-        places = [
-            any(_beside(line, at, farther_m) for line in reversed(self._past)) for at in placed
-        ]
+        places = [_beside_any(self._all, self._ends, at, farther_m) for at in placed]
         return bool(places) and all(places)
 
 
@@ -98,3 +102,14 @@ def _beside(line: Line, at: Pose2, farther_m: float) -> bool:
         and (k > 0 or along_m > -BEFORE_BEGIN_M)
         and after_m - farther_m > BEFORE_END_M
     )
+
+
+@njit(cache=True, nogil=True)
+def _beside_any(lines: Line, ends: NDArray[np.int64], at: Pose2, farther_m: float) -> bool:
+    """The same of lines one after the other, of which each ends before its index of `ends`."""
+    begin = 0
+    for end in ends:
+        if _beside(lines[begin:end], at, farther_m):
+            return True
+        begin = end
+    return False

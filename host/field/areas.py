@@ -137,6 +137,20 @@ def _place(
         found[k, 1] = y + s * ahead + c * left
 
 
+@njit(cache=True, nogil=True)
+def _nearest(
+    sides: NDArray[np.float64], place: NDArray[np.float64], found: NDArray[np.float64]
+) -> None:
+    """`Geofence.nearest`, asked at every step."""
+    for k in range(len(sides)):
+        x, y = sides[k, 0], sides[k, 1]
+        along_x, along_y = sides[k, 2] - x, sides[k, 3] - y
+        share = (place[0] - x) * along_x + (place[1] - y) * along_y
+        share /= max(along_x**2 + along_y**2, sweep.NEAR_M**2)
+        share = min(1.0, max(0.0, share))
+        found[k, 0], found[k, 1] = x + share * along_x, y + share * along_y
+
+
 class Level(enum.IntEnum):
     """What the geofence asks for."""
 
@@ -217,10 +231,8 @@ class Geofence:
 
     def nearest(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
         """(m, 2) the place on each of the sides that is nearest to one (2,)."""
-        begin, along = self._sides[:, :2], self._sides[:, 2:] - self._sides[:, :2]
-        share = ((place - begin) * along).sum(axis=1)
-        share /= np.maximum((along**2).sum(axis=1), sweep.NEAR_M**2)
-        found: NDArray[np.float64] = begin + np.clip(share, 0.0, 1.0)[:, np.newaxis] * along
+        found = np.empty((len(self._sides), 2))
+        _nearest(self._sides, place, found)
         return found
 
     def check(

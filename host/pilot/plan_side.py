@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import shapely
-
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import AT_BLADE_M, Ahead
@@ -265,12 +263,10 @@ class PlanSide(Strip):
         """Whether the blade is farther inside the boundary, as that was found, than any belief
         errs."""
         position = self.estimate.position
-        corners = position.outline.corners  # of a boundary that nobody measures there are none
-        if not (position.known and corners) or position.likely > 0.0:
+        if not position.known or position.likely > 0.0:
             return False
         blade = Pose2(*position.pose).ahead(self.vehicle.blade_x_m)
-        field, at = shapely.Polygon(corners), shapely.Point(blade[:2])
-        inside_m = field.exterior.distance(at) if field.contains(at) else 0.0
+        inside_m = position.outline.inside_m(blade.x_m, blade.y_m)
         return inside_m > max(DEEP_M, DEEP_SIGMAS * position.corners_sigma_m)
 
     def _beyond_doubt(self, more_m: float) -> bool:
