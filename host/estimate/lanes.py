@@ -17,8 +17,7 @@ LANE_SIGMA = (0.06, math.radians(0.5))
 """Of the outer edge's line against the plan's, m and rad."""
 LEFT_SIGMA = (0.3, math.radians(5.0))
 """The same of what strips have left: its edges are no straight lines, and where these strips were
-cut is known by the places of then. What is seen of them leads the machine, and says nothing of
-where it is."""
+cut is known by the places of then."""
 RING_SIGMA = (0.02, math.radians(0.2))
 RING_ENDS_M = 0.1
 """What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by

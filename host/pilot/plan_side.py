@@ -308,6 +308,8 @@ class PlanSide(Strip):
     def goes_on(self, motion: Motion) -> None:
         """Crop stood at the blade then: a side whose end is not known yet does not end before."""
         self._crop_at_m = max(self._crop_at_m, motion.distance_m)
+        if self.side.left_over:
+            return
         ago_m = self.estimate.motion.distance_m - motion.distance_m
         self.estimate.position.crop_at(self._straight[-1], ago_m)
         late_m = max(self._crop_to_m, self._cut_m(motion)) - self._expected_m
@@ -359,8 +361,8 @@ class PlanSide(Strip):
     @property
     def _may_lie_elsewhere(self) -> bool:
         """Whether an end elsewhere than expected tells where the border lies, and not the
-        machine."""
-        return self.new and not self._border_met
+        machine. What strips have left ends at no border."""
+        return self.new and not self._border_met and not self.side.left_over
 
     @property
     def outward_m(self) -> float:
