@@ -48,6 +48,8 @@ SETTLE_S: Final = 2.0
 """After the machine was told to stand, until its blade's dust has settled;"""
 LOOK_S: Final = 3.5
 """and until that look is over."""
+STANDS_STILL_M: Final = 0.01
+"""From picture to picture: a machine that creeps comes 0.015 m."""
 HISTORY_S: Final = 2.0
 """Of the way driven, kept for pictures that come late: more than any camera's delay."""
 
@@ -79,11 +81,14 @@ class CutGuard:
         """The way at the side's beginning."""
         self._slack_m = 0.0
         self._cutting = False
-        """Whether a picture has shown this side's crop at the blade."""
+        """Whether pictures have shown this side's crop at the blade."""
         self._clear_from_m: float | None = None
         self._held_since: float | None = None
         self._at_blade = 0
-        """Pictures in a row that showed crop there."""
+        """Pictures in a row that showed crop there; of a machine that stands, how many more did
+        than did not."""
+        self._pictured_m = -math.inf
+        """The way at the last picture."""
         self._look = _Look()
         self._crossing = False
         """Whether it goes on over clear ground, its blade off, after such a look."""
@@ -183,7 +188,7 @@ class CutGuard:
         if along or view.edge_beside_m < ALONGSIDE_M:
             self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
-        self._at_blade = self._at_blade + 1 if at_blade else 0
+        self._count(then_m, at_blade)
         sure = view.confidence >= CONFIDENT
         in_line = sure and abs(view.edge_offset_m) < IN_LINE_M
         if looks:
@@ -196,12 +201,21 @@ class CutGuard:
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             goes_on = swath or (own and in_line)
-            surely = (goes_on or self._at_blade >= AT_BLADE_PICTURES) and not dusty
-            ends_it = self._clear_from_m is None or surely
+            surely = goes_on or self._at_blade >= AT_BLADE_PICTURES
+            meets = surely if not self._cutting else self._clear_from_m is None
+            ends_it = meets or (surely and not dusty)
             if (patch or goes_on) and ends_it and self._held_since is None:
                 self._cutting, self._clear_from_m, self._crossing = True, None, False
-        elif view.crop_ahead_m > CLEAR_M and self._cutting and self._clear_from_m is None:
-            self._clear_from_m = then_m
+        elif view.crop_ahead_m > CLEAR_M and self._cutting and self._at_blade == 0:
+            self._clear_from_m = then_m if self._clear_from_m is None else self._clear_from_m
+
+    def _count(self, then_m: float, at_blade: bool) -> None:
+        """How many pictures show crop at the blade. From one place they err now and then, and the
+        latest of them together say what stands there."""
+        stands = abs(then_m - self._pictured_m) < STANDS_STILL_M
+        self._pictured_m = then_m
+        fewer = max(0, self._at_blade - 1) if stands else 0
+        self._at_blade = min(self._at_blade + 1, AT_BLADE_PICTURES) if at_blade else fewer
 
     def _shown(self, beside: bool) -> bool:
         """Whether a picture has shown an edge beside the machine of late. Where the gap lies beside

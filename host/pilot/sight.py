@@ -128,11 +128,11 @@ class Sight:
 
     def glances(self, strip: Strip, turning: Turning | None) -> bool:
         """Whether pictures are only glanced at: a turn is driven by dead reckoning until it backs
-        along the next side; but round a corner that was found just now the machine looks where it
-        goes."""
+        along the next side; but round a corner that was found just now, and on a way elsewhere,
+        the machine looks where it goes."""
         if turning is None or turning.leg is None:
             return False
-        return not (turning.backing or turning.beside or strip.new)
+        return not (turning.backing or turning.beside or turning.elsewhere or strip.new)
 
     def take(
         self,

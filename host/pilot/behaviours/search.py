@@ -7,7 +7,16 @@ import math
 from host.estimate.crop_ahead import CONFIDENT
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
-from host.pilot.endings import Blind, Elsewhere, SideEnd, blind, leave_rest, leave_strip
+from host.pilot.endings import (
+    Blind,
+    Elsewhere,
+    SideEnd,
+    Standing,
+    blind,
+    leave_rest,
+    leave_strip,
+    or_gather,
+)
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
@@ -39,7 +48,7 @@ class Search(Behaviour):
 
     phase = Phase.SEARCH
     gaze = Gaze(begins=True)
-    reasons = (Why, Blind, SideEnd, Elsewhere)
+    reasons = (Why, Blind, SideEnd, Elsewhere, Standing)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -88,7 +97,8 @@ class Search(Behaviour):
         """Something that stands ahead at no sure distance, or right before the lens, may be seen
         better from another place, and so may whatever lies right beside what the machine has cut.
         Past what stands beside a strip, what is left of it stays. Else a person must see, unless
-        next to nothing of the plan is left."""
+        next to nothing of the plan is left, or it is this place where stems stand right before the
+        lens: then it may go elsewhere first."""
         context, view = self.context, self.context.sight.view
         stands = view is not None and (view.hidden or math.isfinite(view.crop_ahead_m))
         if (stands or context.strip.beside_swath) and context.goes_unseeing(now):
@@ -99,7 +109,8 @@ class Search(Behaviour):
         if context.turning is not None and context.turning.passes:
             context.begin_strip()
             return leave_strip(context, now)
-        return Why.NOTHING_TO_SEE.go()
+        go = Why.NOTHING_TO_SEE.go()
+        return or_gather(context, go) if view is not None and view.hidden else go
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
         """No crop in view after a turn: the end, unless the plan still has a long side here that is

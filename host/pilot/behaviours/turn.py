@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import shapely
 
+from host.core.frames import Pose2
 from host.estimate.crop_ahead import AT_BLADE_M
 from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S, Context
 from host.pilot.endings import Blind, blind, leave_rest
-from host.pilot.guard import NEARER, SeenFree
+from host.pilot.guard import INTO_CROP_M, NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.route.manoeuvre import RUN_IN_M, SHORT_M, Lane, way
@@ -40,6 +41,9 @@ INSIDE_M = 0.1
 """Beyond where a known side's crop should begin, a blade stands inside it."""
 ARRIVES_M = 1.5
 """Farther back, at most, a way from elsewhere comes to the lane: what a camera sees of it."""
+IN_THE_WAY_M = 0.5
+"""Through what pictures surely show as crop, on a way elsewhere that is to lead over what was cut:
+more than a remnant's width, and little of a gap."""
 OPEN = (math.inf, 0.0)
 """Nothing that is pressed down counts: what stands is given as what is in the way."""
 SEEN_BACK_M = (0.8, 1.2)
@@ -60,6 +64,11 @@ class Why(Reason):
         "no room to turn {deg} deg more: drive it to where it has, or to a corner of what stands",
     )
     NO_WAY = Doing.GATHER, "{side}: no way leads there"
+    IN_THE_WAY = (
+        Doing.FAULT,
+        "crop stands where none was left: the machine has lost its place, put it on a corner of "
+        "what stands",
+    )
     LEFT_NO_ROOM = Doing.FINISH, "there is no room to turn to what is left"
     ROLLS = Doing.FAULT, "told to stand, it rolls: the slope is too steep for its brake"
 
@@ -76,6 +85,8 @@ class DriveTurn(Behaviour):
         """In how many rooms another way has been looked for; None: none is."""
         self._standing: list[shapely.Polygon] = []
         """What it is not to lead through."""
+        self._free_at_m = context.motion.distance_m
+        """Travelled when nothing was last in the way."""
         self._doubt_m = context.strip.begin_doubt_m
         """How much farther back the next side may begin; pictures on the way make it surer."""
 
@@ -113,6 +124,8 @@ class DriveTurn(Behaviour):
             return context.hold(), Why.TURNED.go()
         leg = turning.leg
         assert leg is not None
+        if self._in_the_way(now, leg):
+            return context.hold(), Why.IN_THE_WAY.go()
         if self.leg_done(now):
             self._next(now)
             return context.drive(leg.steer_rad, 0.0, blade=False), None
@@ -226,6 +239,21 @@ class DriveTurn(Behaviour):
         sight = self.context.sight
         at_blade = sight.view is not None and sight.view.crop_ahead_m < AT_BLADE_M
         return at_blade and sight.sees_ahead() and now - sight.stamp < SLOW_AFTER_S
+
+    def _in_the_way(self, now: float, leg: Leg) -> bool:
+        """Whether a machine that gathers drives through crop where it believes to have cut it:
+        wherever that is, it is not where it believes to be."""
+        context = self.context
+        here_m = context.motion.distance_m
+        if not self.turning.elsewhere or leg.reverse or not self._inside(now) or self._left_here():
+            self._free_at_m = here_m
+        return here_m - self._free_at_m > IN_THE_WAY_M
+
+    def _left_here(self) -> bool:
+        """Whether the blade is where crop is believed to stand."""
+        blade = Pose2(*self.context.estimate.position.pose).ahead(self.context.vehicle.blade_x_m)
+        at = shapely.Point(blade[:2])
+        return any(part.distance(at) < INTO_CROP_M for part in self._standing)
 
     def _next(self, now: float) -> None:
         turning, lane = self.turning, self.context.estimate.lane

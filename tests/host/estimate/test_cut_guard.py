@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -371,3 +373,39 @@ def test_a_picture_now_and_then_that_takes_the_next_crop_for_crop_at_the_blade_e
     drive.run(30.0)
     assert drive.guard.refused
     assert 4.0 < drive.bladed_to < 5.6
+
+
+def test_one_picture_of_crop_at_the_blade_begins_no_clear_ground_before_that_is_met() -> None:
+    """What was left of its way to the crop counted as clear ground (model field 11025)."""
+    shown = iter([0.0])
+    drive = Drive(lambda x: next(shown, 0.0) if 0.1 < x < 0.13 else max(0.0, 1.5 - x))
+    drive.run(8.0)
+    assert drive.bladed_to > 3.0
+
+
+@pytest.mark.parametrize(("pattern", "ended"), [((0.0, 0.0, 0.5), True), ((0.0, 0.5, 0.5), False)])
+def test_a_machine_that_stands_takes_most_of_what_its_pictures_show_for_what_stands_there(
+    pattern: tuple[float, ...], ended: bool
+) -> None:
+    """In the dust after a look that showed crop at the blade, but never three times in a row,
+    clear ground grew until the machine gave up (model field 11106)."""
+    shown = itertools.cycle(pattern)
+    drive = Drive(lambda _: 0.0)
+    drive.run(1.0)
+    drive.crop_ahead = lambda _: next(shown)
+    drive.run(3.0, replace(GO, speed_mps=0.0))
+    drive.sure = False
+    drive.run(0.5)
+    assert (drive.guard.clear_m == 0.0) is ended
+
+
+def test_clear_ground_that_shows_once_the_dust_has_settled_is_clear_ground() -> None:
+    """However long the machine has stood in the dust that looked like crop."""
+    drive = Drive(lambda _: 0.0)
+    drive.run(1.0)
+    drive.run(10.0, replace(GO, speed_mps=0.0))
+    drive.crop_ahead = lambda _: 2.0
+    drive.run(0.5, replace(GO, speed_mps=0.0))
+    drive.sure = False
+    drive.run(0.5)
+    assert drive.guard.clear_m > 0.1

@@ -99,7 +99,7 @@ from host.route.manoeuvre import Lane as LaneTo
 from host.route.plan import Plan, spiral
 from host.route.side import Side
 from host.route.turn_legs import Follow as Along
-from host.route.turn_legs import Goal, Turn, driven, shuttle
+from host.route.turn_legs import Goal, Leg, Turn, driven, shuttle
 from host.vision.view import CropView
 from tests.helpers.places import wandered
 
@@ -1705,7 +1705,7 @@ def test_stems_right_before_the_lens_begin_no_strip() -> None:
         seeing(context, hidden if k % PICTURES == 0 or k > MOST_PICTURES else clear, stamp=stamp)
         search.append(behaviour.step(stamp)[1])
     assert all(go is None for go in search[:-1])
-    assert is_for(search[-1], Searched.NOTHING_TO_SEE)
+    assert is_for(search[-1], Standing.LEFT)
 
 
 def test_stems_right_beside_what_it_has_cut_are_the_strips_own() -> None:
@@ -1769,6 +1769,13 @@ def test_search_that_makes_nothing_out_needs_a_person() -> None:
     hazy = replace(CUTTING, ahead_confidence=0.2)
     goes = searched(turned(), hazy, MOST_PICTURES + 1)
     assert [go.reason for go in goes] == [Searched.NOTHING_TO_SEE]
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_where_stems_stand_right_before_the_lens_it_goes_elsewhere_first(hidden: bool) -> None:
+    """The turn ended inside the strip (model field 11118)."""
+    [go, *_] = searched(turned(), CropView(0.0, hidden=hidden), MOST_PICTURES + 1)
+    assert is_for(go, Standing.LEFT if hidden else Searched.NOTHING_TO_SEE)
 
 
 def test_where_next_to_nothing_is_left_nobody_is_called_for_it() -> None:
@@ -1982,6 +1989,44 @@ def test_where_no_way_leads_there_something_else_is_gathered(
     begins_m = -VEHICLE.blade_x_m - RUN_IN_M
     assert {lane.from_m for lane in asked} == {begins_m - ARRIVES_M}, "not far before the crop"
     assert len(asked) == LOOKS, "once in each room"
+
+
+@pytest.mark.parametrize(
+    ("view", "reverse", "y_m", "stops"),
+    [
+        (CUTTING, False, 9.0, True),
+        (CUTTING, True, 9.0, False),
+        (CUTTING, False, 5.0, False),
+        (replace(CUTTING, crop_ahead_m=0.5), False, 9.0, False),
+        (replace(CUTTING, ahead_confidence=0.2), False, 9.0, False),
+    ],
+)
+def test_a_machine_that_finds_crop_where_it_has_cut_it_has_lost_its_place(
+    view: CropView, reverse: bool, y_m: float, stops: bool
+) -> None:
+    """Six metres from where it believed to be, a machine that went to what was left drove into the
+    neighbour's crop (model field 11057). Crop still stands from 4 m to 6 m."""
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    assert context.turning is not None
+    turn = DriveTurn(context)
+    turn.enter(NOW)
+    while context.turning.leg is None:
+        turn.step(NOW)
+    context.turning.lay_anew((Leg(0.0, reverse, Goal.WAY, 9.0),), NOW)
+    begun_m = context.motion.distance_m
+    goes = []
+    for k in range(30):
+        stamp = NOW + 0.1 * k
+        moved(context, begun_m + 0.03 * k, 0.3, stamp=stamp)
+        context.estimate.position.place(Side(2.0, y_m, 0.0, 6.0, 0.9, 6.0), 0.0, 0.0, 0.0)
+        seeing(context, view, stamp=stamp)
+        goes.append(turn.step(stamp)[1])
+    found = [(k, go) for k, go in enumerate(goes) if go is not None]
+    assert bool(found) is stops
+    if found:
+        assert is_for(found[0][1], Turned.IN_THE_WAY)
+        assert 0.03 * found[0][0] < 0.6
 
 
 def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:

@@ -263,6 +263,22 @@ def test_a_border_that_a_side_before_has_met_does_not_move(index: int, moves: bo
     assert (abs(strip.side.length_m - length_m) > 1.0) is moves
 
 
+@pytest.mark.parametrize("left_over", [False, True])
+def test_where_crop_that_strips_have_left_ends_lies_no_border(left_over: bool) -> None:
+    """In ten pictures its end took the boundary 7 m along (model field 11057)."""
+    side = replace(NEW.sides[0], left_over=left_over)
+    context = along(8.0, replace(NEW, sides=(side, *NEW.sides[1:])))
+    strip, outline = strip_of(context), context.estimate.position.outline
+    before = np.array(outline.corners)
+    moved(context, side.length_m + 0.4)
+    strip.goes_on(context.motion)
+    on = np.abs(np.array(outline.corners) - before).max()
+    strip.ends_at(side.length_m - 3.0)
+    ended = np.abs(np.array(outline.corners) - before).max()
+    assert bool(on == ended == 0.0) is left_over
+    assert bool(on > 0.1) is not left_over
+
+
 def test_crop_far_past_where_a_side_may_end_is_another_error_and_moves_no_end() -> None:
     """Dust after an end that nobody saw looked like crop for 2 m (random field 10053)."""
     context = along(8.0)
