@@ -59,6 +59,10 @@ class Beside(Reason):
     """The machine has come off its crop, or is led off it."""
 
     REGAIN = Doing.REGAIN, "the crop stands beside the machine: going back to drive along it"
+    AGAIN = (
+        Doing.REGAIN,
+        "clear ground for {clear} m where the plan has crop: going back to look from there",
+    )
     PAST = Doing.TURN, "{side}: past what stands beside it, to where it goes on"
 
 

@@ -361,7 +361,7 @@ class Sight:
         """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
         next once the crop begins ahead of the blade, or beside it all the way. Else the picture
         shows the crop's flank; and so it does where the crop's border slants across the strip, or a
-        tip stayed where the strip before it was begun."""
+        tip stayed where the strip before it was begun. Of a strip that is sought any edge is."""
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
             along = turning.beside and min(-expected, strip.left_m()) > ALONG_M
@@ -378,7 +378,8 @@ class Sight:
             return False
         if self._before_begin(view, strip, then):
             return False
-        return strip.shows_edge(strip.along_m(then)) and not self._tip(view, strip, then)
+        shows = strip.sought or strip.shows_edge(strip.along_m(then))
+        return shows and not self._tip(view, strip, then)
 
     def _before_begin(self, view: CropView, strip: Strip, then: Motion) -> bool:
         """Whether what stands in the picture taken then stands before any crop of the strip."""
@@ -390,11 +391,10 @@ class Sight:
 
     def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:
         """Whether the right end of the crop at the blade may be what the strip before has left
-        beside this one: a turn that lacks room ends with the blade inside the strip's beginning,
-        and so did the turn before it."""
+        beside this one: turns that lack room end with the blade inside a strip's beginning."""
         lane = self._estimate.lane
         begun_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
         outside_m = -(strip.edge_m(view, then) + lane.blade_offset_m)
-        if strip.new or begun_m >= TIP_M or not outside_m > LEAP_M:
+        if strip.new or strip.sought or begun_m >= TIP_M or not outside_m > LEAP_M:
             return False
         return not self.ahead.approached or outside_m > TIP_SIGMAS * lane.offset_sigma_m

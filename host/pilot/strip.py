@@ -80,6 +80,8 @@ class Strip:
     """From the beginning of the crop back to the boundary or a keep-out."""
     bent = False
     """Whether its edge bends on the way."""
+    sought = False
+    """Whether the machine has lost its crop, and takes for its edge whatever edge is seen."""
     shift_m = 0.0
     """How far right of its usual place the lane lies."""
     width_m = 0.0

@@ -161,11 +161,14 @@ class Follow(Behaviour):
             go = end_by_plan(context, now)
             if go is not None:
                 return go
+        clear_m = f"{guard.clear_m:.1f}"
+        if context.regained == 0 and context.strip.placed:
+            return Beside.AGAIN.go(clear=clear_m)
         if guard.unseen and not context.sight.sees_ahead():
             why = context.why_unseen("no sure view")
-            return Why.NOTHING_SEEN.go(clear=f"{guard.clear_m:.1f}", why=why)
+            return Why.NOTHING_SEEN.go(clear=clear_m, why=why)
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
-        return Why.CLEAR_GROUND.go(clear=f"{guard.clear_m:.1f}", more=more)
+        return Why.CLEAR_GROUND.go(clear=clear_m, more=more)
 
     def _ends(self, now: float) -> Go | None:
         """An end that pictures show where the plan has it and no dust may feign it."""

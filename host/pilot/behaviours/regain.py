@@ -1,5 +1,6 @@
-"""Regain: the machine has come off its crop, which stands beside it. Back along its own way, the
-blade off, to before where it came off, and on along the edge as it has been seen from there.
+"""Regain: the machine has come off its crop, which stands beside it, or has clear ground before it
+where the plan has crop. Back along its own way, the blade off, to before where it came off, and on
+along the edge as it has been seen from there.
 
 It drives over no ground that it has not been on along this strip: forward again, clear ground is
 allowed as far as it was before (host.estimate.cut_guard).
@@ -48,6 +49,7 @@ class Regain(Behaviour):
         least_m = begun_at.distance_m if begun_at is not None else -math.inf
         self._to_m = max(least_m, context.motion.distance_m - back_m)
         context.regained += 1
+        context.strip.sought = True
         context.bare = 0
 
     def step(self, now: float) -> Step:

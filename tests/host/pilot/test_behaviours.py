@@ -834,8 +834,7 @@ def test_clear_ground_where_next_to_nothing_is_left_ends_the_field(
     side = PLAN.sides[0]
     plan = replace(PLAN, sides=(replace(side, length_m=150.0), side, replace(side, length_m=0.01)))
     context = on_side(1, plan, cut_m=side.length_m - left_m)
-    context.estimate.cut.refused = True
-    assert is_for(Follow(context).step(NOW)[1], reason)
+    assert is_for(refused(context, beside=False, again=True), reason)
 
 
 @pytest.mark.parametrize(
@@ -852,8 +851,8 @@ def test_clear_ground_on_a_side_that_is_all_but_driven_ends_it_once(
     """It has crossed long clear ground, beside crop that it could not get at."""
     monkeypatch.setattr(CutGuard, "clear_m", 5.0)
     context = on_side(cut_m=PLAN.sides[0].length_m - left_m)
-    context.by_plan, context.estimate.cut.refused = again, True
-    assert is_for(Follow(context).step(NOW)[1], reason)
+    context.by_plan = again
+    assert is_for(refused(context, beside=False, again=True), reason)
 
 
 @pytest.mark.parametrize(
@@ -866,8 +865,7 @@ def test_clear_ground_on_a_short_side_leads_on_to_the_next(
     monkeypatch.setattr(CutGuard, "clear_m", 5.0)
     sides = PLAN.sides[0], replace(PLAN.sides[1], length_m=length_m), PLAN.sides[2]
     context = on_side(1, replace(PLAN, sides=sides), cut_m=0.5)
-    context.estimate.cut.refused = True
-    assert is_for(Follow(context).step(NOW)[1], reason)
+    assert is_for(refused(context, beside=False, again=True), reason)
 
 
 # ---- the looks, the doubt ------------------------------------------------------------------------
@@ -2125,6 +2123,28 @@ def test_beside_a_strip_that_was_begun_inside_a_tip_is_no_edge(
     assert taken is (approached or begun_m > 1.0 or outside_m < 0.3)
 
 
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("slants", [False, True])
+def test_a_machine_that_went_back_for_its_crop_takes_whatever_edge_it_sees(
+    slants: bool, back: bool
+) -> None:
+    """It was 1.2 m inside, its strip's border slanted, and for a minute all its pictures showed it
+    the edge, which none believed (model field 11086)."""
+    side = replace(PLAN.sides[0], edge_begin_m=2.0 if slants else 0.0)
+    eye = Shown(replace(CUTTING, edge_offset_m=-0.7))
+    context = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:])), cut_m=0.5, eye=eye)
+    context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
+    context.sight.ahead.approached = False
+    if back:
+        refused(context, beside=True)
+        Regain(context).enter(NOW)
+    for k in range(LEAP_PICTURES):
+        moved(context, 0.52 + 0.02 * k, 0.3, stamp=NOW + 0.1 * k)
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Regain.gaze, context.strip, None, NOW, context.look.settled)
+    assert (context.estimate.lane.blade_offset_m > 0.05) is back
+
+
 @pytest.mark.parametrize(
     ("before_m", "sigma_m", "taken"), [(0.8, 0.1, True), (2.5, 0.1, False), (2.5, 1.0, True)]
 )
@@ -2314,18 +2334,23 @@ def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt(
     assert context.sight.view.crop_ahead_m == ahead_m
 
 
-def refused(context: Context, *, beside: bool) -> Go | None:
-    """What following makes of clear ground that a look has confirmed."""
+def refused(context: Context, *, beside: bool, again: bool = False) -> Go | None:
+    """What following makes of clear ground that a look has confirmed; `again`: that the machine
+    came back to."""
+    context.regained += again
     context.estimate.cut.refused = True
     context.sight.beside_at_m = context.motion.distance_m if beside else -math.inf
     return Follow(context).step(NOW)[1]
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_clear_ground_with_crop_beside_it_sends_the_machine_back_twice(beside: bool) -> None:
+def test_clear_ground_sends_the_machine_back_twice_with_crop_beside_it_and_once_without(
+    beside: bool,
+) -> None:
     context = on_side(cut_m=3.0)
+    assert is_for(refused(context, beside=beside), Beside.REGAIN if beside else Beside.AGAIN)
     wanted = Beside.REGAIN if beside else Followed.CLEAR_GROUND
-    assert is_for(refused(context, beside=beside), wanted)
+    assert is_for(refused(context, beside=beside, again=True), wanted)
     context.regained = REGAINS
     assert is_for(refused(context, beside=beside), Followed.CLEAR_GROUND)
     context.begin_strip()
@@ -2344,7 +2369,7 @@ def test_a_look_that_shows_nothing_is_not_told_as_clear_ground() -> None:
     context = on_side(cut_m=3.0)
     stems = replace(CUTTING, confidence=0.0, ahead_confidence=0.0, reason="stems before the lens")
     seeing(context, stems)
-    go = refused(context, beside=False)
+    go = refused(context, beside=False, again=True)
     assert is_for(go, Followed.NOTHING_SEEN)
     assert go is not None
     assert "stems before the lens" in go.text

@@ -265,6 +265,8 @@ def test_a_bare_patch_does_not_end_a_side() -> None:
 def test_crop_behind_clear_ground_as_wide_as_a_gap_is_left_to_a_person() -> None:
     """As far from the plan's end as a boundary may err: there it may be the neighbour's."""
     world, pilot = over_clear_ground(1.5, at_m=7.0)
+    assert pilot.phase is Phase.HESITATE, "it goes back once, to look from there"
+    drive(world, pilot, 40.0)
     assert pilot.phase is Phase.FAULT
     assert pilot.reason.startswith("clear ground for")
     assert world.y + VEHICLE.blade_x_m < 8.3
