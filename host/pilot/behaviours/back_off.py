@@ -1,6 +1,6 @@
 """Back off: the edge is lost. Stand until it is in view again; after a while back over the swath,
-the blade off: crop that filled the picture is a face again. Once for each time that it is lost, a
-few times for each side.
+the blade off: crop that filled the picture is a face again. Once for each time that it is lost, and
+again while stems stand right before the lens, a few times for each side.
 
 If that is in vain, a machine inside its crop goes on by half a metre, and looks again: crop stood
 at its blade in a look without dust, and no gap is so narrow that it lies between two such looks.
@@ -71,6 +71,8 @@ class BackOff(Behaviour):
         self._from: Motion | None = None
         """Where the machine began to back; None while it stands."""
         self._backed = False
+        self._stood_at = -math.inf
+        """Since when it has stood again."""
         self._lost_at_m = context.motion.distance_m
         """The travelled distance where the edge was lost."""
         self._judged = -math.inf
@@ -127,8 +129,8 @@ class BackOff(Behaviour):
         return stands and lane.offset_sigma_m < CREEP_SIGMA_M
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
-        del now, verdict
-        self._from = None
+        del verdict
+        self._from, self._stood_at = None, now
         return None
 
     def paused(self, now: float) -> None:
@@ -142,7 +144,9 @@ class BackOff(Behaviour):
         context, motion = self.context, self.context.motion
         sees = now - context.sight.usable.stamp < SLOW_AFTER_S
         if self._from is None:
-            due = now - context.since > BACK_AFTER_S and not self._backed
+            again = self._backed and context.sight.view is not None and context.sight.view.hidden
+            due = now - max(context.since, self._stood_at) > BACK_AFTER_S
+            due = due and (again or not self._backed)
             cut_m = context.cut_m if context.sight.ahead.entered else 0.0
             clear = cut_m > BACK_M or context.guard.fenced
             if due and sees and context.backs < BACKS and clear:
@@ -151,7 +155,7 @@ class BackOff(Behaviour):
             return context.hold()
         coast = abs(motion.speed_mps) * context.vehicle.drive_lag_s
         if not sees or self._from.distance_m - motion.distance_m + coast > BACK_M:
-            self._from = None
+            self._from, self._stood_at = None, now
             return context.hold()
         estimate, vehicle = context.estimate, context.vehicle
         steer = steering_law.back(estimate.lane, vehicle)

@@ -1043,6 +1043,21 @@ def backing_off(context: Context) -> tuple[BackOff, float]:
     return behaviour, late
 
 
+@pytest.mark.parametrize("hidden", [True, False])
+def test_back_off_backs_on_while_stems_stand_right_before_the_lens(hidden: bool) -> None:
+    """What the blade has left lay just before the lens of a machine that backed once, and hid all
+    for a minute (model field 11057)."""
+    context = on_side()
+    behaviour, late = backing_off(context)
+    moved(context, 5.0 - BACK_M - 0.01)
+    context.sight.view = CropView(0.0, hidden=hidden)
+    assert stands(behaviour.step(late)[0])
+    for waited_s, backs in ((BACK_AFTER_S - 0.1, False), (BACK_AFTER_S + 0.1, hidden)):
+        context.sight.usable.stamp = late + waited_s
+        behaviour.step(late + waited_s)
+        assert (behaviour.step(late + waited_s)[0].speed_mps < 0.0) is backs
+
+
 def test_back_off_stands_where_the_geofence_is_and_where_it_has_backed_often() -> None:
     context = on_side()
     behaviour, late = backing_off(context)

@@ -480,3 +480,20 @@ def test_what_a_look_shows_before_the_dust_has_settled_is_not_believed() -> None
     assert pilot.cut_m > 12.0, pilot.reason
     assert any("without the blade's dust" in t.reason for t in pilot.transitions)
     assert world.x == pytest.approx(before, abs=0.05)
+
+
+def test_crop_that_is_met_with_the_blade_off_is_no_dust() -> None:
+    """Where it had crossed clear ground, a machine that had been in dust before drove through its
+    crop with its blade off, and what stayed hid all from its lens (model field 11057)."""
+    world, eyes, pilot = cutting(LONG, metres=8.0)
+    bare(world, 10.0, 11.5)
+
+    def unsure(view: CropView) -> CropView:
+        """Every third picture shows its edge."""
+        seen = round(10 * world.now) % 3 == 0
+        return beside(0.0)(view) if seen else replace(view, confidence=0.2)
+
+    eyes.spoil = unsure
+    drive(world, pilot, 120.0, until=lambda: world.y + VEHICLE.blade_x_m > 14.0 or pilot.done)
+    assert not pilot.done, pilot.reason
+    assert not standing(world, 12.3, 13.5)
