@@ -83,6 +83,8 @@ class CutGuard:
         self._cutting = False
         """Whether pictures have shown this side's crop at the blade."""
         self._clear_from_m: float | None = None
+        self._clear_to_m = -math.inf
+        """As far as pictures have shown that ground to be clear."""
         self._held_since: float | None = None
         self._at_blade = 0
         """Pictures in a row that showed crop there; of a machine that stands, how many more did
@@ -203,11 +205,14 @@ class CutGuard:
             goes_on = swath or (own and in_line)
             surely = goes_on or self._at_blade >= AT_BLADE_PICTURES
             meets = surely if not self._cutting else self._clear_from_m is None
-            ends_it = meets or (surely and not dusty)
+            due = self._short and then_m > self._clear_to_m - STANDS_M
+            ends_it = meets or (surely and (due or not dusty))
             if (patch or goes_on) and ends_it and self._held_since is None:
                 self._cutting, self._clear_from_m, self._crossing = True, None, False
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._at_blade == 0:
-            self._clear_from_m = then_m if self._clear_from_m is None else self._clear_from_m
+            if self._clear_from_m is None:
+                self._clear_from_m, self._clear_to_m = then_m, -math.inf
+            self._clear_to_m = max(self._clear_to_m, then_m + view.crop_ahead_m)
 
     def _count(self, then_m: float, at_blade: bool) -> None:
         """How many pictures show crop at the blade. From one place they err now and then, and the
@@ -222,6 +227,13 @@ class CutGuard:
         the side, too, only one that goes on in line."""
         at_m = self._line_at_m if beside else self._edge_at_m
         return self._way_m - at_m < SHOWN_FOR_M
+
+    @property
+    def _short(self) -> bool:
+        """Whether every picture of the clear ground has shown crop behind less of it than a gap's:
+        what is left of the way to crop that was not there yet, or a patch."""
+        from_m = self._clear_from_m
+        return from_m is not None and self._clear_to_m - from_m < END_CLEAR_M
 
     @property
     def _allowed_m(self) -> float:
@@ -258,7 +270,7 @@ class CutGuard:
         if now - self._held_since > LOOK_S:
             look = self._look
             near = not swath and (beside or (ends and not own))
-            gap = near and self.clear_m >= END_CLEAR_M
+            gap = near and self.clear_m >= END_CLEAR_M and not self._short
             in_line = look.in_line > max(look.aside, IN_LINE_SHARE * look.crop)
             if look.crop > look.clear and (in_line or not gap):
                 self._held_since = self._clear_from_m = None

@@ -11,7 +11,7 @@ import pytest
 
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import END_CLEAR_M
+from host.estimate.crop_ahead import CLEAR_M, END_CLEAR_M
 from host.estimate.cut_guard import ALONGSIDE_M, LOOK_S, PATCH_M, SHOWN_M, CutGuard
 from host.vision.view import CropView
 
@@ -42,6 +42,8 @@ class Drive:
         """Whether it is right beside what it has cut."""
         self.ends = self.beside = False
         """Whether the side may end here."""
+        self.dusty = False
+        """Whether crop at the blade may be dust."""
         self.edge_m = math.nan
         """Where pictures surely show an edge; NaN: they show none."""
         self.beside_m = math.nan
@@ -77,7 +79,7 @@ class Drive:
                 crop_ahead_m=ahead,
                 ahead_confidence=0.9 if self.sure else 0.2,
             )
-            self.guard.take_picture(self.t, view, own=self.own, swath=self.swath)
+            self.guard.take_picture(self.t, view, own=self.own, swath=self.swath, dusty=self.dusty)
         return self.last
 
 
@@ -409,3 +411,40 @@ def test_clear_ground_that_shows_once_the_dust_has_settled_is_clear_ground() -> 
     drive.sure = False
     drive.run(0.5)
     assert drive.guard.clear_m > 0.1
+
+
+def through_dust(shown_m: float) -> Drive:
+    """Half a metre before its crop dust looks like crop at the blade, lets clear ground be seen for
+    so far, once, and then no more."""
+    shown = itertools.chain([0.0] * 4, [shown_m])
+    drive = Drive(lambda x: next(shown, 0.0) if x > 0.5 else 1.0 - x)
+    drive.dusty = drive.beside = True
+    return drive
+
+
+@pytest.mark.parametrize(("shown_m", "through"), [(0.4, True), (1.2, False)])
+def test_in_dust_crop_is_crop_where_it_was_seen_to_stand_nearer_than_behind_a_gap(
+    shown_m: float, through: bool
+) -> None:
+    """The machine stopped in its own crop, its blade off (model field 11057)."""
+    drive = through_dust(shown_m)
+    drive.run(4.0)
+    assert (drive.bladed_to > 1.9) is through
+    assert through or drive.bladed_to < 0.7 + PATCH_M + 0.1
+
+
+@pytest.mark.parametrize(("shown_m", "goes_on"), [(0.7, True), (1.2, False)])
+def test_beside_the_gap_a_look_at_crop_without_an_edge_leads_on_where_no_gap_can_have_been(
+    shown_m: float, goes_on: bool
+) -> None:
+    """Fifteen pictures of a look showed crop at the blade, three of them its edge (model field
+    11106)."""
+    drive = through_dust(shown_m)
+    drive.run(1.6)
+    drive.crop_ahead = lambda _: CLEAR_M - 0.1
+    drive.guard.allow(END_CLEAR_M - PATCH_M)
+    drive.run(2.0)
+    assert drive.last.speed_mps == 0.0
+    drive.crop_ahead = lambda _: 0.0
+    drive.run(LOOK_S + 1.0)
+    assert drive.guard.refused is not goes_on
