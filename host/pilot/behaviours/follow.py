@@ -12,11 +12,13 @@ from host.pilot.endings import (
     Beside,
     Elsewhere,
     SideEnd,
+    Standing,
     end_by_plan,
     end_side,
     leave_rest,
     leave_strip,
     little_left,
+    or_gather,
 )
 from host.pilot.gaze import STOP_AFTER_S, Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -89,7 +91,7 @@ class Follow(Behaviour):
 
     phase = Phase.FOLLOW
     gaze = Gaze(cutting=True, on_side=True, ends=True)
-    reasons = (Why, Beside, SideEnd, Elsewhere)
+    reasons = (Why, Beside, SideEnd, Elsewhere, Standing)
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -166,9 +168,14 @@ class Follow(Behaviour):
             return Beside.AGAIN.go(clear=clear_m)
         if guard.unseen and not context.sight.sees_ahead():
             why = context.why_unseen("no sure view")
-            return Why.NOTHING_SEEN.go(clear=clear_m, why=why)
+            return self._or_elsewhere(Why.NOTHING_SEEN.go(clear=clear_m, why=why))
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
-        return Why.CLEAR_GROUND.go(clear=clear_m, more=more)
+        return self._or_elsewhere(Why.CLEAR_GROUND.go(clear=clear_m, more=more))
+
+    def _or_elsewhere(self, go: Go) -> Go:
+        """Where no gap lies beside the strip, what it does not find of it may be left, and the rest
+        gone to, before a person must see."""
+        return go if self.context.strip.outermost else or_gather(self.context, go)
 
     def _ends(self, now: float) -> Go | None:
         """An end that pictures show where the plan has it and no dust may feign it."""
@@ -219,7 +226,9 @@ class Follow(Behaviour):
                 return None  # farther on it may stand
             # A short side may have gone with its neighbours, and so may one along all of them.
             gone = strip.skippable or (strip.placed and strip.left_m() < GONE_REST_M)
-            return end_side(context, now, here) if gone else Why.CROP_GONE.go()
+            if gone:
+                return end_side(context, now, here)
+            return self._or_elsewhere(Why.CROP_GONE.go())
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
             return go or Why.TOO_LONG.go()

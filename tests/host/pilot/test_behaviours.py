@@ -2372,6 +2372,24 @@ def test_clear_ground_sends_the_machine_back_twice_with_crop_beside_it_and_once_
     assert context.regained == 0, "another strip"
 
 
+@pytest.mark.parametrize("seen", [True, False])
+@pytest.mark.parametrize("inside", [True, False])
+def test_of_a_strip_without_a_gap_beside_it_the_rest_is_gone_to_before_a_person_must_see(
+    inside: bool, seen: bool
+) -> None:
+    """Half of a field stood when clear ground ended the harvest on one of its inner strips (model
+    field 11081)."""
+    context = on_side(5 if inside else 0, cut_m=1.0)
+    assert context.strip.outermost is not inside
+    if not seen:
+        seeing(context, replace(CUTTING, confidence=0.0, ahead_confidence=0.0))
+    go = refused(context, beside=False, again=True)
+    person = Followed.CLEAR_GROUND if seen else Followed.NOTHING_SEEN
+    assert is_for(go, Standing.LEFT if inside else person)
+    if inside:
+        assert is_for(refused(context, beside=False), person), "once"
+
+
 def test_crop_at_the_blade_with_its_edge_elsewhere_sends_the_machine_back_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
