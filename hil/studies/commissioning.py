@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import shapely
 import yaml
+from numba import njit
 from numpy.typing import NDArray
 
 from hil.bench.lockstep import Bench
@@ -114,6 +115,38 @@ def _rays(lens: CameraSpec) -> NDArray[np.float64]:
     return np.column_stack([straight, np.ones(len(straight))])
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _greys(
+    rays: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    square: float,
+    columns: int,
+    rows: int,
+    out: NDArray[np.float64],
+) -> None:
+    """What a lens at `origin` sees of a board in each pixel, (height, width), by its finer pixels'
+    rays, in the board's frame. A field's commissioning takes a dozen such pictures."""
+    height, width = out.shape
+    for y in range(height):
+        for x in range(width):
+            total = 0.0
+            for k in range(FINER * FINER):
+                ray = rays[(y * FINER + k // FINER) * width * FINER + x * FINER + k % FINER]
+                scale = -origin[2] / ray[2]
+                column = math.floor((origin[0] + scale * ray[0]) / square)
+                row = math.floor((origin[1] + scale * ray[1]) / square)
+                grey = 90.0
+                if scale > 0.0:
+                    across = abs(column - (columns - 1) / 2) < columns / 2 + 1.6
+                    if across and abs(row - (rows - 1) / 2) < rows / 2 + 1.6:
+                        grey = 225.0
+                    inside = -1 <= column < columns and -1 <= row < rows
+                    if inside and (column + row) % 2 == 0:
+                        grey = 30.0
+                total += grey
+            out[y, x] = total / (FINER * FINER)
+
+
 def board_picture(
     lens: CameraSpec,
     board: Board,
@@ -123,22 +156,9 @@ def board_picture(
 ) -> NDArray[np.uint8]:
     """What a camera with this lens and sensor takes of a board: a point p of the board's plane lies
     at rotation @ p + shift of the camera's frame (right, down, ahead)."""
-    rays = _rays(lens) @ rotation
-    origin = -rotation.T @ shift
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = -origin[2] / rays[:, 2]
-        on = origin[:2] + scale[:, None] * rays[:, :2]
-    square = board.square_m
-    column, row = np.floor(on[:, 0] / square), np.floor(on[:, 1] / square)
-    inside = (column >= -1) & (column < board.columns) & (row >= -1) & (row < board.rows)
-    border = (np.abs(column - (board.columns - 1) / 2) < board.columns / 2 + 1.6) & (
-        np.abs(row - (board.rows - 1) / 2) < board.rows / 2 + 1.6
-    )
-    grey = np.full(len(on), 90.0)
-    grey[border & (scale > 0)] = 225.0
-    dark = inside & (scale > 0) & ((column + row) % 2 == 0)
-    grey[dark] = 30.0
-    fine = grey.reshape(lens.height_px, FINER, lens.width_px, FINER).mean(axis=(1, 3))
+    rays, origin = _rays(lens) @ rotation, -rotation.T @ shift
+    fine = np.empty((lens.height_px, lens.width_px))
+    _greys(rays, origin, board.square_m, board.columns, board.rows, fine)
     noisy = cv2.GaussianBlur(fine, (0, 0), 0.5) + rng.normal(0, lens.noise, fine.shape)
     return np.repeat(np.clip(noisy, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
