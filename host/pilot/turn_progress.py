@@ -15,6 +15,8 @@ from host.route.turn_legs import Follow, Goal, Leg, Turn
 ACROSS_RAD: Final = math.radians(60.0)
 """Askew of the new lane by more, no edge that the machine sees can be that lane's."""
 
+LOOK_BACK_M: Final = 0.6
+"""Straight back, for pictures that err otherwise."""
 PAST_M: Final = 0.5
 """Farther along its lane, at least, the way past something leads to it again."""
 
@@ -35,6 +37,7 @@ class Turning:
         """Whether the geofence has ended one of its legs."""
         self.searches = 0
         """How often another way was looked for from where it stood."""
+        self._looked_back = False
         self.elsewhere = False
         """Whether it leads over ground that is cut to what others have left, from anywhere."""
         self.past_m = -math.inf
@@ -69,6 +72,14 @@ class Turning:
         self.turn = replace(self.turn, legs=tuple(turned))
         self._index = -1
         self.next(now)
+
+    def looks_from_farther_back(self, now: float) -> bool:
+        """Begins a leg straight back, to look once more from there; False if that was done."""
+        if self._looked_back:
+            return False
+        self._looked_back = True
+        self.lay_anew((Leg(0.0, True, Goal.WAY, LOOK_BACK_M),), now)
+        return True
 
     def beside_lane(self, motion: Motion) -> Pose2:
         """The rear axle's place and direction in the new lane's frame."""

@@ -40,6 +40,7 @@ class Why(Reason):
     OWN_CROP = Doing.FOLLOW, "{side}: nothing to be made out, in crop that is surely the field's"
     NO_CROP_LEFT = Doing.FINISH, "no crop left beside the last swath"
     REMNANT = Doing.FINISH, "the last remnant shows nothing after the turn"
+    FARTHER_BACK = Doing.TURN, "nothing to be made out after the turn; looking from farther back"
     NOTHING_TO_SEE = Doing.FAULT, "nothing to be made out after the turn"
 
 
@@ -96,9 +97,10 @@ class Search(Behaviour):
     def _nothing_seen(self, now: float) -> Go:
         """Something that stands ahead at no sure distance, or right before the lens, may be seen
         better from another place, and so may whatever lies right beside what the machine has cut.
-        Past what stands beside a strip, what is left of it stays. Else a person must see, unless
-        next to nothing of the plan is left, or it is this place where stems stand right before the
-        lens: then it may go elsewhere first."""
+        Past what stands beside a strip, what is left of it stays. From one place pictures err
+        alike, so it looks once more from farther back. Else a person must see, unless next to
+        nothing of the plan is left, or it is this place where stems stand right before the lens:
+        then it may go elsewhere first."""
         context, view = self.context, self.context.sight.view
         stands = view is not None and (view.hidden or math.isfinite(view.crop_ahead_m))
         if (stands or context.strip.beside_swath) and context.goes_unseeing(now):
@@ -109,6 +111,8 @@ class Search(Behaviour):
         if context.turning is not None and context.turning.passes:
             context.begin_strip()
             return leave_strip(context, now)
+        if context.turning is not None and context.turning.looks_from_farther_back(now):
+            return Why.FARTHER_BACK.go()
         go = Why.NOTHING_TO_SEE.go()
         return or_gather(context, go) if view is not None and view.hidden else go
 

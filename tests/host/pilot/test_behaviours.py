@@ -93,7 +93,7 @@ from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
 from host.pilot.sight import UNSEEN_M, Sight
 from host.pilot.stop_and_look import LOOK_S
-from host.pilot.turn_progress import PAST_M, Turning
+from host.pilot.turn_progress import LOOK_BACK_M, PAST_M, Turning
 from host.route.manoeuvre import RUN_IN_M, SHORT_M
 from host.route.manoeuvre import Lane as LaneTo
 from host.route.plan import Plan, spiral
@@ -1718,7 +1718,7 @@ def test_stems_right_before_the_lens_begin_no_strip() -> None:
         seeing(context, hidden if k % PICTURES == 0 or k > MOST_PICTURES else clear, stamp=stamp)
         search.append(behaviour.step(stamp)[1])
     assert all(go is None for go in search[:-1])
-    assert is_for(search[-1], Standing.LEFT)
+    assert is_for(search[-1], Searched.FARTHER_BACK)
 
 
 def test_stems_right_beside_what_it_has_cut_are_the_strips_own() -> None:
@@ -1778,16 +1778,32 @@ def test_search_without_a_plan_ends_the_field_where_no_crop_stands() -> None:
     assert is_for(go, Searched.NO_CROP_LEFT)
 
 
-def test_search_that_makes_nothing_out_needs_a_person() -> None:
+def farther_back(view: CropView) -> Context:
+    """A machine that has made nothing out after the turn, and has backed to look again."""
+    context = turned()
+    [go] = searched(context, view, MOST_PICTURES + 1)
+    assert is_for(go, Searched.FARTHER_BACK)
+    turning = context.turning
+    assert turning is not None and turning.leg is not None and turning.leg.reverse
+    assert turning.to_go(context.motion, 0.0) == pytest.approx(LOOK_BACK_M)
+    turning.next(NOW)
+    return context
+
+
+def test_search_that_makes_nothing_out_looks_once_from_farther_back_and_then_needs_a_person() -> (
+    None
+):
+    """Standing, pictures err alike."""
     hazy = replace(CUTTING, ahead_confidence=0.2)
-    goes = searched(turned(), hazy, MOST_PICTURES + 1)
+    goes = searched(farther_back(hazy), hazy, MOST_PICTURES + 1)
     assert [go.reason for go in goes] == [Searched.NOTHING_TO_SEE]
 
 
 @pytest.mark.parametrize("hidden", [True, False])
 def test_where_stems_stand_right_before_the_lens_it_goes_elsewhere_first(hidden: bool) -> None:
     """The turn ended inside the strip (model field 11118)."""
-    [go, *_] = searched(turned(), CropView(0.0, hidden=hidden), MOST_PICTURES + 1)
+    view = CropView(0.0, hidden=hidden)
+    [go, *_] = searched(farther_back(view), view, MOST_PICTURES + 1)
     assert is_for(go, Standing.LEFT if hidden else Searched.NOTHING_TO_SEE)
 
 

@@ -871,9 +871,9 @@ def searching(view: CropView) -> tuple[SimpleWorld, Pilot]:
     "view", [CropView(0.0, reason="nothing"), CropView(0.0, hidden=True, crop_ahead_m=0.5)]
 )
 def test_where_nothing_is_to_be_made_out_after_a_turn_it_ends(view: CropView) -> None:
-    """Stems right before the lens may be the neighbour's."""
+    """Stems right before the lens may be the neighbour's. It has looked from two places."""
     world, pilot = searching(view)
-    harvest(world, pilot, world.now + 30.0)
+    harvest(world, pilot, world.now + 60.0)
     assert pilot.phase is Phase.FAULT
     assert "made out" in pilot.reason
 
