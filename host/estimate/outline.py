@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 
 from host.estimate.kalman import Array
+from host.field import sweep
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import NO_EDGE, Side
 
@@ -27,8 +28,6 @@ BEYOND: Final = 0.5
 """Of an edge's length: farther beyond a corner its line is taken to move as it does there."""
 PARALLEL: Final = 0.2
 """Sine of the angle under which a border must cross a side to move its end."""
-SHORT_M2: Final = 1e-18
-"""Square of an edge's length, at least: two corners may be found at one place."""
 STRAIGHT_M: Final = 1.0
 """Outer edge of a side, between its tips, from which on its ends tell its direction. What is
 shorter, or a strip that is nothing but tips, turns as the edge does that it lies along."""
@@ -78,23 +77,6 @@ def _nearest(places: Array, corners: Array, directions: Array, lengths: Array, o
                 best, edge, part = off, n, share
         out[m, edge] += 1.0 - part
         out[m, (edge + 1) % len(corners)] += part
-
-
-@njit(cache=True, nogil=True)
-def _inside_m(corners: Array, x: float, y: float) -> float:
-    """`Outline.inside_m`: even and odd crossings of a ray tell inside from outside."""
-    inside, nearest = False, math.inf
-    for k in range(len(corners)):
-        n = (k + 1) % len(corners)
-        ax, ay = corners[k, 0] - x, corners[k, 1] - y
-        bx, by = corners[n, 0] - x, corners[n, 1] - y
-        if (ay > 0.0) != (by > 0.0) and (ax * by - bx * ay > 0.0) == (by > ay):
-            inside = not inside
-        dx, dy = bx - ax, by - ay
-        share = -(ax * dx + ay * dy) / max(dx * dx + dy * dy, SHORT_M2)
-        share = min(1.0, max(0.0, share))
-        nearest = min(nearest, math.hypot(ax + share * dx, ay + share * dy))
-    return nearest if inside else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -150,7 +132,7 @@ class Outline:
 
     def inside_m(self, x_m: float, y_m: float) -> float:
         """How far a place is inside the outline as it is found; 0 outside, or without one."""
-        return float(_inside_m(self._edges.corners, x_m, y_m))
+        return float(sweep.depth(self._edges.corners, x_m, y_m))
 
     def move(self, by_m: Array) -> None:
         """Every corner by so much, (states,)."""

@@ -119,8 +119,7 @@ def _meets(points: Array, later: Array, side: Array) -> bool:
 
 @njit(cache=True, nogil=True)
 def is_inside(sides: Array, x: float, y: float) -> bool:
-    """Whether a point lies in the permitted area, but in no keep-out, of which these are the sides
-    (m, 4)."""
+    """Whether a point lies in an area, but in no keep-out, of which these are the sides (m, 4)."""
     inside = False
     for k in range(len(sides)):
         ax, ay, bx, by = sides[k]
@@ -203,6 +202,20 @@ def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> flo
     if long2 > 0.0:
         share = min(1.0, max(0.0, ((x - ax) * ux + (y - ay) * uy) / long2))
     return math.hypot(x - ax - share * ux, y - ay - share * uy)
+
+
+@njit(cache=True, nogil=True)
+def depth(ring: Array, x: float, y: float) -> float:
+    """How far inside a ring (n, 2) of corners, in order, a place is, m; 0 outside, or without
+    one."""
+    count = len(ring)
+    sides = np.empty((count, 4))
+    nearest = math.inf
+    for k in range(count):
+        sides[k, :2], sides[k, 2:] = ring[k], ring[(k + 1) % count]
+        ax, ay, bx, by = sides[k]
+        nearest = min(nearest, apart(x, y, ax, ay, bx, by))
+    return nearest if is_inside(sides, x, y) else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -228,8 +228,8 @@ class Pilot:
         then = context.estimate.odometry.at(sight.stamp)
         if self._behaviour.gaze.on_side and sight.view is not None and sight.ahead.begun(then):
             told = context.telemetry
-            turns = self._behaviour.gaze.cutting and told is not None and told.blade
-            dusty = turns and sight.ahead.in_dust(*EDGE_SURE)
+            cuts = self._behaviour.gaze.cutting and told is not None and told.blade
+            dusty = cuts and sight.ahead.in_dust(*EDGE_SURE)
             own, swath = strip.surely_own, strip.beside_swath
             context.estimate.cut.take_picture(
                 sight.stamp, sight.view, own=own, swath=swath, dusty=dusty

@@ -38,6 +38,7 @@ class Turning:
         self.searches = 0
         """How often another way was looked for from where it stood."""
         self._looked_back = False
+        """Whether it has backed after its last leg, to look once more."""
         self.elsewhere = False
         """Whether it leads over ground that is cut to what others have left, from anywhere."""
         self.past_m = -math.inf

@@ -137,10 +137,11 @@ class Follow(Behaviour):
         return self.context.hold(blade=looks and self.context.strip.blade_due())
 
     def _left_alone(self, now: float) -> Go | None:
-        """Clear ground longer than a patch, after a look: what comes next may be somebody else's,
-        and a person must see. The last side ends there if the plan has next to nothing more, and
-        so does any side of a boundary that is still to be found, and once one that is all but
-        driven, or is short: the turn leads back into the field, and the geofence watches."""
+        """Clear ground longer than a patch, after a look: what comes next may be somebody else's.
+        The machine looks from farther back as well, and then a person must see. The last side ends
+        there if the plan has next to nothing more, and so does any side of a boundary that is still
+        to be found, and once one that is all but driven, or is short: the turn leads back into the
+        field, and the geofence watches."""
         context, guard = self.context, self.context.estimate.cut
         if not guard.refused:
             return None

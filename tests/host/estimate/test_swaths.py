@@ -118,6 +118,19 @@ def test_beside_an_earlier_one_the_machine_is_at_every_place_where_it_may_be() -
     assert not swaths.beside(AWAY, [beside, Pose2(5.0, STRIP_M + 1.0, 0.0)])
 
 
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_each_earlier_one_ends_where_it_ended_whatever_was_cut_after_it(at: int) -> None:
+    swaths = Swaths()
+    for k in range(3):
+        cut(swaths, 5.0 * k)
+    for x_m, beside in (
+        (LONG_M - BEFORE_END_M - 0.05, True),
+        (LONG_M - BEFORE_END_M + 0.05, False),
+    ):
+        here = Pose2(x_m, 5.0 * at + STRIP_M, 0.0)
+        assert swaths.beside(AWAY, [here]) is beside
+
+
 def test_going_back_and_on_again_adds_nothing() -> None:
     """Else the swath would run to and fro, and have no direction there."""
     swaths = Swaths()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
+from host.field import sweep
 from host.field.areas import GAP_MARGIN_M, Geofence, Level, areas_of, outline_of, placed
 
 GAP_M = 2.0
@@ -287,3 +288,34 @@ def test_it_can_be_asked_at_every_step() -> None:
     outline, known = placed(OUTLINE, 17.0, 0.45, 0.0), covariance(0.3, 0.1, 0.0)
     took = min(timeit.repeat(lambda: FENCE.check(outline, known, (0.5, 0.0)), number=100)) / 100
     assert took < 1e-3
+
+
+@given(st.floats(-6.0, 26.0), st.floats(-6.0, 26.0))
+def test_the_nearest_place_on_each_side_is_shapelys(x: float, y: float) -> None:
+    here = shapely.Point(x, y)
+    for side, found in zip(FENCE.sides, FENCE.nearest(np.array([x, y])), strict=True):
+        line = shapely.LineString(side.reshape(2, 2))
+        there = line.interpolate(line.project(here))
+        assert found == pytest.approx([there.x, there.y], abs=1e-9)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.05, 0.9)), min_size=3, max_size=9),
+    st.floats(-9.0, 9.0),
+    st.floats(-9.0, 9.0),
+)
+def test_the_depth_inside_a_ring_is_shapelys(
+    corners: list[tuple[float, float]], x: float, y: float
+) -> None:
+    """A star of corners: each so far from the middle, and turned on by a share of a whole turn."""
+    turns = np.cumsum([share for _, share in corners])
+    angles = 2 * math.pi * turns / (turns[-1] + 0.3)
+    radii = np.array([r for r, _ in corners])
+    ring = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+    field, here = shapely.Polygon(ring), shapely.Point(x, y)
+    deep_m = float(field.exterior.distance(here)) if field.contains(here) else 0.0
+    assert sweep.depth(ring, x, y) == pytest.approx(deep_m, abs=1e-6)
+
+
+def test_nothing_is_inside_no_ring() -> None:
+    assert sweep.depth(np.zeros((0, 2)), 0.0, 0.0) == 0.0

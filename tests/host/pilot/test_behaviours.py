@@ -809,6 +809,16 @@ def test_follow_gives_up_crop_that_is_not_to_be_found(
     assert is_for(go, reason or Followed.REMNANT_GONE)
 
 
+@pytest.mark.parametrize("inside", [True, False])
+def test_where_no_gap_lies_beside_crop_that_is_not_there_the_rest_is_gone_to(inside: bool) -> None:
+    context = on_side(5 if inside else 1, cut_m=None)
+    assert context.strip.outermost is not inside
+    context.strip.search_m = 1.0
+    moved(context, 1.1)
+    go = Follow(context).step(NOW)[1]
+    assert is_for(go, Standing.LEFT if inside else Followed.CROP_GONE)
+
+
 def test_a_longer_strip_is_driven_along_where_it_is_next_to_nothing_of_a_large_field() -> None:
     large = replace(PLAN.sides[2], length_m=300.0)
     context = on_side(
