@@ -279,6 +279,7 @@ class Harvest:
         if record is not None and turned is not None:
             record.turned(turned)
         self.bench.faults.phase = self.pilot.phase.value
+        self.bench.faults.doing = self.pilot.doing
         data = self.session.encode(now, command)
         self.bench.send(data)
         start = time.perf_counter()

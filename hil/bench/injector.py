@@ -17,6 +17,7 @@ from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.targets import ResetCause
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario.faults import At, Component, Failure, Fault
+from host.pilot.phase import Doing
 from sim_plant.gyro import Sample
 
 RANGE_RADPS: Final = math.radians(2000.0)
@@ -197,7 +198,9 @@ class Injector:
         """For the inner loop."""
         self.events: list[Event] = []
         self.phase: str | None = None
-        """The pilot's state, where the bench can see it."""
+        """The pilot's state, where the bench can see it;"""
+        self.doing: Doing | None = None
+        """and which of its behaviours."""
         self.host_restarts = 0
         self._rng = [np.random.default_rng([seed, 0xFA17, k]) for k in range(len(faults))]
         self._seed = seed
@@ -288,17 +291,22 @@ class Injector:
     def _due(
         self, index: int, at: At, now: float, pose: tuple[float, float, float], speed_mps: float
     ) -> bool:
-        if self._since[index] is None:
+        way = {"forward": 1.0, "backward": -1.0, None: 0.0}[at.moving]
+        moves = not way or way * speed_mps >= MOVING_MPS
+        if not moves:
+            self._since[index] = None
+        elif self._since[index] is None:
             if at.time_s is not None:
                 here = now >= at.time_s - 1e-9
             elif at.state is not None:
                 here = self.phase == at.state
+            elif at.doing is not None:
+                here = self.doing is at.doing
             else:
                 assert at.place is not None
                 away = math.hypot(pose[0] - at.place.x_m, pose[1] - at.place.y_m)
                 here = away <= at.place.radius_m
-            way = {"forward": 1.0, "backward": -1.0, None: 0.0}[at.moving]
-            if not here or (way and way * speed_mps < MOVING_MPS):
+            if not here:
                 return False
             self._since[index] = now
         since = self._since[index]

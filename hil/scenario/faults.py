@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from hil.firmware import signal_wires
 from host.core.strict import Strict
+from host.pilot.phase import Doing
 
 Component = Literal[
     "pot",
@@ -191,23 +192,26 @@ class Place(Strict):
 
 
 class At(Strict):
-    """When a fault begins: `after_s` behind exactly one of a time, a pilot's state and a place,
-    and not before the machine is moving, where a direction is given."""
+    """When a fault begins: `after_s` behind exactly one of a time, a pilot's state, one of its
+    behaviours and a place; where a direction is given, the machine has moved that way for so long
+    by then."""
 
     time_s: Annotated[float, Field(ge=0)] | None = None
     state: (
         Literal["connect", "align", "follow", "turn", "search", "hesitate", "finished", "fault"]
         | None
     ) = None
+    doing: Doing | None = None
+    """A state has several: at a side's end the pilot looks and lays out before it turns."""
     place: Place | None = None
     moving: Literal["forward", "backward"] | None = None
     after_s: Annotated[float, Field(ge=0)] = 0.0
 
     @model_validator(mode="after")
     def _one_of(self) -> Self:
-        given = [n for n in ("time_s", "state", "place") if getattr(self, n) is not None]
-        if len(given) != 1:
-            raise ValueError("give exactly one of time_s, state and place")
+        names = ("time_s", "state", "doing", "place")
+        if sum(getattr(self, name) is not None for name in names) != 1:
+            raise ValueError("give exactly one of time_s, state, doing and place")
         return self
 
 

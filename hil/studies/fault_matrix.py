@@ -32,7 +32,7 @@ from host.core.errors import UserError
 from host.core.messages import State
 from host.link import protocol
 from host.link.session import Session
-from host.pilot.phase import Phase
+from host.pilot.phase import Doing, Phase
 from host.pilot.stop_and_look import LOOKING
 from host.vision.view import Detector
 from sim_plant.field_spec import FieldSpec
@@ -41,7 +41,7 @@ Result = TypeVar("Result")
 SETTLE_S = 3.0
 """Following for this long before the fault."""
 WATCH_S = 5.0
-"""The run goes on for at least this long after the fault, and for BEYOND_S after its bound."""
+"""The run goes on for so long after the fault shows, at least, and for BEYOND_S after its bound."""
 BEYOND_S = 2.0
 OFF_EDGE_M = 0.15
 """A blade that cuts farther off the edge than this has not ridden through."""
@@ -155,9 +155,10 @@ class Watch:
 
     def enough(self) -> bool:
         """Whether the fault has been watched for long enough."""
-        begun = self.begun
+        begun, shown = self.begun, self.run.bench.faults.shown_at(0)
         bound_s = self.run.scenario.faults[0].pair.bound_s
-        return begun is not None and self.run.bench.now - begun >= max(WATCH_S, bound_s + BEYOND_S)
+        since = begun if shown is None else shown
+        return since is not None and self.run.bench.now - since >= max(WATCH_S, bound_s + BEYOND_S)
 
     def _harm(self, allowed_until: float) -> list[str]:
         """What must not be, but for a machine that had not to stop before `allowed_until`."""
@@ -294,7 +295,7 @@ def with_fault(base: Scenario, situation: Situation, name: tuple[str, str, str])
     at = At(state="follow", after_s=SETTLE_S)
     # what a relay does wrong shows when it ought to open: at the end of the side
     if situation == "turn" and component != "blade_relay":
-        at = At(state="turn", moving="backward", after_s=0.5)
+        at = At(doing=Doing.TURN, moving="backward", after_s=0.5)
     values: dict[str, Any] = {"component": component, "failure": failure, "at": at}
     if how:
         values["how"] = how

@@ -15,7 +15,7 @@ from host.estimate.crop_beyond import CropBeyond
 from host.field.areas import Verdict
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import FARTHEST_M, Context
-from host.pilot.endings import Elsewhere, SideEnd, leave_side
+from host.pilot.endings import Blind, Elsewhere, SideEnd, blind, leave_side
 from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Go, Phase
@@ -42,7 +42,7 @@ class LookBeyond(Behaviour):
 
     phase = Phase.TURN
     gaze = Gaze(lane=False)
-    reasons = (SideEnd, Elsewhere)
+    reasons = (SideEnd, Elsewhere, Blind)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -64,7 +64,8 @@ class LookBeyond(Behaviour):
     def step(self, now: float) -> Step:
         context, sight = self.context, self.context.sight
         if self._to_m is not None:
-            return self._go(now, self._to_m)
+            go = blind(context, now)
+            return (context.hold(), go) if go is not None else self._go(now, self._to_m)
         if sight.stamp != self._stamp and context.look.settled(sight.stamp):
             self._stamp = sight.stamp
             view = sight.view

@@ -1,4 +1,5 @@
-"""Wait for the camera: a turn was broken off as nothing is seen; it goes on where it stopped."""
+"""Wait for the camera: a turn, or a look beyond a side's end, was broken off as nothing is seen; it
+goes on where it stopped."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ class Why(Reason):
     """Out of waiting."""
 
     SEES_AGAIN = Doing.TURN, "the camera sees again"
+    LOOKS_AGAIN = Doing.LOOK_BEYOND, "the camera sees again, and looks how far the next crop stands"
 
 
 class WaitForCamera(Behaviour):
@@ -28,5 +30,6 @@ class WaitForCamera(Behaviour):
         if go is not None:
             return self.gives_way(go)
         if usable.held_s > RESUME_AFTER_S and now - usable.stamp < SLOW_AFTER_S:
-            return context.hold(), Why.SEES_AGAIN.go()
+            turns = context.turning is not None
+            return context.hold(), (Why.SEES_AGAIN if turns else Why.LOOKS_AGAIN).go()
         return context.hold(), None

@@ -41,6 +41,7 @@ from hil.studies.matrix_runs import digest, kept
 from host.core.errors import UserError
 from host.core.vehicle import MAST
 from host.link.session import Session
+from host.pilot.phase import Doing
 from host.vision.view import Detector
 from host.vision.watched import WatchedDetector
 from sim_plant import machine
@@ -321,6 +322,8 @@ def test_a_gyroscope_that_hangs_repeats_what_it_showed_last() -> None:
         (At(time_s=0.5, after_s=0.3), 0.8),
         (At(state="follow", after_s=0.2), 0.7),
         (At(time_s=0.5, moving="forward"), 0.9),
+        (At(time_s=0.1, moving="forward", after_s=0.2), 1.1),
+        (At(doing=Doing.FOLLOW, after_s=0.2), 0.8),
         (At(place=Place(x_m=0.6, y_m=0.0, radius_m=0.105)), 0.5),
     ],
 )
@@ -330,7 +333,9 @@ def test_a_fault_begins_and_ends_when_it_is_told(at: At, begins: float) -> None:
     with target("desk") as board:
         for k in range(200):
             now.phase = "follow" if k >= 50 else "align"
-            now.step(k / 100, (k / 100, 0.0, 0.0), 0.3 if k >= 90 else 0.0, board, machine.inputs())
+            now.doing = Doing.FOLLOW if k >= 60 else Doing.LOOK_AT_EDGE
+            moves = k >= 90 or 20 <= k < 30
+            now.step(k / 100, (k / 100, 0.0, 0.0), 0.3 if moves else 0.0, board, machine.inputs())
     assert [(e.stamp, e.begins) for e in now.events] == [
         (pytest.approx(begins), True),
         (pytest.approx(begins + 0.4), False),

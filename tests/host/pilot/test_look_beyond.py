@@ -16,8 +16,11 @@ from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond
+from host.pilot.behaviours.wait_for_camera import WaitForCamera
+from host.pilot.behaviours.wait_for_camera import Why as Waited
 from host.pilot.context import FARTHEST_M, Context
-from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.endings import Blind, Elsewhere, SideEnd, end_side
+from host.pilot.gaze import STOP_AFTER_S
 from host.pilot.phase import Doing, Go
 from host.pilot.planned_strip import PlannedStrip
 from host.route.plan import spiral
@@ -309,3 +312,26 @@ def test_on_the_way_from_the_end_the_blade_comes_nearer_to_the_next_crop() -> No
     assert later.ago_m - beyond.ago_m == pytest.approx(0.3)
     assert later.past_m - beyond.past_m == pytest.approx(0.3, abs=0.01)
     assert math.degrees(abs(later.askew_rad)) < 0.1
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_between_its_places_it_goes_nowhere_without_eyes(back: bool) -> None:
+    """Nor back to the end: it stands, and once it sees again it looks anew."""
+    context = at_end()
+    behaviour = LookBeyond(context)
+    behaviour.enter(NOW)
+    pictures(context, behaviour, 1.5, PICTURES)
+    if back:
+        moved(context, context.motion.distance_m + 0.3)
+        behaviour.blocked(NOW + 3.0, Verdict(Level.STOP, "too near", 0.1))
+    sees = NOW + 3.0
+    seeing(context, CropView(0.0, crop_ahead_m=1.5, ahead_confidence=1.0), stamp=sees)
+    assert math.copysign(1.0, behaviour.step(sees)[0].speed_mps) == (-1.0 if back else 1.0)
+    command, go = behaviour.step(sees + STOP_AFTER_S + 0.1)
+    assert stands(command)
+    assert go is not None and go.reason is Blind.NOTHING_SEEN
+    waiting = WaitForCamera(context)
+    assert waiting.step(sees + 2.0)[1] is None
+    seeing(context, CropView(0.0), stamp=sees + 3.0)
+    go = waiting.step(sees + 3.0)[1]
+    assert go is not None and go.reason is Waited.LOOKS_AGAIN
