@@ -553,6 +553,7 @@ class ModelDetector:
             confidence,
             edge_offset_m=offset,
             edge_beside_m=self._beside(row, sight),
+            crop_right=sight.crop_right,
             edge_ahead_m=beyond,
             edge_heading_rad=NAN,
             crop_ahead_m=ahead,

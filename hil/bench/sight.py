@@ -40,6 +40,12 @@ REMNANT_M: Final = 0.45
 LENS_M: Final = (0.05, 0.03)
 """Before a camera's lens and to either side of its axis: crop that stands there hides all else
 (docs/use/thousand_fields.md)."""
+WALL_AHEAD_M: Final = (-0.4, -0.1)
+"""Before the blade's line, where crop stands beside what the machine has just cut,"""
+WALL_ASIDE_M: Final = 0.3
+"""and so far right of the blade's end."""
+WALL_SHARE: Final = 0.3
+"""Of that ground with crop on it, for it to be a wall."""
 DEPTH_M: Final = 3.0
 """No more of the crop behind its face is looked at."""
 
@@ -74,6 +80,8 @@ class Sight:
     read_beside_m: float
     before_lens: bool = False
     """Whether crop stands right before the camera's lens."""
+    crop_right: bool = False
+    """Whether crop stands beside the blade, right of its end."""
 
 
 @njit(cache=True, nogil=True)
@@ -258,6 +266,32 @@ def _before_lens(
     return 2 * count > places
 
 
+@njit(cache=True, nogil=True)
+def _stands_right(
+    kind: NDArray[np.uint8],
+    x0: float,
+    y0: float,
+    cell: float,
+    x: float,
+    y: float,
+    yaw: float,
+    blade_x: float,
+    end_y: float,
+) -> bool:
+    """Whether crop stands beside a blade whose right end is at (blade_x, end_y) in the vehicle
+    frame."""
+    c, s, count, places = math.cos(yaw), math.sin(yaw), 0, 5
+    for i in range(places):
+        share = i / (places - 1)
+        ahead = blade_x + WALL_AHEAD_M[0] + share * (WALL_AHEAD_M[1] - WALL_AHEAD_M[0])
+        for k in range(places):
+            left = end_y - WALL_ASIDE_M * k / (places - 1)
+            px, py = x + ahead * c - left * s, y + ahead * s + left * c
+            if _standing(kind, x0, y0, cell, px, py):
+                count += 1
+    return count >= WALL_SHARE * places * places
+
+
 def look(
     field: Field,
     pose: tuple[float, float, float],
@@ -293,6 +327,9 @@ def look(
         c, s = math.cos(yaw), math.sin(yaw)
         at = x + lens_m[0] * c - lens_m[1] * s, y + lens_m[0] * s + lens_m[1] * c
         before_lens = _before_lens(field.kind, *field.origin, field.cell, *at, yaw)
+    crop_right = _stands_right(
+        field.kind, *field.origin, field.cell, x, y, yaw, blade_x_m, -0.5 * blade_width_m
+    )
     return Sight(
         ahead,
         depth,
@@ -309,4 +346,5 @@ def look(
         *read,
         read_beside,
         before_lens,
+        crop_right,
     )

@@ -75,14 +75,15 @@ def show_curves(named: Curves) -> Table:
 
 def _show_beside(seed: int, count: int, mounts: tuple[str, ...], out: Path) -> None:
     """Prints and writes what the detector makes of standing views."""
-    table = Table("views", "asked", "edge said", "RMS cm", "sure")
+    table = Table("views", "asked", "edge said", "RMS cm", "sure", "crop on the right")
     found: dict[str, Judged] = {}
     with Watch(f"{count} views of {len(KINDS)} kinds", len(mounts) * len(KINDS)) as watch:
         for mount in mounts:
             for kind in KINDS:
                 one = found[f"{mount}, {kind}"] = judged(seed, count, mount, kind)
                 rms = "-" if math.isnan(one.rms_m) else _figure(one.rms_m, 100)
-                table.add_row(f"{mount}, {kind}", str(one.views), str(one.seen), rms, str(one.sure))
+                counts = str(one.sure), str(one.crop_right)
+                table.add_row(f"{mount}, {kind}", str(one.views), str(one.seen), rms, *counts)
                 watch.step()
     record = {
         name: asdict(one) | {"rms_m": one.rms_m if one.seen else None}

@@ -23,13 +23,15 @@ from host.vision.mounted.detector import make_detector
 from host.vision.view import BESIDE_AHEAD_M, CropView
 from sim_plant.camera import Camera
 
-Kind = Literal["beside", "far", "remnant", "plain", "flank"]
-KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain", "flank")
+Kind = Literal["beside", "far", "remnant", "plain", "flank", "inside"]
+KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain", "flank", "inside")
 OFF_M: Final = {"beside": (0.95, 1.6), "far": (2.4, 4.0), "flank": (0.85, 1.0)}
 """How far right of its lane the machine stands: off its crop, out of reach of any, and on the lane
 before, as it backs beside the next strip."""
 GAP_M, WIDE_M = (0.3, 0.8), (0.15, 0.4)
 """Between the edge and what an earlier strip has left, and how wide that is."""
+INSIDE_M: Final = (0.3, 1.5)
+"""How far inside of the edge the machine cuts."""
 ASKEW_RAD: Final = {"beside": 0.12, "far": 0.12, "flank": 0.04}
 STANDS_M: Final = (4.0, 9.0)
 """Along the edge."""
@@ -54,6 +56,8 @@ class Judged:
     """Of those, NaN without."""
     sure: int
     """Of the edge before the blade."""
+    crop_right: int
+    """Views that say that crop stands right of the blade."""
 
 
 def _cleared(edge: Edge, below_m: float, above_m: float = -FAR_M, to_x: float = FAR_M) -> None:
@@ -82,7 +86,9 @@ def views(seed: int, count: int, mount: str, kind: Kind) -> Iterator[tuple[CropV
             line_m = edge.depth_m + 1.6
             y = line_m + lane_m + off_m
             gap_m, wide_m = float(rng.uniform(*GAP_M)), float(rng.uniform(*WIDE_M))
-            if kind == "remnant":
+            if kind == "inside":
+                _cleared(edge, line_m - float(rng.uniform(*INSIDE_M)))
+            elif kind == "remnant":
                 _cleared(edge, line_m - gap_m - wide_m)
                 _cleared(edge, line_m, line_m - gap_m)
             else:
@@ -108,11 +114,12 @@ def _seen(edge: Edge, pose: tuple[float, float, float]) -> CropView:
 def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
     """All views of a kind. Crop beside the way is asked for only where it is within reach, and none
     is said ahead; on a strip's flank whatever is said ahead."""
-    asked = seen = sure = 0
+    asked = seen = sure = crop_right = 0
     errors: list[float] = []
     for view, true_m in views(seed, count, mount, kind):
         sure += view.confidence >= CONFIDENT
-        if kind in ("remnant", "plain"):
+        crop_right += view.crop_right
+        if kind in ("remnant", "plain", "inside"):
             asked += 1
             off = view.edge_offset_m - true_m
             if abs(off) < WITHIN_M:
@@ -128,4 +135,4 @@ def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
             seen += 1
             errors.append(view.edge_beside_m - true_m)
     rms = math.sqrt(float(np.mean(np.square(errors)))) if errors else math.nan
-    return Judged(asked, seen, rms, sure)
+    return Judged(asked, seen, rms, sure, crop_right)

@@ -323,6 +323,10 @@ class Context:
         """Whether it does, with eyes open."""
         return self.motion.distance_m < self._creeps_to_m and not self.blind(now)
 
+    def moves_aside(self, now: float) -> bool:
+        """Whether it leaves the crop that stands on both sides of it, with eyes open."""
+        return self.sight.moves_aside(self.motion) and not self.blind(now)
+
     def goes_unseeing(self, now: float) -> bool:
         """Whether the machine may drive on by dead reckoning that has lost the edge at a strip's
         beginning, or behind a bend, and looked for it in vain: a low camera among stalks that the

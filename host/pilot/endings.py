@@ -56,12 +56,16 @@ class Elsewhere(Reason):
 
 
 class Beside(Reason):
-    """The machine has come off its crop, or is led off it."""
+    """The machine has come off its crop, or into it, or is led off it."""
 
     REGAIN = Doing.REGAIN, "the crop stands beside the machine: going back to drive along it"
     AGAIN = (
         Doing.REGAIN,
         "clear ground for {clear} m where the plan has crop: going back to look from there",
+    )
+    INSIDE = (
+        Doing.REGAIN,
+        "no edge is to be found and crop stands on both sides: going back to drive farther right",
     )
     PAST = Doing.TURN, "{side}: past what stands beside it, to where it goes on"
 
@@ -248,9 +252,11 @@ def gave_up(context: Context, now: float) -> Go | None:
     if little_left(context):
         return Patience.REMNANT.go(reason=context.reason)
     go = Patience.GAVE_UP.go(seconds=f"{GIVE_UP_S:.0f}", reason=context.reason)
-    # With nothing to be made out here, nothing will be elsewhere.
+    # With nothing to be made out here, nothing will be elsewhere, but for stems before the lens.
+    view = context.sight.view
+    hidden = view is not None and view.hidden
     sees = now - context.sight.seen.stamp < SLOW_AFTER_S
-    return or_gather(context, go) if sees else go
+    return or_gather(context, go) if sees or hidden else go
 
 
 def blind(context: Context, now: float) -> Go | None:

@@ -7,7 +7,6 @@ What a picture can tell depends on what the machine is doing: each behaviour has
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -27,42 +26,27 @@ from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.gaze import Gaze, Steady
-from host.pilot.leaps import INWARD_M, LEAP_M, LEAP_STAYS_S, Leaps, is_dusts
+from host.pilot.in_crop import InCrop
+from host.pilot.leaps import INWARD_M, LEAP_STAYS_S, Leaps, is_dusts
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
+from host.pilot.whose_edge import WhoseEdge
 from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, CropView, Detector
 
 LOST_M = 1.0
 """Way without a sure edge, and of the strip, from which on crop beside the blade tells where the
-edge is not: at a strip's beginning the turns have left some standing;"""
-INSIDE_CROP_M = 0.1
-"""how far beside, at least: the detector's own error;"""
-BESIDE_OF, BESIDE_LEAST = 10, 8
-"""and in how many of the latest pictures, a second's: no clump, nor a whim of dust."""
+edge is not: at a strip's beginning the turns have left some standing."""
+ASIDE_M = 6.0
+"""Of such way at most the machine moves aside to the edge without stopping to look for it."""
+LATELY_M = 10.0
+"""Of way, in which a sure picture was seen: a turn's, in which none is looked at, and more."""
 UNSEEN_M = 0.3
 """Travelled without an edge: not a puff that is gone at the next picture."""
 MOVED_M = 0.01
 """The same view again from the same place is no second measurement."""
 MOVING_MPS = 0.03
-CROP_SEEN_M = 0.1
-"""Before the blade the new side's crop must begin for a picture taken while a turn backs along it
-to show the lane's edge."""
-ALONG_M = 0.5
-"""From both ends of the next strip, beside which a shuttle backs, for what is seen at the blade to
-be its edge."""
-BEFORE_M = 1.0
-"""By which borders and swath are ragged: an edge farther before a strip's crop is another's."""
-IN_VIEW_M, IN_VIEW_SIGMAS = 1.3, 3.0
-"""Beside the blade's middle, and of the lane's uncertainty besides, the lane's edge may lie in a
-picture: pictures show 1.45 m to the left of where it should be and 1.15 m to the right. An edge
-that a picture shows while the lane lies farther away is another one's."""
 BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 """How sure the edge of crop beside the machine is, and the way for which that is there."""
-TIP_M = 1.0
-"""Of a strip that is begun inside, at whose right the last one's tip may stand: what a turn leaves
-of its beginning at most, twice."""
-TIP_SIGMAS = 3.0
-"""Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
 CORNER_SIGMA_M = 0.15
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""
@@ -81,7 +65,7 @@ class Sight:
         self._estimate = estimate
         self._dusty = DustyEdge()
         self._looks = SteadyLooks()
-        self._crop_beside: deque[bool] = deque(maxlen=BESIDE_OF)
+        self._in_crop = InCrop()
         self._leap = Leaps()
         self.view: CropView | None = None
         """What the last picture shows."""
@@ -94,6 +78,7 @@ class Sight:
         self.usable = Steady()
         """Pictures are to be believed."""
         self.ahead = Ahead()
+        self._whose = WhoseEdge(estimate, self.ahead, vehicle.blade_x_m)
         self._doubtful: Strip | None = None
         """The strip whose lane was so when its corner was in view."""
         self.beside_at_m = -math.inf
@@ -111,12 +96,17 @@ class Sight:
         """Along a strip, from here on: no crop of it has been met."""
         self.ahead.begin(here)
         self._looks.begin()
+        self._in_crop.forget()
         self.beside_at_m = -math.inf
         self.agreed_m = 0.0
 
     def unseen_m(self, motion: Motion) -> float:
         """Way since an edge corrected the lane."""
         return abs(motion.distance_m - self.edge_at_m)
+
+    def saw_lately(self, here: Motion) -> bool:
+        """Whether the camera is as good as it was a turn ago."""
+        return abs(here.distance_m - self.seen_at_m) < LATELY_M
 
     def beside(self, here: Motion) -> bool:
         """Whether the strip's crop stands beside the machine's way."""
@@ -180,7 +170,7 @@ class Sight:
         due = moved or estimate.lane.contradicted
         shows_lane = gaze.lane and abs(askew_rad) <= ACROSS_RAD
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
-            if self._on_lane(view, strip, turning, then):
+            if self._whose.is_lanes(view, strip, turning, then):
                 edge_m = strip.edge_m(view, then)
                 leap_m = edge_m + estimate.lane.blade_offset_m
                 dusts = self._dusty_leap(leap_m, strip, gaze, then, since)
@@ -195,7 +185,7 @@ class Sight:
             self._leap.forget()
         if gaze.lane and cutting and not in_leg:
             if sure:
-                self._crop_beside.clear()
+                self._in_crop.forget()
             else:
                 self._take_bound(view, strip, then, since_shutter)
         self._take_dusty_edge(view, strip, turning, gaze, then)
@@ -250,15 +240,20 @@ class Sight:
     def _take_bound(
         self, view: CropView, strip: Strip, then: Motion, since_shutter: tuple[float, float]
     ) -> None:
-        """A machine that has lost the edge, and cuts with crop on both sides, is too far left: the
-        crop that it leaves standing on its right is its own."""
-        beside = view.edge_offset_most_m < -INSIDE_CROP_M
-        self._crop_beside.append(beside)
-        cut_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
-        lost = min(cut_m, self.unseen_m(then)) > LOST_M and strip.shows_edge(strip.along_m(then))
-        if lost and beside and sum(self._crop_beside) >= BESIDE_LEAST:
-            bound = replace(view, edge_offset_m=view.edge_offset_most_m, edge_ahead_m=0.0)
+        """The edge is lost: crop on both sides tells where it is not."""
+        most_m = self._in_crop.note(view)
+        lost = self._lost_m(then) > LOST_M and strip.shows_edge(strip.along_m(then))
+        if lost and self._in_crop.surely and math.isfinite(most_m):
+            bound = replace(view, edge_offset_m=most_m, edge_ahead_m=0.0)
             self._estimate.lane.lies_right(strip.edge_m(bound, then), since_shutter)
+
+    def _lost_m(self, then: Motion) -> float:
+        """Way of the strip's since an edge was seen."""
+        return min(self.ahead.cut_m(then) if self.ahead.entered else 0.0, self.unseen_m(then))
+
+    def moves_aside(self, here: Motion) -> bool:
+        """Whether the machine is on its way out of the crop that stands on both sides of it."""
+        return self._in_crop.surely and LOST_M < self._lost_m(here) < LOST_M + ASIDE_M
 
     def _take_edge(
         self,
@@ -321,7 +316,7 @@ class Sight:
         lane, edge = self._estimate.lane, strip.edge_m(view, then)
         seen = math.isfinite(edge) and view.confidence > 0.0
         near = view.edge_ahead_m <= NEAR_CROP_M
-        if not seen or not near or not self._on_lane(view, strip, turning, then):
+        if not seen or not near or not self._whose.is_lanes(view, strip, turning, then):
             return
         self._dusty.note(then.stamp, edge + lane.blade_offset_m)
         line = self._dusty.take()
@@ -337,7 +332,7 @@ class Sight:
     def _watch_ahead(
         self, view: CropView, strip: Strip, gaze: Gaze, seen: EndOfField, ends: bool
     ) -> None:
-        """Of a sure picture: notes where the side's crop begins and where it ends."""
+        """Of a sure picture: where the side's crop begins and where it ends."""
         if gaze.begins or ends:
             self.ahead.sight(view, seen.motion)
         if ends and self.ahead.follow(view, seen):
@@ -356,45 +351,3 @@ class Sight:
         # Before the side's crop is met the blade raises no dust.
         in_dust = self.ahead.entered and self.ahead.in_dust(*EDGE_SURE)
         return dusty and strip.placed and is_dusts(leap_m, in_dust, self._vehicle.blade_width_m)
-
-    def _on_lane(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:
-        """Whether the edge in the picture taken then is the lane's: on a side, or backing along the
-        next once the crop begins ahead of the blade, or beside it all the way. Else the picture
-        shows the crop's flank; and so it does where the crop's border slants across the strip, or a
-        tip stayed where the strip before it was begun. Of a strip that is sought any edge is."""
-        if turning is not None and turning.leg is not None:
-            expected = turning.crop_expected_m(self._estimate.motion, self._vehicle.blade_x_m)
-            along = turning.beside and min(-expected, strip.left_m()) > ALONG_M
-            aside_m = strip.edge_m(view, then) + self._estimate.lane.aim_m
-            if not (along and abs(aside_m) < LEAP_M) and not (
-                turning.backing and expected > CROP_SEEN_M
-            ):
-                return False
-        lane = self._estimate.lane
-        off_m = abs(lane.blade_offset_m)
-        # the lane's standard deviation, which takes long, is asked only where it decides
-        far = strip.placed and off_m > IN_VIEW_M
-        if far and off_m > IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m:
-            return False
-        if self._before_begin(view, strip, then):
-            return False
-        shows = strip.sought or strip.shows_edge(strip.along_m(then))
-        return shows and not self._tip(view, strip, then)
-
-    def _before_begin(self, view: CropView, strip: Strip, then: Motion) -> bool:
-        """Whether what stands in the picture taken then stands before any crop of the strip."""
-        if not strip.placed:
-            return False
-        before_m = -(strip.along_m(then) + view.edge_ahead_m)
-        # how surely the beginning is known, which takes long, is asked only where it decides
-        return before_m > BEFORE_M and before_m > BEFORE_M + strip.begin_doubt_m
-
-    def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:
-        """Whether the right end of the crop at the blade may be what the strip before has left
-        beside this one: turns that lack room end with the blade inside a strip's beginning."""
-        lane = self._estimate.lane
-        begun_m = self.ahead.cut_m(then) if self.ahead.entered else 0.0
-        outside_m = -(strip.edge_m(view, then) + lane.blade_offset_m)
-        if strip.new or strip.sought or begun_m >= TIP_M or not outside_m > LEAP_M:
-            return False
-        return not self.ahead.approached or outside_m > TIP_SIGMAS * lane.offset_sigma_m

@@ -108,6 +108,7 @@ SCHEMAS: dict[str, tuple[str, dict[str, Any]]] = {
             **_numbers("l_height_px", "l_reference_px", "ahead_by_height_m"),
             reason=_TEXT,
             hidden={"type": "boolean"},
+            crop_right={"type": "boolean"},
             usable={"type": "boolean"},
         ),
     ),

@@ -34,6 +34,9 @@ class CropView:
     edge_beside_m: float = NAN
     """The right end of the crop that stands beside the machine's way, left of it, `BESIDE_AHEAD_M`
     before the blade's line, on the same scale. NaN: none is seen there."""
+    crop_right: bool = False
+    """Crop stands right of the blade, beside what it has just cut: the machine is in the crop,
+    inside of its edge. False: none does, or it is not in view."""
     edge_ahead_m: float = 0.0
     """How far ahead of the blade's line the edge was seen, along the vehicle: before crop that is
     not being cut yet, `edge_offset_m` is that of its near corner, and says of the blade's line only

@@ -238,7 +238,7 @@ class Follow(Behaviour):
     def _doubts(self, now: float) -> Go | None:
         """Whether the edge is too unsure to cut on, or might be seen without the dust."""
         context, sight = self.context, self.context.sight
-        if context.creeps(now):
+        if context.creeps(now) or context.moves_aside(now):
             return None
         unknown = not context.estimate.position.beside and lane_unknown(context)
         lost = now - sight.seen.stamp > STOP_AFTER_S or unknown

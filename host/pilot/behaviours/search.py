@@ -99,7 +99,7 @@ class Search(Behaviour):
         better from another place, and so may whatever lies right beside what the machine has cut.
         Past what stands beside a strip, what is left of it stays. From one place pictures err
         alike, so it looks once more from farther back. Else a person must see, unless next to
-        nothing of the plan is left, or it is this place where stems stand right before the lens:
+        nothing of the plan is left, or it is this place, and not the camera, that shows nothing:
         then it may go elsewhere first."""
         context, view = self.context, self.context.sight.view
         stands = view is not None and (view.hidden or math.isfinite(view.crop_ahead_m))
@@ -114,7 +114,8 @@ class Search(Behaviour):
         if context.turning is not None and context.turning.looks_from_farther_back(now):
             return Why.FARTHER_BACK.go()
         go = Why.NOTHING_TO_SEE.go()
-        return or_gather(context, go) if view is not None and view.hidden else go
+        here = (view is not None and view.hidden) or context.sight.saw_lately(context.motion)
+        return or_gather(context, go) if here else go
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:
         """No crop in view after a turn: the end, unless the plan still has a long side here that is

@@ -210,6 +210,7 @@ class MountedDetector:
             edge_offset_m=offset,
             edge_offset_most_m=self._most(face),
             edge_beside_m=face.beside_m - self._expected_m,
+            crop_right=face.crop_right,
             edge_ahead_m=max(0.0, face.at_x_m - self._vehicle.blade_x_m),
             crop_ahead_m=face.ahead_m,
             ahead_confidence=ahead_confidence,

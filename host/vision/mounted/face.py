@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
-from host.vision.mounted.beside import right_end_beside
+from host.vision.mounted.beside import right_end_beside, stands_right
 from host.vision.mounted.density import PIXELS, mark_dense, mean_of, shares, tops_of
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
 from host.vision.mounted.feet import contour, reached
@@ -127,6 +127,8 @@ class Face:
     """To where crop goes on to the right of the machine's way without a break; NaN: not known."""
     beside_m: float = NAN
     """The right end of crop beside the machine's way (`host.vision.mounted.beside`)."""
+    crop_right: bool = False
+    """Whether crop stands beside the blade, right of its end."""
     tops_px: float = NAN
     """Rows between the horizon and the tops of what stands in the blade's way."""
 
@@ -240,9 +242,17 @@ class FaceFinder:
             if at_blade or ahead < stands_m + self._no_crop_m:
                 dust, ahead = ahead - stands_m, stands_m
         stands_beside = right_end_beside(x, y, self._vehicle.blade_x_m)
+        beside_right = stands_right(x, y, self._vehicle.blade_x_m, -self._vehicle.inset_m)
         if ahead > FAR_M:
             nothing = (NAN, 0.0, NAN, standing, veiled)
-            return Face(ahead, sight, *nothing, beside_m=stands_beside, tops_px=tops)
+            return Face(
+                ahead,
+                sight,
+                *nothing,
+                beside_m=stands_beside,
+                crop_right=beside_right,
+                tops_px=tops,
+            )
         face_x = self._vehicle.blade_x_m + ahead
         left = OWN_M if stands_m == 0.0 else SPAN_M[1]
         height = self._height(grown_px)
@@ -255,7 +265,17 @@ class FaceFinder:
                 face_x = float(np.median(beside))
                 right, sure, out_to = self._right_end(seen, face_x, dust, left, expected_m, height)
         return Face(
-            ahead, sight, right, sure, face_x, standing, veiled, out_to, stands_beside, tops
+            ahead,
+            sight,
+            right,
+            sure,
+            face_x,
+            standing,
+            veiled,
+            out_to,
+            stands_beside,
+            beside_right,
+            tops,
         )
 
     def last(self, faint: Evidence, seems: Face, grown_px: float = NAN) -> Face:

@@ -30,3 +30,11 @@ def test_what_an_earlier_strip_has_left_is_not_the_edge_but_makes_it_unsure() ->
     assert (remnant.views, plain.views) == (4, 4)
     assert plain.seen >= 3
     assert remnant.sure <= plain.sure
+
+
+@pytest.mark.parametrize("mount", ["low", "mast"])
+def test_a_machine_inside_of_its_edge_sees_crop_on_its_right(mount: str) -> None:
+    """And one that cuts along its edge does not."""
+    inside, plain = (judged(5, 4, mount, kind) for kind in ("inside", "plain"))
+    assert inside.crop_right >= 3
+    assert plain.crop_right == 0

@@ -91,9 +91,10 @@ from host.pilot.leaps import LEAP_PICTURES
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import UNSEEN_M, Sight
+from host.pilot.sight import LATELY_M, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import LOOK_BACK_M, PAST_M, Turning
+from host.pilot.whose_edge import WhoseEdge
 from host.route.manoeuvre import RUN_IN_M, SHORT_M
 from host.route.manoeuvre import Lane as LaneTo
 from host.route.plan import Plan, spiral
@@ -1555,7 +1556,7 @@ def test_standing_across_the_next_lane_no_edge_is_its(
     monkeypatch: pytest.MonkeyPatch, gaze: Gaze, askew_deg: float, taken: bool
 ) -> None:
     """Between two legs of a turn that the geofence has broken off."""
-    monkeypatch.setattr(Sight, "_on_lane", lambda *_: True)
+    monkeypatch.setattr(WhoseEdge, "is_lanes", lambda *_: True)
     context = turned()
     assert context.turning is not None
     against = (0.0, math.radians(askew_deg))
@@ -1817,6 +1818,18 @@ def test_where_stems_stand_right_before_the_lens_it_goes_elsewhere_first(hidden:
     assert is_for(go, Standing.LEFT if hidden else Searched.NOTHING_TO_SEE)
 
 
+@pytest.mark.parametrize("ago_m", [LATELY_M - 0.1, LATELY_M + 0.1])
+def test_where_nothing_is_made_out_a_camera_that_was_good_a_turn_ago_looks_elsewhere(
+    ago_m: float,
+) -> None:
+    """Picture field 10377 stopped with an eighth of the field to go."""
+    hazy = replace(CUTTING, ahead_confidence=0.2)
+    context = farther_back(hazy)
+    context.sight.seen_at_m = context.motion.distance_m - ago_m
+    [go, *_] = searched(context, hazy, MOST_PICTURES + 1)
+    assert is_for(go, Standing.LEFT if ago_m < LATELY_M else Searched.NOTHING_TO_SEE)
+
+
 def test_where_next_to_nothing_is_left_nobody_is_called_for_it() -> None:
     """Of the plan (model field 10354 had 0.9998 of its crop cut)."""
     sides = (PLAN.sides[0], replace(PLAN.sides[1], length_m=1.5))
@@ -2074,6 +2087,12 @@ def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:
     assert is_for(BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1], Standing.LEFT)
     go = BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1]
     assert is_for(go, Patience.GAVE_UP)
+
+
+def test_stems_before_the_lens_hide_this_place_and_no_other() -> None:
+    context = on_side()
+    context.sight.view = CropView(0.0, hidden=True)
+    assert is_for(BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1], Standing.LEFT)
 
 
 def test_a_strip_that_is_given_up_by_a_machine_that_has_lost_its_place_is_a_fault() -> None:

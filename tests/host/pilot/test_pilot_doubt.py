@@ -60,7 +60,7 @@ def only_the_first_strip(plan: Plan) -> tuple[SimpleWorld, Pilot]:
 @pytest.mark.parametrize(
     ("beside_m", "least_m", "most_m"), [(0.4, 0.15, 0.45), (math.nan, -0.1, 0.1)]
 )
-def test_a_machine_with_crop_on_its_right_steers_right_to_where_that_ends(
+def test_a_machine_before_crop_that_goes_on_to_the_right_steers_right_to_where_that_ends(
     beside_m: float, least_m: float, most_m: float
 ) -> None:
     world = SimpleWorld(VEHICLE)
@@ -78,6 +78,30 @@ def test_a_machine_with_crop_on_its_right_steers_right_to_where_that_ends(
     drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 6.0)
     assert pilot.cut_m > 6.0
     assert least_m < world.pose()[0] - begun_x < most_m
+
+
+def test_a_machine_with_crop_on_its_right_moves_aside_to_the_edge_without_stopping() -> None:
+    """Picture field 10355: it cut 0.9 m inside of the edge, with crop on both sides, and gave up
+    after eight looks that showed no edge. Aside by a tenth of the way."""
+    world = SimpleWorld(VEHICLE)
+    begun_x = math.nan
+
+    def spoil(view: CropView) -> CropView:
+        if math.isnan(begun_x):
+            return view
+        inside = world.pose()[0] - begun_x < 0.6
+        return replace(
+            view, confidence=0.0, edge_heading_rad=math.nan, edge_offset_most_m=math.nan,
+            crop_right=inside,
+        )  # fmt: skip
+
+    pilot = Pilot(VEHICLE, Eyes(world, spoil), PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 2.0)
+    begun_x, told = world.pose()[0], len(pilot.transitions)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 6.0)
+    assert pilot.cut_m > 6.0
+    assert 0.3 < world.pose()[0] - begun_x < 0.6
+    assert len(pilot.transitions) == told
 
 
 # ---- crop that is not where the plan has it ------------------------------------------------------

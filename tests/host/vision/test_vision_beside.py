@@ -9,7 +9,16 @@ import pytest
 from numpy.typing import NDArray
 
 from host.core.vehicle import LOW, MAST, Mount, Vehicle
-from host.vision.mounted.beside import BLOCKS, OUTSIDE_M, REACH_M, right_end_beside
+from host.vision.mounted.beside import (
+    BLOCKS,
+    OUTSIDE_M,
+    REACH_M,
+    WALL_AHEAD_M,
+    WALL_ASIDE_M,
+    WALL_BLOCKS,
+    right_end_beside,
+    stands_right,
+)
 from host.vision.mounted.detector import make_detector
 from host.vision.view import BESIDE_M
 from tests.helpers.scenery import field
@@ -71,3 +80,37 @@ def test_a_picture_shows_the_edge_of_crop_beside_a_machine_that_has_come_off_it(
     view = make_detector("robust", vehicle, mount).see(picture)
     assert view.crop_ahead_m > 0.8
     assert view.edge_beside_m == pytest.approx(right_m + vehicle.inset_m, abs=0.12)
+
+
+# ---- crop right of the blade ---------------------------------------------------------------------
+
+EDGE_M = -0.4
+"""Where the crop's edge should be."""
+
+
+def wall(
+    right_m: float, ahead_m: tuple[float, float] = WALL_AHEAD_M, blocks: int = WALL_BLOCKS
+) -> bool:
+    """Whether feet in a line so far right of the edge are taken for crop there."""
+    return bool(stands_right(*feet(EDGE_M - right_m, ahead_m, blocks), BLADE_X_M, EDGE_M))
+
+
+def test_feet_right_of_the_blade_are_crop_on_the_right() -> None:
+    assert wall(0.2)
+    assert not wall(0.2, blocks=WALL_BLOCKS - 1), "weeds"
+
+
+@pytest.mark.parametrize(
+    ("right_m", "stands"),
+    [(WALL_ASIDE_M[0] - 0.01, False), (WALL_ASIDE_M[0] + 0.01, True),
+     (WALL_ASIDE_M[1] - 0.01, True), (WALL_ASIDE_M[1] + 0.01, False)],
+)  # fmt: skip
+def test_neither_the_face_that_is_cut_nor_the_next_field_is_crop_on_the_right(
+    right_m: float, stands: bool
+) -> None:
+    assert wall(right_m) is stands
+
+
+def test_what_stands_ahead_on_the_right_is_not_beside_the_blade() -> None:
+    assert not wall(0.2, (WALL_AHEAD_M[1], 1.0))
+    assert not wall(0.2, (-1.5, WALL_AHEAD_M[0]))
