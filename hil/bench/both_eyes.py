@@ -70,6 +70,9 @@ class _Both:
             self._real.glance(picture)
         return self._model.glance(bgr)
 
+    def next_crop(self, gap_m: float) -> None:
+        self._real.next_crop(gap_m)
+
     def restart(self, *, turned: bool = True) -> None:
         self._real.restart(turned=turned)
         self._model.restart(turned=turned)

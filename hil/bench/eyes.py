@@ -168,6 +168,9 @@ class _Listened:
     def glance(self, bgr: Bgr) -> CropView:
         return self._detector.glance(bgr)
 
+    def next_crop(self, gap_m: float) -> None:
+        self._detector.next_crop(gap_m)
+
     def restart(self, *, turned: bool = True) -> None:
         self._fresh = True
         self._detector.restart(turned=turned)

@@ -451,6 +451,9 @@ class ModelDetector:
         reason = "not looked at: it turns" if usable else "the camera repeats its picture"
         return CropView(0.0, usable=usable, reason=reason)
 
+    def next_crop(self, gap_m: float) -> None:
+        """What the fitted drives believed of the gap stays."""
+
     def restart(self, *, turned: bool = True) -> None:
         """As the detector's, whose next answer is without memory."""
         del turned

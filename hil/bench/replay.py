@@ -93,6 +93,9 @@ class Replayed:
         """Likewise."""
         return self.see(bgr)
 
+    def next_crop(self, gap_m: float) -> None:
+        """The recorded views knew it."""
+
     def restart(self, *, turned: bool = True) -> None:
         """Nothing is tracked here."""
 

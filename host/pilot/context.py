@@ -280,6 +280,8 @@ class Context:
         self.turning = None
         self.gaps.room_m = math.inf
         self._reckon_with(self.gaps.field_m)
+        if self.plan.gap_m is not None:
+            self.sight.next_crop(self.plan.gap_m)
         self.strip.begin_lane()
         self.strip.saw_begin()
         self.estimate.cut.begin(self.strip.clear_end_m)

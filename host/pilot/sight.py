@@ -92,6 +92,10 @@ class Sight:
         self.dust_doubts = False
         """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
+    def next_crop(self, gap_m: float) -> None:
+        """Behind the crop that is being cut the next stands no nearer."""
+        self._detector.next_crop(gap_m)
+
     def begin(self, here: Motion) -> None:
         """Along a strip, from here on: no crop of it has been met."""
         self.ahead.begin(here)

@@ -112,6 +112,10 @@ class Detector(Protocol):
         """Whether a picture is usable, and why not; nothing is measured in it, nor remembered."""
         ...
 
+    def next_crop(self, gap_m: float) -> None:
+        """From here on: behind the crop that is being cut the next stands no nearer than that."""
+        ...
+
     def restart(self, *, turned: bool = True) -> None:
         """Forgets what was tracked; references set from the first picture of the run (O_map,
         l_reference) stay. `turned`: the crop ahead is another than before; else it is what was cut

@@ -64,6 +64,10 @@ class WatchedDetector:
             return CropView(0.0, reason=reason)
         return None
 
+    def next_crop(self, gap_m: float) -> None:
+        """As the detector's."""
+        self._detector.next_crop(gap_m)
+
     def restart(self, *, turned: bool = True) -> None:
         """As the detector's; the camera is still the same."""
         self._detector.restart(turned=turned)

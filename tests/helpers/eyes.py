@@ -42,6 +42,9 @@ class Eyes:
         self.glances.append(self.world.now)
         return self.spoil(self.world.glance(bgr))
 
+    def next_crop(self, gap_m: float) -> None:
+        """Nothing is hidden by dust."""
+
     def restart(self, *, turned: bool = True) -> None:
         self.restarts.append(self.world.now)
         if turned:

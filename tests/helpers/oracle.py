@@ -55,6 +55,9 @@ class Oracle:
     def glance(self, bgr: NDArray[np.uint8]) -> CropView:
         return self.see(bgr)
 
+    def next_crop(self, gap_m: float) -> None:
+        """Nothing is hidden by dust."""
+
     def restart(self, *, turned: bool = True) -> None:
         """Nothing is tracked."""
 

@@ -199,6 +199,9 @@ class SimpleWorld:
     def glance(self, bgr: np.ndarray) -> CropView:
         return replace(self.see(bgr), confidence=0.0, ahead_confidence=0.0)
 
+    def next_crop(self, gap_m: float) -> None:
+        pass
+
     def restart(self, *, turned: bool = True) -> None:
         pass
 

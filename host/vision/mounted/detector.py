@@ -232,6 +232,10 @@ class MountedDetector:
         del bgr
         return CropView(0.0, reason="not looked at: it turns")
 
+    def next_crop(self, gap_m: float) -> None:
+        """As `Detector.next_crop`."""
+        self._finder.next_crop(gap_m)
+
     def restart(self, *, turned: bool = True) -> None:
         """The blade is out of the crop; the paper's references stay."""
         self._cutting = False

@@ -48,8 +48,10 @@ LATE_M, LATE_DENSE, LATE_SURE = 0.5, 0.08, 0.9
 """The last of the crop, so far ahead of the blade, shows by its ears: what a camera below the tops
 sees of it reaches above all that stands half a gap further away. At least so dense, and how sure
 that is."""
-GAP_M = 2.0
-"""Least gap to the next crop behind: what a camera sees of that must not count as this face."""
+LEAST_GAP_M, GAP_M = 0.8, 2.0
+"""Clear ground that ends a side: no narrower gap is told from dust. And the gap to the next crop
+behind where none, or a wider one, is known: what a camera sees of that crop must not count as this
+face."""
 OWN_M = 0.2
 """While cutting, what ends further to the left is the border of the machine's own swath, where the
 crop beside it stands nearer than the face."""
@@ -164,22 +166,28 @@ class FaceFinder:
         middle = self._ground_x[:, width // 2]
         self._horizon = int(np.argmax(middle < REACH_M)) if middle.min() < REACH_M else height
         x_c = float(camera.position[0])
-        beyond = vehicle.blade_x_m + GAP_M - x_c
-        self._no_crop_m = GAP_M - SLACK_M - NOD_RAD * beyond**2 / float(camera.position[2])
         # rows that a face's foot may be lower than its stems seem to end
         nearer = np.maximum(middle - FOOT_M, x_c + 0.05)
         order = np.searchsorted(-middle, -nearer)
         self._limit = np.minimum(order, height - 1).astype(np.int32)
         rows = camera.matrix[0, 0] * FOOT_WINDOW_M / np.maximum(middle - x_c, 0.1)
         self._way = self._corridor(camera, vehicle)
-        self._face = self._cut_face()
+        self.next_crop(GAP_M)
         above = vehicle.crop_height_m - float(camera.position[2])
         self._usual_tops_px = camera.matrix[0, 0] * above / (vehicle.blade_x_m - x_c)
         self._level_px = int(np.argmin(np.abs(self._upward[:, width // 2])))
-        self._middle = self._face[0][1]
         # from beside it stubble is as upright as crop
         self._from_above = float(camera.position[2]) > vehicle.crop_height_m
         self._windows = np.clip(rows, 4, 40).astype(np.int32)
+
+    def next_crop(self, gap_m: float) -> None:
+        """Behind the crop that is being cut the next stands no nearer than that."""
+        x_c, _, z_c = self._at
+        self._gap_m = min(max(gap_m, LEAST_GAP_M), GAP_M)
+        beyond = self._vehicle.blade_x_m + self._gap_m - x_c
+        self._no_crop_m = self._gap_m - SLACK_M - NOD_RAD * beyond**2 / z_c
+        self._face = self._cut_face()
+        self._middle = self._face[0][1]
 
     @staticmethod
     def _corridor(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
@@ -197,7 +205,7 @@ class FaceFinder:
         rows and columns less one all round."""
         x_c, y_c, z_c = self._at
         x = self._vehicle.blade_x_m
-        _, highest, _, _ = self._bands(x, GAP_M, self._vehicle.crop_height_m)
+        _, highest, _, _ = self._bands(x, self._gap_m, self._vehicle.crop_height_m)
         y, z = y_c + (x - x_c) * self._across, z_c + (x - x_c) * self._upward
         half = 0.4 * self._vehicle.blade_width_m
         inside = (np.abs(y) < half) & (z > LOWEST_M) & (z < highest)
@@ -284,7 +292,7 @@ class FaceFinder:
         `grown_px`: as for `find`."""
         ahead, sight = self._ahead(*self._contour(faint, _dense(faint)), seems.ahead_confidence)
         if ahead > LATE_M:
-            next_m = LATE_M + GAP_M / 2
+            next_m = LATE_M + self._gap_m / 2
             if not self._stands_at(faint, LATE_M, next_m, self._height(grown_px), LATE_DENSE):
                 return seems
             ahead, sight = LATE_M, max(sight, LATE_SURE)
@@ -373,7 +381,7 @@ class FaceFinder:
         confidence in it by this picture alone, and to where the face surely goes on. `expected_m`
         is where it was before (NaN: unknown). `dust`: how far ahead its upper border made the foot
         appear, 0 without; only what rises above it is then looked at."""
-        bands = self._bands(face_x, GAP_M, height)
+        bands = self._bands(face_x, self._gap_m, height)
         if dust > 0.0:
             highest = TALLEST * height
             if dust > HIDDEN_M and highest > bands[2] + HIDDEN_M / 10:

@@ -128,6 +128,9 @@ class Shown:
 
     glance = see
 
+    def next_crop(self, gap_m: float) -> None:
+        self.gap_m = gap_m
+
     def restart(self, **_: object) -> None:
         pass
 
@@ -2079,6 +2082,14 @@ def test_a_machine_that_finds_crop_where_it_has_cut_it_has_lost_its_place(
     if found:
         assert is_for(found[0][1], Turned.IN_THE_WAY)
         assert 0.03 * found[0][0] < 0.6
+
+
+def test_vision_is_told_how_wide_the_gap_is() -> None:
+    """Else it takes the next crop behind a gap of a metre for what dust hides at the blade."""
+    shown = Shown()
+    context = Context(VEHICLE, shown, replace(PLAN, gap_m=1.2))
+    context.begin_strip()
+    assert shown.gap_m == 1.2
 
 
 def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:

@@ -233,6 +233,8 @@ class AlwaysCrop:
     def glance(self, bgr: np.ndarray) -> CropView:
         return self.see(bgr)
 
+    def next_crop(self, gap_m: float) -> None: ...
+
     def restart(self, *, turned: bool = True) -> None: ...
 
 

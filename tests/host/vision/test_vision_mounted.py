@@ -452,6 +452,23 @@ def test_the_next_crop_is_no_dust_though_a_nodding_machine_sees_it_near() -> Non
     assert eye.see(end).crop_ahead_m > 0.8
 
 
+@pytest.mark.parametrize("mount", [LOW, MAST])
+@pytest.mark.parametrize("gap_m", [0.9, 1.2, 1.9])
+def test_the_next_crop_behind_a_gap_that_was_told_is_no_dust(mount: Mount, gap_m: float) -> None:
+    """With 2 m taken for granted, crop behind a gap of 1 m stood at the blade, 0.95 sure, for as
+    long as the machine would have driven on."""
+    eye = detector("robust", mount)
+    eye.next_crop(gap_m)
+    for seed in range(4):
+        eye.see(field(mount, next_crop_m=1.5 + 1.0 + gap_m, seed=seed))
+    end = [
+        eye.see(field(mount, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + gap_m, seed=seed))
+        for seed in range(4)
+    ][-1]
+    assert end.crop_ahead_m == pytest.approx(gap_m, abs=0.1)
+    assert end.ahead_confidence > 0.8
+
+
 def test_the_references_outlive_a_restart() -> None:
     eye = detector("paper", LOW)
     reference = eye.see(field(LOW)).l_reference_px

@@ -20,6 +20,7 @@ class Counting:
     def __init__(self) -> None:
         self.seen = self.glances = 0
         self.restarts: list[bool] = []
+        self.gaps: list[float] = []
 
     def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
         del bgr, stages
@@ -30,6 +31,9 @@ class Counting:
         del bgr
         self.glances += 1
         return CropView(0.0)
+
+    def next_crop(self, gap_m: float) -> None:
+        self.gaps.append(gap_m)
 
     def restart(self, *, turned: bool = True) -> None:
         self.restarts.append(turned)
@@ -46,6 +50,8 @@ def test_the_detector_sees_what_is_believed_and_nothing_else() -> None:
     assert (third.usable, behind.glances) == (False, 0)
     made.restart()
     made.restart(turned=False)
+    made.next_crop(1.2)
+    assert behind.gaps == [1.2]
     assert (behind.seen, behind.restarts) == (1, [True, False])
 
 
