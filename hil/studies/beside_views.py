@@ -23,8 +23,8 @@ from host.vision.mounted.detector import make_detector
 from host.vision.view import BESIDE_AHEAD_M, CropView
 from sim_plant.camera import Camera
 
-Kind = Literal["beside", "far", "remnant", "plain", "flank", "inside"]
-KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain", "flank", "inside")
+Kind = Literal["beside", "far", "remnant", "plain", "flank", "inside", "narrow"]
+KINDS: tuple[Kind, ...] = ("beside", "far", "remnant", "plain", "flank", "inside", "narrow")
 OFF_M: Final = {"beside": (0.95, 1.6), "far": (2.4, 4.0), "flank": (0.85, 1.0)}
 """How far right of its lane the machine stands: off its crop, out of reach of any, and on the lane
 before, as it backs beside the next strip."""
@@ -32,6 +32,8 @@ GAP_M, WIDE_M = (0.3, 0.8), (0.15, 0.4)
 """Between the edge and what an earlier strip has left, and how wide that is."""
 INSIDE_M: Final = (0.3, 1.5)
 """How far inside of the edge the machine cuts."""
+NARROW_M: Final = (1.0, 1.5)
+"""The gap to the next field's crop beside the machine."""
 ASKEW_RAD: Final = {"beside": 0.12, "far": 0.12, "flank": 0.04}
 STANDS_M: Final = (4.0, 9.0)
 """Along the edge."""
@@ -65,15 +67,18 @@ def _cleared(edge: Edge, below_m: float, above_m: float = -FAR_M, to_x: float = 
     edge.crop.clear(((-FAR_M, above_m), (to_x, above_m), (to_x, below_m), (-FAR_M, below_m)))
 
 
-def views(seed: int, count: int, mount: str, kind: Kind) -> Iterator[tuple[CropView, float]]:
+def views(
+    seed: int, count: int, mount: str, kind: Kind, *, told: bool = True
+) -> Iterator[tuple[CropView, float]]:
     """What the detector says, and how much farther left than it should the true edge lies
-    (`edge_offset_m`): the one beside the machine's way, or the one before its blade."""
+    (`edge_offset_m`): the one beside the machine's way, or the one before its blade. `told`:
+    whether the detector knows how wide the gap is."""
     for number in range(count):
         edge = prepared(Drive(seed, number, mount, "robust", 20.0, "", dust=0.0))
         rng = np.random.default_rng((seed, number, KINDS.index(kind)))
         v = edge.vehicle
         lane_m = 0.5 * v.blade_width_m - v.overlap_m
-        x = float(rng.uniform(*STANDS_M))
+        x, next_m = float(rng.uniform(*STANDS_M)), math.inf
         if kind in OFF_M:
             askew = ASKEW_RAD[kind]
             off_m, yaw = float(rng.uniform(*OFF_M[kind])), float(rng.uniform(-askew, askew))
@@ -88,6 +93,9 @@ def views(seed: int, count: int, mount: str, kind: Kind) -> Iterator[tuple[CropV
             gap_m, wide_m = float(rng.uniform(*GAP_M)), float(rng.uniform(*WIDE_M))
             if kind == "inside":
                 _cleared(edge, line_m - float(rng.uniform(*INSIDE_M)))
+            elif kind == "narrow":
+                next_m = float(rng.uniform(*NARROW_M))
+                _cleared(edge, line_m, line_m - next_m)
             elif kind == "remnant":
                 _cleared(edge, line_m - gap_m - wide_m)
                 _cleared(edge, line_m, line_m - gap_m)
@@ -95,13 +103,14 @@ def views(seed: int, count: int, mount: str, kind: Kind) -> Iterator[tuple[CropV
                 _cleared(edge, line_m)
             _cleared(edge, line_m + 1.0, line_m, x + v.blade_x_m + float(rng.uniform(0.0, 0.05)))
             true_m = -off_m - math.tan(yaw) * v.blade_x_m
-        yield _seen(edge, (x, y, yaw)), true_m
+        yield _seen(edge, (x, y, yaw), next_m if told else math.inf), true_m
 
 
-def _seen(edge: Edge, pose: tuple[float, float, float]) -> CropView:
+def _seen(edge: Edge, pose: tuple[float, float, float], gap_m: float) -> CropView:
     scenario = edge.scenario
     camera = Camera(edge.crop, scenario.world.lens, scenario.weather, scenario.seed, threads=1)
     detector = make_detector("robust", edge.vehicle, scenario.mount)
+    detector.next_crop(gap_m)
     roll, pitch = edge.crop.slopes(*pose)
     view = CropView(0.0)
     for k in range(PICTURES):
@@ -111,15 +120,15 @@ def _seen(edge: Edge, pose: tuple[float, float, float]) -> CropView:
     return view
 
 
-def judged(seed: int, count: int, mount: str, kind: Kind) -> Judged:
+def judged(seed: int, count: int, mount: str, kind: Kind, *, told: bool = True) -> Judged:
     """All views of a kind. Crop beside the way is asked for only where it is within reach, and none
     is said ahead; on a strip's flank whatever is said ahead."""
     asked = seen = sure = crop_right = 0
     errors: list[float] = []
-    for view, true_m in views(seed, count, mount, kind):
+    for view, true_m in views(seed, count, mount, kind, told=told):
         sure += view.confidence >= CONFIDENT
         crop_right += view.crop_right
-        if kind in ("remnant", "plain", "inside"):
+        if kind in ("remnant", "plain", "inside", "narrow"):
             asked += 1
             off = view.edge_offset_m - true_m
             if abs(off) < WITHIN_M:

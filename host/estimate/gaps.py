@@ -67,6 +67,11 @@ class Gaps:
         return self.narrowed(self._seen_m)
 
     @property
+    def least_m(self) -> float:
+        """The narrowest, by what was said and by every edge that has been looked at."""
+        return self.narrowed(min(self._seen.values(), default=math.inf))
+
+    @property
     def _seen_m(self) -> float:
         """What most edges show; inf where fewer than two have been seen."""
         seen = self._seen.values()

@@ -76,6 +76,7 @@ class Context:
         self.sight = Sight(vehicle, detector, self.estimate)
         self.guard = Guard(plan, vehicle, self.estimate.position)
         self.gaps = Gaps(math.inf if plan.gap_m is None else plan.gap_m)
+        self._tell_gap()
         self.telemetry: Telemetry | None = None
         """The latest."""
         self.reason = "waiting for the firmware's telemetry"
@@ -252,6 +253,11 @@ class Context:
             self.plan = replace(self.plan, gap_m=gap_m)
             self.guard = Guard(self.plan, self.vehicle, self.estimate.position)
 
+    def _tell_gap(self) -> None:
+        """Vision tells by it what dust hides from what stands beyond."""
+        if self.plan.gap_m is not None:
+            self.sight.next_crop(self.gaps.least_m)
+
     # ---- what is known of the present side -------------------------------------------------------
 
     @property
@@ -280,8 +286,7 @@ class Context:
         self.turning = None
         self.gaps.room_m = math.inf
         self._reckon_with(self.gaps.field_m)
-        if self.plan.gap_m is not None:
-            self.sight.next_crop(self.plan.gap_m)
+        self._tell_gap()
         self.strip.begin_lane()
         self.strip.saw_begin()
         self.estimate.cut.begin(self.strip.clear_end_m)

@@ -36,6 +36,9 @@ HIDDEN_M = 0.3
 """Crop that seems this much further away than it is known to stand is hidden by dust."""
 CUT_HIDDEN_M = 0.05
 """Likewise while it is being cut: then it stands at the blade."""
+SHORT_M = 0.5
+"""Of the next crop beside the gap, the span that is looked at ends so far: stems that are seen
+farther right may be that crop's. Behind a gap of 1.7 m or more the whole span is free of it."""
 SLACK_M = 0.3
 NOD_RAD = math.radians(2.0)
 """While cutting, no crop begins anew nearer than the least gap less this and what a machine that
@@ -151,7 +154,6 @@ class FaceFinder:
         x, y, z = camera.position
         self._at = float(x), float(y), float(z)
         self._focal = float(camera.matrix[0, 0])
-        self._left_bin = round((WAY_SHARE * vehicle.blade_width_m - SPAN_M[0]) / BIN_M)
         width, height = camera.size
         u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         pixels = np.stack([u, v], -1)
@@ -184,6 +186,9 @@ class FaceFinder:
         """Behind the crop that is being cut the next stands no nearer than that."""
         x_c, _, z_c = self._at
         self._gap_m = min(max(gap_m, LEAST_GAP_M), GAP_M)
+        beside_m = self._vehicle.inset_m + self._gap_m - SHORT_M
+        self._right_m = max(SPAN_M[0], -beside_m)
+        self._left_bin = round((WAY_SHARE * self._vehicle.blade_width_m - self._right_m) / BIN_M)
         beyond = self._vehicle.blade_x_m + self._gap_m - x_c
         self._no_crop_m = self._gap_m - SLACK_M - NOD_RAD * beyond**2 / z_c
         self._face = self._cut_face()
@@ -393,21 +398,21 @@ class FaceFinder:
         sums = self._sums(seen, face_x, bands)
         found = right_side(
             sums,
-            round((left_m - SPAN_M[0]) / BIN_M),
-            (expected_m - SPAN_M[0]) / BIN_M,
+            round((left_m - self._right_m) / BIN_M),
+            (expected_m - self._right_m) / BIN_M,
             SPREAD,
-            (self._left_bin, round(-SPAN_M[0] / BIN_M)),
+            (self._left_bin, round(-self._right_m / BIN_M)),
         )
         at, inside, outside, differ, from_border, out_bin = found
-        out_to = SPAN_M[0] + out_bin * BIN_M
+        out_to = self._right_m + out_bin * BIN_M
         if at < 0:
             return NAN, 0.0, out_to
         contrast = (inside - outside) / (inside + outside)
         if from_border * BIN_M < BORDER_M:
-            return SPAN_M[0] + at * BIN_M, 0.0, out_to
+            return self._right_m + at * BIN_M, 0.0, out_to
         again = stems_beyond(sums, at) / inside
         sure = min(0.95, 1.5 * contrast - 0.4, 0.4 * differ, 1.5 - 5.0 * again)
-        right = SPAN_M[0] + at * BIN_M
+        right = self._right_m + at * BIN_M
         if left_m == OWN_M and right > WITHIN_M - 0.5 * self._vehicle.blade_width_m:
             sure = min(sure, OPEN - OPEN_PER_STEP * steps_beyond(sums, at))
         return right, max(0.0, sure), out_to
@@ -428,7 +433,7 @@ class FaceFinder:
         self, seen: Evidence, face_x: float, bands: tuple[float, float, float, float]
     ) -> Sums:
         x_c, y_c, z_c = self._at
-        sums = np.empty((round((SPAN_M[1] - SPAN_M[0]) / BIN_M), 4))
+        sums = np.empty((round((SPAN_M[1] - self._right_m) / BIN_M), 4))
         profile(
             seen.upright,
             seen.steps,
@@ -439,7 +444,7 @@ class FaceFinder:
             face_x - x_c,
             (y_c, z_c),
             bands,
-            SPAN_M[0],
+            self._right_m,
             sums,
         )
         return sums
@@ -460,6 +465,8 @@ class FaceFinder:
         bands = self._bands(x, ahead - stands_m, height)
         sums = self._sums(seen, x, (1.0, 0.0, bands[2], TALLEST * height))
         half = 0.5 * vehicle.blade_width_m
-        inside = slice(round((-half - SPAN_M[0]) / BIN_M), round((half - SPAN_M[0]) / BIN_M))
+        inside = slice(
+            round((-half - self._right_m) / BIN_M), round((half - self._right_m) / BIN_M)
+        )
         pixels, stems = sums[inside, 0].sum(), sums[inside, 1].sum()
         return bool(pixels > HIDDEN_PX and stems > density * pixels)

@@ -38,3 +38,10 @@ def test_a_machine_inside_of_its_edge_sees_crop_on_its_right(mount: str) -> None
     inside, plain = (judged(5, 4, mount, kind) for kind in ("inside", "plain"))
     assert inside.crop_right >= 3
     assert plain.crop_right == 0
+
+
+def test_the_next_field_beside_a_narrow_gap_is_not_the_edges_crop_to_who_knows_the_gap() -> None:
+    """Its stems are seen over the gap from a mast, right of the edge."""
+    told, untold = (judged(5, 6, "mast", "narrow", told=told) for told in (True, False))
+    assert told.seen == told.views == 6
+    assert told.sure > untold.sure

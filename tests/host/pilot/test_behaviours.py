@@ -14,6 +14,7 @@ from host.core.messages import Command, Frame, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, END_PICTURES, Ahead, EndOfField
 from host.estimate.cut_guard import CutGuard
+from host.estimate.gaps import SEEN_M
 from host.estimate.lane import Lane
 from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
@@ -2088,8 +2089,10 @@ def test_vision_is_told_how_wide_the_gap_is() -> None:
     """Else it takes the next crop behind a gap of a metre for what dust hides at the blade."""
     shown = Shown()
     context = Context(VEHICLE, shown, replace(PLAN, gap_m=1.2))
+    assert shown.gap_m == 1.2, "before it sets off"
+    context.gaps.note(2, 0.8)
     context.begin_strip()
-    assert shown.gap_m == 1.2
+    assert shown.gap_m == pytest.approx(0.8 - SEEN_M), "as it was found"
 
 
 def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:
