@@ -300,6 +300,11 @@ class Context:
         view = self.sight.view
         return view.reason if view is not None and view.reason else otherwise
 
+    @property
+    def hidden(self) -> bool:
+        """Whether stems right before the lens hide all else."""
+        return self.sight.view is not None and self.sight.view.hidden
+
     def blind(self, now: float) -> bool:
         """Whether pictures are missing or show nothing of the world of now, for too long."""
         return now - self.sight.usable.stamp > STOP_AFTER_S
@@ -344,10 +349,10 @@ class Context:
         beside = self.strip.beside_swath
         begins = beside or self.strip.straight_m(self.motion) < BEGINNING_M
         begins = begins and self.motion.distance_m - self.sight.seen_at_m < BLIND_ON_M
-        view, ahead = self.sight.view, self.sight.ahead
+        ahead = self.sight.ahead
         # Elsewhere, nobody knows whose stems those are before the blade has met the strip's own.
         met = ahead.entered and self.turning is None
-        hidden = view is not None and view.hidden and not (met or beside)
+        hidden = self.hidden and not (met or beside)
         own = beside or self.strip.surely_own
         return begins and own and not (hidden or self.blind(now))
 

@@ -253,10 +253,8 @@ def gave_up(context: Context, now: float) -> Go | None:
         return Patience.REMNANT.go(reason=context.reason)
     go = Patience.GAVE_UP.go(seconds=f"{GIVE_UP_S:.0f}", reason=context.reason)
     # With nothing to be made out here, nothing will be elsewhere, but for stems before the lens.
-    view = context.sight.view
-    hidden = view is not None and view.hidden
     sees = now - context.sight.seen.stamp < SLOW_AFTER_S
-    return or_gather(context, go) if sees or hidden else go
+    return or_gather(context, go) if sees or context.hidden else go
 
 
 def blind(context: Context, now: float) -> Go | None:

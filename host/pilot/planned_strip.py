@@ -189,13 +189,17 @@ class PlannedStrip(PlanSide):
         position.less_sure_along(last, abs(self.along_m(self.estimate.motion) - self.side.length_m))
         position.at_end(last, ago, 0.0, 0.0)
 
-    def cut(self) -> None:
-        """Its way is the next round's edge, and what stands beside it the field's; and once, where
-        the lane is known again, it tells how far the turn to it has turned."""
+    def cut_unseen(self) -> None:
         here = self.estimate.motion
         if self.estimate.cut.clear_m == 0.0:
             at = self._blade(self._reckoned), self._blade(self.estimate.position.pose)
             self.estimate.swaths.note(here.distance_m, *at)
+
+    def cut(self) -> None:
+        """Its way is the next round's edge, and what stands beside it the field's; and once, where
+        the lane is known again, it tells how far the turn to it has turned."""
+        here = self.estimate.motion
+        self.cut_unseen()
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
             self.estimate.position.look(self.planned_piece, None)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)

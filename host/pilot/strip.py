@@ -246,6 +246,10 @@ class Strip:
         """What stands beyond its end stands where it should: that was its end, wherever the machine
         was believed to be."""
 
+    def cut_unseen(self) -> None:
+        """The blade cuts what is the field's own beyond doubt, before any picture has shown it:
+        what stands beside that is, too."""
+
     def cut(self) -> None:
         """The blade is cutting: what the way along the strip teaches."""
 

@@ -144,7 +144,7 @@ class BackOff(Behaviour):
         context, motion = self.context, self.context.motion
         sees = now - context.sight.usable.stamp < SLOW_AFTER_S
         if self._from is None:
-            again = self._backed and context.sight.view is not None and context.sight.view.hidden
+            again = self._backed and context.hidden
             due = now - max(context.since, self._stood_at) > BACK_AFTER_S
             due = due and (again or not self._backed)
             cut_m = context.cut_m if context.sight.ahead.entered else 0.0

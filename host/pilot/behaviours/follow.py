@@ -103,6 +103,8 @@ class Follow(Behaviour):
             return context.stop() if stops.reason in Why else context.hold(), stops
         if context.sight.ahead.entered:
             context.strip.cut()
+        elif context.hidden and context.strip.blade_due() and context.goes_unseeing(now):
+            context.strip.cut_unseen()
         doubt = self._doubts(now)
         if doubt is not None:
             return self._hold(doubt), doubt

@@ -114,7 +114,7 @@ class Search(Behaviour):
         if context.turning is not None and context.turning.looks_from_farther_back(now):
             return Why.FARTHER_BACK.go()
         go = Why.NOTHING_TO_SEE.go()
-        here = (view is not None and view.hidden) or context.sight.saw_lately(context.motion)
+        here = context.hidden or context.sight.saw_lately(context.motion)
         return or_gather(context, go) if here else go
 
     def _nothing_there(self, expected_m: float, seen_m: float) -> Go:

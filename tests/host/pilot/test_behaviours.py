@@ -751,6 +751,23 @@ def cut_beside(context: Context, long_m: float = 10.0) -> None:
     swaths.end()
 
 
+@pytest.mark.parametrize("hidden", [True, False])
+def test_what_is_cut_among_stems_that_hide_it_is_a_swath(hidden: bool) -> None:
+    """A turn had ended in the strip, right beside the last one. What stands beside that is the
+    field's, though no picture has shown the blade in crop yet (picture field 10373)."""
+    view = CropView(0.0, hidden=True) if hidden else CropView(0.0, ahead_confidence=0.2)
+    context = on_side(cut_m=None, eye=Shown(view))
+    cut_beside(context, 12.0)
+    for k in range(1, 9):
+        moved(context, 0.25 * k, stamp=NOW + k)
+        context.sight.seen_at_m = context.motion.distance_m
+        seeing(context, view, stamp=NOW + k)
+        Follow(context).step(NOW + k)
+    context.estimate.swaths.end()
+    at = Pose2(0.5 + VEHICLE.blade_x_m, VEHICLE.pass_m, 0.0)
+    assert context.estimate.swaths.beside(at, []) is hidden
+
+
 def test_the_way_of_a_blade_over_clear_ground_is_no_swath(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
