@@ -135,7 +135,8 @@ def photographed(folder: Path, mode: Mode) -> dict[str, list[Said]]:
               help="Folder of labelled data (wheat-edge/), to be judged besides.")  # fmt: skip
 @click.option("--beside", type=click.IntRange(1, 10_000), metavar="N",
               help="Instead of drives: N standing views of each kind from each mount, of crop "
-                   "beside the way and of what an earlier strip has left.")  # fmt: skip
+                   "beside the way, on either side, of what an earlier strip has left, and of a "
+                   "narrow gap.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/vision"),

@@ -1,5 +1,6 @@
 """Rendered views of what drives along edges hold little of: crop beside a machine that has come off
-its strip, and what an earlier strip has left beside the edge that is cut.
+its strip, or that cuts inside of its edge, what an earlier strip has left beside the edge that is
+cut, and the next field's crop beside a narrow gap.
 
 `daranti-hil vision --beside N`. The machine stands, or all but stands; a view is a function of
 (seed, number, kind) alone.
