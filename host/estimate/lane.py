@@ -109,12 +109,6 @@ class Lane:
         edge, the machine is driven along it."""
         self.contradicted, self.aim_m, self._until_seen = False, aim_m, until_seen
 
-    def aim(self, right_m: float, sigma_m: float) -> None:
-        """The machine is in the crop, and its edge so far right, give or take that: it is driven
-        there until it is seen."""
-        self.contradicted, self.aim_m, self._until_seen = False, -right_m, True
-        self._position.less_sure_beside(sigma_m)
-
     def lies_right(self, edge_offset_most_m: float, since: tuple[float, float]) -> bool:
         """Crop was seen to go on beside the blade: the edge lies no further left than this, m. A
         lane that has it there moves aside, and does not turn: how the edge runs is seen once the

@@ -205,11 +205,6 @@ class Position(Readings):
         for p in self._covariances:
             p[[X, Y, YAW], [X, Y, YAW]] += np.square([place_m, place_m, yaw_rad])
 
-    def less_sure_beside(self, lane_m: float) -> None:
-        """Of where the present lane lies, m."""
-        for p in self._covariances:
-            p[LANE_OFFSET, LANE_OFFSET] += lane_m**2
-
     def less_sure_along(self, side: Side, along_m: float) -> None:
         """Of its place along a side."""
         for p in self._covariances:

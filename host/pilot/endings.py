@@ -56,16 +56,12 @@ class Elsewhere(Reason):
 
 
 class Beside(Reason):
-    """The machine has come off its crop, or into it, or is led off it."""
+    """The machine has come off its crop, or is led off it."""
 
     REGAIN = Doing.REGAIN, "the crop stands beside the machine: going back to drive along it"
     AGAIN = (
         Doing.REGAIN,
         "clear ground for {clear} m where the plan has crop: going back to look from there",
-    )
-    INSIDE = (
-        Doing.REGAIN,
-        "no edge is to be found and crop stands on both sides: going back to drive farther right",
     )
     PAST = Doing.TURN, "{side}: past what stands beside it, to where it goes on"
 
