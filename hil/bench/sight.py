@@ -46,6 +46,8 @@ WALL_ASIDE_M: Final = 0.3
 """and so far right of the blade's end."""
 WALL_SHARE: Final = 0.3
 """Of that ground with crop on it, for it to be a wall."""
+PLACES: Final = 9
+"""Along such ground and across it that are looked at."""
 DEPTH_M: Final = 3.0
 """No more of the crop behind its face is looked at."""
 
@@ -253,43 +255,27 @@ def _look(
 
 
 @njit(cache=True, nogil=True)
-def _before_lens(
-    kind: NDArray[np.uint8], x0: float, y0: float, cell: float, x: float, y: float, yaw: float
-) -> bool:
-    """Whether crop stands right before a lens at x, y: at most places across its axis."""
-    c, s, count, places = math.cos(yaw), math.sin(yaw), 0, 9
-    for k in range(places):
-        left = LENS_M[1] * (2.0 * k / (places - 1) - 1.0)
-        px, py = x + LENS_M[0] * c - left * s, y + LENS_M[0] * s + left * c
-        if _standing(kind, x0, y0, cell, px, py):
-            count += 1
-    return 2 * count > places
-
-
-@njit(cache=True, nogil=True)
-def _stands_right(
+def _share(
     kind: NDArray[np.uint8],
     x0: float,
     y0: float,
     cell: float,
-    x: float,
-    y: float,
-    yaw: float,
-    blade_x: float,
-    end_y: float,
-) -> bool:
-    """Whether crop stands beside a blade whose right end is at (blade_x, end_y) in the vehicle
-    frame."""
-    c, s, count, places = math.cos(yaw), math.sin(yaw), 0, 5
-    for i in range(places):
-        share = i / (places - 1)
-        ahead = blade_x + WALL_AHEAD_M[0] + share * (WALL_AHEAD_M[1] - WALL_AHEAD_M[0])
-        for k in range(places):
-            left = end_y - WALL_ASIDE_M * k / (places - 1)
+    pose: tuple[float, float, float],
+    ahead_m: tuple[float, float],
+    left_m: tuple[float, float],
+) -> float:
+    """Of the ground before and beside a pose (x, y, yaw), from and to, the share on which crop
+    stands: at places evenly spread over it."""
+    x, y, yaw = pose
+    c, s, count = math.cos(yaw), math.sin(yaw), 0
+    for i in range(PLACES):
+        ahead = ahead_m[0] + (ahead_m[1] - ahead_m[0]) * i / (PLACES - 1)
+        for k in range(PLACES):
+            left = left_m[0] + (left_m[1] - left_m[0]) * k / (PLACES - 1)
             px, py = x + ahead * c - left * s, y + ahead * s + left * c
             if _standing(kind, x0, y0, cell, px, py):
                 count += 1
-    return count >= WALL_SHARE * places * places
+    return count / PLACES**2
 
 
 def look(
@@ -322,14 +308,15 @@ def look(
     if misreading is not None:
         read = misreading.of(ahead, right, cutting=ahead < CUTTING_M)
         _, read_beside = misreading.of(BESIDE_AHEAD_M, beside, cutting=False)
-    before_lens = False
+    before_lens, ground = False, (field.kind, *field.origin, field.cell)
     if lens_m is not None:
         c, s = math.cos(yaw), math.sin(yaw)
         at = x + lens_m[0] * c - lens_m[1] * s, y + lens_m[0] * s + lens_m[1] * c
-        before_lens = _before_lens(field.kind, *field.origin, field.cell, *at, yaw)
-    crop_right = _stands_right(
-        field.kind, *field.origin, field.cell, x, y, yaw, blade_x_m, -0.5 * blade_width_m
-    )
+        before, aside = (LENS_M[0], LENS_M[0]), (-LENS_M[1], LENS_M[1])
+        before_lens = _share(*ground, (*at, yaw), before, aside) > 0.5
+    end_m = -0.5 * blade_width_m
+    wall = blade_x_m + WALL_AHEAD_M[0], blade_x_m + WALL_AHEAD_M[1]
+    crop_right = _share(*ground, pose, wall, (end_m - WALL_ASIDE_M, end_m)) >= WALL_SHARE
     return Sight(
         ahead,
         depth,

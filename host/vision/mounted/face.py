@@ -55,6 +55,9 @@ LEAST_GAP_M, GAP_M = 0.8, 2.0
 """Clear ground that ends a side: no narrower gap is told from dust. And the gap to the next crop
 behind where none, or a wider one, is known: what a camera sees of that crop must not count as this
 face."""
+NARROWEST_M = 1.0
+"""Gap that any field is harvested beside: whether crop ends at the blade, or only dust does, must
+not hang on what was said of the gap."""
 OWN_M = 0.2
 """While cutting, what ends further to the left is the border of the machine's own swath, where the
 crop beside it stands nearer than the face."""
@@ -189,9 +192,10 @@ class FaceFinder:
         beside_m = self._vehicle.inset_m + self._gap_m - SHORT_M
         self._right_m = max(SPAN_M[0], -beside_m)
         self._left_bin = round((WAY_SHARE * self._vehicle.blade_width_m - self._right_m) / BIN_M)
-        beyond = self._vehicle.blade_x_m + self._gap_m - x_c
-        self._no_crop_m = self._gap_m - SLACK_M - NOD_RAD * beyond**2 / z_c
-        self._face = self._cut_face()
+        surely_m = min(self._gap_m, NARROWEST_M)
+        beyond = self._vehicle.blade_x_m + surely_m - x_c
+        self._no_crop_m = surely_m - SLACK_M - NOD_RAD * beyond**2 / z_c
+        self._face = self._cut_face(surely_m)
         self._middle = self._face[0][1]
 
     @staticmethod
@@ -205,12 +209,12 @@ class FaceFinder:
         left, right = (int(np.clip(u, 0, width)) for u in (corners[0, 0], corners[1, 0]))
         return slice(min(top, bottom - 1), bottom), slice(left, max(right, left + 1))
 
-    def _cut_face(self) -> tuple[tuple[slice, slice], Mask]:
-        """Where crop that is being cut shows its face: rows and columns, and 255 on it in those
-        rows and columns less one all round."""
+    def _cut_face(self, gap_m: float) -> tuple[tuple[slice, slice], Mask]:
+        """Where crop that is being cut shows its face, and none that stands gap_m behind it: rows
+        and columns, and 255 on it in those rows and columns less one all round."""
         x_c, y_c, z_c = self._at
         x = self._vehicle.blade_x_m
-        _, highest, _, _ = self._bands(x, self._gap_m, self._vehicle.crop_height_m)
+        _, highest, _, _ = self._bands(x, gap_m, self._vehicle.crop_height_m)
         y, z = y_c + (x - x_c) * self._across, z_c + (x - x_c) * self._upward
         half = 0.4 * self._vehicle.blade_width_m
         inside = (np.abs(y) < half) & (z > LOWEST_M) & (z < highest)
@@ -255,7 +259,7 @@ class FaceFinder:
             if at_blade or ahead < stands_m + self._no_crop_m:
                 dust, ahead = ahead - stands_m, stands_m
         stands_beside = right_end_beside(x, y, self._vehicle.blade_x_m)
-        beside_right = stands_right(x, y, self._vehicle.blade_x_m, -self._vehicle.inset_m)
+        crop_right = stands_right(x, y, self._vehicle.blade_x_m, -self._vehicle.inset_m)
         if ahead > FAR_M:
             nothing = (NAN, 0.0, NAN, standing, veiled)
             return Face(
@@ -263,7 +267,7 @@ class FaceFinder:
                 sight,
                 *nothing,
                 beside_m=stands_beside,
-                crop_right=beside_right,
+                crop_right=crop_right,
                 tops_px=tops,
             )
         face_x = self._vehicle.blade_x_m + ahead
@@ -287,7 +291,7 @@ class FaceFinder:
             veiled,
             out_to,
             stands_beside,
-            beside_right,
+            crop_right,
             tops,
         )
 

@@ -49,6 +49,17 @@ def test_crop_stands_right_before_a_lens_where_its_ground_is_crop(
     assert not look(crop, pose, BLADE_X_M, BLADE_WIDTH_M).before_lens
 
 
+@pytest.mark.parametrize(
+    ("east_m", "right"),
+    [(9.5, False), (9.45, False), (9.2, True), (8.0, True), (11.2, False), (11.4, True)],
+)
+def test_crop_right_of_the_blade_is_whatever_stands_there(east_m: float, right: bool) -> None:
+    """Northward: along the east side at 10 m, inside of it, and in the gap of 2 m, off the next
+    field's crop and right beside it."""
+    field = Field(PLAIN.model_copy(update={"gap_m": 2.0, "neighbour_depth_m": 4.0}), 1)
+    assert look(field, (east_m, 3.0, math.pi / 2), BLADE_X_M, BLADE_WIDTH_M).crop_right is right
+
+
 def test_a_machine_askew_sees_a_slope(crop: Field) -> None:
     yaw = math.pi / 2 + math.radians(8)
     seen = look(crop, (9.6, -BLADE_X_M - 0.2, yaw), BLADE_X_M, BLADE_WIDTH_M)

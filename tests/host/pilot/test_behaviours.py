@@ -92,7 +92,7 @@ from host.pilot.leaps import LEAP_PICTURES
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
-from host.pilot.sight import LATELY_M, UNSEEN_M
+from host.pilot.sight import ASIDE_M, LATELY_M, LOST_M, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import LOOK_BACK_M, PAST_M, Turning
 from host.pilot.whose_edge import WhoseEdge
@@ -2110,6 +2110,26 @@ def test_vision_is_told_how_wide_the_gap_is() -> None:
     context.gaps.note(2, 0.8)
     context.begin_strip()
     assert shown.gap_m == pytest.approx(0.8 - SEEN_M), "as it was found"
+
+
+@pytest.mark.parametrize(
+    ("lost_m", "aside"),
+    [(LOST_M - 0.2, False), (LOST_M + 0.5, True), (LOST_M + ASIDE_M + 0.2, False)],
+)
+@pytest.mark.parametrize("shown", [CropView(0.0, crop_right=True), CropView(0.0)])
+def test_crop_on_the_right_leads_aside_for_as_far_as_an_edge_may_lie(
+    lost_m: float, aside: bool, shown: CropView
+) -> None:
+    """Without a look before that; and no farther without one."""
+    context = on_side(cut_m=0.5, eye=Shown(shown))
+    edge_at_m = context.sight.edge_at_m
+    for k in range(12):
+        now = NOW + 0.1 * k
+        moved(context, edge_at_m + lost_m - 0.01 * (11 - k), 0.5, stamp=now)
+        frame = Frame(now, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, now, context.look.settled)
+    assert context.moves_aside(now) is (aside and shown.crop_right)
+    assert not context.moves_aside(now + 10.0), "without eyes"
 
 
 def test_a_strip_that_is_given_up_is_left_for_others_once() -> None:

@@ -454,11 +454,15 @@ def test_the_next_crop_is_no_dust_though_a_nodding_machine_sees_it_near() -> Non
 
 @pytest.mark.parametrize("mount", [LOW, MAST])
 @pytest.mark.parametrize("gap_m", [0.9, 1.2, 1.9])
-def test_the_next_crop_behind_a_gap_that_was_told_is_no_dust(mount: Mount, gap_m: float) -> None:
+@pytest.mark.parametrize("said_m", [None, 0.9, 2.0])
+def test_the_next_crop_behind_a_narrow_gap_is_no_dust_whatever_was_said_of_it(
+    mount: Mount, gap_m: float, said_m: float | None
+) -> None:
     """With 2 m taken for granted, crop behind a gap of 1 m stood at the blade, 0.95 sure, for as
     long as the machine would have driven on."""
     eye = detector("robust", mount)
-    eye.next_crop(gap_m)
+    if said_m is not None:
+        eye.next_crop(said_m)
     for seed in range(4):
         eye.see(field(mount, next_crop_m=1.5 + 1.0 + gap_m, seed=seed))
     end = [
@@ -467,6 +471,15 @@ def test_the_next_crop_behind_a_gap_that_was_told_is_no_dust(mount: Mount, gap_m
     ][-1]
     assert end.crop_ahead_m == pytest.approx(gap_m, abs=0.1)
     assert end.ahead_confidence > 0.8
+
+
+def test_no_gap_that_is_told_makes_the_crop_at_the_blade_another_fields() -> None:
+    """A turn may have been left hardly any room: so narrow is no gap between two fields."""
+    eye = detector("robust", LOW)
+    eye.next_crop(0.0)
+    view = eye.see(field(LOW, next_crop_m=None))
+    assert view.confidence > 0.8
+    assert view.edge_offset_m == pytest.approx(0.0, abs=0.08)
 
 
 def test_the_references_outlive_a_restart() -> None:
