@@ -38,6 +38,8 @@ CONVEX_DEG: Final = (50.0, 155.0)
 edge by less than the filter takes for the same edge."""
 REFLEX_DEG: Final = (205.0, 280.0)
 """Inside angle of a corner that points inwards."""
+GAP_M: Final = (1.5, 3.0)
+"""To the neighbours' crop."""
 KEEP_OUT_SHARE: Final = 0.5
 """Of the fields that have a pole or a tree."""
 NEIGHBOUR_HEIGHT: Final = (0.85, 1.15)
@@ -181,7 +183,6 @@ def _field(drawn: Drawn, ring: Ring) -> FieldSpec:
     within = drawn.within
     return FieldSpec(
         polygon=ring,
-        gap_m=2.0,
         keep_outs=(walked,) if walked is not None else (),
         trees=trees,
         crop_height_m=within(0.8, 1.0),
@@ -233,7 +234,8 @@ def random_field(seed: int) -> Scenario:
     weather = _weather(drawn)
     # Neighbours, machine and phone have numbers of their own: the fields stay what they were.
     higher = Drawn(seed, 0xBA11E).within(*NEIGHBOUR_HEIGHT)
-    field = field.model_copy(update={"neighbour_height": higher})
+    gap = Drawn(seed, 0x6A9).within(*GAP_M)
+    field = field.model_copy(update={"neighbour_height": higher, "gap_m": gap})
     kit = Drawn(seed, 0xC0DE)
     return Scenario(
         name=f"random {shape}" + (" with a keep-out" if field.keep_outs else ""),
