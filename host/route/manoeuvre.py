@@ -86,6 +86,9 @@ class Room:
     margins: Array
     """(k, m), m: how far off each of them to keep; and less and less, where the machine stands too
     near to one already."""
+    kept: int = 1
+    """Of the margins so many may be driven within. Where a machine can keep only a later one, the
+    geofence lets it do nothing but lead away from the nearest side: each step of its way does."""
 
 
 @functools.cache
@@ -111,7 +114,7 @@ def way(
     there, found = _search(
         np.array(start), radius, outline, wheels, room.sides, room.margins, half,
         lane.ends_m, lane.crop_m, lane.border[0], lane.border[1], short_m, lane.past_m,
-        lane.from_m,
+        lane.from_m, min(room.kept, len(room.margins)),
     )  # fmt: skip
     if not there:
         return None
@@ -227,15 +230,49 @@ def _pressed(
 @njit(cache=True, nogil=True)
 def _piece(
     at: Array, curvature: float, way_m: float, outline: Array, sides: Array, margins: Array,
-    points: Array, between: Array,
+    near: int, kept: int, points: Array, between: Array,
 ) -> bool:  # fmt: skip
-    """Whether a piece of way is free; `between` ends where it does."""
+    """Whether a piece of way is free from a place where the margins from `near` on are kept;
+    `between` ends where it does."""
     count = max(1, math.ceil(abs(way_m) / (0.6 * STEP_M)))
+    close = near >= kept and not _free(at, outline, sides, margins[kept - 1], points)
+    clear = _clear_m(at, outline, sides, margins, points) if close else 0.0
     for k in range(count):
         _on(at, curvature, way_m * (k + 1) / count, between)
-        if not _free(between, outline, sides, margins, points):
+        if not _free(between, outline, sides, margins[near], points):
             return False
+        if close and not _free(between, outline, sides, margins[kept - 1], points):
+            before, clear = clear, _clear_m(between, outline, sides, margins, points)
+            if clear <= before:
+                return False
+        elif close:
+            close, near = False, kept - 1
     return True
+
+
+@njit(cache=True, nogil=True)
+def _clear_m(at: Array, outline: Array, sides: Array, margins: Array, placed: Array) -> float:
+    """How far the machine, where it is free, is from the nearest of the sides that more than its
+    touch is to be kept off."""
+    c, s = math.cos(at[2]), math.sin(at[2])
+    n = len(outline)
+    for i in range(n):
+        placed[i, 0] = at[0] + c * outline[i, 0] - s * outline[i, 1]
+        placed[i, 1] = at[1] + s * outline[i, 0] + c * outline[i, 1]
+    nearest = math.inf
+    for k in range(len(sides)):
+        ax, ay, bx, by = sides[k]
+        if margins[0, k] == 0.0:
+            continue
+        for i in range(n):
+            j = (i + 1) % n
+            nearest = min(
+                nearest,
+                sweep.apart(placed[i, 0], placed[i, 1], ax, ay, bx, by),
+                sweep.apart(ax, ay, placed[i, 0], placed[i, 1], placed[j, 0], placed[j, 1]),
+                sweep.apart(bx, by, placed[i, 0], placed[i, 1], placed[j, 0], placed[j, 1]),
+            )
+    return nearest
 
 
 @njit(cache=True, nogil=True)
@@ -269,7 +306,7 @@ def _slot(reached: NDArray[np.int64], place: int) -> int:
 def _search(
     start: Array, radius: float, outline: Array, wheels: Array, sides: Array, margins: Array,
     half: float, ends: float, crop: float, border_y: float, border_rad: float, short: float,
-    past: float, nearest: float,
+    past: float, nearest: float, kept: int,
 ) -> tuple[bool, Array]:  # fmt: skip
     """Whether there is a way; (n, 3): curvature, 1/m, sense of the way and its length, m, one row a
     piece. When as many places have been searched as may be, it is the best of those found."""
@@ -298,7 +335,7 @@ def _search(
     while passes and past < start[0] + REACH_M:
         at[:] = past, 0.0, 0.0
         if _free(at, outline, sides, margins[near[0]], points) and _piece(
-            at, 0.0, ON_M, outline, sides, margins[near[0]], points, between
+            at, 0.0, ON_M, outline, sides, margins, near[0], kept, points, between
         ):
             break
         past += STEP_M
@@ -311,7 +348,7 @@ def _search(
         at[:] = places[here]
         expanded += 1
         last, last_way = done[here]
-        around = margins[near[here]]
+        around = near[here]
         # Onto the lane from here.
         for which in range(4):
             side, first, second = _arcs(at, radius, which)
@@ -326,18 +363,20 @@ def _search(
             more = abs(first) + abs(second) + beyond + 2 * STEERING_M
             more += REVERSAL_M * ((first * last_way < 0.0) + (first * second < 0.0))
             more += REVERSAL_M * (second > 0.0 and beyond > 0.0)
-            if not _piece(at, k, first, outline, sides, around, points, between):
+            if not _piece(at, k, first, outline, sides, margins, around, kept, points, between):
                 continue
             to[:] = between
-            if not _piece(to, -k, second, outline, sides, around, points, between):
+            if not _piece(to, -k, second, outline, sides, margins, around, kept, points, between):
                 continue
             more += PRESSED * abs(second) * _pressed(to, wheels, half, crop, border_y, border_rad)
             to[:] = between
-            if passes and not _piece(to, 0.0, ON_M, outline, sides, around, points, between):
+            if passes and not _piece(
+                to, 0.0, ON_M, outline, sides, margins, around, kept, points, between
+            ):
                 continue
             back = beyond
             while back > 0.0 and not _piece(
-                to, 0.0, -back, outline, sides, around, points, between
+                to, 0.0, -back, outline, sides, margins, around, kept, points, between
             ):
                 back = max(0.0, back - 0.5 * STEP_M)
             if beyond - back > short:
@@ -357,7 +396,7 @@ def _search(
                 way_m = sense * STEP_M
                 if k == last and way_m * last_way < 0.0:
                     continue
-                if not _piece(at, k, way_m, outline, sides, around, points, to):
+                if not _piece(at, k, way_m, outline, sides, margins, around, kept, points, to):
                     continue
                 i = math.floor((to[0] - start[0] + reach) / cell)
                 j = math.floor((to[1] - start[1] + reach) / cell)

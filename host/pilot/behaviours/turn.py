@@ -200,7 +200,7 @@ class DriveTurn(Behaviour):
             lane = Lane(ends_m, turn.crop_begins_m, border, turning.past_m)
             if turning.elsewhere:
                 lane = lane._replace(border=OPEN, from_m=ends_m - ARRIVES_M)
-            kept = replace(room, margins=room.margins[wary:])
+            kept = replace(room, margins=room.margins[wary:], kept=ROOMS - wary)
             legs = way(vehicle, start, lane, kept, SHORT_M[stays])
         self._tried += 1
         if legs is not None:
