@@ -43,9 +43,9 @@ CREEPING_MPS = 0.2
 """A braked machine on a slope of 7 degrees: it cannot stand better than that."""
 BEGINNING_M = 3.0
 """Of a strip, or behind a bend of it: what the turn has left askew is straightened by then."""
-PLACE_KNOWN_M = 0.5
-"""Standard deviation of the corner that is known least: less than half of the narrowest gap that is
-harvested beside."""
+PLACE_KNOWN = 0.5, 1.0
+"""Standard deviation of the corner that is known least: so much of the gap, and no more than that,
+m."""
 BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
 PAST_LEFT_M = 3.0
@@ -174,8 +174,10 @@ class Context:
     @property
     def place_known(self) -> bool:
         """Whether the first round, or the walk, has shown well enough where the field lies to drive
-        across it."""
-        return self.estimate.position.corners_sigma_m < PLACE_KNOWN_M
+        across it: the neighbours' crop is then two standard deviations away."""
+        share, most_m = PLACE_KNOWN
+        sigma_m = self.estimate.position.corners_sigma_m
+        return sigma_m < min(share * self.gaps.field_m, most_m)
 
     def go_gather(self, now: float, strip: Gathering) -> None:
         """Drives to a strip that none of the plan's sides has cut: from wherever the machine stands
