@@ -14,6 +14,7 @@ from host.pilot.pilot import Pilot
 from host.route.left_over import GATHER_M2
 from host.route.plan import Plan, spiral
 from tests.helpers.simple_world import CELL, SimpleWorld, drive, harvest
+from tests.host.pilot.test_behaviours import standing
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
@@ -64,6 +65,23 @@ def test_where_nobody_has_said_how_wide_the_gap_is_it_goes_nowhere_across_the_fi
     harvest(world, pilot, 900.0)
     assert pilot.phase is Phase.FINISHED
     assert pilot.plan.gathered == 0
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "sigma_m", "known"),
+    [
+        (1.0, 0.45, True),
+        (1.0, 0.55, False),
+        (2.0, 0.9, True),
+        (2.0, 1.1, False),
+        (6.0, 1.1, False),
+    ],
+)
+def test_how_well_it_must_know_its_place_for_that_hangs_on_the_gap(
+    gap_m: float, sigma_m: float, known: bool
+) -> None:
+    plan = spiral(SQUARE, 1, VEHICLE, gap_m=gap_m, sigma_m=sigma_m)
+    assert standing(plan, None).place_known is known
 
 
 def test_on_its_way_across_the_field_it_drives_through_no_crop_and_turns_no_blade() -> None:
