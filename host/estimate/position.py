@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from host.core.vehicle import Vehicle
-from host.estimate import prior, spread
+from host.estimate import other_edge, prior, spread
 from host.estimate.kalman import Filter, Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -94,6 +94,9 @@ class Position(Readings):
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
         self._wander = DRILLED
+        self._undoubted = math.inf
+        """Standard deviation of where the present lane's edge is seen, before what contradicted it
+        made it doubtful, m; inf: nothing has."""
         self.aside = Aside()
         """Of the present lane."""
         self.open(0.0, 0.0, *prior.OPEN_SIGMA)
@@ -158,6 +161,7 @@ class Position(Readings):
         """Nothing is known yet of how this one wanders, as it is seen."""
         left = side.inside_m > self._vehicle.blade_width_m / 2 or self._lanes.knows(side)
         self._lane_of, self._beside = side, beside
+        self._undoubted = math.inf
         self._wander = beside or (CUT if left else DRILLED)
         self._x[WANDER] = self._apart[WANDER] = 0.0
         for p in self._covariances:
@@ -219,11 +223,23 @@ class Position(Readings):
         frozen: Sequence[int] = () if learn else (CURVE,)
         if self._lane_of.left_over:
             frozen = tuple(k for k in range(len(self._x)) if k not in LEADING)
+        self._heed_other_edge(seen)
         taken = self._take(seen, frozen=frozen)
+        if taken:
+            self._undoubted = math.inf
+        elif self._undoubted == math.inf:
+            self._undoubted = self.sigma(seen.h[0])
         if not taken and doubts:
             sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
             self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
         return taken
+
+    def _heed_other_edge(self, seen: Measurement) -> None:
+        """Before an edge is taken that had contradicted the lane until that was doubted enough."""
+        inside = self._lane_of.inside_m > self._vehicle.blade_width_m / 2
+        if inside and other_edge.is_one(seen, self.sigma(seen.h[0]), self._undoubted):
+            for p in self._covariances:
+                other_edge.expect(p, self.at(self._lane_of).direction, float(seen.innovation[0]))
 
     def lies_right(self, seen: Measurement) -> None:
         """Crop goes on beside the blade, so the edge lies no further left than was seen. The

@@ -634,3 +634,27 @@ def test_at_a_bend_the_machine_stands_where_it_stood_against_the_line_beyond(
     left_m = 1.4 * math.sin(turn) + inside_m * math.cos(turn) - VEHICLE.inset_m
     assert lane.offset_m == pytest.approx(left_m)
     assert lane.heading_rad == pytest.approx(heading - turn)
+
+
+@pytest.mark.parametrize(("inside_m", "another"), [(4.0, True), (0.0, False)])
+def test_an_edge_of_another_strip_leads_the_machine_and_leaves_its_place_doubtful(
+    inside_m: float, another: bool
+) -> None:
+    """Two metres beside where the lane was surely believed. Beside the boundary there is no other
+    edge: there the place was wrong."""
+    side = Side(0.0, 0.0, 0.0, 20.0, VEHICLE.pass_m, 20.0, places_m=((0.0, inside_m),))
+    position = Position(VEHICLE)
+    position.place(side, 5.0, 0.0, 0.0)
+    sure_of(position, 0.1, 0.1, 0.02)
+    position.begin(side)
+    lane, y_m = Lane(position, VEHICLE.blade_x_m), position.pose[1]
+    pictures = 0
+    while not lane.correct(-2.0, 0.0, 0.9, (0.0, 0.0), cutting=False):
+        pictures += 1
+        assert pictures < 200
+    for _ in range(10):
+        lane.correct(-2.0, 0.0, 0.9, (0.0, 0.0), cutting=False)
+    assert pictures > 5
+    assert lane.blade_offset_m == pytest.approx(2.0, abs=0.2)
+    assert (abs(position.pose[1] - y_m) < 0.3) is another
+    assert (float(position.covariance[1, 1]) > 0.7**2) is another
