@@ -1,5 +1,5 @@
-"""An edge that contradicts the lane until that is doubted enough: where it lies too far away for the
-lane to be there, it is another one, of more than a strip before.
+"""An edge that contradicts the lane until that is doubted enough: where it lies too far away for
+the lane to be there, it is another one, of more than a strip before.
 
 Then it leads the machine, whose place is no more than doubted. To move the place with the lane had
 put machines that knew theirs to half a metre two strips aside, and as sure as before of it.
@@ -19,8 +19,8 @@ FAR_M: Final = 1.0
 FAR_SIGMAS: Final = 4.0
 """Beside where the lane was believed to be before it was doubted: farther than both. A strip is
 0.9 m wide, and a place that is known no better than to a quarter of it tells no two apart."""
-DOUBTED_SHARE: Final = 0.5
-"""Of that way, as a standard deviation of the place."""
+DOUBTED_M: Final = 0.5
+"""By which the place is doubted then, as a standard deviation."""
 
 
 def is_one(seen: Measurement, sigma_m: float, undoubted_m: float) -> bool:
@@ -34,7 +34,7 @@ def is_one(seen: Measurement, sigma_m: float, undoubted_m: float) -> bool:
 
 def expect(p: Array, direction: tuple[float, float], off_m: float) -> None:
     """Lets a covariance of the state know that the lane, of that direction, may lie so far aside of
-    where it is believed, and the machine by a share of it."""
+    where it is believed."""
     across = np.array([-direction[1], direction[0]])
-    p[:YAW, :YAW] += np.outer(across, across) * (DOUBTED_SHARE * off_m) ** 2
+    p[:YAW, :YAW] += np.outer(across, across) * DOUBTED_M**2
     p[LANE_OFFSET, LANE_OFFSET] += (FAR_SIGMAS * off_m) ** 2
