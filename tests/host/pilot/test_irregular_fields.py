@@ -69,7 +69,8 @@ def in_plane_world(s: Scenario) -> tuple[SimpleWorld, Pilot]:
 def test_nine_of_ten_random_fields_are_finished_in_the_plane_world() -> None:
     shares, stopped = [], []
     for seed in range(1, 31):
-        world, pilot = in_plane_world(changed(random_field(seed), {"belief": "exact"}))
+        exact = {"belief": "exact", "field": {"gap_m": SimpleWorld.gap}}
+        world, pilot = in_plane_world(changed(random_field(seed), exact))
         harvest(world, pilot, 2500.0)
         assert pilot.done, seed
         assert world.neighbour_cut == 0, seed
