@@ -39,7 +39,8 @@ edge by less than the filter takes for the same edge."""
 REFLEX_DEG: Final = (205.0, 280.0)
 """Inside angle of a corner that points inwards."""
 GAP_M: Final = (1.5, 3.0)
-"""To the neighbours' crop."""
+"""To the neighbours' crop. A turn takes up to 1.4 m of it (docs/understand/navigation.md), and with
+less than 1.5 m a machine of the default size often cannot be put down at a corner."""
 KEEP_OUT_SHARE: Final = 0.5
 """Of the fields that have a pole or a tree."""
 NEIGHBOUR_HEIGHT: Final = (0.85, 1.15)

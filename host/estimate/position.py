@@ -159,8 +159,8 @@ class Position(Readings):
 
     def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
         """Nothing is known yet of how this one wanders, as it is seen."""
-        left = side.inside_m > self._vehicle.blade_width_m / 2 or self._lanes.knows(side)
         self._lane_of, self._beside = side, beside
+        left = self._inside or self._lanes.knows(side)
         self._undoubted = math.inf
         self._wander = beside or (CUT if left else DRILLED)
         self._x[WANDER] = self._apart[WANDER] = 0.0
@@ -234,10 +234,15 @@ class Position(Readings):
             self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
         return taken
 
+    @property
+    def _inside(self) -> bool:
+        """Whether the present lane's edge is one that strips have left, and not the boundary."""
+        return self._lane_of.inside_m > self._vehicle.blade_width_m / 2
+
     def _heed_other_edge(self, seen: Measurement) -> None:
         """Before an edge is taken that had contradicted the lane until that was doubted enough."""
-        inside = self._lane_of.inside_m > self._vehicle.blade_width_m / 2
-        if inside and other_edge.is_one(seen, self.sigma(seen.h[0]), self._undoubted):
+        doubted = self._inside and math.isfinite(self._undoubted)
+        if doubted and other_edge.is_one(seen, self.sigma(seen.h[0]), self._undoubted):
             for p in self._covariances:
                 other_edge.expect(p, self.at(self._lane_of).direction, float(seen.innovation[0]))
 

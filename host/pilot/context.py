@@ -44,8 +44,8 @@ CREEPING_MPS = 0.2
 BEGINNING_M = 3.0
 """Of a strip, or behind a bend of it: what the turn has left askew is straightened by then."""
 PLACE_KNOWN = 0.5, 1.0
-"""Standard deviation of the corner that is known least: so much of the gap, and no more than that,
-m."""
+"""Standard deviation of the corner that is known least: so much of the narrowest gap, by what was
+said and seen, and no more than that, m."""
 BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
 PAST_LEFT_M = 3.0
@@ -177,7 +177,7 @@ class Context:
         across it: the neighbours' crop is then two standard deviations away."""
         share, most_m = PLACE_KNOWN
         sigma_m = self.estimate.position.corners_sigma_m
-        return sigma_m < min(share * self.gaps.field_m, most_m)
+        return sigma_m < min(share * self.gaps.least_m, most_m)
 
     def go_gather(self, now: float, strip: Gathering) -> None:
         """Drives to a strip that none of the plan's sides has cut: from wherever the machine stands

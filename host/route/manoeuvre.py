@@ -29,11 +29,17 @@ from host.field.areas import outline_of
 from host.route.turn_legs import Follow, Goal, Leg, turning_radius
 
 Array = NDArray[np.float64]
+_Ground = tuple[Array, Array, Array, int, Array]
+"""The machine's outline, the sides and margins of the room, how many of these are kept, and an
+outline's places for use."""
 
 STEP_M: Final = 0.25
 """Of a piece of way: 16 degrees on the lock, during which a blade's end moves 0.45 m."""
 CELLS: Final = (0.1, math.radians(6.0))
 """Places and directions that are taken for one, m and rad."""
+AWAY_M: Final = 0.05
+"""Of a way that leads away from a side: over more of it, a blade on the lock may swing there first.
+"""
 REACH_M: Final = 6.0
 """The search goes no farther from where the machine stands, or as far around a lane that is farther
 away."""
@@ -136,14 +142,20 @@ def way(
 
 
 @njit(cache=True, nogil=True)
+def _place(at: Array, outline: Array, placed: Array) -> None:
+    """An outline (n, 2) of the vehicle frame at (x, y, heading), into `placed`."""
+    c, s = math.cos(at[2]), math.sin(at[2])
+    for i in range(len(outline)):
+        placed[i, 0] = at[0] + c * outline[i, 0] - s * outline[i, 1]
+        placed[i, 1] = at[1] + s * outline[i, 0] + c * outline[i, 1]
+
+
+@njit(cache=True, nogil=True)
 def _free(at: Array, outline: Array, sides: Array, margins: Array, placed: Array) -> bool:
     """Whether the machine may be at (x, y, heading), where its outline (n, 2) is off each side by
     its margin: from within the room nothing leads out of it. `placed` is for use."""
-    c, s = math.cos(at[2]), math.sin(at[2])
+    _place(at, outline, placed)
     n = len(outline)
-    for i in range(n):
-        placed[i, 0] = at[0] + c * outline[i, 0] - s * outline[i, 1]
-        placed[i, 1] = at[1] + s * outline[i, 0] + c * outline[i, 1]
     for k in range(len(sides)):
         ax, ay, bx, by = sides[k]
         long = math.hypot(bx - ax, by - ay)
@@ -229,20 +241,22 @@ def _pressed(
 
 @njit(cache=True, nogil=True)
 def _piece(
-    at: Array, curvature: float, way_m: float, outline: Array, sides: Array, margins: Array,
-    near: int, kept: int, points: Array, between: Array,
-) -> bool:  # fmt: skip
+    at: Array, curvature: float, way_m: float, near: int, ground: _Ground, between: Array
+) -> bool:
     """Whether a piece of way is free from a place where the margins from `near` on are kept;
     `between` ends where it does."""
+    outline, sides, margins, kept, points = ground
     count = max(1, math.ceil(abs(way_m) / (0.6 * STEP_M)))
     close = near >= kept and not _free(at, outline, sides, margins[kept - 1], points)
-    clear = _clear_m(at, outline, sides, margins, points) if close else 0.0
+    clear = _clear_m(at, ground) if close else 0.0
+    if close:
+        count = max(count, math.ceil(abs(way_m) / AWAY_M))
     for k in range(count):
         _on(at, curvature, way_m * (k + 1) / count, between)
         if not _free(between, outline, sides, margins[near], points):
             return False
         if close and not _free(between, outline, sides, margins[kept - 1], points):
-            before, clear = clear, _clear_m(between, outline, sides, margins, points)
+            before, clear = clear, _clear_m(between, ground)
             if clear <= before:
                 return False
         elif close:
@@ -251,28 +265,17 @@ def _piece(
 
 
 @njit(cache=True, nogil=True)
-def _clear_m(at: Array, outline: Array, sides: Array, margins: Array, placed: Array) -> float:
-    """How far the machine, where it is free, is from the nearest of the sides that more than its
-    touch is to be kept off."""
-    c, s = math.cos(at[2]), math.sin(at[2])
-    n = len(outline)
-    for i in range(n):
-        placed[i, 0] = at[0] + c * outline[i, 0] - s * outline[i, 1]
-        placed[i, 1] = at[1] + s * outline[i, 0] + c * outline[i, 1]
-    nearest = math.inf
+def _clear_m(at: Array, ground: _Ground) -> float:
+    """How far the machine, where it is free, is from the nearest of the sides that a margin is to
+    be kept off."""
+    outline, sides, margins, _, points = ground
+    _place(at, outline, points)
+    rings = np.zeros(len(sides), np.int64)
     for k in range(len(sides)):
-        ax, ay, bx, by = sides[k]
-        if margins[0, k] == 0.0:
-            continue
-        for i in range(n):
-            j = (i + 1) % n
-            nearest = min(
-                nearest,
-                sweep.apart(placed[i, 0], placed[i, 1], ax, ay, bx, by),
-                sweep.apart(ax, ay, placed[i, 0], placed[i, 1], placed[j, 0], placed[j, 1]),
-                sweep.apart(bx, by, placed[i, 0], placed[i, 1], placed[j, 0], placed[j, 1]),
-            )
-    return nearest
+        rings[k] = 1 if margins[0, k] == 0.0 else 0
+    found = np.empty(2)
+    sweep.gaps(sides, rings, points, found)
+    return float(found[0])
 
 
 @njit(cache=True, nogil=True)
@@ -327,6 +330,7 @@ def _search(
     places[0], before[0], cost[0], done[0] = start, -1, 0.0, np.zeros(2)
     heap = [(0.0, 0, False)]
     points = np.empty((len(outline), 2))
+    ground = outline, sides, margins, kept, points
     at, to, between = np.empty(3), np.empty(3), np.empty(3)
     near[0] = _nearness(start, outline, sides, margins, len(margins), points)
     if near[0] == len(margins):
@@ -335,7 +339,7 @@ def _search(
     while passes and past < start[0] + REACH_M:
         at[:] = past, 0.0, 0.0
         if _free(at, outline, sides, margins[near[0]], points) and _piece(
-            at, 0.0, ON_M, outline, sides, margins, near[0], kept, points, between
+            at, 0.0, ON_M, near[0], ground, between
         ):
             break
         past += STEP_M
@@ -363,21 +367,17 @@ def _search(
             more = abs(first) + abs(second) + beyond + 2 * STEERING_M
             more += REVERSAL_M * ((first * last_way < 0.0) + (first * second < 0.0))
             more += REVERSAL_M * (second > 0.0 and beyond > 0.0)
-            if not _piece(at, k, first, outline, sides, margins, around, kept, points, between):
+            if not _piece(at, k, first, around, ground, between):
                 continue
             to[:] = between
-            if not _piece(to, -k, second, outline, sides, margins, around, kept, points, between):
+            if not _piece(to, -k, second, around, ground, between):
                 continue
             more += PRESSED * abs(second) * _pressed(to, wheels, half, crop, border_y, border_rad)
             to[:] = between
-            if passes and not _piece(
-                to, 0.0, ON_M, outline, sides, margins, around, kept, points, between
-            ):
+            if passes and not _piece(to, 0.0, ON_M, around, ground, between):
                 continue
             back = beyond
-            while back > 0.0 and not _piece(
-                to, 0.0, -back, outline, sides, margins, around, kept, points, between
-            ):
+            while back > 0.0 and not _piece(to, 0.0, -back, around, ground, between):
                 back = max(0.0, back - 0.5 * STEP_M)
             if beyond - back > short:
                 continue
@@ -396,7 +396,7 @@ def _search(
                 way_m = sense * STEP_M
                 if k == last and way_m * last_way < 0.0:
                     continue
-                if not _piece(at, k, way_m, outline, sides, margins, around, kept, points, to):
+                if not _piece(at, k, way_m, around, ground, to):
                     continue
                 i = math.floor((to[0] - start[0] + reach) / cell)
                 j = math.floor((to[1] - start[1] + reach) / cell)

@@ -84,6 +84,13 @@ def test_how_well_it_must_know_its_place_for_that_hangs_on_the_gap(
     assert standing(plan, None).place_known is known
 
 
+def test_one_gap_that_is_seen_to_be_narrow_asks_for_as_much_as_if_it_had_been_said() -> None:
+    context = standing(spiral(SQUARE, 1, VEHICLE, gap_m=2.0, sigma_m=0.6), None)
+    assert context.place_known
+    context.gaps.note(2, 1.2)
+    assert not context.place_known
+
+
 def test_on_its_way_across_the_field_it_drives_through_no_crop_and_turns_no_blade() -> None:
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, world, without(len(PLAN.sides) - 8))
