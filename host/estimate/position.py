@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from host.core.vehicle import Vehicle
-from host.estimate import other_edge, prior, spread
+from host.estimate import leading_lane, other_edge, prior, spread
 from host.estimate.kalman import Filter, Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -67,8 +67,6 @@ that many pictures agreed on outlasts a patch of weeds or thin crop, whose borde
 edge."""
 DOUBTFUL: Final = (X, Y, YAW, LANE_OFFSET, LANE_YAW)
 """What that takes back: the machine's place, and its lane's."""
-LEADING: Final = (LANE_OFFSET, LANE_YAW, WANDER)
-"""What leads the machine along an edge."""
 DOUBTED_YAW_RAD: Final = math.radians(6.0)
 """Standard deviation of the machine's direction, up to which it is doubted too: what a turn by the
 steering angle leaves. More would let edges of other strips turn a machine that has lost its own, by
@@ -218,11 +216,10 @@ class Position(Readings):
         self, seen: Measurement, *, learn: bool, cutting: bool = True, doubts: bool = True
     ) -> bool:
         """A picture's edge of the present lane; `learn`: the curvature that the pot does not show,
-        too. False where it contradicts what is believed beyond its gate; then that is doubted. The
-        edges of what strips have left lie along no border: they lead, and tell nothing else."""
+        too. False where it contradicts what is believed beyond its gate; then that is doubted."""
         frozen: Sequence[int] = () if learn else (CURVE,)
-        if self._lane_of.left_over:
-            frozen = tuple(k for k in range(len(self._x)) if k not in LEADING)
+        if self._tie_leading():
+            frozen = leading_lane.others(len(self._x))
         self._heed_other_edge(seen)
         taken = self._take(seen, frozen=frozen)
         if taken:
@@ -233,6 +230,13 @@ class Position(Readings):
             sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
             self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
         return taken
+
+    def _tie_leading(self) -> bool:
+        """Whether the present lane only leads; then it is known from the machine."""
+        if self._lane_of.left_over:
+            for p in self._covariances:
+                leading_lane.tie(p, self.on_lane())
+        return self._lane_of.left_over
 
     @property
     def _inside(self) -> bool:
@@ -251,8 +255,7 @@ class Position(Readings):
         machine is farther left of it, and not turned otherwise."""
         wide = seen.variances[:1] + BOUND_SIGMA_M**2
         bound = Measurement("bound", seen.h[:1], seen.innovation[:1], wide)
-        left = self._lane_of.left_over
-        self.yield_to(bound, moves=(LANE_OFFSET,) if left else (X, Y, LANE_OFFSET))
+        self.yield_to(bound, moves=(LANE_OFFSET,) if self._tie_leading() else (X, Y, LANE_OFFSET))
 
     def rested(self, rate_radps: float, variance: float) -> None:
         """The machine stands, and so much the gyroscope shows, rad/s."""

@@ -59,6 +59,11 @@ class Swaths:
         """(n, 2) of each strip that was cut, in the field."""
         return self._past
 
+    @property
+    def cut_m(self) -> float:
+        """How far the blade has cut."""
+        return STEP_M * (len(self._all) + len(self._reckoned))
+
     def end(self) -> None:
         """The strip is cut."""
         if len(self._reckoned) > 1:

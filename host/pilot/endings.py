@@ -70,6 +70,7 @@ class Standing(Reason):
     """The plan is at its end, and by the blade's way some of its crop still stands."""
 
     LEFT = Doing.GATHER, "{reason}; looking for what is left standing"
+    ANOTHER = Doing.GATHER, "{reason}; on to what else is left standing"
 
 
 class Patience(Reason):
@@ -159,21 +160,29 @@ def _rest_m2(context: Context) -> float:
 
 
 def or_gather(context: Context, go: Go) -> Go:
-    """Where the harvest would end with `go`, it goes on to what is left standing. A doubt that is
-    for a person to decide may be gone elsewhere, once."""
+    """Where the harvest would end with `go`, it goes on to what is left standing. With a doubt that
+    is for a person to decide it may go elsewhere first, and again once that has gained
+    something."""
     strip, position = context.strip, context.estimate.position
+    remains, cut_m = context.remains, context.estimate.swaths.cut_m
     placed = strip.placed and position.known and context.guard.fenced
-    if context.remains.over or not placed:
+    if remains.over or not placed:
         return go
     if go.reason.to is Doing.FAULT:
-        if context.remains.gave_up or not context.place_known:
+        if not (context.place_known and remains.gives_up(cut_m)):
             return go
-        context.remains.gave_up = True
+        if context.gathering:
+            return Standing.ANOTHER.go(reason=go.text)
         context.left_standing_m2 += _rest_m2(context)
-    if not context.remains.ended_by:
-        context.remains.ended_by = go.text
-        context.remains.planned_m2 = context.plan.unreached_m2 + context.left_standing_m2
+    if not remains.ended_by:
+        remains.begins(cut_m, go.text, context.plan.unreached_m2 + context.left_standing_m2)
     return Standing.LEFT.go(reason=go.text)
+
+
+def or_elsewhere(context: Context, go: Go) -> Go:
+    """The same where no gap lies beside the strip: what the machine cannot do there may be left,
+    and the rest gone to, before a person must see."""
+    return go if context.strip.outermost else or_gather(context, go)
 
 
 def _of_the_machine(reason: Reason) -> bool:
@@ -184,9 +193,12 @@ def _of_the_machine(reason: Reason) -> bool:
 def over(context: Context, go: Go) -> Go:
     """What the harvest ends with, where a transition would finish it. Around corners that were
     found elsewhere a plan may reach less than the one that the owner saw."""
-    if go.reason.to is Doing.FINISH:
+    broken_off = (
+        go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason)
+    )
+    if go.reason.to is Doing.FINISH or broken_off:
         go = or_gather(context, go)
-    if go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason):
+    if broken_off and go.reason.to is Doing.FAULT:
         context.end_gathering()
         go = Over.BROKEN_OFF.go(reason=context.remains.ended_by, why=go.text)
     left_m2 = context.left_m2

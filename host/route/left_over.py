@@ -72,6 +72,7 @@ class LeftOver:
         self._vehicle = vehicle
         self._cut: shapely.Geometry = shapely.Polygon()
         self._tried: shapely.Geometry = shapely.Polygon()
+        self._aside: shapely.Geometry = shapely.Polygon()
         self.swaths = 0
         """How many have been taken."""
 
@@ -87,9 +88,14 @@ class LeftOver:
         self._cut = self._cut.union(wide)
 
     def tried(self, area: shapely.Polygon) -> None:
-        """A strip was, or could not be, gathered: what is left there stays."""
-        wider = area.buffer(AROUND_M, join_style="mitre")
-        self._tried = self._tried.union(wider)
+        """A strip was gathered, as far as that could be: what is left there stays. From where it
+        ends, ways may lead to those that were set aside."""
+        self._tried = self._tried.union(area.buffer(AROUND_M, join_style="mitre"))
+        self._aside = shapely.Polygon()
+
+    def set_aside(self, area: shapely.Polygon) -> None:
+        """No way leads to a strip from where the machine stands."""
+        self._aside = self._aside.union(area.buffer(AROUND_M, join_style="mitre"))
 
     def gone(self, area: shapely.Polygon) -> None:
         """Pictures show that nothing stands there."""
@@ -99,11 +105,12 @@ class LeftOver:
         self, boundary: Ring, keep_outs: Sequence[Ring], *, tried: bool = True
     ) -> list[shapely.Polygon]:
         """What stands, the largest part first, but for slivers and what is too small to gather;
-        `tried`: with what was tried before. The area around keep-outs that no plan cuts is none."""
+        `tried`: with what was tried before or set aside. The area around keep-outs that no plan
+        cuts is none."""
         field = _field(boundary, keep_outs)
         standing = field.difference(self._cut)
         if not tried:
-            standing = standing.difference(self._tried)
+            standing = standing.difference(self._tried.union(self._aside))
         core = standing.buffer(-HALF_SLIVER_M, join_style="mitre")
         opened = core.buffer(HALF_SLIVER_M, join_style="mitre").intersection(standing)
         least_m2 = min(max(GATHER_SHARE * field.area, GATHER_M2[0]), GATHER_M2[1])

@@ -8,6 +8,7 @@ from typing import ClassVar
 from host.core.messages import Command
 from host.field.areas import Verdict
 from host.pilot.context import FARTHEST_M, SLOW_AFTER_S, Context
+from host.pilot.endings import or_elsewhere
 from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree, Watched
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -69,4 +70,4 @@ class Behaviour(ABC):
         """The geofence lets the last command not pass. Without a transition the machine stands and
         the behaviour does something else next."""
         del now
-        return Watched.GEOFENCE.go(why=verdict.reason)
+        return or_elsewhere(self.context, Watched.GEOFENCE.go(why=verdict.reason))

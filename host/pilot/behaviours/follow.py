@@ -18,7 +18,7 @@ from host.pilot.endings import (
     leave_rest,
     leave_strip,
     little_left,
-    or_gather,
+    or_elsewhere,
 )
 from host.pilot.gaze import STOP_AFTER_S, Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
@@ -171,14 +171,9 @@ class Follow(Behaviour):
             return Beside.AGAIN.go(clear=clear_m)
         if guard.unseen and not context.sight.sees_ahead():
             why = context.why_unseen("no sure view")
-            return self._or_elsewhere(Why.NOTHING_SEEN.go(clear=clear_m, why=why))
+            return or_elsewhere(context, Why.NOTHING_SEEN.go(clear=clear_m, why=why))
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
-        return self._or_elsewhere(Why.CLEAR_GROUND.go(clear=clear_m, more=more))
-
-    def _or_elsewhere(self, go: Go) -> Go:
-        """Where no gap lies beside the strip, what it does not find of it may be left, and the rest
-        gone to, before a person must see."""
-        return go if self.context.strip.outermost else or_gather(self.context, go)
+        return or_elsewhere(context, Why.CLEAR_GROUND.go(clear=clear_m, more=more))
 
     def _ends(self, now: float) -> Go | None:
         """An end that pictures show where the plan has it and no dust may feign it."""
@@ -231,7 +226,7 @@ class Follow(Behaviour):
             gone = strip.skippable or (strip.placed and strip.left_m() < GONE_REST_M)
             if gone:
                 return end_side(context, now, here)
-            return self._or_elsewhere(Why.CROP_GONE.go())
+            return or_elsewhere(context, Why.CROP_GONE.go())
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
             return go or Why.TOO_LONG.go()

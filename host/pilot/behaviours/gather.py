@@ -30,6 +30,7 @@ class Gather(Behaviour):
     def enter(self, now: float) -> None:
         del now
         self.context.estimate.swaths.end()
+        self.context.remains.leave()
 
     def step(self, now: float) -> Step:
         context, remains = self.context, self.context.remains

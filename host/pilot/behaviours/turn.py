@@ -13,7 +13,7 @@ from host.field.areas import Verdict
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import SLOW_AFTER_S, Context
-from host.pilot.endings import Blind, blind, leave_rest
+from host.pilot.endings import Blind, Standing, blind, leave_rest, or_elsewhere
 from host.pilot.guard import INTO_CROP_M, NEARER, SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.turn_progress import ACROSS_RAD, Turning
@@ -77,7 +77,7 @@ class DriveTurn(Behaviour):
     """See the module."""
 
     phase = Phase.TURN
-    reasons = (Why, Blind)
+    reasons = (Why, Blind, Standing)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -112,19 +112,22 @@ class DriveTurn(Behaviour):
             if self._begin_search():
                 return context.hold(), None
             if turning.elsewhere:
+                context.remains.no_way()
                 return context.hold(), Why.NO_WAY.go(side=context.strip.name)
         if turning.leg is None:
             _, turned = turning.against_lane(context.motion)
             if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
                 if leave_rest(context):
                     return context.hold(), Why.LEFT_NO_ROOM.go()
-                return context.hold(), Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
+                go = Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
+                return context.hold(), or_elsewhere(context, go)
             expected_m = turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
             context.sight.ahead.approached = context.strip.new or expected_m > -INSIDE_M
             return context.hold(), Why.TURNED.go()
         leg = turning.leg
         assert leg is not None
         if self._in_the_way(now, leg):
+            context.remains.lost()
             return context.hold(), Why.IN_THE_WAY.go()
         if self.leg_done(now):
             self._next(now)
