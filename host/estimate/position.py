@@ -75,7 +75,6 @@ WRONG_PLACE = 0.3
 """Probability that an end that a look finds where none is believed is one, and the place wrong: of
 five in drives with pictures and model eyes none or one was (low camera). Smaller: a boundary that
 is surely longer than the field is believed for longer."""
-
 SURELY: Final = 20.0
 """Logarithm of a likelihood ratio that decides."""
 
@@ -215,17 +214,15 @@ class Position(Readings):
     def see_edge(
         self, seen: Measurement, *, learn: bool, cutting: bool = True, doubts: bool = True
     ) -> bool:
-        """A picture's edge of the present lane; `learn`: the curvature that the pot does not show,
-        too. False where it contradicts what is believed beyond its gate; then that is doubted."""
+        """A picture's edge of the lane; `learn`: the curvature that the pot does not show, too.
+        False where it contradicts what is believed beyond its gate; then that is doubted."""
         frozen: Sequence[int] = () if learn else (CURVE,)
         if self._tie_leading():
             frozen = leading_lane.others(len(self._x))
         self._heed_other_edge(seen)
         taken = self._take(seen, frozen=frozen)
-        if taken:
-            self._undoubted = math.inf
-        elif self._undoubted == math.inf:
-            self._undoubted = self.sigma(seen.h[0])
+        if taken or self._undoubted == math.inf:
+            self._undoubted = math.inf if taken else self.sigma(seen.h[0])
         if not taken and doubts:
             sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
             self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
@@ -240,7 +237,7 @@ class Position(Readings):
 
     @property
     def _inside(self) -> bool:
-        """Whether the present lane's edge is one that strips have left, and not the boundary."""
+        """Whether the lane's edge is one that strips have left, and not the boundary."""
         return self._lane_of.inside_m > self._vehicle.blade_width_m / 2
 
     def _heed_other_edge(self, seen: Measurement) -> None:
@@ -251,11 +248,12 @@ class Position(Readings):
                 other_edge.expect(p, self.at(self._lane_of).direction, float(seen.innovation[0]))
 
     def lies_right(self, seen: Measurement) -> None:
-        """Crop goes on beside the blade, so the edge lies no further left than was seen. The
-        machine is farther left of it, and not turned otherwise."""
+        """Crop goes on beside the blade, so the edge lies no further left than was seen. Inside the
+        field that may be what others have left there: then it tells of the lane alone. Along the
+        boundary the machine is farther left of it, and not turned otherwise."""
+        moves = (LANE_OFFSET,) if self._tie_leading() or self._inside else (X, Y, LANE_OFFSET)
         wide = seen.variances[:1] + BOUND_SIGMA_M**2
-        bound = Measurement("bound", seen.h[:1], seen.innovation[:1], wide)
-        self.yield_to(bound, moves=(LANE_OFFSET,) if self._tie_leading() else (X, Y, LANE_OFFSET))
+        self.yield_to(Measurement("bound", seen.h[:1], seen.innovation[:1], wide), moves=moves)
 
     def rested(self, rate_radps: float, variance: float) -> None:
         """The machine stands, and so much the gyroscope shows, rad/s."""

@@ -104,6 +104,14 @@ class Readings(Filter):
         more = self._apart[STATES:].reshape(-1, 2)
         return self.borders, Borders(self._x + self._apart, self._other_p, self.outline, more)
 
+    @property
+    def apart_m(self) -> float:
+        """How far from there the alternative lies against any border, at most; 0: there is none."""
+        if self.likely == 0.0:
+            return 0.0
+        corners = self._apart[STATES:].reshape(-1, 2)
+        return math.hypot(*self._apart[:YAW]) + float(np.hypot(*corners.T).max(initial=0.0))
+
     def at(self, side: Side) -> Place:
         """The place against a side."""
         outline = self.outline

@@ -251,6 +251,8 @@ class PlanSide(Strip):
 
     @property
     def surely_own(self) -> bool:
+        if self.estimate.position.likely > 0.0:
+            return self.surely_crop
         # how surely the end is known is asked only where it decides: it takes long
         if self._beyond_doubt(self._beyond_m):
             along_m = self.along_m(self.estimate.motion)
@@ -263,18 +265,16 @@ class PlanSide(Strip):
         """Whether the blade is farther inside the boundary, as that was found, than any belief
         errs."""
         position = self.estimate.position
-        if not position.known or position.likely > 0.0:
+        if not position.known:
             return False
         blade = Pose2(*position.pose).ahead(self.vehicle.blade_x_m)
         inside_m = position.outline.inside_m(blade.x_m, blade.y_m)
         return inside_m > max(DEEP_M, DEEP_SIGMAS * position.corners_sigma_m)
 
     def _beyond_doubt(self, more_m: float) -> bool:
-        """Whether what is left of the side, and so much more, is more than any belief errs. Of a
-        machine that may be at two places nothing is."""
-        if self.estimate.position.likely > 0.0:
-            return False
-        left = self.left_m() + more_m - SIGMAS * self._doubt_m
+        """Whether what is left of the side, and so much more, is more than any belief errs,
+        wherever the machine is of two places at which it may be."""
+        left = self.left_m() + more_m - SIGMAS * self._doubt_m - self.estimate.position.apart_m
         return left > max(SURE_M, SURE_SHARE * (self.side.length_m + more_m))
 
     def left_m(self) -> float:

@@ -171,9 +171,16 @@ class Follow(Behaviour):
             return Beside.AGAIN.go(clear=clear_m)
         if guard.unseen and not context.sight.sees_ahead():
             why = context.why_unseen("no sure view")
-            return or_elsewhere(context, Why.NOTHING_SEEN.go(clear=clear_m, why=why))
+            return self._not_there(Why.NOTHING_SEEN.go(clear=clear_m, why=why))
         more = f" for another {left_m:.1f} m" if left_m > 0.0 else ""
-        return or_elsewhere(context, Why.CLEAR_GROUND.go(clear=clear_m, more=more))
+        return self._not_there(Why.CLEAR_GROUND.go(clear=clear_m, more=more))
+
+    def _not_there(self, go: Go) -> Go:
+        """The strip's crop is not where it is believed to stand. One that others have left is laid
+        where the machine believes to have cut around it: then it has lost its place."""
+        if self.context.gathering:
+            self.context.remains.lost()
+        return or_elsewhere(self.context, go)
 
     def _ends(self, now: float) -> Go | None:
         """An end that pictures show where the plan has it and no dust may feign it."""
@@ -226,9 +233,11 @@ class Follow(Behaviour):
             gone = strip.skippable or (strip.placed and strip.left_m() < GONE_REST_M)
             if gone:
                 return end_side(context, now, here)
-            return or_elsewhere(context, Why.CROP_GONE.go())
+            return self._not_there(Why.CROP_GONE.go())
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
+            if go is None:
+                context.remains.lost()
             return go or Why.TOO_LONG.go()
         return None
 

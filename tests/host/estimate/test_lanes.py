@@ -11,14 +11,16 @@ import pytest
 
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Measurement
+from host.estimate.lane import Lane
 from host.estimate.lanes import Lain, Lanes
+from host.estimate.leading_lane import tie
 from host.estimate.measurements.begin import begin
 from host.estimate.measurements.border import BOUNDARY, Across
 from host.estimate.measurements.edge import edge
 from host.estimate.measurements.end import end
 from host.estimate.outline import Outline
 from host.estimate.position import Position
-from host.estimate.states import SIGHT
+from host.estimate.states import LANE_YAW, SIGHT, YAW, X, Y
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import Side
 
@@ -32,6 +34,8 @@ UP = NAMED(Side(14.0 - WIDTH, WIDTH, math.pi / 2, 10.0 - INSIDE, WIDTH, 10.0 - W
 """The second strip along the second edge."""
 ACROSS = NAMED(Side(WIDTH, INSIDE, 0.0, 14.0 - 3.0 * WIDTH, WIDTH, 14.0 - WIDTH))
 """The third along the first: it ends where UP was cut."""
+FIRST = NAMED(Side(0.0, 0.0, 0.0, 14.0, 0.9, 14.0))
+"""The first along it."""
 BACK = NAMED(Side(14.0 - INSIDE, 10.0 - WIDTH, math.pi, 14.0 - 3.0 * WIDTH, WIDTH, 14.0))
 """Along the third: it begins there."""
 
@@ -116,3 +120,61 @@ def test_an_edge_of_what_strips_have_left_leads_the_machine_and_moves_neither_pl
     assert bool(max(moved, borders) == 0.0) is left_over
     still_m = edge(position.on_lane(), 0.1, math.nan, 0.9, (0.0, 0.0), 0.0).innovation[0]
     assert abs(still_m) < 0.5 * abs(expected_m)
+
+
+@pytest.mark.parametrize(("along", "moves"), [(FIRST, True), (ACROSS, False)])
+def test_crop_on_the_right_inside_the_field_tells_of_the_lane_alone(
+    along: Side, moves: bool
+) -> None:
+    """Others may have left it there: taken for what lies inside of the edge, it moved a machine by
+    five metres in four strips, and that to the neighbour's crop (model field 11364). Along the
+    boundary nothing else stands there."""
+    position = Position(VEHICLE, RING, 0.3)
+    position.place(along, 2.0, 0.0, 0.0, (0.1, 0.3, 0.02))
+    position.begin(along)
+    lane, place = Lane(position, VEHICLE.blade_x_m), np.array(position.pose)
+    for _ in range(5):
+        assert lane.lies_right(-0.5, (0.0, 0.0))
+    assert lane.blade_offset_m > 0.3, "it moves aside"
+    assert bool(np.abs(np.array(position.pose) - place).max() > 0.0) is moves
+
+
+def gathered(place_sigma_m: float) -> Position:
+    """On a strip that others have left, by a place that is no surer than that across it."""
+    position = Position(VEHICLE, RING, 0.3)
+    position.place(ACROSS, 2.0, 0.0, 0.0, (0.1, place_sigma_m, 0.02))
+    position.begin(replace(ACROSS, left_over=True))
+    return position
+
+
+def test_a_lane_that_only_leads_takes_all_of_the_edge_that_pictures_show() -> None:
+    """Known in the field, it took a quarter of it, and the machine looked for its edge until it
+    gave up, with sure pictures of it all the time (model field 11288)."""
+    position = gathered(0.6)
+    lane = Lane(position, VEHICLE.blade_x_m)
+    assert lane.offset_sigma_m > 0.5
+    for _ in range(3):
+        assert lane.correct(0.4, math.nan, 0.95, (0.0, 0.0), learn=False)
+    assert lane.blade_offset_m == pytest.approx(-0.4, abs=0.03)
+    assert lane.offset_sigma_m < 0.1
+
+
+@pytest.mark.parametrize("seen", [False, True])
+def test_tied_to_the_machine_a_lane_is_as_sure_as_before(seen: bool) -> None:
+    """What is believed of it against the machine stays, whatever is found of the machine's place
+    later: a border that was met moves both."""
+    position = gathered(0.6)
+    lane = Lane(position, VEHICLE.blade_x_m)
+    if seen:
+        lane.correct(0.1, math.nan, 0.95, (0.0, 0.0), learn=False)
+    covariance, place = position.borders.p.copy(), position.on_lane()
+    h = place.ahead(VEHICLE.blade_x_m, place.blade_m)
+    turned = place.turned()
+    turned[LANE_YAW] = -1.0
+    before = h @ covariance @ h, turned @ covariance @ turned, h @ covariance @ turned
+    tie(covariance, place)
+    after = h @ covariance @ h, turned @ covariance @ turned, h @ covariance @ turned
+    assert after == pytest.approx(before)
+    assert (covariance @ h)[[X, Y, YAW]] == pytest.approx(0.0, abs=1e-12), "its errors are its own"
+    assert np.allclose(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance).min() > -1e-12

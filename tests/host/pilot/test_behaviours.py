@@ -18,6 +18,7 @@ from host.estimate.gaps import SEEN_M
 from host.estimate.lane import Lane
 from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
+from host.estimate.states import STATES
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours import turn as turn_module
@@ -92,6 +93,7 @@ from host.pilot.leaps import LEAP_PICTURES
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
+from host.pilot.remains import GETS_ON_M
 from host.pilot.sight import ASIDE_M, LATELY_M, LOST_M, UNSEEN_M
 from host.pilot.stop_and_look import LOOK_S
 from host.pilot.turn_progress import LOOK_BACK_M, PAST_M, Turning
@@ -1428,6 +1430,24 @@ def test_deep_inside_a_boundary_that_was_found_what_stands_is_the_fields(
     assert not context.strip.surely_own
 
 
+@pytest.mark.parametrize(("apart_m", "own"), [((0.4, 0.6), True), ((3.0, 0.0), False)])
+@pytest.mark.parametrize("corner", [False, True])
+def test_crop_is_the_fields_own_wherever_it_is_of_two_places_if_the_strip_goes_on_from_both(
+    apart_m: tuple[float, float], own: bool, corner: bool
+) -> None:
+    """At the beginning of a strip of 10 m a machine stood for a minute, and gave up, as it might
+    have been 0.8 m from there (model fields 11361 and 11362): the place or a corner."""
+    context = on_side(0, replace(PLAN, sigma_m=0.1), cut_m=4.0)
+    assert context.strip.surely_own and context.strip.surely_crop
+    position = context.estimate.position
+    apart = np.zeros(len(position.x))
+    apart[STATES : STATES + 2] = apart_m
+    if not corner:
+        apart = np.roll(apart, -STATES)
+    position.keep_apart(apart, 1e-6 * np.eye(len(apart)), 0.3)
+    assert context.strip.surely_own is own and context.strip.surely_crop is own
+
+
 @pytest.mark.parametrize(("past_bend_m", "goes"), [(-0.5, False), (1.0, True)])
 def test_behind_a_bend_the_machine_may_drive_on_unseeing_as_at_a_strips_beginning(
     past_bend_m: float, goes: bool
@@ -2100,6 +2120,8 @@ def test_a_machine_that_finds_crop_where_it_has_cut_it_has_lost_its_place(
     if found:
         assert is_for(found[0][1], Turned.IN_THE_WAY)
         assert 0.03 * found[0][0] < 0.6
+        cut_elsewhere(context, 3.0 * GETS_ON_M)
+        assert is_for(over(context, Turned.IN_THE_WAY.go()), Over.MUCH_LEFT)
 
 
 def test_vision_is_told_how_wide_the_gap_is() -> None:
@@ -2178,6 +2200,99 @@ def test_what_breaks_gathering_off_ends_the_harvest_but_for_a_fault_of_the_machi
     little = gathering(but_y_m=(20.0, 21.0))
     little.plan = replace(little.plan, gathered=1)
     assert is_for(over(little, Searched.NOTHING_TO_SEE.go()), Over.BROKEN_OFF)
+
+
+def cut_elsewhere(context: Context, length_m: float) -> None:
+    """The blade has cut so far on, along a row of its own."""
+    begun_m = 1e4 + context.estimate.swaths.cut_m
+    for x in np.arange(0.0, length_m, 0.25):
+        at = Pose2(1.0 + 0.001 * x, 4.5, 0.0)
+        context.estimate.swaths.note(begun_m + x, at, at)
+    context.estimate.swaths.end()
+
+
+def test_what_it_cannot_do_at_one_place_does_not_end_gathering_while_that_gets_on() -> None:
+    """A strip among stems before its lens ended it with 53 m2 standing (model field 11320)."""
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    cut_elsewhere(context, GETS_ON_M - 0.5)
+    little = over(context, Searched.NOTHING_TO_SEE.go())
+    assert is_for(little, Over.MUCH_LEFT)
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    for gained_m, goes in ((GETS_ON_M + 0.5, True), (GETS_ON_M + 0.5, True), (0.0, False)):
+        cut_elsewhere(context, gained_m)
+        go = over(context, Searched.NOTHING_TO_SEE.go())
+        assert is_for(go, Standing.ANOTHER if goes else Over.MUCH_LEFT)
+        assert Searched.NOTHING_TO_SEE.text in go.text
+
+
+def test_a_machine_that_has_lost_its_place_goes_nowhere_else_however_it_got_on() -> None:
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    cut_elsewhere(context, 3.0 * GETS_ON_M)
+    context.remains.lost()
+    assert is_for(over(context, Turned.IN_THE_WAY.go()), Over.MUCH_LEFT)
+
+
+@pytest.mark.parametrize("long", [True, False])
+def test_a_machine_that_does_not_find_what_it_gathers_has_lost_its_place_and_goes_nowhere(
+    long: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had cut around that, 5 m from where it believed to be, and went on to the neighbour's crop
+    (model field 11364). So it has where the strip does not end either."""
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    cut_elsewhere(context, 3.0 * GETS_ON_M)
+    context.begin_strip()
+    context.sight.ahead.entered_at = context.motion
+    context.regained = REGAINS
+    context.by_plan = True
+    monkeypatch.setattr(type(context.strip), "left_m", lambda _: 5.0)
+    monkeypatch.setattr(type(context.strip), "overrun", lambda _: long)
+    go = Follow(context).step(NOW)[1] if long else refused(context, beside=False)
+    assert is_for(go, Followed.TOO_LONG if long else Followed.CLEAR_GROUND)
+    assert go is not None and is_for(over(context, go), Over.MUCH_LEFT)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_of_a_strip_without_a_gap_beside_it_a_border_that_is_too_near_leaves_the_rest_for_later(
+    inside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And so does a turn without room. Two thirds of a field stood when the geofence stopped the
+    machine between a keep-out and what it had cut (picture field 10384)."""
+    context = on_side(5 if inside else 0)
+    verdict = replace(TOO_NEAR, at_keep_out=False)
+    stopped = Follow(context).blocked(NOW, verdict)
+    assert is_for(stopped, Standing.LEFT if inside else Watched.GEOFENCE)
+    assert stopped is not None and TOO_NEAR.reason in stopped.text
+    turn = DriveTurn(turning())
+    turn.context.strip = turn.context.planned(6 if inside else 1)
+    turn.context.strip.place(0.0)
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (0.0, math.radians(80.0)))
+    turn.turning.broken_off, turn.turning.searches = True, SEARCHES
+    while turn.turning.leg is not None:
+        turn.turning.next(NOW)
+    assert is_for(turn.step(NOW)[1], Standing.LEFT if inside else Turned.NO_ROOM)
+
+
+def test_a_strip_to_which_no_way_leads_is_gone_to_from_elsewhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three of 10 m2 each were given up within a second, from one place (model field 11320)."""
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    first = context.plan.sides[-1]
+    with monkeypatch.context() as nowhere:
+        nowhere.setattr(turn_module, "way", lambda *_: None)
+        turn = DriveTurn(context)
+        turn.enter(NOW)
+        steps = [turn.step(NOW)[1] for _ in range(LOOKS + 2)]
+    assert is_for(next(go for go in steps if go is not None), Turned.NO_WAY)
+    assert is_for(chosen(context), Gathered.STRIP)
+    assert context.plan.sides[-1] != first, "not from here"
+    assert is_for(chosen(context), Gathered.STRIP)
+    assert context.plan.sides[-1] == first
 
 
 # ---- what pictures tell --------------------------------------------------------------------------

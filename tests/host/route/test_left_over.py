@@ -113,6 +113,21 @@ def test_what_was_tried_is_not_offered_again_and_is_still_left() -> None:
     assert left.parts(FIELD, [], tried=False) == []
 
 
+def test_what_was_set_aside_is_offered_again_once_another_was_tried() -> None:
+    """No way led there from where the machine stood."""
+    stands = shapely.union_all([shapely.box(1.0, 4.0, 2.0, 7.0), shapely.box(9.0, 4.0, 10.0, 7.0)])
+    left = cut(stands)
+    first = left.strips(FIELD, [], Pose2(0.0, 5.0, 0.0), AROUND)[0].area
+    before_m2 = sum(part.area for part in left.parts(FIELD, []))
+    left.set_aside(first)
+    others = left.strips(FIELD, [], Pose2(0.0, 5.0, 0.0), AROUND)
+    assert others and not any(s.area.intersects(first) for s in others)
+    assert sum(part.area for part in left.parts(FIELD, [])) == pytest.approx(before_m2)
+    left.tried(others[0].area)
+    again = left.strips(FIELD, [], Pose2(0.0, 5.0, 0.0), AROUND)
+    assert any(s.area.intersects(first) for s in again)
+
+
 def test_a_strip_for_which_the_machine_has_no_room_is_none() -> None:
     left = cut(shapely.box(0.0, 0.0, 0.8, 10.0))
     assert left.strips(FIELD, [], HERE, AROUND)
