@@ -332,15 +332,20 @@ class Filter:
         self.innovations.append(innovation)
         del self.innovations[:-KEPT]
 
-    def yield_to(self, bound: Measurement, *, moves: Sequence[int]) -> None:
-        """Moves the states `moves` towards a bound that they violate. It says nothing of how surely
-        they are known there: the covariance stays."""
+    def yield_to(
+        self, bound: Measurement, *, moves: Sequence[int], alone: int | None = None
+    ) -> None:
+        """Moves the states `moves` towards a bound that they violate, or instead of them all the
+        one `alone`, as far. It says nothing of how surely they are known there: the covariance
+        stays."""
         gain, _, _, innovation = _gain(self._p, bound, ())
         self._note(innovation)
         if innovation.used:
-            at = list(moves)
+            at, step = list(moves), gain[list(moves)] @ bound.innovation
+            if alone is not None:
+                at, step = [alone], bound.h[:, at] @ step / bound.h[0, alone]
             self._x = self._x.copy()
-            self._x[at] += gain[at] @ bound.innovation
+            self._x[at] += step
 
     def doubt(self, measurement: Measurement, states: Sequence[int], growth: float) -> None:
         """Takes back some of what these states say of what was measured: its standard deviation

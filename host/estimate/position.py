@@ -217,7 +217,9 @@ class Position(Readings):
         """A picture's edge of the lane; `learn`: the curvature that the pot does not show, too.
         False where it contradicts what is believed beyond its gate; then that is doubted."""
         frozen: Sequence[int] = () if learn else (CURVE,)
-        if self._tie_leading():
+        if self._lane_of.left_over:
+            for p in self._covariances:
+                leading_lane.tie(p, self.on_lane())
             frozen = leading_lane.others(len(self._x))
         self._heed_other_edge(seen)
         taken = self._take(seen, frozen=frozen)
@@ -227,13 +229,6 @@ class Position(Readings):
             sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
             self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
         return taken
-
-    def _tie_leading(self) -> bool:
-        """Whether the present lane only leads; then it is known from the machine."""
-        if self._lane_of.left_over:
-            for p in self._covariances:
-                leading_lane.tie(p, self.on_lane())
-        return self._lane_of.left_over
 
     @property
     def _inside(self) -> bool:
@@ -251,9 +246,10 @@ class Position(Readings):
         """Crop goes on beside the blade, so the edge lies no further left than was seen. Inside the
         field that may be what others have left there: then it tells of the lane alone. Along the
         boundary the machine is farther left of it, and not turned otherwise."""
-        moves = (LANE_OFFSET,) if self._tie_leading() or self._inside else (X, Y, LANE_OFFSET)
+        alone = LANE_OFFSET if self._inside or self._lane_of.left_over else None
         wide = seen.variances[:1] + BOUND_SIGMA_M**2
-        self.yield_to(Measurement("bound", seen.h[:1], seen.innovation[:1], wide), moves=moves)
+        bound = Measurement("bound", seen.h[:1], seen.innovation[:1], wide)
+        self.yield_to(bound, moves=(X, Y, LANE_OFFSET), alone=alone)
 
     def rested(self, rate_radps: float, variance: float) -> None:
         """The machine stands, and so much the gyroscope shows, rad/s."""
