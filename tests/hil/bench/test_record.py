@@ -177,7 +177,7 @@ def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
 
 CLEAN = multiprocessing.get_context("forkserver")
 """Processes that inherit no threads and need not import everything again."""
-CLEAN.set_forkserver_preload(["oracle"])
+CLEAN.set_forkserver_preload([run_for_ever.__module__])
 LIMIT_S = 300.0
 
 
