@@ -223,8 +223,10 @@ class Position(Readings):
             frozen = leading_lane.others(len(self._x))
         self._heed_other_edge(seen)
         taken = self._take(seen, frozen=frozen)
-        if taken or self._undoubted == math.inf:
-            self._undoubted = math.inf if taken else self.sigma(seen.h[0])
+        if taken:
+            self._undoubted = math.inf
+        elif self._undoubted == math.inf:
+            self._undoubted = self.sigma(seen.h[0])
         if not taken and doubts:
             sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
             self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])

@@ -193,12 +193,9 @@ def _of_the_machine(reason: Reason) -> bool:
 def over(context: Context, go: Go) -> Go:
     """What the harvest ends with, where a transition would finish it. Around corners that were
     found elsewhere a plan may reach less than the one that the owner saw."""
-    broken_off = (
-        go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason)
-    )
-    if go.reason.to is Doing.FINISH or broken_off:
+    if go.reason.to is Doing.FINISH:
         go = or_gather(context, go)
-    if broken_off and go.reason.to is Doing.FAULT:
+    if go.reason.to is Doing.FAULT and context.gathering and not _of_the_machine(go.reason):
         context.end_gathering()
         go = Over.BROKEN_OFF.go(reason=context.remains.ended_by, why=go.text)
     left_m2 = context.left_m2

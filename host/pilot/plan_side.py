@@ -252,6 +252,7 @@ class PlanSide(Strip):
     @property
     def surely_own(self) -> bool:
         if self.estimate.position.likely > 0.0:
+            # where the strip ends is what the two places disagree on: nothing beyond it counts
             return self.surely_crop
         # how surely the end is known is asked only where it decides: it takes long
         if self._beyond_doubt(self._beyond_m):

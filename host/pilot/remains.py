@@ -17,12 +17,12 @@ ASTRAY_SHARE: Final = 0.08
 """Of the field, for crop that stands where the plan has none: beginnings without room were up to
 0.035 of it, swaths beside a boundary that was said 3 m too long 0.055, and 0.12 where the machine
 had lost its place by 2 m (model fields 10840 to 10999, `daranti-hil beliefs`)."""
+ASTRAY_M2: Final = 4.0
+"""And so much of any: what places err by, along the borders of a field of 30 m2."""
 GETS_ON_M: Final = 5.0
 """Of crop, that a machine which did not get on must have cut elsewhere to try at another place
 again: what a try costs, in time. Smaller: it tries in vain for longer; larger: short strips do not
 count."""
-ASTRAY_M2: Final = 4.0
-"""And so much of any: what places err by, along the borders of a field of 30 m2."""
 
 
 class Remains:
@@ -33,7 +33,7 @@ class Remains:
         self.ended_by = ""
         """What the harvest would have ended with, but for what is still to be gathered."""
         self._tried_at_m = -math.inf
-        """How far the blade had cut when the machine last went elsewhere; inf: it is not to."""
+        """How far the blade had cut when the machine last went elsewhere."""
         self.over = not known
         """Whether nothing is left to go to, or nobody knows where."""
         self.planned_m2 = math.inf
@@ -43,7 +43,7 @@ class Remains:
 
     def gives_up(self, cut_m: float) -> bool:
         """With a doubt for a person to decide, after the blade has cut so far, the machine goes
-        elsewhere. False: it has gained too little since it last did, or is not to."""
+        elsewhere. False: it has gained too little since it last did."""
         gets_on = cut_m >= self._tried_at_m + GETS_ON_M
         if gets_on:
             self._tried_at_m = cut_m
@@ -53,11 +53,6 @@ class Remains:
         """The plan is over, for that reason, and has left so much."""
         self._tried_at_m = max(self._tried_at_m, cut_m)
         self.ended_by, self.planned_m2 = reason, planned_m2
-
-    def lost(self) -> None:
-        """What stands shows the machine that it is not where it believes to be: it goes nowhere
-        else."""
-        self._tried_at_m = math.inf
 
     def take(self, swaths: Sequence[NDArray[np.float64]], most: int) -> bool:
         """Takes that many more of the swaths; False once all are."""

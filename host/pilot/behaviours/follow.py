@@ -177,10 +177,9 @@ class Follow(Behaviour):
 
     def _not_there(self, go: Go) -> Go:
         """The strip's crop is not where it is believed to stand. One that others have left is laid
-        where the machine believes to have cut around it: then it has lost its place."""
-        if self.context.gathering:
-            self.context.remains.lost()
-        return or_elsewhere(self.context, go)
+        where the machine believes to have cut around it: then it has lost its place, and goes
+        nowhere else."""
+        return go if self.context.gathering else or_elsewhere(self.context, go)
 
     def _ends(self, now: float) -> Go | None:
         """An end that pictures show where the plan has it and no dust may feign it."""
@@ -236,8 +235,6 @@ class Follow(Behaviour):
             return self._not_there(Why.CROP_GONE.go())
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
-            if go is None:
-                context.remains.lost()
             return go or Why.TOO_LONG.go()
         return None
 

@@ -127,7 +127,6 @@ class DriveTurn(Behaviour):
         leg = turning.leg
         assert leg is not None
         if self._in_the_way(now, leg):
-            context.remains.lost()
             return context.hold(), Why.IN_THE_WAY.go()
         if self.leg_done(now):
             self._next(now)

@@ -1411,7 +1411,7 @@ def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_
     assert not context.strip.surely_crop
     position = context.estimate.position
     position.keep_apart(np.zeros(len(position.x)), 1e-6 * np.eye(len(position.x)), 0.3)
-    assert not context.strip.surely_own, "where the machine may be at two places nothing is"
+    assert not context.strip.surely_own, "where it may be at two places nothing beyond the strip is"
 
 
 @pytest.mark.parametrize(
@@ -2120,8 +2120,6 @@ def test_a_machine_that_finds_crop_where_it_has_cut_it_has_lost_its_place(
     if found:
         assert is_for(found[0][1], Turned.IN_THE_WAY)
         assert 0.03 * found[0][0] < 0.6
-        cut_elsewhere(context, 3.0 * GETS_ON_M)
-        assert is_for(over(context, Turned.IN_THE_WAY.go()), Over.MUCH_LEFT)
 
 
 def test_vision_is_told_how_wide_the_gap_is() -> None:
@@ -2211,28 +2209,37 @@ def cut_elsewhere(context: Context, length_m: float) -> None:
     context.estimate.swaths.end()
 
 
+def given_up(context: Context) -> Go | None:
+    """A minute in doubt, and something is seen."""
+    seeing(context, CUTTING, stamp=NOW + GIVE_UP_S)
+    return BackOff(context).step(NOW + GIVE_UP_S + 0.1)[1]
+
+
 def test_what_it_cannot_do_at_one_place_does_not_end_gathering_while_that_gets_on() -> None:
     """A strip among stems before its lens ended it with 53 m2 standing (model field 11320)."""
     context = gathering()
     assert is_for(chosen(context), Gathered.STRIP)
     cut_elsewhere(context, GETS_ON_M - 0.5)
-    little = over(context, Searched.NOTHING_TO_SEE.go())
-    assert is_for(little, Over.MUCH_LEFT)
+    assert is_for(given_up(context), Patience.GAVE_UP)
     context = gathering()
     assert is_for(chosen(context), Gathered.STRIP)
     for gained_m, goes in ((GETS_ON_M + 0.5, True), (GETS_ON_M + 0.5, True), (0.0, False)):
         cut_elsewhere(context, gained_m)
-        go = over(context, Searched.NOTHING_TO_SEE.go())
-        assert is_for(go, Standing.ANOTHER if goes else Over.MUCH_LEFT)
-        assert Searched.NOTHING_TO_SEE.text in go.text
+        go = given_up(context)
+        assert is_for(go, Standing.ANOTHER if goes else Patience.GAVE_UP)
+        assert go is not None and "gave up" in go.text
 
 
-def test_a_machine_that_has_lost_its_place_goes_nowhere_else_however_it_got_on() -> None:
+@pytest.mark.parametrize(
+    "why", [Turned.STEERING_STUCK, Turned.ROLLS, Turned.IN_THE_WAY, Searched.NOTHING_TO_SEE]
+)
+def test_what_no_other_place_mends_ends_gathering_however_it_got_on(why: Reason) -> None:
+    """A machine whose steering sticks, whose brake does not hold, that has lost its place, or whose
+    camera shows nothing wherever it is."""
     context = gathering()
     assert is_for(chosen(context), Gathered.STRIP)
     cut_elsewhere(context, 3.0 * GETS_ON_M)
-    context.remains.lost()
-    assert is_for(over(context, Turned.IN_THE_WAY.go()), Over.MUCH_LEFT)
+    assert is_for(over(context, why.go()), Over.MUCH_LEFT)
 
 
 @pytest.mark.parametrize("long", [True, False])
