@@ -180,9 +180,10 @@ def or_gather(context: Context, go: Go) -> Go:
 
 
 def or_elsewhere(context: Context, go: Go) -> Go:
-    """The same where no gap lies beside the strip: what the machine cannot do there may be left,
-    and the rest gone to, before a person must see."""
-    return go if context.strip.outermost else or_gather(context, go)
+    """The same where no gap lies beside the strip, or others have left it: what the machine cannot
+    do there may be left, and the rest gone to, before a person must see."""
+    stays = context.strip.outermost and not context.gathering
+    return go if stays else or_gather(context, go)
 
 
 def _of_the_machine(reason: Reason) -> bool:

@@ -2283,6 +2283,14 @@ def test_of_a_strip_without_a_gap_beside_it_a_border_that_is_too_near_leaves_the
     assert is_for(turn.step(NOW)[1], Standing.LEFT if inside else Turned.NO_ROOM)
 
 
+def test_a_border_too_near_to_a_strip_that_others_have_left_does_not_end_gathering() -> None:
+    context = gathering()
+    assert is_for(chosen(context), Gathered.STRIP)
+    cut_elsewhere(context, GETS_ON_M + 0.5)
+    verdict = replace(TOO_NEAR, at_keep_out=False)
+    assert is_for(Gather(context).blocked(NOW, verdict), Standing.ANOTHER)
+
+
 def test_a_strip_to_which_no_way_leads_is_gone_to_from_elsewhere(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
