@@ -71,7 +71,7 @@ test: lint analyse ## every test: firmware on the desk and in simavr, host, plan
 	@$(BIN)/pio test -e native
 	@$(BIN)/pio run -e uno
 	@$(BIN)/python -m pytest -n 2 -q
-	-@$(BIN)/python tools/speed.py --rounds 8
+	-@$(BIN)/python tools/speed.py --rounds 4
 
 speed: setup ## what each part of the bench costs, against the stored baseline
 	@$(BIN)/python tools/speed.py

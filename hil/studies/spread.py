@@ -12,6 +12,9 @@ from typing import Any, TypeVar
 
 from host.core.errors import UserError
 
+ANSWER_S = 10.0
+"""Within which a scheduler answers."""
+
 Item = TypeVar("Item")
 
 
@@ -25,7 +28,7 @@ def client(workers: int, scheduler: str | None) -> Iterator[Any]:
 
     if scheduler is not None:
         try:
-            pool = distributed.Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
+            pool = distributed.Client(scheduler, timeout=ANSWER_S)  # type: ignore[no-untyped-call]
         except (OSError, ValueError, TimeoutError) as error:
             raise UserError(
                 f"no Dask scheduler answers at {scheduler}: start one with `dask scheduler` and "

@@ -295,7 +295,10 @@ def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path, count: int) 
     assert [s["seed"] for s in summaries] == list(range(1, count + 1))
 
 
-def test_a_scheduler_that_is_not_there_is_one_message(tmp_path: Path) -> None:
+def test_a_scheduler_that_is_not_there_is_one_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.studies.spread.ANSWER_S", 1.0)
     jobs = jobs_of([load(str(tiny(tmp_path)))], tmp_path, False)
     with pytest.raises(UserError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         run_campaign(jobs, tmp_path, scheduler="tcp://127.0.0.1:9")

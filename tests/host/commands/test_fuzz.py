@@ -33,6 +33,9 @@ def test_wrong_arguments_and_files_are_one_message(
     monkeypatch.setenv("DARANTI_DATA", str(tmp_path / "none"))  # nothing is learnt or scored here
     monkeypatch.setattr("host.runs.sources.FIRST_PICTURE_S", 0.1)
     monkeypatch.setattr("host.runs.errand.FIRST_FIX_S", 0.1)
+    monkeypatch.setattr("host.check.receiver.FIX_S", 0.1)
+    monkeypatch.setattr("host.check.camera.PICTURE_S", 0.1)
+    monkeypatch.setattr("host.check.gyroscope.PATIENCE_S", 0.1)
     source = random.Random(f"{path} {seed}")
     files = spoiled(tmp_path, seed)
     for _ in range(4):

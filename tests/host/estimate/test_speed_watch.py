@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,12 @@ from host.estimate.speed_watch import SpeedWatch
 
 V = Vehicle()
 STEP_S = 0.05
+
+
+@functools.cache
+def duty_of(speed_mps: float) -> int:
+    """The lowest drive duty that gives the speed on level ground."""
+    return next(d for d in range(256) if V.duty_speed(d, 12.0) >= speed_mps)
 
 
 def watched(
@@ -25,7 +33,7 @@ def watched(
 ) -> tuple[str, float]:
     """What the watch says of a sensor that counts this share of a true 0.5 m/s, and when."""
     watch, rng = SpeedWatch(V), np.random.default_rng(seed)
-    duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= 0.5 / duty_share)
+    duty = duty_of(0.5 / duty_share)
     for k in range(1, round(seconds / STEP_S)):
         t = k * STEP_S
         speed = counts * 0.5 if fitted else None
@@ -63,7 +71,7 @@ def steady(duty: int, speed: float) -> tuple[str, float]:
 
 def test_a_creep_up_a_steep_slope_is_believed() -> None:
     # The hillside's: 0.05 m/s where the duty would give 0.4 on level ground.
-    duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= 0.4)
+    duty = duty_of(0.4)
     assert steady(duty, 0.05)[0] == ""
 
 
@@ -105,7 +113,7 @@ def unsteady(
         smoothed += (true - smoothed) * STEP_S / max(smoothing_s, STEP_S)
         pulse_mps = 0.06
         speed = pulse_mps * round((counts * true + rng.uniform(-0.03, 0.03)) / pulse_mps)
-        duty = next(d for d in range(256) if V.duty_speed(d, 12.0) >= wanted)
+        duty = duty_of(wanted)
         told = Telemetry(t, State.RUNNING, 0, 0.0, 0.0, 0, duty, True, speed, 0.0, 12.0, 0, 0)
         watch.take_telemetry(told)
         if k % 4 == 0:
