@@ -63,7 +63,8 @@ class _Ways(NamedTuple):
 
     def plus(self, more: _Ways) -> _Ways:
         """Both together."""
-        return _Ways(*(a + b for a, b in zip(self, more, strict=True)))
+        counted, shown, driven = more
+        return _Ways(self.counted + counted, self.shown + shown, self.driven + driven)
 
 
 class SpeedWatch:
