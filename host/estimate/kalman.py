@@ -252,6 +252,15 @@ class Filter:
             self.heed(there.log_likelihood - here.log_likelihood, most)
         return here.innovation.used
 
+    def taken_if(
+        self, by: Array, measurement: Measurement, *, frozen: Sequence[int] = ()
+    ) -> tuple[Array, Array]:
+        """State and covariance if the state errs by `by`, (states,), besides what is known, and the
+        measurement is of nothing else."""
+        only = replace(measurement, other=(0.0, 0.0))
+        taken = _taken(self._x, self._p + np.outer(by, by), only, frozen)
+        return taken.x, taken.p
+
     def _taken_apart(self, measurement: Measurement, frozen: Sequence[int]) -> bool:
         """Takes what may be of something else for what is likelier, and keeps the other as an
         alternative, where the two lead far apart."""
