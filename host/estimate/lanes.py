@@ -81,6 +81,11 @@ def caught_up(aside: Aside, left_m: float, sigma_m: float) -> Aside:
     return aside._replace(begin_m=aside.begin_m - min(behind, CATCH_UP_M))
 
 
+def _askew_rad(side: Side) -> float:
+    """Standard deviation of the angle between a strip and the one that it leaves."""
+    return math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, side.length_m))
+
+
 class Lanes:
     """Remembers the last lane along every edge. `width_m`: of the blade."""
 
@@ -89,8 +94,12 @@ class Lanes:
         self._lain: list[Lain] = []
 
     def keep(self, lain: Lain) -> None:
-        """It is cut; the one whose crop it has taken is forgotten."""
-        self._lain = [k for k in self._lain if not self._left_by(lain.side, k)] + [lain]
+        """It is cut; the one along the same edge whose crop it has taken is forgotten. One along
+        another edge may be longer, and have left more than that."""
+        side = lain.side
+        self._lain = [
+            k for k in self._lain if k.side.edge != side.edge or not self._left_by(side, k)
+        ] + [lain]
 
     def beside(self, side: Side, sight_m: float) -> Lain:
         """What is known of a side's lane before anything is seen of it: as it will be seen, beside
@@ -98,14 +107,23 @@ class Lanes:
         seen = np.array([1.0, 0.0])
         last = None if side.left_over else self._last(side)
         if last is None:
-            sigma = LEFT_SIGMA if side.left_over else LANE_SIGMA
-            return Lain(side, sight_m * seen, sight_m, seen, np.diag(sigma) ** 2)
+            unknown = np.diag(self._unknown(side)) ** 2
+            return Lain(side, sight_m * seen, sight_m, seen, unknown)
         moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
-        askew = math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, last.side.length_m))
-        grown = np.diag([RING_SIGMA[0] ** 2, askew**2])
+        grown = np.diag([RING_SIGMA[0] ** 2, _askew_rad(last.side) ** 2])
         x = last.x + last.by_sight * (sight_m - last.sight_m)
         rest = moved @ last.p @ moved.T + grown
         return Lain(side, moved @ x + sight_m * seen, sight_m, moved @ last.by_sight + seen, rest)
+
+    def _unknown(self, side: Side) -> tuple[float, float]:
+        """Standard deviations of a side's lane, m and rad, whose edge no lane that is known has
+        left: it is the boundary itself, or a strip along another edge has left it, which runs with
+        the plan."""
+        if side.left_over:
+            return LEFT_SIGMA
+        if side.inside_m < self._width / 2:
+            return LANE_SIGMA
+        return LEFT_SIGMA[0], _askew_rad(side)
 
     def knows(self, side: Side) -> bool:
         """Whether a lane has left its edge."""
