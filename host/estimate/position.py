@@ -22,21 +22,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from host.core.vehicle import Vehicle
 from host.estimate import leading_lane, other_edge, prior, spread
-from host.estimate.kalman import Filter, Measurement
+from host.estimate.kalman import Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import CUT, DRILLED, Wander, move
+from host.estimate.motion_model import CUT, DRILLED, TRIMMED, Wander, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.readings import NO_SIDE, Readings
@@ -90,7 +88,7 @@ class Position(Readings):
         super().__init__(vehicle, boundary, sigma_m)
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
-        self._wander = DRILLED
+        self._wander, self._trimmed = DRILLED, False
         self._undoubted = math.inf
         """Standard deviation of where the present lane's edge is seen, before what contradicted it
         made it doubtful, m; inf: nothing has."""
@@ -163,13 +161,20 @@ class Position(Readings):
         self._x[WANDER] = self._apart[WANDER] = 0.0
         for p in self._covariances:
             p[WANDER, :] = p[:, WANDER] = 0.0
-            p[WANDER, WANDER] = self._wander.sigma_m**2
+            p[WANDER, WANDER] = self._wanders.sigma_m**2
+
+    @property
+    def _wanders(self) -> Wander:
+        """How the edge that is seen wanders from here on."""
+        trimmed = self._trimmed and self._inside and self.known and not self.beside
+        before = trimmed and self.along(self._lane_of) < self._lane_of.begin_seen_m
+        return TRIMMED if before else self._wander
 
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
         edge it has left. `straight`: it is the whole of a side, that may be straightened."""
         self._lanes.keep(Lain.of(self._lane_of, self._x, self._p))
-        self._lane_of = side
+        self._lane_of, self._trimmed = side, straight
         lain = self._lanes.beside(side, float(self._x[SIGHT]))
         lane, covariance = lain.x, lain.covariance(self._p)
         self.aside = Aside()
@@ -195,10 +200,10 @@ class Position(Readings):
         """Moves with the vehicle."""
         past, self._past = self._past, motion
         if past is not None:
-            other = self._x + self._apart
-            move(self._x, self._p, past, motion, self._wander, cutting=cutting)
+            other, wander = self._x + self._apart, self._wanders
+            move(self._x, self._p, past, motion, wander, cutting=cutting)
             if self.likely > 0.0:
-                move(other, self._other_p, past, motion, self._wander, cutting=cutting)
+                move(other, self._other_p, past, motion, wander, cutting=cutting)
                 self._apart = other - self._x
 
     def less_sure(self, place_m: float, yaw_rad: float) -> None:
@@ -307,24 +312,13 @@ class Position(Readings):
         self.less_sure_along(side, drift_m)
         across = self._lanes.across(self.outline, side, 1, float(self._x[SIGHT]))
         seen = end.end(self.at(side), ago_m, doubt_m, across)
-        if_wrong = self._if_wrong(seen, side, elsewhere_m)
-        self.fuse(seen, frozen=(CURVE,))
-        if elsewhere_m > 0.0:
-            x, p = if_wrong
-            self.keep_apart(x - self._x, p, WRONG_PLACE)
-        self._settle()
-
-    def _if_wrong(
-        self, seen: Measurement, side: Side, elsewhere_m: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """State and covariance if a border that was seen is one, and the place along the side errs
-        by elsewhere_m besides what is known."""
-        other = Filter(self._x, self._p.copy())
         along = np.zeros(len(self._x))
         along[:YAW] = np.multiply(elsewhere_m, self.at(side).direction)
-        other._p += np.outer(along, along)
-        other.fuse(replace(seen, other=(0.0, 0.0)), frozen=(CURVE,))
-        return other._x, other._p
+        x, p = self.taken_if(along, seen, frozen=(CURVE,))
+        self.fuse(seen, frozen=(CURVE,))
+        if elsewhere_m > 0.0:
+            self.keep_apart(x - self._x, p, WRONG_PLACE)
+        self._settle()
 
     def crop_at(self, side: Side, ago_m: float) -> None:
         """What is being cut went on at the blade ago_m ago: where the machine may be at two places,

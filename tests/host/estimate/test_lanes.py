@@ -18,6 +18,7 @@ from host.estimate.measurements.begin import begin
 from host.estimate.measurements.border import BOUNDARY, Across
 from host.estimate.measurements.edge import edge
 from host.estimate.measurements.end import end
+from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.position import Position
 from host.estimate.states import LANE_YAW, SIGHT, YAW, X, Y
@@ -87,6 +88,50 @@ def test_a_border_that_a_strip_has_left_is_met_where_that_lies(
     by_sight = (more.innovation[0] - left.innovation[0]) / 0.1
     assert left.h[0, SIGHT] == pytest.approx(-by_sight)
     assert own.h[0, SIGHT] == 0.0
+
+
+def test_inside_the_field_no_lane_is_known_as_surely_as_the_boundary() -> None:
+    """Of an edge that strips along another edge of the boundary have left."""
+    found = Lanes(WIDTH)
+    at_boundary, inside = (found.beside(side, 0.0) for side in (FIRST, ACROSS))
+    assert math.sqrt(at_boundary.p[0, 0]) < 0.1
+    assert math.sqrt(inside.p[0, 0]) > 0.25
+
+
+def test_a_strip_along_another_edge_takes_no_lane_from_its_own() -> None:
+    """Two edges of the boundary in one line: a strip of the one lies beside the last of the other,
+    and takes a part of what that has left."""
+    known = np.array([0.4, 0.0])
+    long = NAMED(Side(0.0, 0.0, 0.0, 14.0, WIDTH, 14.0))
+    beside = replace(Side(10.0, WIDTH, 0.0, 3.0, WIDTH, 3.0), edges=(long.edge + 1,))
+    inner = NAMED(Side(WIDTH, WIDTH, 0.0, 14.0 - 2.0 * WIDTH, WIDTH, 14.0 - WIDTH))
+    found = Lanes(WIDTH)
+    found.keep(Lain(long, known, 0.0, np.zeros(2), np.diag([0.04, 0.0])))
+    found.keep(Lain(beside, np.zeros(2), 0.0, np.zeros(2), np.diag([1e-4, 0.0])))
+    assert found.beside(inner, 0.0).x[0] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(("inside_m", "trimmed"), [(4.0, True), (0.0, False)])
+def test_a_first_crop_that_the_turn_has_trimmed_turns_no_machine(
+    inside_m: float, trimmed: bool
+) -> None:
+    """Pictures on the way to it all show it a third of a metre aside: the machine is led there, and
+    knows place and direction as before. The boundary is as it was sown."""
+    side = Side(0.0, 0.0, 0.0, 12.0, WIDTH, 12.0, places_m=((0.0, inside_m),))
+    position = Position(VEHICLE)
+    past = replace(side, y_m=-WIDTH, places_m=((0.0, inside_m - WIDTH),))
+    position.place(past, -2.0, WIDTH, 0.0)
+    position.begin(side)
+    at = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    lane, before = Lane(position, VEHICLE.blade_x_m), position.pose
+    for k in range(40):
+        at = replace(at, stamp=0.1 * k, distance_m=0.03 * k)
+        position.predict(at, cutting=False)
+        lane.correct(-0.3, math.nan, 0.95, (0.0, 0.0), ahead_m=1.2 - 0.03 * k, cutting=False)
+    assert lane.blade_offset_m == pytest.approx(0.3, abs=0.06)
+    aside_m, turned_rad = position.pose[1] - before[1], position.pose[2] - before[2]
+    assert (aside_m < 0.1) is trimmed
+    assert (math.degrees(turned_rad) < 1.5) is trimmed
 
 
 def test_of_what_strips_have_left_no_lane_is_known_whatever_was_cut_beside_it() -> None:
