@@ -84,8 +84,9 @@ CUT = Wander(0.035, 0.7)
 """Of an edge that the machine has left, its way too: 0.03 m RMS beside the straight line (81 strips
 of 8 random fields, from the fourth metre on)."""
 TRIMMED = Wander(0.2, 10.0)
-"""Of a side's first crop, which the turn before may have trimmed: what pictures show of it, before
-the machine is there, errs alike all the time."""
+"""Of a side's first crop, which the turn before may have trimmed, by up to 0.35 m (model field
+11335): what pictures show of it errs alike all the way there. Narrower: they turn a machine that
+knows better; wider: one that a turn has left askew finds its lane later."""
 BESIDE = Wander(0.12, 2.0)
 """Of the next strip's edge as a machine sees it that backs beside it: an edge that the machine has
 left, and what the detector errs of crop beside its way (docs/understand/vision.md)."""

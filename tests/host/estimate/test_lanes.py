@@ -111,17 +111,21 @@ def test_a_strip_along_another_edge_takes_no_lane_from_its_own() -> None:
     assert found.beside(inner, 0.0).x[0] == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize(("inside_m", "trimmed"), [(4.0, True), (0.0, False)])
+@pytest.mark.parametrize(
+    ("inside_m", "straight", "trimmed"),
+    [(4.0, True, True), (4.0, False, False), (0.0, True, False)],
+)
 def test_a_first_crop_that_the_turn_has_trimmed_turns_no_machine(
-    inside_m: float, trimmed: bool
+    inside_m: float, straight: bool, trimmed: bool
 ) -> None:
     """Pictures on the way to it all show it a third of a metre aside: the machine is led there, and
-    knows place and direction as before. The boundary is as it was sown."""
+    knows place and direction as before. The boundary is as it was sown, and before a bend of the
+    same strip there was no turn."""
     side = Side(0.0, 0.0, 0.0, 12.0, WIDTH, 12.0, places_m=((0.0, inside_m),))
     position = Position(VEHICLE)
     past = replace(side, y_m=-WIDTH, places_m=((0.0, inside_m - WIDTH),))
     position.place(past, -2.0, WIDTH, 0.0)
-    position.begin(side)
+    position.begin(side, straight=straight)
     at = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     lane, before = Lane(position, VEHICLE.blade_x_m), position.pose
     for k in range(40):
