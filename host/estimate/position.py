@@ -28,7 +28,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from host.core.vehicle import Vehicle
-from host.estimate import leading_lane, other_edge, prior, spread
+from host.estimate import doubt, leading_lane, other_edge, prior, spread
 from host.estimate.kalman import Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -58,17 +58,6 @@ from host.route.side import Side
 
 BOUND_SIGMA_M = 0.2
 """Of crop that goes on beside the blade: weeds stand on from it too, for a step or two."""
-DOUBTED = {True: 1.03, False: 1.06}
-"""Growth of the standard deviation of what was seen, with each contradiction, by whether the blade
-cuts and its dust is in the air. A lane that a turn has left askew yields within half a metre; one
-that many pictures agreed on outlasts a patch of weeds or thin crop, whose border looks like the
-edge."""
-DOUBTFUL: Final = (X, Y, YAW, LANE_OFFSET, LANE_YAW)
-"""What that takes back: the machine's place, and its lane's."""
-DOUBTED_YAW_RAD: Final = math.radians(6.0)
-"""Standard deviation of the machine's direction, up to which it is doubted too: what a turn by the
-steering angle leaves. More would let edges of other strips turn a machine that has lost its own, by
-40 degrees against gyroscope and courses (model field 10215)."""
 WRONG_PLACE = 0.3
 """Probability that an end that a look finds where none is believed is one, and the place wrong: of
 five in drives with pictures and model eyes none or one was (low camera). Smaller: a boundary that
@@ -89,6 +78,7 @@ class Position(Readings):
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m)
         self._wander, self._trimmed = DRILLED, False
+        self._doubt = doubt.Doubt()
         self._undoubted = math.inf
         """Standard deviation of where the present lane's edge is seen, before what contradicted it
         made it doubtful, m; inf: nothing has."""
@@ -233,8 +223,9 @@ class Position(Readings):
         elif self._undoubted == math.inf:
             self._undoubted = self.sigma(seen.h[0])
         if not taken and doubts:
-            sure = self._p[YAW, YAW] > DOUBTED_YAW_RAD**2
-            self.doubt(seen, [k for k in DOUBTFUL if k != YAW or not sure], DOUBTED[cutting])
+            here_m = self._past.distance_m if self._past else math.nan
+            growth = self._doubt.growth(here_m, cutting=cutting)
+            self.doubt(seen, doubt.states(float(self._p[YAW, YAW])), growth)
         return taken
 
     @property
