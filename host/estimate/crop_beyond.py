@@ -6,16 +6,23 @@ same. And it shows how high the crop looks, which no pitch changes, but the next
 high as the field's. So looks from different distances tell the distance, the pitch and how much
 higher it is: least squares by Gauss and Newton. A tuft of grass before the crop makes a look quite
 another; such a one counts the less, the farther it is from what the others show.
+
+Where looks show several places, which do the tufts stand at, and which does the crop? Each place is
+tried, and the one that explains all looks best is taken: a tuft hides what stands behind it, and
+hardly anything lets a place be seen through the crop. Until one explains them by far the best, the
+place is not known.
 """
 
 from __future__ import annotations
 
 import math
+from statistics import median
 from typing import Final
 
 import numpy as np
 
 from host.core.vehicle import LOW, Vehicle
+from host.estimate.kalman import Array
 
 HEIGHT_M: Final = LOW.z_m
 """Of the camera that errs more: from the mast a look errs by half as much."""
@@ -31,9 +38,20 @@ HIGHER: Final = 0.12
 TOPS: Final = 0.06
 """and by which a look errs in how high it is: 0.2 m at 2 m, in 193 pictures of eleven drives."""
 LIKELY: Final = 2.0
-"""Standard deviations within which a look agrees with the others."""
+"""Standard deviations within which how high it looks agrees with the rest."""
 STEPS: Final = 12
 """Of Gauss and Newton: by then it has settled to a centimetre."""
+TUFT: Final = 0.05
+"""Probability that a look shows something nearer than the crop: 4 of 95 of the model eyes' drives.
+"""
+THROUGH: Final = 0.005
+"""That it shows something farther: none of these did by half a metre."""
+SPREAD_RAD: Final = math.radians(20.0)
+"""Over which such a look may show anything."""
+RIVAL: Final = math.log(20.0)
+"""By less than that factor likelier, a place is not surely the one;"""
+APART_M: Final = 0.5
+"""than another that is so far away."""
 
 
 class CropBeyond:
@@ -55,29 +73,43 @@ class CropBeyond:
         look."""
         if not self._looks:
             return None
+        shown = [at + ahead for at, ahead, _ in self._looks]
+        fits = [self._fit(place_m) for place_m in (median(shown), *shown)]
+        place_m, sigma_m, best = max(fits, key=lambda fit: fit[2])
+        apart_m = max(abs(other - place_m) for other, _, likely in fits if best - likely < RIVAL)
+        return place_m, math.hypot(sigma_m, apart_m) if apart_m > APART_M else sigma_m
+
+    def _fit(self, place_m: float) -> tuple[float, float, float]:
+        """The place that least squares come to from one nearby, how surely, m, and the logarithm of
+        how likely all looks are there."""
         at, ahead, by_height = np.array(self._looks).T
         shown = np.arctan2(HEIGHT_M, self._blade_m + ahead)
         high = np.isfinite(by_height)
         apart = np.log(np.maximum(self._blade_m + by_height[high], HEIGHT_M))
-        place_m, pitch, higher = float(np.median(at + ahead)), 0.0, 0.0
+        pitch, higher = 0.0, 0.0
+        flat, one = np.zeros(len(at)), np.ones(len(at))
         prior = np.array([0.0, PITCH_RAD**-2, HIGHER**-2])
         covariance = np.eye(3)
         for _ in range(STEPS):
             far = np.maximum(self._blade_m + place_m - at, HEIGHT_M)
             per_m = HEIGHT_M / (far**2 + HEIGHT_M**2)
             noise = np.hypot(UNEVEN_RAD, FOOT_M * per_m)
-            flat, one = np.zeros(len(at)), np.ones(len(at))
-            foot = np.column_stack([-per_m, one, flat]) / noise[:, None]
+            off = (shown - np.arctan2(HEIGHT_M, far) - pitch) / noise
+            tops_off = (apart - np.log(far[high]) + higher) / TOPS
+            slopes = np.column_stack([-per_m, one, flat]) / noise[:, None]
             tops = np.column_stack([1.0 / far, flat, -one])[high] / TOPS
-            off = np.concatenate(
-                [
-                    (shown - np.arctan2(HEIGHT_M, far) - pitch) / noise,
-                    (apart - np.log(far[high]) + higher) / TOPS,
-                ]
-            )
-            slopes = np.concatenate([foot, tops])
-            agree = slopes.T / (1.0 + (off / LIKELY) ** 2)
-            covariance = np.linalg.inv(agree @ slopes + np.diag(prior))
-            step = covariance @ (agree @ off - prior * np.array([0.0, pitch, higher]))
-            place_m, pitch, higher = np.array([place_m, pitch, higher]) + step
-        return float(place_m), math.sqrt(covariance[0, 0])
+            usual, odd = _explained(off, noise)
+            agree = slopes.T * usual / (usual + odd)
+            tops_agree = tops.T / (1.0 + (tops_off / LIKELY) ** 2)
+            covariance = np.linalg.inv(agree @ slopes + tops_agree @ tops + np.diag(prior))
+            step = agree @ off + tops_agree @ tops_off - prior * np.array([0.0, pitch, higher])
+            place_m, pitch, higher = np.array([place_m, pitch, higher]) + covariance @ step
+        likely = float(np.log(usual + odd).sum() - (pitch / PITCH_RAD) ** 2 / 2)
+        return float(place_m), math.sqrt(covariance[0, 0]), likely
+
+
+def _explained(off: Array, noise_rad: Array) -> tuple[Array, Array]:
+    """(n,) each, 1/rad: how likely looks that are so many standard deviations off are, as looks at
+    the crop, and as such at something else."""
+    usual = (1.0 - TUFT) * np.exp(-(off**2) / 2) / (math.sqrt(math.tau) * noise_rad)
+    return usual, np.where(off > 0.0, TUFT, THROUGH) / SPREAD_RAD

@@ -249,6 +249,15 @@ class Context:
         way_m = beyond.ago_m + ahead_m
         return self.gaps.contradicts(across(way_m, beyond.askew_rad, self.vehicle.blade_width_m))
 
+    def end_was_none(self, ahead_m: float, sigma_m: float) -> bool:
+        """Whether crop ahead_m before the blade, give or take sigma_m, stands nearer than any next
+        crop. Then the side goes on."""
+        beyond = self.strip.gap_beyond()
+        if beyond is None:
+            return False
+        way_m = across(beyond.ago_m + ahead_m, beyond.askew_rad, self.vehicle.blade_width_m)
+        return self.gaps.too_narrow(way_m, sigma_m) and self.strip.end_was_none()
+
     def _reckon_with(self, gap_m: float) -> None:
         """So wide the gap is from here on."""
         if self.plan.gap_m is not None and gap_m != self.plan.gap_m:

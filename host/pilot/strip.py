@@ -242,6 +242,11 @@ class Strip:
     def end_was_one(self) -> None:
         """What was taken for its end is one."""
 
+    def end_was_none(self) -> bool:
+        """The same is none: its crop goes on right before the blade. Whether it does go on: what
+        showed an end once more has not been cut meanwhile."""
+        return False
+
     def met_end_surely(self) -> None:
         """What stands beyond its end stands where it should: that was its end, wherever the machine
         was believed to be."""

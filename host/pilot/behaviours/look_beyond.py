@@ -18,8 +18,10 @@ from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Blind, Elsewhere, SideEnd, blind, leave_side
 from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree
-from host.pilot.phase import Go, Phase
+from host.pilot.phase import Doing, Go, Phase, Reason
 
+PLACES_LEAST: Final = 2
+"""That must show it, for crop to be the side's own: pictures of one place err alike."""
 PICTURES: Final = 8
 """That must say it: nearly a second's."""
 PLACES: Final = 4
@@ -37,12 +39,18 @@ APART_M: Final = 0.25
 """From one place to the next behind it."""
 
 
+class Why(Reason):
+    """Out of the look, besides the turn."""
+
+    END_WAS_NONE = Doing.LOOK_AT_EDGE, "crop stands right before the blade: the side goes on"
+
+
 class LookBeyond(Behaviour):
     """See the module."""
 
     phase = Phase.TURN
     gaze = Gaze(lane=False)
-    reasons = (SideEnd, Elsewhere, Blind)
+    reasons = (Why, SideEnd, Elsewhere, Blind)
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
@@ -153,6 +161,9 @@ class LookBeyond(Behaviour):
         context = self.context
         known = self._beyond.known
         if known is not None:
-            context.saw_beyond(known[0] - (context.motion.distance_m - self._end_m))
+            ahead_m = known[0] - (context.motion.distance_m - self._end_m)
+            if self._places >= PLACES_LEAST and context.end_was_none(ahead_m, known[1]):
+                return Why.END_WAS_NONE.go()
+            context.saw_beyond(ahead_m)
         assert context.ended is not None
         return leave_side(context, now, context.ended)

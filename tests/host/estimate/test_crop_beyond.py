@@ -100,3 +100,29 @@ def test_a_look_that_shows_no_tops_counts_by_its_foot() -> None:
     alone.see(0.0, 1.8)
     assert beyond.known is not None and alone.known is not None
     assert beyond.known[1] < alone.known[1]
+
+
+def looked(*looks: tuple[float, float]) -> tuple[float, float]:
+    beyond = CropBeyond(VEHICLE)
+    for at_m, ahead_m in looks:
+        beyond.see(at_m, ahead_m)
+    assert beyond.known is not None
+    return beyond.known
+
+
+def test_two_tufts_before_the_crop_are_no_crop_where_two_looks_see_past_them() -> None:
+    """What stands farther away would have been hidden by crop (model field 11462: the next crop
+    stood 1.75 m before the blade)."""
+    place_m, _ = looked((0.04, 0.80), (-0.24, 0.66), (-0.49, 2.5), (-0.77, 2.5))
+    assert place_m == pytest.approx(1.8, abs=0.3)
+
+
+@pytest.mark.parametrize("other_m", [0.1, 0.5])
+def test_where_two_looks_contradict_each_other_nothing_is_known(other_m: float) -> None:
+    assert looked((0.0, 2.0), (-0.25, other_m))[1] > 1.0
+
+
+def test_crop_that_three_of_four_looks_show_is_crop_whatever_the_fourth_sees() -> None:
+    place_m, sigma_m = looked((0.0, 0.6), (-0.25, 0.85), (-0.5, 1.1), (-0.75, 2.5))
+    assert place_m == pytest.approx(0.6, abs=0.1)
+    assert sigma_m < 0.3

@@ -16,12 +16,13 @@ from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond
+from host.pilot.behaviours.look_beyond import Why as Beyond
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
 from host.pilot.behaviours.wait_for_camera import Why as Waited
 from host.pilot.context import FARTHEST_M, Context
 from host.pilot.endings import Blind, Elsewhere, SideEnd, end_side
 from host.pilot.gaze import STOP_AFTER_S
-from host.pilot.phase import Doing, Go
+from host.pilot.phase import Doing, Go, Reason
 from host.pilot.planned_strip import PlannedStrip
 from host.route.plan import spiral
 from host.vision.view import CropView
@@ -56,10 +57,11 @@ def look(
     context: Context,
     shows: Callable[[float], float],
     by_height_m: Callable[[float], float] = lambda _: math.nan,
+    why: Reason = SideEnd.SEEN,
 ) -> list[float]:
-    """Drives the behaviour to its end. `shows(at_m)`: how far before the blade pictures from at_m
-    beyond the side's end show crop, and `by_height_m(at_m)` the same by how high that looks.
-    Returns the places that it looked from."""
+    """Drives the behaviour to its end, which is `why`. `shows(at_m)`: how far before the blade
+    pictures from at_m beyond the side's end show crop, and `by_height_m(at_m)` the same by how high
+    that looks. Returns the places that it looked from."""
     behaviour = LookBeyond(context)
     behaviour.enter(NOW)
     end_m, now = context.motion.distance_m, NOW
@@ -76,7 +78,7 @@ def look(
         at_m += 0.1 * command.speed_mps
         moved(context, end_m + at_m, command.speed_mps, stamp=now)
         assert now < NOW + 60.0
-    assert go.reason is SideEnd.SEEN
+    assert go.reason is why
     assert at_m == pytest.approx(0.0, abs=0.05), "it comes back"
     return places[:-1] if len(places) > 1 else places
 
@@ -176,6 +178,31 @@ def test_where_no_crop_is_in_view_one_look_is_enough() -> None:
 def test_crop_right_before_the_blade_is_looked_at_from_farther_back() -> None:
     places = look(at_end(), stands_at(0.5))
     assert places == pytest.approx([-k * APART_M for k in range(PLACES)], abs=0.1)
+
+
+def test_crop_that_stands_nearer_than_any_next_crop_is_the_sides_own_and_is_cut() -> None:
+    """It had left the turn no room at all (model field 11455)."""
+    context = at_end()
+    sure_m = context.estimate.position.end_sigma_m(PLAN.sides[0])
+    look(context, stands_at(0.1), why=Beyond.END_WAS_NONE)
+    assert context.plan.gap_m == 2.0
+    assert context.sight.ahead.end is None
+    assert not context.gaps.knows(2), "the end that is one is looked at"
+    assert context.estimate.position.end_sigma_m(PLAN.sides[0]) > sure_m + 0.1
+
+
+def test_a_side_is_not_said_twice_to_go_on() -> None:
+    """A tuft that the blade does not cut must not hold the machine there."""
+    context = at_end()
+    look(context, stands_at(0.1), why=Beyond.END_WAS_NONE)
+    end_side(context, NOW, clear_ahead(context))
+    look(context, stands_at(0.1))
+
+
+def test_one_look_does_not_show_that_a_side_goes_on() -> None:
+    context = at_end()
+    context.sight.ahead.entered_at = context.motion
+    assert look(context, stands_at(0.1)) == [0.0]
 
 
 def test_a_short_strip_leaves_no_room_for_that() -> None:
