@@ -12,14 +12,14 @@ from collections.abc import Iterable
 from statistics import median_high
 from typing import Final
 
+from host.estimate.crop_ahead import END_CLEAR_M
+
 TAPE_M: Final = 0.2
 """What a taped gap errs: no border is straight."""
 SEEN_M: Final = 0.2
 """What is seen errs, looked at until it is known."""
 TELLS_M: Final = 0.3
 """What is seen contradicts what was said by more."""
-LEAST_M: Final = 0.5
-"""Nothing narrower is a gap, and neither is half of what was said: no machine turns there."""
 OWN_SIGMAS: Final = 2.0
 SQUARE_RAD: Final = math.radians(30.0)
 """Against the edge's normal, at most, under which a side's end tells of the gap: the last tip of
@@ -61,8 +61,9 @@ class Gaps:
 
     def too_narrow(self, way_m: float, sigma_m: float) -> bool:
         """Whether crop that stands so far, give or take sigma_m, beyond what was taken for a side's
-        end is surely no next crop, but the side's own."""
-        return way_m + OWN_SIGMAS * sigma_m < min(LEAST_M, self.said_m / 2)
+        end is surely no next crop, but the side's own: no gap is narrower than the clear ground
+        that ends a side, nor half as wide as was said."""
+        return way_m + OWN_SIGMAS * sigma_m < min(END_CLEAR_M, self.said_m / 2)
 
     def beside(self, edges: Iterable[int]) -> float:
         """What a turn between these edges is to reckon with: what was seen beyond them, too."""

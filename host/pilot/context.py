@@ -255,8 +255,9 @@ class Context:
         beyond = self.strip.gap_beyond()
         if beyond is None:
             return False
-        way_m = across(beyond.ago_m + ahead_m, beyond.askew_rad, self.vehicle.blade_width_m)
-        return self.gaps.too_narrow(way_m, sigma_m) and self.strip.end_was_none()
+        cleared_m = max(beyond.ago_m, self.estimate.cut.clear_m)
+        way_m = across(cleared_m + ahead_m, beyond.askew_rad, self.vehicle.blade_width_m)
+        return self.gaps.too_narrow(way_m, sigma_m) and self.strip.end_was_none(ahead_m)
 
     def _reckon_with(self, gap_m: float) -> None:
         """So wide the gap is from here on."""

@@ -65,8 +65,9 @@ class PlannedStrip(PlanSide):
         self._turned_from: _Before | None = None
         self._end_at_m = math.nan
         """The travelled distance at which the blade met its end."""
-        self._went_on = False
-        """Whether its end, as it was met, has been found to be none."""
+        self._goes_on_to_m = -math.inf
+        """The travelled distance up to which its crop goes on, where an end was found to be none.
+        """
         self._begun = False
         """Whether the machine drives along it, and no more to it."""
 
@@ -183,14 +184,17 @@ class PlannedStrip(PlanSide):
         ago = here.distance_m - self._end_at_m - end.EARLY_M
         return Beyond(edge, askew, ago, past, (edge, last.edge))
 
+    def end_due(self, motion: Motion) -> bool:
+        return motion.distance_m > self._goes_on_to_m and super().end_due(motion)
+
     def end_was_one(self) -> None:
         ago_m = self.estimate.motion.distance_m - self._end_at_m
         self.estimate.position.ended(self._straight[-1], ago_m)
 
-    def end_was_none(self) -> bool:
-        if self._went_on:
+    def end_was_none(self, ahead_m: float) -> bool:
+        if math.isfinite(self._goes_on_to_m):
             return False
-        self._went_on = True
+        self._goes_on_to_m = self.estimate.motion.distance_m + ahead_m + NEAR_CROP_M
         self.estimate.position.less_sure_along(self._straight[-1], WENT_ON_SIGMA_M)
         self.ahead.go_on()
         return True

@@ -242,9 +242,9 @@ class Strip:
     def end_was_one(self) -> None:
         """What was taken for its end is one."""
 
-    def end_was_none(self) -> bool:
-        """The same is none: its crop goes on right before the blade. Whether it does go on: what
-        showed an end once more has not been cut meanwhile."""
+    def end_was_none(self, ahead_m: float) -> bool:
+        """The same is none: its crop goes on ahead_m before the blade. False where that was said
+        before: what the blade does not cut is no crop."""
         return False
 
     def met_end_surely(self) -> None:

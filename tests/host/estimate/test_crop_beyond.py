@@ -131,4 +131,4 @@ def test_crop_that_three_of_four_looks_show_is_crop_whatever_the_fourth_sees() -
 def test_of_two_looks_against_two_those_that_see_farther_are_believed() -> None:
     place_m, sigma_m = looked((0.0, 2.0), (-0.25, 2.25), (-0.5, 1.0), (-0.75, 1.25))
     assert place_m == pytest.approx(2.0, abs=0.2)
-    assert sigma_m < 0.5
+    assert sigma_m < 0.7

@@ -11,6 +11,7 @@ import pytest
 
 from host.core.vehicle import Vehicle
 from host.estimate.crop_beyond import HEIGHT_M
+from host.estimate.cut_guard import CutGuard
 from host.estimate.gaps import SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
@@ -186,6 +187,9 @@ def test_crop_that_stands_nearer_than_any_next_crop_is_the_sides_own_and_is_cut(
     sure_m = context.estimate.position.end_sigma_m(PLAN.sides[0])
     look(context, stands_at(0.1), why=Beyond.END_WAS_NONE)
     assert context.plan.gap_m == 2.0
+    here = context.motion
+    assert not context.strip.end_due(replace(here, distance_m=here.distance_m + 0.1))
+    assert context.strip.end_due(replace(here, distance_m=here.distance_m + 0.4))
     assert context.sight.ahead.end is None
     assert not context.gaps.knows(2), "the end that is one is looked at"
     assert context.estimate.position.end_sigma_m(PLAN.sides[0]) > sure_m + 0.1
@@ -197,6 +201,14 @@ def test_a_side_is_not_said_twice_to_go_on() -> None:
     look(context, stands_at(0.1), why=Beyond.END_WAS_NONE)
     end_side(context, NOW, clear_ahead(context))
     look(context, stands_at(0.1))
+
+
+def test_behind_clear_ground_as_long_as_a_gap_crop_is_not_the_sides_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Wherever the side was taken to end on it: the blade's guard counts all of it."""
+    monkeypatch.setattr(CutGuard, "clear_m", 0.9)
+    look(at_end(), stands_at(0.1))
 
 
 def test_one_look_does_not_show_that_a_side_goes_on() -> None:
