@@ -10,7 +10,7 @@ import numpy as np
 from host.estimate.kalman import Array
 from host.estimate.measurements.border import BOUNDARY, Across
 from host.estimate.outline import PARALLEL, Outline
-from host.estimate.states import LANE, SIGHT
+from host.estimate.states import KEPT, KEPT_LANES, SIGHT
 from host.route.side import NO_EDGE, Side
 
 LANE_SIGMA = (0.06, math.radians(0.5))
@@ -25,6 +25,7 @@ so much."""
 STRAIGHTEN_M = 0.1
 """By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
 beside it."""
+NOWHERE = -1
 TINY = 1e-12
 """Keeps a variance of nothing from being divided by, m²."""
 CATCH_UP_M = 0.05
@@ -32,28 +33,30 @@ CATCH_UP_M = 0.05
 it the strips fall behind the plan by what the detector errs, until one of them is not there."""
 
 
-class Lain(NamedTuple):
-    """What was found of a side's lane: (2,) its offset at the side's beginning, m left of the
-    plan's, and its direction, rad, where pictures show edges sight_m left of their true place; (2,)
-    what more of that does to the two; (2, 2) the covariance of the rest of what they err."""
+class Lane(NamedTuple):
+    """A lane, its offset at the side's beginning, m left of the plan's, and its direction, rad, by
+    the filter's state x: at + by x, and what errs besides."""
 
-    side: Side
-    x: Array
-    sight_m: float
-    by_sight: Array
-    p: Array
-
-    @classmethod
-    def of(cls, side: Side, x: Array, p: Array) -> Lain:
-        """The lane of the filter's state `x` and covariance `p`."""
-        by_sight = p[LANE, SIGHT] / max(p[SIGHT, SIGHT], TINY)
-        rest = p[LANE, LANE] - np.outer(by_sight, p[SIGHT, LANE])
-        return cls(side, x[LANE].copy(), float(x[SIGHT]), by_sight, rest)
+    at: Array
+    """(2,)"""
+    by: Array
+    """(2, states)"""
+    noise: Array
+    """(2, 2) the covariance of that."""
 
     def covariance(self, p: Array) -> Array:
         """(2, 2) of the lane, where `p` is the filter's covariance."""
-        by_sight: Array = np.outer(self.by_sight, self.by_sight) * p[SIGHT, SIGHT]
-        return self.p + by_sight
+        found: Array = self.by @ p @ self.by.T + self.noise
+        return found
+
+
+class Kept(NamedTuple):
+    """A lane that was cut, and what is known of it."""
+
+    side: Side
+    state: int
+    """Where among the filter's states it is kept; NOWHERE: it is no more."""
+    lane: Lane
 
 
 class Aside(NamedTuple):
@@ -81,6 +84,17 @@ def caught_up(aside: Aside, left_m: float, sigma_m: float) -> Aside:
     return aside._replace(begin_m=aside.begin_m - min(behind, CATCH_UP_M))
 
 
+def _alone(kept: Kept, x: Array, p: Array) -> Kept:
+    """A lane that is kept among the states x with the covariance `p` no more: how it errs as all
+    pictures do, and besides alone."""
+    at = slice(kept.state, kept.state + 2)
+    by_sight = p[at, SIGHT] / max(p[SIGHT, SIGHT], TINY)
+    by = np.zeros((2, len(x)))
+    by[:, SIGHT] = by_sight
+    rest = p[at, at] - np.outer(by_sight, p[SIGHT, at])
+    return Kept(kept.side, NOWHERE, Lane(x[at] - by_sight * x[SIGHT], by, rest))
+
+
 def _askew_rad(side: Side) -> float:
     """Standard deviation of the angle between a strip and the one that it leaves."""
     return math.hypot(RING_SIGMA[1], RING_ENDS_M / max(1.0, side.length_m))
@@ -91,29 +105,41 @@ class Lanes:
 
     def __init__(self, width_m: float) -> None:
         self._width = width_m
-        self._lain: list[Lain] = []
+        self._kept: list[Kept] = []
 
-    def keep(self, lain: Lain) -> None:
+    def keep(self, side: Side, x: Array, p: Array) -> int:
         """It is cut; the one along the same edge whose crop it has taken is forgotten. One along
-        another edge may be longer, and have left more than that."""
-        side = lain.side
-        self._lain = [
-            k for k in self._lain if k.side.edge != side.edge or not self._left_by(side, k)
-        ] + [lain]
+        another edge may be longer, and have left more than that. Returns the state that its lane is
+        to be kept in. With it stays how it errs as the machine's place and other lanes do: what is
+        found of one is found of all. Of the oldest of too many, only how it errs as all pictures
+        do."""
+        self._kept = [
+            k for k in self._kept if k.side.edge != side.edge or not self._left_by(side, k.side)
+        ]
+        taken = [k.state for k in self._kept if k.state != NOWHERE]
+        if len(taken) == KEPT_LANES:
+            oldest = next(n for n, k in enumerate(self._kept) if k.state != NOWHERE)
+            self._kept[oldest] = _alone(self._kept[oldest], x, p)
+            taken.remove(taken[0])
+        state = min(set(range(KEPT, KEPT + 2 * KEPT_LANES, 2)).difference(taken))
+        by = np.zeros((2, len(x)))
+        by[0, state] = by[1, state + 1] = 1.0
+        self._kept.append(Kept(side, state, Lane(np.zeros(2), by, np.zeros((2, 2)))))
+        return state
 
-    def beside(self, side: Side, sight_m: float) -> Lain:
+    def beside(self, side: Side, states: int) -> Lane:
         """What is known of a side's lane before anything is seen of it: as it will be seen, beside
         where the machine has driven along the last."""
-        seen = np.array([1.0, 0.0])
         last = None if side.left_over else self._last(side)
         if last is None:
-            unknown = np.diag(self._unknown(side)) ** 2
-            return Lain(side, sight_m * seen, sight_m, seen, unknown)
-        moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
-        grown = np.diag([RING_SIGMA[0] ** 2, _askew_rad(last.side) ** 2])
-        x = last.x + last.by_sight * (sight_m - last.sight_m)
-        rest = moved @ last.p @ moved.T + grown
-        return Lain(side, moved @ x + sight_m * seen, sight_m, moved @ last.by_sight + seen, rest)
+            lane = Lane(np.zeros(2), np.zeros((2, states)), np.diag(self._unknown(side)) ** 2)
+        else:
+            moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
+            grown = np.diag([RING_SIGMA[0] ** 2, _askew_rad(last.side) ** 2])
+            at, by, noise = last.lane
+            lane = Lane(moved @ at, moved @ by, moved @ noise @ moved.T + grown)
+        lane.by[0, SIGHT] += 1.0
+        return lane
 
     def _unknown(self, side: Side) -> tuple[float, float]:
         """Standard deviations of a side's lane, m and rad, whose edge no lane that is known has
@@ -129,15 +155,15 @@ class Lanes:
         """Whether a lane has left its edge."""
         return self._last(side) is not None
 
-    def across(self, outline: Outline, side: Side, way: int, sight_m: float) -> Across:
+    def across(self, outline: Outline, side: Side, way: int) -> Across:
         """What has left the border at a side's end (way 1) or beginning (-1): the last lane along
         that edge of the boundary, where there is one. It matters where the boundary is still to be
         found: what that lane is off must not pass for what the corners are."""
         edge = side.begins_at if way < 0 else side.ends_at
-        lain = next((k for k in reversed(self._lain) if k.side.edge == edge != NO_EDGE), None)
-        if lain is None or not outline.states:
+        last = next((k for k in reversed(self._kept) if k.side.edge == edge != NO_EDGE), None)
+        if last is None or not outline.states:
             return BOUNDARY
-        across, along = outline.found(lain.side), outline.found(side)
+        across, along = outline.found(last.side), outline.found(side)
         c, s = math.cos(across.heading_rad), math.sin(across.heading_rad)
         heading = along.heading_rad if way < 0 else along.end_heading_rad
         sine = abs(math.sin(heading - across.heading_rad))
@@ -147,19 +173,18 @@ class Lanes:
             return BOUNDARY
         # What lies left of a lane lies farther inside.
         h = np.array([1.0, met_m]) * (-way / sine)
-        by_sight = float(h @ lain.by_sight)
-        beyond_m = float(h @ lain.x) + by_sight * (sight_m - lain.sight_m)
-        return Across(beyond_m, math.sqrt(h @ lain.p @ h), by_sight)
+        lane = last.lane
+        return Across(float(h @ lane.at), math.sqrt(h @ lane.noise @ h), h @ lane.by)
 
-    def _last(self, side: Side) -> Lain | None:
+    def _last(self, side: Side) -> Kept | None:
         """The lane whose cutting has left a side's edge. Where the strips between were laid out
         otherwise, the last along the same edge of the boundary: an inner strip is turned as that
         is, it does not lie along the boundary again."""
-        left = [known for known in self._lain if self._left_by(side, known)]
+        left = [kept for kept in self._kept if self._left_by(side, kept.side)]
         if left:
             return left[-1]
-        same = [k for k in self._lain if side.edge != NO_EDGE and k.side.edge == side.edge]
+        same = [k for k in self._kept if side.edge != NO_EDGE and k.side.edge == side.edge]
         return same[-1] if same and side.inside_m > same[-1].side.inside_m else None
 
-    def _left_by(self, side: Side, lain: Lain) -> bool:
-        return side.left_by(lain.side, self._width)
+    def _left_by(self, side: Side, cut: Side) -> bool:
+        return side.left_by(cut, self._width)

@@ -30,7 +30,8 @@ from scipy.special import log_ndtr
 from host.core.vehicle import Vehicle
 from host.estimate import doubt, leading_lane, other_edge, prior, spread
 from host.estimate.kalman import Measurement
-from host.estimate.lanes import LANE_SIGMA, Aside, Lain, Lanes, caught_up, straightened
+from host.estimate.lanes import LANE_SIGMA, Aside, Lanes, caught_up, straightened
+from host.estimate.lanes import Lane as Lain
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
@@ -47,7 +48,6 @@ from host.estimate.states import (
     LANE,
     LANE_OFFSET,
     LANE_YAW,
-    SIGHT,
     STATES,
     WANDER,
     YAW,
@@ -163,22 +163,27 @@ class Position(Readings):
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
         edge it has left. `straight`: it is the whole of a side, that may be straightened."""
-        self._lanes.keep(Lain.of(self._lane_of, self._x, self._p))
+        at, now = self._lanes.keep(self._lane_of, self._x, self._p), np.eye(len(self._x))[LANE]
+        self._let(slice(at, at + 2), Lain(np.zeros(2), now, np.zeros((2, 2))))
         self._lane_of, self._trimmed = side, straight
-        lain = self._lanes.beside(side, float(self._x[SIGHT]))
-        lane, covariance = lain.x, lain.covariance(self._p)
+        lain = self._lanes.beside(side, len(self._x))
+        covariance = lain.covariance(self._p)
+        self._let(LANE, lain)
         self.aside = Aside()
         if straight and self._lanes.knows(side):
-            sigma = math.sqrt(covariance[1, 1])
+            lane, sigma = self._x[LANE], math.sqrt(covariance[1, 1])
             aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
             self.aside = caught_up(aside, float(lane[0]), math.sqrt(covariance[0, 0]))
-            lane = lane - np.array(self.aside)
-        self._x[LANE], self._apart[LANE] = lane, 0.0
-        for p in self._covariances:
-            with_sight = np.outer(lain.by_sight, p[SIGHT])
-            p[LANE, :], p[:, LANE] = with_sight, with_sight.T
-            p[LANE, LANE] = lain.covariance(p)
+            self._x[LANE] -= self.aside
         self._other_edge(side)
+
+    def _let(self, at: slice, lane: Lain) -> None:
+        """These two states be that lane."""
+        self._x[at], self._apart[at] = lane.at + lane.by @ self._x, lane.by @ self._apart
+        for p in self._covariances:
+            with_others, own = lane.by @ p, lane.covariance(p)
+            p[at, :], p[:, at] = with_others, with_others.T
+            p[at, at] = own
 
     def look(self, side: Side, beside: Wander | None) -> None:
         """The edge of the present lane, this side's, is seen from beside it from here on, and that
@@ -285,7 +290,7 @@ class Position(Readings):
     def at_begin(self, side: Side, ago_m: float, sigma_m: float = MET_SIGMA_M) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since (negative: is
         to travel), with that standard deviation."""
-        across = self._lanes.across(self.outline, side, -1, float(self._x[SIGHT]))
+        across = self._lanes.across(self.outline, side, -1)
         self._take(begin.begin(self.at(side), ago_m, sigma_m, across))
 
     def at_end(
@@ -301,7 +306,7 @@ class Position(Readings):
         more than is believed of it, the place is wrong by so much or the end is none: then the
         machine may be at either place."""
         self.less_sure_along(side, drift_m)
-        across = self._lanes.across(self.outline, side, 1, float(self._x[SIGHT]))
+        across = self._lanes.across(self.outline, side, 1)
         seen = end.end(self.at(side), ago_m, doubt_m, across)
         along = np.zeros(len(self._x))
         along[:YAW] = np.multiply(elsewhere_m, self.at(side).direction)

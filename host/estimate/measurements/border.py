@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from host.estimate.kalman import Measurement
+from host.estimate.kalman import Array, Measurement
 from host.estimate.place import Place
-from host.estimate.states import SIGHT, STATES, YAW
+from host.estimate.states import STATES, YAW
 
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
@@ -27,13 +27,13 @@ class Across(NamedTuple):
     beside the last as was seen."""
 
     beyond_m: float
-    """Along the side, beyond the plan's place."""
+    """Along the side, beyond the plan's place;"""
     sigma_m: float
-    by_sight: float
-    """How much farther by each metre that pictures show edges left of their true place."""
+    by: Array | None = None
+    """and besides, (states,) by each of the filter's states."""
 
 
-BOUNDARY: Final = Across(0.0, 0.0, 0.0)
+BOUNDARY: Final = Across(0.0, 0.0)
 """The border is the field's own."""
 
 
@@ -60,9 +60,12 @@ def border(
     c, s = place.direction
     h = np.zeros((1, len(place.x)))
     h[0, :YAW] = c - slope * s, s + slope * c
-    h[0, SIGHT] = -across.by_sight
     h[0, STATES:] = -place.outline.end(place.side, way)
-    innovation = blade_m + across.beyond_m - place.blade_m - slope * place.across_m
+    beyond_m = across.beyond_m
+    if across.by is not None:
+        h[0] -= across.by
+        beyond_m += float(across.by @ place.x)
+    innovation = blade_m + beyond_m - place.blade_m - slope * place.across_m
     return Measurement(
         name,
         h,
