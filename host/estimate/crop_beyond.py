@@ -44,8 +44,18 @@ STEPS: Final = 12
 TUFT: Final = 0.05
 """Probability that a look shows something nearer than the crop: 4 of 95 of the model eyes' drives.
 """
+AGAIN: Final = 0.3
+"""That another look shows the same tuft, or what a blade has left of the crop's last tip;"""
+SAME_M: Final = 0.4
+"""within which it does."""
 THROUGH: Final = 0.005
 """That it shows something farther: none of these did by half a metre."""
+AS_SAID: Final = 0.9
+"""Probability that the next crop stands where it was said to;"""
+SAID_M: Final = 0.25
+"""give or take so much;"""
+ANYWHERE_M: Final = 3.0
+"""and otherwise anywhere in this."""
 SPREAD_RAD: Final = math.radians(20.0)
 """Over which such a look may show anything."""
 RIVAL: Final = math.log(20.0)
@@ -57,7 +67,9 @@ APART_M: Final = 0.5
 class CropBeyond:
     """Of one stand, and the places that the machine goes to from it."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, said_m: float = math.inf) -> None:
+        """`said_m`: how far before the blade at the first place it should stand."""
+        self._said_m = said_m
         self._blade_m = vehicle.blade_x_m
         """Before the rear axle, near which the cameras sit."""
         self._looks: list[tuple[float, float, float]] = []
@@ -70,7 +82,7 @@ class CropBeyond:
     @property
     def known(self) -> tuple[float, float] | None:
         """How far before the blade at the first place it stands, and how surely, m; None without a
-        look."""
+        look. What was said only decides between places that explain the looks alike."""
         if not self._looks:
             return None
         shown = [at + ahead for at, ahead, _ in self._looks]
@@ -99,13 +111,27 @@ class CropBeyond:
             slopes = np.column_stack([-per_m, one, flat]) / noise[:, None]
             tops = np.column_stack([1.0 / far, flat, -one])[high] / TOPS
             usual, odd = _explained(off, noise)
-            agree = slopes.T * usual / (usual + odd)
-            tops_agree = tops.T / (1.0 + (tops_off / LIKELY) ** 2)
+            agrees = usual / (usual + odd)
+            agree = slopes.T * agrees
+            tops_agree = tops.T * agrees[high] / (1.0 + (tops_off / LIKELY) ** 2)
             covariance = np.linalg.inv(agree @ slopes + tops_agree @ tops + np.diag(prior))
             step = agree @ off + tops_agree @ tops_off - prior * np.array([0.0, pitch, higher])
             place_m, pitch, higher = np.array([place_m, pitch, higher]) + covariance @ step
-        likely = float(np.log(usual + odd).sum() - (pitch / PITCH_RAD) ** 2 / 2)
-        return float(place_m), math.sqrt(covariance[0, 0]), likely
+        # What stands nearer than the crop is one tuft in all the looks that show it there.
+        tuft_at, tufts = (at + ahead)[(off > 0.0) & (odd > usual)], 0.0
+        if len(tuft_at) > 1:
+            same = np.abs(tuft_at - np.median(tuft_at)) < SAME_M
+            tufts = max(0, same.sum() - 1) * math.log(AGAIN * float(usual.max() / odd.max()))
+        explained = float(np.log(usual + odd).sum()) + tufts - (pitch / PITCH_RAD) ** 2 / 2
+        return float(place_m), math.sqrt(covariance[0, 0]), explained + self._expected(place_m)
+
+    def _expected(self, place_m: float) -> float:
+        """The logarithm of how likely it is to stand there by what was said."""
+        if math.isinf(self._said_m):
+            return 0.0
+        off = (place_m - self._said_m) / SAID_M
+        said = AS_SAID * math.exp(-off * off / 2) / (math.sqrt(math.tau) * SAID_M)
+        return math.log(said + (1.0 - AS_SAID) / ANYWHERE_M)
 
 
 def _explained(off: Array, noise_rad: Array) -> tuple[Array, Array]:

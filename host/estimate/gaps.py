@@ -32,6 +32,11 @@ def across(way_m: float, askew_rad: float, wide_m: float) -> float:
     return way_m * math.cos(askew_rad) + wide_m * math.sin(abs(askew_rad))
 
 
+def along(gap_m: float, askew_rad: float, wide_m: float) -> float:
+    """The way to the next crop over a gap: what `across` is the gap of."""
+    return (gap_m - wide_m * math.sin(abs(askew_rad))) / math.cos(askew_rad)
+
+
 class Gaps:
     """Of one field."""
 

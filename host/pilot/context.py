@@ -14,7 +14,7 @@ from host.core.messages import Command, Request, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_CLEAR_M, EndOfField
 from host.estimate.estimator import Estimator
-from host.estimate.gaps import TELLS_M, Gaps, across
+from host.estimate.gaps import TELLS_M, Gaps, across, along
 from host.estimate.odometry import Motion
 from host.pilot.gaze import STOP_AFTER_S
 from host.pilot.guard import Guard
@@ -248,6 +248,15 @@ class Context:
             return False
         way_m = beyond.ago_m + ahead_m
         return self.gaps.contradicts(across(way_m, beyond.askew_rad, self.vehicle.blade_width_m))
+
+    def next_crop_m(self) -> float:
+        """How far before the blade the next crop should stand, by what was said of the gap; inf:
+        nothing lies beyond."""
+        beyond = self.strip.gap_beyond()
+        if beyond is None:
+            return math.inf
+        wide_m = self.vehicle.blade_width_m
+        return along(self.gaps.said_m, beyond.askew_rad, wide_m) - beyond.ago_m
 
     def end_was_none(self, ahead_m: float, sigma_m: float) -> bool:
         """Whether crop ahead_m before the blade, give or take sigma_m, stands nearer than any next

@@ -56,7 +56,7 @@ class LookBeyond(Behaviour):
         super().__init__(context)
         self._end_m = context.motion.distance_m
         """The travelled distance at the side's end."""
-        self._beyond = CropBeyond(context.vehicle)
+        self._beyond = CropBeyond(context.vehicle, context.next_crop_m())
         self._to_m: float | None = None
         """The travelled distance that the machine goes to; None where it stands and looks."""
         self._way = 1.0

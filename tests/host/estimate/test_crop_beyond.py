@@ -102,8 +102,8 @@ def test_a_look_that_shows_no_tops_counts_by_its_foot() -> None:
     assert beyond.known[1] < alone.known[1]
 
 
-def looked(*looks: tuple[float, float]) -> tuple[float, float]:
-    beyond = CropBeyond(VEHICLE)
+def looked(*looks: tuple[float, float], said_m: float = math.inf) -> tuple[float, float]:
+    beyond = CropBeyond(VEHICLE, said_m)
     for at_m, ahead_m in looks:
         beyond.see(at_m, ahead_m)
     assert beyond.known is not None
@@ -119,12 +119,34 @@ def test_two_tufts_before_the_crop_are_no_crop_where_two_looks_see_past_them() -
 
 @pytest.mark.parametrize("other_m", [0.1, 0.5])
 def test_where_two_looks_contradict_each_other_nothing_is_known(other_m: float) -> None:
-    assert looked((0.0, 2.0), (-0.25, other_m))[1] > 1.0
+    for looks in (((0.0, 2.0), (-0.25, other_m)), ((-0.25, other_m), (0.0, 2.0))):
+        place_m, sigma_m = looked(*looks)
+        assert sigma_m > 1.0
+        assert place_m == pytest.approx(2.0, abs=0.2), "crop hides what stands behind it"
 
 
-def test_crop_that_three_of_four_looks_show_is_crop_whatever_the_fourth_sees() -> None:
-    place_m, sigma_m = looked((0.0, 0.6), (-0.25, 0.85), (-0.5, 1.1), (-0.75, 2.5))
-    assert place_m == pytest.approx(0.6, abs=0.1)
+REMNANT = (0.0, 0.6), (-0.25, 0.85), (-0.5, 1.1), (-0.75, 2.5)
+"""What stands 0.6 m before the blade, in three looks, and what the fourth sees behind it."""
+
+
+def test_one_look_against_three_leaves_the_place_unknown() -> None:
+    """Crop of which one look sees past, or the last tip of what was cut, behind which it stands."""
+    assert looked(*REMNANT)[1] > 0.5
+
+
+@pytest.mark.parametrize(("said_m", "place_m"), [(1.8, 1.8), (0.7, 0.6)])
+def test_what_was_said_decides_between_places_that_explain_the_looks_alike(
+    said_m: float, place_m: float
+) -> None:
+    """It had left the turn no room (model field 11476)."""
+    assert looked(*REMNANT, said_m=said_m)[0] == pytest.approx(place_m, abs=0.2)
+
+
+@pytest.mark.parametrize("crop_m", [0.5, 1.2])
+def test_what_was_said_does_not_move_crop_that_all_looks_show(crop_m: float) -> None:
+    looks = [(-0.25 * k, crop_m + 0.25 * k) for k in range(4)]
+    place_m, sigma_m = looked(*looks, said_m=2.0)
+    assert place_m == pytest.approx(crop_m, abs=0.05)
     assert sigma_m < 0.3
 
 
@@ -132,3 +154,13 @@ def test_of_two_looks_against_two_those_that_see_farther_are_believed() -> None:
     place_m, sigma_m = looked((0.0, 2.0), (-0.25, 2.25), (-0.5, 1.0), (-0.75, 1.25))
     assert place_m == pytest.approx(2.0, abs=0.2)
     assert sigma_m < 0.7
+
+
+def test_a_look_at_a_tuft_tells_nothing_by_how_high_that_is_either() -> None:
+    beyond = CropBeyond(VEHICLE, 2.5)
+    for at_m, ahead_m, by_height_m in (
+        (0.1, 0.5, 0.6), (-0.2, 2.6, 2.6), (-0.45, 1.0, 0.9), (-0.7, 1.3, 1.2),
+    ):  # fmt: skip
+        beyond.see(at_m, ahead_m, by_height_m)
+    assert beyond.known is not None
+    assert beyond.known[0] == pytest.approx(2.45, abs=0.1)

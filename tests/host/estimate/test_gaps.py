@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from host.estimate.gaps import SEEN_M, TELLS_M, Gaps, across
+from host.estimate.gaps import SEEN_M, TELLS_M, Gaps, across, along
 
 
 @pytest.mark.parametrize(
@@ -18,6 +20,11 @@ def test_the_gap_is_measured_across_the_edge(
 ) -> None:
     for askew in (askew_deg, -askew_deg):
         assert across(way_m, math.radians(askew), wide_m) == pytest.approx(gap_m)
+
+
+@given(st.floats(0.8, 3.0), st.floats(-0.5, 0.5))
+def test_the_way_over_a_gap_is_the_gap_of_that_way(gap_m: float, askew_rad: float) -> None:
+    assert across(along(gap_m, askew_rad, 1.0), askew_rad, 1.0) == pytest.approx(gap_m)
 
 
 def test_over_a_wide_blade_a_slanting_gap_shows_narrower_than_it_is() -> None:

@@ -145,6 +145,15 @@ def test_how_high_the_next_crop_looks_counts_where_most_pictures_tell_it(
     assert second == pytest.approx(place_m, abs=0.1)
 
 
+def test_by_what_was_said_the_next_crop_comes_nearer_with_the_blade() -> None:
+    """The last crop of the side is no more seen a decimetre before the blade meets its end."""
+    context = at_end()
+    assert context.next_crop_m() == pytest.approx(2.0 + EARLY_M, abs=0.01)
+    moved(context, context.motion.distance_m + 0.3, stamp=NOW)
+    assert context.next_crop_m() == pytest.approx(1.7 + EARLY_M, abs=0.01)
+    assert on_side(8, PLAN, cut_m=6.0).next_crop_m() == math.inf, "ground that is cut"
+
+
 def test_beyond_an_edge_it_looks_once() -> None:
     context = on_side(plan=PLAN, cut_m=10.0)
     context.gaps.note(2, 2.0)
