@@ -19,13 +19,14 @@ LEFT_SIGMA = (0.3, math.radians(5.0))
 """The same of what strips have left: its edges are no straight lines, and where these strips were
 cut is known by the places of then."""
 RING_SIGMA = (0.02, math.radians(0.2))
-RING_ENDS_M = 0.1
+RING_ENDS_M = 0.08
 """What a strip adds to that, m and rad; its direction the more, the shorter it is: both ends err by
 so much."""
 STRAIGHTEN_M = 0.1
 """By which a lane overlaps what is cut at most, at one of its ends, to lie less askew than the edge
 beside it."""
 NOWHERE = -1
+"""Among the states."""
 TINY = 1e-12
 """Keeps a variance of nothing from being divided by, m²."""
 CATCH_UP_M = 0.05
@@ -33,7 +34,7 @@ CATCH_UP_M = 0.05
 it the strips fall behind the plan by what the detector errs, until one of them is not there."""
 
 
-class Lane(NamedTuple):
+class Known(NamedTuple):
     """A lane, its offset at the side's beginning, m left of the plan's, and its direction, rad, by
     the filter's state x: at + by x, and what errs besides."""
 
@@ -56,7 +57,7 @@ class Kept(NamedTuple):
     side: Side
     state: int
     """Where among the filter's states it is kept; NOWHERE: it is no more."""
-    lane: Lane
+    lane: Known
 
 
 class Aside(NamedTuple):
@@ -92,7 +93,7 @@ def _alone(kept: Kept, x: Array, p: Array) -> Kept:
     by = np.zeros((2, len(x)))
     by[:, SIGHT] = by_sight
     rest = p[at, at] - np.outer(by_sight, p[SIGHT, at])
-    return Kept(kept.side, NOWHERE, Lane(x[at] - by_sight * x[SIGHT], by, rest))
+    return Kept(kept.side, NOWHERE, Known(x[at] - by_sight * x[SIGHT], by, rest))
 
 
 def _askew_rad(side: Side) -> float:
@@ -124,20 +125,20 @@ class Lanes:
         state = min(set(range(KEPT, KEPT + 2 * KEPT_LANES, 2)).difference(taken))
         by = np.zeros((2, len(x)))
         by[0, state] = by[1, state + 1] = 1.0
-        self._kept.append(Kept(side, state, Lane(np.zeros(2), by, np.zeros((2, 2)))))
+        self._kept.append(Kept(side, state, Known(np.zeros(2), by, np.zeros((2, 2)))))
         return state
 
-    def beside(self, side: Side, states: int) -> Lane:
+    def beside(self, side: Side, states: int) -> Known:
         """What is known of a side's lane before anything is seen of it: as it will be seen, beside
         where the machine has driven along the last."""
         last = None if side.left_over else self._last(side)
         if last is None:
-            lane = Lane(np.zeros(2), np.zeros((2, states)), np.diag(self._unknown(side)) ** 2)
+            lane = Known(np.zeros(2), np.zeros((2, states)), np.diag(self._unknown(side)) ** 2)
         else:
             moved = np.array([[1.0, side.begins_past(last.side)], [0.0, 1.0]])
             grown = np.diag([RING_SIGMA[0] ** 2, _askew_rad(last.side) ** 2])
             at, by, noise = last.lane
-            lane = Lane(moved @ at, moved @ by, moved @ noise @ moved.T + grown)
+            lane = Known(moved @ at, moved @ by, moved @ noise @ moved.T + grown)
         lane.by[0, SIGHT] += 1.0
         return lane
 

@@ -30,8 +30,7 @@ from scipy.special import log_ndtr
 from host.core.vehicle import Vehicle
 from host.estimate import doubt, leading_lane, other_edge, prior, spread
 from host.estimate.kalman import Measurement
-from host.estimate.lanes import LANE_SIGMA, Aside, Lanes, caught_up, straightened
-from host.estimate.lanes import Lane as Lain
+from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
@@ -163,22 +162,22 @@ class Position(Readings):
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
         edge it has left. `straight`: it is the whole of a side, that may be straightened."""
-        at, now = self._lanes.keep(self._lane_of, self._x, self._p), np.eye(len(self._x))[LANE]
-        self._let(slice(at, at + 2), Lain(np.zeros(2), now, np.zeros((2, 2))))
+        kept, now = self._lanes.keep(self._lane_of, self._x, self._p), np.eye(len(self._x))[LANE]
+        self._let(slice(kept, kept + 2), Known(np.zeros(2), now, np.zeros((2, 2))))
         self._lane_of, self._trimmed = side, straight
-        lain = self._lanes.beside(side, len(self._x))
-        covariance = lain.covariance(self._p)
-        self._let(LANE, lain)
+        known = self._lanes.beside(side, len(self._x))
+        sigmas = np.sqrt(np.diag(known.covariance(self._p)))
+        self._let(LANE, known)
         self.aside = Aside()
         if straight and self._lanes.knows(side):
-            lane, sigma = self._x[LANE], math.sqrt(covariance[1, 1])
-            aside = straightened(float(lane[1]), sigma, self.outline.found(side).length_m)
-            self.aside = caught_up(aside, float(lane[0]), math.sqrt(covariance[0, 0]))
+            lane, length_m = self._x[LANE], self.outline.found(side).length_m
+            aside = straightened(lane.item(1), sigmas.item(1), length_m)
+            self.aside = caught_up(aside, lane.item(0), sigmas.item(0))
             self._x[LANE] -= self.aside
         self._other_edge(side)
 
-    def _let(self, at: slice, lane: Lain) -> None:
-        """These two states be that lane."""
+    def _let(self, at: slice, lane: Known) -> None:
+        """From here on these two states are that lane."""
         self._x[at], self._apart[at] = lane.at + lane.by @ self._x, lane.by @ self._apart
         for p in self._covariances:
             with_others, own = lane.by @ p, lane.covariance(p)

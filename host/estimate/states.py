@@ -22,6 +22,7 @@ from typing import Final
     _END,
 ) = range(15)
 KEPT_LANES: Final = 16
+"""Lanes that were cut, in the state: one or two for each edge of a field without bends."""
 KEPT: Final = _END
 GRADE_X, GRADE_Y, STATES = range(KEPT + 2 * KEPT_LANES, KEPT + 2 * KEPT_LANES + 3)
 """Pose in the field frame, m and rad; share of their way that the driven wheels lose by pushing the

@@ -12,8 +12,7 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Array, Measurement
 from host.estimate.lane import Lane
-from host.estimate.lanes import Lane as Kept
-from host.estimate.lanes import Lanes
+from host.estimate.lanes import Known, Lanes
 from host.estimate.leading_lane import tie
 from host.estimate.measurements.begin import begin
 from host.estimate.measurements.border import BOUNDARY, Across
@@ -62,7 +61,7 @@ def beyond_m(across: Across, x: Array) -> float:
     return across.beyond_m + float(across.by @ x)
 
 
-def offset_m(lane: Kept, x: Array) -> float:
+def offset_m(lane: Known, x: Array) -> float:
     return float(lane.at[0] + lane.by[0] @ x)
 
 
@@ -155,8 +154,7 @@ def rings(position: Position, count: int) -> list[float]:
 
 def test_strip_after_strip_the_place_becomes_no_surer_beside_them() -> None:
     """Each lane lies where the place has put it: the next strip that is cut beside it shows where
-    the machine is against that, and nothing of where that is. Taken for another proof each time,
-    lanes were known to 0.07 m that lay 0.26 m elsewhere (model field 11335)."""
+    the machine is against that, and nothing of where that is."""
     sigmas = rings(Position(VEHICLE, RING, 0.3), 5)
     assert min(sigmas[1:]) > 0.95 * sigmas[0]
 
