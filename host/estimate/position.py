@@ -380,8 +380,8 @@ class Position(Readings):
         c, s = math.cos(turned), math.sin(turned)
         x, y = self._x[[GRADE_X, GRADE_Y]]
         self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
+        xs = np.array([X, GRADE_X, *range(STATES, len(self._x), 2)])
         for p in self._covariances:
-            spread.turn(p, GRADE_X, c, s)
-        xs = np.array([X, *range(GRADE_X, len(self._x), 2)])
+            spread.turn(p, xs, c, s)
         x, y = self._apart[xs], self._apart[xs + 1]
         self._apart[xs], self._apart[xs + 1] = c * x - s * y, s * x + c * y

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from host.estimate.kalman import Array
 from host.estimate.states import YAW, X, Y
@@ -66,15 +67,13 @@ def _of_point(
 
 
 @njit(cache=True, nogil=True)
-def turn(p: Array, first: int, c: float, s: float) -> None:
-    """Turns the place, and all from the state `first` on, whose x and y in the field stand there
-    one after the other, by an angle with that cosine and sine, in place."""
+def turn(p: Array, pairs: NDArray[np.int64], c: float, s: float) -> None:
+    """Turns pairs of states, whose x and y in the field stand one after the other from each of
+    `pairs` on, by an angle with that cosine and sine, in place."""
     n = len(p)
     for k in range(n):
-        p[X, k], p[Y, k] = c * p[X, k] - s * p[Y, k], s * p[X, k] + c * p[Y, k]
-        for a in range(first, n, 2):
+        for a in pairs:
             p[a, k], p[a + 1, k] = c * p[a, k] - s * p[a + 1, k], s * p[a, k] + c * p[a + 1, k]
     for k in range(n):
-        p[k, X], p[k, Y] = c * p[k, X] - s * p[k, Y], s * p[k, X] + c * p[k, Y]
-        for a in range(first, n, 2):
+        for a in pairs:
             p[k, a], p[k, a + 1] = c * p[k, a] - s * p[k, a + 1], s * p[k, a] + c * p[k, a + 1]

@@ -19,12 +19,13 @@ from typing import Final
     SIGHT,
     SCALE,
     GYRO_SCALE,
-    _END,
-) = range(15)
+    GRADE_X,
+    GRADE_Y,
+    KEPT,
+) = range(17)
 KEPT_LANES: Final = 16
 """Lanes that were cut, in the state: one or two for each edge of a field without bends."""
-KEPT: Final = _END
-GRADE_X, GRADE_Y, STATES = range(KEPT + 2 * KEPT_LANES, KEPT + 2 * KEPT_LANES + 3)
+STATES: Final = KEPT + 2 * KEPT_LANES
 """Pose in the field frame, m and rad; share of their way that the driven wheels lose by pushing the
 blade through crop; the present lane against the edge that it runs along, m and rad; the courses'
 direction against the plan's, rad; curvature that the pot does not show, 1/m; what the gyroscope
@@ -32,8 +33,8 @@ shows at rest, besides what has been taken off it, rad/s; how far the machine dr
 for each metre; how far left of its lane's straight line the crop's edge lies here, m; how far left
 of its true place every picture shows it, m; share of their way that the wheels always lose, by
 rolling and by what their sensor's scale is wrong; share of what is turned that the gyroscope shows
-too much, besides what has been taken off it. From KEPT on, two by two, lanes that were cut, as the
-present one. Then what of their way the wheels lose uphill, along x and y of the field frame; and,
-two by two, how far the boundary's corners lie from where they are taken to be, m."""
+too much, besides what has been taken off it; and what of their way the wheels lose uphill, along x
+and y of the field frame. From KEPT on, two by two, lanes that were cut, as the present one; and
+behind them, two by two, how far the boundary's corners lie from where they are taken to be, m."""
 POSE: Final = slice(X, YAW + 1)
 LANE: Final = slice(LANE_OFFSET, LANE_YAW + 1)
