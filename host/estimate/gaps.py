@@ -66,9 +66,9 @@ class Gaps:
 
     def too_narrow(self, way_m: float, sigma_m: float) -> bool:
         """Whether crop that stands so far, give or take sigma_m, beyond what was taken for a side's
-        end is surely no next crop, but the side's own: no gap is narrower than the clear ground
-        that ends a side, nor half as wide as was said."""
-        return way_m + OWN_SIGMAS * sigma_m < min(END_CLEAR_M, self.said_m / 2)
+        end is surely no next crop, but the side's own: a gap that was said to be twice as wide as
+        the clear ground that ends a side is not narrower than that."""
+        return way_m + OWN_SIGMAS * sigma_m < END_CLEAR_M <= self.said_m / 2
 
     def beside(self, edges: Iterable[int]) -> float:
         """What a turn between these edges is to reckon with: what was seen beyond them, too."""

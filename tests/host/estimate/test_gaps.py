@@ -76,4 +76,4 @@ def test_crop_close_beyond_an_end_is_named_as_long_as_the_turn_lasts() -> None:
 def test_crop_is_the_sides_own_where_no_gap_is_so_narrow() -> None:
     assert Gaps(2.0).too_narrow(0.5, 0.1)
     assert not Gaps(2.0).too_narrow(0.5, 0.2), "it may stand beyond a narrow one"
-    assert not Gaps(0.6).too_narrow(0.3, 0.01), "such a one was said"
+    assert not Gaps(1.0).too_narrow(0.1, 0.01), "there a turn has no way to spare"
