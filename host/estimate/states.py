@@ -23,9 +23,6 @@ from typing import Final
     GRADE_Y,
     KEPT,
 ) = range(17)
-KEPT_LANES: Final = 16
-"""Lanes that were cut, in the state: one or two for each edge of a field without bends."""
-STATES: Final = KEPT + 2 * KEPT_LANES
 """Pose in the field frame, m and rad; share of their way that the driven wheels lose by pushing the
 blade through crop; the present lane against the edge that it runs along, m and rad; the courses'
 direction against the plan's, rad; curvature that the pot does not show, 1/m; what the gyroscope
@@ -36,5 +33,8 @@ rolling and by what their sensor's scale is wrong; share of what is turned that 
 too much, besides what has been taken off it; and what of their way the wheels lose uphill, along x
 and y of the field frame. From KEPT on, two by two, lanes that were cut, as the present one; and
 behind them, two by two, how far the boundary's corners lie from where they are taken to be, m."""
+KEPT_LANES: Final = 16
+"""Lanes that were cut, in the state: one or two for each edge of a field without bends."""
+STATES: Final = KEPT + 2 * KEPT_LANES
 POSE: Final = slice(X, YAW + 1)
 LANE: Final = slice(LANE_OFFSET, LANE_YAW + 1)

@@ -20,12 +20,12 @@ from host.pilot.gaze import Gaze
 from host.pilot.guard import SeenFree
 from host.pilot.phase import Doing, Go, Phase, Reason
 
-PLACES_LEAST: Final = 2
-"""That must show it, for crop to be the side's own: pictures of one place err alike."""
 PICTURES: Final = 8
 """That must say it: nearly a second's."""
 PLACES: Final = 4
-"""Looked from, at most."""
+"""Looked from, at most;"""
+OWN_PLACES: Final = 2
+"""and at least, for crop to be the side's own: pictures of one place err alike."""
 KNOWN_M: Final = 0.35
 """Standard deviation of the next crop's place, within which a look is enough that contradicts
 nothing."""
@@ -162,7 +162,7 @@ class LookBeyond(Behaviour):
         known = self._beyond.known
         if known is not None:
             ahead_m = known[0] - (context.motion.distance_m - self._end_m)
-            if self._places >= PLACES_LEAST and context.end_was_none(ahead_m, known[1]):
+            if self._places >= OWN_PLACES and context.end_was_none(ahead_m, known[1]):
                 return Why.END_WAS_NONE.go()
             context.saw_beyond(ahead_m)
         assert context.ended is not None
