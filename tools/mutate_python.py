@@ -21,7 +21,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = Path(__file__).with_name("python_mutants.toml")
-COPIED = ("host", "hil", "sim_plant", "tests", "tools", "docs", "pyproject.toml", "README.md")
+COPIED = (
+    *("host", "hil", "sim_plant", "numba_cache", "tests", "tools", "docs"),
+    *("pyproject.toml", "README.md"),
+)
 LINKED = (".pio", "build", "firmware", "platformio.ini", "Makefile", "CONTRIBUTING.md")
 TIMEOUT_S = 240
 """A mutant that never ends counts as killed."""

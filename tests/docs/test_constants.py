@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 GENERATED = ROOT / "host" / "link" / "protocol.py"
 MODULES = sorted(
     path
-    for room in ("host", "hil", "sim_plant")
+    for room in ("host", "hil", "sim_plant", "numba_cache")
     for path in (ROOT / room).rglob("*.py")
     if path != GENERATED
 )

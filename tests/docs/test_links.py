@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("docs", "firmware", "hil", "host", "sim_plant", "tests", "tools")
+ROOMS = ("docs", "firmware", "hil", "host", "numba_cache", "sim_plant", "tests", "tools")
 SUFFIXES = (".py", ".h", ".cpp", ".toml")
 SOURCES = sorted(p for room in ROOMS for p in (ROOT / room).rglob("*") if p.suffix in SUFFIXES)
 PAGES = sorted([*ROOT.glob("docs/**/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
