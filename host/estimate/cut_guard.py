@@ -36,6 +36,10 @@ IN_LINE_SHARE: Final = 0.25
 """Of a look's pictures of crop at the blade, how many show its edge there, and fewer elsewhere:
 what lies across has none, and of crop that is being cut dust in the shade hides it in every other
 one."""
+IN_LINE_SURE: Final = 0.3
+"""Confidence in an edge from which a look counts it: whether it is within a decimetre is asked of
+an edge to steer by, and here it may lie IN_LINE_M beside. Weeds right of the crop leave 0.35 to
+0.45; what lies across has 0. Smaller: the border of a picture may count."""
 STANDS_M: Final = 0.35
 """Before the blade, at most, crop with its edge in line stands right at it in a look: of crop that
 a machine has just stopped in, every other picture shows the foot 0.31 m ahead."""
@@ -82,6 +86,9 @@ class CutGuard:
         self._slack_m = 0.0
         self._cutting = False
         """Whether pictures have shown this side's crop at the blade."""
+        self._cut_to_m = -math.inf
+        """The way as far as pictures have shown crop at the blade: what lies before that is cut,
+        and no clear ground for a machine that has backed over it."""
         self._clear_from_m: float | None = None
         self._clear_to_m = -math.inf
         """As far as pictures have shown that ground to be clear."""
@@ -128,6 +135,7 @@ class CutGuard:
         self._slack_m = slack_m
         self._begun_m = self._way_m
         self._cutting = False
+        self._cut_to_m = -math.inf
         self._clear_from_m = self._held_since = None
         self._at_blade = 0
         self._crossing = False
@@ -191,15 +199,15 @@ class CutGuard:
             self._edge_at_m = then_m
         at_blade = view.crop_ahead_m < AT_BLADE_M
         self._count(then_m, at_blade)
-        sure = view.confidence >= CONFIDENT
-        in_line = sure and abs(view.edge_offset_m) < IN_LINE_M
+        near_line = abs(view.edge_offset_m) < IN_LINE_M
+        in_line = view.confidence >= CONFIDENT and near_line
         if looks:
-            near = view.crop_ahead_m < STANDS_M
+            near, shown = view.crop_ahead_m < STANDS_M, view.confidence >= IN_LINE_SURE
             stands = at_blade or (near and in_line)
             self._look.clear += not stands
             self._look.crop += stands
-            self._look.in_line += stands and in_line
-            self._look.aside += near and sure and not in_line
+            self._look.in_line += stands and shown and near_line
+            self._look.aside += near and shown and not near_line
         if at_blade:
             patch = self._clear_from_m is None or then_m - self._clear_from_m < self._allowed_m
             goes_on = swath or (own and in_line)
@@ -209,9 +217,11 @@ class CutGuard:
             ends_it = meets or (surely and (due or not dusty))
             if (patch or goes_on) and ends_it and self._held_since is None:
                 self._cutting, self._clear_from_m, self._crossing = True, None, False
+                self._cut_to_m = max(self._cut_to_m, then_m)
         elif view.crop_ahead_m > CLEAR_M and self._cutting and self._at_blade == 0:
             if self._clear_from_m is None:
-                self._clear_from_m, self._clear_to_m = then_m, -math.inf
+                self._clear_from_m = max(then_m, self._cut_to_m)
+                self._clear_to_m = -math.inf
             self._clear_to_m = max(self._clear_to_m, then_m + view.crop_ahead_m)
 
     def _count(self, then_m: float, at_blade: bool) -> None:

@@ -111,6 +111,8 @@ class Context:
         """How often it has gone on unseeing on this side by what a look had shown."""
         self._creeps_to_m = -math.inf
         """The travelled distance up to which it does."""
+        self.stands_at_m = -math.inf
+        """The travelled distance at which this side's crop stands, by a look from farther back."""
         self.bare = 0
         """Looks in a row that showed bare ground where the plan has crop."""
         known = bool(plan.sides) and plan.done == 0 and not self.planned(0).resumed
@@ -314,7 +316,7 @@ class Context:
         self.sight.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
         self.backs = self.bare = self.regained = self.crept = 0
-        self._creeps_to_m = -math.inf
+        self._creeps_to_m = self.stands_at_m = -math.inf
 
     def why_unseen(self, otherwise: str) -> str:
         """What the last picture says of why it shows nothing."""

@@ -17,8 +17,11 @@ from host.vision.view import NAN, CropView, Detector
 
 PROVED: Final = 3
 """Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
-looks sound, and would keep a blind machine driving. And so many without a jump until they tell of
-motion."""
+looks sound, and would keep a blind machine driving. And so many without a jump, or without stems
+right before the lens, until they tell of motion and are measured: one in ten that a low camera
+takes between such stems passes for open ground."""
+JUMPED: Final = "the camera's picture is quite another than the one before"
+"""In words, for the view."""
 
 
 class WatchedDetector:
@@ -29,26 +32,34 @@ class WatchedDetector:
         self._watch = PictureWatch(mount.width_px, mount.height_px)
         self._motion = ShownMotion(mount, *self._watch.small_size)
         self._spoilt = ""
-        self._since_jump = PROVED
+        self._upset = ""
+        self._calm = PROVED
+        """How many pictures ago the last one was upset: jumped, or showed stems before the lens."""
         self._sound = PROVED
 
     def see(self, bgr: NDArray[np.uint8], *, stages: bool = False) -> CropView:
         """The detector's view, or one without any confidence that says why."""
         problem = self._problem(bgr)
-        return self._moved(problem or self._detector.see(bgr, stages=stages))
+        return self._moved(problem or self._calmed(self._detector.see(bgr, stages=stages)))
 
     def glance(self, bgr: NDArray[np.uint8]) -> CropView:
         """Likewise, of a picture in which nothing is to be measured."""
         problem = self._problem(bgr)
-        return self._moved(problem or self._detector.glance(bgr))
+        return self._moved(problem or self._calmed(self._detector.glance(bgr)))
+
+    def _calmed(self, view: CropView) -> CropView:
+        """The view, if no picture just before it was upset."""
+        if view.hidden:
+            self._calm, self._upset = 0, view.reason
+            return view
+        return view if self._calm >= PROVED else CropView(0.0, reason=self._upset)
 
     def _moved(self, view: CropView) -> CropView:
         """The view, and how the camera has moved. Just after a jump what still stands right before
         the lens would pass for the ground."""
         watch = self._watch
         turn_rad, way_m = self._motion.take(watch.small)
-        self._since_jump = 0 if watch.jumped else self._since_jump + 1
-        if self._since_jump < PROVED:
+        if self._calm < PROVED:
             turn_rad = way_m = NAN
         return replace(view, shown_turn_rad=turn_rad, shown_way_m=way_m, same_ago=watch.same_ago)
 
@@ -56,12 +67,13 @@ class WatchedDetector:
         problem = self._watch.problem(bgr)
         self._sound = 0 if problem else self._sound + 1
         self._spoilt = problem or self._spoilt
+        self._calm += 1
         if self._sound < PROVED:
             return CropView(0.0, usable=False, reason=self._spoilt)
         if self._watch.jumped:
             # Stalks right before the lens do that: nothing to be measured, but no dead camera.
-            reason = "the camera's picture is quite another than the one before"
-            return CropView(0.0, reason=reason)
+            self._calm, self._upset = 0, JUMPED
+            return CropView(0.0, reason=JUMPED)
         return None
 
     def next_crop(self, gap_m: float) -> None:

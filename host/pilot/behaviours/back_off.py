@@ -4,11 +4,14 @@ again while stems stand right before the lens, a few times for each side.
 
 If that is in vain, a machine inside its crop goes on by half a metre, and looks again: crop stood
 at its blade in a look without dust, and no gap is so narrow that it lies between two such looks.
+Where stems right before the lens hide that, a look from farther back counts: lodged crop leans over
+a low camera, which sees where it stands only from before it.
 """
 
 from __future__ import annotations
 
 import math
+import statistics
 from dataclasses import replace
 
 from host.core.messages import Command
@@ -32,7 +35,7 @@ leaves one that is all but cut."""
 END_REST_M = 0.5
 """Of such a one, at most: there the edge is often none, a last tip or an earlier round's rest."""
 BACKS = 3
-"""At most, on a side."""
+"""At most, on a side, and one more for each time that it went on unseeing."""
 CREEP_M = 0.5
 """From where the edge was lost, with the neighbour's crop no nearer than a gap of a metre."""
 CREEPS = 8
@@ -49,6 +52,11 @@ STANDS_M, CLEAR_SHARE = 0.35, 0.2
 """What is hardly before it, and the share of those, at most, that show it farther off."""
 LEAST_PICTURES = 10
 """Sure ones, a second's."""
+FROM_BEHIND_PICTURES = 5
+"""The same from farther back, where most are sure and the edge is in view again after half a
+second."""
+LEAST_ON_M = 0.1
+"""Of way that a look from farther back leaves: less is not worth the start."""
 
 
 class Why(Reason):
@@ -80,6 +88,8 @@ class BackOff(Behaviour):
         self._pictures = self._at_blade = self._clear = 0
         """Sure ones without dust from where the edge was lost, those that show crop right at the
         blade, and those that show none there."""
+        self._faces_m: list[float] = []
+        """The travelled distances at which crop stands, by sure pictures from farther back."""
 
     def step(self, now: float) -> Step:
         context, seen = self.context, self.context.sight.seen
@@ -90,6 +100,9 @@ class BackOff(Behaviour):
         if known and seen.held_s > RESUME_AFTER_S and now - seen.stamp < SLOW_AFTER_S:
             return context.hold(), Why.SEEN.go()
         self._look(now)
+        if self._hidden_before_crop(now):
+            context.creep(context.stands_at_m + CREEP_M)
+            return context.hold(), Why.GOES_ON.go()
         backed = self._from is None and (self._backed or context.backs >= BACKS)
         if backed and now - context.since > LOOKED_S:
             if context.goes_unseeing(now):
@@ -105,28 +118,48 @@ class BackOff(Behaviour):
         return self._move(now), None
 
     def _look(self, now: float) -> None:
-        """Counts what pictures show before the machine has backed."""
+        """What pictures show: those before the machine has backed are counted, later ones say where
+        crop stands that was met."""
         context, view = self.context, self.context.sight.view
         stamp = context.sight.stamp
         settled = stamp > max(self._judged, context.since + SETTLE_S)
-        if self._backed or view is None or not settled or not context.standing(now):
+        if view is None or not settled or not (self._backed or context.standing(now)):
             return
         self._judged = stamp
-        if context.sight.sees_ahead() and not math.isnan(view.crop_ahead_m):
+        if not context.sight.sees_ahead() or math.isnan(view.crop_ahead_m):
+            return
+        if self._backed:
+            shot = context.estimate.odometry.at(stamp)
+            self._faces_m.append(shot.distance_m + view.crop_ahead_m)
+            if len(self._faces_m) >= FROM_BEHIND_PICTURES:
+                context.stands_at_m = statistics.median(self._faces_m)
+        else:
             self._pictures += 1
             self._at_blade += view.crop_ahead_m < AT_BLADE_M
             self._clear += view.crop_ahead_m >= STANDS_M
 
+    def _hidden_before_crop(self, now: float) -> bool:
+        """Whether the stems before the lens are of crop that stands at the blade, by a look from
+        farther back."""
+        context = self.context
+        stood = self._from is None and context.standing(now) and now - context.since > SETTLE_S
+        on_m = context.stands_at_m + CREEP_M - context.motion.distance_m
+        shown = LEAST_ON_M < on_m < CREEP_M + STANDS_M
+        return stood and context.hidden and shown and self._may_creep()
+
+    def _may_creep(self) -> bool:
+        """Whether the machine may go on unseeing in crop that it has met, once it knows of some."""
+        context = self.context
+        known = context.estimate.lane.offset_sigma_m < CREEP_SIGMA_M
+        return context.sight.ahead.entered and context.crept < CREEPS and known
+
     def _crop_goes_on(self) -> bool:
         """Whether the crop that the blade has met stands at it still, by that look."""
-        context, lane = self.context, self.context.estimate.lane
-        if not context.sight.ahead.entered or context.crept >= CREEPS:
-            return False
         stands = self._pictures >= LEAST_PICTURES and (
             self._at_blade >= AT_BLADE_SHARE * self._pictures
             and self._clear <= CLEAR_SHARE * self._pictures
         )
-        return stands and lane.offset_sigma_m < CREEP_SIGMA_M
+        return stands and self._may_creep()
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
         del verdict
@@ -139,6 +172,8 @@ class BackOff(Behaviour):
         self._backed = False
         self._lost_at_m = self.context.motion.distance_m
         self._pictures = self._at_blade = self._clear = 0
+        self._faces_m.clear()
+        self.context.stands_at_m = -math.inf
 
     def _move(self, now: float) -> Command:
         context, motion = self.context, self.context.motion
@@ -149,7 +184,7 @@ class BackOff(Behaviour):
             due = due and (again or not self._backed)
             cut_m = context.cut_m if context.sight.ahead.entered else 0.0
             clear = cut_m > BACK_M or context.guard.fenced
-            if due and sees and context.backs < BACKS and clear:
+            if due and sees and context.backs < BACKS + context.crept and clear:
                 self._from, self._backed = motion, True
                 context.backs += 1
             return context.hold()

@@ -12,7 +12,14 @@ import pytest
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import CLEAR_M, END_CLEAR_M
-from host.estimate.cut_guard import ALONGSIDE_M, LOOK_S, PATCH_M, SHOWN_M, CutGuard
+from host.estimate.cut_guard import (
+    ALONGSIDE_M,
+    IN_LINE_SURE,
+    LOOK_S,
+    PATCH_M,
+    SHOWN_M,
+    CutGuard,
+)
 from host.vision.view import CropView
 
 STEP_S = 0.05
@@ -46,6 +53,8 @@ class Drive:
         """Whether crop at the blade may be dust."""
         self.edge_m = math.nan
         """Where pictures surely show an edge; NaN: they show none."""
+        self.edge_sure = 0.9
+        """How surely."""
         self.beside_m = math.nan
         """The same of crop left of the machine's way."""
 
@@ -73,7 +82,7 @@ class Drive:
             self.guard.take_telemetry(telemetry)
             ahead = self.crop_ahead(self.x)
             view = CropView(
-                0.0 if math.isnan(self.edge_m) else 0.9,
+                0.0 if math.isnan(self.edge_m) else self.edge_sure,
                 edge_offset_m=self.edge_m,
                 edge_beside_m=self.beside_m,
                 crop_ahead_m=ahead,
@@ -164,6 +173,30 @@ def test_beside_the_gap_crop_after_clear_ground_leads_on_only_with_its_edge_in_l
     drive.run(LOOK_S + 1.0)
     cuts = drive.last.blade and not drive.guard.refused
     assert cuts is goes_on
+
+
+@pytest.mark.parametrize(
+    ("edges", "sure", "goes_on"),
+    [
+        ((0.15, 0.15), IN_LINE_SURE + 0.02, True),
+        ((0.15, 0.15), IN_LINE_SURE - 0.02, False),
+        ((0.15, 0.8), IN_LINE_SURE + 0.02, False),
+    ],
+)
+def test_beside_the_gap_a_look_tells_the_edge_that_weeds_beside_it_leave_unsure(
+    edges: tuple[float, ...], sure: float, goes_on: bool
+) -> None:
+    """To within four decimetres, not to within the one that steering needs (random field 10427)."""
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(END_CLEAR_M - PATCH_M)
+    drive.beside, drive.own, drive.edge_sure = True, True, sure
+    drive.run(5.8)
+    assert drive.last.speed_mps == 0.0
+    drive.crop_ahead = lambda _: 0.0
+    for k in range(round((LOOK_S + 1.0) / STEP_S)):
+        drive.edge_m = edges[k % len(edges)]
+        drive.run(STEP_S)
+    assert drive.guard.refused is not goes_on
 
 
 @pytest.mark.parametrize("beside", [False, True])
@@ -342,6 +375,20 @@ def test_who_has_gone_back_may_come_as_far_as_before_and_no_farther() -> None:
     assert drive.guard.refused
     assert drive.x == pytest.approx(first, abs=0.05)
     assert drive.guard.clear_m == pytest.approx(clear_m, abs=0.05)
+
+
+def test_what_it_has_cut_is_no_clear_ground_for_a_machine_that_has_backed_over_it() -> None:
+    """From farther back it sees a swath before the crop, and then stalks hide where it stands."""
+    drive = Drive(lambda _: 0.0)
+    drive.run(3.0)
+    cut_to = drive.x
+    drive.run(3.0, replace(GO, speed_mps=-0.3, blade=False))
+    assert drive.x < cut_to - 0.5
+    drive.crop_ahead = lambda x: cut_to - x
+    drive.run(0.5, replace(GO, speed_mps=0.0, blade=False))
+    drive.sure = False
+    drive.run(6.0)
+    assert cut_to + PATCH_M - 0.1 < drive.x < cut_to + PATCH_M + 0.15
 
 
 def test_a_slanting_end_is_allowed_its_tip() -> None:

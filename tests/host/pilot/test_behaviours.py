@@ -31,7 +31,11 @@ from host.pilot.behaviours.back_off import (
     CREEP_M,
     CREEP_SIGMA_M,
     CREEPS,
+    FROM_BEHIND_PICTURES,
+    LEAST_ON_M,
     LOOKED_S,
+    SETTLE_S,
+    STANDS_M,
     BackOff,
 )
 from host.pilot.behaviours.back_off import END_REST_M as BACKED_REST_M
@@ -1263,6 +1267,58 @@ def test_after_a_pause_a_look_counts_anew() -> None:
     late = NOW + 5.0 + LOOKED_S + 0.1
     context.sight.usable.stamp = late
     assert is_for(behaviour.step(late)[1], None)
+
+
+@pytest.mark.parametrize(
+    ("pictures", "face_m", "hidden", "goes_on"),
+    [
+        (FROM_BEHIND_PICTURES, 0.0, True, True),
+        (FROM_BEHIND_PICTURES, STANDS_M - 0.05, True, True),
+        (FROM_BEHIND_PICTURES, STANDS_M + 0.05, True, False),
+        (FROM_BEHIND_PICTURES, LEAST_ON_M - CREEP_M - 0.05, True, False),
+        (FROM_BEHIND_PICTURES - 1, 0.0, True, False),
+        (FROM_BEHIND_PICTURES, 0.0, False, False),
+    ],
+)
+def test_among_stems_it_goes_on_where_a_look_from_farther_back_has_shown_crop(
+    pictures: int, face_m: float, hidden: bool, goes_on: bool
+) -> None:
+    """`face_m`: where that stood, from where the edge was lost (random field 10423)."""
+    context = inside()
+    lost_m = context.motion.distance_m
+    behaviour, late = backing_off(context)
+    moved(context, lost_m - BACK_M - 0.01, stamp=late)
+    behaviour.step(late)
+    ahead_m = lost_m + face_m - context.motion.distance_m
+    for k in range(pictures):
+        context.sight.view = replace(AT_BLADE, crop_ahead_m=ahead_m)
+        context.sight.stamp = late + 0.1 * (k + 1)
+        behaviour.step(context.sight.stamp)
+    moved(context, lost_m, stamp=late + 2.0)
+    context.since = late + 2.0
+    again, stood = BackOff(context), late + 2.0 + SETTLE_S + 0.1
+    context.sight.view, context.sight.stamp = CropView(0.0, hidden=hidden), stood
+    context.sight.usable.stamp = stood
+    assert is_for(again.step(stood - 0.2)[1], None), "it may still settle"
+    assert is_for(again.step(stood)[1], BackedOff.GOES_ON if goes_on else None)
+    if goes_on:
+        for on_m, goes in ((CREEP_M - 0.05, True), (CREEP_M + 0.05, False)):
+            moved(context, lost_m + face_m + on_m, stamp=stood + 1.0 + on_m)
+            assert context.creeps(stood) is goes
+
+
+def test_each_time_that_it_goes_on_unseeing_it_may_back_once_more() -> None:
+    context = inside()
+    context.backs, context.crept = BACKS, 1
+    backing_off(context)
+    assert context.backs == BACKS + 1
+
+
+def test_what_a_look_from_farther_back_has_shown_is_forgotten_on_another_side() -> None:
+    context = inside()
+    context.stands_at_m = context.motion.distance_m
+    context.begin_strip()
+    assert context.stands_at_m == -math.inf
 
 
 def test_it_creeps_only_in_crop_that_it_has_met() -> None:

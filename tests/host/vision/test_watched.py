@@ -90,6 +90,39 @@ def test_just_after_a_jump_pictures_tell_of_no_motion() -> None:
     assert after == [False] * PROVED + [True] * (5 - PROVED)
 
 
+class Stalks(Counting):
+    """A detector that sees stems before the lens in the pictures of these numbers."""
+
+    def __init__(self, hidden: frozenset[int]) -> None:
+        super().__init__()
+        self._hidden = hidden
+
+    def see(self, bgr: Picture, *, stages: bool = False) -> CropView:
+        view = super().see(bgr, stages=stages)
+        if self.seen - 1 in self._hidden:
+            return CropView(0.0, hidden=True, reason="stems")
+        return view
+
+
+def test_just_after_a_jump_nothing_is_measured() -> None:
+    made, world = WatchedDetector(Counting(), MAST), scene()
+    shots = [shot(world, 100, 0), *[255 - shot(world, 80 + k, k) for k in range(1, 5)]]
+    views = [made.see(picture) for picture in shots]
+    assert [view.confidence for view in views] == [0.9, *[0.0] * PROVED, 0.9]
+    assert all(view.usable for view in views)
+
+
+def test_between_stems_before_the_lens_nothing_is_measured() -> None:
+    """Of pictures between stalks one in ten passes for open ground."""
+    made, world = WatchedDetector(Stalks(frozenset({1, 2, 4})), MAST), scene()
+    views = [made.see(shot(world, k, k)) for k in range(9)]
+    assert [view.hidden for view in views] == [k in (1, 2, 4) for k in range(9)]
+    sure = [view.confidence > 0.0 for view in views]
+    assert sure == [True, *[False] * 4, *[False] * (PROVED - 1), True, True]
+    assert views[3].reason == "stems"
+    assert [math.isfinite(view.shown_way_m) for view in views[3:7]] == [False] * 4
+
+
 def test_after_a_spoiled_picture_three_sound_ones_in_a_row_are_believed() -> None:
     made, view = WatchedDetector(Counting(), MAST), scene()
     shots = [shot(view, k, k) for k in range(8)]
