@@ -235,7 +235,7 @@ class Follow(Behaviour):
             return self._not_there(Why.CROP_GONE.go())
         if strip.overrun():
             go = end_by_plan(context, now) if context.guard.fenced else None
-            return go or Why.TOO_LONG.go()
+            return go or self._not_there(Why.TOO_LONG.go())
         return None
 
     def _doubts(self, now: float) -> Go | None:
