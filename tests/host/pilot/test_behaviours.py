@@ -467,6 +467,19 @@ def test_follow_takes_the_boundary_for_the_end_once_and_then_for_a_fault() -> No
     assert command.request is Request.STOP
 
 
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_strip_that_is_too_long_is_left_for_later_where_no_gap_lies_beside_it(
+    inside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two strips of an L ran on into its other arm, whose corner nobody had seen, and half of the
+    field stood (picture field 10431)."""
+    context = on_side(5 if inside else 0)
+    context.by_plan = True
+    monkeypatch.setattr(type(context.strip), "overrun", lambda _: True)
+    go = Follow(context).step(NOW)[1]
+    assert is_for(go, Standing.LEFT if inside else Followed.TOO_LONG)
+
+
 LEFT_MOST_M2 = LEFT_SHARE * PLAN.area_m2
 LEFT_MOST_M = LEFT_MOST_M2 / PLAN.sides[0].width_m
 
