@@ -29,8 +29,9 @@ PIECE_M = 0.1
 AS_DENSE = 0.7
 """Of the stems' share in the machine's way, what crop beside it has at least: a gap, grass and what
 stands behind it have a half and less."""
-AGAIN_M = (0.05, 0.1)
-"""From the right end, and how wide: pieces of the face beside it."""
+AGAIN_M = (0.05, 0.1, 0.7)
+"""From the right end, how wide, and how far at most: pieces of the face beside it. Dust hides no
+more of a face than 0.6 m; farther right a machine that stands askew sees the next crop."""
 AGAIN_PIXELS = 50.0
 """A piece with fewer tells nothing."""
 
@@ -210,8 +211,9 @@ def stems_beyond(sums: Sums, at: int) -> float:
     """The greatest share of stems right of an end: of a true one nothing stands there, but what
     dust or weeds hide of a face goes on behind them."""
     last, wide = at - round(AGAIN_M[0] / BIN_M), round(AGAIN_M[1] / BIN_M)
+    least = max(0, at - round(AGAIN_M[2] / BIN_M))
     most = 0.0
-    while last >= wide:
+    while last - wide >= least:
         piece = sums[last - wide : last].sum(axis=0)
         if piece[0] > AGAIN_PIXELS:
             most = max(most, piece[1] / piece[0])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from host.vision.mounted.profile import BIN_M, profile, right_end
+from host.vision.mounted.profile import AGAIN_M, BIN_M, profile, right_end, stems_beyond
 
 WINDOW = 60
 """Bins."""
@@ -22,6 +22,19 @@ def test_of_two_ends_the_outer_one_counts_unless_the_other_was_there_before(
     sums[60:140, 1], sums[140:, 1] = 45.0, 95.0
     spread = np.array([0.1, 0.1, 20.0])
     assert right_end(sums, WINDOW, 196, expected, spread)[0] == found
+
+
+@pytest.mark.parametrize(("from_m", "share"), [(0.3, 0.5), (AGAIN_M[2] + 0.05, 0.0)])
+def test_stems_count_right_of_an_end_as_far_as_dust_hides_a_face(
+    from_m: float, share: float
+) -> None:
+    """Farther right a machine that stands askew sees the next crop."""
+    at = 300
+    sums = np.zeros((400, 4))
+    sums[:, 0] = 100.0
+    sums[at:, 1] = 60.0
+    sums[: at - round(from_m / BIN_M), 1] = 50.0
+    assert stems_beyond(sums, at) == pytest.approx(share)
 
 
 def test_a_bin_holds_what_its_pixels_are_however_many() -> None:
