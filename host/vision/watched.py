@@ -18,8 +18,8 @@ from host.vision.view import NAN, CropView, Detector
 PROVED: Final = 3
 """Sound pictures in a row after a spoiled one until they are believed: of spoiled files one in ten
 looks sound, and would keep a blind machine driving. And so many without a jump, or without stems
-right before the lens, until they tell of motion and are measured: one in ten that a low camera
-takes between such stems passes for open ground."""
+right before the lens, until they tell of motion and are measured: of 114 that a low camera took
+between such stems (picture field 10423), 35 surely showed open ground."""
 JUMPED: Final = "the camera's picture is quite another than the one before"
 """In words, for the view."""
 

@@ -113,7 +113,7 @@ def test_just_after_a_jump_nothing_is_measured() -> None:
 
 
 def test_between_stems_before_the_lens_nothing_is_measured() -> None:
-    """Of pictures between stalks one in ten passes for open ground."""
+    """Pictures between stalks pass for open ground (picture field 10423)."""
     made, world = WatchedDetector(Stalks(frozenset({1, 2, 4})), MAST), scene()
     views = [made.see(shot(world, k, k)) for k in range(9)]
     assert [view.hidden for view in views] == [k in (1, 2, 4) for k in range(9)]
