@@ -99,7 +99,8 @@ def end_side(
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()
-    seen = sight.ahead.entered and not (context.by_plan or refused)
+    # Crop may lie where pictures show none that stands: no place to find the boundary by.
+    seen = sight.ahead.entered and not (context.by_plan or refused or sight.lies)
     ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)
