@@ -5,7 +5,7 @@ from __future__ import annotations
 from host.estimate.crop_ahead import CLEAR_M, EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import STAND_S, Context
-from host.pilot.endings import Elsewhere, SideEnd, end_side
+from host.pilot.endings import Elsewhere, SideEnd, end_by_plan, end_side
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.sight import UNSEEN_M
@@ -67,6 +67,11 @@ class LookAtEdge(Behaviour):
         if clear and context.sight.ahead.entered and strip.end_due(context.motion):
             here = EndOfField(now, context.motion, strip.index)
             return end_side(context, now, here, looked=True)
+        if strip.placed and strip.left_m() <= 0.0 and strip.gap_beyond() is not None:
+            # Crop without an edge, past where the plan has the boundary, may be the neighbour's.
+            go = end_by_plan(context, now)
+            if go is not None:
+                return go
         if not strip.new or view is None or (sees and not clear):
             return Why.NO_CLEARER.go()
         if not sees:

@@ -945,6 +945,23 @@ def test_a_look_at_the_edge_ends_with_a_sight_or_with_its_time() -> None:
 
 
 @pytest.mark.parametrize(
+    ("past_m", "again", "ends"), [(0.3, False, True), (-0.3, False, False), (0.3, True, False)]
+)
+def test_past_the_plans_end_a_look_without_an_edge_ends_the_side_once(
+    past_m: float, again: bool, ends: bool
+) -> None:
+    """Behind a gap that was said wider, that the blade had crossed in its dust, the neighbour's
+    crop stood at it without an edge (`daranti-hil beliefs --seeds 23 "gap 1.2, said 2"`)."""
+    cut_m = PLAN.sides[0].length_m + past_m
+    context = on_side(cut_m=cut_m)
+    context.by_plan = again
+    context.look.begin(NOW, cut_m)
+    context.sight.edge_at_m = cut_m - 1.0
+    go = LookAtEdge(context).step(NOW + LOOK_S + 0.1)[1]
+    assert is_for(go, SideEnd.BY_PLAN if ends else EdgeLook.NO_CLEARER)
+
+
+@pytest.mark.parametrize(
     ("refused", "agreed_m", "tip_m", "believes"),
     [
         (True, 0.5, 0.0, True),
