@@ -11,14 +11,16 @@ from typing import Any, Final
 
 from numba.core import caching
 
-_PLACES: Final = (
+PLACES: Final = (
     caching.UserProvidedCacheLocator,
     caching.InTreeCacheLocator,
     caching.UserWideCacheLocator,
 )
 """NUMBA_CACHE_DIR, beside the byte code, the user's folder where the tree may not be written."""
-
-_IMPORT: Final = re.compile(
+ROOT: Final = Path(__file__).resolve().parents[1]
+PACKAGES: Final = ("host", "hil", "sim_plant")
+"""Below ROOT. No others are followed: where Daranti is installed, all packages lie there."""
+IMPORT: Final = re.compile(
     r"^\s*(?:from\s+([\w.]+)\s+import\s+(\([^)]*\)|[^\n]+)|import\s+([\w.]+))", re.MULTILINE
 )
 """A statement that imports. Regular expressions read a file in a hundredth of the time that
@@ -26,8 +28,8 @@ Python's parser takes, and what they find too much (in a text) only compiles som
 
 
 class ByImports(caching._CacheLocator):
-    """Compiled code is out of date if its file or any file below the same root that it imports,
-    directly or through others, has another content.
+    """Compiled code is out of date if its file, wherever that lies, or any file of PACKAGES that it
+    imports, directly or through others, has another content.
 
     Numba calls this by name: see `NUMBA_CACHE_LOCATOR_CLASSES` in numba's reference.
     """
@@ -38,7 +40,7 @@ class ByImports(caching._CacheLocator):
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> ByImports | None:
-        for kind in _PLACES:
+        for kind in PLACES:
             place = kind.from_function(function, file)  # type: ignore[no-untyped-call]
             if place is not None:
                 return cls(place, Path(file))
@@ -55,37 +57,32 @@ class ByImports(caching._CacheLocator):
 
 
 @cache
-def stamp(file: Path) -> bytes:
-    """A digest of a source file and of all that it imports from its own root, to any depth. The
-    root is the folder above the topmost package that the file is in."""
-    file = file.resolve()
-    root = file.parent
-    while (root / "__init__.py").exists():
-        root = root.parent
-    seen: set[Path] = set()
-    ahead = [file]
+def stamp(file: Path, root: Path = ROOT) -> bytes:
+    """A digest of a source file and of all that it imports of PACKAGES, below `root`, to any
+    depth."""
+    found: dict[Path, bytes] = {}
+    ahead = [file.resolve()]
     while ahead:
         source = ahead.pop()
-        if source not in seen:
-            seen.add(source)
-            ahead += _read(source, root)[1]
+        if source not in found:
+            found[source], imported = _read(source, root)
+            ahead += imported
     content = hashlib.sha256()
-    for source in sorted(seen):
-        content.update(source.relative_to(root).as_posix().encode() + b"\0")
-        content.update(_read(source, root)[0])
+    for source in sorted(found):
+        content.update(source.name.encode() + b"\0" + found[source])
     return content.digest()
 
 
 @cache
 def _read(source: Path, root: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """A file's own digest, and the files below `root` that it imports."""
+    """A file's own digest, and the files of PACKAGES that it imports."""
     text = source.read_bytes()
     imported = tuple(_imported(text.decode(errors="replace"), root))
     return hashlib.sha256(text).digest(), imported
 
 
 def _imported(text: str, root: Path) -> Iterator[Path]:
-    for module, names, plain in _IMPORT.findall(text):
+    for module, names, plain in IMPORT.findall(text):
         path = _module(root, module or plain)
         if path is not None:
             yield path
@@ -96,8 +93,11 @@ def _imported(text: str, root: Path) -> Iterator[Path]:
 
 @cache
 def _module(root: Path, name: str) -> Path | None:
-    """The file of a module below `root`, none if it comes from elsewhere."""
-    base = root.joinpath(*name.split("."))
+    """The file of a module of PACKAGES; None of any other."""
+    parts = name.split(".")
+    if parts[0] not in PACKAGES:
+        return None
+    base = root.joinpath(*parts)
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():
             return path
