@@ -99,8 +99,7 @@ def end_side(
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()
-    # Crop may lie where pictures show none that stands: no place to find the boundary by.
-    seen = sight.ahead.entered and not (context.by_plan or refused or sight.lies)
+    seen = sight.ahead.entered and not (context.by_plan or refused)
     ended = Ended(end, seen, refused)
     if seen and not strip.blind_end:
         strip.met_end(end, sight.view, looked=looked)

@@ -120,11 +120,6 @@ class Sight:
         """Whether the last picture says surely what stands before the blade."""
         return self.view is not None and self.view.ahead_confidence >= CONFIDENT
 
-    @property
-    def lies(self) -> bool:
-        """Whether crop seems to lie where the last picture shows none that stands."""
-        return self.view is not None and self.view.lies_confidence >= CONFIDENT
-
     def glances(self, strip: Strip, turning: Turning | None) -> bool:
         """Whether pictures are only glanced at: a turn is driven by dead reckoning until it backs
         along the next side; but round a corner that was found just now, and on a way elsewhere,

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
@@ -42,23 +41,6 @@ def at_end(cut_m: float = 10.0) -> Context:
     assert go.reason is Elsewhere.AT_BOUNDARY
     assert go.reason.to is Doing.LOOK_BEYOND
     return context
-
-
-@pytest.mark.parametrize("lies", [0.4, 0.6])
-def test_an_end_where_crop_may_lie_is_no_place_to_find_the_boundary_by(lies: float) -> None:
-    """Lodged crop ended a side 0.8 m early, the next was begun inside the crop, and four fifths of
-    the field stood (picture field 10433)."""
-    context = on_side(plan=spiral(SQUARE, 1, VEHICLE, gap_m=2.0, sigma_m=0.6), cut_m=9.2)
-    seeing(context, CropView(0.0, ahead_confidence=0.9, lies_confidence=lies))
-    go = end_side(context, NOW, clear_ahead(context))
-    found_m = np.abs(context.estimate.position.outline.moved_m).max(initial=0.0)
-    if lies < 0.5:
-        assert go.reason is Elsewhere.AT_BOUNDARY
-        assert found_m > 0.05
-        return
-    assert go.reason is SideEnd.SEEN
-    assert found_m == 0.0
-    assert context.ends == [], "it counts for none that pictures have shown"
 
 
 def pictures(context: Context, behaviour: LookBeyond, ahead_m: float, count: int) -> Go | None:
