@@ -37,9 +37,10 @@ IN_LINE_SHARE: Final = 0.25
 what lies across has none, and of crop that is being cut dust in the shade hides it in every other
 one."""
 IN_LINE_SURE: Final = 0.3
-"""Confidence in an edge from which a look counts it: whether it is within a decimetre is asked of
-an edge to steer by, and here it may lie IN_LINE_M beside. Weeds right of the crop leave 0.35 to
-0.45; what lies across has 0. Smaller: the border of a picture may count."""
+"""Confidence in an edge from which a look counts it. An edge to steer by is to be right to within a
+decimetre; here it may lie IN_LINE_M beside. Crop of which a mast shows few stems leaves 0.35 to
+0.45 (picture field 10427), and what goes on to the picture's border 0. Larger: such crop stops the
+machine; smaller: chance borders count."""
 STANDS_M: Final = 0.35
 """Before the blade, at most, crop with its edge in line stands right at it in a look: of crop that
 a machine has just stopped in, every other picture shows the foot 0.31 m ahead."""

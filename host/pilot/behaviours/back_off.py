@@ -103,7 +103,7 @@ class BackOff(Behaviour):
         if self._hidden_before_crop(now):
             context.creep(context.stands_at_m + CREEP_M)
             return context.hold(), Why.GOES_ON.go()
-        backed = self._from is None and (self._backed or context.backs >= BACKS)
+        backed = self._from is None and (self._backed or not self._may_back)
         if backed and now - context.since > LOOKED_S:
             if context.goes_unseeing(now):
                 return context.hold(), Why.OWN_CROP.go()
@@ -118,8 +118,8 @@ class BackOff(Behaviour):
         return self._move(now), None
 
     def _look(self, now: float) -> None:
-        """What pictures show: those before the machine has backed are counted, later ones say where
-        crop stands that was met."""
+        """Takes a sure picture. Before the machine has backed it counts, by whether crop stands at
+        the blade; after that it says where the crop stands."""
         context, view = self.context, self.context.sight.view
         stamp = context.sight.stamp
         settled = stamp > max(self._judged, context.since + SETTLE_S)
@@ -146,6 +146,11 @@ class BackOff(Behaviour):
         on_m = context.stands_at_m + CREEP_M - context.motion.distance_m
         shown = LEAST_ON_M < on_m < CREEP_M + STANDS_M
         return stood and context.hidden and shown and self._may_creep()
+
+    @property
+    def _may_back(self) -> bool:
+        """Whether it has not backed too often on this side."""
+        return self.context.backs < BACKS + self.context.crept
 
     def _may_creep(self) -> bool:
         """Whether the machine may go on unseeing in crop that it has met, once it knows of some."""
@@ -184,7 +189,7 @@ class BackOff(Behaviour):
             due = due and (again or not self._backed)
             cut_m = context.cut_m if context.sight.ahead.entered else 0.0
             clear = cut_m > BACK_M or context.guard.fenced
-            if due and sees and context.backs < BACKS + context.crept and clear:
+            if due and sees and self._may_back and clear:
                 self._from, self._backed = motion, True
                 context.backs += 1
             return context.hold()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
@@ -12,14 +12,7 @@ import pytest
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import CLEAR_M, END_CLEAR_M
-from host.estimate.cut_guard import (
-    ALONGSIDE_M,
-    IN_LINE_SURE,
-    LOOK_S,
-    PATCH_M,
-    SHOWN_M,
-    CutGuard,
-)
+from host.estimate.cut_guard import ALONGSIDE_M, LOOK_S, PATCH_M, SHOWN_M, CutGuard
 from host.vision.view import CropView
 
 STEP_S = 0.05
@@ -101,6 +94,25 @@ def field(*ends: tuple[float, float]) -> Callable[[float], float]:
     return ahead
 
 
+def at_clear_ground(*, ends: bool = False, own: bool = False, beside: bool = False) -> Drive:
+    """Held to look, after two metres of crop and as much clear ground as ends a side."""
+    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
+    drive.guard.begin(END_CLEAR_M - PATCH_M)
+    drive.ends, drive.own, drive.beside = ends, own, beside
+    drive.run(5.8)
+    assert drive.last.speed_mps == 0.0
+    return drive
+
+
+def look(drive: Drive, edges: Sequence[float], feet_m: Sequence[float] = (0.0,)) -> None:
+    """The look's pictures show crop at the blade, or so far before it, and an edge there, in
+    turn."""
+    for k in range(round((LOOK_S + 1.0) / STEP_S)):
+        drive.edge_m, foot_m = edges[k % len(edges)], feet_m[k % len(feet_m)]
+        drive.crop_ahead = lambda _, foot_m=foot_m: foot_m
+        drive.run(STEP_S)
+
+
 def test_crop_is_cut_and_a_patch_is_crossed() -> None:
     drive = Drive(field((0.2, 3.0), (3.5, 8.0)))
     assert drive.run(12.0) == GO
@@ -149,13 +161,8 @@ def test_where_a_side_may_end_crop_after_a_gap_leads_on_only_with_its_edge_in_li
     ends: bool, own: bool, edge_m: float, goes_on: bool
 ) -> None:
     """In the look without dust crop stands at the blade: a neighbour's stands across the way."""
-    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
-    drive.guard.begin(END_CLEAR_M - PATCH_M)
-    drive.ends, drive.own, drive.edge_m = ends, own, edge_m
-    drive.run(5.8)
-    assert drive.last.speed_mps == 0.0
-    drive.crop_ahead = lambda _: 0.0
-    drive.run(LOOK_S + 1.0)
+    drive = at_clear_ground(ends=ends, own=own)
+    look(drive, (edge_m,))
     assert drive.guard.refused is not goes_on
 
 
@@ -165,12 +172,8 @@ def test_beside_the_gap_crop_after_clear_ground_leads_on_only_with_its_edge_in_l
     edge_m: float, goes_on: bool, own: bool
 ) -> None:
     """Whatever the plan has along the side: the machine may have left it sideways."""
-    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
-    drive.guard.begin(END_CLEAR_M - PATCH_M)
-    drive.beside, drive.own, drive.edge_m = True, own, edge_m
-    drive.run(5.8)
-    drive.crop_ahead = lambda _: 0.0
-    drive.run(LOOK_S + 1.0)
+    drive = at_clear_ground(beside=True, own=own)
+    look(drive, (edge_m,))
     cuts = drive.last.blade and not drive.guard.refused
     assert cuts is goes_on
 
@@ -178,24 +181,18 @@ def test_beside_the_gap_crop_after_clear_ground_leads_on_only_with_its_edge_in_l
 @pytest.mark.parametrize(
     ("edges", "sure", "goes_on"),
     [
-        ((0.15, 0.15), IN_LINE_SURE + 0.02, True),
-        ((0.15, 0.15), IN_LINE_SURE - 0.02, False),
-        ((0.15, 0.8), IN_LINE_SURE + 0.02, False),
+        ((0.15, 0.15), 0.35, True),
+        ((0.15, 0.15), 0.1, False),
+        ((0.15, 0.8), 0.35, False),
     ],
 )
-def test_beside_the_gap_a_look_tells_the_edge_that_weeds_beside_it_leave_unsure(
+def test_beside_the_gap_a_look_counts_an_edge_that_is_too_unsure_to_steer_by(
     edges: tuple[float, ...], sure: float, goes_on: bool
 ) -> None:
-    """To within four decimetres, not to within the one that steering needs (random field 10427)."""
-    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
-    drive.guard.begin(END_CLEAR_M - PATCH_M)
-    drive.beside, drive.own, drive.edge_sure = True, True, sure
-    drive.run(5.8)
-    assert drive.last.speed_mps == 0.0
-    drive.crop_ahead = lambda _: 0.0
-    for k in range(round((LOOK_S + 1.0) / STEP_S)):
-        drive.edge_m = edges[k % len(edges)]
-        drive.run(STEP_S)
+    """It was 0.34 to 0.46 sure of crop of which the mast showed few stems (picture field 10427)."""
+    drive = at_clear_ground(beside=True, own=True)
+    drive.edge_sure = sure
+    look(drive, edges)
     assert drive.guard.refused is not goes_on
 
 
@@ -232,14 +229,8 @@ def test_an_edge_in_line_that_dust_hides_now_and_then_leads_on(
     edges: tuple[float, ...], goes_on: bool
 ) -> None:
     """Of a look's pictures a quarter, and more than show one elsewhere (random field 10119)."""
-    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
-    drive.guard.begin(END_CLEAR_M - PATCH_M)
-    drive.ends = True
-    drive.run(5.8)
-    drive.crop_ahead = lambda _: 0.0
-    for k in range(round((LOOK_S + 1.0) / STEP_S)):
-        drive.edge_m = edges[k % len(edges)]
-        drive.run(STEP_S)
+    drive = at_clear_ground(ends=True)
+    look(drive, edges)
     assert drive.guard.refused is not goes_on
 
 
@@ -252,15 +243,8 @@ def test_crop_that_pictures_show_a_hand_ahead_stands_at_the_blade_if_it_is_in_li
 ) -> None:
     """A machine that has just stopped in its crop (random field 10221), and one that has come off
     it (10238)."""
-    drive = Drive(lambda x: 0.0 if x < 2.0 else math.inf)
-    drive.guard.begin(END_CLEAR_M - PATCH_M)
-    drive.ends = True
-    drive.run(5.8)
-    assert drive.last.speed_mps == 0.0
-    drive.edge_m = edge_m
-    for k in range(round((LOOK_S + 1.0) / STEP_S)):
-        drive.crop_ahead = [lambda _: 0.0, lambda _: foot_m, lambda _: foot_m][k % 3]
-        drive.run(STEP_S)
+    drive = at_clear_ground(ends=True)
+    look(drive, (edge_m,), (0.0, foot_m, foot_m))
     assert drive.guard.refused is not goes_on
     assert drive.guard.beside is beside
     drive.guard.begin()

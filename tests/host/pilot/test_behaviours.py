@@ -945,15 +945,16 @@ def test_a_look_at_the_edge_ends_with_a_sight_or_with_its_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("past_m", "again", "ends"), [(0.3, False, True), (-0.3, False, False), (0.3, True, False)]
+    ("index", "past_m", "again", "ends"),
+    [(0, 0.3, False, True), (0, -0.3, False, False), (0, 0.3, True, False), (5, 0.3, False, False)],
 )
-def test_past_the_plans_end_a_look_without_an_edge_ends_the_side_once(
-    past_m: float, again: bool, ends: bool
+def test_past_the_plans_end_at_the_boundary_a_look_without_an_edge_ends_the_side_once(
+    index: int, past_m: float, again: bool, ends: bool
 ) -> None:
     """Behind a gap that was said wider, that the blade had crossed in its dust, the neighbour's
     crop stood at it without an edge (`daranti-hil beliefs --seeds 23 "gap 1.2, said 2"`)."""
-    cut_m = PLAN.sides[0].length_m + past_m
-    context = on_side(cut_m=cut_m)
+    cut_m = PLAN.sides[index].length_m + past_m
+    context = on_side(index, cut_m=cut_m)
     context.by_plan = again
     context.look.begin(NOW, cut_m)
     context.sight.edge_at_m = cut_m - 1.0
@@ -1313,7 +1314,7 @@ def test_after_a_pause_a_look_counts_anew() -> None:
 def test_among_stems_it_goes_on_where_a_look_from_farther_back_has_shown_crop(
     pictures: int, face_m: float, hidden: bool, goes_on: bool
 ) -> None:
-    """`face_m`: where that stood, from where the edge was lost (random field 10423)."""
+    """`face_m`: where that stood, from where the edge was lost (picture field 10423)."""
     context = inside()
     lost_m = context.motion.distance_m
     behaviour, late = backing_off(context)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from host.vision.mounted.profile import AGAIN_M, BIN_M, profile, right_end, stems_beyond
+from host.vision.mounted.profile import BIN_M, profile, right_end, stems_beyond
 
 WINDOW = 60
 """Bins."""
@@ -24,11 +24,12 @@ def test_of_two_ends_the_outer_one_counts_unless_the_other_was_there_before(
     assert right_end(sums, WINDOW, 196, expected, spread)[0] == found
 
 
-@pytest.mark.parametrize(("from_m", "share"), [(0.3, 0.5), (AGAIN_M[2] + 0.05, 0.0)])
+@pytest.mark.parametrize(("from_m", "share"), [(0.3, 0.5), (0.5, 0.5), (0.75, 0.0)])
 def test_stems_count_right_of_an_end_as_far_as_dust_hides_a_face(
     from_m: float, share: float
 ) -> None:
-    """Farther right a machine that stands askew sees the next crop."""
+    """That is 0.6 m. Farther right a machine that stands askew sees the next crop, 0.8 m beside its
+    own in "corners 1.0 m" (`daranti-hil beliefs`)."""
     at = 300
     sums = np.zeros((400, 4))
     sums[:, 0] = 100.0
