@@ -36,6 +36,7 @@ from host.core.vehicle_file import load_vehicle, mount_of
 from host.link import protocol
 from host.link.session import Answer, Link
 from host.panel.texts import LANGUAGES, text, texts
+from host.runs.ready import make_ready_visibly
 from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
@@ -193,6 +194,7 @@ def check(
 
     Exits with 0 when every line is well."""
     machine = load_vehicle(vehicle)
+    make_ready_visibly()
     begun = time.monotonic()
 
     def clock() -> float:

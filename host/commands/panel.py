@@ -27,6 +27,7 @@ from host.panel.guard import Pairing
 from host.panel.machine import Settings
 from host.panel.server import Panel, application
 from host.panel.serving import serve_application
+from host.runs.ready import make_ready_visibly
 
 
 @click.command()
@@ -98,6 +99,7 @@ def panel(
             "presence": presence,
         }
     )
+    make_ready_visibly()
     pairing = Pairing(time.monotonic, needed=lan)
     fields = FieldDesk(folder, machine, boundary, gap, inset, chosen)
 

@@ -12,8 +12,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from host.core.compiled import compiled
 from host.estimate.kalman import Array
 
 MOUNT_SIGMA: Final = math.radians(45.0)
@@ -29,7 +29,7 @@ UP_RAD: Final = math.radians(8.0)
 round."""
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[::1], f8[:, ::1], f8, f8, f8)")
 def _learn(x: Array, p: Array, yaw_rad: float, nose_up_rad: float, lasted_s: float) -> None:
     """`Climb.learn`, in place, due at each of a phone's samples."""
     h = np.array([1.0, math.cos(yaw_rad), math.sin(yaw_rad)])

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
+
 Array = NDArray[np.float64]
 PRUNED = 0.15
 """Probability below which the less likely of two meanings is dropped, as in multiple hypothesis
@@ -75,7 +77,7 @@ def _times(h: Array, p: Array) -> Array:
     return hp
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8, i8)")
 def _fuse(
     x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: int
 ) -> tuple[float, float]:
@@ -100,7 +102,7 @@ def _fuse(
     return variance, nis
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[::1], f8, f8, f8, f8)")
 def _meanings(
     p: Array, h: Array, z: float, noise: float, share: float, more: float
 ) -> tuple[float, float, float]:
@@ -119,7 +121,7 @@ def _meanings(
     return (likely / total if total > 0.0 else 0.0), total, apart
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8, f8, i8)")
 def _fuse_either(
     x: Array, p: Array, h: Array, z: float, noise: float, more: float, weight: float, held: int
 ) -> tuple[float, float]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
+from host.core.compiled import compiled
 from host.estimate.kalman import Array
 from host.estimate.odometry import Motion
 from host.estimate.states import (
@@ -115,7 +114,7 @@ def move(
     _move(x, p, step, turn, lasted, motion.gyro_noise, cutting, along_m2, *wander)
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[::1], f8[:, ::1], f8, f8, f8, f8, b1, f8, f8, f8)")
 def _move(
     x: Array,
     p: Array,

@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from host.core.compiled import compiled
 from host.estimate.kalman import Array
 from host.field import sweep
 from host.route.boundary_edges import BoundaryEdges
@@ -33,7 +33,7 @@ STRAIGHT_M: Final = 1.0
 shorter, or a strip that is nothing but tips, turns as the edge does that it lies along."""
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[:, ::1], f8[::1], i8, f8, f8)")
 def _shares(
     corners: Array, directions: Array, lengths: Array, edge: int, x: float, y: float
 ) -> tuple[float, float]:
@@ -45,7 +45,7 @@ def _shares(
     return 1.0 - share, share
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[:, ::1], f8[::1], i8, UniTuple(f8, 2), UniTuple(f8, 2), f8[::1])")
 def _along(
     corners: Array,
     directions: Array,
@@ -63,7 +63,7 @@ def _along(
         out[2 * to + k] = second * way[k]
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])")
 def _nearest(places: Array, corners: Array, directions: Array, lengths: Array, out: Array) -> None:
     """`Outline.nearest`, into `out` of zeros."""
     for m in range(len(places)):
@@ -79,7 +79,7 @@ def _nearest(places: Array, corners: Array, directions: Array, lengths: Array, o
         out[m, (edge + 1) % len(corners)] += part
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1],)")
 def _spread(moved: Array) -> float:
     """How far the one of (n, 2) that is farthest from their middle is from it."""
     x, y = moved[:, 0].mean(), moved[:, 1].mean()

@@ -11,9 +11,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.core.messages import Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.climb import Climb
@@ -45,7 +45,7 @@ TURNED_M: Final = 0.04
 again, by such a factor at least after so far (two pulses), has turned round."""
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[::1], f8[:, ::1], UniTuple(f8, 4), f8)")
 def _learn(
     x: NDArray[np.float64],
     p: NDArray[np.float64],

@@ -8,11 +8,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.estimate.kalman import Array
 from host.estimate.states import YAW, X, Y
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8, f8, f8, f8[:, ::1], f8[:, ::1], f8[:, :, ::1])")
 def of_points(
     p: Array, first: int, x: float, y: float, points: Array, near: Array, found: Array
 ) -> None:
@@ -25,7 +26,7 @@ def of_points(
         _of_point(p, first, points[m, 0] - x, points[m, 1] - y, near[m], states, by, found[m])
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8, f8, f8, f8[:, ::1], f8[:, ::1], f8[:, :, :, ::1])")
 def of_points_against(
     p: Array, first: int, x: float, y: float, points: Array, near: Array, found: Array
 ) -> None:
@@ -66,7 +67,7 @@ def _of_point(
             found[r, c] = found[c, r] = total
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8[::1], f8, f8)")
 def turn(p: Array, pairs: NDArray[np.int64], c: float, s: float) -> None:
     """Turns pairs of states, whose x and y in the field stand one after the other from each of
     `pairs` on, by an angle with that cosine and sine, in place."""

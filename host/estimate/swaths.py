@@ -8,9 +8,10 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-from numba import njit
+from numba import types
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.core.frames import Pose2
 
 STEP_M: Final = 0.25
@@ -27,6 +28,9 @@ BEFORE_BEGIN_M: Final = 0.5
 """Before its beginning: less than half of that gap."""
 
 Line = NDArray[np.float64]
+
+_LINE: Final = types.float64[:, ::1]
+_AT: Final = types.NamedUniTuple(types.float64, 3, Pose2)  # type: ignore[no-untyped-call]
 
 
 class Swaths:
@@ -83,7 +87,7 @@ class Swaths:
         return bool(places) and all(places)
 
 
-@njit(cache=True, nogil=True)
+@compiled((_LINE, _AT, types.float64))
 def _beside(line: Line, at: Pose2, farther_m: float) -> bool:
     """The same of one. Compiled: it is asked of every swath, twenty times a second."""
     if len(line) < 2:
@@ -109,7 +113,7 @@ def _beside(line: Line, at: Pose2, farther_m: float) -> bool:
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled((_LINE, types.int64[::1], _AT, types.float64))
 def _beside_any(lines: Line, ends: NDArray[np.int64], at: Pose2, farther_m: float) -> bool:
     """The same of lines one after the other, of which each ends before its index of `ends`."""
     begin = 0

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
 from host.field import sweep
@@ -125,7 +125,7 @@ def placed(
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8, f8, f8, f8[:, ::1])")
 def _place(
     outline: NDArray[np.float64], x: float, y: float, heading: float, found: NDArray[np.float64]
 ) -> None:
@@ -137,7 +137,7 @@ def _place(
         found[k, 1] = y + s * ahead + c * left
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[::1], f8[:, ::1])")
 def _nearest(
     sides: NDArray[np.float64], place: NDArray[np.float64], found: NDArray[np.float64]
 ) -> None:

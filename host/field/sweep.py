@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
+
 Array = NDArray[np.float64]
 _CORNERS: Final = 8
 """Of the polygon that stands for a circle: it reaches 8 % beyond it."""
@@ -44,7 +46,7 @@ def spread(outline: Array, covariance: Array, sigmas: float, more_m: float, out:
             out[k * _CORNERS + q, 1] = outline[k, 1] + ox * xy + oy * yy + more_m * oy
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], UniTuple(f8, 2), UniTuple(f8, 2), f8, f8, f8[:, ::1])")
 def moved(
     points: Array, at: tuple[float, float], velocity: tuple[float, float], yaw_rate: float,
     lasts_s: float, out: Array,
@@ -117,7 +119,7 @@ def _meets(points: Array, later: Array, side: Array) -> bool:
     return _farthest(along, beside, 1.0) >= 0.0 and -_farthest(along, beside, -1.0) <= length
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8, f8)")
 def is_inside(sides: Array, x: float, y: float) -> bool:
     """Whether a point lies in an area, but in no keep-out, of which these are the sides (m, 4)."""
     inside = False
@@ -146,7 +148,7 @@ def _touches(side: Array, points: Array, later: Array) -> bool:
     return abs(middle) <= reach + NEAR_M and _meets(points, later, side)
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[:, ::1])")
 def is_free(sides: Array, outline: Array) -> bool:
     """Whether the hull of an outline (n, 2) touches none of the sides (m, 4) of any area, and lies
     in the permitted area, but in no keep-out."""
@@ -156,7 +158,10 @@ def is_free(sides: Array, outline: Array) -> bool:
     return is_inside(sides, outline[0, 0], outline[0, 1])
 
 
-@njit(cache=True, nogil=True)
+@compiled(
+    "(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, :, :, ::1], f8, f8, "
+    "UniTuple(f8, 2), UniTuple(f8, 2), f8, f8)"
+)
 def is_clear(
     sides: Array, shifts: Array, outline: Array, covariance: Array, sigmas: float, more_m: float,
     axle: tuple[float, float], velocity: tuple[float, float], yaw_rate: float, lasts_s: float,
@@ -178,7 +183,7 @@ def is_clear(
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, :, :, ::1], f8)")
 def known_to(covariance: Array, sigmas: float) -> float:
     """The longest half axis, m, of the ellipses of so many standard deviations, (m, n, 2, 2); NaN
     where one is not finite."""
@@ -204,7 +209,7 @@ def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> flo
     return math.hypot(x - ax - share * ux, y - ay - share * uy)
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8, f8)")
 def depth(ring: Array, x: float, y: float) -> float:
     """How far inside a ring (n, 2) of corners, in order, a place is, m; 0 outside, or without
     one."""
@@ -218,7 +223,7 @@ def depth(ring: Array, x: float, y: float) -> float:
     return nearest if is_inside(sides, x, y) else 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8[::1], f8[:, ::1], f8[::1])")
 def gaps(sides: Array, rings: NDArray[np.int64], outline: Array, out: Array) -> None:
     """From the hull of an outline (n, 2) that touches no side to each ring, m, into `out`: its
     corners to the sides, and the sides' corners to whatever runs from corner to corner of it, of

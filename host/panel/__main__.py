@@ -15,6 +15,7 @@ from pathlib import Path
 from host.core.errors import UserError
 from host.panel.deeds import DEEDS
 from host.panel.machine import Machine, Settings, listen
+from host.runs.ready import make_ready
 
 PRIORITY = -15
 """Before browser and panel, where the system lets its user ask for that."""
@@ -32,6 +33,7 @@ def main(settings_file: str, socket_file: str) -> None:
         os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
     path = Path(socket_file)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the panel's Ctrl-C; the panel says when to end
+    make_ready()
     machine = Machine(settings, listen(path), clock)
     try:
         machine.plug()

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -16,7 +16,6 @@ from pydantic import Field
 
 from host.core.errors import UserError
 from host.core.frames import LatLon
-from host.core.messages import Frame, State
 from host.core.strict import Strict
 from host.field.boundary_file import load_field
 from host.link import protocol
@@ -33,7 +32,7 @@ from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 from host.runs.at_the_start import look, some_fixes
-from host.runs.drive import PERIOD_S, Drive, fits, fitted
+from host.runs.drive import Drive, fits, fitted
 from host.runs.errand import Errand, errand_of
 from host.runs.preflight import (
     Problem,
@@ -46,7 +45,6 @@ from host.runs.preflight import (
 from host.runs.record import Recorder
 from host.runs.resume import Keeper, load
 from host.sensors.jpeg import JpegDecoder
-from host.vision.mounted.detector import make_detector
 from host.vision.watched import watched_detector
 
 SLOW_STEP_S: Final = 0.05
@@ -57,8 +55,6 @@ MOST_PLACES: Final = 1000
 """Of the trail in one message: more would take a step too long."""
 FIRST_PICTURE_S: Final = 10.0
 """How long the first picture is waited for."""
-REHEARSED: Final = 30
-"""Steps: a second and a half, through all that is compiled at its first use."""
 
 
 class Order(Strict):
@@ -177,7 +173,7 @@ def prepare(machine: Machine, order: Order) -> Errand:
     problem = _problem(machine, errand, boundary.crop, order.heading_deg)
     if problem is not None:
         raise NotYetError(problem)
-    warm_up(machine, errand.plan)
+    see_first(machine)
     machine.pump(0.2)  # what the page said meanwhile: that it is there, or STOP
     return errand
 
@@ -278,11 +274,9 @@ def record(machine: Machine, path: Path, order: Order, plan: Plan, begun: str) -
     return Recorder(path, about, lost=lost)
 
 
-def warm_up(machine: Machine, plan: Plan) -> None:
-    """Rehearses the first steps on one picture, with a pilot of its own and without a board: what
-    is compiled at its first use takes seconds, and the board waits for a command no longer than
-    250 ms once it is armed."""
-    camera, mount, vehicle = machine.camera, machine.mount, machine.vehicle
+def see_first(machine: Machine) -> None:
+    """UserError where the camera sends no picture, or none that is the mount's."""
+    camera, mount = machine.camera, machine.mount
     assert camera is not None
     camera.take()
     deadline = machine.clock() + FIRST_PICTURE_S
@@ -297,13 +291,6 @@ def warm_up(machine: Machine, plan: Plan) -> None:
             f"the camera sends {width}x{height} pixels, the mount expects "
             f"{mount.width_px}x{mount.height_px}"
         )
-    pilot = Pilot(vehicle, make_detector(machine.settings.mode, vehicle, mount), plan)
-    begin = machine.telemetry
-    assert begin is not None
-    for step in range(REHEARSED):
-        now = begin.stamp + step * PERIOD_S
-        armed = replace(begin, stamp=now, firmware_s=begin.firmware_s + step * PERIOD_S)
-        pilot.step(now, Frame(now, frame.bgr), None, replace(armed, state=State.ARMED, faults=0))
 
 
 def _about(run: Drive, operator: Operator) -> Json:

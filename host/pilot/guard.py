@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.core.frames import Pose2
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Vehicle
@@ -24,7 +24,7 @@ from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, o
 from host.link.protocol import Fault, fault_texts
 from host.pilot.keep_clear import KeepClear
 from host.pilot.phase import Doing, Go, Reason
-from host.route.manoeuvre import Room, make_ready
+from host.route.manoeuvre import Room
 from host.route.plan import Plan
 from host.route.standing import parts_of
 from host.route.turn_choice import ROOM_M, room_along
@@ -141,7 +141,6 @@ class Guard:
             margin = min(GAP_MARGIN_M, plan.gap_m)
             areas = areas_of(field, plan.gap_m, margin_m=margin)
             self._fence = Geofence(areas)
-            make_ready()
             rings = [list(out.exterior.coords) for out in areas.keep_outs]
             self._clear = KeepClear(rings, self._fence.sigmas, vehicle, position)
 
@@ -298,7 +297,7 @@ def no_farther(
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, :, ::1], f8, f8, f8, f8[:, :, ::1])")
 def _squeeze(
     covariance: NDArray[np.float64], wx: float, wy: float, most: float, out: NDArray[np.float64]
 ) -> None:

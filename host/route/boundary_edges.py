@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.route.side import NO_EDGE, Side
 
 ALONG_RAD: Final = 0.05
@@ -23,7 +23,7 @@ ACROSS: Final = 0.2
 """Of an edge's outward normal along a side, at least, for the side to end at it."""
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[::1], f8[::1], f8[:, ::1])")
 def _measure(
     corners: NDArray[np.float64],
     lengths: NDArray[np.float64],

@@ -10,7 +10,6 @@ Frame of the lane: x along it, y left, both m; what the lane's crop begins at is
 
 from __future__ import annotations
 
-import functools
 import heapq
 import itertools
 import math
@@ -22,6 +21,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.field import sweep
@@ -95,14 +95,6 @@ class Room:
     kept: int = 1
     """Of the margins so many may be driven within. Where a machine can keep only a later one, the
     geofence lets it do nothing but lead away from the nearest side: each step of its way does."""
-
-
-@functools.cache
-def make_ready() -> None:
-    """Searches once, in open ground: what is compiled at its first use takes seconds, and the
-    firmware waits for a command no longer than 250 ms once it is armed."""
-    far = np.array([[-20.0, -20.0, 20.0, -20.0]])
-    way(Vehicle(), Pose2(0.0, 1.0, 0.0), Lane(0.0, 0.0, (0.0, 0.0)), Room(far, np.zeros((1, 1))))
 
 
 def way(
@@ -305,7 +297,10 @@ def _slot(reached: NDArray[np.int64], place: int) -> int:
     return slot
 
 
-@njit(cache=True, nogil=True)
+@compiled(
+    "(f8[::1], f8, f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], "
+    "f8, f8, f8, f8, f8, f8, f8, f8, i8)"
+)
 def _search(
     start: Array, radius: float, outline: Array, wheels: Array, sides: Array, margins: Array,
     half: float, ends: float, crop: float, border_y: float, border_rad: float, short: float,

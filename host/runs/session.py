@@ -44,10 +44,11 @@ from host.runs.preflight import (
     room_for,
     start_problem,
 )
+from host.runs.ready import make_ready_visibly
 from host.runs.record import Recorder, unused
 from host.runs.resume import Keeper, Progress, load
 from host.runs.screen import Keyboard, Screen
-from host.runs.sources import paper_params, warm_up
+from host.runs.sources import first_picture, paper_params
 from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
@@ -147,6 +148,7 @@ def harvest(order: Order) -> None:
     operator = Operator(sys.stdin, screen.say, screen.bell, clock)
     if not (operator.present or order.yes):
         raise UserError("there is no terminal to ask at: give --yes to start without being asked")
+    make_ready_visibly()
     with ExitStack() as stack:
         stack.callback(screen.close)
         link = stack.enter_context(Link(order.port, clock))
@@ -157,7 +159,7 @@ def harvest(order: Order) -> None:
             if feed is not None:
                 stack.callback(feed.close)
                 feed.start()
-        first = warm_up(pictures, order.camera, given.mount, given.vehicle, order.mode)
+        first = first_picture(pictures, order.camera, given.mount)
         errand = _errand(order, given, fixes)
         now = datetime.datetime.now(tz=datetime.UTC)
         path = unused(order.record or Path("out") / f"drive-{now:%Y%m%d-%H%M%S}.mcap")

@@ -1,4 +1,4 @@
-"""The camera and the receiver of a run, opened and warm."""
+"""The first picture of a run's camera, and what is chosen by it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from host.runs.drive import fits, fitted
 from host.sensors.camera_stream import Picture
 from host.sensors.jpeg import MAX_PIXELS, JpegDecoder, size_of
 from host.sensors.newest import Feed
-from host.vision.mounted.detector import Mode, MountedDetector, make_detector
+from host.vision.mounted.detector import MountedDetector, make_detector
 from host.vision.mounted.paper import PaperParams
 from host.vision.tuning.profiles import Circumstance
 from host.vision.tuning.search import first_params
@@ -21,12 +21,8 @@ FIRST_PICTURE_S = 10.0
 """How long the first picture is waited for."""
 
 
-def warm_up(
-    pictures: Feed[Picture], url: str, mount: Mount, vehicle: Vehicle, mode: Mode
-) -> Frame | None:
-    """Lets a detector of its own see one picture, and returns that: what is compiled at first use
-    takes seconds, and the firmware waits for a command no longer than 250 ms once it is armed.
-    UserError where there is none, or its proportions are not the mount's."""
+def first_picture(pictures: Feed[Picture], url: str, mount: Mount) -> Frame | None:
+    """UserError where there is none, or its proportions are not the mount's."""
     if not pictures.wait(FIRST_PICTURE_S):
         raise UserError(
             f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
@@ -50,7 +46,6 @@ def warm_up(
             f"the camera sends {width}x{height} pixels, the mount expects {mount.width_px}x"
             f"{mount.height_px}: set the phone's resolution, or the mount in the vehicle file"
         )
-    make_detector(mode, vehicle, mount).see(frame.bgr)
     return frame
 
 

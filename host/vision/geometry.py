@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from host.core.compiled import compiled
 from host.core.vehicle import Mount
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ class Camera:
         return rows
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8, UniTuple(f8, 2), f8[::1], f8[:, ::1])")
 def _project(
     points: Array, focal: float, centre: tuple[float, float], distortion: Array, uv: Array
 ) -> None:

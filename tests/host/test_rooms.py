@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -50,3 +52,54 @@ def test_the_fields_program_runs_without_what_only_the_bench_needs() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) > 80
+
+
+WHILE_DRIVING = ("estimate", "field", "pilot", "route", "vision", "runs")
+ON_PHOTOGRAPHS = {f"host.vision.photo.{name}" for name in ("fisher", "split", "curve")}
+
+
+def _decorators(function: ast.AST) -> set[str]:
+    decorators = function.decorator_list if isinstance(function, ast.FunctionDef) else ()
+    return {ast.unparse(each).partition("(")[0].rpartition(".")[2] for each in decorators}
+
+
+def _functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    return (node for node in tree.body if isinstance(node, ast.FunctionDef))
+
+
+def _known(module: str, tree: ast.Module) -> dict[str, str]:
+    """What a module's names stand for."""
+    own = {function.name: f"{module}.{function.name}" for function in _functions(tree)}
+    imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+    return own | {one.name: f"{each.module}.{one.name}" for each in imports for one in each.names}
+
+
+def _named_by_python(node: ast.AST, known: dict[str, str]) -> set[str]:
+    """What is named outside of compiled functions."""
+    if _decorators(node) & {"njit", "compiled"}:
+        return set()
+    found = set()
+    if isinstance(node, ast.Name):
+        found = {known.get(node.id, "")}
+    elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        found = {f"{known.get(node.value.id)}.{node.attr}"}
+    return found.union(*(_named_by_python(each, known) for each in ast.iter_child_nodes(node)))
+
+
+def test_what_python_calls_while_driving_says_its_types() -> None:
+    """Else it is compiled in the middle of a drive: `host.core.compiled`."""
+    trees = {
+        ".".join(file.relative_to(ROOT).with_suffix("").parts): ast.parse(file.read_text())
+        for room in WHILE_DRIVING
+        for file in (ROOT / "host" / room).rglob("*.py")
+    }
+    named = set().union(*(_named_by_python(tree, _known(at, tree)) for at, tree in trees.items()))
+    silent = {
+        f"{at}.{function.name}"
+        for at, tree in trees.items()
+        if at not in ON_PHOTOGRAPHS
+        for function in _functions(tree)
+        if "njit" in _decorators(function)
+    }
+    assert len(silent) > 20
+    assert silent & named == set()

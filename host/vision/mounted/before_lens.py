@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numba
-
+from host.core.compiled import compiled
 from host.vision.pictures import Mask
 
 HIDES: Final = "stems stand right before the lens"
@@ -27,7 +26,7 @@ third: of smooth ground they hardly do. Chosen on ten drives, in which 209 of 27
 known and no others are, and on 101 photographs, of which none is."""
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(u1[:, ::1],)")
 def before_lens(grey: Mask) -> bool:
     """`grey`: (height, width) below the horizon, on the logarithmic scale of the evidence."""
     rows, columns = grey.shape[0] // CELL_PX, grey.shape[1] // CELL_PX

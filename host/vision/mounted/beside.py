@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from typing import Final
 
-import numba
 import numpy as np
 
+from host.core.compiled import compiled
 from host.vision.mounted.evidence import Floats
 from host.vision.view import BESIDE_M, NAN
 
@@ -34,7 +34,7 @@ WALL_BLOCKS: Final = 3
 NEAREST, FARTHEST = np.float32(BESIDE_M[0]), np.float32(BESIDE_M[1])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f4[::1], f4[::1], f8)")
 def right_end_beside(x: Floats, y: Floats, blade_x_m: float) -> float:
     """Where its right end lies, m left of the vehicle's x axis, of the feet of standing crop (n,)
     `x`, `y`, m in the vehicle frame; NaN without (docs/understand/vision.md says how exact)."""
@@ -54,7 +54,7 @@ def right_end_beside(x: Floats, y: Floats, blade_x_m: float) -> float:
     return float(np.float32(0.5) * (near[(n - 1) // 2] + near[n // 2]))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f4[::1], f4[::1], f8, f8)")
 def stands_right(x: Floats, y: Floats, blade_x_m: float, edge_y_m: float) -> bool:
     """Whether feet of standing crop (n,) `x`, `y`, m in the vehicle frame, stand beside the blade,
     right of where its edge should be, edge_y_m."""

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.vision.pictures import Mask
 
 ACROSS, ALONG = 8, 4
@@ -14,7 +15,7 @@ ACROSS, ALONG = 8, 4
 PIXELS = (2 * ACROSS + 1) * (2 * ALONG + 1)
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1], i8, u1[:, ::1])", boundscheck=False)
 def mark_dense(lit: Mask, least: int, out: Mask) -> None:
     """1 where at least `least` of a neighbourhood's pixels are lit (255), 0 elsewhere. Beyond the
     picture's border the picture goes on mirrored, the border itself not repeated."""
@@ -76,7 +77,7 @@ def ninths(lit: Mask, counts: NDArray[np.int64]) -> None:
             counts[i, j] = total
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(u1[:, :],)")
 def shares(lit: Mask) -> tuple[float, float]:
     """Of a picture's ninths, in whole 255ths, how much is lit (255): their mean and the least."""
     counts = np.empty((3, 3), np.int64)
@@ -87,7 +88,7 @@ def shares(lit: Mask) -> tuple[float, float]:
     return float(total / 9.0), float(share.min())
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1],)", "(u1[:, :],)", boundscheck=False)
 def tops_of(dense: Mask) -> float:
     """Rows from the lower border up to the topmost dense pixel of a column, median over the columns
     that have one; NaN where less than half of them have."""
@@ -104,7 +105,7 @@ def tops_of(dense: Mask) -> float:
     return float(height - 0.5 * (some[(n - 1) // 2] + some[n // 2]))
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1],)", boundscheck=False)
 def mean_of(grey: Mask) -> float:
     """Mean of a picture; 0 of an empty one."""
     total = 0

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.vision.mounted.evidence import Floats, Sums
 from host.vision.pictures import Mask
 
@@ -86,7 +87,10 @@ def feet_of(
         feet[b] = at
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(
+    "(u1[:, ::1], u1[:, ::1], u1[:, ::1], i8, i4[::1], i4[::1], f8[::1], "
+    "f4[:, ::1], f4[:, ::1], UniTuple(f8, 2))"
+)
 def contour(
     steps: Mask,
     grey: Mask,
@@ -118,7 +122,7 @@ def contour(
     return x[:n], y[:n]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f4[::1], f4[::1], f8, f8, f8, f8)")
 def reached(
     x: Floats, y: Floats, half_m: float, enough_m: float, camera_x: float, focal_px: float
 ) -> tuple[float, float]:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Final
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.vision.pictures import Mask, u8
 
 CELL_PX: Final = 8
@@ -82,7 +82,7 @@ class LensWatch:
         return float(self.covered[v[inside], u[inside]].sum()) / len(pixels)
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1], u1[:, ::1])", boundscheck=False)
 def _means(grey: Mask, small: Mask) -> None:
     """Of cells of `CELL_PX` by `CELL_PX` pixels, halves to the even number: as OpenCV's
     INTER_AREA, which takes five times as long."""
@@ -102,7 +102,7 @@ def _means(grey: Mask, small: Mask) -> None:
             small[i, j] = (total + half) // pixels
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1], u1[:, ::1])", boundscheck=False)
 def _change(now: Mask, before: Mask) -> int:
     """Sum of how much each cell differs."""
     total = 0

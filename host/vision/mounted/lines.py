@@ -7,8 +7,10 @@ from typing import Final, NamedTuple
 
 import numba
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.vision.geometry import Camera
 from host.vision.pictures import Mask
 
@@ -47,6 +49,17 @@ class Rails(NamedTuple):
     """(pairs of rows, rails): how many columns a rail lies right of its group's first."""
     spans: NDArray[np.int16]
     """(pairs of rows, 2): the first group with a rail inside the picture, and the first beyond."""
+
+
+_MASK: Final = types.uint8[:, ::1]
+_COLUMNS: Final = types.int16[:, ::1]
+_RAILS: Final = types.NamedTuple([_COLUMNS, _MASK, _COLUMNS], Rails)  # type: ignore[no-untyped-call]
+
+
+def _pieces_of(tilts: int) -> tuple[types.Type, ...]:
+    """The types for so many tilts: two of the stems, three of the paper's lines."""
+    tracks = types.UniTuple(_RAILS, tilts)  # type: ignore[no-untyped-call]
+    return (_MASK, tracks, types.float32[::1], types.int64, _MASK)
 
 
 def rails(width: int, height: int, camera: Camera | None, tilt_deg: float) -> Rails:
@@ -227,7 +240,7 @@ def upright_pieces(
     return out
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled(_pieces_of(2), _pieces_of(3), boundscheck=False)
 def _pieces(
     on: Mask, tracks: tuple[Rails, ...], least_px: NDArray[np.float32], gap: int, out: Mask
 ) -> None:

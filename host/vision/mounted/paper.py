@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from host.core.compiled import compiled
 from host.core.strict import Strict
 from host.vision.geometry import Camera
 from host.vision.mounted.evidence import LOGARITHM
@@ -145,7 +145,7 @@ def l_height(upright: Mask, share: float = L_HEIGHT_SHARE) -> float:
     return float(row) if row >= 0 else NAN
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1], f8)", boundscheck=False)
 def _row_above(lit: Mask, share: float) -> int:
     """The first row down to which there is `share` of the lit pixels; -1: none is lit."""
     height, width = lit.shape

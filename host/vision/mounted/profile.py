@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.vision.mounted.evidence import Floats, Sums
 from host.vision.pictures import Mask
 
@@ -36,7 +37,11 @@ AGAIN_PIXELS = 50.0
 """A piece with fewer tells nothing."""
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled(
+    "(u1[:, ::1], u1[:, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], f4[:, ::1], "
+    "f8, UniTuple(f8, 2), UniTuple(f8, 4), f8, f8[:, ::1])",
+    boundscheck=False,
+)
 def profile(
     upright: Mask,
     steps: Mask,
@@ -173,7 +178,7 @@ def _meet(run: Sums, at: int, spread: Sums) -> int:
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8, f8, f8[::1], UniTuple(i8, 2))")
 def right_side(
     sums: Sums, last: int, expected: float, spread: Sums, way: tuple[int, int]
 ) -> tuple[int, float, float, float, int, int]:
@@ -206,7 +211,7 @@ def goes_on_to(sums: Sums, left: int, right: int) -> int:
     return right
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8)")
 def stems_beyond(sums: Sums, at: int) -> float:
     """The greatest share of stems right of an end: of a true one nothing stands there, but what
     dust or weeds hide of a face goes on behind them."""
@@ -221,7 +226,7 @@ def stems_beyond(sums: Sums, at: int) -> float:
     return most
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], i8)")
 def steps_beyond(sums: Sums, at: int) -> float:
     """The share of steps in the window right of a bin over that in the window left of it."""
     window = round(WINDOW_M / BIN_M)

@@ -8,9 +8,9 @@ in shadow count as those in the sun do.
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
+from host.core.compiled import compiled
 from host.core.vehicle import Vehicle
 from host.vision.geometry import Camera
 from host.vision.mounted.evidence import LOGARITHM, Evidence
@@ -51,7 +51,7 @@ class Stems:
         return Evidence(upright, steps, grey)
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, :], f8, i8, i8)", boundscheck=False)
 def _quantile(grey: Mask, share: float, least: int, most: int) -> int:
     """The step across the picture that `share` of all do not exceed, in [least, most]."""
     height, width = grey.shape
@@ -67,7 +67,7 @@ def _quantile(grey: Mask, share: float, least: int, most: int) -> int:
     return most
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled("(u1[:, ::1], i8, u1[:, ::1])", boundscheck=False)
 def _upright_steps(grey: Mask, least: int, steps: Mask) -> None:
     """255 where the step across the picture exceeds `least` and the step along it."""
     height, width = grey.shape

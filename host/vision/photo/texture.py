@@ -7,6 +7,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from host.core.compiled import compiled
 from host.vision.pictures import Picture, u8
 
 QUANTITIES = 10
@@ -57,7 +58,10 @@ def _blurred(light: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     return np.asarray(cv2.GaussianBlur(light, (size, size), sigma), np.float32)
 
 
-@numba.njit(cache=True, nogil=True, boundscheck=False)
+@compiled(
+    "(f4[:, ::1], u1[:, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], UniTuple(i8, 2), f4[:, :, ::1])",
+    boundscheck=False,
+)
 def _accumulate(
     light: NDArray[np.float32],
     red: NDArray[np.uint8],

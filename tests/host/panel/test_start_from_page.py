@@ -115,15 +115,6 @@ def test_a_full_disk_starts_nothing(order: Order, monkeypatch: pytest.MonkeyPatc
         prepare(machine_at(-1.0, 1.0), order)
 
 
-def test_a_machine_at_its_corner_is_rehearsed(
-    order: Order, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rehearsed: list[object] = []
-    monkeypatch.setattr(harvesting, "warm_up", lambda _, plan: rehearsed.append(plan))
-    errand = prepare(machine_at(-1.0, 1.0), order)
-    assert rehearsed == [errand.plan]
-
-
 class CutOff(Drive):
     def run(self, _: Callable[[Drive], None]) -> None:
         raise UserError("the cable is out")
@@ -136,7 +127,7 @@ def test_a_run_that_the_pilot_did_not_end_says_what_did(
     machine = machine_at(-1.0, 1.0)
     machine.link.session = SimpleNamespace(telemetry=None)
     machine.post, machine.meetings, machine.settings.folder = said.append, 1, tmp_path
-    monkeypatch.setattr(harvesting, "warm_up", lambda *_: None)
+    monkeypatch.setattr(harvesting, "see_first", lambda *_: None)
     monkeypatch.setattr(harvesting, "Drive", CutOff)
     close = harvesting.Keeper.close
 
