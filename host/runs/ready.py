@@ -1,6 +1,9 @@
-"""What is done once, before a board may be armed: all that drives is compiled."""
+"""What is done once, before a board may be armed, so that no step takes long: all that drives is
+compiled, and what is loaded is no more looked through for garbage."""
 
 from __future__ import annotations
+
+import gc
 
 # Loaded for what they declare: whatever a pilot and its eyes call.
 import host.pilot.pilot
@@ -13,10 +16,14 @@ FIRST: str = "preparing vision and navigation, once on this computer"
 
 def make_ready(watch: Watch | None = None) -> None:
     """Compiles, or loads what was compiled before: about half a minute of one core the first time
-    and after an update, less than a second from then on."""
+    and after an update, less than a second from then on. A collection of Python's garbage that
+    looks through all modules takes 0.1 s, and on a slow laptop longer than the 250 ms for which
+    the firmware waits."""
     for done, of, name in compiled.make_ready():
         if watch is not None:
             watch.reach(done / of, name)
+    gc.collect()
+    gc.freeze()
 
 
 def make_ready_visibly() -> None:
