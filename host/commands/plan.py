@@ -160,7 +160,7 @@ def _say_plan(
             "no --gap: whether the turns have room is not checked, and a drive without it has no "
             "geofence; measure the ground up to the neighbour's crop"
         )
-    for text in shown.warnings:
+    for text in [*shown.warnings, *boundary.doubts]:
         console.print(f"warning: {text}")
 
 

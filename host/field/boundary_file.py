@@ -23,7 +23,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
@@ -50,6 +50,10 @@ MAX_LATITUDE_DEG = 72.0
 MAX_BYTES = 64 * 1024 * 1024
 """Of a boundary's file: more is another file."""
 UNKNOWN_SIGMA_M = 1.0
+SHORT_SIGMAS: Final = 5.0
+"""Of a corner, m: an edge that is shorter may run anywhere. By outlines with edges of 3 to 15 m."""
+MOST_SHORT: Final = 4
+"""Short edges with which the machine finds its way all the same: a small field is all of them."""
 """Of corners from a file that does not say it, standard deviation per axis against each other: as
 if walked once with a phone of 2.5 m CEP by positions alone, whose corners err by 1.27 m, 0.9 m per
 axis (hil.studies.walks)."""
@@ -85,6 +89,22 @@ class Boundary:
     def known_to_m(self) -> float:
         """`sigma_m`, or what a corner is worth that nobody has said anything of."""
         return UNKNOWN_SIGMA_M if self.sigma_m is None else self.sigma_m
+
+    @property
+    def doubts(self) -> list[str]:
+        """What the machine will not be able to do with it, in words."""
+        points = np.array([self.frame.to_local(*corner) for corner in self.crop])
+        lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+        least_m = SHORT_SIGMAS * self.known_to_m
+        short = int((lengths < least_m).sum())
+        if short <= MOST_SHORT:
+            return []
+        return [
+            f"{short} edges of the boundary are shorter than {least_m:.1f} m and its corners are "
+            f"known to {self.known_to_m:g} m only: the machine may lose its place there and stop. "
+            "If they are known better, say so as the property sigma_m (metres) of a GeoJSON file; "
+            "else survey the field with the phone"
+        ]
 
     @property
     def frame(self) -> LocalFrame:

@@ -238,6 +238,7 @@ class FieldDesk:
         frame, plan = plan_of(boundary, self.corner, self._vehicle, "three_point", gap_m, inset_m)
         areas = areas_of(boundary.polygon(frame), gap_m, inset_m=inset_m)
         shown = preview(plan, areas, self._vehicle)
+        warnings = [*shown.warnings, *boundary.doubts]
         self.plan = plan
         self._summary = {
             "sides": len(plan.sides),
@@ -245,9 +246,9 @@ class FieldDesk:
             "seconds": number(shown.time_s, 0),
             "length_m": number(shown.cutting_m, 0),
             "leftover_m2": number(shown.leftover.area, 1),
-            "warnings": shown.warnings,
+            "warnings": warnings,
         }
-        self.problem = "; ".join(shown.warnings)
+        self.problem = "; ".join(warnings)
 
     def goal(self, resume: Path) -> Json | None:
         """Where the machine has to stand for the run that left `resume` to go on; None where that

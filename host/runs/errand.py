@@ -109,8 +109,9 @@ def chosen_corner(
 
 
 def warnings(field: Boundary | None, gap: float | None, gnss: str | None) -> list[str]:
-    """What does not watch over the run."""
-    return [*_without_boundary(field, gap), *_without_gnss(field, gnss)]
+    """What does not watch over the run, or not well."""
+    doubts = field.doubts if field is not None else []
+    return [*_without_boundary(field, gap), *_without_gnss(field, gnss), *doubts]
 
 
 def _without_gnss(field: Boundary | None, gnss: str | None) -> list[str]:

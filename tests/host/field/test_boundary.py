@@ -17,6 +17,7 @@ from host.field.areas import areas_of
 from host.field.boundary_file import Boundary, load_field
 from host.field.fence import FENCE_FIXES, FENCE_M, Fence, nearest_corner
 from host.route.field_plan import plan_of
+from host.runs.errand import warnings
 
 FRAME = LocalFrame(31.5, 74.3)
 SQUARE = [FRAME.to_wgs84(*corner) for corner in ((0, 0), (20, 0), (20, 10), (0, 10))]
@@ -158,3 +159,27 @@ def test_with_an_inset_the_crop_begins_inside_and_the_machine_may_go_as_far_as_b
 def test_an_inset_that_leaves_nothing_is_refused() -> None:
     with pytest.raises(UserError, match="inset of 6 m nothing is left"):
         plan_of(Boundary(tuple(SQUARE)), 0, Vehicle(), "three_point", 2.0, inset_m=6.0)
+
+
+def ring(corners: int, radius_m: float) -> list[tuple[float, float]]:
+    """Edges of radius_m * 0.26 with 24 corners."""
+    turns = [math.tau * k / corners for k in range(corners)]
+    return [FRAME.to_wgs84(radius_m * math.cos(t), radius_m * math.sin(t)) for t in turns]
+
+
+@pytest.mark.parametrize(
+    ("corners", "radius_m", "sigma_m", "said"),
+    [
+        (24, 10.0, None, "24 edges of the boundary are shorter than 5.0 m and its corners are"),
+        (24, 10.0, 0.6, "24 edges of the boundary are shorter than 3.0 m and its corners are"),
+        (24, 10.0, 0.2, ""),
+        (24, 30.0, None, ""),
+        (4, 2.0, None, ""),  # a small field is nothing but short edges
+    ],
+)
+def test_edges_shorter_than_their_corners_are_known_are_said_before_anything_moves(
+    corners: int, radius_m: float, sigma_m: float | None, said: str
+) -> None:
+    boundary = Boundary(tuple(ring(corners, radius_m)), sigma_m=sigma_m)
+    assert [text[: len(said)] for text in boundary.doubts] == ([said] if said else [])
+    assert [text for text in warnings(boundary, 2.0, "gnss") if "edges" in text] == boundary.doubts
