@@ -150,7 +150,7 @@ class Operator:
 
 
 def prepare(machine: Machine, order: Order) -> Errand:
-    """What is to be driven, once place and direction fit and the first steps are rehearsed. Raises
+    """What is to be driven, once place, direction and pictures fit. Raises
     NotYetError where the machine stands wrong, UserError where something is missing."""
     if machine.camera is None or machine.gnss is None or machine.link is None:
         raise UserError("a harvest needs a board, a camera and a receiver")
