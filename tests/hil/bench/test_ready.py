@@ -19,7 +19,7 @@ AROUND = {"size_m": [7.0, 6.0], "keep_outs": [[[3.5, 2.5], [4.0, 2.5], [4.0, 3.0
 DRIVES: dict[str, dict[str, Any]] = {
     "a whole field by the model": {"eyes": "model", "field": AROUND},
     "pictures from the mast": {"camera": "mast", "limits": {"time_s": 80.0}},
-    "pictures from low": {"camera": "low", "limits": {"time_s": 80.0}},
+    "pictures from low": {"camera": "low", "limits": {"time_s": 40.0}},
     "the paper's colours": {"mode": "paper", "limits": {"time_s": 10.0}},
 }
 
@@ -44,6 +44,7 @@ def compiled_in_a_drive(options: dict[str, Any]) -> list[str]:
     return [str(each) for each in new if len(each) > 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", DRIVES)
 def test_nothing_is_compiled_while_the_machine_drives(drive: str) -> None:
     with get_context("spawn").Pool(1) as fresh:
