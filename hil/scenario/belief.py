@@ -30,7 +30,7 @@ from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
 from host.core.yaml_file import load_yaml
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
-from host.field.survey import survey_track
+from host.field.survey import MAX_CORNERS, survey_track
 from host.field.walk import read_fixes, track_of
 from host.link import protocol
 from host.route.plan import Plan, spiral
@@ -396,7 +396,10 @@ def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, fl
         if track is None:
             continue
         try:
-            found = survey_track(track, corners=len(ring))
+            if len(ring) > MAX_CORNERS:
+                found = survey_track(track, irregular=True)
+            else:
+                found = survey_track(track, corners=len(ring))
         except UserError as error:
             problem = error
             continue

@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from hil.bench.harvest import Harvest
 from hil.bench.lockstep import Bench
@@ -281,3 +282,19 @@ def test_the_firmware_is_told_how_long_this_steering_may_be_silent(
     steering = SteeringSpec.from_response(slew_degps=slew_degps)
     scenario = Scenario.model_validate({"machine": {"steering": steering.model_dump()}})
     assert low_ms < scenario.told.parameters["stall_time"] < high_ms
+
+
+def test_a_field_that_bends_is_walked_as_its_edge_runs() -> None:
+    """More corners than straight sides are looked for: an owner would survey it --irregular."""
+    turns = [math.tau * k / 40 for k in range(40)]
+    oval = [[20.0 * math.cos(t), 12.0 * math.sin(t)] for t in turns]
+    told = load("default", {"field": {"polygon": oval}}).told
+    believed, true = shapely.Polygon(told.boundary), shapely.Polygon(oval)
+    assert 12 < len(told.boundary) < 80
+    assert believed.area == pytest.approx(true.area, rel=0.1)
+    middle = shapely.affinity.translate(
+        believed,
+        true.centroid.x - believed.centroid.x,
+        true.centroid.y - believed.centroid.y,
+    )
+    assert middle.exterior.hausdorff_distance(true.exterior) < 1.5
