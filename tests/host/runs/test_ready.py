@@ -13,6 +13,8 @@ from host.runs.ready import make_ready
 
 @pytest.fixture(autouse=True)
 def _thawed() -> Iterator[None]:
+    """Other tests drive, too."""
+    gc.unfreeze()
     yield
     gc.unfreeze()
 
