@@ -26,7 +26,8 @@ _declared: Final[list[tuple[Any, Types]]] = []
 
 def compiled(*types: Types, boundscheck: bool | None = None) -> Callable[[Function], Function]:
     """Compiles a function, which is called from Python with arguments of these types while the
-    machine drives. `boundscheck`: as numba has it."""
+    machine drives. A part of a picture is contiguous where it is as wide as the picture, and
+    another type where not. `boundscheck`: as numba has it."""
 
     def made(function: Function) -> Function:
         found = njit(cache=True, nogil=True, boundscheck=boundscheck)(function)

@@ -32,8 +32,9 @@ from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
 from host.runs.at_the_start import look, some_fixes
-from host.runs.drive import Drive, fits, fitted
+from host.runs.drive import Drive
 from host.runs.errand import Errand, errand_of
+from host.runs.first_picture import FIRST_PICTURE_S, fitting
 from host.runs.preflight import (
     Problem,
     agree,
@@ -44,7 +45,6 @@ from host.runs.preflight import (
 )
 from host.runs.record import Recorder
 from host.runs.resume import Keeper, load
-from host.sensors.jpeg import JpegDecoder
 from host.vision.watched import watched_detector
 
 SLOW_STEP_S: Final = 0.05
@@ -53,8 +53,6 @@ TRAIL_M: Final = 0.2
 """Between points of the trail on the map."""
 MOST_PLACES: Final = 1000
 """Of the trail in one message: more would take a step too long."""
-FIRST_PICTURE_S: Final = 10.0
-"""How long the first picture is waited for."""
 
 
 class Order(Strict):
@@ -150,8 +148,8 @@ class Operator:
 
 
 def prepare(machine: Machine, order: Order) -> Errand:
-    """What is to be driven, once place, direction and pictures fit. Raises
-    NotYetError where the machine stands wrong, UserError where something is missing."""
+    """What is to be driven, once place, direction and pictures fit. Raises NotYetError where the
+    machine stands wrong, UserError where something is missing."""
     if machine.camera is None or machine.gnss is None or machine.link is None:
         raise UserError("a harvest needs a board, a camera and a receiver")
     boundary = load_field(order.boundary)
@@ -275,22 +273,15 @@ def record(machine: Machine, path: Path, order: Order, plan: Plan, begun: str) -
 
 
 def see_first(machine: Machine) -> None:
-    """UserError where the camera sends no picture, or none that is the mount's."""
-    camera, mount = machine.camera, machine.mount
+    """UserError where the camera sends no picture, or none of the mount's size."""
+    camera = machine.camera
     assert camera is not None
     camera.take()
     deadline = machine.clock() + FIRST_PICTURE_S
-    while (picture := camera.take()) is None:
+    while (picture := camera.take()) is None or fitting(picture, machine.mount) is None:
         machine.pump(0.05)
         if machine.clock() > deadline:
             raise UserError(f"no picture from the camera: {camera.problem}")
-    frame = fitted(picture, JpegDecoder(), mount, 0.0)
-    if not fits(frame, mount):
-        height, width = frame.bgr.shape[:2]
-        raise UserError(
-            f"the camera sends {width}x{height} pixels, the mount expects "
-            f"{mount.width_px}x{mount.height_px}"
-        )
 
 
 def _about(run: Drive, operator: Operator) -> Json:

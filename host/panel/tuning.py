@@ -67,8 +67,10 @@ def tune(machine: Machine, _wish: Json) -> None:
         values = params.read_all(link)
         wire, name = MachineWire(machine), machine.settings.port
         with armed(wire, name, values) as experimenter:
-            model = fit(experimenter.identify())
+            findings = experimenter.identify()
         machine.settle()
+        # A fit takes seconds, for which no armed board waits.
+        model = fit(findings)
         before = {key: values[key] for key in closed_loop.TUNED}
         after = gains(RULE, model)
         step = Step(size_deg=SIZE_DEG, start_deg=-SIZE_DEG / 2, duration_s=VERIFY_S)

@@ -11,8 +11,6 @@ import host.vision.watched  # noqa: F401
 from host.core import compiled
 from host.core.progress import Watch
 
-FIRST: str = "preparing vision and navigation, once on this computer"
-
 
 def make_ready(watch: Watch | None = None) -> None:
     """Compiles, or loads what was compiled before: about half a minute of one core the first time
@@ -28,5 +26,5 @@ def make_ready(watch: Watch | None = None) -> None:
 
 def make_ready_visibly() -> None:
     """The same with a bar, or a line now and then."""
-    with Watch(FIRST, 1.0) as watch:
+    with Watch("preparing vision and navigation", 1.0) as watch:
         make_ready(watch)

@@ -36,6 +36,7 @@ from host.runs.errand import (
     intention,
     warnings,
 )
+from host.runs.first_picture import first_picture, paper_params
 from host.runs.operator import COUNTDOWN_S, JOG_WORD, WORD, Operator
 from host.runs.preflight import (
     agree,
@@ -48,7 +49,6 @@ from host.runs.ready import make_ready_visibly
 from host.runs.record import Recorder, unused
 from host.runs.resume import Keeper, Progress, load
 from host.runs.screen import Keyboard, Screen
-from host.runs.sources import first_picture, paper_params
 from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed

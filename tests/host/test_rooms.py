@@ -71,7 +71,11 @@ def _known(module: str, tree: ast.Module) -> dict[str, str]:
     """What a module's names stand for."""
     own = {function.name: f"{module}.{function.name}" for function in _functions(tree)}
     imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
-    return own | {one.name: f"{each.module}.{one.name}" for each in imports for one in each.names}
+    return own | {
+        one.asname or one.name: f"{each.module}.{one.name}"
+        for each in imports
+        for one in each.names
+    }
 
 
 def _named_by_python(node: ast.AST, known: dict[str, str]) -> set[str]:

@@ -77,7 +77,7 @@ def ninths(lit: Mask, counts: NDArray[np.int64]) -> None:
             counts[i, j] = total
 
 
-@compiled("(u1[:, :],)")
+@compiled("(u1[:, ::1],)", "(u1[:, :],)")
 def shares(lit: Mask) -> tuple[float, float]:
     """Of a picture's ninths, in whole 255ths, how much is lit (255): their mean and the least."""
     counts = np.empty((3, 3), np.int64)

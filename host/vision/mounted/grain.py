@@ -16,7 +16,7 @@ REACH: Final = 2
 together."""
 
 
-@compiled("(u1[:, :], u1[:, ::1])", boundscheck=False)
+@compiled("(u1[:, ::1], u1[:, ::1])", "(u1[:, :], u1[:, ::1])", boundscheck=False)
 def squared_steps(grey: Mask, inside: Mask) -> tuple[float, float]:
     """Mean squares of the steps of `grey` (height, width) across the picture and along it, over the
     pixels where `inside` (height - 2, width - 2: without the border) is 255 and not 0. Beyond its

@@ -51,7 +51,7 @@ class Stems:
         return Evidence(upright, steps, grey)
 
 
-@compiled("(u1[:, :], f8, i8, i8)", boundscheck=False)
+@compiled("(u1[:, ::1], f8, i8, i8)", "(u1[:, :], f8, i8, i8)", boundscheck=False)
 def _quantile(grey: Mask, share: float, least: int, most: int) -> int:
     """The step across the picture that `share` of all do not exceed, in [least, most]."""
     height, width = grey.shape

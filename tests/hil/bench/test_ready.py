@@ -38,10 +38,11 @@ def compiled_in_a_drive(options: dict[str, Any]) -> list[str]:
     run = Harvest(load("small", options))
     run.run()
     run.close()
-    new = [
-        (name, *set(f.signatures) - before.get(name, set())) for name, f in compiled_of_the_host()
+    return [
+        f"{name} {types}"
+        for name, f in compiled_of_the_host()
+        for types in set(f.signatures) - before.get(name, set())
     ]
-    return [str(each) for each in new if len(each) > 1]
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from host.core.vehicle import MAST, Vehicle
 from host.field.boundary_file import Boundary, save_field
 from host.link import protocol
 from host.panel import harvesting, snapshot
-from host.panel.harvesting import Order, harvest, prepare, record
+from host.panel.harvesting import Order, harvest, prepare, record, see_first
 from host.panel.machine import NotYetError
 from host.panel.snapshot import Json, fix_of
 from host.panel.texts import LANGUAGES, text
@@ -113,6 +113,34 @@ def test_a_full_disk_starts_nothing(order: Order, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("shutil.disk_usage", lambda _: full)
     with pytest.raises(UserError, match=r"has 1 MB left"):
         prepare(machine_at(-1.0, 1.0), order)
+
+
+WHOLE = Picture(0.0, None, np.zeros((480, 640, 3), np.uint8))
+WIDE = Picture(0.0, None, np.zeros((360, 640, 3), np.uint8))
+SPOILED = Picture(0.0, b"\xff\xd8 and no more")
+
+
+@pytest.mark.parametrize(
+    ("come", "problem"),
+    [
+        ([WHOLE, WHOLE], ""),
+        ([None, None, SPOILED, WHOLE], ""),
+        ([WHOLE], "no picture from the camera: it is off"),  # that is from before
+        ([None, SPOILED], "no picture from the camera: it is off"),
+        ([None, WIDE], "sends 640x360 pixels, the mount expects 640x480"),
+    ],
+)
+def test_a_harvest_begins_with_a_new_picture_that_is_whole_and_of_the_mounts_size(
+    come: list[Picture | None], problem: str
+) -> None:
+    machine, coming = machine_at(-1.0, 1.0), iter(come)
+    machine.camera = SimpleNamespace(take=lambda: next(coming, None), problem="it is off")
+    if problem:
+        with pytest.raises(UserError, match=problem):
+            see_first(machine)
+    else:
+        see_first(machine)
+        assert next(coming, None) is None
 
 
 class CutOff(Drive):

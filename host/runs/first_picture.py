@@ -22,15 +22,18 @@ FIRST_PICTURE_S = 10.0
 
 
 def first_picture(pictures: Feed[Picture], url: str, mount: Mount) -> Frame | None:
-    """UserError where there is none, or its proportions are not the mount's."""
+    """None where it is spoiled; UserError where none comes, or its size is not the mount's."""
     if not pictures.wait(FIRST_PICTURE_S):
         raise UserError(
             f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
             "start the phone's camera app and check the address"
         )
     picture = pictures.take()
-    if picture is None:
-        return None
+    return None if picture is None else fitting(picture, mount)
+
+
+def fitting(picture: Picture, mount: Mount) -> Frame | None:
+    """None where a picture is spoiled; UserError where its size is not the mount's."""
     size = size_of(picture.jpeg) if picture.jpeg is not None else None
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise UserError(
