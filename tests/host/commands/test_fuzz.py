@@ -31,7 +31,7 @@ def test_wrong_arguments_and_files_are_one_message(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DARANTI_DATA", str(tmp_path / "none"))  # nothing is learnt or scored here
-    monkeypatch.setattr("host.runs.sources.FIRST_PICTURE_S", 0.1)
+    monkeypatch.setattr("host.runs.first_picture.FIRST_PICTURE_S", 0.1)
     monkeypatch.setattr("host.runs.errand.FIRST_FIX_S", 0.1)
     monkeypatch.setattr("host.check.receiver.FIX_S", 0.1)
     monkeypatch.setattr("host.check.camera.PICTURE_S", 0.1)

@@ -643,7 +643,7 @@ def test_options_that_do_not_fit_are_one_message(
 def test_no_picture_is_one_message_and_the_machine_is_stopped(
     cli: Cli, board: FakeFirmware, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("host.runs.sources.FIRST_PICTURE_S", 0.3)
+    monkeypatch.setattr("host.runs.first_picture.FIRST_PICTURE_S", 0.3)
     code, _, err = cli(
         "drive", "--yes", "--port", board.port, "--camera", "http://127.0.0.1:1/video"
     )
