@@ -56,7 +56,7 @@ axis (hil.studies.walks)."""
 SHORT_SIGMAS: Final = 5.0
 """Standard deviations of a corner: which way an edge runs that is not so long is hardly known. With
 1 m, outlines with edges of 4 m and less stopped in the first side, and of 6 m did not (model
-drives). Smaller: none is warned of; larger: nor are those believed that the machine harvests."""
+drives). Smaller warns of too few, larger of fields that are harvested."""
 MOST_SHORT: Final = 4
 """Such edges that a field may have: a small one has no others, and is measured all the same."""
 SIGMA = "sigma_m"

@@ -37,3 +37,12 @@ def test_what_is_ready_is_called_as_it_is() -> None:
     list(compiled.make_ready())
     assert one(np.array([3.0, 4.0])) == 3.0
     assert one.signatures == [(types.float64[::1],)]
+
+
+def test_what_is_ready_is_cached_for_whoever_calls_it_unprepared() -> None:
+    """As the bench does, with the same code."""
+    one = declared("(f8[::1],)")
+    list(compiled.make_ready())
+    unprepared = compiled.compiled()(one.py_func)
+    assert unprepared(np.array([3.0, 4.0])) == 3.0
+    assert sum(unprepared.stats.cache_hits.values()) == 1
