@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -390,22 +390,21 @@ def walked(world: World, walk: Walk) -> tuple[Ring, float]:
 def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, float]:
     home = LocalFrame(phone.lat_deg, phone.lon_deg)
     problem: UserError | None = None
-    for attempt in range(WALKS):
+    straight = len(ring) if len(ring) <= MAX_CORNERS else None
+    # Whose walks have no straight sides takes the message's advice: --irregular.
+    for corners, attempt in product(dict.fromkeys((straight, None)), range(WALKS)):
         lines = [f"{line}\r\n".encode() for line in walk_lines(ring, phone, laps, seed + attempt)]
         track = track_of(read_fixes(lines, Receiver()))
         if track is None:
             continue
         try:
-            if len(ring) > MAX_CORNERS:
-                found = survey_track(track, irregular=True)
-            else:
-                found = survey_track(track, corners=len(ring))
+            found = survey_track(track, corners=corners, irregular=corners is None)
         except UserError as error:
             problem = error
             continue
         local, home_of = track.frame, home.to_local
-        corners = ccw(found.polygon.exterior.coords)[:-1]
-        return tuple(home_of(*local.to_wgs84(x, y)) for x, y in corners), found.sigma_m
+        places = ccw(found.polygon.exterior.coords)[:-1]
+        return tuple(home_of(*local.to_wgs84(x, y)) for x, y in places), found.sigma_m
     raise UserError(f"belief.boundary: {WALKS} walks around the field gave none: {problem}")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from host.estimate import spread
 from host.estimate.kalman import Array
 from host.estimate.outline import Outline
-from host.estimate.states import STATES, YAW, X, Y
+from host.estimate.states import CORNERS, YAW, X, Y
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Borders:
         nearest to each: the direction's uncertainty moves them the more, the farther from the rear
         axle they are."""
         found = np.empty((len(points), 2, 2))
-        spread.of_points(self.p, STATES, *self._axle, points, self.outline.nearest(points), found)
+        spread.of_points(self.p, CORNERS, *self._axle, points, self.outline.nearest(points), found)
         return found
 
     def against(self, points: Array, places: Array) -> tuple[Array, Array]:
@@ -48,7 +48,7 @@ class Borders:
         anywhere = not self.outline.states
         near = np.zeros((1, 0)) if anywhere else self.outline.weights(places)
         found = np.empty((len(near), len(points), 2, 2))
-        spread.of_points_against(self.p, STATES, *self._axle, points, near, found)
+        spread.of_points_against(self.p, CORNERS, *self._axle, points, near, found)
         return found, np.zeros_like(places) if anywhere else near @ self._moved_m
 
     def as_planned(self, points: Array) -> Array:

@@ -20,6 +20,7 @@ import numpy as np
 
 from host.core.compiled import compiled
 from host.estimate.kalman import Array
+from host.estimate.states import CORNERS
 from host.field import sweep
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import NO_EDGE, Side
@@ -105,6 +106,8 @@ class Outline:
         seen beside the lane move the corners along it."""
         self.moved_m: Array = np.zeros_like(self._planned.corners)
         """(n, 2) how far each corner lies from where the plan has it."""
+        self.at: Final = slice(CORNERS, CORNERS + self.moved_m.size)
+        """Where its corners stand among the filter's states."""
         self._moved_any = False
         self._found: dict[int, tuple[Side, Side]] = {}
         """By the identity of a side, which is kept lest another gets its identity: to compare

@@ -9,7 +9,7 @@ import numpy as np
 
 from host.estimate.kalman import Array
 from host.estimate.outline import Outline
-from host.estimate.states import LANE_OFFSET, LANE_YAW, STATES, YAW, X, Y
+from host.estimate.states import LANE_OFFSET, LANE_YAW, YAW, X, Y
 from host.route.side import Side
 
 NO_OUTLINE = Outline()
@@ -72,7 +72,7 @@ class Place(NamedTuple):
         h = np.zeros(len(self.x))
         along = self.blade_m if along_m is None else along_m
         h[X], h[Y], h[LANE_OFFSET], h[LANE_YAW] = -s, c, -1.0, -along
-        self.outline.along(self.side.edge, self.side.pose(along)[:2], (s, -c), h[STATES:])
+        self.outline.along(self.side.edge, self.side.pose(along)[:2], (s, -c), h[self.outline.at])
         return h
 
     def ahead(self, ahead_m: float, along_m: float) -> Array:
@@ -87,5 +87,5 @@ class Place(NamedTuple):
         """(states,) the derivative of `turned_rad`."""
         h = np.zeros(len(self.x))
         h[YAW] = 1.0
-        h[STATES:] = -self.outline.turning(self.side.edge)
+        h[self.outline.at] = -self.outline.turning(self.side.edge)
         return h

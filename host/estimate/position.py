@@ -47,7 +47,6 @@ from host.estimate.states import (
     LANE,
     LANE_OFFSET,
     LANE_YAW,
-    STATES,
     WANDER,
     YAW,
     X,
@@ -75,7 +74,7 @@ class Position(Readings):
         says."""
         super().__init__(vehicle, boundary, sigma_m)
         self._past: Motion | None = None
-        self._lanes = Lanes(vehicle.blade_width_m)
+        self._lanes = Lanes(vehicle.blade_width_m, range(self.outline.at.stop, len(self._x), 2))
         self._wander, self._trimmed = DRILLED, False
         self._doubt = doubt.Doubt()
         self._undoubted = math.inf
@@ -104,12 +103,12 @@ class Position(Readings):
         turned = np.array([[c, -s], [s, c]])
         self._p[:YAW, :YAW] = turned @ self._p[:YAW, :YAW] @ turned.T
         # Where the edge truly is, there the operator has put the machine: so far past its corner.
-        with_corners = np.eye(len(self._x))
+        with_corners, corners = np.eye(len(self._x)), self.outline.at
         ahead = self.outline.of_corner(side.edge, (c, s))
         left = self.outline.along(side.edge, side.pose(back)[:2], (-s, c))
-        with_corners[X, STATES:] = c * ahead - s * left
-        with_corners[Y, STATES:] = s * ahead + c * left
-        with_corners[YAW, STATES:] = self.outline.turning(side.edge)
+        with_corners[X, corners] = c * ahead - s * left
+        with_corners[Y, corners] = s * ahead + c * left
+        with_corners[YAW, corners] = self.outline.turning(side.edge)
         self._p = with_corners @ self._p @ with_corners.T
         self.known = True
         self._other_edge(side)
@@ -133,9 +132,9 @@ class Position(Readings):
         """Another place. What is known of the sensors and of the slip stays."""
         self._x[: YAW + 1] = pose
         self._x[LANE] = 0.0
-        self._x[STATES:] = 0.0
+        self._x[self.outline.at] = 0.0
         corners = np.full(self.outline.states, self.sigma_m)
-        lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *range(STATES, len(self._x))]
+        lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *self._corners]
         self.forget()
         self._p[lost, :] = self._p[:, lost] = 0.0
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
@@ -265,7 +264,7 @@ class Position(Readings):
 
     def _settle(self) -> None:
         """What was measured is learnt from, and two places that have come together are one."""
-        self.settle([X, Y, *range(STATES, len(self._x))])
+        self.settle([X, Y, *self._corners])
         self._learn()
 
     def take_curve(self) -> float:
@@ -348,8 +347,9 @@ class Position(Readings):
         step = ph / float(h @ ph)
         # Seen from the machine, whose place was not measured: with it stays what is tied to it, as
         # the side's beginning is.
-        step[STATES:] -= np.tile(step[[X, Y]], self.outline.states // 2)
-        step[:STATES] = 0.0
+        moves = step[self.outline.at] - np.tile(step[[X, Y]], self.outline.states // 2)
+        step[:] = 0.0
+        step[self.outline.at] = moves
         self._x = self._x + step * (along_m - place.side.length_m)
         self._apart = self._apart - step * float(h @ self._apart)
         for p in self._covariances:
@@ -374,13 +374,13 @@ class Position(Readings):
             return
         edge = self._lane_of.edge
         before = self.outline.heading_rad(edge)
-        self.outline.move(self._x[STATES:])
-        self._x[STATES:] = 0.0
+        self.outline.move(self._x[self.outline.at])
+        self._x[self.outline.at] = 0.0
         turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
         c, s = math.cos(turned), math.sin(turned)
         x, y = self._x[[GRADE_X, GRADE_Y]]
         self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
-        xs = np.array([X, GRADE_X, *range(STATES, len(self._x), 2)])
+        xs = np.array([X, GRADE_X, *self._corners[::2]])
         for p in self._covariances:
             spread.turn(p, xs, c, s)
         x, y = self._apart[xs], self._apart[xs + 1]

@@ -14,6 +14,7 @@ from host.core.vehicle import Vehicle
 from host.estimate import prior
 from host.estimate.borders import Borders
 from host.estimate.kalman import Filter
+from host.estimate.lanes import kept_for
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.motion_model import STEP_SIGMA, Wander
 from host.estimate.outline import Outline
@@ -26,7 +27,6 @@ from host.estimate.states import (
     LANE_YAW,
     PLAN_YAW,
     SCALE,
-    STATES,
     YAW,
     X,
     Y,
@@ -48,7 +48,7 @@ class Readings(Filter):
         self.outline = Outline(boundary if sigma_m > 0.0 else ())
         self.sigma_m = sigma_m
         """Of a corner of the boundary before anything is seen of it, along x and along y."""
-        states = STATES + self.outline.states
+        states = self.outline.at.stop + 2 * kept_for(len(boundary))
         super().__init__(np.zeros(states), prior.covariance(states))
         self._vehicle = vehicle
         self._blade_x_m, self._inset_m = vehicle.blade_x_m, vehicle.inset_m
@@ -56,6 +56,11 @@ class Readings(Filter):
         self._beside: Wander | None = None
         self.known = False
         """Whether it has a place in the plan."""
+
+    @property
+    def _corners(self) -> NDArray[np.int64]:
+        """(n,) where the corners stand among the states."""
+        return np.arange(self.outline.at.start, self.outline.at.stop)
 
     @property
     def x(self) -> NDArray[np.float64]:
@@ -101,7 +106,7 @@ class Readings(Filter):
         """The same of every place at which the machine may be: that, and the alternative."""
         if self.likely == 0.0:
             return (self.borders,)
-        more = self._apart[STATES:].reshape(-1, 2)
+        more = self._apart[self.outline.at].reshape(-1, 2)
         return self.borders, Borders(self._x + self._apart, self._other_p, self.outline, more)
 
     @property
@@ -109,7 +114,7 @@ class Readings(Filter):
         """How far from there the alternative lies against any border, at most; 0: there is none."""
         if self.likely == 0.0:
             return 0.0
-        corners = self._apart[STATES:].reshape(-1, 2)
+        corners = self._apart[self.outline.at].reshape(-1, 2)
         return math.hypot(*self._apart[:YAW]) + float(np.hypot(*corners.T).max(initial=0.0))
 
     def at(self, side: Side) -> Place:
@@ -167,12 +172,12 @@ class Readings(Filter):
             return 0.0
         if not self.known:
             return self.sigma_m
-        p, at = self._p, np.arange(STATES, len(self._x))
+        p, at = self._p, self._corners
         own = np.resize([X, Y], len(at))
         return math.sqrt((p[at, at] + p[own, own] - 2 * p[at, own]).max())
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""
         h = np.zeros(len(self._x))
-        h[STATES:] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
+        h[self.outline.at] = self.outline.turning(side.edge) - self.outline.turning(past.edge)
         return self.sigma(h)

@@ -21,7 +21,7 @@ from typing import Final
     GYRO_SCALE,
     GRADE_X,
     GRADE_Y,
-    KEPT,
+    CORNERS,
 ) = range(17)
 """Pose in the field frame, m and rad; share of their way that the driven wheels lose by pushing the
 blade through crop; the present lane against the edge that it runs along, m and rad; the courses'
@@ -31,10 +31,8 @@ for each metre; how far left of its lane's straight line the crop's edge lies he
 of its true place every picture shows it, m; share of their way that the wheels always lose, by
 rolling and by what their sensor's scale is wrong; share of what is turned that the gyroscope shows
 too much, besides what has been taken off it; and what of their way the wheels lose uphill, along x
-and y of the field frame. From KEPT on, two by two, lanes that were cut, as the present one; and
-behind them, two by two, how far the boundary's corners lie from where they are taken to be, m."""
-KEPT_LANES: Final = 16
-"""Lanes that were cut, in the state: one or two for each edge of a field without bends."""
-STATES: Final = KEPT + 2 * KEPT_LANES
+and y of the field frame. From CORNERS on, two by two, how far the boundary's corners lie
+from where they are taken to be, m, if they are to be found (`Outline.at`); and behind them, two by
+two, lanes that were cut, as the present one (`host.estimate.lanes`)."""
 POSE: Final = slice(X, YAW + 1)
 LANE: Final = slice(LANE_OFFSET, LANE_YAW + 1)

@@ -13,13 +13,12 @@ from host.estimate.lane import Lane
 from host.estimate.measurements import edge
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
-from host.estimate.states import STATES
 
 
 def sure_of(position: Position, *sigmas: float) -> None:
     """That it stands where it believes, with these standard deviations of x, y and yaw (m and rad)
     at most."""
-    h = np.eye(3, STATES + position.outline.states)
+    h = np.eye(3, len(position.x))
     position.fuse(Measurement("sure of", h, np.zeros(3), np.square(sigmas)))
 
 

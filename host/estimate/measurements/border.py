@@ -9,7 +9,7 @@ import numpy as np
 
 from host.estimate.kalman import Array, Measurement
 from host.estimate.place import Place
-from host.estimate.states import STATES, YAW
+from host.estimate.states import YAW
 
 SLANT_SHARE = 0.7
 """Standard deviation of where in a slanting border vision sees crop, as a share of how far in."""
@@ -60,7 +60,7 @@ def border(
     c, s = place.direction
     h = np.zeros((1, len(place.x)))
     h[0, :YAW] = c - slope * s, s + slope * c
-    h[0, STATES:] = -place.outline.end(place.side, way)
+    h[0, place.outline.at] = -place.outline.end(place.side, way)
     beyond_m = across.beyond_m
     if across.by is not None:
         h[0] -= across.by

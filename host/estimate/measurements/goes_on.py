@@ -15,7 +15,7 @@ import numpy as np
 
 from host.estimate.kalman import Array
 from host.estimate.place import Place
-from host.estimate.states import STATES, X, Y
+from host.estimate.states import X, Y
 
 LIKELY: Final = -2.0
 """The bound in standard deviations from the mean: farther before it cuts off next to nothing."""
@@ -29,7 +29,7 @@ def to_border(place: Place, way: int) -> Array:
     c, s = place.direction
     h = np.zeros(len(place.x))
     h[X], h[Y] = -c, -s
-    h[STATES:] = place.outline.end(place.side, way)
+    h[place.outline.at] = place.outline.end(place.side, way)
     return h
 
 

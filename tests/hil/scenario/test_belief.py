@@ -19,6 +19,7 @@ from hil.judge.metrics import OVERLAP_M, Truth
 from hil.scenario.belief import Errors, ccw, corner_like
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, assigned, changed, load, merge
+from hil.studies.outlines import outline
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Request, State
@@ -298,3 +299,12 @@ def test_a_field_that_bends_is_walked_as_its_edge_runs() -> None:
         true.centroid.y - believed.centroid.y,
     )
     assert middle.exterior.hausdorff_distance(true.exterior) < 1.5
+
+
+def test_a_field_whose_walks_have_no_straight_sides_is_walked_so_too() -> None:
+    """Few corners that hardly turn: no walk shows them, and the message advises --irregular."""
+    ring = [list(point) for point in outline(77).ring]
+    told = load("default", {"seed": 77, "field": {"polygon": ring}}).told
+    assert len(told.boundary) > len(ring)
+    believed, true = shapely.Polygon(told.boundary), shapely.Polygon(ring)
+    assert believed.area == pytest.approx(true.area, rel=0.1)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from host.estimate.borders import Borders
 from host.estimate.outline import Outline
-from host.estimate.states import STATES, YAW, X, Y
+from host.estimate.states import CORNERS, YAW, X, Y
 
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
 POINTS = np.array([[5.0, 1.0], [6.5, 1.4], [4.6, -0.3]])
@@ -18,7 +18,7 @@ AXLE = (5.0, 2.0)
 
 def state(rng: np.random.Generator, corners: int) -> tuple[np.ndarray, np.ndarray]:
     """A machine at AXLE, and a covariance in which everything goes with everything."""
-    x = np.zeros(STATES + 2 * corners)
+    x = np.zeros(CORNERS + 2 * corners)
     x[[X, Y]] = AXLE
     root = rng.normal(0.0, 0.1, (len(x), len(x)))
     return x, root @ root.T
@@ -39,7 +39,7 @@ def test_against_a_border_a_point_is_as_sure_as_both_together(seed: int, share: 
             by[0, X] = by[1, Y] = 1.0
             by[:, YAW] = AXLE[1] - py, px - AXLE[0]
             for corner, moves in ((edge, 1.0 - share), ((edge + 1) % len(RING), share)):
-                at = STATES + 2 * corner
+                at = CORNERS + 2 * corner
                 by[0, at] -= moves
                 by[1, at + 1] -= moves
             assert found[edge, k] == pytest.approx(by @ p @ by.T, abs=1e-6)

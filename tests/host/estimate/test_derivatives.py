@@ -16,7 +16,7 @@ from host.estimate.motion_model import DRILLED, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
-from host.estimate.states import CRAB, STATES, WANDER, YAW, X, Y
+from host.estimate.states import CORNERS, CRAB, WANDER, YAW, X, Y
 from host.route.plan import spiral
 
 VEHICLE = Vehicle()
@@ -43,13 +43,13 @@ def test_a_measurements_derivative_is_that_of_what_it_expects(
 ) -> None:
     side = spiral(RING, 0, VEHICLE, sigma_m=1.0).sides[index]
     x, y, heading = side.pose(0.7 * side.length_m - VEHICLE.blade_x_m, VEHICLE.inset_m + 0.1)
-    state = np.zeros(STATES + 2 * len(RING))
+    state = np.zeros(CORNERS + 2 * len(RING))
     state[[X, Y, YAW]] = x, y, heading + 0.05
 
     def innovation(change: Array) -> float:
         outline = Outline(RING)
-        outline.move(change[STATES:])
-        own = state + np.concatenate([change[:STATES], np.zeros(2 * len(RING))])
+        outline.move(change[CORNERS:])
+        own = state + np.concatenate([change[:CORNERS], np.zeros(2 * len(RING))])
         place = Place(own, outline.found(side), VEHICLE.blade_x_m, VEHICLE.inset_m, outline)
         return float(take(place).innovation[0])
 
@@ -67,16 +67,16 @@ def test_a_measurements_derivative_is_that_of_what_it_expects(
 def test_a_courses_derivative_is_that_of_the_course_it_expects() -> None:
     """It is given against the machine's yaw: what that moves, moves what was measured."""
     seen_rad, yaw = 0.3, 0.1
-    state = np.linspace(0.01, 0.02, STATES)
+    state = np.linspace(0.01, 0.02, CORNERS)
     state[YAW] = yaw
 
     def at(change: Array) -> Measurement:
         x = state + change
         return course.course(x, seen_rad - float(x[YAW]), 0.5)
 
-    before = at(np.zeros(STATES))
-    for k in range(STATES):
-        change = np.zeros(STATES)
+    before = at(np.zeros(CORNERS))
+    for k in range(CORNERS):
+        change = np.zeros(CORNERS)
         change[k] = STEP
         slope = -(at(change).innovation[0] - before.innovation[0]) / STEP
         assert before.h[0, k] == pytest.approx(slope, abs=1e-6), k
@@ -87,7 +87,7 @@ def test_a_courses_derivative_is_that_of_the_course_it_expects() -> None:
 def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool) -> None:
     """The covariance after a step, less what the step itself errs, is that of the moved state."""
     rng = np.random.default_rng(7)
-    state = 0.02 * rng.standard_normal(STATES + 2)
+    state = 0.02 * rng.standard_normal(CORNERS + 2)
     state[CRAB] = 0.0  # what a turn takes of the drift is taken to be known
     past = motion(0.0, 0.0, 1.0, by_gyro)
     later = motion(0.4, 0.15, 1.5, by_gyro)

@@ -16,7 +16,7 @@ from host.estimate.measurements import begin, course, edge, end, rest
 from host.estimate.motion_model import SIGHT_SIGMA_M
 from host.estimate.odometry import Motion
 from host.estimate.place import Place
-from host.estimate.states import GYRO, LANE_OFFSET, PLAN_YAW, STATES, WANDER, YAW, X, Y
+from host.estimate.states import CORNERS, GYRO, LANE_OFFSET, PLAN_YAW, WANDER, YAW, X, Y
 from host.route.plan import Plan
 from host.route.side import Side
 from tests.helpers.places import OnLane
@@ -92,7 +92,7 @@ def test_the_estimator_hands_its_innovations_over_once() -> None:
 
 
 def place(x_m: float, y_m: float, yaw_rad: float = 0.0, side: Side = SIDE) -> Place:
-    x = np.zeros(STATES)
+    x = np.zeros(CORNERS)
     x[[X, Y, YAW]] = x_m, y_m + VEHICLE.inset_m, yaw_rad
     return Place(x, side, VEHICLE.blade_x_m, VEHICLE.inset_m)
 
@@ -117,7 +117,7 @@ def test_an_unsure_edge_and_a_far_one_count_less() -> None:
 
 
 def test_what_the_gyroscope_shows_at_rest_is_its_offset_besides_what_is_known_of_it() -> None:
-    x = np.zeros(STATES)
+    x = np.zeros(CORNERS)
     x[GYRO] = 0.01
     one = rest.rest(x, 0.03, 0.02**2)
     assert one.innovation == pytest.approx([0.02])
@@ -125,7 +125,7 @@ def test_what_the_gyroscope_shows_at_rest_is_its_offset_besides_what_is_known_of
 
 
 def test_a_course_tells_of_yaw_and_the_plans_direction() -> None:
-    x = np.zeros(STATES)
+    x = np.zeros(CORNERS)
     x[PLAN_YAW] = 0.02
     slow, fast = course.course(x, 0.05, 0.3), course.course(x, 0.05, 1.0)
     assert slow.innovation == pytest.approx([0.03])
@@ -150,7 +150,7 @@ def test_a_border_that_may_be_something_else_moves_the_place_by_a_part(border: M
     it is next to nothing."""
     sigma_m, shares, sigmas = 0.3, [], []
     for off_m in (0.0, 0.3, 1.0, 3.0):
-        one = Read(np.zeros(STATES), np.eye(STATES) * sigma_m**2)
+        one = Read(np.zeros(CORNERS), np.eye(CORNERS) * sigma_m**2)
         only_x = np.zeros_like(border.h)
         only_x[0, X] = 1.0
         assert one.fuse(replace(border, h=only_x, innovation=np.array([off_m])))

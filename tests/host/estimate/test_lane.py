@@ -16,7 +16,7 @@ from host.estimate.motion_model import BESIDE, PRESSED, YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.estimate.prior import START_SIGMA
-from host.estimate.states import GRADE_X, GRADE_Y, SCALE, SIGHT, STATES, WANDER
+from host.estimate.states import GRADE_X, GRADE_Y, SCALE, SIGHT, WANDER
 from host.route.side import Side
 from tests.helpers.places import OnLane, driven, followed, spun, sure_of
 
@@ -126,7 +126,7 @@ def test_a_late_picture_is_held_against_where_the_vehicle_was() -> None:
 
 def sure_at(position: Position, side: Side, along_m: float) -> None:
     """The blade stands there, to a centimetre."""
-    h = np.zeros((1, STATES))
+    h = np.zeros((1, len(position.x)))
     h[0, 0] = math.cos(side.heading_rad)
     off = along_m - position.along(side)
     position.fuse(Measurement("there", h, np.array([off]), np.array([0.01**2])))

@@ -12,7 +12,7 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Array, Measurement
 from host.estimate.lane import Lane
-from host.estimate.lanes import Known, Lanes
+from host.estimate.lanes import LEAST_KEPT, Known, Lanes
 from host.estimate.leading_lane import tie
 from host.estimate.measurements.begin import begin
 from host.estimate.measurements.border import BOUNDARY, Across
@@ -21,7 +21,7 @@ from host.estimate.measurements.end import end
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.position import Position
-from host.estimate.states import KEPT_LANES, LANE_OFFSET, LANE_YAW, SIGHT, STATES, YAW, X, Y
+from host.estimate.states import LANE_OFFSET, LANE_YAW, SIGHT, YAW, X, Y
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import Side
 from tests.helpers.places import followed
@@ -42,14 +42,15 @@ BACK = NAMED(Side(14.0 - INSIDE, 10.0 - WIDTH, math.pi, 14.0 - 3.0 * WIDTH, WIDT
 """Along the third: it begins there."""
 
 
-COUNT = STATES + 2 * len(RING)
+COUNT = OUTLINE.at.stop + 2 * LEAST_KEPT
+KEPT_AT = range(OUTLINE.at.stop, COUNT, 2)
 NOTHING = np.zeros((COUNT, COUNT))
 
 
 def kept(*cut: tuple[Side, float, float]) -> tuple[Lanes, Array, list[int]]:
     """Lanes of sides that were cut, each so many m and rad off, the state that holds them, and
     where."""
-    found, x, at = Lanes(WIDTH), np.zeros(COUNT), []
+    found, x, at = Lanes(WIDTH, KEPT_AT), np.zeros(COUNT), []
     for side, offset_m, askew_rad in cut:
         at.append(found.keep(side, x, NOTHING))
         x[at[-1] : at[-1] + 2] = offset_m, askew_rad
@@ -87,7 +88,7 @@ def test_a_lane_that_lies_askew_is_met_where_the_side_ends() -> None:
 
 def test_where_no_lane_lies_across_the_border_is_the_fields_own() -> None:
     found, _, _ = kept((UP, 0.3, 0.0))
-    assert Lanes(WIDTH).across(OUTLINE, ACROSS, 1) == BOUNDARY
+    assert Lanes(WIDTH, KEPT_AT).across(OUTLINE, ACROSS, 1) == BOUNDARY
     assert found.across(OUTLINE, ACROSS, -1) == BOUNDARY
     assert found.across(Outline(()), ACROSS, 1) == BOUNDARY, "a known boundary"
 
@@ -112,7 +113,7 @@ def test_a_border_that_a_strip_has_left_is_met_where_that_lies(
 
 def test_inside_the_field_no_lane_is_known_as_surely_as_the_boundary() -> None:
     """Of an edge that strips along another edge of the boundary have left."""
-    found = Lanes(WIDTH)
+    found = Lanes(WIDTH, KEPT_AT)
     at_boundary, inside = (found.beside(side, COUNT) for side in (FIRST, ACROSS))
     assert math.sqrt(at_boundary.noise[0, 0]) < 0.1
     assert math.sqrt(inside.noise[0, 0]) > 0.25
@@ -175,11 +176,35 @@ def test_where_the_machine_is_found_to_be_elsewhere_the_lanes_that_it_has_cut_ar
     assert position.on_lane().lane_at(13.0) == pytest.approx(0.3, abs=0.1)
 
 
+@pytest.mark.parametrize(("ring", "moves_m"), [(40, 0.3), (4, 0.0)])
+def test_the_lanes_along_all_pieces_of_a_ring_that_bends_stay_where_the_machine_is_found(
+    ring: int, moves_m: float
+) -> None:
+    """Forty pieces after it was cut, the first one's lane moves with the machine still. Beside a
+    ring of four edges there is no room for so many."""
+    turns = [math.tau * k / ring for k in range(ring)]
+    position = Position(VEHICLE, [(30.0 * math.cos(t), 30.0 * math.sin(t)) for t in turns])
+    position.place(FIRST, 0.0, 0.0, 0.0)
+    position.begin(FIRST, straight=False)
+    for k in range(28):
+        at = Motion(0.0, 0.5, 0.0, 0.5 * k, 0.0, 0.5 * k, 0.0)
+        position.predict(at, cutting=False)
+        followed(position, 0.0, 0.02)
+    for k in range(1, 40):
+        places = ((0.0, 3.0 * k),)
+        position.begin(replace(FIRST, edges=(k,), y_m=3.0 * k, places_m=places), straight=False)
+    h = np.zeros((1, len(position.x)))
+    h[0, Y] = 1.0
+    position.fuse(Measurement("put", h, np.array([0.3]), np.array([1e-6])))
+    position.begin(replace(FIRST, y_m=WIDTH, places_m=((0.0, WIDTH),)), straight=False)
+    assert position.on_lane().lane_at(13.0) == pytest.approx(moves_m, abs=0.1)
+
+
 def test_of_too_many_lanes_the_oldest_is_known_as_well_but_alone() -> None:
     position = Position(VEHICLE)
     sides = [
         replace(FIRST, edges=(k,), y_m=3.0 * k, places_m=((0.0, 3.0 * k),))
-        for k in range(KEPT_LANES + 2)
+        for k in range(LEAST_KEPT + 2)
     ]
     position.place(sides[0], 0.0, 0.0, 0.0)
     position.begin(sides[0])

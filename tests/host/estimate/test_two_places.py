@@ -266,7 +266,7 @@ def test_where_an_edge_turns_what_lies_between_the_places_turns_with_it() -> Non
     drive = Drive(2.0, sigma_m=1.0)
     position = apart(drive, X=1.0)
     corner = np.zeros((1, len(position.x)))
-    corner[0, states_of.STATES + 3] = 1.0  # the second one's y: it turns the first edge
+    corner[0, states_of.CORNERS + 3] = 1.0  # the second one's y: it turns the first edge
     position.fuse(Measurement("corner", corner, np.array([1.4]), np.array([1e-6])))
     before = np.diff(drive.places(), axis=0)[0]
     position.rested(0.0, 1.0)
@@ -380,7 +380,7 @@ def test_where_corners_are_found_the_other_place_has_corners_of_its_own() -> Non
 
 def test_corners_that_lie_elsewhere_from_the_other_place_alone_count_there() -> None:
     outline = Outline(RING)
-    x = np.zeros(states_of.STATES + 8)
+    x = np.zeros(states_of.CORNERS + 8)
     point = np.array([[7.0, 0.2]])
     more_m = np.array([[0.0, -1.0], [0.0, -1.0], [0.0, 0.0], [0.0, 0.0]])
     assert Borders(x, np.eye(len(x)), outline).as_planned(point) == pytest.approx(point)

@@ -18,7 +18,7 @@ from host.estimate.gaps import SEEN_M
 from host.estimate.lane import Lane
 from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
-from host.estimate.states import STATES
+from host.estimate.states import CORNERS
 from host.field.areas import Level, Verdict
 from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours import turn as turn_module
@@ -1528,9 +1528,9 @@ def test_crop_is_the_fields_own_wherever_it_is_of_two_places_if_the_strip_goes_o
     assert context.strip.surely_own and context.strip.surely_crop
     position = context.estimate.position
     apart = np.zeros(len(position.x))
-    apart[STATES : STATES + 2] = apart_m
+    apart[CORNERS : CORNERS + 2] = apart_m
     if not corner:
-        apart = np.roll(apart, -STATES)
+        apart = np.roll(apart, -CORNERS)
     position.keep_apart(apart, 1e-6 * np.eye(len(apart)), 0.3)
     assert context.strip.surely_own is own and context.strip.surely_crop is own
 
