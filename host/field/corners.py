@@ -1,0 +1,92 @@
+"""Corners of a boundary that was walked as its edge runs.
+
+Who walks around a corner, and what smooths the walk, round it over some metres; crop that was
+drilled has it. Each rounded corner is three or four short edges, whose directions nobody knows to
+ten degrees, and at whose ends no side ends: no strip that ends there shows where the next edge
+lies.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+import shapely
+
+from host.field.walk import Points
+
+CORNER_RAD: Final = math.radians(25.0)
+"""What turns by less is a bend, which the machine follows."""
+MOST_RAD: Final = math.radians(150.0)
+"""The edges beside a corner that turns by more meet far away, or nowhere."""
+OVER_M: Final = 6.0
+"""Way along the edge over which a corner may be rounded: what SMOOTH_M of the survey makes of one
+(5 m), and the walker's own arc. Longer: an edge that bends becomes a polygon."""
+CUT_OFF_M: Final = 0.8
+"""What may lie between a corner and the rounded edge. A tractor's track with a radius of 2 m leaves
+as much at a right angle, of a larger radius it leaves more: that stays round."""
+EDGE_M: Final = 2.0
+"""Of the edges beside a corner, at least: shorter ones do not tell their direction,"""
+EDGE_SHARE: Final = 1.5
+"""and so many times the way over which it is rounded: an edge that bends all along has no corner.
+"""
+
+
+class _Rounded(NamedTuple):
+    """Points of a ring that are one corner."""
+
+    first: int
+    points: int
+    corner: Points
+    """(2,)"""
+
+
+def sharpened(ring: Points) -> Points:
+    """(n, 2) of a closed ring of points: what rounds a corner is replaced by the place where the
+    edges beside it meet."""
+    while (found := _most_rounded(ring)) is not None:
+        ring = np.roll(ring, -found.first, axis=0)
+        fewer = np.vstack([found.corner, ring[found.points :]])
+        if not shapely.LinearRing(fewer).is_simple:
+            break
+        ring = fewer
+    return ring
+
+
+def _most_rounded(ring: Points) -> _Rounded | None:
+    """The corner that is rounded by most points; of those the one that turns most."""
+    ways = np.roll(ring, -1, axis=0) - ring
+    lengths = np.hypot(*ways.T)
+    headings = np.arctan2(ways[:, 1], ways[:, 0])
+    turns = np.remainder(headings - np.roll(headings, 1) + math.pi, math.tau) - math.pi
+    count, best, rank = len(ring), None, (0, 0.0)
+    for first in range(count):
+        turned, way_m = float(turns[first]), 0.0
+        for more in range(1, count - 3):
+            last = (first + more) % count
+            way_m += float(lengths[last - 1])
+            if way_m > OVER_M or turns[last] * turns[first] <= 0.0:
+                break
+            turned += float(turns[last])
+            beside_m = min(lengths[first - 1], lengths[last])
+            turns_enough = CORNER_RAD < abs(turned) < MOST_RAD
+            if (
+                not turns_enough
+                or beside_m < max(EDGE_M, EDGE_SHARE * way_m)
+                or (more, abs(turned)) <= rank
+            ):
+                continue
+            corner = _meeting(ring[first], ways[first - 1], ring[last], ways[last])
+            at = [(first + k) % count for k in range(more + 1)]
+            if shapely.LineString(ring[at]).distance(shapely.Point(corner)) < CUT_OFF_M:
+                best, rank = _Rounded(first, more + 1, corner), (more, abs(turned))
+    return best
+
+
+def _meeting(one: Points, its_way: Points, other: Points, others_way: Points) -> Points:
+    """(2,) where two lines meet, each through a place and along a direction (2,)."""
+    across = its_way[0] * others_way[1] - its_way[1] * others_way[0]
+    off = other - one
+    found: Points = one + its_way * ((off[0] * others_way[1] - off[1] * others_way[0]) / across)
+    return found

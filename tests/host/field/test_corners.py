@@ -1,0 +1,83 @@
+"""Facts about the corners of a boundary that was walked as its edge runs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from host.field.corners import sharpened
+from host.field.survey import any_edge
+from host.field.walk import Points
+
+SIDE_M = 20.0
+
+
+def rounded(corners: Points, radius_m: float) -> Points:
+    """A closed ring of straight sides whose corners are arcs."""
+    shape = shapely.Polygon(corners)
+    round_ = shape.buffer(-radius_m, join_style="mitre").buffer(radius_m, quad_segs=4)
+    return shapely.get_coordinates(round_.exterior)[:-1]
+
+
+def quadrilateral(turn_rad: float) -> Points:
+    """One that turns by this at its second and fourth corner."""
+    c, s = math.cos(turn_rad), math.sin(turn_rad)
+    ring = np.array([[0, 0], [1, 0], [1 + c, s], [c, s]], float)
+    return SIDE_M * ring
+
+
+@given(st.floats(math.radians(72), math.radians(108)), st.floats(0.0, math.tau))
+def test_a_corner_that_was_rounded_over_a_walkers_metre_is_a_corner_again(
+    turn_rad: float, towards_rad: float
+) -> None:
+    c, s = math.cos(towards_rad), math.sin(towards_rad)
+    true = quadrilateral(turn_rad) @ np.array([[c, s], [-s, c]])
+    found = sharpened(rounded(true, 1.0))
+    assert len(found) == 4
+    off = np.hypot(*(found[:, None] - true[None]).transpose(2, 0, 1)).min(1)
+    assert off == pytest.approx(np.zeros(4), abs=1e-6)
+
+
+def test_an_inner_corner_is_sharpened_too() -> None:
+    true = np.array([[0, 0], [30, 0], [30, 15], [15, 15], [15, 30], [0, 30]], float)
+    shape = shapely.Polygon(rounded(true, 1.0)).buffer(1.0).buffer(-1.0, quad_segs=4)
+    found = sharpened(shapely.get_coordinates(shape.exterior)[:-1])
+    assert len(found) == 6
+    assert shapely.Polygon(found).symmetric_difference(shapely.Polygon(true)).area < 0.01
+
+
+def test_what_a_tractor_has_rounded_stays_round() -> None:
+    ring = rounded(quadrilateral(math.pi / 2), 6.0)
+    assert sharpened(ring) == pytest.approx(ring)
+
+
+def test_an_edge_that_bends_all_along_has_no_corner() -> None:
+    turns = np.arange(24) * math.tau / 24
+    ring = 15.0 * np.column_stack([np.cos(turns), np.sin(turns)])
+    assert sharpened(ring) == pytest.approx(ring)
+
+
+def test_a_corner_whose_edges_would_cross_others_stays_as_it_is() -> None:
+    """Two corners back to back in a narrow neck: sharpened, the ring would cross itself."""
+    ring = np.array(
+        [[0, 0], [20, 0], [20.6, 0.6], [20.6, 12], [10.4, 12], [10, 11.6], [10, 0.1], [0, 0.1]],
+        float,
+    )
+    assert shapely.LinearRing(sharpened(ring)).is_simple
+
+
+def test_a_walked_square_has_four_corners_whatever_smoothing_made_of_them() -> None:
+    """Sampled each half metre, and strayed from by a decimetre."""
+    square = shapely.LinearRing(quadrilateral(math.pi / 2))
+    along = np.arange(0.0, square.length, 0.5)
+    ring = shapely.get_coordinates(shapely.line_interpolate_point(square, along))
+    strayed = ring + 0.1 * np.sin(along * math.tau / 9.0)[:, None]
+    found = any_edge(strayed)
+    assert len(found) == 4
+    off = np.hypot(*(found[:, None] - quadrilateral(math.pi / 2)[None]).transpose(2, 0, 1)).min(1)
+    assert off.max() < 0.4
