@@ -30,7 +30,8 @@ from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
 from host.core.yaml_file import load_yaml
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
-from host.field.survey import MAX_CORNERS, survey_track
+from host.field.corners import MAX_CORNERS
+from host.field.survey import survey_track
 from host.field.walk import read_fixes, track_of
 from host.link import protocol
 from host.route.plan import Plan, spiral

@@ -10,9 +10,9 @@ from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.terminal import echo
 from host.field.boundary_file import check_target, save_field
+from host.field.corners import MAX_CORNERS
 from host.field.survey import (
     CLOSE_M,
-    MAX_CORNERS,
     draw_survey,
     read_walk,
     record_walk,

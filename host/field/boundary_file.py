@@ -40,6 +40,7 @@ from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
 from host.core.terminal import plain
 from host.field import archive, isoxml_file
+from host.field.corners import steerable
 from host.field.gpx_file import bare, read_rings
 from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen
 
@@ -95,7 +96,8 @@ class Boundary:
     @property
     def doubts(self) -> list[str]:
         """What the machine will not be able to do with it, in words."""
-        points = np.array([self.frame.to_local(*corner) for corner in self.crop])
+        recorded = [self.frame.to_local(*corner) for corner in self.crop]
+        points = np.array(steerable(recorded, 0, self.known_to_m)[0])
         lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
         least_m = SHORT_SIGMAS * self.known_to_m
         short = int((lengths < least_m).sum())

@@ -27,7 +27,7 @@ from scipy.ndimage import correlate1d
 from host.core.errors import UserError
 from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
-from host.field.corners import sharpened
+from host.field.corners import MAX_CORNERS, SIMPLIFY_M, sharpened
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
     Loop,
@@ -47,8 +47,6 @@ mpl.use("Agg")
 
 CLOSE_M = 6.0
 """How far a phone's position drifts during a lap."""
-MAX_CORNERS = 12
-"""Of a field that is fitted by straight sides; with more it counts as irregular."""
 RING_POINTS = 240
 """Of the ring that sides are fitted to, whatever the walk's length."""
 MIN_SIDE = 0.03
@@ -67,10 +65,6 @@ STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
 SMOOTH_M = 5.0
 """Window over which an irregular ring is smoothed: twice the CEP of a phone."""
-SIMPLIFY_M = 0.3
-"""By which an irregular ring leaves what was walked, at most: the walker strays by as much. With
-0.15 m it has up to twice the corners, and is as far from the true edge (0.2 m RMS over 17 simulated
-walks)."""
 EDGE_POINTS = 16
 """Places along a lap whose error against each other is that of an irregular edge."""
 LAP_COLOURS = (4, 0, 1, 5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import shapely
 
@@ -48,13 +48,19 @@ def plan_of(
         holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
         plan = spiral(ring, start, vehicle, turn, gap_m, holes, field.known_to_m, tell)
     first = plan.sides[0]
-    begins = min(range(len(ring)), key=lambda k: math.dist(ring[k], (first.x_m, first.y_m)))
-    if begins != start:
+    begun = _nearest(plan.boundary, (first.x_m, first.y_m))
+    if begun != _nearest(plan.boundary, ring[start]):
+        begins = _nearest(ring, plan.boundary[begun])
         raise UserError(
             f"this field is not to be begun at corner {start}: put the machine at corner {begins}, "
             f"heading for corner {(begins + 1) % len(ring)}, and give --corner {begins}"
         )
     return frame, plan
+
+
+def _nearest(corners: Sequence[tuple[float, float]], place: tuple[float, float]) -> int:
+    """Which of the corners is nearest to a place."""
+    return min(range(len(corners)), key=lambda k: math.dist(corners[k], place))
 
 
 def plan_field(
@@ -73,7 +79,7 @@ def plan_field(
     inset = shapely.Polygon(areas.crop.exterior)
     ring = shapely.geometry.polygon.orient(inset)
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
-    start = min(range(len(corners)), key=lambda k: math.dist(corners[k], corner))
+    start = _nearest(corners, corner)
     holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
     room_m = None if gap_m is None else gap_m + inset_m
     return spiral(corners, start, vehicle, turn, room_m, holes, sigma_m, tell)

@@ -21,6 +21,7 @@ import shapely
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
+from host.field.corners import steerable
 from host.route.boundary_edges import BoundaryEdges
 from host.route.cuts import Cuts
 from host.route.side import BENT_RAD, Side
@@ -331,7 +332,9 @@ def spiral(
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
     side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
     field it is one that leaves least standing, then one whose shuttles have room. UserError where
-    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`)."""
+    the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`); of one
+    that was recorded point by point those are left that the machine can tell apart."""
+    boundary, start = steerable(boundary, start, sigma_m)
     blank = Plan((), turn, gap_m=gap_m, sigma_m=sigma_m)
     steps = strip_by_strip(boundary, start, vehicle, blank, keep_outs or [])
     most = most_strips(boundary, keep_outs or [])

@@ -10,9 +10,15 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.field.corners import sharpened
+from hil.studies.outlines import outline
+from host.core.errors import UserError
+from host.core.frames import LocalFrame
+from host.core.vehicle import Vehicle
+from host.field.boundary_file import Boundary
+from host.field.corners import sharpened, steerable
 from host.field.survey import any_edge
 from host.field.walk import Points
+from host.route.field_plan import plan_of
 
 SIDE_M = 20.0
 
@@ -81,3 +87,56 @@ def test_a_walked_square_has_four_corners_whatever_smoothing_made_of_them() -> N
     assert len(found) == 4
     off = np.hypot(*(found[:, None] - quadrilateral(math.pi / 2)[None]).transpose(2, 0, 1)).min(1)
     assert off.max() < 0.4
+
+
+def recorded(radius_m: float = 30.0, points: int = 60) -> list[tuple[float, float]]:
+    """A boundary whose edge wanders by a decimetre from point to point."""
+    turns = np.arange(points) * math.tau / points
+    radii = radius_m + 0.1 * np.cos(7.0 * np.arange(points))
+    return list(
+        zip((radii * np.cos(turns)).tolist(), (radii * np.sin(turns)).tolist(), strict=True)
+    )
+
+
+def test_of_what_was_recorded_those_corners_are_left_that_can_be_told_apart() -> None:
+    ring = recorded()
+    found, _ = steerable(ring, 0, 1.0)
+    assert 8 < len(found) < 40
+    apart = shapely.LinearRing(found).hausdorff_distance(shapely.LinearRing(ring))
+    assert apart < 1.0
+    closer, _ = steerable(ring, 0, 0.35)
+    assert len(found) < len(closer) < len(ring)
+
+
+def test_a_boundary_that_is_known_exactly_or_was_drawn_is_taken_as_it_is() -> None:
+    ring = recorded()
+    assert steerable(ring, 7, 0.0) == (ring, 7)
+    drawn = [(x, y) for x, y in rounded(quadrilateral(math.pi / 2), 1.0).tolist()][:12]
+    assert steerable(drawn, 3, 1.0) == (drawn, 3)
+
+
+@given(st.integers(0, 59))
+def test_where_the_machine_is_to_begin_a_corner_stays(start: int) -> None:
+    """But where it was rounded: then it is a step away."""
+    ring = recorded()
+    found, at = steerable(ring, start, 1.0)
+    assert math.dist(found[at], ring[start]) < 0.8
+
+
+@pytest.mark.parametrize("start", [0, 9, 31, 58])
+def test_a_plan_of_what_was_recorded_begins_where_it_is_told_or_says_where_it_can(
+    start: int,
+) -> None:
+    """By the numbers of the file."""
+    ring = outline(25).ring
+    frame = LocalFrame(48.0, 11.0)
+    field = Boundary(tuple(frame.to_wgs84(x, y) for x, y in ring))
+    places = [field.frame.to_local(*corner) for corner in field.crop]
+    try:
+        _, plan = plan_of(field, start, Vehicle(), "three_point", 2.0)
+    except UserError as error:
+        start = int(str(error).rsplit("--corner ", 1)[1])
+        _, plan = plan_of(field, start, Vehicle(), "three_point", 2.0)
+    assert len(plan.boundary) < len(ring) / 2
+    first = plan.sides[0]
+    assert math.dist((first.x_m, first.y_m), places[start]) < 3.0
