@@ -30,6 +30,8 @@ REASONS = 40
 @click.command()
 @click.option("--scenario", "names", multiple=True, metavar="NAME|FILE", help="May be repeated.")
 @click.option("--random", "random_fields", is_flag=True, help="Random fields, one per seed.")
+@click.option("--outlines", is_flag=True,
+              help="Small fields with edges that bend, one per seed.")  # fmt: skip
 @click.option("--seeds", type=SEEDS, default="1-4", show_default=True)
 @click.option(
     "--set", "settings", multiple=True, metavar="FIELD=A,B", help="Sweeps a scenario field."
@@ -52,6 +54,7 @@ REASONS = 40
 def campaign(
     names: tuple[str, ...],
     random_fields: bool,
+    outlines: bool,
     seeds: list[int],
     settings: tuple[str, ...],
     out: Path,
@@ -71,7 +74,9 @@ def campaign(
     The cost of a run, for --rank, is 10 / m of lateral RMS error plus the share left standing: for
     sweeps of the steering law and the speed in runs of one length."""
 
-    chosen = scenarios_of(names, seeds, settings, eyes, random_fields=random_fields)
+    chosen = scenarios_of(
+        names, seeds, settings, eyes, random_fields=random_fields, outlines=outlines
+    )
     jobs = jobs_of(chosen, out, keep_records, commissioned=commissioned)
 
     def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:

@@ -32,6 +32,7 @@ from hil.judge.causes import circumstances, disagreements
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, assigned, changed, load, merge
 from hil.studies.commissioning import commission, walk_of
+from hil.studies.outlines import outline_field
 from hil.studies.spread import spread
 from host.core.errors import UserError
 
@@ -293,16 +294,19 @@ def scenarios_of(
     eyes: str = "picture",
     *,
     random_fields: bool = False,
+    outlines: bool = False,
 ) -> list[Scenario]:
     """Every scenario with every seed and every combination of settings; the default one where
-    neither names nor random fields are asked for."""
+    neither names nor random fields nor outlines are asked for."""
     chosen: list[Scenario] = []
     for label, overrides in variants(settings):
         for seed in seeds:
             one = [load(name, merge(overrides, {"seed": seed})) for name in names]
             if random_fields:
                 one.append(changed(random_field(seed), overrides))
-            elif not names:
+            if outlines:
+                one.append(changed(outline_field(seed), overrides))
+            if not one:
                 one.append(load("default", merge(overrides, {"seed": seed})))
             chosen += [s.model_copy(update={"name": f"{s.name} {label}".strip()}) for s in one]
     return [changed(one, {"eyes": eyes}) for one in chosen]

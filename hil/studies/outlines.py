@@ -17,7 +17,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
-from hil.scenario.random_fields import corner_angles_deg, neck_m
+from hil.scenario.random_fields import corner_angles_deg, neck_m, random_field
+from hil.scenario.scenario import Scenario, changed
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
@@ -52,6 +53,8 @@ WANDER_DEG: Final = 4.0
 """Standard deviation of an edge's bend at a point, without what brings it back."""
 GAP_M: Final = 2.0
 """To the neighbour's crop: the usual one."""
+SMALL_M2: Final = (400.0, 900.0)
+"""Of an outline that is driven: some hours of a machine of this size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +205,16 @@ def _curved(rng: np.random.Generator, count: int, area_m2: float) -> Points:
         stretch = 1.0
     ring = np.column_stack([stretch * radius * np.cos(angles), radius * np.sin(angles)])
     return _scaled(ring, area_m2)
+
+
+def outline_field(seed: int) -> Scenario:
+    """The outline of a seed as a small field, with machine, crop, weather and neighbours of the
+    random field of that seed; its owner walks it."""
+    drawn, world = outline(seed), random_field(seed)
+    area_m2 = np.random.default_rng([seed, 6]).uniform(*SMALL_M2)
+    ring = _scaled(np.array(drawn.ring), area_m2).round(3).tolist()
+    field = {"polygon": ring, "keep_outs": []}
+    return changed(world, {"name": f"outline {drawn.kind}", "field": field, "start": {"corner": 0}})
 
 
 def planned(drawn: Outline, vehicle: Vehicle | None = None) -> Planned:
