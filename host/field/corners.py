@@ -74,8 +74,8 @@ def sharpened(ring: Points, cut_off_m: float = CUT_OFF_M) -> Points:
     """(n, 2) of a closed ring of points: what rounds a corner is replaced by the place where the
     edges beside it meet, no farther than cut_off_m from there."""
     while (found := _most_rounded(ring, cut_off_m)) is not None:
-        ring = np.roll(ring, -found.first, axis=0)
-        fewer = np.vstack([found.corner, ring[found.points :]])
+        begun = np.roll(ring, -found.first, axis=0)
+        fewer = np.vstack([found.corner, begun[found.points :]])
         if not shapely.LinearRing(fewer).is_simple:
             break
         ring = fewer

@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 
@@ -183,3 +184,12 @@ def test_edges_shorter_than_their_corners_are_known_are_said_before_anything_mov
     boundary = Boundary(tuple(ring(corners, radius_m)), sigma_m=sigma_m)
     assert [text[: len(said)] for text in boundary.doubts] == ([said] if said else [])
     assert [text for text in warnings(boundary, 2.0, "gnss") if "edges" in text] == boundary.doubts
+
+
+def test_points_along_straight_edges_are_no_short_edges() -> None:
+    """Of a boundary that was recorded every two metres the corners are what the machine finds."""
+    edge = shapely.box(0, 0, 30, 20).exterior
+    points = [edge.interpolate(along) for along in np.arange(0.0, edge.length, 2.0)]
+    boundary = Boundary(tuple(FRAME.to_wgs84(point.x, point.y) for point in points))
+    assert len(boundary.crop) == 50
+    assert boundary.doubts == []

@@ -68,13 +68,31 @@ def test_an_edge_that_bends_all_along_has_no_corner() -> None:
     assert sharpened(ring) == pytest.approx(ring)
 
 
-def test_a_corner_whose_edges_would_cross_others_stays_as_it_is() -> None:
-    """Two corners back to back in a narrow neck: sharpened, the ring would cross itself."""
+@pytest.mark.parametrize(("cut_off_m", "corners"), [(1.0, 4), (3.0, 8)])
+def test_what_is_cut_off_by_more_is_an_edge_of_its_own(cut_off_m: float, corners: int) -> None:
+    """Of each corner of a square so much of both its edges."""
+    square = quadrilateral(math.pi / 2)
+    towards = (np.roll(square, -1, axis=0) - square) / SIDE_M
+    ends = [square - cut_off_m * np.roll(towards, 1, axis=0), square + cut_off_m * towards]
+    ring = np.stack(ends, axis=1).reshape(-1, 2)
+    assert len(sharpened(ring)) == corners
+
+
+def test_a_step_of_the_edge_is_no_corner() -> None:
+    """It turns by 50 degrees to one side, and a metre on by 20 to the other."""
+    headings = np.radians([0.0, 50.0, 30.0])
+    way = np.column_stack([np.cos(headings), np.sin(headings)]) * [[20.0], [1.0], [20.0]]
+    ring = np.vstack([[[0.0, 0.0]], np.cumsum(way, axis=0), [[0.0, 40.0]]])
+    assert sharpened(ring) == pytest.approx(ring)
+
+
+def test_a_corner_that_would_make_the_ring_cross_itself_stays_as_it_is() -> None:
+    """Beyond the rounded corner, where its edges meet, the ring comes by once more."""
     ring = np.array(
-        [[0, 0], [20, 0], [20.6, 0.6], [20.6, 12], [10.4, 12], [10, 11.6], [10, 0.1], [0, 0.1]],
-        float,
+        [[0, 0], [19, 0], [20, 1], [20, 30], [40, 30], [40, -10], [19.6, 0.1], [-10, -10]], float
     )
-    assert shapely.LinearRing(sharpened(ring)).is_simple
+    assert shapely.LinearRing(ring).is_simple
+    assert sharpened(ring) == pytest.approx(ring)
 
 
 def test_a_walked_square_has_four_corners_whatever_smoothing_made_of_them() -> None:
