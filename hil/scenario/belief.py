@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -456,13 +457,18 @@ TURNED_M_RAD: Final = 5.0
 
 
 def corner_like(ring: Ring, corner: int, other: Ring) -> int:
-    """The corner of another ring whose side is most like that of `corner` in this one; both
-    counter-clockwise, about the same field."""
+    """The corner of another ring that is most like that of this one, by where it is and by the side
+    that leaves it; both counter-clockwise, about the same field. Of rings with as many corners by
+    the side alone: with it a corner stays itself, however far it lies off."""
     middles, headings = _midpoints(ring)
     others, turned = _midpoints(other)
     at = corner % len(ring)
-    centre = np.mean(middles, axis=0) - np.mean(others, axis=0)
-    away = np.hypot(*(others + centre - middles[at]).T)
+    if len(ring) == len(other):
+        centre = np.mean(middles, axis=0) - np.mean(others, axis=0)
+        away = np.hypot(*(others + centre - middles[at]).T)
+    else:
+        one, two = (np.array(shapely.Polygon(k).centroid.coords[0]) for k in (ring, other))
+        away = np.hypot(*(np.array(other) + one - two - ring[at]).T)
     askew = np.abs(np.remainder(turned - headings[at] + math.pi, math.tau) - math.pi)
     return int(np.argmin(away + TURNED_M_RAD * askew))
 

@@ -54,7 +54,9 @@ WANDER_DEG: Final = 4.0
 GAP_M: Final = 2.0
 """To the neighbour's crop: the usual one."""
 SMALL_M2: Final = (400.0, 900.0)
-"""Of an outline that is driven: some hours of a machine of this size."""
+"""Of an outline that is driven: an hour of a machine of this size."""
+TIME_S: Final = 7200.0
+"""After which it is broken off: some begin with three strips of an inner corner."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +216,9 @@ def outline_field(seed: int) -> Scenario:
     area_m2 = np.random.default_rng([seed, 6]).uniform(*SMALL_M2)
     ring = _scaled(np.array(drawn.ring), area_m2).round(3).tolist()
     field = {"polygon": ring, "keep_outs": []}
-    return changed(world, {"name": f"outline {drawn.kind}", "field": field, "start": {"corner": 0}})
+    name = f"outline {drawn.kind}"
+    rest = {"start": {"corner": 0}, "limits": {"time_s": TIME_S}}
+    return changed(world, {"name": name, "field": field, **rest})
 
 
 def planned(drawn: Outline, vehicle: Vehicle | None = None) -> Planned:

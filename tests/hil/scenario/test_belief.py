@@ -19,7 +19,7 @@ from hil.judge.metrics import OVERLAP_M, Truth
 from hil.scenario.belief import Errors, ccw, corner_like
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, assigned, changed, load, merge
-from hil.studies.outlines import outline
+from hil.studies.outlines import outline, outline_field
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Request, State
@@ -308,3 +308,13 @@ def test_a_field_whose_walks_have_no_straight_sides_is_walked_so_too() -> None:
     assert told.boundary_sigma_m > 0.0
     believed, true = shapely.Polygon(told.boundary), shapely.Polygon(ring)
     assert believed.area == pytest.approx(true.area, rel=0.1)
+
+
+def test_whoever_is_told_of_fewer_corners_puts_the_machine_at_the_field_s_own_corner() -> None:
+    """A side of the belief is ten edges of the field: what is like its middle is no corner."""
+    true = tuple((float(x), float(y)) for x, y in outline_field(49).world.corners)
+    believed = tuple(shapely.Polygon(true).simplify(0.3).exterior.coords[:-1])
+    assert len(believed) < len(true) / 1.5
+    for corner, place in enumerate(believed):
+        found = corner_like(believed, corner, true)
+        assert math.dist(true[found], place) < 1.5
