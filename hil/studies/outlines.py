@@ -54,9 +54,9 @@ WANDER_DEG: Final = 4.0
 GAP_M: Final = 2.0
 """To the neighbour's crop: the usual one."""
 SMALL_M2: Final = (400.0, 900.0)
-"""Of an outline that is driven: an hour of a machine of this size."""
+"""Of an outline that is driven: about an hour's work."""
 TIME_S: Final = 7200.0
-"""After which it is broken off: some begin with three strips of an inner corner."""
+"""After which such a harvest is broken off: twice what it usually takes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ Kinematics without error: the blade is on along the sides and off in the turns, 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from host.core.errors import UserError
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
-from host.field.areas import Areas, Geofence, outline_of, placed
+from host.field.areas import Areas, Geofence, areas_of, outline_of, placed
 from host.route.plan import Plan
 from host.route.side import Side
 from host.route.turn_choice import ROOM_M, next_turn, room_along, turn_origin
@@ -112,8 +112,18 @@ def _swath(side: Side, begin_m: float, vehicle: Vehicle) -> shapely.Polygon:
     return middle.buffer((left - right) / 2, cap_style="flat", join_style="mitre")
 
 
+def _guarded(plan: Plan, areas: Areas) -> Areas:
+    """The areas, with the permitted one as the pilot's geofence has it: around the plan's corners,
+    which may be fewer than were recorded."""
+    if areas.permitted is None or plan.gap_m is None or not plan.boundary:
+        return areas
+    field = shapely.Polygon(plan.boundary, plan.keep_outs)
+    return replace(areas, permitted=areas_of(field, plan.gap_m).permitted)
+
+
 def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
     """Drives the plan on paper."""
+    areas = _guarded(plan, areas)
     outline = outline_of(vehicle)
     fence = Geofence(areas) if areas.permitted is not None else None
     sides: list[NDArray[np.float64]] = []

@@ -160,19 +160,29 @@ def test_strip_after_strip_the_place_becomes_no_surer_beside_them() -> None:
     assert min(sigmas[1:]) > 0.95 * sigmas[0]
 
 
-def test_where_the_machine_is_found_to_be_elsewhere_the_lanes_that_it_has_cut_are_too() -> None:
-    """Seen from the place that was wrong, they are wrong by as much."""
-    position = Position(VEHICLE)
+def cut_first(position: Position) -> None:
+    """Along FIRST, from its beginning to its end."""
     position.place(FIRST, 0.0, 0.0, 0.0)
     position.begin(FIRST, straight=False)
     for k in range(28):
         at = Motion(0.0, 0.5, 0.0, 0.5 * k, 0.0, 0.5 * k, 0.0)
         position.predict(at, cutting=False)
         followed(position, 0.0, 0.02)
-    position.begin(replace(FIRST, y_m=WIDTH, places_m=((0.0, WIDTH),)), straight=False)
+
+
+def put_aside(position: Position) -> None:
+    """The machine is surely 0.3 m left of where it believed to be."""
     h = np.zeros((1, len(position.x)))
     h[0, Y] = 1.0
     position.fuse(Measurement("put", h, np.array([0.3]), np.array([1e-6])))
+
+
+def test_where_the_machine_is_found_to_be_elsewhere_the_lanes_that_it_has_cut_are_too() -> None:
+    """Seen from the place that was wrong, they are wrong by as much."""
+    position = Position(VEHICLE)
+    cut_first(position)
+    position.begin(replace(FIRST, y_m=WIDTH, places_m=((0.0, WIDTH),)), straight=False)
+    put_aside(position)
     assert position.on_lane().lane_at(13.0) == pytest.approx(0.3, abs=0.1)
 
 
@@ -184,18 +194,11 @@ def test_the_lanes_along_all_pieces_of_a_ring_that_bends_stay_where_the_machine_
     ring of four edges there is no room for so many."""
     turns = [math.tau * k / ring for k in range(ring)]
     position = Position(VEHICLE, [(30.0 * math.cos(t), 30.0 * math.sin(t)) for t in turns])
-    position.place(FIRST, 0.0, 0.0, 0.0)
-    position.begin(FIRST, straight=False)
-    for k in range(28):
-        at = Motion(0.0, 0.5, 0.0, 0.5 * k, 0.0, 0.5 * k, 0.0)
-        position.predict(at, cutting=False)
-        followed(position, 0.0, 0.02)
+    cut_first(position)
     for k in range(1, 40):
         places = ((0.0, 3.0 * k),)
         position.begin(replace(FIRST, edges=(k,), y_m=3.0 * k, places_m=places), straight=False)
-    h = np.zeros((1, len(position.x)))
-    h[0, Y] = 1.0
-    position.fuse(Measurement("put", h, np.array([0.3]), np.array([1e-6])))
+    put_aside(position)
     position.begin(replace(FIRST, y_m=WIDTH, places_m=((0.0, WIDTH),)), straight=False)
     assert position.on_lane().lane_at(13.0) == pytest.approx(moves_m, abs=0.1)
 

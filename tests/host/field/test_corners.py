@@ -14,11 +14,14 @@ from hil.studies.outlines import outline
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.vehicle import Vehicle
+from host.field.areas import areas_of
 from host.field.boundary_file import Boundary
 from host.field.corners import sharpened, steerable
 from host.field.survey import any_edge
 from host.field.walk import Points
 from host.route.field_plan import plan_of
+from host.route.plan import spiral
+from host.route.preview import preview
 
 SIDE_M = 20.0
 
@@ -158,3 +161,12 @@ def test_a_plan_of_what_was_recorded_begins_where_it_is_told_or_says_where_it_ca
     assert len(plan.boundary) < len(ring) / 2
     first = plan.sides[0]
     assert math.dist((first.x_m, first.y_m), places[start]) < 3.0
+
+
+def test_the_preview_asks_the_geofence_that_the_pilot_will_have() -> None:
+    """Around the recorded boundary the first turn seemed to lack 0.12 m of room."""
+    ring = list(outline(25).ring)
+    plan = spiral(ring, 0, Vehicle(), gap_m=2.0, sigma_m=1.0)
+    shown = preview(plan, areas_of(shapely.Polygon(ring), 2.0), Vehicle())
+    assert shown.warnings == []
+    assert shown.coverage > 0.995
