@@ -49,6 +49,8 @@ from host.estimate.states import (
     LANE,
     LANE_OFFSET,
     LANE_YAW,
+    WANDER,
+    WANDER_YAW,
     YAW,
     X,
     Y,
@@ -106,6 +108,11 @@ class Position(OnLanes):
         self._p = with_corners @ self._p @ with_corners.T
         self.known = True
         self._other_edge(side)
+        if self.bends:
+            # And along it, as it runs there.
+            with_edge = np.eye(len(self._x))
+            with_edge[[X, Y], WANDER], with_edge[YAW, WANDER_YAW] = (-s, c), 1.0
+            self._p = with_edge @ self._p @ with_edge.T
 
     def open(
         self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float

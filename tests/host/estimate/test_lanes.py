@@ -24,7 +24,7 @@ from host.estimate.position import Position
 from host.estimate.states import LANE_OFFSET, LANE_YAW, SIGHT, YAW, X, Y
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import Side
-from tests.helpers.places import followed
+from tests.helpers.places import driven, followed
 
 VEHICLE = Vehicle()
 WIDTH = VEHICLE.pass_m
@@ -340,3 +340,47 @@ def test_tied_to_the_machine_a_lane_is_as_sure_as_before(seen: bool) -> None:
     assert (covariance @ h)[[X, Y, YAW]] == pytest.approx(0.0, abs=1e-12), "its errors are its own"
     assert np.allclose(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
+
+
+ROUND = [(15.0 * math.cos(t), 15.0 * math.sin(t)) for t in np.linspace(0.0, math.tau, 13)[:-1]]
+"""Of more edges than a field has whose edges are straight."""
+
+
+def cut_in_a_bow(boundary: list[tuple[float, float]], sigma_m: float) -> tuple[float, float]:
+    """How far left of straight the next strip's edge is in its middle, where the blade has cut the
+    first one 0.2 m left of straight there; and how much it turns right between 1.5 m from its ends."""
+    position = Position(VEHICLE, boundary, sigma_m)
+    (ax, ay), (bx, by) = boundary[0], boundary[1]
+    heading, long_m = math.atan2(by - ay, bx - ax), math.dist(boundary[0], boundary[1])
+    named = BoundaryEdges(boundary).namer()
+    c, s = math.cos(heading), math.sin(heading)
+    first = named(Side(ax, ay, heading, long_m, WIDTH, long_m))
+    second = named(Side(ax - s * WIDTH, ay + c * WIDTH, heading, long_m, WIDTH, long_m))
+    position.place(first, 0.0, 0.0, 0.0)
+    here = Motion(0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0)
+    position.predict(here, cutting=True)
+    for at in np.linspace(0.0, 1.0, 60).tolist():
+        yaw = heading + math.atan(4.0 * 0.2 * (1.0 - 2.0 * at) / long_m)
+        inside = VEHICLE.inset_m + 4.0 * 0.2 * at * (1.0 - at)
+        x, y = ax + c * at * long_m - s * inside, ay + s * at * long_m + c * inside
+        ahead = VEHICLE.blade_x_m
+        here = driven(position, x - ahead * math.cos(yaw), y - ahead * math.sin(yaw), yaw, here)
+        position.cut()
+    position.begin(second)
+    place = position.on_lane()
+    straight = (place.lane_at(0.0) + place.lane_at(long_m)) / 2
+    return place.lane_at(long_m / 2) - straight, place.lane_rad(1.5) - place.lane_rad(long_m - 1.5)
+
+
+def test_a_strip_beside_an_edge_that_bends_knows_how_that_was_left() -> None:
+    bow_m, turns = cut_in_a_bow(ROUND, 0.3)
+    assert bow_m == pytest.approx(0.2, abs=0.05)
+    long_m = math.dist(*ROUND[:2])
+    assert turns == pytest.approx(1.6 * (long_m - 3.0) / long_m**2, rel=0.1)
+
+
+@pytest.mark.parametrize(("boundary", "sigma_m"), [(ROUND, 0.0), (RING, 0.3)])
+def test_an_edge_that_is_straight_by_the_plan_is_followed_as_a_straight_one(
+    boundary: list[tuple[float, float]], sigma_m: float
+) -> None:
+    assert cut_in_a_bow(boundary, sigma_m) == pytest.approx((0.0, 0.0), abs=1e-9)
