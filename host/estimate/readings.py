@@ -55,14 +55,16 @@ class Readings(Filter):
         """Of a corner of the boundary before anything is seen of it, along x and along y."""
         states = self.outline.at.stop + 2 * kept_for(len(boundary))
         super().__init__(np.zeros(states), prior.covariance(states))
+        self.bends = sigma_m > 0.0 and len(boundary) > STRAIGHT_EDGES
+        """Whether the boundary's edges are pieces of what bends."""
+        if self.bends:
+            self._p[PLAN_YAW, PLAN_YAW] = prior.RECORDED_SIGMA_RAD**2
         self._vehicle = vehicle
         self._blade_x_m, self._inset_m = vehicle.blade_x_m, vehicle.inset_m
         self._lane_of = NO_SIDE
         self._beside: Wander | None = None
         self._profile = STRAIGHT
         """Of the present lane's edge."""
-        self.bends = sigma_m > 0.0 and len(boundary) > STRAIGHT_EDGES
-        """Whether the boundary's edges are pieces of what bends."""
         self.known = False
         """Whether it has a place in the plan."""
 

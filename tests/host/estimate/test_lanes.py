@@ -348,7 +348,7 @@ ROUND = [(15.0 * math.cos(t), 15.0 * math.sin(t)) for t in np.linspace(0.0, math
 
 def cut_in_a_bow(boundary: list[tuple[float, float]], sigma_m: float) -> tuple[float, float]:
     """How far left of straight the next strip's edge is in its middle, where the blade has cut the
-    first one 0.2 m left of straight there; and how much it turns right between 1.5 m from its ends."""
+    first one 0.2 m left of straight there; and how much it turns right between its ends."""
     position = Position(VEHICLE, boundary, sigma_m)
     (ax, ay), (bx, by) = boundary[0], boundary[1]
     heading, long_m = math.atan2(by - ay, bx - ax), math.dist(boundary[0], boundary[1])
