@@ -13,7 +13,7 @@ from host.estimate import wander
 from host.estimate.lanes import Aside, Known, Lanes, caught_up, straightened
 from host.estimate.profile import STEP_M, STRAIGHT, Profile, profile_of
 from host.estimate.readings import Readings
-from host.estimate.states import LANE
+from host.estimate.states import LANE, WANDER
 from host.estimate.wander import BENT, CUT, DRILLED, TRIMMED, Wander
 from host.route.side import Side
 
@@ -89,14 +89,13 @@ class OnLanes(Readings):
             self._way.append((place.blade_m, left))
 
     def _left(self) -> Profile:
-        """The edge that the present lane leaves; the lane is the line that touches it at the blade
-        then."""
+        """The edge that the present lane leaves; the lane goes through it at the blade then."""
         if not self._way:
             return STRAIGHT
-        lane, states = self._x[LANE].copy(), (self._x, self._apart)
-        wander.into_lane(states, self._covariances, self.on_lane().blade_m)
-        offset, slope = self._x[LANE] - lane
-        return profile_of(self._way, (float(offset), float(slope)))
+        place, offset_m = self.on_lane(), self._x.item(WANDER)
+        states = self._x, self._apart
+        wander.into_lane(states, self._covariances, place.blade_m, place.turned())
+        return profile_of(self._way, offset_m)
 
     def _other_edge(
         self, side: Side, beside: Wander | None = None, *, goes_on: bool = False

@@ -64,14 +64,13 @@ STRAIGHT: Final = Profile(0.0, np.empty(0), np.empty(0))
 """Nothing is known but the line."""
 
 
-def profile_of(way: Sequence[tuple[float, float]], line: tuple[float, float]) -> Profile:
+def profile_of(way: Sequence[tuple[float, float]], offset_m: float) -> Profile:
     """Of what was cut along a lane: (how far along it, how far left of its line), ascending;
-    against another `line`, so far left of that at the lane's beginning, m, and in direction, as a
-    tangent."""
+    against a line that lies offset_m left of that."""
     if not way:
         return STRAIGHT
     along, left = np.array(way).T
-    left = left - line[0] - line[1] * along
+    left = left - offset_m
     points = 1 + math.floor((along[-1] - along[0]) / STEP_M)
     even = np.interp(along[0] + STEP_M * np.arange(points), along, left)
     smooth = gaussian_filter1d(even, SMOOTH_M / STEP_M, mode="nearest")

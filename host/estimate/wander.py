@@ -70,14 +70,17 @@ def begin(
             p[state, state] = sigma**2
 
 
-def into_lane(states: Sequence[Array], covariances: Sequence[Array], along_m: float) -> None:
-    """The lane becomes the line that touches its edge along_m past its beginning. Where the machine
-    took the edge to wander, it errs as the machine's place does: with the line that is kept of
-    it."""
+def into_lane(
+    states: Sequence[Array], covariances: Sequence[Array], along_m: float, turned: Array
+) -> None:
+    """The lane goes through where its edge was seen along_m past its beginning, and runs as before.
+    It errs as the machine did that has seen it: there by what the machine's place errs, and in
+    direction by what its yaw does. `turned`: (states,) the derivative of how far the machine is
+    turned against the lane as the plan has it."""
     for x in states:
-        x[LANE_OFFSET] += x[WANDER] - along_m * x[WANDER_YAW]
-        x[LANE_YAW] += x[WANDER_YAW]
+        x[LANE_OFFSET] += x[WANDER]
     for p in covariances:
         for q in (p, p.T):
-            q[LANE_OFFSET] += q[WANDER] - along_m * q[WANDER_YAW]
-            q[LANE_YAW] += q[WANDER_YAW]
+            lane_yaw = turned @ q
+            q[LANE_OFFSET] += q[WANDER] + along_m * (q[LANE_YAW] - lane_yaw)
+            q[LANE_YAW] = lane_yaw

@@ -21,7 +21,8 @@ from host.estimate.measurements.end import end
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.position import Position
-from host.estimate.states import LANE_OFFSET, LANE_YAW, SIGHT, YAW, X, Y
+from host.estimate.states import LANE_OFFSET, LANE_YAW, PLAN_YAW, SIGHT, WANDER_YAW, YAW, X, Y
+from host.estimate.wander import BENT
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import Side
 from tests.helpers.places import driven, followed
@@ -384,3 +385,29 @@ def test_an_edge_that_is_straight_by_the_plan_is_followed_as_a_straight_one(
     boundary: list[tuple[float, float]], sigma_m: float
 ) -> None:
     assert cut_in_a_bow(boundary, sigma_m) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_a_person_has_put_the_machine_along_the_edge_as_it_bends() -> None:
+    """So what is believed of the edge's direction there is believed of the machine's."""
+    position = Position(VEHICLE, ROUND, 0.3)
+    long_m = math.dist(*ROUND[:2])
+    (ax, ay), (bx, by) = ROUND[:2]
+    side = Side(ax, ay, math.atan2(by - ay, bx - ax), long_m, WIDTH, long_m)
+    position.place(BoundaryEdges(ROUND).namer()(side), 0.0, 0.0, 0.0)
+    askew = np.zeros(len(position.x))
+    askew[[YAW, WANDER_YAW]] = 1.0, -1.0
+    yaw = np.zeros(len(position.x))
+    yaw[YAW] = 1.0
+    against_edge, in_field = position.sigma(askew), position.sigma(yaw)
+    assert in_field**2 - against_edge**2 == pytest.approx(BENT.sigma_rad**2, rel=0.01)
+
+
+def test_a_boundary_that_was_recorded_is_hardly_turned_against_the_courses() -> None:
+    def turned_deg(boundary: list[tuple[float, float]]) -> float:
+        found = Position(VEHICLE, boundary, 0.3)
+        h = np.zeros(len(found.x))
+        h[PLAN_YAW] = 1.0
+        return math.degrees(found.sigma(h))
+
+    assert turned_deg(RING) == pytest.approx(3.0)
+    assert turned_deg(ROUND) < 1.0

@@ -13,7 +13,7 @@ from host.estimate import wander
 from host.estimate.kalman import Array
 from host.estimate.motion_model import move
 from host.estimate.odometry import Motion
-from host.estimate.states import CORNERS, LANE_OFFSET, LANE_YAW, WANDER, WANDER_YAW
+from host.estimate.states import CORNERS, LANE_OFFSET, LANE_YAW, WANDER, WANDER_YAW, YAW
 from host.estimate.wander import BENT, DRILLED, Wander
 
 OF_EDGE = [WANDER, WANDER_YAW]
@@ -79,20 +79,25 @@ def test_past_a_bend_the_edge_goes_on_where_it_was_and_nobody_knows_which_way() 
 
 
 @given(st.floats(0.0, 12.0))
-def test_the_lane_that_is_kept_touches_its_edge_where_the_blade_was(along_m: float) -> None:
-    """In place, in direction, and in how it errs."""
+def test_the_lane_that_is_kept_errs_as_the_machine_that_has_seen_its_edge(along_m: float) -> None:
+    """Where the blade was by what the machine's place errs, and in direction by what its yaw does:
+    from there it leads a machine that is as wrong to the same edge."""
     rng = np.random.default_rng(3)
-    a = rng.standard_normal((CORNERS, CORNERS))
-    x, p = 0.1 * rng.standard_normal(CORNERS), a @ a.T
-    of_edge, of_lane = np.zeros((2, CORNERS)), np.zeros((2, CORNERS))
-    of_lane[0, [LANE_OFFSET, LANE_YAW]] = 1.0, along_m
-    of_lane[1, LANE_YAW] = 1.0
-    of_edge[:] = of_lane
-    of_edge[0, WANDER] = of_edge[1, WANDER_YAW] = 1.0
-    edge, errs, with_all = of_edge @ x, of_edge @ p @ of_edge.T, of_edge @ p
-    wander.into_lane([x], [p], along_m)
-    assert of_lane @ x == pytest.approx(edge)
-    assert of_lane @ p @ of_lane.T == pytest.approx(errs, rel=1e-6, abs=1e-6)
-    others = [k for k in range(CORNERS) if k not in (LANE_OFFSET, LANE_YAW)]
-    assert (of_lane @ p)[:, others] == pytest.approx(with_all[:, others], rel=1e-6, abs=1e-6)
+    a = rng.standard_normal((CORNERS + 2, CORNERS + 2))
+    x, p = 0.1 * rng.standard_normal(CORNERS + 2), a @ a.T
+    turned = np.zeros(CORNERS + 2)
+    turned[[YAW, CORNERS]] = 1.0, -0.2
+    edge, direction = np.zeros((2, CORNERS + 2))
+    edge[[LANE_OFFSET, LANE_YAW]] = 1.0, along_m
+    direction[LANE_YAW] = 1.0
+    seen = edge.copy()
+    seen[WANDER] = 1.0
+    before = np.array([seen, turned])
+    at, errs, with_all, runs = seen @ x, before @ p @ before.T, before @ p, x[LANE_YAW]
+    wander.into_lane([x], [p], along_m, turned)
+    after = np.array([edge, direction])
+    assert (edge @ x, x[LANE_YAW]) == (pytest.approx(at), runs)
+    assert after @ p @ after.T == pytest.approx(errs, rel=1e-6, abs=1e-6)
+    others = [k for k in range(CORNERS + 2) if k not in (LANE_OFFSET, LANE_YAW)]
+    assert (after @ p)[:, others] == pytest.approx(with_all[:, others], rel=1e-6, abs=1e-6)
     assert p == pytest.approx(p.T)
