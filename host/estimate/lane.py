@@ -14,7 +14,7 @@ import numpy as np
 from host.estimate.kalman import Array
 from host.estimate.measurements import edge
 from host.estimate.position import Position
-from host.estimate.states import CRAB, SIGHT, WANDER, WANDER_YAW
+from host.estimate.states import CRAB, LANE_YAW, SIGHT, WANDER
 
 
 class Lane:
@@ -87,11 +87,8 @@ class Lane:
 
     @property
     def _turned_rad(self) -> float:
-        position = self._position
-        place = position.on_lane()
-        wander_rad = 0.0 if position.beside else place.x.item(WANDER_YAW)
-        lane_rad = place.lane_rad(place.blade_m) + wander_rad
-        return math.remainder(place.turned_rad - lane_rad, math.tau)
+        place = self._position.on_lane()
+        return math.remainder(place.turned_rad - place.x.item(LANE_YAW), math.tau)
 
     def _of_blade(self) -> Array:
         """(states,) the derivative of `blade_offset_m`."""

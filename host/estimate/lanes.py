@@ -10,7 +10,6 @@ import numpy as np
 from host.estimate.kalman import Array
 from host.estimate.measurements.border import BOUNDARY, Across
 from host.estimate.outline import PARALLEL, Outline
-from host.estimate.profile import STRAIGHT, Profile
 from host.estimate.states import SIGHT
 from host.route.side import NO_EDGE, Side
 
@@ -63,8 +62,6 @@ class Kept(NamedTuple):
     state: int
     """Where among the filter's states it is kept; NOWHERE: it is no more."""
     lane: Known
-    profile: Profile = STRAIGHT
-    """Of the edge that it has left."""
 
 
 class Aside(NamedTuple):
@@ -100,8 +97,7 @@ def _alone(kept: Kept, x: Array, p: Array) -> Kept:
     by = np.zeros((2, len(x)))
     by[:, SIGHT] = by_sight
     rest = p[at, at] - np.outer(by_sight, p[SIGHT, at])
-    known = Known(x[at] - by_sight * x[SIGHT], by, rest)
-    return kept._replace(state=NOWHERE, lane=known)
+    return Kept(kept.side, NOWHERE, Known(x[at] - by_sight * x[SIGHT], by, rest))
 
 
 def _askew_rad(side: Side) -> float:
@@ -122,12 +118,12 @@ class Lanes:
         self._width, self._states = width_m, states
         self._kept: list[Kept] = []
 
-    def keep(self, side: Side, x: Array, p: Array, profile: Profile = STRAIGHT) -> int:
-        """It is cut, and its edge left so; the one along the same edge whose crop it has taken is
-        forgotten. One along another edge may be longer, and have left more than that. Returns the
-        state that its lane is to be kept in. With it stays how it errs as the machine's place and
-        other lanes do: what is found of one is found of all. Of the oldest of too many, only how it
-        errs as all pictures do."""
+    def keep(self, side: Side, x: Array, p: Array) -> int:
+        """It is cut; the one along the same edge whose crop it has taken is forgotten. One along
+        another edge may be longer, and have left more than that. Returns the state that its lane is
+        to be kept in. With it stays how it errs as the machine's place and other lanes do: what is
+        found of one is found of all. Of the oldest of too many, only how it errs as all pictures
+        do."""
         self._kept = [
             k for k in self._kept if k.side.edge != side.edge or not self._left_by(side, k.side)
         ]
@@ -139,7 +135,7 @@ class Lanes:
         state = min(set(self._states).difference(taken))
         by = np.zeros((2, len(x)))
         by[0, state] = by[1, state + 1] = 1.0
-        self._kept.append(Kept(side, state, Known(np.zeros(2), by, np.zeros((2, 2))), profile))
+        self._kept.append(Kept(side, state, Known(np.zeros(2), by, np.zeros((2, 2)))))
         return state
 
     def beside(self, side: Side, states: int) -> Known:
@@ -169,11 +165,6 @@ class Lanes:
     def knows(self, side: Side) -> bool:
         """Whether a lane has left its edge."""
         return self._last(side) is not None
-
-    def profile(self, side: Side) -> Profile:
-        """Of a side's edge, as the last lane has left it."""
-        last = None if side.left_over else self._last(side)
-        return STRAIGHT if last is None else last.profile.begun(side.begins_past(last.side))
 
     def across(self, outline: Outline, side: Side, way: int) -> Across:
         """What has left the border at a side's end (way 1) or beginning (-1): the last lane along

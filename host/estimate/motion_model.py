@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from host.core.compiled import compiled
 from host.estimate.kalman import Array
@@ -18,12 +19,10 @@ from host.estimate.states import (
     SIGHT,
     SLIP,
     WANDER,
-    WANDER_YAW,
     YAW,
     X,
     Y,
 )
-from host.estimate.wander import SQRT_3, Wander
 
 STEP_SIGMA = (0.03, 0.02)
 """Error of a step as a share of it, along (wheels slip, most where they start and stop) and
@@ -68,6 +67,34 @@ another: some sides, along which light and dust are another's. Strip after strip
 narrower than planned: turns by dead reckoning and the ends of the sides across tell it."""
 
 
+class Wander(NamedTuple):
+    """How an edge, and what the detector makes of it, lie beside the lane's straight line: a
+    first-order Gauss-Markov process along the way. Longer waves are the lane's."""
+
+    sigma_m: float
+    over_m: float
+    """The way over which it is another's."""
+
+
+DRILLED = Wander(0.02, 0.5)
+"""Of a straight edge, the detector's error alone: RMSE in clean air (docs/understand/vision.md).
+What dust adds is judged before (host.pilot.sight)."""
+CUT = Wander(0.035, 0.7)
+"""Of an edge that the machine has left, its way too: 0.03 m RMS beside the straight line (81 strips
+of 8 random fields, from the fourth metre on)."""
+TRIMMED = Wander(0.2, 10.0)
+"""Of a side's first crop, which the turn before may have trimmed, by up to 0.35 m (model field
+11335): what pictures show of it errs alike all the way there. Narrower: they turn a machine that
+knows better; wider: one that a turn has left askew finds its lane later."""
+BESIDE = Wander(0.12, 2.0)
+"""Of the next strip's edge as a machine sees it that backs beside it: an edge that the machine has
+left, and what the detector errs of crop beside its way (docs/understand/vision.md)."""
+PRESSED = Wander(0.3, 10.0)
+"""Of an edge where wheels have pressed down the crop: the detector looks for the right end of what
+stands before the blade, and what it then takes of an edge at the picture's border is 0.2 to 0.3 m
+off, all along."""
+
+
 def move(
     x: Array, p: Array, past: Motion, motion: Motion, wander: Wander, *, cutting: bool
 ) -> None:
@@ -87,7 +114,7 @@ def move(
     _move(x, p, step, turn, lasted, motion.gyro_noise, cutting, along_m2, *wander)
 
 
-@compiled("(f8[::1], f8[:, ::1], f8, f8, f8, f8, b1, f8, f8, f8, b1)")
+@compiled("(f8[::1], f8[:, ::1], f8, f8, f8, f8, b1, f8, f8, f8)")
 def _move(
     x: Array,
     p: Array,
@@ -99,10 +126,9 @@ def _move(
     along_m2: float,
     wander_sigma_m: float,
     wander_m: float,
-    smooth: bool,
 ) -> None:
     """`move` by a step and a turn, compiled: of the Jacobian all rows are the unit matrix's but
-    those of the pose, of CRAB, SIGHT and the two of WANDER, and those hold few states."""
+    those of the pose, of CRAB, WANDER and SIGHT, and those hold few states."""
     run = abs(step)
     of_scale = 0.0
     if gyro_noise > 0.0:
@@ -121,23 +147,14 @@ def _move(
     whole = step
     step -= lost * x[SLIP] + whole * x[SCALE] + run * grade
     aside = run * x[CRAB]
-    crab = math.exp(-abs(turn) / CRAB_TURN_RAD)
-    same, turns, bends, straight = math.exp(-run / wander_m), 0.0, 0.0, 1.0
-    if smooth:
-        rate = SQRT_3 / wander_m
-        gone = math.exp(-rate * run)
-        same, straight = gone * (1.0 + rate * run), gone * (1.0 - rate * run)
-        turns, bends = gone * whole, -gone * rate**2 * whole
+    crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander_m)
     alike = math.exp(-run / SIGHT_OVER_M)
     ahead, left = step * c - aside * s, step * s + aside * c
     x[X] += ahead
     x[Y] += left
     x[YAW] += turn
     x[CRAB] *= crab
-    x[WANDER], x[WANDER_YAW] = (
-        same * x[WANDER] + turns * x[WANDER_YAW],
-        bends * x[WANDER] + straight * x[WANDER_YAW],
-    )
+    x[WANDER] *= same
     x[SIGHT] *= alike
     for columns in (False, True):
         q = p.T if columns else p
@@ -152,9 +169,7 @@ def _move(
             q[Y, k] += ahead * yawed - s * slip + c * crabbed
             q[YAW, k] += by_turn
             q[CRAB, k] *= crab
-            aside_by, yaw_by = q[WANDER, k], q[WANDER_YAW, k]
-            q[WANDER, k] = same * aside_by + turns * yaw_by
-            q[WANDER_YAW, k] = bends * aside_by + straight * yaw_by
+            q[WANDER, k] *= same
             q[SIGHT, k] *= alike
     # Neighbouring steps err alike: their errors grow along a metre as one.
     across_m2 = STEP_SIGMA[1] ** 2 * run
@@ -166,12 +181,4 @@ def _move(
     p[CURVE, CURVE] += CURVE_PER_M**2 * run
     p[SIGHT, SIGHT] += SIGHT_SIGMA_M**2 * (1.0 - alike**2)
     p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
-    if smooth:
-        m2, rad2 = wander_sigma_m**2, (rate * wander_sigma_m) ** 2
-        p[WANDER, WANDER] += m2 * (1.0 - same**2) - rad2 * turns**2
-        p[WANDER_YAW, WANDER_YAW] += rad2 * (1.0 - straight**2) - m2 * bends**2
-        mixed = m2 * same * bends + rad2 * turns * straight
-        p[WANDER, WANDER_YAW] -= mixed
-        p[WANDER_YAW, WANDER] -= mixed
-    else:
-        p[WANDER, WANDER] += wander_sigma_m**2 * (1.0 - same**2)
+    p[WANDER, WANDER] += wander_sigma_m**2 * (1.0 - same**2)

@@ -9,7 +9,6 @@ import numpy as np
 
 from host.estimate.kalman import Array
 from host.estimate.outline import Outline
-from host.estimate.profile import STRAIGHT, Profile
 from host.estimate.states import LANE_OFFSET, LANE_YAW, YAW, X, Y
 from host.route.side import Side
 
@@ -25,8 +24,6 @@ class Place(NamedTuple):
     blade_x_m: float
     inset_m: float
     outline: Outline = NO_OUTLINE
-    profile: Profile = STRAIGHT
-    """Of the edge beside the lane's straight line."""
 
     @property
     def direction(self) -> tuple[float, float]:
@@ -62,17 +59,11 @@ class Place(NamedTuple):
         across = dy * c - dx * s - self.inset_m + side.shift_m
         turned = ahead_m * math.sin(math.remainder(x.item(YAW) - side.heading_rad, math.tau))
         along = dx * c + dy * s + self.blade_x_m
-        lane = x.item(LANE_OFFSET) + x.item(LANE_YAW) * along + self.profile.at(along)
-        return across + turned - lane - left_m
+        return across + turned - (x.item(LANE_OFFSET) + x.item(LANE_YAW) * along) - left_m
 
     def lane_at(self, along_m: float) -> float:
         """How far left of the plan's the lane lies, along_m past its beginning."""
-        lane = self.x.item(LANE_OFFSET) + self.x.item(LANE_YAW) * along_m
-        return lane + self.profile.at(along_m)
-
-    def lane_rad(self, along_m: float) -> float:
-        """How far left of the plan's it runs there."""
-        return self.x.item(LANE_YAW) + self.profile.slope(along_m)
+        return self.x.item(LANE_OFFSET) + self.x.item(LANE_YAW) * along_m
 
     def beside(self, along_m: float | None = None) -> Array:
         """(states,) the derivative of the rear axle's offset from the lane where it lies along_m

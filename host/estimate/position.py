@@ -30,16 +30,14 @@ from scipy.special import log_ndtr
 from host.core.vehicle import Vehicle
 from host.estimate import doubt, leading_lane, other_edge, prior, spread
 from host.estimate.kalman import Measurement
-from host.estimate.lanes import LANE_SIGMA, Aside
+from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import move
+from host.estimate.motion_model import CUT, DRILLED, TRIMMED, Wander, move
 from host.estimate.odometry import Motion
-from host.estimate.on_lanes import OnLanes
 from host.estimate.outline import Outline
-from host.estimate.profile import STRAIGHT
-from host.estimate.readings import NO_SIDE
+from host.estimate.readings import NO_SIDE, Readings
 from host.estimate.states import (
     CURVE,
     GRADE_X,
@@ -50,7 +48,6 @@ from host.estimate.states import (
     LANE_OFFSET,
     LANE_YAW,
     WANDER,
-    WANDER_YAW,
     YAW,
     X,
     Y,
@@ -67,7 +64,7 @@ SURELY: Final = 20.0
 """Logarithm of a likelihood ratio that decides."""
 
 
-class Position(OnLanes):
+class Position(Readings):
     """Unknown until `place`. Sides are the plan's; where they are found to lie is known here."""
 
     def __init__(
@@ -77,7 +74,14 @@ class Position(OnLanes):
         says."""
         super().__init__(vehicle, boundary, sigma_m)
         self._past: Motion | None = None
+        self._lanes = Lanes(vehicle.blade_width_m, range(self.outline.at.stop, len(self._x), 2))
+        self._wander, self._trimmed = DRILLED, False
         self._doubt = doubt.Doubt()
+        self._undoubted = math.inf
+        """Standard deviation of where the present lane's edge is seen, before what contradicted it
+        made it doubtful, m; inf: nothing has."""
+        self.aside = Aside()
+        """Of the present lane."""
         self.open(0.0, 0.0, *prior.OPEN_SIGMA)
 
     def place(
@@ -108,11 +112,6 @@ class Position(OnLanes):
         self._p = with_corners @ self._p @ with_corners.T
         self.known = True
         self._other_edge(side)
-        if self.bends:
-            # And along it, as it runs there.
-            with_edge = np.eye(len(self._x))
-            with_edge[[X, Y], WANDER], with_edge[YAW, WANDER_YAW] = (-s, c), 1.0
-            self._p = with_edge @ self._p @ with_edge.T
 
     def open(
         self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float
@@ -139,16 +138,65 @@ class Position(OnLanes):
         self.forget()
         self._p[lost, :] = self._p[:, lost] = 0.0
         self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
-        self.aside, self._profile, self._way = Aside(), STRAIGHT, []
+        self.aside = Aside()
+
+    def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
+        """Nothing is known yet of how this one wanders, as it is seen."""
+        self._lane_of, self._beside = side, beside
+        left = self._inside or self._lanes.knows(side)
+        self._undoubted = math.inf
+        self._wander = beside or (CUT if left else DRILLED)
+        self._x[WANDER] = self._apart[WANDER] = 0.0
+        for p in self._covariances:
+            p[WANDER, :] = p[:, WANDER] = 0.0
+            p[WANDER, WANDER] = self._wanders.sigma_m**2
+
+    @property
+    def _wanders(self) -> Wander:
+        """How the edge that is seen wanders from here on."""
+        trimmed = self._trimmed and self._inside and self.known and not self.beside
+        before = trimmed and self.along(self._lane_of) < self._lane_of.begin_seen_m
+        return TRIMMED if before else self._wander
+
+    def begin(self, side: Side, *, straight: bool = True) -> None:
+        """From here on it is this side's lane: what is known of the last is kept for the one whose
+        edge it has left. `straight`: it is the whole of a side, that may be straightened."""
+        kept, now = self._lanes.keep(self._lane_of, self._x, self._p), np.eye(len(self._x))[LANE]
+        self._let(slice(kept, kept + 2), Known(np.zeros(2), now, np.zeros((2, 2))))
+        self._lane_of, self._trimmed = side, straight
+        known = self._lanes.beside(side, len(self._x))
+        sigmas = np.sqrt(np.diag(known.covariance(self._p)))
+        self._let(LANE, known)
+        self.aside = Aside()
+        if straight and self._lanes.knows(side):
+            lane, length_m = self._x[LANE], self.outline.found(side).length_m
+            aside = straightened(lane.item(1), sigmas.item(1), length_m)
+            self.aside = caught_up(aside, lane.item(0), sigmas.item(0))
+            self._x[LANE] -= self.aside
+        self._other_edge(side)
+
+    def _let(self, at: slice, lane: Known) -> None:
+        """From here on these two states are that lane."""
+        self._x[at], self._apart[at] = lane.at + lane.by @ self._x, lane.by @ self._apart
+        for p in self._covariances:
+            with_others, own = lane.by @ p, lane.covariance(p)
+            p[at, :], p[:, at] = with_others, with_others.T
+            p[at, at] = own
+
+    def look(self, side: Side, beside: Wander | None) -> None:
+        """The edge of the present lane, this side's, is seen from beside it from here on, and that
+        errs so; or from where it is to be cut."""
+        if beside is not self._beside:
+            self._other_edge(side, beside)
 
     def predict(self, motion: Motion, *, cutting: bool) -> None:
         """Moves with the vehicle."""
         past, self._past = self._past, motion
         if past is not None:
-            other, wanders = self._x + self._apart, self._wanders
-            move(self._x, self._p, past, motion, wanders, cutting=cutting)
+            other, wander = self._x + self._apart, self._wanders
+            move(self._x, self._p, past, motion, wander, cutting=cutting)
             if self.likely > 0.0:
-                move(other, self._other_p, past, motion, wanders, cutting=cutting)
+                move(other, self._other_p, past, motion, wander, cutting=cutting)
                 self._apart = other - self._x
 
     def less_sure(self, place_m: float, yaw_rad: float) -> None:
@@ -182,6 +230,11 @@ class Position(OnLanes):
             growth = self._doubt.growth(here_m, cutting=cutting)
             self.doubt(seen, doubt.states(float(self._p[YAW, YAW])), growth)
         return taken
+
+    @property
+    def _inside(self) -> bool:
+        """Whether the lane's edge is one that strips have left, and not the boundary."""
+        return self._lane_of.inside_m > self._vehicle.blade_width_m / 2
 
     def _heed_other_edge(self, seen: Measurement) -> None:
         """Before an edge is taken that had contradicted the lane until that was doubted enough."""

@@ -33,9 +33,6 @@ START_SIGMA: Final = (0.1, 0.1, math.radians(2))
 """Of where an operator puts the machine, along and beside its lane, m, and of its direction."""
 PLAN_SIGMA_RAD: Final = math.radians(3)
 """Of a walked boundary's direction against the courses'."""
-RECORDED_SIGMA_RAD: Final = math.radians(0.7)
-"""The same of one that the receiver has recorded point by point: its corners err by 0.4 m, each by
-itself, 12 m from the field's middle."""
 OPEN_SIGMA: Final = (0.1, math.radians(5))
 """Of where a machine without a plan, or not placed in it yet, begins beside its lane."""
 SIGMAS: Final = {

@@ -16,10 +16,9 @@ from host.estimate.borders import Borders
 from host.estimate.kalman import Filter
 from host.estimate.lanes import kept_for
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import STEP_SIGMA
+from host.estimate.motion_model import STEP_SIGMA, Wander
 from host.estimate.outline import Outline
 from host.estimate.place import Place
-from host.estimate.profile import STRAIGHT
 from host.estimate.states import (
     CRAB,
     GRADE_X,
@@ -32,14 +31,10 @@ from host.estimate.states import (
     X,
     Y,
 )
-from host.estimate.wander import Wander
 from host.route.side import Side
 
 NO_SIDE: Final = Side(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A lane of which no plan knows: along x from the origin."""
-STRAIGHT_EDGES: Final = 8
-"""Edges of a field, up to which each is straight from corner to corner. A boundary of more was
-recorded or walked along what bends; its pieces lie beside that."""
 
 
 class Readings(Filter):
@@ -55,16 +50,10 @@ class Readings(Filter):
         """Of a corner of the boundary before anything is seen of it, along x and along y."""
         states = self.outline.at.stop + 2 * kept_for(len(boundary))
         super().__init__(np.zeros(states), prior.covariance(states))
-        self.bends = sigma_m > 0.0 and len(boundary) > STRAIGHT_EDGES
-        """Whether the boundary's edges are pieces of what bends."""
-        if self.bends:
-            self._p[PLAN_YAW, PLAN_YAW] = prior.RECORDED_SIGMA_RAD**2
         self._vehicle = vehicle
         self._blade_x_m, self._inset_m = vehicle.blade_x_m, vehicle.inset_m
         self._lane_of = NO_SIDE
         self._beside: Wander | None = None
-        self._profile = STRAIGHT
-        """Of the present lane's edge."""
         self.known = False
         """Whether it has a place in the plan."""
 
@@ -146,7 +135,7 @@ class Readings(Filter):
         place = self.on_lane()
         along = place.blade_m - self._vehicle.blade_x_m
         offset = place.across_m - place.lane_at(along)
-        heading = math.remainder(place.turned_rad - place.lane_rad(along), math.tau)
+        heading = math.remainder(place.turned_rad - self._x[LANE_YAW], math.tau)
         across, turned = place.beside(along), place.turned()
         turned[LANE_YAW] = -1.0
         return offset, heading, self.sigma(across), self.sigma(turned)
@@ -155,7 +144,7 @@ class Readings(Filter):
         """The place against the present lane's side."""
         outline = self.outline
         found = outline.found(self._lane_of)
-        return Place(self._x, found, self._blade_x_m, self._inset_m, outline, self._profile)
+        return Place(self._x, found, self._blade_x_m, self._inset_m, outline)
 
     def beside_sigma_m(self, side: Side) -> float:
         """Standard deviation of how far the machine is beside a side's line, as the plan has it."""

@@ -16,20 +16,18 @@ from typing import Final
     GYRO,
     CRAB,
     WANDER,
-    WANDER_YAW,
     SIGHT,
     SCALE,
     GYRO_SCALE,
     GRADE_X,
     GRADE_Y,
     CORNERS,
-) = range(18)
+) = range(17)
 """Pose in the field frame, m and rad; share of their way that the driven wheels lose by pushing the
 blade through crop; the present lane against the edge that it runs along, m and rad; the courses'
 direction against the plan's, rad; curvature that the pot does not show, 1/m; what the gyroscope
 shows at rest, besides what has been taken off it, rad/s; how far the machine drifts to its left, m
-for each metre; how far left of its lane's straight line the crop's edge lies here, m, and
-its direction against that line's, where it bends, rad; how far left
+for each metre; how far left of its lane's straight line the crop's edge lies here, m; how far left
 of its true place every picture shows it, m; share of their way that the wheels always lose, by
 rolling and by what their sensor's scale is wrong; share of what is turned that the gyroscope shows
 too much, besides what has been taken off it; and what of their way the wheels lose uphill, along x

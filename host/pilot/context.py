@@ -176,11 +176,9 @@ class Context:
     @property
     def place_known(self) -> bool:
         """Whether the first round, or the walk, has shown well enough where the field lies to drive
-        across it: the neighbours' crop is then two standard deviations away. Beside an edge that
-        bends a machine knows its place along that edge, and not in the field."""
+        across it: the neighbours' crop is then two standard deviations away."""
         share, most_m = PLACE_KNOWN
-        position = self.estimate.position
-        sigma_m = math.inf if position.bends else position.corners_sigma_m
+        sigma_m = self.estimate.position.corners_sigma_m
         return sigma_m < min(share * self.gaps.least_m, most_m)
 
     def go_gather(self, now: float, strip: Gathering) -> None:

@@ -206,18 +206,18 @@ def over(context: Context, go: Go) -> Go:
     return (Over.MUCH_LEFT if much else Over.SOME_LEFT).go(reason=go.text, left=f"{left_m2:.0f}")
 
 
-def turn_on(context: Context, now: float, ended: Ended, *, retraced_to: Strip | None = None) -> Go:
-    """Lays out the turn from the side that has ended to the next; `retraced_to`: that, where the
-    machine has backed along its bends."""
+def turn_on(context: Context, now: float, ended: Ended, *, retraced: bool = False) -> Go:
+    """Lays out the turn from the side that has ended to the next; `retraced`: the machine has
+    backed along its bends."""
     strip, sight, end = context.strip, context.sight, ended.end
     if strip.last:
         context.ends.append(end)
         return SideEnd.LAST.go()
     shuttles = context.plan.corner_rad(strip.index) == 0.0
-    if strip.bent and shuttles and retraced_to is None:
+    if strip.bent and shuttles and not retraced:
         context.ended = ended
         return SideEnd.BENT.go(side=strip.name)
-    following = retraced_to or context.planned(strip.index + 1)
+    following = context.planned(strip.index + 1)
     origin = strip.leave(following, end, shuttles=shuttles)
     room_from = strip.end_pose(shuttles=shuttles)
     doubt_m = following.begin_doubt_m if shuttles else 0.0

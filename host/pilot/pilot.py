@@ -224,7 +224,6 @@ class Pilot:
             context.since,
             context.look.settled,
         )
-        self._behaviour.pictured()
         strip, sight = context.strip, context.sight
         then = context.estimate.odometry.at(sight.stamp)
         if self._behaviour.gaze.on_side and sight.view is not None and sight.ahead.begun(then):

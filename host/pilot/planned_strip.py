@@ -13,9 +13,8 @@ from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
 from host.estimate.estimator import Estimator
 from host.estimate.gaps import SQUARE_RAD
 from host.estimate.measurements import begin, end
+from host.estimate.motion_model import BESIDE, PRESSED
 from host.estimate.odometry import Motion
-from host.estimate.wander import BESIDE, PRESSED
-from host.pilot.leaps import LEAP_M
 from host.pilot.plan_side import SIGMAS, PlanSide
 from host.pilot.strip import Beyond, Strip
 from host.pilot.turn_progress import Turning
@@ -23,7 +22,7 @@ from host.route.boundary_edges import BoundaryEdges
 from host.route.cuts import SEEN_SHARE
 from host.route.plan import Plan
 from host.route.side import NO_EDGE, Side
-from host.vision.view import BESIDE_AHEAD_M, BESIDE_SURE, CropView
+from host.vision.view import CropView
 
 AT_BOUNDARY_M = 0.3
 """Of ground that was cut before beyond a side's end, at most, where the boundary is said to be
@@ -94,10 +93,8 @@ class PlannedStrip(PlanSide):
     def edge_m(self, view: CropView, then: Motion) -> float:
         """Its bends taken off: those that the machine itself has driven a round earlier."""
         at = self.along_m(then) + view.edge_ahead_m - self._pieces[self._at][0]
-        position = self.estimate.position
-        # where edges bend the position knows them as they were left
-        bend = 0.0 if position.bends else self.estimate.trails.bend_m(at, self.planned_piece)
-        begin_m, slope = position.aside
+        bend = self.estimate.trails.bend_m(at, self.planned_piece)
+        begin_m, slope = self.estimate.position.aside
         return view.edge_offset_m - self.side.shift_m - bend - begin_m - slope * at
 
     def edge_heading_rad(self, view: CropView) -> float:
@@ -222,7 +219,6 @@ class PlannedStrip(PlanSide):
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
             self.estimate.position.look(self.planned_piece, None)
         self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
-        self.estimate.position.cut()
         bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
         if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
             self._pass_bend()
@@ -255,35 +251,6 @@ class PlannedStrip(PlanSide):
             self._on_lane = True
             self.estimate.position.begin(self.planned_piece, straight=not self.bent)
 
-    def begin_retrace(self) -> None:
-        """The machine backs along the strip before, beside its last piece."""
-        self._at, self._on_lane = len(self._straight) - 1, True
-        self.estimate.position.begin(self.planned_piece, straight=False)
-        self.estimate.position.look(self.planned_piece, BESIDE)
-
-    def see_left(self, view: CropView, then: Motion, past: Side) -> None:
-        """In a picture taken then from the strip `past`: the edge that this has left."""
-        aside_m = self._planned.inside_m - past.inside_m
-        edge_m = view.edge_beside_m - self.side.shift_m
-        if not abs(edge_m - aside_m) < LEAP_M:
-            return
-        estimate, here = self.estimate, self.estimate.motion
-        since = here.distance_m - then.distance_m, here.yaw_rad - then.yaw_rad
-        ahead_m = BESIDE_AHEAD_M - since[0]
-        while self._at > 0 and estimate.position.along(self.planned_piece) + ahead_m < 0.0:
-            self._at -= 1
-            estimate.position.back_to(self.planned_piece)
-        estimate.lane.correct(
-            edge_m,
-            math.nan,
-            BESIDE_SURE,
-            since,
-            ahead_m=BESIDE_AHEAD_M,
-            learn=False,
-            cutting=False,
-            stays=False,
-        )
-
     def back_along(self) -> tuple[float, float] | None:
         """Where the machine is beside the straight piece that its rear axle is on, m and rad left
         of it; None once the blade is back before the first bend."""
@@ -314,8 +281,6 @@ class PlannedStrip(PlanSide):
         """The turn to this strip begins: what was `before` it, where that is well known."""
         self._turned_from = before
         self._at = 0
-        if self._on_lane:  # it has been seen on the way back
-            self.estimate.position.back_to(self.planned_piece)
         self.estimate.trails.begin(self.planned_piece)
         self._note_doubt()
 
@@ -338,7 +303,7 @@ class PlannedStrip(PlanSide):
         self._at += 1
         self.estimate.trails.end(past)
         self.estimate.trails.begin(self.planned_piece)
-        self.estimate.position.begin(self.planned_piece, straight=False, goes_on=True)
+        self.estimate.position.begin(self.planned_piece, straight=False)
         self._turned_from = None
 
     def end_pose(self, *, shuttles: bool) -> tuple[float, float, float] | None:

@@ -31,7 +31,7 @@ from host.pilot.leaps import INWARD_M, LEAP_STAYS_S, Leaps, is_dusts
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.pilot.whose_edge import WhoseEdge
-from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, BESIDE_SURE, CropView, Detector
+from host.vision.view import BESIDE_AHEAD_M, BESIDE_M, CropView, Detector
 
 LOST_M = 1.0
 """Way without a sure edge, and of the strip, from which on crop beside the blade tells where the
@@ -45,8 +45,8 @@ UNSEEN_M = 0.3
 MOVED_M = 0.01
 """The same view again from the same place is no second measurement."""
 MOVING_MPS = 0.03
-BESIDE_LASTS_M = 0.5
-"""Way for which crop that was seen beside the machine is there."""
+BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
+"""How sure the edge of crop beside the machine is, and the way for which that is there."""
 CORNER_SIGMA_M = 0.15
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""

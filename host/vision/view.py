@@ -14,8 +14,6 @@ BESIDE_M = (0.4, 2.0)
 """Before the blade's line, where crop beside the machine's way is looked for,"""
 BESIDE_AHEAD_M = sum(BESIDE_M) / 2
 """and the middle of that."""
-BESIDE_SURE = 0.6
-"""How sure its edge is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,9 @@
 """The crop's outer edge in a picture: its offset, and its direction where the mount sees one.
 
 An edge is no straight line. What it wanders beside the lane, and what dust, a thin patch and the
-detector make of it for half a metre alike, is a state of its own (WANDER, a Gauss-Markov process
-along the way; WANDER_YAW, where the edge bends): the machine follows it, but its place in the field
-is not where it wanders. Dust's one-sided error is refused before (host.pilot.sight).
+detector make of it for half a metre alike, is a state of its own (WANDER, first-order Gauss-Markov
+along the way): the machine follows it, but its place in the field is not where it wanders. Dust's
+one-sided error is refused before (host.pilot.sight).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from host.estimate.kalman import Array, Measurement
 from host.estimate.place import Place
-from host.estimate.states import LANE_YAW, WANDER, WANDER_YAW
+from host.estimate.states import LANE_YAW, WANDER
 
 NOISE_M = 0.05
 """Of one sure picture's edge."""
@@ -45,23 +45,20 @@ def edge(
     travelled, yaw turned) from the shutter to now."""
     step, turn = since
     at = place.blade_x_m + ahead_m
-    now = place.turned_rad
+    now, lane_yaw = place.turned_rad, float(place.x[LANE_YAW])
     heading = now - turn
     along = place.blade_m - step + ahead_m
-    wander, wander_rad = place.x.item(WANDER), place.x.item(WANDER_YAW)
-    lane_yaw = place.lane_rad(along) + wander_rad
     offset = place.across_m - step * math.sin((heading + now) / 2)
     doubt = 1.0 + DOUBT * (1.0 - confidence)
     h = place.ahead(at, along)
-    h[WANDER], h[WANDER_YAW] = -1.0, step - ahead_m
-    wander += (ahead_m - step) * wander_rad
-    expected = offset + at * math.sin(heading) - place.lane_at(along) - wander
+    h[WANDER] = -1.0
+    expected = offset + at * math.sin(heading) - place.lane_at(along) - float(place.x[WANDER])
     z = [-edge_offset_m * math.cos(heading - lane_yaw) - expected]
     variances = [(NOISE_M * doubt) ** 2 + (AHEAD_NOISE_RAD * ahead_m) ** 2]
     rows = [h]
     if math.isfinite(edge_heading_rad):
         turned: Array = place.turned()
-        turned[LANE_YAW] = turned[WANDER_YAW] = -1.0
+        turned[LANE_YAW] = -1.0
         rows.append(turned)
         z.append(-edge_heading_rad - (heading - lane_yaw))
         variances.append((DIRECTION_NOISE_RAD * doubt) ** 2)

@@ -34,9 +34,6 @@ class Behaviour(ABC):
     def enter(self, now: float) -> None:  # noqa: B027 (most have nothing to do)
         """Before the first step."""
 
-    def pictured(self) -> None:  # noqa: B027
-        """After a picture has been taken."""
-
     @abstractmethod
     def step(self, now: float) -> Step:
         """Called at every command's time, after telemetry and picture have been taken."""

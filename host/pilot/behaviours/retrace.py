@@ -3,8 +3,6 @@ as to its first bend: a shuttle's turn knows straight lines only, and begins the
 
 from __future__ import annotations
 
-import math
-
 from host.pilot import steering_law
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.context import Context
@@ -25,20 +23,6 @@ class Retrace(Behaviour):
         super().__init__(context)
         self._backs = False
         """Whether the machine has stood before it."""
-        self._following = context.planned(context.strip.index + 1)
-
-    def enter(self, now: float) -> None:
-        del now
-        if isinstance(self._following, PlannedStrip):
-            self._following.begin_retrace()
-
-    def pictured(self) -> None:
-        """The next strip's edge stands beside the swath all the way."""
-        strip, following, sight = self.context.strip, self._following, self.context.sight
-        if isinstance(strip, PlannedStrip) and isinstance(following, PlannedStrip):
-            then = self.context.estimate.odometry.at(sight.stamp)
-            if sight.view is not None and math.isfinite(sight.view.edge_beside_m):
-                following.see_left(sight.view, then, strip.side)
 
     def step(self, now: float) -> Step:
         context, strip = self.context, self.context.strip
@@ -47,7 +31,7 @@ class Retrace(Behaviour):
         self._backs = self._backs or context.standing(now)
         back = strip.back_along()
         if back is None:
-            return context.hold(), turn_on(context, now, context.ended, retraced_to=self._following)
+            return context.hold(), turn_on(context, now, context.ended, retraced=True)
         steer = steering_law.reverse(*back, context.vehicle) - context.estimate.odometry.trim_rad
         speed = -context.vehicle.manoeuvre_speed_mps if self._backs else 0.0
         return context.drive(steer, speed, blade=False), None

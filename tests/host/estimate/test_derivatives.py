@@ -12,12 +12,11 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.kalman import Array, Measurement
 from host.estimate.measurements import begin, course, edge, end
-from host.estimate.motion_model import move
+from host.estimate.motion_model import DRILLED, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.place import Place
-from host.estimate.states import CORNERS, CRAB, WANDER, WANDER_YAW, YAW, X, Y
-from host.estimate.wander import BENT, DRILLED, Wander
+from host.estimate.states import CORNERS, CRAB, WANDER, YAW, X, Y
 from host.route.plan import spiral
 
 VEHICLE = Vehicle()
@@ -46,7 +45,6 @@ def test_a_measurements_derivative_is_that_of_what_it_expects(
     x, y, heading = side.pose(0.7 * side.length_m - VEHICLE.blade_x_m, VEHICLE.inset_m + 0.1)
     state = np.zeros(CORNERS + 2 * len(RING))
     state[[X, Y, YAW]] = x, y, heading + 0.05
-    state[[WANDER, WANDER_YAW]] = 0.1, 0.06
 
     def innovation(change: Array) -> float:
         outline = Outline(RING)
@@ -86,8 +84,7 @@ def test_a_courses_derivative_is_that_of_the_course_it_expects() -> None:
 
 @pytest.mark.parametrize("by_gyro", [False, True])
 @pytest.mark.parametrize("cutting", [False, True])
-@pytest.mark.parametrize("edge", [DRILLED, BENT])
-def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool, edge: Wander) -> None:
+def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool) -> None:
     """The covariance after a step, less what the step itself errs, is that of the moved state."""
     rng = np.random.default_rng(7)
     state = 0.02 * rng.standard_normal(CORNERS + 2)
@@ -97,7 +94,7 @@ def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool, edge: 
 
     def moved(x: Array, p: Array) -> tuple[Array, Array]:
         x, p = x.copy(), p.copy()
-        move(x, p, past, later, edge, cutting=cutting)
+        move(x, p, past, later, DRILLED, cutting=cutting)
         return x, p
 
     nothing = np.zeros((len(state), len(state)))
@@ -111,8 +108,7 @@ def test_what_is_not_known_moves_as_what_is(by_gyro: bool, cutting: bool, edge: 
     before = a @ a.T
     _, after = moved(state, before)
     assert after - noise == pytest.approx(jacobian @ before @ jacobian.T, abs=2e-3)
-    if edge is DRILLED:
-        assert own[WANDER] == pytest.approx(state[WANDER] * math.exp(-0.4 / DRILLED.over_m))
+    assert own[WANDER] == pytest.approx(state[WANDER] * math.exp(-0.4 / DRILLED.over_m))
 
 
 def motion(distance_m: float, yaw_rad: float, stamp: float, by_gyro: bool) -> Motion:

@@ -12,12 +12,11 @@ from host.core.vehicle import Vehicle
 from host.estimate.kalman import Measurement
 from host.estimate.lane import Lane
 from host.estimate.lanes import CATCH_UP_M, STRAIGHTEN_M, Aside, caught_up, straightened
-from host.estimate.motion_model import YAW_SIGMA_SHARE
+from host.estimate.motion_model import BESIDE, PRESSED, YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.estimate.prior import START_SIGMA
 from host.estimate.states import GRADE_X, GRADE_Y, SCALE, SIGHT, WANDER
-from host.estimate.wander import BESIDE, PRESSED
 from host.route.side import Side
 from tests.helpers.places import OnLane, driven, followed, spun, sure_of
 

@@ -21,11 +21,10 @@ from host.estimate.measurements.end import end
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.position import Position
-from host.estimate.states import LANE_OFFSET, LANE_YAW, PLAN_YAW, SIGHT, WANDER_YAW, YAW, X, Y
-from host.estimate.wander import BENT
+from host.estimate.states import LANE_OFFSET, LANE_YAW, SIGHT, YAW, X, Y
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import Side
-from tests.helpers.places import driven, followed
+from tests.helpers.places import followed
 
 VEHICLE = Vehicle()
 WIDTH = VEHICLE.pass_m
@@ -341,73 +340,3 @@ def test_tied_to_the_machine_a_lane_is_as_sure_as_before(seen: bool) -> None:
     assert (covariance @ h)[[X, Y, YAW]] == pytest.approx(0.0, abs=1e-12), "its errors are its own"
     assert np.allclose(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
-
-
-ROUND = [(15.0 * math.cos(t), 15.0 * math.sin(t)) for t in np.linspace(0.0, math.tau, 13)[:-1]]
-"""Of more edges than a field has whose edges are straight."""
-
-
-def cut_in_a_bow(boundary: list[tuple[float, float]], sigma_m: float) -> tuple[float, float]:
-    """How far left of straight the next strip's edge is in its middle, where the blade has cut the
-    first one 0.2 m left of straight there; and how much it turns right between its ends."""
-    position = Position(VEHICLE, boundary, sigma_m)
-    (ax, ay), (bx, by) = boundary[0], boundary[1]
-    heading, long_m = math.atan2(by - ay, bx - ax), math.dist(boundary[0], boundary[1])
-    named = BoundaryEdges(boundary).namer()
-    c, s = math.cos(heading), math.sin(heading)
-    first = named(Side(ax, ay, heading, long_m, WIDTH, long_m))
-    second = named(Side(ax - s * WIDTH, ay + c * WIDTH, heading, long_m, WIDTH, long_m))
-    position.place(first, 0.0, 0.0, 0.0)
-    here = Motion(0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0)
-    position.predict(here, cutting=True)
-    for at in np.linspace(0.0, 1.0, 60).tolist():
-        yaw = heading + math.atan(4.0 * 0.2 * (1.0 - 2.0 * at) / long_m)
-        inside = VEHICLE.inset_m + 4.0 * 0.2 * at * (1.0 - at)
-        x, y = ax + c * at * long_m - s * inside, ay + s * at * long_m + c * inside
-        ahead = VEHICLE.blade_x_m
-        here = driven(position, x - ahead * math.cos(yaw), y - ahead * math.sin(yaw), yaw, here)
-        position.cut()
-    position.begin(second)
-    place = position.on_lane()
-    straight = (place.lane_at(0.0) + place.lane_at(long_m)) / 2
-    return place.lane_at(long_m / 2) - straight, place.lane_rad(1.5) - place.lane_rad(long_m - 1.5)
-
-
-def test_a_strip_beside_an_edge_that_bends_knows_how_that_was_left() -> None:
-    bow_m, turns = cut_in_a_bow(ROUND, 0.3)
-    assert bow_m == pytest.approx(0.2, abs=0.05)
-    long_m = math.dist(*ROUND[:2])
-    assert turns == pytest.approx(1.6 * (long_m - 3.0) / long_m**2, rel=0.1)
-
-
-@pytest.mark.parametrize(("boundary", "sigma_m"), [(ROUND, 0.0), (RING, 0.3)])
-def test_an_edge_that_is_straight_by_the_plan_is_followed_as_a_straight_one(
-    boundary: list[tuple[float, float]], sigma_m: float
-) -> None:
-    assert cut_in_a_bow(boundary, sigma_m) == pytest.approx((0.0, 0.0), abs=1e-9)
-
-
-def test_a_person_has_put_the_machine_along_the_edge_as_it_bends() -> None:
-    """So what is believed of the edge's direction there is believed of the machine's."""
-    position = Position(VEHICLE, ROUND, 0.3)
-    long_m = math.dist(*ROUND[:2])
-    (ax, ay), (bx, by) = ROUND[:2]
-    side = Side(ax, ay, math.atan2(by - ay, bx - ax), long_m, WIDTH, long_m)
-    position.place(BoundaryEdges(ROUND).namer()(side), 0.0, 0.0, 0.0)
-    askew = np.zeros(len(position.x))
-    askew[[YAW, WANDER_YAW]] = 1.0, -1.0
-    yaw = np.zeros(len(position.x))
-    yaw[YAW] = 1.0
-    against_edge, in_field = position.sigma(askew), position.sigma(yaw)
-    assert in_field**2 - against_edge**2 == pytest.approx(BENT.sigma_rad**2, rel=0.01)
-
-
-def test_a_boundary_that_was_recorded_is_hardly_turned_against_the_courses() -> None:
-    def turned_deg(boundary: list[tuple[float, float]]) -> float:
-        found = Position(VEHICLE, boundary, 0.3)
-        h = np.zeros(len(found.x))
-        h[PLAN_YAW] = 1.0
-        return math.degrees(found.sigma(h))
-
-    assert turned_deg(RING) == pytest.approx(3.0)
-    assert turned_deg(ROUND) < 1.0

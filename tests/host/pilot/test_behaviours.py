@@ -2556,9 +2556,7 @@ def bent_plan() -> Plan:
     first = spiral(ring, 0, VEHICLE, gap_m=2.0).sides[0]
     assert len(first.bends) == 1
     x, y, _ = first.pose(0.0, first.width_m)
-    places = tuple((along_m, inside_m + first.width_m) for along_m, inside_m in first.places_m)
-    bends = ((7.0 - 0.1, first.bends[0][1]),)
-    second = replace(first, x_m=x, y_m=y, bends=bends, places_m=places)
+    second = replace(first, x_m=x, y_m=y, bends=((7.0 - 0.1, first.bends[0][1]),))
     return replace(PLAN, sides=(first, second), boundary=tuple(ring))
 
 
@@ -2595,35 +2593,6 @@ def test_going_back_it_steers_towards_its_swath(left_m: float) -> None:
     context.strip.place(plan.sides[0].bends[0][0] + 3.0)
     command, _ = Retrace(context).step(NOW)
     assert command.steer_rad * left_m < 0.0
-
-
-def retracing() -> tuple[Context, Retrace]:
-    """On the second piece of a strip that bends, whose end has been met."""
-    plan = bent_plan()
-    context = on_side(plan=plan, cut_m=plan.sides[0].length_m)
-    end_side(context, NOW, EndOfField(NOW, context.motion, 0))
-    assert isinstance(context.strip, PlannedStrip)
-    context.strip.place(plan.sides[0].bends[0][0] + 3.0, 0.3)
-    retrace = Retrace(context)
-    retrace.enter(NOW)
-    return context, retrace
-
-
-@pytest.mark.parametrize(("aside_m", "believed"), [(0.15, True), (0.6, False)])
-def test_going_back_the_edge_beside_the_swath_tells_where_the_machine_is(
-    aside_m: float, believed: bool
-) -> None:
-    """Of an edge that lies too far from the swath's it believes nothing."""
-    context, retrace = retracing()
-    first, second = context.plan.sides
-    before_m = context.estimate.lane.blade_offset_m
-    shown = replace(BESIDE, edge_beside_m=second.inside_m - first.inside_m + aside_m)
-    for _ in range(20):
-        seeing(context, shown)
-        retrace.pictured()
-    moved_m = context.estimate.lane.blade_offset_m - before_m
-    assert (moved_m < -0.05) == believed
-    assert believed or moved_m == pytest.approx(0.0, abs=1e-6)
 
 
 # ---- crop beside the machine ---------------------------------------------------------------------

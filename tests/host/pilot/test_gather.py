@@ -84,16 +84,6 @@ def test_how_well_it_must_know_its_place_for_that_hangs_on_the_gap(
     assert standing(plan, None).place_known is known
 
 
-def test_where_edges_bend_it_knows_its_place_along_them_and_goes_nowhere_across() -> None:
-    round_field = [
-        (10.0 * math.cos(math.tau * k / 9), 10.0 * math.sin(math.tau * k / 9)) for k in range(9)
-    ]
-    plan = spiral(round_field, 0, VEHICLE, gap_m=2.0, sigma_m=0.3)
-    assert not standing(plan, None).place_known
-    assert standing(replace(plan, sigma_m=0.0), None).place_known
-    assert standing(spiral(round_field[:8], 0, VEHICLE, gap_m=2.0, sigma_m=0.3), None).place_known
-
-
 def test_one_gap_that_is_seen_to_be_narrow_asks_for_as_much_as_if_it_had_been_said() -> None:
     context = standing(spiral(SQUARE, 1, VEHICLE, gap_m=2.0, sigma_m=0.6), None)
     assert context.place_known
