@@ -237,13 +237,10 @@ class Smoother:
         return replace(self._track, xy=self.xy, jumps_m=jumps)
 
     def sigma_m(self, chosen: Indices) -> float:
-        """Standard deviation per axis of places against each other, each the mean of the points of
-        the walk in a row of `chosen`, (places, laps)."""
-        places, laps = chosen.shape
-        pick = np.zeros((len(self._x), 2 * places))
-        for lap in chosen.T:
-            which = np.column_stack([2 * lap, 2 * lap + 1]).ravel()
-            pick[which, np.arange(2 * places)] = 1.0 / laps
+        """Standard deviation per axis of the chosen points of the walk against each other."""
+        which = np.column_stack([2 * chosen, 2 * chosen + 1]).ravel()
+        pick = np.zeros((len(self._x), len(which)))
+        pick[which, np.arange(len(which))] = 1.0
         return relative_sigma_m(pick.T @ self._factor.solve(pick))
 
     # ---- measurements ----------------------------------------------------------------------------

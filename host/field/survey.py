@@ -65,9 +65,6 @@ STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
 SMOOTH_M = 5.0
 """Window over which an irregular ring is smoothed: twice the CEP of a phone."""
-THINNED_SIGMA_M = 0.12
-"""What thinning by SIMPLIFY_M adds to how far an edge lies aside: 0.4 of it, as of an arc and its
-chord."""
 EDGE_POINTS = 16
 """Places along a lap whose error against each other is that of an irregular edge."""
 LAP_COLOURS = (4, 0, 1, 5)
@@ -300,10 +297,9 @@ def survey_track(
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
     sigma_m = UNKNOWN_SIGMA_M
     if smoother is not None:
-        each = [np.linspace(k.first, k.last, EDGE_POINTS, endpoint=False) for k in laps]
-        sigma_m = smoother.sigma_m(np.column_stack(each).astype(int))
-        if irregular:
-            sigma_m = math.hypot(sigma_m, THINNED_SIGMA_M)
+        sigma_m = smoother.sigma_m(
+            np.linspace(laps[0].first, laps[0].last, EDGE_POINTS, endpoint=False).astype(int)
+        )
         sides = None if irregular else smoother.sides(outline, [(k.first, k.last) for k in laps])
         if sides is not None and _same_form(outline, sides.corners):
             outline, sigma_m = sides.corners, relative_sigma_m(sides.covariance)

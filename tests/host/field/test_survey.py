@@ -20,8 +20,6 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
@@ -348,26 +346,6 @@ def test_an_irregular_field_keeps_its_edge() -> None:
     assert len(found.polygon.exterior.coords) < 80
     straight = survey_track(tracked(lines), corners=4)
     assert any("--irregular keeps the edge" in text for text in straight.warnings)
-
-
-@pytest.mark.parametrize("laps", [1, 3])
-def test_an_irregular_field_is_known_as_well_as_is_said(laps: int) -> None:
-    """Its edge beside the true one, but for a common shift, over ten walks: laps count together."""
-    angles = np.linspace(0, math.tau, 24, endpoint=False)
-    blob = [(math.cos(a) * (15 + 2 * math.cos(2 * a)), 12 * math.sin(a)) for a in angles.tolist()]
-    true = shapely.LinearRing(blob)
-    errs_m2, said_m2 = [], []
-    for seed in range(10):
-        lines = walk(around(blob, laps), GnssSpec(cep_m=1.5), seed)
-        found = survey_track(tracked(lines), irregular=True)
-        ring = np.array(in_field(found).segmentize(0.5).exterior.coords)
-
-        def off_m2(shift: NDArray[np.float64], ring: NDArray[np.float64] = ring) -> float:
-            return float((shapely.distance(true, shapely.points(ring + shift)) ** 2).mean())
-
-        errs_m2.append(minimize(off_m2, np.zeros(2), method="Nelder-Mead").fun)
-        said_m2.append(found.sigma_m**2)
-    assert 0.8 < math.sqrt(np.mean(errs_m2) / np.mean(said_m2)) < 1.25
 
 
 def test_smoothing_draws_no_bend_inwards() -> None:
