@@ -13,6 +13,7 @@ from hil.commands.seeds import SEEDS
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import changed
 from hil.studies.consistency import overview, watched
+from hil.studies.outlines import outline_field
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
@@ -22,12 +23,18 @@ from host.core.terminal import PlainConsole
 @click.option("--seeds", type=SEEDS, default="1-8", show_default=True)
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="model", show_default=True)
 @click.option("--dust", type=NumberRange(0, 1), help="In all fields, instead of each its own.")
+@click.option(
+    "--outlines", is_flag=True, help="Outlines with edges that bend, as their owners walk them."
+)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/consistency.json"))
-def consistency(seeds: list[int], eyes: str, dust: float | None, out: Path) -> None:
+def consistency(seeds: list[int], eyes: str, dust: float | None, outlines: bool, out: Path) -> None:
     """Harvests random fields and compares the estimator's errors with what it says of them. The
     boundary is exact, so that there is one field frame; machine, mount and lens are as wrong as
-    an owner's values are."""
-    setting: dict[str, Any] = {"eyes": eyes, "belief": {"errors": {"walk_cep_m": None}}}
+    an owner's values are. With --outlines it was walked, and only the distance from the border and
+    the lane are compared."""
+    setting: dict[str, Any] = {"eyes": eyes}
+    if not outlines:
+        setting["belief"] = {"errors": {"walk_cep_m": None}}
     if dust is not None:
         setting["weather"] = {"dust": dust}
     console = PlainConsole()
@@ -35,7 +42,8 @@ def consistency(seeds: list[int], eyes: str, dust: float | None, out: Path) -> N
     runs = []
     with Watch("fields", len(seeds)) as watch:
         for seed in seeds:
-            runs.append(watched(changed(random_field(seed), setting)))
+            drawn = outline_field(seed) if outlines else random_field(seed)
+            runs.append(watched(changed(drawn, setting)))
             out.write_text(json.dumps(runs), encoding="utf-8")
             last = runs[-1]
             console.print(

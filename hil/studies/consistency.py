@@ -10,11 +10,14 @@ so the fields' means are what a confidence interval is taken of.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 from scipy.stats import chi2, t
 
 from hil.bench.harvest import Harvest
@@ -27,9 +30,12 @@ EVERY_S: Final = 1.0
 """Between samples of error and belief."""
 QUANTILE: Final = 0.95
 """Share of the errors that ought to lie within what is believed."""
-MEASURES: Final = {"position": 2, "direction": 1, "lane": 1, "outline": 2}
+MEASURES: Final = {"position": 2, "direction": 1, "lane": 1, "outline": 2, "border": 1}
 """Dimensions of what is compared: the rear axle's place; the yaw; the blade's offset from the
-crop's true edge; the worst corner of the machine, which the geofence stands on."""
+crop's true edge; the worst corner of the machine, which the geofence stands on; and how far the
+machine's corner that is nearest to the field's border is from it. A boundary that was walked lies
+elsewhere than the true one, and place and direction mean something against each other's only where
+it is exact. The distance from the border means the same in both."""
 
 Row = tuple[str, float, float]
 """Measure, normalised squared error over its dimensions, error in m or rad."""
@@ -54,6 +60,7 @@ class Watcher:
         self._run = run
         self._next_s = 0.0
         self._corners = outline_of(run.scenario.told.vehicle)
+        self._true = shapely.Polygon(run.scenario.world.corners)
         self.samples = Samples()
 
     def enough(self) -> bool:
@@ -65,30 +72,60 @@ class Watcher:
         return False
 
     def _look(self) -> None:
-        pilot, bench, samples = self._run.pilot, self._run.bench, self.samples
+        pilot, bench = self._run.pilot, self._run.bench
         if pilot.position.known:
-            x, y, yaw = pilot.position.pose
-            tx, ty, tyaw = bench.pose
-            off = np.array([x - tx, y - ty, math.remainder(yaw - tyaw, math.tau)])
-            p = pilot.position.covariance
-            squared = float(off[:2] @ np.linalg.solve(p[:2, :2], off[:2]))
-            samples.add("position", squared, float(np.hypot(*off[:2])))
-            samples.add("direction", off[2] ** 2 / p[2, 2], abs(float(off[2])))
-            self._look_at_outline((x, y, yaw), (tx, ty, tyaw))
+            exact = pilot.position.outline.states == 0
+            if exact:
+                self._look_at_place(pilot.position.pose, bench.pose)
+            self._look_at_border(self._run.scenario.told.boundary if exact else None)
         if pilot.phase is Phase.FOLLOW and pilot.cut_m > 0.0:
             edge = self._run.truth.edge_offset(bench.pose) - OVERLAP_M - pilot.strip.shift_m
             error = edge + pilot.lane.blade_offset_m
-            samples.add("lane", (error / pilot.lane.true_offset_sigma_m) ** 2, abs(error))
+            self.samples.add("lane", (error / pilot.lane.true_offset_sigma_m) ** 2, abs(error))
 
-    def _look_at_outline(
+    def _look_at_place(
         self, believed: tuple[float, float, float], true: tuple[float, float, float]
     ) -> None:
+        x, y, yaw = np.subtract(believed, true)
+        turned = math.remainder(yaw, math.tau)
+        p = self._run.pilot.position.covariance
+        squared = float(np.array([x, y]) @ np.linalg.solve(p[:2, :2], [x, y]))
+        self.samples.add("position", squared, math.hypot(x, y))
+        self.samples.add("direction", turned**2 / p[2, 2], abs(turned))
         here = placed(self._corners, *believed)
         off = here - placed(self._corners, *true)
         p = self._run.pilot.position.borders.covariance_of(here)
         squared = np.einsum("ni,nij,nj->n", off, np.linalg.inv(p), off)
         worst = int(np.argmax(squared))
         self.samples.add("outline", float(squared[worst]), float(np.hypot(*off[worst])))
+
+    def _look_at_border(self, exact: Sequence[tuple[float, float]] | None) -> None:
+        position = self._run.pilot.position
+        found = shapely.Polygon(position.outline.corners if exact is None else exact)
+        here = placed(self._corners, *position.pose)
+        believed = _inside_m(found, here)
+        true = _inside_m(self._true, placed(self._corners, *self._run.bench.pose))
+        nearest = int(np.argmin(np.minimum(believed, true)))
+        out = here[nearest] - _nearest(found, here[nearest])
+        length = math.hypot(*out)
+        if length > 0.0:
+            out /= length
+            p = position.borders.covariance_of(here)[nearest]
+            error = float(believed[nearest] - true[nearest])
+            self.samples.add("border", error**2 / float(out @ p @ out), abs(error))
+
+
+def _inside_m(field_: shapely.Polygon, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) how far points (n, 2) are from a field's border, negative outside of it."""
+    places = shapely.points(points)
+    away = shapely.distance(field_.exterior, places)
+    return np.asarray(np.where(shapely.contains(field_, places), away, -away))
+
+
+def _nearest(field_: shapely.Polygon, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2,) the place of a field's border that is nearest to a point."""
+    along = field_.exterior.project(shapely.Point(point))
+    return np.array(field_.exterior.interpolate(along).coords[0])
 
 
 def watched(scenario: Scenario) -> dict[str, Any]:

@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
-from hil.studies.consistency import overview
+from hil.studies.consistency import Watcher, overview
 from hil.studies.constants import Constant, Figures, found, varied
+from host.core.vehicle import Vehicle
+from host.estimate.position import Position
+from host.pilot.phase import Phase
+from host.route.plan import spiral
 
 
 def run(nees: float, rms: float) -> dict[str, object]:
@@ -24,6 +30,46 @@ def test_an_overview_is_the_mean_of_the_fields_with_its_doubt() -> None:
     assert line.rms == pytest.approx(math.sqrt((0.03**2 + 0.04**2) / 2))
     assert line.worst == 0.08
     assert overview([run(1.0, 0.03)])[0].nees_high == math.inf, "one field says nothing of others"
+
+
+TRUE = [(0.0, 0.0), (20.0, 0.0), (20.0, 15.0), (0.0, 15.0)]
+WALKED_OFF_M = (1.5, -0.8)
+
+
+def seen_by_the_watcher(nearer_m: float, sigma_m: float) -> dict[str, tuple[float, float]]:
+    """(squared in variances, error in m) of a machine on its first lane in a field that was walked
+    to sigma_m a corner, as a whole WALKED_OFF_M elsewhere; so much nearer to the border behind its
+    lane than it believes."""
+    vehicle = Vehicle()
+    dx, dy = WALKED_OFF_M
+    walked = [(x + dx, y + dy) for x, y in TRUE] if sigma_m else TRUE
+    position = Position(vehicle, walked, sigma_m)
+    position.place(spiral(walked, 0, vehicle).sides[0], 8.0, 0.0, 0.0, (0.1, 0.05, 1e-4))
+    x, y, yaw = position.pose
+    off = (dx, dy) if sigma_m else (0.0, 0.0)
+    told = SimpleNamespace(vehicle=vehicle, boundary=tuple(walked))
+    run = SimpleNamespace(
+        bench=SimpleNamespace(now=5.0, pose=(x - off[0], y - off[1] - nearer_m, yaw)),
+        pilot=SimpleNamespace(phase=Phase.TURN, position=position),
+        scenario=SimpleNamespace(told=told, world=SimpleNamespace(corners=tuple(TRUE))),
+    )
+    watcher = Watcher(cast(Any, run))
+    assert not watcher.enough(), "the run goes on"
+    return {measure: (squared, error) for measure, squared, error in watcher.samples.rows}
+
+
+@pytest.mark.parametrize("sigma_m", [0.0, 0.3])
+@pytest.mark.parametrize("nearer_m", [0.0, 0.1, -0.2])
+def test_the_distance_from_the_border_is_judged_wherever_the_walk_has_put_the_field(
+    sigma_m: float, nearer_m: float
+) -> None:
+    seen = seen_by_the_watcher(nearer_m, sigma_m)
+    squared, error = seen["border"]
+    assert error == pytest.approx(abs(nearer_m), abs=1e-9)
+    # The operator has put it so far beside the edge, wherever that lies.
+    assert squared == pytest.approx((nearer_m / 0.05) ** 2, rel=0.02, abs=1e-9)
+    exact = {"position", "direction", "outline"}
+    assert exact & set(seen) == (exact if sigma_m == 0.0 else set()), "in one field frame alone"
 
 
 def test_the_count_takes_numbers_in_capitals_with_the_text_below(tmp_path: Path) -> None:
