@@ -39,7 +39,7 @@ class Borders:
         axle they are."""
         found = np.empty((len(points), 2, 2))
         spread.of_points(self.p, CORNERS, *self._axle, points, self.outline.nearest(points), found)
-        return found
+        return self._strayed(found)
 
     def against(self, points: Array, places: Array) -> tuple[Array, Array]:
         """Of points (n, 2) of the machine against the borders nearest to (m, 2) places, as they
@@ -49,7 +49,13 @@ class Borders:
         near = np.zeros((1, 0)) if anywhere else self.outline.weights(places)
         found = np.empty((len(near), len(points), 2, 2))
         spread.of_points_against(self.p, CORNERS, *self._axle, points, near, found)
+        found = self._strayed(found)
         return found, np.zeros_like(places) if anywhere else near @ self._moved_m
+
+    def _strayed(self, found: Array) -> Array:
+        """(…, 2, 2), m²: against what bends beside the border's straight piece."""
+        strays_m = self.outline.strays_m
+        return found + strays_m**2 * np.eye(2) if strays_m > 0.0 else found
 
     def as_planned(self, points: Array) -> Array:
         """(n, 2) points of the machine where they would lie if the border nearest to each lay as

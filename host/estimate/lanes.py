@@ -172,8 +172,12 @@ class Lanes:
         found: what that lane is off must not pass for what the corners are."""
         edge = side.begins_at if way < 0 else side.ends_at
         last = next((k for k in reversed(self._kept) if k.side.edge == edge != NO_EDGE), None)
-        if last is None or not outline.states:
+        if not outline.states:
             return BOUNDARY
+        strays = outline.end_strays_m(side, way)
+        border = BOUNDARY._replace(sigma_m=strays)
+        if last is None:
+            return border
         across, along = outline.found(last.side), outline.found(side)
         c, s = math.cos(across.heading_rad), math.sin(across.heading_rad)
         heading = along.heading_rad if way < 0 else along.end_heading_rad
@@ -181,11 +185,12 @@ class Lanes:
         at = along.pose(along.edge_begin_m if way < 0 else along.length_m - along.edge_end_m)
         met_m = (at[0] - across.x_m) * c + (at[1] - across.y_m) * s
         if sine < PARALLEL or not -self._width < met_m < across.length_m + self._width:
-            return BOUNDARY
+            return border
         # What lies left of a lane lies farther inside.
         h = np.array([1.0, met_m]) * (-way / sine)
         lane = last.lane
-        return Across(float(h @ lane.at), math.sqrt(h @ lane.noise @ h), h @ lane.by)
+        sigma = math.hypot(math.sqrt(h @ lane.noise @ h), strays)
+        return Across(float(h @ lane.at), sigma, h @ lane.by)
 
     def _last(self, side: Side) -> Kept | None:
         """The lane whose cutting has left a side's edge. Where the strips between were laid out

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from host.core.compiled import compiled
 from host.estimate.kalman import Array
 from host.estimate.odometry import Motion
+from host.estimate.outline import STRAYS_M
 from host.estimate.states import (
     CRAB,
     CURVE,
@@ -82,6 +83,9 @@ What dust adds is judged before (host.pilot.sight)."""
 CUT = Wander(0.035, 0.7)
 """Of an edge that the machine has left, its way too: 0.03 m RMS beside the straight line (81 strips
 of 8 random fields, from the fourth metre on)."""
+BENT = Wander(STRAYS_M, 2.0)
+"""Of an edge that bends beside its straight piece, and of those that strips have left along it: a
+piece of 5 m is on either side of it by turns."""
 TRIMMED = Wander(0.2, 10.0)
 """Of a side's first crop, which the turn before may have trimmed, by up to 0.35 m (model field
 11335): what pictures show of it errs alike all the way there. Narrower: they turn a machine that

@@ -29,6 +29,13 @@ BEYOND: Final = 0.5
 """Of an edge's length: farther beyond a corner its line is taken to move as it does there."""
 PARALLEL: Final = 0.2
 """Sine of the angle under which a border must cross a side to move its end."""
+STRAIGHT_EDGES: Final = 8
+"""A boundary of more edges, whose place is to be found, was recorded point by point: its edges are
+pieces of what bends."""
+STRAYS_M: Final = 0.12
+"""Standard deviation of what bends beside such a piece, between corners that lie on it: it was
+thinned by up to 0.3 m (`host.field.corners.SIMPLIFY_M`). Smaller: the place is believed to be known
+better than it is, by three times with 0; larger: the fence keeps farther away."""
 STRAIGHT_M: Final = 1.0
 """Outer edge of a side, between its tips, from which on its ends tell its direction. What is
 shorter, or a strip that is nothing but tips, turns as the edge does that it lies along."""
@@ -104,6 +111,8 @@ class Outline:
         self._edges = self._planned
         """Where they are found to lie: a derivative against a direction of before would let what is
         seen beside the lane move the corners along it."""
+        self.strays_m = STRAYS_M if len(self.walked) > STRAIGHT_EDGES else 0.0
+        """Standard deviation of the true edge beside its straight piece."""
         self.moved_m: Array = np.zeros_like(self._planned.corners)
         """(n, 2) how far each corner lies from where the plan has it."""
         self.at: Final = slice(CORNERS, CORNERS + self.moved_m.size)
@@ -220,6 +229,16 @@ class Outline:
         if abs(across) < PARALLEL:
             across = math.copysign(PARALLEL, across)
         return self.along(border, at, (-s / across, c / across))
+
+    def end_strays_m(self, side: Side, way: int) -> float:
+        """Standard deviation of a side's end (way 1) or beginning (-1), m along it, by what the
+        border there strays from its straight piece: the more, the shallower it is met."""
+        border = side.begins_at if way < 0 else side.ends_at
+        if self.strays_m == 0.0 or border == NO_EDGE:
+            return self.strays_m
+        found = self.found(side)
+        heading = found.heading_rad if way < 0 else found.end_heading_rad
+        return self.strays_m / max(PARALLEL, abs(math.sin(heading - self.heading_rad(border))))
 
     def nearest(self, places: Array) -> Array:
         """(m, n) how much the border nearest to each of (m, 2) places moves with each corner. Not

@@ -34,7 +34,7 @@ from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, stra
 from host.estimate.measurements import begin, course, end, rest
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import CUT, DRILLED, TRIMMED, Wander, move
+from host.estimate.motion_model import BENT, CUT, DRILLED, TRIMMED, Wander, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.readings import NO_SIDE, Readings
@@ -145,7 +145,8 @@ class Position(Readings):
         self._lane_of, self._beside = side, beside
         left = self._inside or self._lanes.knows(side)
         self._undoubted = math.inf
-        self._wander = beside or (CUT if left else DRILLED)
+        bends = self.outline.strays_m > 0.0 and not side.left_over
+        self._wander = beside or (BENT if bends else CUT if left else DRILLED)
         self._x[WANDER] = self._apart[WANDER] = 0.0
         for p in self._covariances:
             p[WANDER, :] = p[:, WANDER] = 0.0

@@ -50,6 +50,8 @@ class Readings(Filter):
         """Of a corner of the boundary before anything is seen of it, along x and along y."""
         states = self.outline.at.stop + 2 * kept_for(len(boundary))
         super().__init__(np.zeros(states), prior.covariance(states))
+        if self.outline.strays_m > 0.0:
+            self._p[PLAN_YAW, PLAN_YAW] = prior.RECORDED_SIGMA_RAD**2
         self._vehicle = vehicle
         self._blade_x_m, self._inset_m = vehicle.blade_x_m, vehicle.inset_m
         self._lane_of = NO_SIDE
@@ -162,7 +164,8 @@ class Readings(Filter):
         if back_m != 0.0:
             h[SCALE] -= back_m
             h[[GRADE_X, GRADE_Y]] += np.multiply(back_m, place.direction)
-        return math.sqrt(self.sigma(h) ** 2 + STEP_SIGMA[0] ** 2 * back_m)
+        strays_m = self.outline.end_strays_m(side, way)
+        return math.sqrt(self.sigma(h) ** 2 + strays_m**2 + STEP_SIGMA[0] ** 2 * back_m)
 
     @property
     def corners_sigma_m(self) -> float:

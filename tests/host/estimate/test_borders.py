@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from host.estimate.borders import Borders
-from host.estimate.outline import Outline
+from host.estimate.outline import STRAYS_M, Outline
 from host.estimate.states import CORNERS, YAW, X, Y
 
 RING = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
@@ -56,3 +58,17 @@ def test_where_no_corner_is_to_be_found_one_answer_holds_for_every_border() -> N
         by[0, X] = by[1, Y] = 1.0
         by[:, YAW] = AXLE[1] - py, px - AXLE[0]
         assert found[0, k] == pytest.approx(by @ p @ by.T, abs=1e-9)
+
+
+def test_a_border_that_bends_lies_beside_its_straight_pieces() -> None:
+    """Whatever is known of the machine and of the corners."""
+    turns = np.arange(12) * math.tau / 12
+    ring = [(float(x), float(y)) for x, y in 20.0 * np.column_stack([np.cos(turns), np.sin(turns)])]
+    x, _ = state(np.random.default_rng(3), len(ring))
+    borders = Borders(x, np.zeros((len(x), len(x))), Outline(ring))
+    beside = np.broadcast_to(STRAYS_M**2 * np.eye(2), (len(POINTS), 2, 2))
+    assert borders.covariance_of(POINTS) == pytest.approx(beside)
+    found, _ = borders.against(POINTS, np.array(ring))
+    assert found == pytest.approx(np.broadcast_to(beside, (len(ring), *beside.shape)))
+    straight = Borders(x, np.zeros((len(x), len(x))), Outline(RING))
+    assert not straight.covariance_of(POINTS).any()

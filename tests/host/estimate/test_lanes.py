@@ -18,8 +18,9 @@ from host.estimate.measurements.begin import begin
 from host.estimate.measurements.border import BOUNDARY, Across
 from host.estimate.measurements.edge import edge
 from host.estimate.measurements.end import end
+from host.estimate.measurements.goes_on import to_border
 from host.estimate.odometry import Motion
-from host.estimate.outline import Outline
+from host.estimate.outline import STRAYS_M, Outline
 from host.estimate.position import Position
 from host.estimate.states import LANE_OFFSET, LANE_YAW, SIGHT, YAW, X, Y
 from host.route.boundary_edges import BoundaryEdges
@@ -91,6 +92,20 @@ def test_where_no_lane_lies_across_the_border_is_the_fields_own() -> None:
     assert Lanes(WIDTH, KEPT_AT).across(OUTLINE, ACROSS, 1) == BOUNDARY
     assert found.across(OUTLINE, ACROSS, -1) == BOUNDARY
     assert found.across(Outline(()), ACROSS, 1) == BOUNDARY, "a known boundary"
+
+
+def test_an_end_at_a_border_that_bends_is_known_no_better_than_the_border() -> None:
+    """Recorded point by point: each edge of RING in three pieces."""
+    ring = np.array(RING)
+    ways = np.roll(ring, -1, axis=0) - ring
+    points = np.concatenate([ring + k / 3 * ways for k in range(3)]).reshape(3, 4, 2)
+    bent = Outline([(float(x), float(y)) for x, y in points.transpose(1, 0, 2).reshape(-1, 2)])
+    of_piece = {0: 2, 1: 3, 2: 6, 3: 9}
+    up = replace(UP, edges=(of_piece[1],), places_m=UP.places_m)
+    ends = replace(ACROSS, edges=(0,), ends_at=of_piece[1], begins_at=11)
+    found, _, _ = kept((up, 0.3, 0.0))
+    assert found.across(bent, ends, 1).sigma_m == pytest.approx(STRAYS_M), "that was cut along"
+    assert found.across(bent, ends, -1) == Across(0.0, pytest.approx(STRAYS_M))
 
 
 @pytest.mark.parametrize(("measured", "along_m"), [(begin, 0.0), (end, ACROSS.length_m)])
@@ -340,3 +355,33 @@ def test_tied_to_the_machine_a_lane_is_as_sure_as_before(seen: bool) -> None:
     assert (covariance @ h)[[X, Y, YAW]] == pytest.approx(0.0, abs=1e-12), "its errors are its own"
     assert np.allclose(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
+
+
+RECORDED = [*RING[:3], (12.0, 10.3), (10.0, 10.0), (8.0, 10.3), (6.0, 10.0), (4.0, 10.3), RING[3]]
+"""The same with a third edge that was recorded point by point."""
+
+
+def test_pictures_along_what_bends_tell_less_of_the_place_beside_it() -> None:
+    """The edge is on either side of the straight piece for metres, alike in all pictures there."""
+    drawn, recorded = Position(VEHICLE, RING, 0.3), Position(VEHICLE, RECORDED, 0.3)
+    for position in (drawn, recorded):
+        cut_first(position)
+    more_m2 = recorded.beside_sigma_m(FIRST) ** 2 - drawn.beside_sigma_m(FIRST) ** 2
+    assert more_m2 > 0.08**2
+    end_m2 = recorded.sigma(to_border(recorded.at(FIRST), 1)) ** 2
+    assert recorded.end_sigma_m(FIRST) ** 2 == pytest.approx(end_m2 + STRAYS_M**2), "nor its end"
+
+
+def test_a_recorded_boundary_is_turned_against_the_courses_by_less_than_one_that_is_told() -> None:
+    """Courses that show the machine askew of where it follows the plan."""
+    askew_rad = []
+    for ring in (RING, RECORDED):
+        position = Position(VEHICLE, ring, 0.3)
+        cut_first(position)
+        before = position.course_rad - position.pose[2]
+        for _ in range(30):
+            position.course(math.radians(4.0), 0.5)
+        askew_rad.append(position.course_rad - position.pose[2] - before)
+    drawn, recorded = np.degrees(askew_rad)
+    assert drawn > 3.0
+    assert recorded < 0.5

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate.outline import STRAIGHT_M, Outline
+from host.estimate.outline import PARALLEL, STRAIGHT_M, STRAYS_M, Outline
 from host.route.boundary_edges import BoundaryEdges
 from host.route.plan import spiral
 from host.route.side import NO_EDGE, Side
@@ -27,6 +27,11 @@ Moves = NDArray[np.float64]
 RECTANGLE: Ring = [(0.0, 0.0), (14.0, 0.0), (14.0, 10.0), (0.0, 10.0)]
 SKEW: Ring = [(0.3, -0.6), (13.2, 0.7), (14.5, 9.4), (-0.8, 10.3)]
 BENT: Ring = [(0.0, 0.0), (6.0, -0.8), (12.0, 0.0), (12.0, 9.0), (0.0, 9.0)]
+
+ROUND: Ring = [
+    (20.0 * math.cos(k * math.tau / 12), 20.0 * math.sin(k * math.tau / 12)) for k in range(12)
+]
+"""What bends all along, as it was recorded."""
 
 offsets = st.lists(st.floats(-1.0, 1.0), min_size=8, max_size=8).map(
     lambda moves: np.array(moves).reshape(4, 2)
@@ -268,3 +273,26 @@ def test_a_bent_side_is_found_with_each_of_its_pieces(moves: list[float]) -> Non
     for (start, piece), (following, _) in itertools.pairwise(pieces):
         assert following == pytest.approx(start + piece.length_m)
     assert found.length_m == pytest.approx(sum(piece.length_m for _, piece in pieces))
+
+
+def test_only_an_edge_of_many_pieces_strays_from_them() -> None:
+    assert Outline(ROUND).strays_m == STRAYS_M
+    assert Outline(ROUND[:8]).strays_m == 0.0, "so many were drawn corner by corner"
+    assert Outline().strays_m == 0.0, "a boundary that is known"
+    assert Outline(ROUND[:8], np.array(ROUND)).strays_m == STRAYS_M, "laid out anew it still does"
+
+
+@pytest.mark.parametrize(("askew_deg", "times"), [(90.0, 1.0), (30.0, 2.0), (2.0, 1 / PARALLEL)])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_border_that_strays_ends_a_side_the_less_surely_the_shallower_it_is_met(
+    way: int, askew_deg: float, times: float
+) -> None:
+    outline = Outline(ROUND)
+    bend = 0.3
+    heading = outline.heading_rad(5) + math.radians(askew_deg) - (bend if way > 0 else 0.0)
+    side = Side(0.0, 0.0, heading, 9.0, 1.0, 9.0, bends=((4.0, bend),), edges=(1, 2))
+    side = replace(side, ends_at=5) if way > 0 else replace(side, begins_at=5)
+    assert outline.end_strays_m(side, way) == pytest.approx(STRAYS_M * times)
+    assert outline.end_strays_m(side, -way) == STRAYS_M, "at no border it ends as it was cut"
+    straight = Outline(RECTANGLE)
+    assert straight.end_strays_m(replace(side, ends_at=2, begins_at=2), way) == 0.0
