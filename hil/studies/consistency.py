@@ -10,7 +10,6 @@ so the fields' means are what a confidence interval is taken of.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -34,8 +33,8 @@ MEASURES: Final = {"position": 2, "direction": 1, "lane": 1, "outline": 2, "bord
 """Dimensions of what is compared: the rear axle's place; the yaw; the blade's offset from the
 crop's true edge; the worst corner of the machine, which the geofence stands on; and how far the
 machine's corner that is nearest to the field's border is from it. A boundary that was walked lies
-elsewhere than the true one, and place and direction mean something against each other's only where
-it is exact. The distance from the border means the same in both."""
+elsewhere than the true one, so place and direction can be compared with the true ones only where it
+is exact. The distance from the border means the same in both."""
 
 Row = tuple[str, float, float]
 """Measure, normalised squared error over its dimensions, error in m or rad."""
@@ -74,10 +73,9 @@ class Watcher:
     def _look(self) -> None:
         pilot, bench = self._run.pilot, self._run.bench
         if pilot.position.known:
-            exact = pilot.position.outline.states == 0
-            if exact:
+            if pilot.position.outline.states == 0:
                 self._look_at_place(pilot.position.pose, bench.pose)
-            self._look_at_border(self._run.scenario.told.boundary if exact else None)
+            self._look_at_border()
         if pilot.phase is Phase.FOLLOW and pilot.cut_m > 0.0:
             edge = self._run.truth.edge_offset(bench.pose) - OVERLAP_M - pilot.strip.shift_m
             error = edge + pilot.lane.blade_offset_m
@@ -99,9 +97,9 @@ class Watcher:
         worst = int(np.argmax(squared))
         self.samples.add("outline", float(squared[worst]), float(np.hypot(*off[worst])))
 
-    def _look_at_border(self, exact: Sequence[tuple[float, float]] | None) -> None:
-        position = self._run.pilot.position
-        found = shapely.Polygon(position.outline.corners if exact is None else exact)
+    def _look_at_border(self) -> None:
+        position, told = self._run.pilot.position, self._run.scenario.told
+        found = shapely.Polygon(position.outline.corners or told.boundary)
         here = placed(self._corners, *position.pose)
         believed = _inside_m(found, here)
         true = _inside_m(self._true, placed(self._corners, *self._run.bench.pose))

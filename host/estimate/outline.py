@@ -35,7 +35,7 @@ pieces of what bends."""
 STRAYS_M: Final = 0.12
 """Standard deviation of what bends beside such a piece, between corners that lie on it: it was
 thinned by up to 0.3 m (`host.field.corners.SIMPLIFY_M`). Smaller: the place is believed to be known
-better than it is, by three times with 0; larger: the fence keeps farther away."""
+better than it is; larger: the fence keeps farther away."""
 STRAIGHT_M: Final = 1.0
 """Outer edge of a side, between its tips, from which on its ends tell its direction. What is
 shorter, or a strip that is nothing but tips, turns as the edge does that it lies along."""
