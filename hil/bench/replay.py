@@ -172,6 +172,7 @@ def _about(path: Path, about: Mapping[str, str]) -> About:
             outs,
             done=data.get("done", 0),
             sigma_m=data.get("sigma_m", 0.0),
+            recorded=data.get("recorded", False),
             before=tuple(data.get("before", ())),
             way=data.get("way", "onward"),
             otherwise=tuple(data.get("otherwise", ())),

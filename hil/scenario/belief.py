@@ -168,6 +168,8 @@ class Told:
     """Counter-clockwise, metres of the world's frame."""
     boundary_sigma_m: float
     """Standard deviation per axis of a corner against the others."""
+    boundary_recorded: bool | None
+    """Whether it was recorded point by point; None: nobody has said it."""
     keep_outs: tuple[Ring, ...]
     gap_m: float
     corner: int
@@ -197,6 +199,7 @@ class Told:
             self.gap_m,
             self.keep_outs,
             self.boundary_sigma_m,
+            self.boundary_recorded,
         )
 
 
@@ -209,12 +212,15 @@ def _laid_out(
     gap_m: float,
     keep_outs: tuple[Ring, ...],
     sigma_m: float,
+    recorded: bool | None,
 ) -> Plan:
     """Once for all who ask: who puts the machine down, the host, the judge. On an irregular field
     it takes half a second."""
     vehicle = Vehicle.model_validate_json(vehicle_json)
     holes = [list(ring) for ring in keep_outs]
-    return spiral(list(boundary), corner, vehicle, turn, gap_m, holes, sigma_m=sigma_m)
+    return spiral(
+        list(boundary), corner, vehicle, turn, gap_m, holes, sigma_m=sigma_m, recorded=recorded
+    )
 
 
 def told(belief: Belief, world: World, camera: str) -> Told:
@@ -234,14 +240,14 @@ def told(belief: Belief, world: World, camera: str) -> Told:
     given = belief.boundary
     if given is None and folder is not None:
         given = str(folder / FIELD_FILE)
-    outs = None
+    outs, recorded = None, None
     if given is None:
         walk = drawn_walk(belief.errors, draw)
-        ring, sigma = (world.corners, 0.0) if walk is None else walked(world, walk)
+        ring, sigma, recorded = (world.corners, 0.0, None) if walk is None else walked(world, walk)
     elif isinstance(given, Walk):
-        ring, sigma = walked(world, given)
+        ring, sigma, recorded = walked(world, given)
     elif isinstance(given, str):
-        ring, outs, sigma = _read(Path(given), world.gnss)
+        ring, outs, sigma, recorded = _read(Path(given), world.gnss)
     else:
         ring = given
         sigma = 0.0 if belief.errors.walk_cep_m is None else UNKNOWN_SIGMA_M
@@ -264,7 +270,8 @@ def told(belief: Belief, world: World, camera: str) -> Told:
         corner = corner_like(world.corners, world.start.corner, ring)
     if corner >= len(ring):
         raise UserError(f"belief.corner: the boundary has {len(ring)} corners, numbered from 0")
-    return Told(vehicle, camera, ring, sigma, outs, gap, corner, parameters | belief.parameters)
+    parameters |= belief.parameters
+    return Told(vehicle, camera, ring, sigma, recorded, outs, gap, corner, parameters)
 
 
 class Draw:
@@ -380,16 +387,16 @@ def drawn_walk(errors: Errors, draw: Draw) -> Walk | None:
     return Walk(laps=int(rng.integers(low, high + 1)), cep_m=cep)
 
 
-def walked(world: World, walk: Walk) -> tuple[Ring, float]:
+def walked(world: World, walk: Walk) -> tuple[Ring, float, bool]:
     """The boundary that the host's own survey makes of a walk around the true one with the world's
-    phone, and how surely it knows the corners."""
+    phone, how surely it knows the corners, and whether it kept the edge as it was walked."""
     phone = world.gnss.model_copy(update={"cep_m": walk.cep_m, "first_fix_s": 0.0})
     seed = world.seed if walk.seed is None else walk.seed
     return _walked(world.corners, phone, walk.laps, seed)
 
 
 @lru_cache(maxsize=256)
-def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, float]:
+def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, float, bool]:
     home = LocalFrame(phone.lat_deg, phone.lon_deg)
     problem: UserError | None = None
     straight = len(ring) if len(ring) <= MAX_CORNERS else None
@@ -406,7 +413,8 @@ def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, fl
             continue
         local, home_of = track.frame, home.to_local
         places = ccw(found.polygon.exterior.coords)[:-1]
-        return tuple(home_of(*local.to_wgs84(x, y)) for x, y in places), found.sigma_m
+        walked_ring = tuple(home_of(*local.to_wgs84(x, y)) for x, y in places)
+        return walked_ring, found.sigma_m, found.corners is None
     raise UserError(f"belief.boundary: {WALKS} walks around the field gave none: {problem}")
 
 
@@ -534,12 +542,14 @@ def taped_keep_outs(world: World, ring: Ring, errors: Errors, draw: Draw) -> tup
     return tuple(outs)
 
 
-def _read(path: Path, gnss: GnssSpec) -> tuple[Ring, tuple[Ring, ...], float]:
-    """A boundary file's ring and keep-outs in the world's frame, and how surely it knows them."""
+def _read(path: Path, gnss: GnssSpec) -> tuple[Ring, tuple[Ring, ...], float, bool | None]:
+    """A boundary file's ring and keep-outs in the world's frame, how surely it knows them, and
+    whether it says that they were recorded point by point."""
     boundary = load_field(path)
     polygon = boundary.polygon(LocalFrame(gnss.lat_deg, gnss.lon_deg))
     holes = tuple(tuple(ccw(hole.coords)[:-1]) for hole in polygon.interiors)
-    return tuple(ccw(polygon.exterior.coords)[:-1]), holes, boundary.known_to_m
+    ring = tuple(ccw(polygon.exterior.coords)[:-1])
+    return ring, holes, boundary.known_to_m, boundary.recorded
 
 
 def _parameters_of(folder: Path) -> dict[str, float]:

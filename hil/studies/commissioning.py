@@ -318,7 +318,7 @@ def commission(
     rng = draw.rng("commissioning")
 
     say(f"walk around the field, {walk.laps} laps")
-    ring, ring_sigma = walked(world, walk)
+    ring, ring_sigma, recorded = walked(world, walk)
     boundary = Value(
         boundary_off_m(ring, world), math.hypot(ring_sigma, ring_sigma), 0.0, "m",
         f"{walk.laps} laps with a phone of {walk.cep_m:g} m CEP; rms over the sides' places",
@@ -349,7 +349,7 @@ def commission(
             "mounts": known.mounts | {camera: mount},
         }
     )
-    _write(out, scenario, vehicle, ring, ring_sigma, parameters, values, draw)
+    _write(out, scenario, vehicle, ring, ring_sigma, recorded, parameters, values, draw)
     return values
 
 
@@ -397,6 +397,7 @@ def _write(
     vehicle: Vehicle,
     ring: tuple[tuple[float, float], ...],
     ring_sigma: float,
+    recorded: bool,
     parameters: dict[str, float],
     values: dict[str, Value],
     draw: Draw,
@@ -407,7 +408,7 @@ def _write(
     frame = LocalFrame(world.gnss.lat_deg, world.gnss.lon_deg)
     save_field(
         out / FIELD_FILE,
-        boundary_of(shapely.Polygon(ring, outs), frame, "commissioned", ring_sigma),
+        boundary_of(shapely.Polygon(ring, outs), frame, "commissioned", ring_sigma, recorded),
     )
     (out / PARAMETER_FILE).write_text(yaml.safe_dump(parameters), encoding="utf-8")
     data = {name: asdict(value) | {"off": value.off} for name, value in values.items()}

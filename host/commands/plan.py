@@ -16,7 +16,8 @@ from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle
 from host.field.areas import Areas, areas_of
-from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
+from host.field.boundary_file import RECORDED, Boundary, boundary_of, load_field, save_field
+from host.field.corners import was_recorded
 from host.route.field_plan import plan_field, told
 from host.route.preview import Preview, check_picture, draw_preview, hours, preview
 
@@ -122,7 +123,17 @@ def _previews(
     """By both kinds of turn."""
     corner = boundary.frame.to_local(*boundary.crop[start])
     with told(f"plan of {field}") as tell:
-        sides = plan_field(areas, corner, machine, turn, gap, boundary.known_to_m, inset, tell)
+        sides = plan_field(
+            areas,
+            corner,
+            machine,
+            turn,
+            gap,
+            boundary.known_to_m,
+            inset,
+            tell,
+            boundary.recorded,
+        )
         return {
             name: preview(replace(sides, turn=name), areas, machine)
             for name in ("three_point", "arc")
@@ -138,6 +149,16 @@ def _say_field(
     )
     said = "" if boundary.sigma_m is not None else "; the file does not say it, as walked once"
     console.print(f"corners known to {boundary.known_to_m:.2f} m{said}")
+    if was_recorded(boundary.crop, boundary.recorded):
+        said = (
+            ""
+            if boundary.recorded
+            else (
+                f"; taken so for its many points: if it was drawn corner by corner, say "
+                f"{RECORDED}: false as a property of a GeoJSON file"
+            )
+        )
+        console.print(f"recorded point by point: the edge may bend between its corners{said}")
     if areas.price > 0:
         console.print(
             f"left standing by choice (inset {inset:g} m, keep-outs' margin): "
@@ -172,7 +193,14 @@ def _keep_parts(
         part = shapely.Polygon(ring)
         rest = field.with_suffix(f".part{number}.geojson")
         save_field(
-            rest, boundary_of(part, boundary.frame, f"{name}, part {number}", boundary.sigma_m)
+            rest,
+            boundary_of(
+                part,
+                boundary.frame,
+                f"{name}, part {number}",
+                boundary.sigma_m,
+                shown.plan.recorded,
+            ),
         )
         console.print(
             f"the field parts: {part.area:.0f} m2 are left that no turn leads to; harvest them "

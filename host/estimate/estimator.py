@@ -29,7 +29,7 @@ class Estimator:
 
     def __init__(self, vehicle: Vehicle, plan: Plan) -> None:
         self.odometry = Odometry(vehicle)
-        self.position = Position(vehicle, plan.boundary, plan.sigma_m)
+        self.position = Position(vehicle, plan.boundary, plan.sigma_m, plan.recorded)
         self.lane = Lane(self.position, vehicle.blade_x_m)
         self.trails = Trails(vehicle)
         self.swaths = Swaths()

@@ -29,13 +29,11 @@ BEYOND: Final = 0.5
 """Of an edge's length: farther beyond a corner its line is taken to move as it does there."""
 PARALLEL: Final = 0.2
 """Sine of the angle under which a border must cross a side to move its end."""
-STRAIGHT_EDGES: Final = 8
-"""A boundary of more edges, whose place is to be found, was recorded point by point: its edges are
-pieces of what bends."""
 STRAYS_M: Final = 0.12
-"""Standard deviation of what bends beside such a piece, between corners that lie on it: it was
-thinned by up to 0.3 m (`host.field.corners.SIMPLIFY_M`). Smaller: the place is believed to be known
-better than it is; larger: the fence keeps farther away."""
+"""Standard deviation of the crop's edge beside a piece of a boundary that was recorded point by
+point, between corners that lie on it: what bends was thinned by up to 0.3 m
+(`host.field.corners.SIMPLIFY_M`). Smaller: the place is believed to be known better than it is;
+larger: the fence keeps farther away."""
 STRAIGHT_M: Final = 1.0
 """Outer edge of a side, between its tips, from which on its ends tell its direction. What is
 shorter, or a strip that is nothing but tips, turns as the edge does that it lies along."""
@@ -101,18 +99,21 @@ class Outline:
     """(n, 2) corners; without any nothing is ever moved."""
 
     def __init__(
-        self, ring: Sequence[tuple[float, float]] = (), walked: Array | None = None
+        self,
+        ring: Sequence[tuple[float, float]] = (),
+        walked: Array | None = None,
+        strays_m: float = 0.0,
     ) -> None:
         """`ring`: the plan's corners; `walked`: (n, 2) where they were entered, if the plan has
-        been laid out anew since."""
+        been laid out anew since; `strays_m`: how far the true edge strays from what lies between
+        them, as a standard deviation."""
         self._planned = BoundaryEdges(ring)
         self.walked: Array = self._planned.corners if walked is None else walked
         """(n, 2) the corners as they were entered."""
         self._edges = self._planned
         """Where they are found to lie: a derivative against a direction of before would let what is
         seen beside the lane move the corners along it."""
-        self.strays_m = STRAYS_M if len(self.walked) > STRAIGHT_EDGES else 0.0
-        """Standard deviation of the true edge beside its straight piece."""
+        self.strays_m: Final = strays_m
         self.moved_m: Array = np.zeros_like(self._planned.corners)
         """(n, 2) how far each corner lies from where the plan has it."""
         self.at: Final = slice(CORNERS, CORNERS + self.moved_m.size)

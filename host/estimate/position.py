@@ -68,11 +68,14 @@ class Position(Readings):
     """Unknown until `place`. Sides are the plan's; where they are found to lie is known here."""
 
     def __init__(
-        self, vehicle: Vehicle, boundary: Sequence[tuple[float, float]] = (), sigma_m: float = 0.0
+        self,
+        vehicle: Vehicle,
+        boundary: Sequence[tuple[float, float]] = (),
+        sigma_m: float = 0.0,
+        recorded: bool = False,
     ) -> None:
-        """`boundary`: its corners, counter-clockwise, each known to sigma_m; 0: they lie where it
-        says."""
-        super().__init__(vehicle, boundary, sigma_m)
+        """As `Readings`."""
+        super().__init__(vehicle, boundary, sigma_m, recorded)
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m, range(self.outline.at.stop, len(self._x), 2))
         self._wander, self._trimmed = DRILLED, False
@@ -363,7 +366,7 @@ class Position(Readings):
         """The plan has been laid out anew around the corners as they were found, and this is its
         side that the machine is at."""
         found = np.array(self.outline.corners)
-        self.outline = Outline(boundary, self.outline.walked)
+        self.outline = Outline(boundary, self.outline.walked, self.outline.strays_m)
         self.outline.move((found - np.array(boundary)).ravel())
         self._lane_of = side
 

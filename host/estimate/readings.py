@@ -17,7 +17,7 @@ from host.estimate.kalman import Filter
 from host.estimate.lanes import kept_for
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.motion_model import STEP_SIGMA, Wander
-from host.estimate.outline import Outline
+from host.estimate.outline import STRAYS_M, Outline
 from host.estimate.place import Place
 from host.estimate.states import (
     CRAB,
@@ -41,11 +41,17 @@ class Readings(Filter):
     """What the filter says. `host.estimate.position` moves it and measures."""
 
     def __init__(
-        self, vehicle: Vehicle, boundary: Sequence[tuple[float, float]] = (), sigma_m: float = 0.0
+        self,
+        vehicle: Vehicle,
+        boundary: Sequence[tuple[float, float]] = (),
+        sigma_m: float = 0.0,
+        recorded: bool = False,
     ) -> None:
         """`boundary`: its corners, counter-clockwise, each known to sigma_m; 0: they lie where it
-        says."""
-        self.outline = Outline(boundary if sigma_m > 0.0 else ())
+        says. `recorded`: point by point, so that the edge bends between them."""
+        found = sigma_m > 0.0
+        strays_m = STRAYS_M if found and recorded else 0.0
+        self.outline = Outline(boundary if found else (), strays_m=strays_m)
         self.sigma_m = sigma_m
         """Of a corner of the boundary before anything is seen of it, along x and along y."""
         states = self.outline.at.stop + 2 * kept_for(len(boundary))

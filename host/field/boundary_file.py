@@ -61,7 +61,9 @@ drives). Smaller warns of too few, larger of fields that are harvested."""
 MOST_SHORT: Final = 4
 """Such edges that a field may have: a small one has no others, and is measured all the same."""
 SIGMA = "sigma_m"
-"""The property of a GeoJSON feature that says it."""
+"""The property of a GeoJSON feature that says it,"""
+RECORDED = "recorded"
+"""and the one that says whether it was recorded point by point."""
 MOST_SIGMA_M = 100.0
 """A larger one is no field's: a slip of the pen."""
 GEOJSON_DIGITS = 11
@@ -87,6 +89,9 @@ class Boundary:
     name: str = ""
     sigma_m: float | None = None
     """Standard deviation per axis of a corner against the others; None: nobody has said it."""
+    recorded: bool | None = None
+    """Whether it was recorded point by point, so that the crop's edge may bend between its corners;
+    None: nobody has said it."""
 
     @property
     def known_to_m(self) -> float:
@@ -97,7 +102,7 @@ class Boundary:
     def doubts(self) -> list[str]:
         """What the machine will not be able to do with it, in words."""
         recorded = [self.frame.to_local(*corner) for corner in self.crop]
-        points = np.array(steerable(recorded, 0, self.known_to_m)[0])
+        points = np.array(steerable(recorded, 0, self.known_to_m, self.recorded)[0])
         lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
         least_m = SHORT_SIGMAS * self.known_to_m
         short = int((lengths < least_m).sum())
@@ -124,12 +129,16 @@ class Boundary:
 
 
 def boundary_of(
-    polygon: shapely.Polygon, frame: LocalFrame, name: str = "", sigma_m: float | None = None
+    polygon: shapely.Polygon,
+    frame: LocalFrame,
+    name: str = "",
+    sigma_m: float | None = None,
+    recorded: bool | None = None,
 ) -> Boundary:
     """From metres of a frame. UserError where it cannot be a field."""
     rings = [polygon.exterior, *polygon.interiors]
     places = [[frame.to_wgs84(x, y) for x, y, *_ in ring.coords] for ring in rings]
-    return _checked(places[0], places[1:], name, sigma_m)
+    return _checked(places[0], places[1:], name, sigma_m, recorded)
 
 
 def load_field(path: Path, field: str = "") -> Boundary:
@@ -212,6 +221,7 @@ def _checked(
     holes: Iterable[Iterable[Sequence[float]]],
     name: str,
     sigma_m: float | None = None,
+    recorded: bool | None = None,
 ) -> Boundary:
     rings = [_open(crop), *map(_open, holes)]
     for number, ring in enumerate(rings):
@@ -244,7 +254,7 @@ def _checked(
         tuple(ring if line.is_ccw else [ring[0], *ring[:0:-1]])
         for ring, line in zip(rings, local, strict=True)
     ]
-    return Boundary(ccw[0], tuple(ccw[1:]), plain(name), sigma_m)
+    return Boundary(ccw[0], tuple(ccw[1:]), plain(name), sigma_m, recorded)
 
 
 def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
@@ -266,6 +276,7 @@ def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
         [[(y, x) for x, y, *_ in hole.coords] for hole in shape.polygon.interiors],
         shape.name or path.stem,
         shape.sigma_m,
+        shape.recorded,
     )
 
 
@@ -335,7 +346,8 @@ def _read_geojson(path: Path) -> list[Shape]:
         kinds.add(made.geom_type)
         name = _name(feature.get("properties")) if whole else ""
         sigma_m = _sigma(feature.get("properties")) if whole else None
-        shapes += [Shape(polygon, name, sigma_m) for polygon in _polygons(made)]
+        recorded = _recorded(feature.get("properties")) if whole else None
+        shapes += [Shape(polygon, name, sigma_m, recorded) for polygon in _polygons(made)]
     if kinds and not shapes:
         raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
@@ -371,6 +383,14 @@ def _sigma(properties: Any) -> float | None:
     if not 0 <= value <= MOST_SIGMA_M:
         raise UserError(f"its {SIGMA} is {value:g}; give 0 to {MOST_SIGMA_M:g} metres")
     return float(value)
+
+
+def _recorded(properties: Any) -> bool | None:
+    """Of a feature: whether it was recorded point by point. UserError where it is no yes or no."""
+    value = properties.get(RECORDED) if isinstance(properties, dict) else None
+    if value is None or isinstance(value, bool):
+        return value
+    raise UserError(f"its {RECORDED} is {value!r}; give true or false")
 
 
 def _crs(data: dict[str, Any]) -> str:
@@ -466,6 +486,9 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
     if driver == "GeoJSON" and boundary.sigma_m is not None:
         fields.append(SIGMA)
         values.append(np.array([round(boundary.sigma_m, 3)]))
+    if driver == "GeoJSON" and boundary.recorded is not None:
+        fields.append(RECORDED)
+        values.append(np.array([boundary.recorded]))
     pyogrio.raw.write(
         path,
         geometry=np.array([shapely.to_wkb(polygon)], dtype=object),

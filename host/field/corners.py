@@ -19,8 +19,8 @@ import shapely
 from host.field.walk import Points
 
 MAX_CORNERS: Final = 12
-"""A boundary of no more was drawn or fitted corner by corner; with more it runs as it was recorded.
-"""
+"""Where nobody has said it, a boundary of no more was drawn or fitted corner by corner; one of more
+runs as it was recorded."""
 SIMPLIFY_M: Final = 0.3
 """By which a recorded ring is left, at most: a walker strays by as much. With 0.15 m it has up to
 twice the corners, and is as far from the true edge (0.2 m RMS over 17 simulated walks)."""
@@ -53,13 +53,18 @@ class _Rounded(NamedTuple):
     """(2,)"""
 
 
+def was_recorded(ring: Sequence[tuple[float, float]], said: bool | None) -> bool:
+    """Whether a boundary was recorded point by point, as was `said` of it, or by its points."""
+    return len(ring) > MAX_CORNERS if said is None else said
+
+
 def steerable(
-    ring: Sequence[tuple[float, float]], start: int, sigma_m: float
+    ring: Sequence[tuple[float, float]], start: int, sigma_m: float, recorded: bool | None = None
 ) -> tuple[list[tuple[float, float]], int]:
     """The corners of a recorded boundary that a machine can tell apart where each is known to
     sigma_m, and which of them its point `start` is. The boundary itself where it is known exactly,
-    or was drawn corner by corner."""
-    if len(ring) <= MAX_CORNERS or sigma_m == 0.0:
+    or was drawn corner by corner. `recorded`: what was said of that (`was_recorded`)."""
+    if sigma_m == 0.0 or not was_recorded(ring, recorded):
         return list(ring), start
     begun = [*ring[start:], *ring[:start]]
     thin = shapely.LineString([*begun, begun[0]]).simplify(min(SIMPLIFY_M, SIGMAS[0] * sigma_m))

@@ -24,6 +24,8 @@ class Shape:
     name: str = ""
     sigma_m: float | None = None
     """Standard deviation per axis of a corner against the others, where the file says it."""
+    recorded: bool | None = None
+    """Whether it was recorded point by point, where the file says it."""
 
 
 def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:

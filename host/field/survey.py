@@ -94,7 +94,9 @@ class Survey:
 
     def boundary(self, name: str) -> Boundary:
         """As it goes into a file."""
-        return boundary_of(self.polygon, self.track.frame, name, self.sigma_m)
+        return boundary_of(
+            self.polygon, self.track.frame, name, self.sigma_m, recorded=self.corners is None
+        )
 
 
 # ---- straight sides ------------------------------------------------------------------------------

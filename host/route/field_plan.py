@@ -43,10 +43,22 @@ def plan_of(
     ring = [frame.to_local(*corner) for corner in field.crop]
     if inset_m > 0.0:
         areas = areas_of(field.polygon(frame), gap_m, inset_m=inset_m)
-        plan = plan_field(areas, ring[start], vehicle, turn, gap_m, field.known_to_m, inset_m, tell)
+        plan = plan_field(
+            areas,
+            ring[start],
+            vehicle,
+            turn,
+            gap_m,
+            field.known_to_m,
+            inset_m,
+            tell,
+            field.recorded,
+        )
     else:
         holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
-        plan = spiral(ring, start, vehicle, turn, gap_m, holes, field.known_to_m, tell)
+        plan = spiral(
+            ring, start, vehicle, turn, gap_m, holes, field.known_to_m, tell, field.recorded
+        )
     first = plan.sides[0]
     begun = _nearest(plan.boundary, (first.x_m, first.y_m))
     if begun != _nearest(plan.boundary, ring[start]):
@@ -72,14 +84,16 @@ def plan_field(
     sigma_m: float = 0.0,
     inset_m: float = 0.0,
     tell: Tell | None = None,
+    recorded: bool | None = None,
 ) -> Plan:
     """The plan of the crop to be cut that begins at the crop's corner nearest to `corner`, or at
-    the next that it can be begun at. sigma_m: how surely its corners are known. The ground of the
-    areas' inset is the machine's to turn on, as the gap is."""
+    the next that it can be begun at. sigma_m: how surely its corners are known; `recorded`: what
+    was said of how they were made (`host.field.corners.was_recorded`). The ground of the areas'
+    inset is the machine's to turn on, as the gap is."""
     inset = shapely.Polygon(areas.crop.exterior)
     ring = shapely.geometry.polygon.orient(inset)
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
     start = _nearest(corners, corner)
     holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]
     room_m = None if gap_m is None else gap_m + inset_m
-    return spiral(corners, start, vehicle, turn, room_m, holes, sigma_m, tell)
+    return spiral(corners, start, vehicle, turn, room_m, holes, sigma_m, tell, recorded)

@@ -21,7 +21,7 @@ import shapely
 
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
-from host.field.corners import steerable
+from host.field.corners import steerable, was_recorded
 from host.route.boundary_edges import BoundaryEdges
 from host.route.cuts import Cuts
 from host.route.side import BENT_RAD, Side
@@ -80,6 +80,8 @@ class Plan:
     """Sides of the whole plan that were cut before; `sides` are those that are left."""
     sigma_m: float = 0.0
     """Standard deviation of each corner's place against the others, along x and along y."""
+    recorded: bool = False
+    """Whether the boundary was recorded point by point: the edge may bend between its corners."""
     gathered: int = 0
     """How many of the last sides gather what the others have left."""
     before: tuple[int, ...] = ()
@@ -328,14 +330,17 @@ def spiral(
     keep_outs: list[list[tuple[float, float]]] | None = None,
     sigma_m: float = 0.0,
     tell: Tell | None = None,
+    recorded: bool | None = None,
 ) -> Plan:
     """The sides of a simple boundary (corners in metres, either orientation), beginning with the
     side that leaves corner `start`, or the next that can be begun with. Of the ways to cut the
     field it is one that leaves least standing, then one whose shuttles have room. UserError where
     the boundary's sides cross. sigma_m: how surely its corners are known (`Plan.sigma_m`); of one
-    that was recorded point by point those are left that the machine can tell apart."""
-    boundary, start = steerable(boundary, start, sigma_m)
-    blank = Plan((), turn, gap_m=gap_m, sigma_m=sigma_m)
+    that was recorded point by point those are left that the machine can tell apart. `recorded`:
+    what was said of that (`host.field.corners.was_recorded`)."""
+    recorded = was_recorded(boundary, recorded)
+    boundary, start = steerable(boundary, start, sigma_m, recorded)
+    blank = Plan((), turn, gap_m=gap_m, sigma_m=sigma_m, recorded=recorded)
     steps = strip_by_strip(boundary, start, vehicle, blank, keep_outs or [])
     most = most_strips(boundary, keep_outs or [])
     strips = 0
@@ -359,9 +364,9 @@ def strip_by_strip(
     cut: Sequence[int] = (),
 ) -> Generator[list[Side], None, Plan]:
     """`spiral`, which yields after each strip the sides so far of the first way that is tried, of
-    the others none, and returns the plan. Turn, gap and sigma are those of `like`, whose way is
-    tried first. `cut`: the boundary's edges, by the corner that each leaves, along which the first
-    strips have been cut already; UserError where these cannot have been."""
+    the others none, and returns the plan. Turn, gap, and how the boundary is known are those of
+    `like`, whose way is tried first. `cut`: the boundary's edges, by the corner that each leaves,
+    along which the first strips have been cut already; UserError where these cannot have been."""
     width_m, gap_m = vehicle.pass_m, like.gap_m
     least_m = shuttle_length(vehicle, width_m, 0.0)
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
@@ -406,7 +411,8 @@ def strip_by_strip(
             parts = tuple(tuple((x, y) for x, y in p.exterior.coords[:-1]) for p in apart)
             plan = Plan(tuple(sides), like.turn, tuple(corners), gap_m, outs, left_m2, parts)
             order = tuple(sorted(otherwise))
-            best = rank, replace(plan, sigma_m=like.sigma_m, way=way, otherwise=order)
+            plan = replace(plan, sigma_m=like.sigma_m, recorded=like.recorded)
+            best = rank, replace(plan, way=way, otherwise=order)
         walked += len(sides)
         return rank
 

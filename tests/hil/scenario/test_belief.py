@@ -285,6 +285,25 @@ def test_the_firmware_is_told_how_long_this_steering_may_be_silent(
     assert low_ms < scenario.told.parameters["stall_time"] < high_ms
 
 
+def test_the_host_knows_whether_its_boundary_was_recorded_from_whoever_made_it(
+    tmp_path: Path,
+) -> None:
+    def recorded(belief: dict[str, Any], **world: Any) -> tuple[bool | None, bool]:
+        told = load("default", {**world, "belief": belief}).told
+        return told.boundary_recorded, told.plan("three_point").recorded
+
+    places = tuple(LocalFrame(31.5, 74.3).to_wgs84(x, y) for x, y in LONGER)
+    for said in (True, False, None):
+        save_field(tmp_path / "field.geojson", Boundary(places, sigma_m=0.4, recorded=said))
+        assert recorded({"boundary": str(tmp_path / "field.geojson")}) == (said, bool(said))
+    assert recorded({"boundary": LONGER}) == (None, False), "drawn, by its few corners"
+    assert recorded({"boundary": {"laps": 1, "cep_m": 1.0}}) == (False, False)
+    turns = [math.tau * k / 40 for k in range(40)]
+    oval = [[20.0 * math.cos(t), 12.0 * math.sin(t)] for t in turns]
+    assert recorded({}, field={"polygon": oval}) == (True, True)
+    assert recorded({"boundary": oval}) == (None, True), "by its many points"
+
+
 def test_a_field_that_bends_is_walked_as_its_edge_runs() -> None:
     """More corners than straight sides are looked for: an owner would survey it --irregular."""
     turns = [math.tau * k / 40 for k in range(40)]

@@ -65,7 +65,7 @@ def test_a_border_that_bends_lies_beside_its_straight_pieces() -> None:
     turns = np.arange(12) * math.tau / 12
     ring = [(float(x), float(y)) for x, y in 20.0 * np.column_stack([np.cos(turns), np.sin(turns)])]
     x, _ = state(np.random.default_rng(3), len(ring))
-    borders = Borders(x, np.zeros((len(x), len(x))), Outline(ring))
+    borders = Borders(x, np.zeros((len(x), len(x))), Outline(ring, strays_m=STRAYS_M))
     beside = np.broadcast_to(STRAYS_M**2 * np.eye(2), (len(POINTS), 2, 2))
     assert borders.covariance_of(POINTS) == pytest.approx(beside)
     found, _ = borders.against(POINTS, np.array(ring))

@@ -99,7 +99,8 @@ def test_an_end_at_a_border_that_bends_is_known_no_better_than_the_border() -> N
     ring = np.array(RING)
     ways = np.roll(ring, -1, axis=0) - ring
     points = np.concatenate([ring + k / 3 * ways for k in range(3)]).reshape(3, 4, 2)
-    bent = Outline([(float(x), float(y)) for x, y in points.transpose(1, 0, 2).reshape(-1, 2)])
+    pieces = [(float(x), float(y)) for x, y in points.transpose(1, 0, 2).reshape(-1, 2)]
+    bent = Outline(pieces, strays_m=STRAYS_M)
     of_piece = {0: 2, 1: 3, 2: 6, 3: 9}
     up = replace(UP, edges=(of_piece[1],), places_m=UP.places_m)
     ends = replace(ACROSS, edges=(0,), ends_at=of_piece[1], begins_at=11)
@@ -358,12 +359,12 @@ def test_tied_to_the_machine_a_lane_is_as_sure_as_before(seen: bool) -> None:
 
 
 RECORDED = [*RING[:3], (12.0, 10.3), (10.0, 10.0), (8.0, 10.3), (6.0, 10.0), (4.0, 10.3), RING[3]]
-"""The same with a third edge that was recorded point by point."""
+"""The same with a third edge that bends."""
 
 
 def test_pictures_along_what_bends_tell_less_of_the_place_beside_it() -> None:
     """The edge is on either side of the straight piece for metres, alike in all pictures there."""
-    drawn, recorded = Position(VEHICLE, RING, 0.3), Position(VEHICLE, RECORDED, 0.3)
+    drawn, recorded = Position(VEHICLE, RECORDED, 0.3), Position(VEHICLE, RECORDED, 0.3, True)
     for position in (drawn, recorded):
         cut_first(position)
     more_m2 = recorded.beside_sigma_m(FIRST) ** 2 - drawn.beside_sigma_m(FIRST) ** 2
@@ -373,10 +374,11 @@ def test_pictures_along_what_bends_tell_less_of_the_place_beside_it() -> None:
 
 
 def test_a_recorded_boundary_is_turned_against_the_courses_by_less_than_one_that_is_told() -> None:
-    """Courses that show the machine askew of where it follows the plan."""
+    """Courses that show the machine askew of where it follows the plan. How many corners it has
+    says nothing of that."""
     askew_rad = []
-    for ring in (RING, RECORDED):
-        position = Position(VEHICLE, ring, 0.3)
+    for is_recorded in (False, True):
+        position = Position(VEHICLE, RECORDED, 0.3, is_recorded)
         cut_first(position)
         before = position.course_rad - position.pose[2]
         for _ in range(30):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
 from host.estimate.outline import PARALLEL, STRAIGHT_M, STRAYS_M, Outline
+from host.estimate.position import Position
 from host.route.boundary_edges import BoundaryEdges
 from host.route.plan import spiral
 from host.route.side import NO_EDGE, Side
@@ -275,11 +276,15 @@ def test_a_bent_side_is_found_with_each_of_its_pieces(moves: list[float]) -> Non
     assert found.length_m == pytest.approx(sum(piece.length_m for _, piece in pieces))
 
 
-def test_only_an_edge_of_many_pieces_strays_from_them() -> None:
-    assert Outline(ROUND).strays_m == STRAYS_M
-    assert Outline(ROUND[:8]).strays_m == 0.0, "so many were drawn corner by corner"
-    assert Outline().strays_m == 0.0, "a boundary that is known"
-    assert Outline(ROUND[:8], np.array(ROUND)).strays_m == STRAYS_M, "laid out anew it still does"
+@pytest.mark.parametrize("ring", [RECTANGLE, ROUND])
+def test_only_an_edge_that_was_recorded_strays_from_its_pieces(ring: Ring) -> None:
+    """However many they are."""
+    assert Position(VEHICLE, ring, 0.3, True).outline.strays_m == STRAYS_M
+    assert Position(VEHICLE, ring, 0.3).outline.strays_m == 0.0, "it was drawn corner by corner"
+    assert Position(VEHICLE, ring, 0.0, True).outline.strays_m == 0.0, "it is known exactly"
+    position = Position(VEHICLE, ring, 0.3, True)
+    position.laid_anew(ring, planned(skew=False)[0])
+    assert position.outline.strays_m == STRAYS_M, "laid out anew it still does"
 
 
 @pytest.mark.parametrize(("askew_deg", "times"), [(90.0, 1.0), (30.0, 2.0), (2.0, 1 / PARALLEL)])
@@ -287,7 +292,7 @@ def test_only_an_edge_of_many_pieces_strays_from_them() -> None:
 def test_a_border_that_strays_ends_a_side_the_less_surely_the_shallower_it_is_met(
     way: int, askew_deg: float, times: float
 ) -> None:
-    outline = Outline(ROUND)
+    outline = Outline(ROUND, strays_m=STRAYS_M)
     bend = 0.3
     heading = outline.heading_rad(5) + math.radians(askew_deg) - (bend if way > 0 else 0.0)
     side = Side(0.0, 0.0, heading, 9.0, 1.0, 9.0, bends=((4.0, bend),), edges=(1, 2))

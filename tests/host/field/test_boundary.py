@@ -96,6 +96,14 @@ def test_the_plan_begins_with_the_side_that_leaves_the_corner(corner: int, first
     assert plan.corner_rad(0) == pytest.approx(math.pi / 2, abs=1e-4)
 
 
+@pytest.mark.parametrize("inset_m", [0.0, 1.0])
+@pytest.mark.parametrize("recorded", [True, False, None])
+def test_whether_it_was_recorded_reaches_the_plan(recorded: bool | None, inset_m: float) -> None:
+    field = Boundary(tuple(SQUARE), recorded=recorded)
+    _, plan = plan_of(field, 0, Vehicle(), "three_point", 2.0, inset_m)
+    assert plan.recorded == bool(recorded)
+
+
 def test_gap_and_keep_outs_reach_the_plan() -> None:
     well = [FRAME.to_wgs84(*corner) for corner in ((9, 5), (10, 5), (10, 6), (9, 6))]
     field = Boundary(tuple(SQUARE), (tuple(well),))

@@ -681,6 +681,50 @@ def test_geojson_says_how_surely_its_corners_are_known(tmp_path: Path) -> None:
     assert load_field(path).known_to_m == UNKNOWN_SIGMA_M
 
 
+@pytest.mark.parametrize("said", [True, False, None])
+def test_geojson_says_whether_its_corners_were_recorded(tmp_path: Path, said: bool | None) -> None:
+    path = tmp_path / "field.geojson"
+    save_field(path, boundary_of(POND, FRAME, "Pond", 0.27, said))
+    assert load_field(path).recorded is said
+
+
+@pytest.mark.parametrize(
+    ("points", "said", "words"),
+    [
+        (4, None, ""),
+        (4, True, "recorded point by point: the edge may bend between its corners\n"),
+        (16, None, "if it was drawn corner by corner, say recorded: false as a property"),
+        (16, False, ""),
+    ],
+)
+def test_the_plan_says_what_it_takes_an_outline_for(
+    tmp_path: Path, cli: Cli, points: int, said: bool | None, words: str
+) -> None:
+    ring = [
+        (40 * math.cos(k * math.tau / points), 40 * math.sin(k * math.tau / points))
+        for k in range(points)
+    ]
+    path = tmp_path / "field.geojson"
+    save_field(path, boundary_of(shapely.Polygon(ring), FRAME, "Round", 0.1, said))
+    code, out, err = cli("plan", str(path), "--gap", "2")
+    assert code == 0, err
+    assert words in out
+    assert ("recorded point by point" in out) == bool(words)
+
+
+@pytest.mark.parametrize("value", ["yes", 1, [True]])
+def test_a_file_that_says_neither_yes_nor_no_to_that_is_refused(
+    tmp_path: Path, value: object
+) -> None:
+    path = tmp_path / "field.geojson"
+    save_field(path, boundary_of(POND, FRAME, "Pond", 0.27, True))
+    data = json.loads(path.read_text())
+    data["features"][0]["properties"]["recorded"] = value
+    path.write_text(json.dumps(data))
+    with pytest.raises(UserError, match=r"recorded is .+; give true or false"):
+        load_field(path)
+
+
 @pytest.mark.parametrize("value", ["0.3 m", -1, 1e9, True])
 def test_a_file_whose_corners_are_known_to_no_length_is_refused(
     tmp_path: Path, value: object

@@ -134,6 +134,13 @@ def test_a_boundary_that_is_known_exactly_or_was_drawn_is_taken_as_it_is() -> No
     assert steerable(ring, 7, 0.0) == (ring, 7)
     drawn = [(x, y) for x, y in rounded(quadrilateral(math.pi / 2), 1.0).tolist()][:12]
     assert steerable(drawn, 3, 1.0) == (drawn, 3)
+    assert steerable(ring, 7, 1.0, False) == (ring, 7), "so it was said to be, however long it is"
+
+
+def test_a_short_boundary_that_is_said_to_be_recorded_keeps_no_corner_that_is_none() -> None:
+    ring = [(0.0, 0.0), (10.0, 0.1), (20.0, 0.0), (20.0, 12.0), (0.0, 12.0)]
+    assert steerable(ring, 0, 1.0, True) == ([ring[0], *ring[2:]], 0)
+    assert steerable(ring, 0, 1.0) == (ring, 0)
 
 
 @given(st.integers(0, 59))

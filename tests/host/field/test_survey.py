@@ -346,6 +346,7 @@ def test_an_irregular_field_keeps_its_edge() -> None:
     assert len(found.polygon.exterior.coords) < 80
     straight = survey_track(tracked(lines), corners=4)
     assert any("--irregular keeps the edge" in text for text in straight.warnings)
+    assert (found.boundary("").recorded, straight.boundary("").recorded) == (True, False)
 
 
 def test_smoothing_draws_no_bend_inwards() -> None:

@@ -148,13 +148,14 @@ def test_strips_that_cannot_have_been_cut_are_refused(cut: tuple[int, ...]) -> N
 
 
 def test_a_plan_laid_out_anew_counts_on_where_the_old_one_was() -> None:
-    whole = replace(plan_of("rectangle"), gap_m=2.0, sigma_m=1.0)
+    whole = replace(plan_of("rectangle"), gap_m=2.0, sigma_m=1.0, recorded=True)
     rest = replace(whole, sides=whole.sides[2:], done=2, before=(0, 1))
     anew = around(rest, MOVED, rest.cut_along(2), VEHICLE)
     assert anew is not None
     assert [side.edge for side in anew.sides[:3]] == [2, 3, 0]
     assert (anew.done, anew.before) == (2, (0, 1))
     assert (anew.gap_m, anew.sigma_m, anew.turn) == (2.0, 1.0, rest.turn)
+    assert anew.recorded
     assert np.array(anew.boundary) == pytest.approx(np.array(MOVED))
     assert anew.name(1) == f"side 4 of {2 + len(anew.sides)}"
 
