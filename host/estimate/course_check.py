@@ -5,7 +5,8 @@ agrees and is wrong. The receiver's course settles it once the machine has gone 
 metre: phones smooth their speed over a second or two, which each change of direction blurs.
 
 And a position that is anchored to edges turns with them: where strip after strip is cut a little
-askew, plan, lane and dead reckoning agree and are wrong, and no geofence helps.
+askew, plan, lane and dead reckoning agree and are wrong, and no geofence helps. Then all that lies
+inside the first round may have turned with it (`host.estimate.turned_strips`).
 """
 
 from __future__ import annotations
@@ -44,9 +45,22 @@ class DirectionCheck:
         self._since_m = 0.0
         self._against = 0
         self._askew: deque[float] = deque(maxlen=AVERAGED)
+        self._agreeing = AVERAGED
+        """Courses since another direction was believed."""
         self.off_rad: float | None = None
         """How far left of the believed direction the last fix's course lay; None where it says
         nothing of it."""
+
+    def forget(self) -> None:
+        """The courses of late: from here on another direction is believed."""
+        self._askew.clear()
+        self._agreeing = 0
+
+    @property
+    def may_have_turned(self) -> bool:
+        """Whether the courses lie askew by what strips may have turned; what follows soon upon such
+        a turn, or is more, is something else."""
+        return 0.0 < abs(self.askew_rad) <= ELSEWHERE_RAD and self._agreeing >= AVERAGED
 
     def move(self, motion: Motion) -> None:
         """Notes where the present direction was taken."""
@@ -69,6 +83,7 @@ class DirectionCheck:
             backwards = math.pi if speed < 0 else 0.0
             self.off_rad = math.remainder(fix.course_rad + backwards - heading_rad, math.tau)
             self._askew.append(self.off_rad)
+            self._agreeing += 1
         along = fix.speed_mps * math.cos(fix.course_rad - heading_rad)
         self._against = self._against + 1 if along * self._sign < -SHARE * abs(speed) else 0
         return self._against >= FIXES

@@ -77,6 +77,10 @@ class Estimator:
             expected = self.position.course_rad
             self.backwards = self.direction.contradicted(fix, self.motion, expected)
             self.askew_rad = self.direction.askew_rad
+            may_be = self.direction.may_have_turned
+            if may_be and self.position.may_be_turned(self.askew_rad):
+                self.direction.forget()
+                self.askew_rad = 0.0
             if self.direction.off_rad is not None:
                 self.position.course(self.direction.off_rad, self.motion.speed_mps)
         self.speed.take_fix(fix, telemetry)

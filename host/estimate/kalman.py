@@ -263,6 +263,11 @@ class Filter:
         taken = _taken(self._x, self._p + np.outer(by, by), only, frozen)
         return taken.x, taken.p
 
+    def may_err(self, by: Array) -> None:
+        """The state may err by `by`, (states,), all in one: its standard deviation."""
+        for p in self._covariances:
+            p[:] += np.outer(by, by)
+
     def _taken_apart(self, measurement: Measurement, frozen: Sequence[int]) -> bool:
         """Takes what may be of something else for what is likelier, and keeps the other as an
         alternative, where the two lead far apart."""

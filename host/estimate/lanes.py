@@ -162,6 +162,14 @@ class Lanes:
             return LANE_SIGMA
         return LEFT_SIGMA[0], _askew_rad(side)
 
+    def inside(self) -> list[tuple[Side, int]]:
+        """(side, state) of each lane inside the field that is kept among the states."""
+        return [
+            (kept.side, kept.state)
+            for kept in self._kept
+            if kept.state != NOWHERE and kept.side.inside_m > self._width / 2
+        ]
+
     def knows(self, side: Side) -> bool:
         """Whether a lane has left its edge."""
         return self._last(side) is not None

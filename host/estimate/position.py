@@ -28,7 +28,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from host.core.vehicle import Vehicle
-from host.estimate import doubt, leading_lane, other_edge, prior, spread
+from host.estimate import doubt, leading_lane, other_edge, prior, spread, turned_strips
 from host.estimate.kalman import Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, straightened
 from host.estimate.measurements import begin, course, end, rest
@@ -78,8 +78,7 @@ class Position(Readings):
         super().__init__(vehicle, boundary, sigma_m, recorded)
         self._past: Motion | None = None
         self._lanes = Lanes(vehicle.blade_width_m, range(self.outline.at.stop, len(self._x), 2))
-        self._wander, self._trimmed = DRILLED, False
-        self._doubt = doubt.Doubt()
+        self._wander, self._trimmed, self._doubt = DRILLED, False, doubt.Doubt()
         self._undoubted = math.inf
         """Standard deviation of where the present lane's edge is seen, before what contradicted it
         made it doubtful, m; inf: nothing has."""
@@ -207,6 +206,15 @@ class Position(Readings):
         """Of its place, m in every direction, and of its direction."""
         for p in self._covariances:
             p[[X, Y, YAW], [X, Y, YAW]] += np.square([place_m, place_m, yaw_rad])
+
+    def may_be_turned(self, by_rad: float) -> bool:
+        """The strips inside the field may all have turned by that standard deviation, and the place
+        with them. False along the boundary: it turns with none."""
+        if not (self._inside or self._lane_of.left_over):
+            return False
+        lanes = [*self._lanes.inside(), (self._lane_of, LANE_OFFSET)]
+        self.may_err(by_rad * turned_strips.as_one(self._x, self.outline, lanes))
+        return True
 
     def less_sure_along(self, side: Side, along_m: float) -> None:
         """Of its place along a side."""

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.messages import Fix
-from host.estimate.course_check import DirectionCheck
+from host.estimate.course_check import AVERAGED, DirectionCheck
 from host.estimate.odometry import Motion
 
 
@@ -99,6 +99,26 @@ def test_a_machine_at_another_corner_is_found_within_metres(
     assert courses(math.radians(off_deg), noise, seconds=4).askew_rad == 0.0
     found = courses(math.radians(off_deg), noise, seconds=12).askew_rad
     assert math.degrees(found) == pytest.approx(off_deg, abs=25)
+
+
+@pytest.mark.parametrize(("off_deg", "may"), [(-14.0, True), (0.0, False), (90.0, False)])
+def test_strips_turn_by_less_than_a_corner(off_deg: float, may: bool) -> None:
+    assert courses(math.radians(off_deg), 0.0).may_have_turned is may
+
+
+@pytest.mark.parametrize(("fixes", "may"), [(AVERAGED - 1, False), (AVERAGED, True)])
+def test_courses_that_lie_askew_again_at_once_show_no_strips_that_have_turned(
+    fixes: int, may: bool
+) -> None:
+    check, off_rad = courses(math.radians(-14.0), 0.0), math.radians(10.0)
+    check.forget()
+    assert check.askew_rad == 0.0
+    for k in range(fixes):
+        at = motion(100.0 + 0.5 * k, 0.5)
+        check.move(at)
+        check.contradicted(fix(0.5, off_rad), at, 0.0)
+    assert check.askew_rad == pytest.approx(off_rad)
+    assert check.may_have_turned is may
 
 
 def test_a_few_fixes_and_those_in_turns_say_nothing_of_it() -> None:

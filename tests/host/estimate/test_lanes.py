@@ -145,6 +145,15 @@ def test_a_strip_along_another_edge_takes_no_lane_from_its_own() -> None:
     assert offset_m(found.beside(inner, COUNT), x) == pytest.approx(0.4)
 
 
+def test_of_the_lanes_that_are_kept_those_inside_lie_along_no_border() -> None:
+    """Of too many the oldest is kept among the states no more."""
+    found, _, at = kept((UP, 0.0, 0.0), (FIRST, 0.0, 0.0), (ACROSS, 0.0, 0.0))
+    assert found.inside() == [(UP, at[0]), (ACROSS, at[2])]
+    for k in range(LEAST_KEPT - 2):
+        found.keep(replace(FIRST, edges=(k + 4,)), np.zeros(COUNT), NOTHING)
+    assert found.inside() == [(ACROSS, at[2])]
+
+
 def rings(position: Position, count: int) -> list[float]:
     """Strip after strip along the first edge, each seen where it is believed; how surely the place
     beside it is known at the end of each."""
