@@ -22,6 +22,7 @@ from scipy.stats import chi2, t
 from hil.bench.harvest import Harvest
 from hil.judge.metrics import OVERLAP_M
 from hil.scenario.scenario import Scenario
+from host.estimate.states import PLAN_YAW, YAW
 from host.field.areas import outline_of, placed
 from host.pilot.phase import Phase
 
@@ -33,8 +34,9 @@ MEASURES: Final = {"position": 2, "direction": 1, "lane": 1, "outline": 2, "bord
 """Dimensions of what is compared: the rear axle's place; the yaw; the blade's offset from the
 crop's true edge; the worst corner of the machine, which the geofence stands on; and how far the
 machine's corner that is nearest to the field's border is from it. A boundary that was walked lies
-elsewhere than the true one, so place and direction can be compared with the true ones only where it
-is exact. The distance from the border means the same in both."""
+elsewhere than the true one, so a place can be compared with the true one only where it is exact.
+The distance from the border means the same in both. So does the direction, with what the filter
+says of how the boundary is turned (`host.estimate.states.PLAN_YAW`)."""
 
 Row = tuple[str, float, float]
 """Measure, normalised squared error over its dimensions, error in m or rad."""
@@ -75,6 +77,7 @@ class Watcher:
         if pilot.position.known:
             if pilot.position.outline.states == 0:
                 self._look_at_place(pilot.position.pose, bench.pose)
+            self._look_at_direction()
             self._look_at_border()
         if pilot.phase is Phase.FOLLOW and pilot.cut_m > 0.0:
             edge = self._run.truth.edge_offset(bench.pose) - OVERLAP_M - pilot.strip.shift_m
@@ -84,18 +87,24 @@ class Watcher:
     def _look_at_place(
         self, believed: tuple[float, float, float], true: tuple[float, float, float]
     ) -> None:
-        x, y, yaw = np.subtract(believed, true)
-        turned = math.remainder(yaw, math.tau)
+        x, y = np.subtract(believed, true)[:2]
         p = self._run.pilot.position.covariance
         squared = float(np.array([x, y]) @ np.linalg.solve(p[:2, :2], [x, y]))
         self.samples.add("position", squared, math.hypot(x, y))
-        self.samples.add("direction", turned**2 / p[2, 2], abs(turned))
         here = placed(self._corners, *believed)
         off = here - placed(self._corners, *true)
         p = self._run.pilot.position.borders.covariance_of(here)
         squared = np.einsum("ni,nij,nj->n", off, np.linalg.inv(p), off)
         worst = int(np.argmax(squared))
         self.samples.add("outline", float(squared[worst]), float(np.hypot(*off[worst])))
+
+    def _look_at_direction(self) -> None:
+        position, true = self._run.pilot.position, self._run.bench.pose[2]
+        h = np.zeros(len(position.x))
+        h[YAW] = 1.0
+        h[PLAN_YAW] = 1.0 if position.outline.states else 0.0
+        turned = math.remainder(float(h @ position.x) - true, math.tau)
+        self.samples.add("direction", (turned / position.sigma(h)) ** 2, abs(turned))
 
     def _look_at_border(self) -> None:
         position, told = self._run.pilot.position, self._run.scenario.told

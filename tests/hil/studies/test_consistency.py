@@ -14,6 +14,7 @@ from hil.studies.consistency import Watcher, overview
 from hil.studies.constants import Constant, Figures, found, varied
 from host.core.vehicle import Vehicle
 from host.estimate.position import Position
+from host.estimate.prior import PLAN_SIGMA_RAD
 from host.pilot.phase import Phase
 from host.route.plan import spiral
 
@@ -36,10 +37,12 @@ TRUE = [(0.0, 0.0), (20.0, 0.0), (20.0, 15.0), (0.0, 15.0)]
 WALKED_OFF_M = (1.5, -0.8)
 
 
-def seen_by_the_watcher(nearer_m: float, sigma_m: float) -> dict[str, tuple[float, float]]:
-    """(squared in variances, error in m) of a machine on its first lane in a field that was walked
-    to sigma_m a corner, as a whole WALKED_OFF_M elsewhere; so much nearer to the border behind its
-    lane than it believes."""
+def seen_by_the_watcher(
+    nearer_m: float, sigma_m: float, turned_deg: float = 0.0
+) -> dict[str, tuple[float, float]]:
+    """(squared in variances, error in m or rad) of a machine on its first lane in a field that was
+    walked to sigma_m a corner, as a whole WALKED_OFF_M elsewhere; so much nearer to the border
+    behind its lane, and so much farther to the left, than it believes."""
     vehicle = Vehicle()
     dx, dy = WALKED_OFF_M
     walked = [(x + dx, y + dy) for x, y in TRUE] if sigma_m else TRUE
@@ -49,7 +52,9 @@ def seen_by_the_watcher(nearer_m: float, sigma_m: float) -> dict[str, tuple[floa
     off = (dx, dy) if sigma_m else (0.0, 0.0)
     told = SimpleNamespace(vehicle=vehicle, boundary=tuple(walked))
     run = SimpleNamespace(
-        bench=SimpleNamespace(now=5.0, pose=(x - off[0], y - off[1] - nearer_m, yaw)),
+        bench=SimpleNamespace(
+            now=5.0, pose=(x - off[0], y - off[1] - nearer_m, yaw + math.radians(turned_deg))
+        ),
         pilot=SimpleNamespace(phase=Phase.TURN, position=position),
         scenario=SimpleNamespace(told=told, world=SimpleNamespace(corners=tuple(TRUE))),
     )
@@ -68,8 +73,21 @@ def test_the_distance_from_the_border_is_judged_wherever_the_walk_has_put_the_fi
     assert error == pytest.approx(abs(nearer_m), abs=1e-9)
     # The operator has put it so far beside the edge, wherever that lies.
     assert squared == pytest.approx((nearer_m / 0.05) ** 2, rel=0.02, abs=1e-9)
-    exact = {"position", "direction", "outline"}
+    exact = {"position", "outline"}
     assert exact & set(seen) == (exact if sigma_m == 0.0 else set()), "in one field frame alone"
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 2.0, -5.0])
+@pytest.mark.parametrize("sigma_m", [0.0, 0.3])
+def test_the_direction_is_judged_with_what_is_known_of_how_the_boundary_is_turned(
+    sigma_m: float, turned_deg: float
+) -> None:
+    squared, error = seen_by_the_watcher(0.0, sigma_m, turned_deg)["direction"]
+    assert math.degrees(error) == pytest.approx(abs(turned_deg), abs=1e-9)
+    by_corners = math.sqrt(2.0) * sigma_m / math.dist(*TRUE[:2])
+    by_plan = PLAN_SIGMA_RAD if sigma_m else 0.0
+    sigma = math.hypot(1e-4, by_corners, by_plan)
+    assert squared == pytest.approx((error / sigma) ** 2, rel=0.02, abs=1e-9)
 
 
 def test_the_count_takes_numbers_in_capitals_with_the_text_below(tmp_path: Path) -> None:
