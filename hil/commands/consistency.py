@@ -30,8 +30,8 @@ from host.core.terminal import PlainConsole
 def consistency(seeds: list[int], eyes: str, dust: float | None, outlines: bool, out: Path) -> None:
     """Harvests random fields and compares the estimator's errors with what it says of them. The
     boundary is exact, so that there is one field frame; machine, mount and lens are as wrong as
-    an owner's values are. With --outlines it was walked, and only the distance from the border and
-    the lane are compared."""
+    an owner's values are. With --outlines it was walked, and no place is compared: the direction,
+    the lane and the distance from the border are."""
     setting: dict[str, Any] = {"eyes": eyes}
     if not outlines:
         setting["belief"] = {"errors": {"walk_cep_m": None}}

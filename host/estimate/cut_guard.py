@@ -114,6 +114,12 @@ class CutGuard:
         return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
 
     @property
+    def over_cut_m(self) -> float:
+        """How far before the blade ground begins on this side that it has not cut yet; 0 or less
+        but for a machine that has backed."""
+        return self._cut_to_m - self._way_m
+
+    @property
     def driven_m(self) -> float:
         """How far the machine has come since the side was begun, at most."""
         return self._way_m - self._begun_m

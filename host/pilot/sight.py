@@ -218,6 +218,9 @@ class Sight:
                 return view
             if min(strip.along_m(then), strip.left_m() - BESIDE_AHEAD_M) <= 0.0:
                 return view
+            # Beside what the machine has cut it is the next strip's.
+            if self._estimate.cut.over_cut_m > BESIDE_AHEAD_M:
+                return view
             self.beside_at_m = then.distance_m
             if view.confidence >= CONFIDENT and view.crop_ahead_m < BESIDE_M[1]:
                 return view

@@ -2622,6 +2622,32 @@ def test_where_nothing_stands_ahead_the_edge_beside_the_way_is_the_lanes(
     assert context.sight.beside(context.motion) is is_lane
 
 
+@pytest.mark.parametrize(("backed_m", "is_lane"), [(0.0, True), (0.9, True), (2.1, False)])
+def test_beside_what_the_machine_has_cut_the_next_strip_stands(
+    backed_m: float, is_lane: bool
+) -> None:
+    """It went back over that to look again, took the edge of what stood beside it for its lane's,
+    and left its strip half standing (picture field 10458)."""
+    context = on_side(cut_m=5.0, eye=Shown(BESIDE))
+    cut, stamp = context.estimate.cut, NOW
+    for k in range(1, 11):
+        cut.take_picture(NOW - 0.5 + 0.01 * k, CUTTING)
+    assert cut.over_cut_m == 0.0
+    for k in range(1, round(backed_m / 0.03) + 1):
+        stamp = NOW + 0.1 * k
+        back = replace(told(-0.3, 5.0 - 0.03 * k), stamp=stamp, drive_duty=-60)
+        context.estimate.take_telemetry(back)
+    assert cut.over_cut_m == pytest.approx(backed_m, abs=0.3)
+    context.estimate.position.less_sure(0.3, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    context.sight.edge_at_m = 4.5 - backed_m
+    for k in range(LEAP_PICTURES):
+        frame = Frame(stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+    assert (context.estimate.lane.blade_offset_m - before < -0.3) is is_lane
+    assert context.sight.beside(context.motion) is is_lane
+
+
 @pytest.mark.parametrize(("beside_m", "taken_m"), [(0.2, 0.2), (math.nan, 0.0)])
 def test_beside_the_next_strip_the_edge_beside_the_way_counts_alone(
     beside_m: float, taken_m: float
