@@ -92,6 +92,14 @@ class Survey:
     the others; a common shift is none. By phones in general where the receiver said no velocity."""
     warnings: list[str] = field(default_factory=list)
 
+    @property
+    def seems_to_bend(self) -> bool:
+        """Whether straight sides hardly fit: the walk leaves them, or they are as many as are
+        looked for."""
+        if self.corners is None:
+            return False
+        return self.residual_m > STRAIGHT_M or self.corners >= MAX_CORNERS
+
     def boundary(self, name: str) -> Boundary:
         """As it goes into a file."""
         return boundary_of(
@@ -309,16 +317,17 @@ def survey_track(
     line = shapely.LinearRing(outline)
     away = np.concatenate([shapely.distance(line, shapely.points(ring)) for ring in rings])
     residual = float(np.sqrt((away**2).mean()))
-    if not irregular and residual > STRAIGHT_M:
-        warnings.append(
-            f"the walk leaves the straight sides by {away.max():.1f} m (rms {residual:.1f} m); "
-            "--irregular keeps the edge as it was walked"
-        )
     holes, crossing = _keep_outs_in(shapely.Polygon(outline), loops)
     number_of = None if irregular else len(outline)
     polygon = shapely.Polygon(outline, holes)
+    found = Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
+    if found.seems_to_bend and (corners is None or residual > STRAIGHT_M):
+        warnings.append(
+            f"the walk leaves {number_of} straight sides by {away.max():.1f} m (rms "
+            f"{residual:.1f} m); --irregular keeps the edge as it was walked"
+        )
     warnings += crossing
-    return Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
+    return found
 
 
 def _laps_of(loops: Loops, lap: int | None) -> tuple[list[Loop], list[str]]:

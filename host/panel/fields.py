@@ -21,8 +21,8 @@ from host.core.messages import Fix
 from host.core.vehicle import Vehicle
 from host.field.areas import MAX_GAP_M, areas_of
 from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
-from host.field.survey import survey_track
-from host.field.walk import find_loops, track_of
+from host.field.survey import Survey, survey_track
+from host.field.walk import Track, find_loops, track_of
 from host.panel import snapshot
 from host.panel.snapshot import Json, number
 from host.route.field_plan import plan_of
@@ -38,6 +38,19 @@ MOST_CORNERS: Final = 200
 """Of a keep-out that is drawn by hand."""
 CLOSE_M: Final = 6.0
 """How far a walk's end may lie from its beginning: a phone's drift during a lap."""
+
+
+BENDS: Final = "the edge bends: it is kept as it was walked"
+
+
+def _understood(track: Track) -> Survey:
+    """The field with straight sides; the edge as it was walked, where that has none. UserError
+    where the walk closes no loop."""
+    with contextlib.suppress(UserError):
+        found = survey_track(track, close_m=CLOSE_M)
+        if not found.seems_to_bend:
+            return found
+    return survey_track(track, irregular=True, close_m=CLOSE_M)
 
 
 @dataclass
@@ -183,7 +196,8 @@ class FieldDesk:
         if not polygon.is_valid:
             raise UserError("the field's sides would cross")
         was = self.boundary
-        self._save(self.name, boundary_of(polygon, was.frame, was.name, was.sigma_m))
+        known = was.sigma_m, was.recorded
+        self._save(self.name, boundary_of(polygon, was.frame, was.name, *known))
 
     def _save(self, name: str, boundary: Boundary) -> None:
         """Into the folder, and back: a run drives what the file says, to its last digit, and its
@@ -219,11 +233,12 @@ class FieldDesk:
         track = track_of(walk.fixes)
         if track is None:
             raise UserError("not one position came: wait for the receiver, then walk again")
-        found = survey_track(track, close_m=CLOSE_M)
+        found = _understood(track)
         now = datetime.datetime.now(tz=datetime.UTC)
         name = f"field-{now:%Y%m%d-%H%M%S}"
         walk.on = False
-        walk.said = "; ".join(found.warnings)
+        bends = [BENDS] if found.corners is None else []
+        walk.said = "; ".join([*bends, *found.warnings])
         self.corner = 0
         self._save(f"{name}.geojson", found.boundary(name))
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -123,13 +125,37 @@ def test_what_a_crash_left_of_this_field_is_found_and_nothing_else(tmp_path: Pat
     assert desk.unfinished() is None
 
 
-def walked_fixes() -> list[Fix]:
-    """Two laps around a field in half-metre steps, as a phone in the hand says them."""
-    ring = shapely.Polygon(CORNERS).exterior
+def walked_fixes(corners: Sequence[tuple[float, float]] = CORNERS) -> list[Fix]:
+    """Two laps around a field in steps of 1.2 m, as a phone in the hand says them."""
+    ring = shapely.Polygon(corners).exterior
     steps = np.arange(0, 2 * ring.length + 1, 1.2) % ring.length
     places = [ring.interpolate(step) for step in steps]
     at = [FRAME.to_wgs84(place.x + 0.013, place.y + 0.017) for place in places]
     return [Fix(float(k), lat, lon, 1, 0.8, 9, 0.0) for k, (lat, lon) in enumerate(at)]
+
+
+@pytest.mark.parametrize("round_", [True, False])
+def test_a_field_that_bends_is_kept_as_it_was_walked(tmp_path: Path, round_: bool) -> None:
+    """On the page nobody says how many corners it has. What is changed by hand stays what it is."""
+    circle = [
+        (40.0 * math.cos(k * math.tau / 90), 40.0 * math.sin(k * math.tau / 90)) for k in range(90)
+    ]
+    desk = FieldDesk(tmp_path, VEHICLE, None, 2.0)
+    desk.do({"do": "walk_begin"})
+    assert desk.walk is not None
+    desk.walk.fixes += walked_fixes(circle if round_ else CORNERS)
+    desk.do({"do": "walk_end"})
+    assert desk.boundary is not None
+    assert desk.boundary.recorded is round_
+    assert ("the edge bends" in desk.walk.said) is round_
+    found = desk.boundary.polygon(desk.boundary.frame)
+    true = shapely.Polygon(circle if round_ else CORNERS)
+    assert found.area == pytest.approx(true.area, rel=0.02)
+    middle = found.centroid
+    ring = [(middle.x + x, middle.y + y) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    desk.do({"do": "keep_out", "ring": ring})
+    assert desk.boundary.keep_outs
+    assert desk.boundary.recorded is round_
 
 
 @pytest.mark.parametrize("change", ["walked", "corner moved", "keep-out"])
