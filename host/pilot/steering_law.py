@@ -48,6 +48,14 @@ def state_gains(speed_mps: float, vehicle: Vehicle) -> tuple[float, float, float
     )
 
 
+def reach_m(vehicle: Vehicle) -> float:
+    """How far beside a lane, at most, a machine may be that the law leads to it. From farther away
+    what is asked for the offset outweighs the heading even square to the lane: it turns on, in
+    circles."""
+    k_offset, k_heading, _ = state_gains(0.0, vehicle)
+    return k_heading * math.pi / 2 / k_offset
+
+
 def state(
     offset_m: float, heading_rad: float, curvature_1pm: float, speed_mps: float, vehicle: Vehicle
 ) -> float:

@@ -70,6 +70,11 @@ class Why(Reason):
     SEEMS_TO_END = Doing.LOOK_AT_END, f"the crop seems to end: {LOOKING}"
     IN_DUST = Doing.LOOK_AT_END, f"the side may end in the dust: {LOOKING}"
     TOO_LONG = Doing.FAULT, "the side is longer than the boundary allows"
+    FAR = (
+        Doing.FAULT,
+        "its strip is believed to lie {off_m} m beside it: the machine has lost its place, put it "
+        "on a corner of what stands",
+    )
     REMNANT_GONE = Doing.FINISH, "nothing found of the plan's last remnant"
     LAST_CLEAR = Doing.FINISH, "no crop left on the last side"
     CLEAR_GROUND = (
@@ -95,6 +100,9 @@ class Follow(Behaviour):
 
     def step(self, now: float) -> Step:
         context = self.context
+        off_m = abs(context.estimate.lane.driven_off_m)
+        if off_m > steering_law.reach_m(context.vehicle):
+            return context.stop(), Why.FAR.go(off_m=f"{off_m:.0f}")
         go = self._left_alone(now) or self._ends(now) or self._needs_a_look(now)
         if go is not None:
             return self._hold(go), go

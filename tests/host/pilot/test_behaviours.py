@@ -2595,6 +2595,22 @@ def test_going_back_it_steers_towards_its_swath(left_m: float) -> None:
     assert command.steer_rad * left_m < 0.0
 
 
+@pytest.mark.parametrize(
+    ("aside_m", "lost"), [(2.4, False), (-2.4, False), (2.7, True), (-4.0, True)]
+)
+def test_a_lane_that_lies_too_far_beside_the_machine_to_be_reached_is_not_followed(
+    aside_m: float, lost: bool
+) -> None:
+    """It was 12 m away, and the machine drove in circles for five minutes (outline 178)."""
+    context = on_side()
+    context.estimate.lane.place(aside_m, 0.0, 0.1, 0.02)
+    command, go = Follow(context).step(NOW)
+    assert is_for(go, Followed.FAR) is lost
+    if lost:
+        assert (command.speed_mps, command.blade) == (0.0, False)
+        assert go is not None and f"{abs(aside_m):.0f} m beside it" in go.text
+
+
 # ---- crop beside the machine ---------------------------------------------------------------------
 
 BESIDE = replace(
