@@ -2596,14 +2596,21 @@ def test_going_back_it_steers_towards_its_swath(left_m: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("aside_m", "lost"), [(2.4, False), (-2.4, False), (2.7, True), (-4.0, True)]
+    ("aside_m", "turned_deg", "lost"),
+    [
+        (2.4, 100.0, False),
+        (-2.4, -100.0, False),
+        (2.7, -100.0, True),
+        (-4.0, 100.0, True),
+        (-4.0, 80.0, False),
+    ],
 )
-def test_a_lane_that_lies_too_far_beside_the_machine_to_be_reached_is_not_followed(
-    aside_m: float, lost: bool
+def test_a_lane_too_far_beside_the_machine_to_be_reached_is_not_followed_in_circles(
+    aside_m: float, turned_deg: float, lost: bool
 ) -> None:
     """It was 12 m away, and the machine drove in circles for five minutes (outline 178)."""
     context = on_side()
-    context.estimate.lane.place(aside_m, 0.0, 0.1, 0.02)
+    context.estimate.lane.place(aside_m, math.radians(turned_deg), 0.1, 0.02)
     command, go = Follow(context).step(NOW)
     assert is_for(go, Followed.FAR) is lost
     if lost:
