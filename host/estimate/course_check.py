@@ -35,6 +35,10 @@ ASKEW: Final = ((30, math.radians(7.0)), (5, ELSEWHERE_RAD))
 """By how much the mean of so many fixes, at least, may lie askew."""
 SIGNIFICANT: Final = 4.0
 """Standard errors of the mean."""
+TURNED_RAD: Final = math.radians(12.0)
+"""Strips turn by degrees from round to round, and are found when they lie askew by a little more
+than the least of `ASKEW`. What is more comes at once: the receiver's courses are wrong, or the
+machine was put down askew. Larger: courses that are wrong turn the place with them."""
 
 
 class DirectionCheck:
@@ -45,8 +49,8 @@ class DirectionCheck:
         self._since_m = 0.0
         self._against = 0
         self._askew: deque[float] = deque(maxlen=AVERAGED)
-        self._agreeing = AVERAGED
-        """Courses since another direction was believed."""
+        self._since_turned = AVERAGED
+        """Courses since the strips were believed to have turned."""
         self.off_rad: float | None = None
         """How far left of the believed direction the last fix's course lay; None where it says
         nothing of it."""
@@ -54,13 +58,13 @@ class DirectionCheck:
     def forget(self) -> None:
         """The courses of late: from here on another direction is believed."""
         self._askew.clear()
-        self._agreeing = 0
+        self._since_turned = 0
 
     @property
     def may_have_turned(self) -> bool:
         """Whether the courses lie askew by what strips may have turned; what follows soon upon such
         a turn, or is more, is something else."""
-        return 0.0 < abs(self.askew_rad) <= ELSEWHERE_RAD and self._agreeing >= AVERAGED
+        return 0.0 < abs(self.askew_rad) <= TURNED_RAD and self._since_turned >= AVERAGED
 
     def move(self, motion: Motion) -> None:
         """Notes where the present direction was taken."""
@@ -83,7 +87,7 @@ class DirectionCheck:
             backwards = math.pi if speed < 0 else 0.0
             self.off_rad = math.remainder(fix.course_rad + backwards - heading_rad, math.tau)
             self._askew.append(self.off_rad)
-            self._agreeing += 1
+            self._since_turned += 1
         along = fix.speed_mps * math.cos(fix.course_rad - heading_rad)
         self._against = self._against + 1 if along * self._sign < -SHARE * abs(speed) else 0
         return self._against >= FIXES

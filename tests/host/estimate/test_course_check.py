@@ -101,8 +101,10 @@ def test_a_machine_at_another_corner_is_found_within_metres(
     assert math.degrees(found) == pytest.approx(off_deg, abs=25)
 
 
-@pytest.mark.parametrize(("off_deg", "may"), [(-14.0, True), (0.0, False), (90.0, False)])
-def test_strips_turn_by_less_than_a_corner(off_deg: float, may: bool) -> None:
+@pytest.mark.parametrize(
+    ("off_deg", "may"), [(-10.0, True), (0.0, False), (14.0, False), (90.0, False)]
+)
+def test_strips_turn_by_degrees_and_not_at_once(off_deg: float, may: bool) -> None:
     assert courses(math.radians(off_deg), 0.0).may_have_turned is may
 
 

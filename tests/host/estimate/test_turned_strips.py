@@ -134,12 +134,37 @@ def course_after(side: Side, off_deg: float, seconds: int) -> tuple[float, float
 
 
 def test_inside_the_field_courses_turn_what_is_believed_and_along_the_boundary_they_stop() -> None:
-    askew, followed_deg = course_after(INNER, 25.0, 60)
+    askew, followed_deg = course_after(INNER, 15.0, 60)
     assert askew == 0.0
-    assert followed_deg > 15.0
-    askew, followed_deg = course_after(OUTER, 25.0, 60)
+    assert followed_deg > 10.0
+    askew, followed_deg = course_after(OUTER, 15.0, 60)
     assert askew > 7.0
+    assert followed_deg < 8.0
+
+
+def test_courses_that_are_wrong_at_once_turn_nothing() -> None:
+    """No strip turns by so much from one round to the next."""
+    askew, followed_deg = course_after(INNER, 25.0, 60)
+    assert askew > 12.0
     assert followed_deg < 15.0
+
+
+def test_what_the_strips_have_turned_by_is_taken_once() -> None:
+    """The courses that told it are about the direction of before."""
+    estimate = Estimator(VEHICLE, PLAN)
+    estimate.position.place(INNER, 0.0, 0.0, 0.0)
+    for k in range(60):
+        told = Telemetry(k, State.RUNNING, 0, 0.0, 0.0, 0, 120, False, 0.3, 0.3 * k, 12.0, 0, 0)
+        estimate.take_telemetry(told)
+        heading = estimate.position.course_rad
+        fix = Fix(k, 31.5, 74.3, 1, 0.8, 9, 0.3, heading + math.radians(10.0))
+        estimate.direction.contradicted(fix, estimate.motion, heading)
+    assert estimate.direction.may_have_turned
+    before = estimate.position.covariance[YAW, YAW]
+    estimate.take_fix(fix, told, underway=True)
+    assert estimate.position.covariance[YAW, YAW] > before
+    assert estimate.askew_rad == estimate.direction.askew_rad == 0.0
+    assert not estimate.direction.may_have_turned
 
 
 def test_who_stands_at_another_corner_has_turned_no_strips() -> None:
