@@ -13,8 +13,8 @@ from host.pilot.phase import Doing, Phase
 from host.pilot.pilot import Pilot
 from host.route.left_over import GATHER_M2
 from host.route.plan import Plan, spiral
+from tests.helpers.behaving import standing
 from tests.helpers.simple_world import CELL, SimpleWorld, drive, harvest
-from tests.host.pilot.test_behaviours import standing
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]

@@ -27,7 +27,7 @@ from host.pilot.phase import Doing, Go, Reason
 from host.pilot.planned_strip import PlannedStrip
 from host.route.plan import spiral
 from host.vision.view import CropView
-from tests.host.pilot.test_behaviours import NOW, clear_ahead, moved, on_side, seeing, stands
+from tests.helpers.behaving import NOW, clear_ahead, moved, on_side, seeing, stands
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]

@@ -33,9 +33,9 @@ from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
 from host.route.turn_legs import Turn, lane_beside, shuttle, three_point
 from host.vision.view import CropView
+from tests.helpers.behaving import CUTTING, NOW, is_for, moved, on_side, seeing
 from tests.helpers.eyes import Eyes
 from tests.helpers.simple_world import SimpleWorld, drive
-from tests.host.pilot.test_behaviours import CUTTING, NOW, is_for, moved, on_side, seeing
 
 VEHICLE = Vehicle()
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]

@@ -1,0 +1,143 @@
+"""Align alone: what sets a machine off that the operator has put down, and what does not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from host.pilot.behaviours.align import TRUST_AFTER_S, Align
+from host.pilot.behaviours.align import Why as Aligned
+from host.route.plan import Plan
+from tests.helpers.behaving import CUTTING, NOW, PLAN, is_for, seeing, standing, stands
+
+
+def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
+    context = standing(PLAN)
+    context.sight.view = replace(CUTTING, ahead_confidence=0.1)
+    assert Align(context).step(NOW) == (context.hold(), None)
+    seeing(context, replace(CUTTING, crop_ahead_m=0.4))
+    assert is_for(Align(context).step(NOW)[1], Aligned.SEEN)
+    assert context.estimate.position.known
+    assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("confidences", "goes"),
+    [
+        ((0.9,), True),
+        ((0.6, 0.6), False),
+        ((0.6, 0.6, 0.6), True),
+        ((0.6, 0.0, 0.6, 0.0, 0.6, 0.0, 0.6), False),
+        ((0.0, 0.0, 0.3, 0.0, 0.6), False),
+        ((0.0, 0.0, 0.3, 0.0, 0.95), True),
+    ],
+)
+def test_one_picture_that_is_hardly_sure_sets_no_machine_off(
+    confidences: tuple[float, ...], goes: bool
+) -> None:
+    """Facing the neighbour's crop, one picture of thirty is (belief "the wrong way round")."""
+    context = standing(PLAN)
+    align = Align(context)
+    for k, confidence in enumerate(confidences):
+        seeing(context, replace(CUTTING, confidence=confidence), stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+    assert is_for(go, Aligned.SEEN if goes else None)
+
+
+@pytest.mark.parametrize("edge_m", [0.6, -0.6])
+def test_align_does_not_set_off_while_most_sure_pictures_show_the_edge_beside_the_blade(
+    edge_m: float,
+) -> None:
+    """Not on the operator's word either, however long that takes: one of both is wrong."""
+    context = standing(PLAN)
+    align = Align(context)
+    aside = replace(CUTTING, edge_offset_m=edge_m, edge_heading_rad=math.nan)
+    unsure = replace(aside, confidence=0.3)
+    views = [aside, aside, *[unsure] * 40, CUTTING, CUTTING, CUTTING]
+    for k, view in enumerate(views):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+        assert is_for(go, Aligned.SEEN if k == len(views) - 2 else None)
+        assert k > 1 or "0.6 m beside" in context.reason
+        if go is not None:
+            return
+
+
+def test_align_does_not_set_off_while_most_pictures_show_the_machine_askew() -> None:
+    """No operator puts it down so: the pictures are mirrored or upside down, or it is elsewhere."""
+    context = standing(PLAN)
+    align = Align(context)
+    askew = replace(CUTTING, edge_offset_m=0.75, edge_heading_rad=math.nan)
+    for k, (view, reason) in enumerate(
+        [(askew, None), (askew, None), (CUTTING, None), (CUTTING, Aligned.SEEN)]
+    ):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+        assert is_for(go, reason)
+        assert reason is not None or "mirrored or upside down" in context.reason or k == 2
+
+
+@pytest.mark.parametrize(("plan", "trusts"), [(PLAN, True), (Plan(), False)])
+def test_align_trusts_the_operator_where_a_plan_says_what_is_there(
+    plan: Plan, trusts: bool
+) -> None:
+    context = standing(plan)
+    seeing(context, replace(CUTTING, confidence=0.2))
+    assert is_for(Align(context).step(NOW + TRUST_AFTER_S - 0.1)[1], None)
+    go = Align(context).step(NOW + TRUST_AFTER_S)[1]
+    assert is_for(go, Aligned.TRUSTED if trusts else None)
+
+
+@pytest.mark.parametrize(("endless", "trusts"), [(4, False), (1, True)])
+def test_align_trusts_nobody_where_most_pictures_show_crop_without_an_end(
+    endless: int, trusts: bool
+) -> None:
+    """So a machine sees the neighbour's that was put down the wrong way round: one faint picture of
+    an end had sent it off."""
+    context = standing(PLAN)
+    align, shown = Align(context), [0.0] * endless + [0.2] * 2
+    for k, confidence in enumerate(shown):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(shown) else 0.0)
+        seeing(context, replace(CUTTING, confidence=confidence), stamp=stamp)
+        go = align.step(stamp)[1]
+        assert go is None or k + 1 == len(shown)
+    assert is_for(go, Aligned.TRUSTED if trusts else None)
+
+
+@pytest.mark.parametrize(("edge_m", "trusts"), [(0.0, True), (-0.5, False)])
+def test_faint_pictures_of_an_end_elsewhere_outweigh_none_without_one(
+    edge_m: float, trusts: bool
+) -> None:
+    """Facing the neighbour's crop, half of them were faint (belief "the wrong way round")."""
+    context = standing(PLAN)
+    align = Align(context)
+    faint, none = (
+        replace(CUTTING, confidence=0.3, edge_offset_m=edge_m),
+        replace(CUTTING, confidence=0.0),
+    )
+    views = [none, none] + [faint] * 8
+    for k, view in enumerate(views):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(views) else 0.0)
+        seeing(context, view, stamp=stamp)
+        go = align.step(stamp)[1]
+    assert is_for(go, Aligned.TRUSTED if trusts else None)
+
+
+def test_a_sure_picture_of_an_end_outweighs_some_without_one() -> None:
+    """A mirrored camera shows it now and then; once the machine drives, its pictures are told."""
+    context = standing(PLAN)
+    align = Align(context)
+    askew = replace(CUTTING, edge_offset_m=0.75, edge_heading_rad=math.nan)
+    faint, none = replace(CUTTING, confidence=0.2), replace(CUTTING, confidence=0.0)
+    views = [none] * 4 + [askew, none, none, faint]
+    for k, view in enumerate(views):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(views) else 0.0)
+        seeing(context, view, stamp=stamp)
+        go = align.step(stamp)[1]
+        assert go is None or k + 1 == len(views)
+    assert is_for(go, Aligned.TRUSTED)

@@ -1,0 +1,73 @@
+"""Regain alone: a machine that has come off its crop goes back to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.messages import Frame
+from host.pilot.behaviours.regain import RUN_UP_M, Regain
+from host.pilot.behaviours.regain import Why as Regained
+from host.pilot.leaps import LEAP_PICTURES
+from tests.helpers.behaving import (
+    CUTTING,
+    NOW,
+    PLAN,
+    TOO_NEAR,
+    Shown,
+    is_for,
+    moved,
+    on_side,
+    refused,
+)
+
+
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("slants", [False, True])
+def test_a_machine_that_went_back_for_its_crop_takes_whatever_edge_it_sees(
+    slants: bool, back: bool
+) -> None:
+    """It was 1.2 m inside, its strip's border slanted, and for a minute all its pictures showed it
+    the edge, which none believed (model field 11086)."""
+    side = replace(PLAN.sides[0], edge_begin_m=2.0 if slants else 0.0)
+    eye = Shown(replace(CUTTING, edge_offset_m=-0.7))
+    context = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:])), cut_m=0.5, eye=eye)
+    context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
+    context.sight.ahead.approached = False
+    if back:
+        refused(context, beside=True)
+        Regain(context).enter(NOW)
+    for k in range(LEAP_PICTURES):
+        moved(context, 0.52 + 0.02 * k, 0.3, stamp=NOW + 0.1 * k)
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Regain.gaze, context.strip, None, NOW, context.look.settled)
+    assert (context.estimate.lane.blade_offset_m > 0.05) is back
+
+
+def test_it_goes_back_the_way_it_came_with_its_blade_off() -> None:
+    context = on_side(cut_m=5.0)
+    refused(context, beside=True)
+    regain = Regain(context)
+    regain.enter(NOW)
+    from_m = context.motion.distance_m
+    for back_m in np.arange(0.0, RUN_UP_M, 0.2).tolist():
+        moved(context, from_m - back_m, stamp=NOW + 5.0 + back_m)
+        command, go = regain.step(NOW + 5.0 + back_m)
+        assert go is None
+        assert (command.speed_mps < 0.0, command.blade, command.steer_rad) == (True, False, 0.0)
+    moved(context, from_m - RUN_UP_M - 0.05, stamp=NOW + 9.0)
+    command, go = regain.step(NOW + 9.0)
+    assert is_for(go, Regained.BACK)
+    assert command.speed_mps == 0.0
+    assert not context.estimate.cut.refused
+
+
+def test_it_goes_back_no_farther_than_the_geofence_lets_it() -> None:
+    context = on_side(cut_m=5.0)
+    refused(context, beside=True)
+    regain = Regain(context)
+    regain.enter(NOW)
+    assert is_for(regain.blocked(NOW, TOO_NEAR), Regained.BACK)
+    assert not context.estimate.cut.refused

@@ -1,0 +1,82 @@
+"""A side of the plan: where it may end, shows an edge, and has crop that is surely its own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.estimate.states import CORNERS
+from host.route.side import Side
+from tests.helpers.behaving import PLAN, on_side
+
+
+def test_a_side_does_not_run_on_over_ground_that_is_cut_but_for_what_it_may_have_left() -> None:
+    inner = replace(PLAN.sides[0], fence_m=PLAN.sides[0].length_m + 9.0)
+    plan = replace(PLAN, sides=(inner, *PLAN.sides[1:]))
+    for past_m, ends in ((0.5, False), (5.0, True)):
+        strip = on_side(plan=plan, cut_m=inner.length_m + past_m).strip
+        assert strip.overrun() is ends
+
+
+@pytest.mark.parametrize(("tip_m", "shows"), [(0.0, True), (3.0, False), (6.0, True)])
+def test_a_border_that_hardly_slants_is_an_edge(tip_m: float, shows: bool) -> None:
+    """By 17 degrees it is none, by 9 it is followed."""
+    side = replace(PLAN.sides[0], edge_begin_m=tip_m, edge_end_m=tip_m)
+    for along_m in (1.0, side.length_m - 1.0):
+        strip = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:]))).strip
+        assert strip.shows_edge(along_m) is shows
+
+
+@pytest.mark.parametrize(
+    ("begins_m", "along_m", "own"),
+    [(4.0, 0.5, True), (4.0, 1.5, False), (8.0, 0.5, False), (5.5, 0.5, True), (6.5, 0.5, False)],
+)
+def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_not_end(
+    begins_m: float, along_m: float, own: bool
+) -> None:
+    """Of a strip of 2 m inside a field of 10 m: no belief errs by more than 3 m."""
+    strip = Side(5.0, begins_m, math.pi / 2, 2.0, 0.9, fence_m=10.0 - begins_m)
+    context = on_side(0, replace(PLAN, sides=(strip, strip)), cut_m=along_m)
+    assert context.strip.along_m(context.motion) == pytest.approx(along_m, abs=0.01)
+    assert context.strip.surely_own is own
+    assert not context.strip.surely_crop
+    position = context.estimate.position
+    position.keep_apart(np.zeros(len(position.x)), 1e-6 * np.eye(len(position.x)), 0.3)
+    assert not context.strip.surely_own, "where it may be at two places nothing beyond the strip is"
+
+
+@pytest.mark.parametrize(
+    ("x_m", "sigma_m", "own"), [(5.0, 0.2, True), (2.5, 0.2, False), (5.0, 0.6, False)]
+)
+def test_deep_inside_a_boundary_that_was_found_what_stands_is_the_fields(
+    x_m: float, sigma_m: float, own: bool
+) -> None:
+    """On a short strip whose end is near, by more than the place errs."""
+    strip = Side(x_m, 4.0, math.pi / 2, 2.0, 0.9, fence_m=2.0)
+    plan = replace(PLAN, sides=(strip, strip), sigma_m=sigma_m)
+    context = on_side(0, plan, cut_m=1.0)
+    assert context.strip.surely_own is own
+    position = context.estimate.position
+    position.keep_apart(np.zeros(len(position.x)), 1e-6 * np.eye(len(position.x)), 0.3)
+    assert not context.strip.surely_own
+
+
+@pytest.mark.parametrize(("apart_m", "own"), [((0.4, 0.6), True), ((3.0, 0.0), False)])
+@pytest.mark.parametrize("corner", [False, True])
+def test_crop_is_the_fields_own_wherever_it_is_of_two_places_if_the_strip_goes_on_from_both(
+    apart_m: tuple[float, float], own: bool, corner: bool
+) -> None:
+    """At the beginning of a strip of 10 m a machine stood for a minute, and gave up, as it might
+    have been 0.8 m from there (model fields 11361 and 11362): the place or a corner."""
+    context = on_side(0, replace(PLAN, sigma_m=0.1), cut_m=4.0)
+    assert context.strip.surely_own and context.strip.surely_crop
+    position = context.estimate.position
+    apart = np.zeros(len(position.x))
+    apart[CORNERS : CORNERS + 2] = apart_m
+    if not corner:
+        apart = np.roll(apart, -CORNERS)
+    position.keep_apart(apart, 1e-6 * np.eye(len(apart)), 0.3)
+    assert context.strip.surely_own is own and context.strip.surely_crop is own

@@ -1,0 +1,250 @@
+"""What a picture tells, depending on what the machine is doing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.core.messages import Frame
+from host.pilot.behaviours import BEHAVIOURS
+from host.pilot.behaviours.back_off import BackOff
+from host.pilot.behaviours.follow import Follow
+from host.pilot.behaviours.look_at_end import LookAtEnd
+from host.pilot.behaviours.search import Search
+from host.pilot.behaviours.turn import DriveTurn
+from host.pilot.gaze import Gaze
+from host.pilot.leaps import LEAP_PICTURES
+from host.pilot.phase import Doing
+from host.pilot.planned_strip import PlannedStrip
+from host.pilot.sight import ASIDE_M, LOST_M
+from host.pilot.turn_progress import Turning
+from host.pilot.whose_edge import WhoseEdge
+from host.route.turn_legs import shuttle
+from host.vision.view import CropView
+from tests.helpers.behaving import (
+    CUTTING,
+    NOW,
+    PLAN,
+    VEHICLE,
+    Shown,
+    backing,
+    moved,
+    on_side,
+    told,
+    turned,
+)
+from tests.helpers.places import wandered
+
+
+@pytest.mark.parametrize(
+    ("early_m", "from_m", "seen"), [(0.0, -0.1, True), (0.4, -0.1, False), (0.0, 1.5, False)]
+)
+def test_where_a_strip_begins_shows_while_the_machine_backs_away_from_it(
+    early_m: float, from_m: float, seen: bool
+) -> None:
+    """Not over what its wheels have pressed down, nor with the blade inside the strip."""
+    context = on_side(cut_m=None, eye=Shown(replace(CUTTING, crop_ahead_m=0.5)))
+    turning = backing(context, early_m)
+    for k in range(10):
+        stamp = NOW + 0.1 * k
+        moved(context, from_m - 0.03 * k, -0.3, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+    assert math.isfinite(context.sight.ahead.begins_at_m) is seen
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_what_a_turning_machine_sees_against_its_lane_makes_that_no_more_doubtful(
+    turns: bool,
+) -> None:
+    """Crop that stands elsewhere passes before it; what lasts beside a machine on its lane does."""
+    elsewhere = replace(CUTTING, edge_offset_m=1.2, crop_ahead_m=0.5, edge_ahead_m=0.5)
+    context = on_side(cut_m=None, eye=Shown(elsewhere))
+    turning = backing(context, 0.0) if turns else None
+    lane = context.estimate.lane
+    context.estimate.position.place(context.strip.planned_piece, 0.0, 0.0, 0.0)
+    before = lane.offset_sigma_m
+    for k in range(10):
+        stamp = NOW + 0.1 * k
+        moved(context, -1.0 - 0.06 * k, -0.6, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        if k == LEAP_PICTURES - 1:
+            assert lane.contradicted
+    assert (lane.offset_sigma_m < 1.1 * before) is turns
+
+
+@pytest.mark.parametrize(("askew_deg", "taken"), [(0.0, True), (50.0, True), (75.0, False)])
+@pytest.mark.parametrize("gaze", [DriveTurn.gaze, Search.gaze])
+def test_standing_across_the_next_lane_no_edge_is_its(
+    monkeypatch: pytest.MonkeyPatch, gaze: Gaze, askew_deg: float, taken: bool
+) -> None:
+    """Between two legs of a turn that the geofence has broken off."""
+    monkeypatch.setattr(WhoseEdge, "is_lanes", lambda *_: True)
+    context = turned()
+    assert context.turning is not None
+    against = (0.0, math.radians(askew_deg))
+    monkeypatch.setattr(context.turning, "against_lane", lambda _: against)
+    context.sight.edge_at_m = 0.0
+    frame = Frame(NOW + 0.1, np.zeros((2, 2, 3), np.uint8))
+    context.sight.take(frame, gaze, context.strip, context.turning, NOW, lambda _: True)
+    assert (context.sight.edge_at_m > 0.0) is taken
+
+
+@pytest.mark.parametrize(("stood_s", "told"), [(3.0, True), (0.5, False)])
+def test_where_its_beginning_slants_a_standing_machine_takes_the_corner_for_its_edge(
+    stood_s: float, told: bool
+) -> None:
+    """At the blade, once its dust has settled, where the lane is doubtful (random field 10133)."""
+    slanting = replace(PLAN.sides[0], edge_begin_m=1.5)
+    plan = replace(PLAN, sides=(slanting, *PLAN.sides[1:]))
+    at_blade = replace(CUTTING, confidence=0.9, edge_offset_m=0.1, crop_ahead_m=0.0)
+    context = on_side(plan=plan, cut_m=0.3, eye=Shown(at_blade))
+    for _ in range(45):
+        wandered(context.estimate.position, 1.0, context.motion)
+    moved(context, 0.2, stamp=NOW)
+    lane = context.estimate.lane
+    before_m = lane.offset_sigma_m
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    settled = context.look.settled
+    context.sight.take(frame, BackOff.gaze, context.strip, None, NOW - stood_s, settled)
+    assert (lane.offset_sigma_m < 0.8 * before_m) is told
+
+
+@pytest.mark.parametrize(
+    ("lost_m", "aside"),
+    [(LOST_M - 0.2, False), (LOST_M + 0.5, True), (LOST_M + ASIDE_M + 0.2, False)],
+)
+@pytest.mark.parametrize("shown", [CropView(0.0, crop_right=True), CropView(0.0)])
+def test_crop_on_the_right_leads_aside_for_as_far_as_an_edge_may_lie(
+    lost_m: float, aside: bool, shown: CropView
+) -> None:
+    """Without a look before that; and no farther without one."""
+    context = on_side(cut_m=0.5, eye=Shown(shown))
+    edge_at_m = context.sight.edge_at_m
+    for k in range(12):
+        now = NOW + 0.1 * k
+        moved(context, edge_at_m + lost_m - 0.01 * (11 - k), 0.5, stamp=now)
+        frame = Frame(now, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, now, context.look.settled)
+    assert context.moves_aside(now) is (aside and shown.crop_right)
+    assert not context.moves_aside(now + 10.0), "without eyes"
+
+
+@pytest.mark.parametrize("doing", Doing)
+def test_only_pictures_of_the_cut_itself_say_how_dusty_it_is(doing: Doing) -> None:
+    context = on_side()
+    moved(context, 5.1, 0.4)
+    kind = BEHAVIOURS[doing]
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    context.sight.take(frame, kind.gaze, context.strip, None, NOW, context.look.settled)
+    assert list(context.sight.ahead.sure) == ([True] if kind is Follow else [])
+
+
+def test_over_a_slanting_border_no_edge_is_missed() -> None:
+    """None is to be seen there: that says nothing of dust."""
+    slanting = replace(PLAN.sides[0], edge_begin_m=3.0)
+    plan = replace(PLAN, sides=(slanting, *PLAN.sides[1:]))
+    for along_m, sure in ((2.0, []), (4.0, [True])):
+        context = on_side(plan=plan, cut_m=along_m)
+        moved(context, along_m, 0.4)
+        frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, NOW, context.look.settled)
+        assert list(context.sight.ahead.sure) == sure
+
+
+# ---- crop beside the machine ---------------------------------------------------------------------
+
+
+BESIDE = replace(
+    CUTTING, confidence=0.0, edge_offset_m=math.nan, crop_ahead_m=math.inf, edge_beside_m=0.6
+)
+"""Nothing stands ahead, and crop beside the way."""
+
+
+@pytest.mark.parametrize(("cut_m", "is_lane"), [(5.0, True), (9.5, False)])
+def test_where_nothing_stands_ahead_the_edge_beside_the_way_is_the_lanes(
+    cut_m: float, is_lane: bool
+) -> None:
+    """But where the side is about to end, what stands there is another's."""
+    eye = Shown(BESIDE)
+    context = on_side(cut_m=cut_m, eye=eye)
+    context.estimate.position.less_sure(0.3, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    context.sight.edge_at_m = cut_m - 0.5
+    since = NOW - 10.0  # it stands, and looks
+    for k in range(LEAP_PICTURES):
+        frame = Frame(context.motion.stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, since, lambda _: True)
+    moved_m = context.estimate.lane.blade_offset_m - before
+    assert (moved_m < -0.3) is is_lane, "the lane lies left of the machine"
+    assert context.sight.beside(context.motion) is is_lane
+
+
+@pytest.mark.parametrize(("backed_m", "is_lane"), [(0.0, True), (0.9, True), (2.1, False)])
+def test_beside_what_the_machine_has_cut_the_next_strip_stands(
+    backed_m: float, is_lane: bool
+) -> None:
+    """It went back over that to look again, took the edge of what stood beside it for its lane's,
+    and left its strip half standing (picture field 10458)."""
+    context = on_side(cut_m=5.0, eye=Shown(BESIDE))
+    cut, stamp = context.estimate.cut, NOW
+    for k in range(1, 11):
+        cut.take_picture(NOW - 0.5 + 0.01 * k, CUTTING)
+    assert cut.over_cut_m == 0.0
+    for k in range(1, round(backed_m / 0.03) + 1):
+        stamp = NOW + 0.1 * k
+        back = replace(told(-0.3, 5.0 - 0.03 * k), stamp=stamp, drive_duty=-60)
+        context.estimate.take_telemetry(back)
+    assert cut.over_cut_m == pytest.approx(backed_m, abs=0.3)
+    context.estimate.position.less_sure(0.3, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    context.sight.edge_at_m = 4.5 - backed_m
+    for k in range(LEAP_PICTURES):
+        frame = Frame(stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+    assert (context.estimate.lane.blade_offset_m - before < -0.3) is is_lane
+    assert context.sight.beside(context.motion) is is_lane
+
+
+@pytest.mark.parametrize(("beside_m", "taken_m"), [(0.2, 0.2), (math.nan, 0.0)])
+def test_beside_the_next_strip_the_edge_beside_the_way_counts_alone(
+    beside_m: float, taken_m: float
+) -> None:
+    """What a picture that shows no more than that strip's flank takes for the right end of what
+    stands before the blade is the border of what it shows."""
+    next_m = VEHICLE.pass_m
+    flank = replace(CUTTING, edge_offset_m=next_m - 0.3, edge_beside_m=next_m + beside_m)
+    context = on_side(cut_m=5.0, eye=Shown(flank))
+    assert isinstance(context.strip, PlannedStrip)
+    context.estimate.lane.place(-next_m, 0.0, 0.05, 0.02)
+    context.strip.place(5.0)
+    turn = shuttle(VEHICLE, -8.0, VEHICLE.pass_m, 3.0)
+    turning = Turning(NOW, turn, (0.0, 0.0, 0.0))
+    assert turning.beside
+    context.strip.begin_leg(turning)
+    context.estimate.position.less_sure(0.5, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    for k in range(10):
+        stamp = NOW + 0.1 * k
+        moved(context, 5.0 - 0.03 * k, -0.3, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+    left_m = before - context.estimate.lane.blade_offset_m
+    assert left_m == pytest.approx(taken_m, abs=0.05)
+
+
+@pytest.mark.parametrize(("cut_m", "ahead_m"), [(4.0, 0.0), (7.5, math.inf), (9.7, math.inf)])
+def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt(
+    cut_m: float, ahead_m: float
+) -> None:
+    """Elsewhere it may be swath, and a gap behind it."""
+    view = replace(BESIDE, ahead_confidence=1.0, edge_beside_m=math.nan, lies_confidence=0.8)
+    context = on_side(cut_m=cut_m, eye=Shown(view))
+    frame = Frame(context.motion.stamp, np.zeros((1, 1, 3), np.uint8))
+    context.sight.take(frame, Follow.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+    assert context.sight.view is not None
+    assert context.sight.view.crop_ahead_m == ahead_m
