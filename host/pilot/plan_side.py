@@ -56,7 +56,8 @@ SIGMAS = 2.0
 crop beyond as many may be the neighbour's."""
 END_SIGMAS = 4.0
 """Within so many of where a side was taken to end a look may find its end, and crop that goes on
-moves it; more is another error."""
+moves it; more is another error. Where the boundary is said to be known exactly it cannot give way:
+there it is SIGMAS, or the machine would take its own place to be wrong instead."""
 FOUND_SIGMA_M = 0.3
 """Of an end that was found elsewhere, before its own measurement is taken."""
 UNKNOWN_M = 0.3
@@ -227,9 +228,10 @@ class PlanSide(Strip):
 
     def may_end_at(self, along_m: float) -> bool:
         doubt_m = max(self._doubt_m, self._end_sigma_m)
+        early_m = EARLY_M + SIGMAS * doubt_m
         if self.estimate.position.outline.states:
-            doubt_m = max(doubt_m, UNKNOWN_M)
-        return along_m > max(0.0, self.side.length_m - EARLY_M - END_SIGMAS * doubt_m)
+            early_m = EARLY_M + END_SIGMAS * max(doubt_m, UNKNOWN_M)
+        return along_m > max(0.0, self.side.length_m - early_m)
 
     def ends_at(self, along_m: float) -> None:
         off_m = abs(along_m - self.side.length_m)

@@ -80,3 +80,15 @@ def test_crop_is_the_fields_own_wherever_it_is_of_two_places_if_the_strip_goes_o
         apart = np.roll(apart, -CORNERS)
     position.keep_apart(apart, 1e-6 * np.eye(len(apart)), 0.3)
     assert context.strip.surely_own is own and context.strip.surely_crop is own
+
+
+@pytest.mark.parametrize("sigma_m", [0.0, 0.5])
+def test_a_boundary_that_is_said_to_be_known_exactly_does_not_give_way_by_metres(
+    sigma_m: float,
+) -> None:
+    """Said to be 2 m longer than the field, it had taken the machine's place to be wrong instead,
+    and led it 1.8 m into the neighbour's field (belief "said 2 m longer, surely")."""
+    strip = on_side(0, replace(PLAN, sigma_m=sigma_m), cut_m=8.0).strip
+    length_m = PLAN.sides[0].length_m
+    assert strip.may_end_at(length_m - 1.5) is (sigma_m > 0.0)
+    assert strip.may_end_at(length_m - 0.7)
