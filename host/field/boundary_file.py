@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -431,8 +432,11 @@ def _read_gdal(source: Path | bytes) -> list[Shape]:
     shapes: list[Shape] = []
     kinds: set[str] = set()
     try:
-        for layer in [str(layer) for layer, _ in pyogrio.list_layers(source)]:
-            meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
+        # By number: two layers may share a name, and GDAL makes one up anew at each reading.
+        for layer in range(len(pyogrio.list_layers(source))):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what GDAL doubts is judged with the polygons
+                meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
             geometries = shapely.from_wkb(wkb) if wkb is not None else []
             kinds |= {geometry.geom_type for geometry in geometries if geometry is not None}
             for k, geometry in enumerate(geometries):

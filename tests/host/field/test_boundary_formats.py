@@ -312,6 +312,45 @@ def test_google_earths_own_file_is_read(tmp_path: Path, name: str) -> None:
     assert (field.name, len(field.crop)) == ("Nördliches Feld", 4)
 
 
+def placemark(name: str, east: float = 0.0) -> str:
+    """A field of its own, `east` degrees farther."""
+    around = " ".join(f"{lon + east},{lat}" for lon, lat in [*AROUND, AROUND[0]])
+    return (
+        f"<Placemark><name>{name}</name><Polygon><outerBoundaryIs><LinearRing><coordinates>"
+        f"{around}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>"
+    )
+
+
+@pytest.mark.parametrize("around", ["<Document>{}</Document>", "<Folder>{}</Folder>", "{}"])
+def test_kml_whose_document_has_no_name_is_read(tmp_path: Path, around: str) -> None:
+    path = tmp_path / "field.kml"
+    path.write_text(f"<kml>{around.format(placemark('North'))}</kml>")
+    field = load_field(path)
+    assert (field.name, len(field.crop)) == ("North", 4)
+
+
+def test_kml_folders_of_the_same_name_are_each_read(tmp_path: Path) -> None:
+    path = tmp_path / "fields.kml"
+    folders = "".join(
+        f"<Folder><name>2026</name>{placemark(name, east)}</Folder>"
+        for name, east in (("North", 0.0), ("South", 0.1))
+    )
+    path.write_text(f"<kml><Document>{folders}</Document></kml>")
+    with pytest.raises(UserError, match="1 'North', 2 'South'"):
+        load_field(path)
+    assert load_field(path, "South").name == "South"
+
+
+def test_what_gdal_doubts_is_no_second_message(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    path = tmp_path / "field.kml"
+    path.write_text(f"<kml>{placemark('North')}</kml>".replace(f"{AROUND[0][0]},", "x,", 1))
+    with pytest.raises(UserError):
+        load_field(path)
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 @pytest.mark.parametrize("folder", ["", "export/North/"])
 def test_a_zipped_shapefile_is_read_with_the_files_that_belong_to_it(
     tmp_path: Path, folder: str
