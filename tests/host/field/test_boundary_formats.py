@@ -435,6 +435,33 @@ def test_garbage_is_one_message(suffix: str, data: bytes) -> None:
             assert "\n" not in str(error)
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("deep.kml", f"<kml>{'<Folder>' * 5000}{'</Folder>' * 5000}</kml>", "not XML"),
+        ("deep.gpx", f"<gpx>{'<trk>' * 5000}{'</trk>' * 5000}</gpx>", "not GPX"),
+        ("deep.xml", task(f"{'<PFD>' * 5000}{'</PFD>' * 5000}"), "not ISOXML"),
+        ("odd.gpx", '<?xml version="1.0" encoding="odd"?><gpx/>', "not GPX"),
+        (
+            "odd.geojson",
+            '{"type": "FeatureCollection", "features": [], "crs": {"properties": 5}}',
+            "coordinate system",
+        ),
+        ("none.geojson", '{"type": "Polygon", "coordinates": []}', "holds no polygon"),
+        (
+            "none.kml",
+            "<kml><Placemark><Polygon><outerBoundaryIs><LinearRing><coordinates/></LinearRing>"
+            "</outerBoundaryIs></Polygon></Placemark></kml>",
+            "holds no polygon",
+        ),
+    ],
+)
+def test_odd_structures_are_one_message(tmp_path: Path, name: str, text: str, message: str) -> None:
+    (path := tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=message):
+        load_field(path)
+
+
 def test_the_command_converts_and_says_what_it_wrote(tmp_path: Path, cli: Cli) -> None:
     save_field(source := tmp_path / "field.kml", boundary_of(POND, FRAME, "Pond"))
     target = tmp_path / "TASKDATA.XML"
@@ -764,7 +791,7 @@ def test_a_file_that_says_neither_yes_nor_no_to_that_is_refused(
         load_field(path)
 
 
-@pytest.mark.parametrize("value", ["0.3 m", -1, 1e9, True])
+@pytest.mark.parametrize("value", ["0.3 m", -1, 1e9, True, 10**400])
 def test_a_file_whose_corners_are_known_to_no_length_is_refused(
     tmp_path: Path, value: object
 ) -> None:
