@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import signal
 import sys
@@ -27,7 +28,7 @@ from typing import NoReturn
 
 import click
 
-from host.core.terminal import echo
+from host.core.terminal import ReaderGoneError, echo
 
 EXIT_USER = 2
 EXIT_UNFINISHED = 3
@@ -82,6 +83,9 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
     does where a script's `&` had it ignored."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # a degree sign, or a field's Urdu name, is no reason to fail in an old locale
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = command.main(args, prog_name=program, standalone_mode=False)
     except UserError as error:
@@ -93,7 +97,7 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
     except (click.Abort, KeyboardInterrupt):
         _say(program, "interrupted")
         code = EXIT_INTERRUPTED
-    except BrokenPipeError:  # `daranti ... | head`
+    except ReaderGoneError:  # `daranti ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_PIPE
     except OSError as error:

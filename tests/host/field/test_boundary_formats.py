@@ -726,6 +726,15 @@ def test_a_file_that_would_make_gdal_open_another_is_refused(
         load_field(path)
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_half_a_character_in_a_name_is_written_out(tmp_path: Path, suffix: str) -> None:
+    """JSON can say what UTF-8 cannot."""
+    (path := tmp_path / "field.geojson").write_text(collection(feature("North \ud83d", AROUND)))
+    assert "\\ud83d" in path.read_text()
+    save_field(target := tmp_path / f"other{suffix}", load_field(path))
+    assert load_field(target).name == r"North \xd83d"
+
+
 def test_a_name_from_outside_cannot_command_the_terminal(tmp_path: Path, cli: Cli) -> None:
     path = tmp_path / "field.geojson"
     path.write_text(collection(feature("\x1b[2J[/nope]\x07North", AROUND)))
