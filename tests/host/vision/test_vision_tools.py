@@ -166,6 +166,19 @@ def test_the_mount_is_found_from_a_board_on_the_ground(turned: bool) -> None:
     assert angles == pytest.approx((27.0, 1.5, -2.0), abs=0.2)
 
 
+def test_a_square_in_other_units_is_said_and_no_camera_in_the_sky() -> None:
+    squares_10_times_too_large = Board(BOARD.columns, BOARD.rows, 10 * BOARD.square_m)
+    with pytest.raises(UserError, match=r"1\d\.\d\d m above the ground.*--square"):
+        calibrate_mount(on_ground(TRUE, 2.0), LENS, squares_10_times_too_large, 2.0)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "2000"])
+@pytest.mark.parametrize("option", ["--ahead", "--left"])
+def test_a_board_on_the_ground_lies_somewhere(photo: Path, option: str, value: str) -> None:
+    result = run(calibrate_camera, photo, option, value)
+    assert (result.exit_code, option in result.output) == (2, True)
+
+
 def printed(turn: tuple[float, float, float]) -> NDArray[np.uint8]:
     """A picture of the board held before the camera, turned about its middle (radians)."""
     square = 40
