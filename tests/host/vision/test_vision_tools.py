@@ -263,6 +263,19 @@ def test_see_takes_the_side_from_a_manifest(photo: Path, tmp_path: Path) -> None
     assert mask[150, -5] == 0
 
 
+def test_two_photographs_of_one_name_do_not_write_over_each_other(
+    photo: Path, tmp_path: Path
+) -> None:
+    (other := tmp_path / "yesterday").mkdir()
+    cv2.imwrite(str(other / photo.name), halves("left")[0])
+    out = tmp_path / "out"
+    result = run(see, photo, other, "--side", "left", "--out", out, "--no-stages")
+    assert result.exit_code == 0, result.output
+    both = [np.array(cv2.imread(str(out / f"{name}.mask.png"))) for name in ("wheat", "wheat-2")]
+    assert both[0].shape != both[1].shape or (both[0] != both[1]).any()
+    assert "wheat-2: confidence" in result.output
+
+
 def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_path: Path) -> None:
     torn = tmp_path / "torn.jpg"
     torn.write_bytes(photo.read_bytes()[:200])
