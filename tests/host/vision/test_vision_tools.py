@@ -15,8 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from host.commands.bench_vision import bench_vision
 from host.commands.calibrate_camera import calibrate_camera
 from host.commands.see import see
+from host.commands.tune_confidence import tune_confidence
 from host.commands.tune_vision import tune_vision
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Mount, Vehicle
@@ -325,6 +327,42 @@ def test_a_manifest_without_its_columns_is_refused(photo: Path, tmp_path: Path) 
     result = run(see, photo, "--manifest", manifest, "--out", tmp_path)
     assert isinstance(result.exception, UserError)
     assert "line 2" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    "content", [b"file,standing_side\n" + b"x" * 200_000 + b",left\n", b"\xe9,left\n"]
+)
+def test_a_manifest_that_is_no_table_is_refused(
+    photo: Path, tmp_path: Path, content: bytes
+) -> None:
+    (manifest := tmp_path / "manifest.csv").write_bytes(content)
+    for result in (
+        run(see, photo, "--manifest", manifest, "--out", tmp_path / "out"),
+        run(bench_vision, "--data", tmp_path, "--out", tmp_path / "out"),
+    ):
+        assert isinstance(result.exception, UserError)
+        assert str(manifest) in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("", "0 photographs of 0 scenes"),
+        ("a,3,left,0.9,ok\nb,3,left,0.9,ok\n", "2 photographs of 1 scenes"),
+        ("a,field,left,0.9,ok\n", "line 2 is not a labelled photograph"),
+        ("a,3,left\n", "line 2 is not a labelled photograph"),
+    ],
+)
+@pytest.mark.parametrize("command", [bench_vision, tune_confidence])
+def test_labels_that_teach_nothing_are_refused(
+    tmp_path: Path, command: object, rows: str, says: str
+) -> None:
+    (tmp_path / "manifest.csv").write_text(
+        f"file,scene,standing_side,single_transition_rows,label\n{rows}"
+    )
+    result = run(command, "--data", tmp_path, "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert says in str(result.exception)
 
 
 def turned(jpeg: bytes, orientation: int) -> bytes:
