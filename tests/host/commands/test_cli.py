@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import io
 import os
@@ -93,6 +94,23 @@ def test_what_ends_a_program_unwinds_it_even_where_it_was_ignored(
     assert exit_.value.code == EXIT_INTERRUPTED
     assert unwound
     capsys.readouterr()
+
+
+def test_an_interrupt_in_a_librarys_callback_is_one_message(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while numba compiles: ctypes cannot raise it, and numba fails of what is missing."""
+
+    @click.command()
+    def command() -> None:
+        ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))()
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr("sys.unraisablehook", sys.__unraisablehook__)
+    with pytest.raises(SystemExit) as exit_:
+        run(command, "daranti", [])
+    assert exit_.value.code == EXIT_INTERRUPTED
+    assert capsys.readouterr().err == "daranti: interrupted\n"
 
 
 @pytest.mark.parametrize("rich", [False, True])
