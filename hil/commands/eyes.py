@@ -11,7 +11,7 @@ import click
 from rich.table import Table
 
 from hil.bench.model_eyes import LIBRARY
-from hil.commands.seeds import SEEDS
+from hil.commands.seeds import SEEDS, SEEDS_OR_NONE
 from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
@@ -71,7 +71,7 @@ def _common(seeds: str) -> Callable[[Any], Any]:
 @_common(FITTED)
 @click.option(
     "--late",
-    type=SEEDS,
+    type=SEEDS_OR_NONE,
     default=LATE,
     show_default=True,
     help="Random fields that the model drives, the detector looking on; none: ''.",

@@ -32,7 +32,7 @@ from host.core.terminal import Outlet, PlainConsole, echo
 @click.option(
     "--realtime-factor",
     "factor",
-    type=NumberRange(0, min_open=True),
+    type=NumberRange(0, 1000, min_open=True),
     default=1.0,
     show_default=True,
 )

@@ -11,9 +11,13 @@ from host.core.errors import UserError
 
 
 class Seeds(click.ParamType[list[int]]):
-    """`1-30`, `1,4,9` and mixtures: a list of numbers; `` is none of them."""
+    """`1-30`, `1,4,9` and mixtures: a list of numbers."""
 
     name = "1-30|1,4,9"
+
+    def __init__(self, none: bool = False) -> None:
+        """`none`: an empty text is no seed at all."""
+        self._none = none
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -23,10 +27,11 @@ class Seeds(click.ParamType[list[int]]):
         if not isinstance(value, str):
             return list(value)
         try:
-            return seeds_of(value) if value else []
+            return [] if self._none and not value else seeds_of(value)
         except ValueError as error:
             option = param.opts[0] if param is not None else "seeds"
             raise UserError(f"{option} {value}: say 1-30, or 1,4,9") from error
 
 
 SEEDS = Seeds()
+SEEDS_OR_NONE = Seeds(none=True)

@@ -483,6 +483,7 @@ def faults_report(folder: Path, title: str, verdicts: Sequence[Verdict]) -> Path
 def report_of(where: Path, against: Path | None = None) -> Path:
     """The page of any kind of results, or of one record. UserError where it is none of them."""
     if where.is_file():
+        _alone(where, against)
         return write(where.parent, *drive_sections(where), f"{where.stem}.report.html")
     summaries = _campaign_of(where)
     if summaries is not None:
@@ -499,11 +500,13 @@ def report_of(where: Path, against: Path | None = None) -> Path:
     if "faults" in summary or (where / VERDICTS).exists():
         return _matrix_report(where, summary, against)
     if (where / RIG).exists():
+        _alone(where, against)
         return write(where, *rig_sections(where))
     if "outcome" in summary:
         return write(where, *run_sections(where, against))
     records = sorted(where.glob("*.mcap"))
     if len(records) == 1:
+        _alone(where, against)
         return write(where, *drive_sections(records[0]))
     if records:
         names = ", ".join(path.name for path in records)
@@ -512,6 +515,15 @@ def report_of(where: Path, against: Path | None = None) -> Path:
         f"{where} holds no results: give the folder of a harvest, a rig, a campaign or a fault "
         "matrix, or the record of a drive"
     )
+
+
+def _alone(where: Path, against: Path | None) -> None:
+    """UserError where something is to be compared with what has no figures to compare."""
+    if against is not None:
+        raise UserError(
+            f"{where} is a record or a rig's folder: --against compares the folders of two "
+            "harvests, campaigns or fault matrices"
+        )
 
 
 def _campaign_of(folder: Path) -> list[dict[str, Any]] | None:

@@ -22,6 +22,7 @@ from hil.scenario.world import Start, World
 from host.core.errors import UserError
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
+from host.core.yaml_file import OnceLoader
 from host.route.plan import Plan
 from sim_plant.camera import MOUNTS, CameraSpec
 from sim_plant.field_spec import FieldSpec
@@ -226,8 +227,8 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read the scenario {path}: {error}") from error
     try:
-        data = yaml.safe_load(text)
-        lines = _lines(yaml.compose(text, Loader=yaml.SafeLoader))
+        data = yaml.load(text, OnceLoader)
+        lines = _lines(yaml.compose(text, Loader=OnceLoader))
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark is not None else ""

@@ -19,7 +19,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -257,14 +257,19 @@ def looked_at_again(
 # ---- what is run ---------------------------------------------------------------------------------
 
 
+MOST_SEEDS: Final = 10_000_000
+"""Ten times what docs/use/thousand_fields.md reckons with; of more, the list fills the memory."""
+
+
 def seeds_of(text: str) -> list[int]:
     """`1-30`, `1,4,9` and mixtures. Raises ValueError."""
     seeds: list[int] = []
     for part in text.split(","):
         low, dash, high = part.strip().partition("-")
-        seeds += range(int(low), int(high) + 1) if dash else [int(low)]
-    if not seeds:
-        raise ValueError("none")
+        found = range(int(low), int(high) + 1) if dash else range(int(low), int(low) + 1)
+        if not found or len(seeds) + len(found) > MOST_SEEDS:
+            raise ValueError("none, or more than can be run")
+        seeds += found
     return seeds
 
 

@@ -46,6 +46,8 @@ BATCH: Final = 16
 that its proposals do not depend on the number of workers."""
 WORST_SHARE: Final = 0.1
 """A candidate's cost is the mean over all responses plus the mean over this share, the worst."""
+MOST_CANDIDATES: Final = 1_000_000
+"""Of a grid: ten times the default's, which takes days."""
 PLANT_COLUMNS: Final = tuple(Plant.__slots__)
 
 
@@ -80,7 +82,7 @@ class Space(Strict):
         default_factory=lambda: {**NOMINAL_RANGES, **DAY_RANGES}
     )
     """Range of each of a plant's properties (hil.studies.actuators.Plant)."""
-    steps_deg: tuple[float, ...] = (30.0, 5.0)
+    steps_deg: tuple[float, ...] = Field(default=(30.0, 5.0), min_length=1)
 
     @model_validator(mode="after")
     def _known(self) -> Space:
@@ -94,6 +96,14 @@ class Space(Strict):
         for name in self.plants:
             if name not in PLANT_COLUMNS:
                 raise ValueError(f"a plant has no property {name!r}, only {PLANT_COLUMNS}")
+        for name, (low, high) in self.plants.items():
+            if not low <= high:
+                raise ValueError(f"the range of a plant's {name} ends before it begins")
+        if 0 in self.steps_deg:
+            raise ValueError("a step of 0 degrees is none")
+        count = math.prod(axis.points for axis in self.parameters.values())
+        if count > MOST_CANDIDATES:
+            raise ValueError(f"a grid of {count} candidates has no end; give fewer points")
         return self
 
     def candidate(self, shares: Sequence[float]) -> Gains:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.vision.photo import benchmark
@@ -17,11 +18,19 @@ from host.vision.pictures import write_picture
 
 
 def photographs(data: Path | None) -> list[benchmark.Photo]:
-    """Of a labelled folder; None: the development data's. UserError where there are none."""
+    """Of a labelled folder; None: the development data's. UserError where there are not two scenes
+    of them: each is judged by what the others have taught."""
     folder = data or data_folder() / "wheat-edge"
     if not (folder / "manifest.csv").exists() and (folder / "wheat-edge").is_dir():
         folder = folder / "wheat-edge"
-    return [benchmark.Photo(item, item.picture(), item.standing()) for item in labelled_set(folder)]
+    items = labelled_set(folder)
+    scenes = {item.scene for item in items}
+    if len(scenes) < 2:
+        raise UserError(
+            f"{folder}/manifest.csv: {len(items)} photographs of {len(scenes)} scenes that are not "
+            "doubtful; label photographs of two or more scenes"
+        )
+    return [benchmark.Photo(item, item.picture(), item.standing()) for item in items]
 
 
 def _sure_table(found: Comparison) -> Table:

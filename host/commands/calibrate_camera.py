@@ -20,6 +20,8 @@ from host.tune.checkerboard import Board
 
 DOUBTFUL_PX = 1.0
 """Mean distance of the board's corners from where the lens has them."""
+FARTHEST_M = 20.0
+"""Of the board on the ground: farther off its corners are not seen."""
 
 
 @click.command()
@@ -43,13 +45,18 @@ DOUBTFUL_PX = 1.0
 @click.option(
     "--ahead",
     "ahead_m",
-    type=float,
+    type=NumberRange(-FARTHEST_M, FARTHEST_M),
     default=2.0,
     show_default=True,
     help="The board's middle on the ground, ahead of the rear axle, m.",
 )
 @click.option(
-    "--left", "left_m", type=float, default=0.0, show_default=True, help="The same, to the left, m."
+    "--left",
+    "left_m",
+    type=NumberRange(-FARTHEST_M, FARTHEST_M),
+    default=0.0,
+    show_default=True,
+    help="The same, to the left, m.",
 )
 @click.option(
     "--vehicle",

@@ -20,7 +20,7 @@ from host.vision.mounted.paper import PaperParams
 from host.vision.photo.detector import photo_detector
 from host.vision.photo.split import SIDES, Side
 from host.vision.pictures import write_picture
-from host.vision.results import read_sides, write_result
+from host.vision.results import own_name, read_sides, write_result
 
 
 def _driver(path: Path) -> MountedDetector:
@@ -77,6 +77,7 @@ def see(
     sides = read_sides(manifest) if manifest else {}
     out.mkdir(parents=True, exist_ok=True)
     failed = 0
+    taken: set[str] = set()
     for item in source:
         pictures = frames(item)
         drove = _driver(Path(item)) if is_record(item) else None
@@ -95,6 +96,7 @@ def see(
                     f"{name}: on which side does the crop stand? Say --side left, right, top or "
                     "bottom, or name a --manifest that does"
                 )
+            name = own_name(name, taken)
             detector = drove or photo_detector(mode, where or "left")
             wanted = stages is not False
             start = time.perf_counter()

@@ -25,7 +25,7 @@ from host.field.survey import (
 def _corners(_: click.Context, __: click.Parameter, value: str) -> int | None:
     if value == "auto":
         return None
-    if not value.isdigit() or not 3 <= int(value) <= 2 * MAX_CORNERS:
+    if not value.isdecimal() or not 3 <= int(value) <= 2 * MAX_CORNERS:
         raise click.BadParameter(f"give auto or a number from 3 to {2 * MAX_CORNERS}")
     return int(value)
 

@@ -20,7 +20,7 @@ from host.vision.figure import staged
 from host.vision.mounted.paper import PaperParams
 from host.vision.photo.split import SIDES, Side
 from host.vision.pictures import Picture, write_picture
-from host.vision.results import read_sides
+from host.vision.results import own_name, read_sides
 from host.vision.tuning.profiles import DATABASE, Circumstance, Profiles
 from host.vision.tuning.search import tune
 from host.vision.tuning.subject import subject_of
@@ -101,10 +101,12 @@ def tune_vision(
     console = PlainConsole()
     console.print_table(show_change(start, params, (subject.contrast(start), reached)))
     out.mkdir(parents=True, exist_ok=True)
+    written: set[str] = set()
     for name, bgr in taken:
+        own = own_name(name, written)
         for when, used in (("before", start), ("after", params)):
             view = subject.eye(name, used).see(bgr, stages=True)
-            write_picture(out / f"{name}.{when}.png", staged(bgr, view))
+            write_picture(out / f"{own}.{when}.png", staged(bgr, view))
     saved = f"; saved in {db}" if save else ""
     console.print(f"{len(taken)} pictures before and after in {out}{saved}")
 

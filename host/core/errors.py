@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import signal
 import sys
@@ -27,7 +28,7 @@ from typing import NoReturn
 
 import click
 
-from host.core.terminal import echo
+from host.core.terminal import ReaderGoneError, echo
 
 EXIT_USER = 2
 EXIT_UNFINISHED = 3
@@ -63,8 +64,28 @@ def _say(program: str, message: str) -> None:
         traceback.print_exc()
 
 
-def _interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
+class _Interrupts:
+    """Ctrl-C, and what libraries written in C make of it. Where one has called back, as numba's
+    does while it compiles, it cannot be raised: the library fails later, for a reason that says
+    nothing. And what was half made complains as it is thrown away."""
+
+    def __init__(self) -> None:
+        self.lost = False
+        """One could not be raised."""
+        self._asked = False
+        self._otherwise = sys.unraisablehook
+
+    def signalled(self, _signal: int, _frame: FrameType | None) -> NoReturn:
+        """A handler of signals."""
+        self._asked = True
+        raise KeyboardInterrupt
+
+    def unraisable(self, what: sys.UnraisableHookArgs) -> None:
+        """Python's hook for what cannot be raised."""
+        if isinstance(what.exc_value, KeyboardInterrupt):
+            self.lost = True
+        elif not self._asked:
+            self._otherwise(what)
 
 
 def _internal(program: str, error: Exception) -> int:
@@ -80,8 +101,13 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
     """Runs a click command as the process's main function and exits. SIGTERM and a closed terminal
     unwind as Ctrl-C does, so that whoever holds the outputs gets to switch them off; and Ctrl-C
     does where a script's `&` had it ignored."""
+    interrupts = _Interrupts()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _interrupt)
+        signal.signal(number, interrupts.signalled)
+    sys.unraisablehook = interrupts.unraisable
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # a degree sign, or a field's Urdu name, is no reason to fail in an old locale
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         code = command.main(args, prog_name=program, standalone_mode=False)
     except UserError as error:
@@ -93,7 +119,7 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
     except (click.Abort, KeyboardInterrupt):
         _say(program, "interrupted")
         code = EXIT_INTERRUPTED
-    except BrokenPipeError:  # `daranti ... | head`
+    except ReaderGoneError:  # `daranti ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = EXIT_PIPE
     except OSError as error:
@@ -106,5 +132,9 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
             _say(program, f"cannot use {error.filename}: {error.strerror}")
             code = EXIT_USER
     except Exception as error:
-        code = _internal(program, error)
+        if interrupts.lost:
+            _say(program, "interrupted")
+            code = EXIT_INTERRUPTED
+        else:
+            code = _internal(program, error)
     sys.exit(code if isinstance(code, int) else 0)

@@ -19,7 +19,10 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+_CONTROL = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""Surrogates too: no encoding has them, and a file's name that is no UTF-8 is full of them."""
 KEPT_WRITES = 2000
 """What a terminal that is not read may owe before the rest is left out."""
 LAST_WORDS_S = 1.0
@@ -28,14 +31,23 @@ WIDEST = 100_000
 """Columns of a file."""
 
 
+class ReaderGoneError(Exception):
+    """Nobody reads any more what is printed. No OSError: of a broken pipe click and rich would each
+    end the process, with a code of their own."""
+
+
 def plain(text: str) -> str:
-    """The text with its control characters written out; tabs and line ends stay."""
+    """The text with its control characters, and halves of characters, written out; tabs and line
+    ends stay."""
     return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
 def echo(text: object, *, err: bool = False, nl: bool = True) -> None:
     """One line on stdout, or on stderr; without `nl` the next text goes on in it."""
-    click.echo(plain(str(text)), err=err, nl=nl)
+    try:
+        click.echo(plain(str(text)), err=err, nl=nl)
+    except BrokenPipeError as error:
+        raise ReaderGoneError from error
 
 
 class PlainConsole(Console):
@@ -47,6 +59,10 @@ class PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """As Console's, control characters written out."""
         return super().render_str(plain(text), **options)
+
+    def on_broken_pipe(self) -> None:
+        """As echo."""
+        raise ReaderGoneError
 
     def print_table(self, table: Table) -> None:
         """A table with every figure whole: as wide as it is into a file or a pipe; on a terminal

@@ -13,13 +13,29 @@ MAX_BYTES = 1_000_000
 """Of a machine's or a scenario's file: more is another file."""
 
 
+class OnceLoader(yaml.SafeLoader):
+    """YAML's own safe loader takes the last of two values of the same key, without a word."""
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        there: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in there:
+                    raise yaml.MarkedYAMLError(
+                        problem=f"{key.value} is there twice; keep one", problem_mark=key.start_mark
+                    )
+                there.add(key.value)
+        return node
+
+
 def load_yaml(path: Path, what: str) -> Any:
     """What a YAML file says. UserError that begins with `what` (the kind of file) and names it
     where it cannot be read."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise UserError(f"{what} {path}: it has {path.stat().st_size / 1e6:.0f} MB")
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.load(path.read_text(encoding="utf-8"), OnceLoader)
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"cannot read the {what} {path}: {error}") from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:

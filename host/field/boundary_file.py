@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -31,7 +32,6 @@ import numpy as np
 import pyogrio
 import shapely
 import shapely.geometry
-from defusedxml.common import DefusedXmlException
 from numpy.typing import NDArray
 from pyproj import Transformer
 from pyproj.exceptions import ProjError
@@ -41,7 +41,7 @@ from host.core.frames import LatLon, LocalFrame
 from host.core.terminal import plain
 from host.field import archive, isoxml_file
 from host.field.corners import steerable
-from host.field.gpx_file import bare, read_rings
+from host.field.gpx_file import UNREADABLE_XML, bare, read_rings
 from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen
 
 MAX_AROUND_M = 20_000.0
@@ -343,7 +343,8 @@ def _read_geojson(path: Path) -> list[Shape]:
             raise UserError(
                 f"its format is not understood ({type(error).__name__}: {error}); use {SUFFIXES}"
             ) from error
-        kinds.add(made.geom_type)
+        if not made.is_empty:
+            kinds.add(made.geom_type)
         name = _name(feature.get("properties")) if whole else ""
         sigma_m = _sigma(feature.get("properties")) if whole else None
         recorded = _recorded(feature.get("properties")) if whole else None
@@ -381,7 +382,7 @@ def _sigma(properties: Any) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise UserError(f"its {SIGMA} is {value!r}, no number of metres")
     if not 0 <= value <= MOST_SIGMA_M:
-        raise UserError(f"its {SIGMA} is {value:g}; give 0 to {MOST_SIGMA_M:g} metres")
+        raise UserError(f"its {SIGMA} is {value!s:.12}; give 0 to {MOST_SIGMA_M:g} metres")
     return float(value)
 
 
@@ -398,7 +399,8 @@ def _crs(data: dict[str, Any]) -> str:
     crs = data.get("crs")
     if crs is None:
         return "OGC:CRS84"
-    name = crs.get("properties", {}).get("name") if isinstance(crs, dict) else None
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
     if not isinstance(name, str):
         raise UserError("its coordinate system (crs) is unknown; save it in WGS 84")
     return name
@@ -409,14 +411,15 @@ def _read_kml(path: Path) -> list[Shape]:
     in it but KML."""
     try:
         root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
-    except (ET.ParseError, DefusedXmlException, ValueError, LookupError) as error:
+        assert isinstance(root, ET.Element)
+        text = ET.tostring(bare(root), encoding="utf-8", xml_declaration=True)
+    except UNREADABLE_XML as error:
         raise UserError(f"it is not XML that can be read ({error})") from error
-    assert isinstance(root, ET.Element)
-    if root.tag.rpartition("}")[2] != "kml":
-        raise UserError(f"its root is <{root.tag.rpartition('}')[2]}>, not <kml>")
+    if root.tag != "kml":
+        raise UserError(f"its root is <{root.tag}>, not <kml>")
     if any("OGRVRT" in str(element.tag) for element in root.iter()):
         raise UserError("it holds what is no KML")
-    return _read_gdal(ET.tostring(bare(root), encoding="utf-8", xml_declaration=True))
+    return _read_gdal(text)
 
 
 def _read_shapefile(path: Path) -> list[Shape]:
@@ -431,10 +434,13 @@ def _read_gdal(source: Path | bytes) -> list[Shape]:
     shapes: list[Shape] = []
     kinds: set[str] = set()
     try:
-        for layer in [str(layer) for layer, _ in pyogrio.list_layers(source)]:
-            meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
+        # By number: two layers may share a name, and GDAL makes one up anew at each reading.
+        for layer in range(len(pyogrio.list_layers(source))):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what GDAL doubts is judged with the polygons
+                meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
             geometries = shapely.from_wkb(wkb) if wkb is not None else []
-            kinds |= {geometry.geom_type for geometry in geometries if geometry is not None}
+            kinds |= {each.geom_type for each in geometries if each and not each.is_empty}
             for k, geometry in enumerate(geometries):
                 if found := _polygons(geometry):
                     row = [column[k : k + 1].tolist()[0] for column in columns]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Final
 from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
@@ -25,6 +26,14 @@ MOST_UNSEEN_S = 60.0
 apart is not known."""
 WALKING_MPS = 1.2
 """Taken for the speed of a walk whose points have no time: a walker's."""
+UNREADABLE_XML: Final = (
+    ET.ParseError,
+    DefusedXmlException,
+    ValueError,
+    LookupError,  # an encoding that there is not
+    RecursionError,
+)
+"""What reading a stranger's XML, or writing it anew, raises."""
 
 
 def bare(root: ET.Element) -> ET.Element:
@@ -40,7 +49,7 @@ def _parsed(path: Path) -> gpxpy.gpx.GPX:
         root = defusedxml.ElementTree.parse(path, forbid_dtd=True).getroot()
         assert isinstance(root, ET.Element)
         return gpxpy.parse(ET.tostring(bare(root), encoding="unicode"))
-    except (ET.ParseError, DefusedXmlException, gpxpy.gpx.GPXException, ValueError) as error:
+    except (*UNREADABLE_XML, gpxpy.gpx.GPXException) as error:
         raise UserError(f"it is not GPX that can be read ({error})") from error
 
 

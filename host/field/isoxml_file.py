@@ -17,7 +17,6 @@ from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
 import shapely
-from defusedxml.common import DefusedXmlException
 from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.models.base import v3, v4
 from isoxml.util.isoxml_io import isoxml_to_text
@@ -27,6 +26,7 @@ from xsdata.formats.dataclass.parsers.config import ParserConfig
 
 from host.core.errors import UserError
 from host.field.archive import MAX_BYTES, Archive
+from host.field.gpx_file import UNREADABLE_XML
 from host.field.shapes import Shape
 
 TASKDATA = "TASKDATA.XML"
@@ -78,7 +78,7 @@ def _limited(path: Path) -> bytes:
 def _root(data: bytes, name: str) -> ET.Element:
     try:
         root = defusedxml.ElementTree.fromstring(data, forbid_dtd=True)
-    except (ET.ParseError, DefusedXmlException, ValueError, LookupError) as error:
+    except UNREADABLE_XML as error:
         raise UserError(f"{name} is not XML that can be read ({error})") from error
     assert isinstance(root, ET.Element)
     if any(point.get("J") for point in root.iter("PNT")):
@@ -94,7 +94,7 @@ def _parsed(root: ET.Element, kind: type[Any], name: str) -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a value of no concern that is not as the schema says
             return parser.from_bytes(ET.tostring(root, encoding="utf-8"), kind)
-    except (ParserError, ValueError, ArithmeticError, TypeError) as error:
+    except (ParserError, ValueError, ArithmeticError, TypeError, RecursionError) as error:
         raise UserError(f"{name} is not ISOXML as its version says ({error})") from error
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from host.core.errors import UserError
 from host.core.vehicle import Mount
@@ -133,17 +134,25 @@ def calibrate_mount(
     below = np.cross(forward, level)
     roll = math.atan2(float(right @ below), float(right @ level))
     width, height = lens.size
-    return Mount(
-        x_m=round(float(position[0]), 4),
-        y_m=round(float(position[1]), 4),
-        z_m=round(float(position[2]), 4),
-        pitch_deg=round(math.degrees(pitch), 3),
-        yaw_deg=round(math.degrees(yaw), 3),
-        roll_deg=round(math.degrees(roll), 3),
-        width_px=width,
-        height_px=height,
-        hfov_deg=round(2 * math.degrees(math.atan(width / 2 / lens.focal_px)), 3),
-        focal_px=round(lens.focal_px, 3),
-        centre_px=(round(lens.centre_px[0], 3), round(lens.centre_px[1], 3)),
-        distortion=lens.distortion,
-    )
+    try:
+        return Mount(
+            x_m=round(float(position[0]), 4),
+            y_m=round(float(position[1]), 4),
+            z_m=round(float(position[2]), 4),
+            pitch_deg=round(math.degrees(pitch), 3),
+            yaw_deg=round(math.degrees(yaw), 3),
+            roll_deg=round(math.degrees(roll), 3),
+            width_px=width,
+            height_px=height,
+            hfov_deg=round(2 * math.degrees(math.atan(width / 2 / lens.focal_px)), 3),
+            focal_px=round(lens.focal_px, 3),
+            centre_px=(round(lens.centre_px[0], 3), round(lens.centre_px[1], 3)),
+            distortion=lens.distortion,
+        )
+    except ValidationError as error:
+        raise UserError(
+            f"the camera would sit {position[2]:.2f} m above the ground, {position[0]:.2f} m ahead "
+            f"of the rear axle and {position[1]:.2f} m to the left, with a field of view of "
+            f"{2 * math.degrees(math.atan(width / 2 / lens.focal_px)):.0f} degrees: that is no "
+            "reaper's; measure --square, --ahead and --left again, in metres"
+        ) from error

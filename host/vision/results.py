@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 from pathlib import Path
@@ -16,12 +17,21 @@ from host.vision.pictures import Picture, write_picture
 from host.vision.view import CropView
 
 
+def own_name(name: str, taken: set[str]) -> str:
+    """The name under which a picture's results are written: of a second picture of the same name,
+    as two folders of a phone have them, NAME-2. It is taken from now on."""
+    numbered = (f"{name}-{number}" for number in itertools.count(2))
+    own = name if name not in taken else next(each for each in numbered if each not in taken)
+    taken.add(own)
+    return own
+
+
 def read_sides(manifest: Path) -> dict[str, Side]:
     """Standing side by file name without suffix, from a CSV with columns file, standing_side."""
     try:
         with manifest.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"{manifest}: cannot be read ({error}); give a CSV file") from error
     sides: dict[str, Side] = {}
     for number, row in enumerate(rows, start=2):

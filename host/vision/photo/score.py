@@ -53,19 +53,21 @@ def labelled_set(folder: Path) -> list[Labelled]:
         raise UserError(
             f"{manifest}: cannot be read ({error.strerror}); name the data folder"
         ) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{manifest}: it is no CSV file ({error})") from error
     found = []
     for number, row in enumerate(rows, start=2):
         try:
             name, side = row["file"], row["standing_side"]
             item = Labelled(
                 name,
-                row["scene"],
+                str(int(row["scene"])),
                 SIDES[SIDES.index(side)],
                 float(row["single_transition_rows"]),
                 folder / "images" / f"{name}.jpg",
                 folder / "masks" / f"{name}.png",
             )
-        except (KeyError, ValueError) as error:
+        except (KeyError, ValueError, TypeError) as error:
             raise UserError(
                 f"{manifest}: line {number} is not a labelled photograph ({error})"
             ) from error

@@ -355,6 +355,16 @@ def test_a_fault_matrix_report_marks_what_is_unsafe(tmp_path: Path) -> None:
     assert path.read_text().count('class="bad"') == 1
 
 
+def test_what_a_record_or_a_rig_is_to_be_compared_with_is_not_passed_over(tmp_path: Path) -> None:
+    (rig := tmp_path / "rig").mkdir()
+    (rig / "rig.json").write_text("{}")
+    (alone := tmp_path / "alone").mkdir()
+    (alone / "record.mcap").write_bytes(b"")
+    for where in (rig, alone, alone / "record.mcap"):
+        with pytest.raises(UserError, match="--against compares the folders of two"):
+            report_of(where, tmp_path)
+
+
 def test_a_folder_without_results_is_one_message(tmp_path: Path) -> None:
     done = CliRunner().invoke(report, [str(tmp_path)])
     assert isinstance(done.exception, UserError)

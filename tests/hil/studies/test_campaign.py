@@ -304,7 +304,7 @@ def test_a_scheduler_that_is_not_there_is_one_message(
         run_campaign(jobs, tmp_path, scheduler="tcp://127.0.0.1:9")
 
 
-@pytest.mark.parametrize("text", ["x", "1-", "3,,4"])
+@pytest.mark.parametrize("text", ["", "x", "1-", "3,,4", "5-1", "1-99999999999999"])
 def test_seeds_that_are_none_are_refused_with_what_would_do(text: str) -> None:
     done = CliRunner().invoke(campaign, ["--seeds", text])
     assert isinstance(done.exception, UserError)

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
+import io
 import os
 import signal
+import sys
 import time
 
 import click
 import pytest
 
 from host.commands.cli import daranti
-from host.core.errors import EXIT_INTERRUPTED, EXIT_SOFTWARE, EXIT_USER, UserError, run
+from host.core.errors import (
+    EXIT_INTERRUPTED,
+    EXIT_PIPE,
+    EXIT_SOFTWARE,
+    EXIT_USER,
+    UserError,
+    run,
+)
+from host.core.terminal import PlainConsole, echo
+from tests.helpers.console import Cli
 
 
 def failing(error: BaseException) -> click.Command:
@@ -82,6 +94,76 @@ def test_what_ends_a_program_unwinds_it_even_where_it_was_ignored(
     assert exit_.value.code == EXIT_INTERRUPTED
     assert unwound
     capsys.readouterr()
+
+
+def test_an_interrupt_in_a_librarys_callback_is_one_message(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while numba compiles: ctypes cannot raise it, and numba fails of what is missing."""
+
+    @click.command()
+    def command() -> None:
+        ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))()
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr("sys.unraisablehook", sys.__unraisablehook__)
+    with pytest.raises(SystemExit) as exit_:
+        run(command, "daranti", [])
+    assert exit_.value.code == EXIT_INTERRUPTED
+    assert capsys.readouterr().err == "daranti: interrupted\n"
+
+
+@pytest.mark.parametrize("rich", [False, True])
+def test_a_reader_who_has_gone_is_its_own_code(rich: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`daranti ... | head -1`, whichever way the command prints."""
+
+    @click.command()
+    def command() -> None:
+        while True:
+            PlainConsole().print("a line") if rich else echo("a line")
+
+    read, write = os.pipe()
+    os.close(read)
+    with (
+        open(write, "w", buffering=1, encoding="utf-8") as gone,  # noqa: PTH123
+        pytest.raises(SystemExit) as exit_,
+    ):
+        monkeypatch.setattr("sys.stdout", gone)
+        run(command, "daranti", [])
+    assert exit_.value.code == EXIT_PIPE
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding", "shown"),
+    [
+        ("phase margin 68°", "utf-8", "phase margin 68°"),
+        ("گندم", "latin-1", "\\u06af\\u0646\\u062f\\u0645"),
+        ("field-\udcff", "utf-8", "field-\\xdcff"),
+    ],
+)
+def test_what_an_encoding_does_not_have_is_written_out(
+    text: str, encoding: str, shown: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @click.command()
+    def command() -> None:
+        echo(text)
+        PlainConsole().print(text)
+
+    out = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(out, encoding=encoding))
+    with pytest.raises(SystemExit) as exit_:
+        run(command, "daranti", [])
+    assert exit_.value.code == 0
+    sys.stdout.flush()
+    once, again = out.getvalue().decode(encoding).splitlines()
+    assert once == again == shown
+
+
+@pytest.mark.parametrize("corners", ["³", "④", "2", "-4", "4.5", "١٠٠"])
+def test_a_number_of_corners_that_is_none_is_bad_usage(corners: str, cli: Cli) -> None:
+    code, _, err = cli("survey", "walk.nmea", "--out", "field.geojson", "--corners", corners)
+    assert code == EXIT_USER
+    assert "give auto or a number from 3 to" in err
 
 
 def test_success_is_zero() -> None:

@@ -53,6 +53,8 @@ def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> N
     ("text", "message"),
     [
         ("wheelbase_m: -1", "wheelbase_m: Input should be greater than 0"),
+        ("wheelbase_m: 1.0\nblade_width_m: 1.2\nwheelbase_m: 1.3", "wheelbase_m is there twice"),
+        ("mounts: {low: {x_m: 0, z_m: 1, x_m: 1}}", "x_m is there twice"),
         ("wheel_base: 1", "wheel_base: Extra inputs are not permitted"),
         ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: up}}", "mounts.low.pitch_deg"),
         ("cutting_speed_mps: .inf", "cutting_speed_mps: Input should be a finite number"),

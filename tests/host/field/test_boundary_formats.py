@@ -312,6 +312,45 @@ def test_google_earths_own_file_is_read(tmp_path: Path, name: str) -> None:
     assert (field.name, len(field.crop)) == ("Nördliches Feld", 4)
 
 
+def placemark(name: str, east: float = 0.0) -> str:
+    """A field of its own, `east` degrees farther."""
+    around = " ".join(f"{lon + east},{lat}" for lon, lat in [*AROUND, AROUND[0]])
+    return (
+        f"<Placemark><name>{name}</name><Polygon><outerBoundaryIs><LinearRing><coordinates>"
+        f"{around}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>"
+    )
+
+
+@pytest.mark.parametrize("around", ["<Document>{}</Document>", "<Folder>{}</Folder>", "{}"])
+def test_kml_whose_document_has_no_name_is_read(tmp_path: Path, around: str) -> None:
+    path = tmp_path / "field.kml"
+    path.write_text(f"<kml>{around.format(placemark('North'))}</kml>")
+    field = load_field(path)
+    assert (field.name, len(field.crop)) == ("North", 4)
+
+
+def test_kml_folders_of_the_same_name_are_each_read(tmp_path: Path) -> None:
+    path = tmp_path / "fields.kml"
+    folders = "".join(
+        f"<Folder><name>2026</name>{placemark(name, east)}</Folder>"
+        for name, east in (("North", 0.0), ("South", 0.1))
+    )
+    path.write_text(f"<kml><Document>{folders}</Document></kml>")
+    with pytest.raises(UserError, match="1 'North', 2 'South'"):
+        load_field(path)
+    assert load_field(path, "South").name == "South"
+
+
+def test_what_gdal_doubts_is_no_second_message(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    path = tmp_path / "field.kml"
+    path.write_text(f"<kml>{placemark('North')}</kml>".replace(f"{AROUND[0][0]},", "x,", 1))
+    with pytest.raises(UserError):
+        load_field(path)
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 @pytest.mark.parametrize("folder", ["", "export/North/"])
 def test_a_zipped_shapefile_is_read_with_the_files_that_belong_to_it(
     tmp_path: Path, folder: str
@@ -394,6 +433,33 @@ def test_garbage_is_one_message(suffix: str, data: bytes) -> None:
             load_field(path)
         except UserError as error:
             assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("deep.kml", f"<kml>{'<Folder>' * 5000}{'</Folder>' * 5000}</kml>", "not XML"),
+        ("deep.gpx", f"<gpx>{'<trk>' * 5000}{'</trk>' * 5000}</gpx>", "not GPX"),
+        ("deep.xml", task(f"{'<PFD>' * 5000}{'</PFD>' * 5000}"), "not ISOXML"),
+        ("odd.gpx", '<?xml version="1.0" encoding="odd"?><gpx/>', "not GPX"),
+        (
+            "odd.geojson",
+            '{"type": "FeatureCollection", "features": [], "crs": {"properties": 5}}',
+            "coordinate system",
+        ),
+        ("none.geojson", '{"type": "Polygon", "coordinates": []}', "holds no polygon"),
+        (
+            "none.kml",
+            "<kml><Placemark><Polygon><outerBoundaryIs><LinearRing><coordinates/></LinearRing>"
+            "</outerBoundaryIs></Polygon></Placemark></kml>",
+            "holds no polygon",
+        ),
+    ],
+)
+def test_odd_structures_are_one_message(tmp_path: Path, name: str, text: str, message: str) -> None:
+    (path := tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=message):
+        load_field(path)
 
 
 def test_the_command_converts_and_says_what_it_wrote(tmp_path: Path, cli: Cli) -> None:
@@ -660,6 +726,15 @@ def test_a_file_that_would_make_gdal_open_another_is_refused(
         load_field(path)
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_half_a_character_in_a_name_is_written_out(tmp_path: Path, suffix: str) -> None:
+    """JSON can say what UTF-8 cannot."""
+    (path := tmp_path / "field.geojson").write_text(collection(feature("North \ud83d", AROUND)))
+    assert "\\ud83d" in path.read_text()
+    save_field(target := tmp_path / f"other{suffix}", load_field(path))
+    assert load_field(target).name == r"North \xd83d"
+
+
 def test_a_name_from_outside_cannot_command_the_terminal(tmp_path: Path, cli: Cli) -> None:
     path = tmp_path / "field.geojson"
     path.write_text(collection(feature("\x1b[2J[/nope]\x07North", AROUND)))
@@ -725,7 +800,7 @@ def test_a_file_that_says_neither_yes_nor_no_to_that_is_refused(
         load_field(path)
 
 
-@pytest.mark.parametrize("value", ["0.3 m", -1, 1e9, True])
+@pytest.mark.parametrize("value", ["0.3 m", -1, 1e9, True, 10**400])
 def test_a_file_whose_corners_are_known_to_no_length_is_refused(
     tmp_path: Path, value: object
 ) -> None:

@@ -15,8 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from host.commands.bench_vision import bench_vision
 from host.commands.calibrate_camera import calibrate_camera
 from host.commands.see import see
+from host.commands.tune_confidence import tune_confidence
 from host.commands.tune_vision import tune_vision
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Mount, Vehicle
@@ -166,6 +168,19 @@ def test_the_mount_is_found_from_a_board_on_the_ground(turned: bool) -> None:
     assert angles == pytest.approx((27.0, 1.5, -2.0), abs=0.2)
 
 
+def test_a_square_in_other_units_is_said_and_no_camera_in_the_sky() -> None:
+    squares_10_times_too_large = Board(BOARD.columns, BOARD.rows, 10 * BOARD.square_m)
+    with pytest.raises(UserError, match=r"1\d\.\d\d m above the ground.*--square"):
+        calibrate_mount(on_ground(TRUE, 2.0), LENS, squares_10_times_too_large, 2.0)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "2000"])
+@pytest.mark.parametrize("option", ["--ahead", "--left"])
+def test_a_board_on_the_ground_lies_somewhere(photo: Path, option: str, value: str) -> None:
+    result = run(calibrate_camera, photo, option, value)
+    assert (result.exit_code, option in result.output) == (2, True)
+
+
 def printed(turn: tuple[float, float, float]) -> NDArray[np.uint8]:
     """A picture of the board held before the camera, turned about its middle (radians)."""
     square = 40
@@ -250,6 +265,19 @@ def test_see_takes_the_side_from_a_manifest(photo: Path, tmp_path: Path) -> None
     assert mask[150, -5] == 0
 
 
+def test_two_photographs_of_one_name_do_not_write_over_each_other(
+    photo: Path, tmp_path: Path
+) -> None:
+    (other := tmp_path / "yesterday").mkdir()
+    cv2.imwrite(str(other / photo.name), halves("left")[0])
+    out = tmp_path / "out"
+    result = run(see, photo, other, "--side", "left", "--out", out, "--no-stages")
+    assert result.exit_code == 0, result.output
+    both = [np.array(cv2.imread(str(out / f"{name}.mask.png"))) for name in ("wheat", "wheat-2")]
+    assert both[0].shape != both[1].shape or (both[0] != both[1]).any()
+    assert "wheat-2: confidence" in result.output
+
+
 def test_one_unreadable_photo_is_named_and_the_others_are_done(photo: Path, tmp_path: Path) -> None:
     torn = tmp_path / "torn.jpg"
     torn.write_bytes(photo.read_bytes()[:200])
@@ -299,6 +327,42 @@ def test_a_manifest_without_its_columns_is_refused(photo: Path, tmp_path: Path) 
     result = run(see, photo, "--manifest", manifest, "--out", tmp_path)
     assert isinstance(result.exception, UserError)
     assert "line 2" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    "content", [b"file,standing_side\n" + b"x" * 200_000 + b",left\n", b"\xe9,left\n"]
+)
+def test_a_manifest_that_is_no_table_is_refused(
+    photo: Path, tmp_path: Path, content: bytes
+) -> None:
+    (manifest := tmp_path / "manifest.csv").write_bytes(content)
+    for result in (
+        run(see, photo, "--manifest", manifest, "--out", tmp_path / "out"),
+        run(bench_vision, "--data", tmp_path, "--out", tmp_path / "out"),
+    ):
+        assert isinstance(result.exception, UserError)
+        assert str(manifest) in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("", "0 photographs of 0 scenes"),
+        ("a,3,left,0.9,ok\nb,3,left,0.9,ok\n", "2 photographs of 1 scenes"),
+        ("a,field,left,0.9,ok\n", "line 2 is not a labelled photograph"),
+        ("a,3,left\n", "line 2 is not a labelled photograph"),
+    ],
+)
+@pytest.mark.parametrize("command", [bench_vision, tune_confidence])
+def test_labels_that_teach_nothing_are_refused(
+    tmp_path: Path, command: object, rows: str, says: str
+) -> None:
+    (tmp_path / "manifest.csv").write_text(
+        f"file,scene,standing_side,single_transition_rows,label\n{rows}"
+    )
+    result = run(command, "--data", tmp_path, "--out", tmp_path / "out")
+    assert isinstance(result.exception, UserError)
+    assert says in str(result.exception)
 
 
 def turned(jpeg: bytes, orientation: int) -> bytes:
