@@ -60,6 +60,8 @@ def test_a_bent_strip_is_shown_along_its_bend() -> None:
     for along_m in (3.0, 8.0):
         assert shown.contains(shapely.Point(bent.pose(along_m, 0.5)[:2]))
     assert not shown.contains(shapely.Point(9.0, 0.5))
+    told = snapshot.of_plan(Plan(sides=(bent,)))["sides"]
+    assert told == [[pytest.approx(bent.pose(at)[:2], abs=0.01) for at in (0.0, 6.0, 10.0)]]
 
 
 def test_a_run_that_goes_on_tells_the_pages_what_is_cut_also_when_laid_out_anew() -> None:
@@ -147,7 +149,7 @@ def test_a_field_that_bends_is_kept_as_it_was_walked(tmp_path: Path, round_: boo
     desk.do({"do": "walk_end"})
     assert desk.boundary is not None
     assert desk.boundary.recorded is round_
-    assert ("the edge bends" in desk.walk.said) is round_
+    assert desk.about(None)["recorded"] is round_
     found = desk.boundary.polygon(desk.boundary.frame)
     true = shapely.Polygon(circle if round_ else CORNERS)
     assert found.area == pytest.approx(true.area, rel=0.02)
