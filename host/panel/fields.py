@@ -17,15 +17,17 @@ from typing import Any, Final
 import shapely
 
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.core.vehicle import Vehicle
 from host.field.areas import MAX_GAP_M, areas_of
 from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
+from host.field.corners import was_recorded
 from host.field.survey import Survey, survey_track
 from host.field.walk import Track, find_loops, track_of
 from host.panel import snapshot
 from host.panel.snapshot import Json, number
-from host.route.field_plan import plan_of
+from host.route.field_plan import BegunElsewhereError, plan_of
 from host.route.plan import Plan
 from host.route.preview import preview
 from host.runs.errand import compass_deg, errand_of
@@ -40,17 +42,16 @@ CLOSE_M: Final = 6.0
 """How far a walk's end may lie from its beginning: a phone's drift during a lap."""
 
 
-BENDS: Final = "the edge bends: it is kept as it was walked"
-
-
-def _understood(track: Track) -> Survey:
-    """The field with straight sides; the edge as it was walked, where that has none. UserError
-    where the walk closes no loop."""
-    with contextlib.suppress(UserError):
-        found = survey_track(track, close_m=CLOSE_M)
-        if not found.seems_to_bend:
-            return found
-    return survey_track(track, irregular=True, close_m=CLOSE_M)
+def _understood(track: Track, recorded: bool | None = None) -> Survey:
+    """The field with straight sides, or (`recorded`) the edge as it was walked; where nobody has
+    said which, as it was walked if straight sides hardly fit. UserError where the walk closes no
+    loop, or has not the sides that were asked for."""
+    if recorded is None:
+        with contextlib.suppress(UserError):
+            found = survey_track(track, close_m=CLOSE_M)
+            if not found.seems_to_bend:
+                return found
+    return survey_track(track, irregular=recorded is not False, close_m=CLOSE_M)
 
 
 @dataclass
@@ -59,12 +60,30 @@ class Walk:
 
     fixes: list[Fix] = field(default_factory=list)
     on: bool = True
-    said: str = ""
+    name: str = ""
+    """Of the field that was made of it."""
+    said: list[str] = field(default_factory=list)
+    """What of it was left aside."""
+
+    @property
+    def shown(self) -> list[Fix]:
+        """Its positions, as many as are drawn."""
+        good = [fix for fix in self.fixes if fix.quality > 0]
+        return good[:: max(1, len(good) // SHOWN)]
+
+    def understood(self, recorded: bool | None = None) -> Survey:
+        """UserError where it is no field."""
+        track = track_of(self.fixes)
+        if track is None:
+            raise UserError("not one position came: wait for the receiver, then walk again")
+        return _understood(track, recorded)
 
     def about(self) -> Json:
         """What the page shows meanwhile."""
-        track = track_of(self.fixes)
         out: Json = {"on": self.on, "said": self.said, "fixes": len(self.fixes)}
+        if not self.on:
+            return out
+        track = track_of(self.fixes)
         if track is None:
             return out | {"length_m": 0.0, "back_m": 0.0, "laps": 0, "track": []}
         xy = track.xy
@@ -102,6 +121,11 @@ class FieldDesk:
         self.plan: Plan | None = None
         self.walk: Walk | None = None
         self.problem = ""
+        """Why the last wish was not done,"""
+        self.unplanned = ""
+        """why the field has no plan,"""
+        self.asked: int | None = None
+        """and the corner that was chosen, where the machine cannot begin there."""
         self._summary: Json | None = None
         self._remember()
         if given is not None:
@@ -112,6 +136,8 @@ class FieldDesk:
             self.gap_m = gap_m
         if self.name is not None:
             self.open(self.name)
+        if given is not None and self.unplanned:
+            raise UserError(self.unplanned)
 
     # ---- what was chosen last --------------------------------------------------------------------
 
@@ -142,6 +168,7 @@ class FieldDesk:
 
     def do(self, wish: Json) -> None:
         """One wish; what went wrong stands in `problem`."""
+        self.problem = ""
         try:
             self._do(wish)
         except UserError as error:
@@ -174,6 +201,8 @@ class FieldDesk:
                 self._walked()
             case "walk_drop":
                 self.walk = None
+            case "form":
+                self._form(bool(wish["recorded"]))
             case _:
                 pass
 
@@ -228,32 +257,55 @@ class FieldDesk:
 
     def _walked(self) -> None:
         walk = self.walk
-        if walk is None:
+        if walk is None or not walk.on:
             return
-        track = track_of(walk.fixes)
-        if track is None:
-            raise UserError("not one position came: wait for the receiver, then walk again")
-        found = _understood(track)
+        found = walk.understood()
         now = datetime.datetime.now(tz=datetime.UTC)
         name = f"field-{now:%Y%m%d-%H%M%S}"
-        walk.on = False
-        bends = [BENDS] if found.corners is None else []
-        walk.said = "; ".join([*bends, *found.warnings])
+        walk.on, walk.name, walk.said = False, f"{name}.geojson", found.warnings
         self.corner = 0
-        self._save(f"{name}.geojson", found.boundary(name))
+        self._save(walk.name, found.boundary(name))
+
+    @property
+    def walked(self) -> Walk | None:
+        """The walk that the chosen field was made of, for as long as the panel remembers it."""
+        walk = self.walk
+        return walk if walk is not None and not walk.on and walk.name == self.name else None
+
+    def _form(self, recorded: bool) -> None:
+        """The same walk, with straight sides or as it was walked; keep-outs stay, and about where
+        the machine begins."""
+        walk, was = self.walked, self.boundary
+        if walk is None or was is None:
+            raise UserError("this field was not walked just now: walk around it again")
+        found = walk.understood(recorded)
+        frame, outer = found.track.frame, shapely.Polygon(found.polygon.exterior)
+        holes = was.polygon(frame).interiors
+        if not all(outer.contains(shapely.Polygon(hole)) for hole in holes):
+            raise UserError("a keep-out lies inside the field and its sides do not cross")
+        begun = frame.to_local(*was.crop[self.corner])
+        polygon = shapely.Polygon(outer.exterior, holes)
+        again = boundary_of(polygon, frame, was.name, found.sigma_m, recorded)
+        corners = [frame.to_local(*corner) for corner in again.crop]
+        self.corner = min(range(len(corners)), key=lambda k: math.dist(corners[k], begun))
+        walk.said = found.warnings
+        self._save(walk.name, again)
 
     def _plan(self) -> None:
-        self.problem, self.plan, self._summary = "", None, None
+        self.unplanned, self.asked, self.plan, self._summary = "", None, None, None
         boundary = self.boundary
         if boundary is None:
             return
         self.corner = self.corner if self.corner < len(boundary.crop) else 0
-        self._keep()
-        gap_m, inset_m = self.gap_m, self.inset_m
-        frame, plan = plan_of(boundary, self.corner, self._vehicle, "three_point", gap_m, inset_m)
-        areas = areas_of(boundary.polygon(frame), gap_m, inset_m=inset_m)
+        try:
+            frame, plan = self._begun(boundary)
+        except UserError as error:
+            self.unplanned = str(error)
+            return
+        finally:
+            self._keep()
+        areas = areas_of(boundary.polygon(frame), self.gap_m, inset_m=self.inset_m)
         shown = preview(plan, areas, self._vehicle)
-        warnings = [*shown.warnings, *boundary.doubts]
         self.plan = plan
         self._summary = {
             "sides": len(plan.sides),
@@ -261,9 +313,18 @@ class FieldDesk:
             "seconds": number(shown.time_s, 0),
             "length_m": number(shown.cutting_m, 0),
             "leftover_m2": number(shown.leftover.area, 1),
-            "warnings": warnings,
+            "warnings": [*shown.warnings, *boundary.doubts],
         }
-        self.problem = "; ".join(warnings)
+
+    def _begun(self, boundary: Boundary) -> tuple[LocalFrame, Plan]:
+        """The plan from the chosen corner on; from where the machine can begin, if it cannot
+        there."""
+        turn, gap_m, inset_m = "three_point", self.gap_m, self.inset_m
+        try:
+            return plan_of(boundary, self.corner, self._vehicle, turn, gap_m, inset_m)
+        except BegunElsewhereError as elsewhere:
+            self.asked, self.corner = self.corner, elsewhere.corner
+        return plan_of(boundary, self.corner, self._vehicle, turn, gap_m, inset_m)
 
     def goal(self, resume: Path) -> Json | None:
         """Where the machine has to stand for the run that left `resume` to go on; None where that
@@ -309,11 +370,13 @@ class FieldDesk:
             "files": self.files(),
             "gap_m": self.gap_m,
             "corner": self.corner,
-            "problem": self.problem,
+            "problem": self.problem or self.unplanned,
+            "asked": self.asked,
             "walk": None if self.walk is None else self.walk.about(),
             "summary": self._summary,
             "plan": None if self.plan is None else snapshot.of_plan(self.plan),
             "here": None,
+            "walked": None,
         }
         if boundary is None:
             return out
@@ -323,7 +386,11 @@ class FieldDesk:
             x, y = frame.to_local(here.lat_deg, here.lon_deg)
             if polygon.distance(shapely.Point(x, y)) < 200:
                 out["here"] = [number(x, 2), number(y, 2)]
+        if self.walked is not None:
+            places = [frame.to_local(fix.lat_deg, fix.lon_deg) for fix in self.walked.shown]
+            out["walked"] = [[number(x, 2), number(y, 2)] for x, y in places]
         return out | {
+            "recorded": was_recorded(boundary.crop, boundary.recorded),
             "boundary": [[number(x), number(y)] for x, y in polygon.exterior.coords[:-1]],
             "keep_outs": [
                 [[number(x), number(y)] for x, y in h.coords[:-1]] for h in polygon.interiors

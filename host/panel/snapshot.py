@@ -17,6 +17,7 @@ from host.pilot.guard import Watched
 from host.pilot.phase import Reason
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan
+from host.route.side import Side
 from host.vision.view import CropView
 
 Json = dict[str, Any]
@@ -185,13 +186,12 @@ def of_plan(plan: Plan) -> Json:
         "keep_outs": [[list(corner) for corner in hole] for hole in plan.keep_outs],
         "gap_m": plan.gap_m,
         "leftover_m2": number(plan.leftover_m2, 1),
-        "sides": [
-            [
-                number(s.x_m, 2),
-                number(s.y_m, 2),
-                *(number(value, 2) for value in s.pose(s.length_m)[:2]),
-                number(s.width_m, 2),
-            ]
-            for s in plan.sides
-        ],
+        "sides": [_course(side) for side in plan.sides],
     }
+
+
+def _course(side: Side) -> list[list[float | None]]:
+    """A side's places, from its beginning over its bends to its end."""
+    places = [piece.pose(0.0) for _, piece in side.pieces()]
+    places.append(side.pose(side.length_m))
+    return [[number(value, 2) for value in place[:2]] for place in places]

@@ -17,6 +17,14 @@ from host.field.boundary_file import Boundary
 from host.route.plan import Plan, Tell, spiral
 
 
+class BegunElsewhereError(UserError):
+    """The field cannot be begun at the corner that was asked for, but at `corner`."""
+
+    def __init__(self, message: str, corner: int) -> None:
+        super().__init__(message)
+        self.corner = corner
+
+
 @contextlib.contextmanager
 def told(what: str) -> Iterator[Tell]:
     """For plans that take long: how far they are, on the terminal."""
@@ -37,8 +45,8 @@ def plan_of(
 ) -> tuple[LocalFrame, Plan]:
     """The field frame (origin at the first corner) and the plan that begins at corner `start`. With
     a gap of `gap_m` between field and neighbour's crop the pilot has a geofence. The crop begins
-    `inset_m` inside the field's corners. UserError where the field cannot be begun there: a strip's
-    both ends must be open ground."""
+    `inset_m` inside the field's corners. BegunElsewhereError where the field cannot be begun there:
+    a strip's both ends must be open ground."""
     frame = field.frame
     ring = [frame.to_local(*corner) for corner in field.crop]
     if inset_m > 0.0:
@@ -63,9 +71,10 @@ def plan_of(
     begun = _nearest(plan.boundary, (first.x_m, first.y_m))
     if begun != _nearest(plan.boundary, ring[start]):
         begins = _nearest(ring, plan.boundary[begun])
-        raise UserError(
+        raise BegunElsewhereError(
             f"this field is not to be begun at corner {start}: put the machine at corner {begins}, "
-            f"heading for corner {(begins + 1) % len(ring)}, and give --corner {begins}"
+            f"heading for corner {(begins + 1) % len(ring)}, and give --corner {begins}",
+            begins,
         )
     return frame, plan
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 import shutil
+import socket
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +18,15 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
 
 from host.core.frames import LocalFrame
-from host.field.boundary_file import Boundary, save_field
+from host.core.messages import Fix
+from host.field.boundary_file import Boundary, load_field, save_field
+from host.field.walk import read_fixes
 from host.link import protocol
 from host.panel.texts import LANGUAGES, text
+from host.sensors.nmea import Receiver
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 from tests.helpers.served_panel import Served, served
+from tests.helpers.walker import Place, around, walk
 
 CHROMIUM = shutil.which("chromium")
 ARGS = [
@@ -206,7 +213,7 @@ PLAN = {
     "boundary": SQUARE,
     "keep_outs": [],
     "gap_m": 2.0,
-    "sides": [[20, 0, 20, 20, 1.0]],
+    "sides": [[[20, 0], [20, 20]]],
 }
 SHARE_OF_COLOUR = """
 (colour) => {
@@ -348,4 +355,303 @@ def test_what_cannot_be_begun_says_why(browser: Browser, panel: Served, language
     page.click("#tabs button[data-tab=harvest]")
     expect(page.locator("#start")).to_be_disabled()
     expect(page.locator("#start-why")).to_have_text(text(language, "why.not_driver"))
+    page.context.close()
+
+
+# ---- the field, walked ---------------------------------------------------------------------------
+
+FOUR: list[Place] = [(0, 0), (14, 1), (13, 12), (-1, 11)]
+ROUND: list[Place] = [
+    (12 * math.cos(k * math.tau / 60), 12 * math.sin(k * math.tau / 60)) for k in range(60)
+]
+LATIN = re.compile(r"[A-Za-z]{2}")
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A panel whose receiver is connected and silent: a test says what was walked."""
+    folder = tmp_path_factory.mktemp("w")
+    firmware = FakeFirmware()
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        socket.create_server(("127.0.0.1", 0)) as phone,
+    ):
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        address = f"tcp://127.0.0.1:{phone.getsockname()[1]}"
+        with served(firmware.port, folder, gnss=address) as found:
+            yield found
+    firmware.unplug()
+
+
+def fixes(corners: list[Place]) -> list[Fix]:
+    """Of two laps."""
+    lines = [f"{line}\r\n".encode() for line in walk(around(corners, laps=2))]
+    return read_fixes(lines, Receiver())
+
+
+def walk_around(page: Page, panel: Served, corners: list[Place]) -> None:
+    """From the button to the plan."""
+    page.click("#tabs button[data-tab=field]")
+    page.click("#walk-begin")
+    expect(page.locator("#walk-end")).to_be_visible()
+    walk = panel.panel.fields.walk
+    assert walk is not None
+    walk.fixes += fixes(corners)
+    page.click("#walk-end")
+    expect(page.locator("#walk-end")).to_be_hidden(timeout=60_000)
+
+
+def on_disk(panel: Served) -> Boundary:
+    """The field as the panel has written it."""
+    path = panel.panel.fields.path
+    assert path is not None
+    return load_field(path)
+
+
+def filled(language: str, key: str) -> re.Pattern[str]:
+    """A text with whatever its figures are."""
+    parts = re.split(r"\{\w+\}", text(language, key))
+    return re.compile(".*".join(map(re.escape, parts)))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_page_says_what_it_took_a_walk_for_and_takes_the_other(
+    browser: Browser, walked: Served, language: str
+) -> None:
+    page = opened(browser, walked, "phone", language)
+    wrong: list[str] = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    walk_around(page, walked, FOUR)
+    said = page.locator("#field-said")
+    straight, recorded = page.locator("#form-straight"), page.locator("#form-walked")
+    expect(said).to_have_text(filled(language, "field.said"))
+    expect(straight).to_have_attribute("aria-pressed", "true")
+    assert on_disk(walked).recorded is False
+    page.evaluate("scrollTo(0, 0)")
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"walked-{language}.png")
+    for one in (straight, recorded):
+        box = one.bounding_box()
+        assert box is not None
+        assert box["height"] >= 44
+    recorded.click()
+    expect(said).to_have_text(filled(language, "field.said.recorded"), timeout=60_000)
+    expect(recorded).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#plan-said")).to_have_text(filled(language, "plan.said"))
+    assert on_disk(walked).recorded is True
+    found = Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa", "wcag2aaa"]})
+    assert found.violations_count == 0, found.generate_report()
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    straight.press("Enter")
+    expect(said).to_have_text(filled(language, "field.said"), timeout=60_000)
+    assert on_disk(walked).recorded is False
+    assert wrong == []
+    page.context.close()
+
+
+def test_keep_outs_stay_when_a_walk_is_taken_for_the_other(
+    browser: Browser, walked: Served
+) -> None:
+    page = opened(browser, walked, "phone", "en")
+    walk_around(page, walked, FOUR)
+    page.click("#field-keep-out")
+    middle = page.locator("#field-map")
+    for x, y in ((160, 160), (200, 160), (200, 200), (160, 200)):
+        middle.click(position={"x": x, "y": y})
+    page.click("#field-keep-out")
+    expect(page.locator("#field-said")).to_contain_text("1 keep-out", timeout=60_000)
+    was = on_disk(walked)
+    page.click("#form-walked")
+    expect(page.locator("#form-walked")).to_have_attribute("aria-pressed", "true", timeout=60_000)
+    now = on_disk(walked)
+    assert (was.recorded, now.recorded) == (False, True)
+    before, after = (one.polygon(was.frame).interiors for one in (was, now))
+    assert [list(hole.bounds) for hole in after] == [
+        pytest.approx(hole.bounds, abs=0.01) for hole in before
+    ]
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_where_the_machine_cannot_begin_the_page_takes_another_corner_and_says_so(
+    browser: Browser, walked: Served, language: str
+) -> None:
+    """A round field that is kept as it was walked can be begun at few of its points."""
+    page = opened(browser, walked, "phone", language)
+    walk_around(page, walked, ROUND)
+    page.click("#form-walked")
+    plan, wrong = page.locator("#plan-said"), page.locator("#field-problem")
+    expect(page.locator("#form-walked")).to_have_attribute("aria-pressed", "true", timeout=60_000)
+    corner = page.locator("#field-corner")
+    told = 0
+    for asked in range(0, len(on_disk(walked).crop), 4):
+        corner.select_option(str(asked))
+        expect(wrong).not_to_have_text(text(language, "field.working"), timeout=60_000)
+        expect(plan).to_have_text(filled(language, "plan.said"))
+        expect(wrong).not_to_have_text(LATIN if language == "ur" else re.compile("--corner"))
+        if corner.input_value() != str(asked):
+            told += 1
+            expect(wrong).to_have_text(filled(language, "field.begins"))
+    assert told > 0
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_walk_that_leads_around_nothing_is_said_to(
+    browser: Browser, walked: Served, language: str
+) -> None:
+    page = opened(browser, walked, "phone", language)
+    page.click("#tabs button[data-tab=field]")
+    page.click("#walk-begin")
+    expect(page.locator("#walk-end")).to_be_visible()
+    walk = walked.panel.fields.walk
+    assert walk is not None
+    walk.fixes += fixes(FOUR)[:20]
+    page.click("#walk-end")
+    wrong = page.locator("#field-problem")
+    expect(wrong).to_have_text(re.compile("1[0-9] m|1[0-9].? میٹر"), timeout=20_000)
+    expect(wrong).not_to_have_text(LATIN if language == "ur" else re.compile("--"))
+    expect(page.locator("#walk-end")).to_be_visible()  # it can be walked on
+    page.click("#walk-drop")
+    expect(page.locator("#walk-end")).to_be_hidden(timeout=20_000)
+    page.context.close()
+
+
+def test_done_that_is_pressed_twice_makes_one_field(browser: Browser, walked: Served) -> None:
+    page = opened(browser, walked, "phone", "en")
+    page.click("#tabs button[data-tab=field]")
+    page.click("#walk-begin")
+    expect(page.locator("#walk-end")).to_be_visible()
+    walk = walked.panel.fields.walk
+    assert walk is not None
+    walk.fixes += fixes(FOUR)
+    before = walked.panel.fields.files()
+    page.click("#walk-end")
+    expect(page.locator("#field-problem")).to_have_text(text("en", "field.working"))
+    page.wait_for_timeout(1100)  # a field is named by its second
+    page.evaluate("document.getElementById('walk-end').click()")
+    expect(page.locator("#walk-end")).to_be_hidden(timeout=60_000)
+    page.wait_for_timeout(3000)
+    assert len(walked.panel.fields.files()) == len(before) + 1
+    page.context.close()
+
+
+FIELD = {
+    "kind": "field",
+    "name": "field.geojson",
+    "files": ["field.geojson"],
+    "gap_m": 0.0,
+    "corner": 0,
+    "problem": "",
+    "asked": None,
+    "walk": None,
+    "summary": None,
+    "here": None,
+    "walked": None,
+    "recorded": True,
+    "boundary": SQUARE,
+    "keep_outs": [],
+    "area_m2": 400.0,
+    "plan": {"sides": [[[2, 5], [15, 10], [2, 15]]]},
+}
+SCALE = 700 / 24
+"""Of SQUARE with its 2 m of room, in pixels of the map."""
+
+
+def test_a_strip_that_bends_is_drawn_along_its_bend(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=field]")
+    page.wait_for_timeout(500)
+    line.say(FIELD)
+    page.wait_for_timeout(300)
+    colours = page.evaluate(
+        """(places) => places.map(([u, v]) => [...document.getElementById("field-map")
+             .getContext("2d").getImageData(u, v, 1, 1).data].slice(0, 3))""",
+        [[(x + 2) * SCALE, 700 - (y + 2) * SCALE] for x, y in ((8.5, 7.5), (8.5, 12.5), (2, 10))],
+    )
+    white = [min(colour) > 150 for colour in colours]
+    assert white == [True, True, False], colours
+    page.context.close()
+
+
+def test_a_corner_lands_where_the_finger_left_it(browser: Browser, walked: Served) -> None:
+    """Whatever comes meanwhile: the receiver's next position, or a map that has to grow."""
+    line = Line()
+    page = opened(browser, walked, "phone", "en", line)
+    walk_around(page, walked, FOUR)
+    before = on_disk(walked)
+    told = json.loads(json.dumps(walked.panel.field))
+    page.click("#field-move")
+    page.locator("#field-map").scroll_into_view_if_needed()
+    page.evaluate("scrollTo(0, 0)")
+    box = page.locator("#field-map").bounding_box()
+    assert box is not None
+    xs, ys = zip(*told["boundary"], strict=True)
+    room = 2.0
+    scale = box["width"] / (max(max(xs) - min(xs), max(ys) - min(ys)) + 2 * room)
+    spare = (box["width"] - (max(xs) - min(xs) + 2 * room) * scale) / 2
+    sunk = (box["height"] - (max(ys) - min(ys) + 2 * room) * scale) / 2
+
+    def on_screen(x: float, y: float) -> tuple[float, float]:
+        right = spare + (x - min(xs) + room) * scale
+        up = sunk + (y - min(ys) + room) * scale
+        return box["x"] + right, box["y"] + box["height"] - up
+
+    east = xs.index(max(xs))
+    x, y = told["boundary"][east]
+    target = (x + 1.6, y + 0.5)
+    page.mouse.move(*on_screen(x, y))
+    page.mouse.down()
+    for share in (0.25, 0.5, 0.75, 0.9, 1.0, 1.0, 1.0):
+        page.mouse.move(*on_screen(x + 1.6 * share, y + 0.5 * share))
+    line.say(told)
+    page.wait_for_timeout(200)
+    page.mouse.up()
+    expect(page.locator("#field-problem")).not_to_have_text(
+        text("en", "field.working"), timeout=60_000
+    )
+    deadline = 50
+    while on_disk(walked) == before and deadline:
+        page.wait_for_timeout(100)
+        deadline -= 1
+    there = [before.frame.to_local(*corner) for corner in on_disk(walked).crop]
+    assert min(math.dist(one, target) for one in there) < 0.3, there
+    page.context.close()
+
+
+NUMBERS = """
+() => {
+window.numbers = [];
+const fillText = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (said, u, v) {
+  if (/^\\d+$/.test(said)) window.numbers.push([Number(said), u, v]);
+  return fillText.call(this, said, u, v);
+};
+}
+"""
+
+
+def test_the_numbers_of_many_points_do_not_cover_each_other(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=field]")
+    page.wait_for_timeout(500)
+    page.evaluate(NUMBERS)
+    many = [
+        (10 + 10 * math.cos(k * math.tau / 90), 10 + 10 * math.sin(k * math.tau / 90))
+        for k in range(90)
+    ]
+    page.evaluate("numbers.length = 0")
+    line.say(FIELD | {"boundary": many, "corner": 41})
+    page.wait_for_timeout(300)
+    numbers = page.evaluate("numbers")
+    assert 42 in {number for number, _, _ in numbers}, "where the machine begins"
+    drawn = {(u, v) for _, u, v in numbers}
+    apart = [math.dist(one, other) for one in drawn for other in drawn if one != other]
+    assert len(drawn) > 20
+    assert min(apart) > 34
     page.context.close()

@@ -198,7 +198,8 @@ class Day:
         self.note("corners understood", len(found["boundary"]))
         self.note("area understood (m2)", found["area_m2"])
         self.note("plan", found["summary"] and {k: found["summary"][k] for k in ("sides", "turns")})
-        self.note("field's problem", found["problem"] or "none")
+        warnings = (found["summary"] or {}).get("warnings")
+        self.note("field's problem", found["problem"] or warnings or "none")
 
     def check(self) -> Json:
         """The list."""

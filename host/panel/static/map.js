@@ -32,10 +32,10 @@ function scaleBar(context, view, canvas) {
   context.fillText(`${length} m`, 16, canvas.height - 30);
 }
 
-export function fieldOn(canvas, boundary, keepOuts, gap) {
+export function fieldOn(canvas, boundary, keepOuts, gap, within = boundary) {
   const context = canvas.getContext("2d");
   context.clearRect(0, 0, canvas.width, canvas.height);
-  const view = viewOf(boundary, canvas, Math.max(2, (gap ?? 0) + 1));
+  const view = viewOf(within, canvas, Math.max(2, (gap ?? 0) + 1));
   if (gap) {
     path(context, view, boundary);
     context.lineJoin = "miter";
@@ -92,11 +92,11 @@ export function drawMap(canvas, world) {
   context.setLineDash([14, 8]);
   context.lineWidth = 5;
   context.strokeStyle = "#000";
-  for (const side of plan.sides.slice(index, index + 2)) { path(context, view, [[side[0], side[1]], [side[2], side[3]]], false); context.stroke(); }
+  for (const side of plan.sides.slice(index, index + 2)) { path(context, view, side, false); context.stroke(); }
   context.setLineDash([]);
   if (plan.sides[index]) {
-    const [x0, y0, x1, y1] = plan.sides[index];
-    arrow(context, view.at([x0, y0]), view.at([x1, y1]));
+    const side = plan.sides[index], middle = side.length >> 1;
+    arrow(context, view.at(side[middle - 1]), view.at(side[middle]));
   }
   const idle = !pilot;
   if (idle && world.goal && world.ended?.resume) goalAt(context, view, world.goal.place);

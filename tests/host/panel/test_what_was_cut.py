@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import shapely
 
+from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.core.vehicle import Vehicle
-from host.field.boundary_file import Boundary, load_field, save_field
+from host.field.boundary_file import Boundary, boundary_of, load_field, save_field
 from host.panel import snapshot
 from host.panel.fields import FieldDesk
 from host.panel.harvesting import MOST_PLACES, Operator
@@ -60,6 +61,8 @@ def test_a_bent_strip_is_shown_along_its_bend() -> None:
     for along_m in (3.0, 8.0):
         assert shown.contains(shapely.Point(bent.pose(along_m, 0.5)[:2]))
     assert not shown.contains(shapely.Point(9.0, 0.5))
+    told = snapshot.of_plan(Plan(sides=(bent,)))["sides"]
+    assert told == [[pytest.approx(bent.pose(at)[:2], abs=0.01) for at in (0.0, 6.0, 10.0)]]
 
 
 def test_a_run_that_goes_on_tells_the_pages_what_is_cut_also_when_laid_out_anew() -> None:
@@ -147,7 +150,7 @@ def test_a_field_that_bends_is_kept_as_it_was_walked(tmp_path: Path, round_: boo
     desk.do({"do": "walk_end"})
     assert desk.boundary is not None
     assert desk.boundary.recorded is round_
-    assert ("the edge bends" in desk.walk.said) is round_
+    assert desk.about(None)["recorded"] is round_
     found = desk.boundary.polygon(desk.boundary.frame)
     true = shapely.Polygon(circle if round_ else CORNERS)
     assert found.area == pytest.approx(true.area, rel=0.02)
@@ -203,3 +206,20 @@ def test_pages_hear_of_what_a_crash_left_until_another_plan_is_chosen(
         assert goals[-2]["place"] is None, "the old place is gone while the new one is looked for"
         assert not goals[-2]["stuck"]
         page.close()
+
+
+def test_a_panel_starts_with_a_field_that_cannot_be_planned(tmp_path: Path) -> None:
+    """It was walked on the page, and is mended there."""
+    parted = shapely.Polygon(CORNERS, [[(5, 0.1), (6, 0.1), (6, 9.9), (5, 9.9)]])
+    save_field(tmp_path / "field.geojson", boundary_of(parted, FRAME, "field"))
+    (tmp_path / "panel.json").write_text('{"name": "field.geojson", "gap_m": 2.0, "corner": 0}')
+    desk = FieldDesk(tmp_path, VEHICLE, None, None)
+    assert desk.plan is None
+    assert "part the field" in desk.about(None)["problem"]
+    desk.do({"do": "keep_out_drop"})
+    assert desk.plan is not None
+    assert desk.about(None)["problem"] == ""
+    save_field(tmp_path / "given.geojson", boundary_of(parted, FRAME, "given"))
+    (tmp_path / "other").mkdir()
+    with pytest.raises(UserError, match="part the field"):
+        FieldDesk(tmp_path / "other", VEHICLE, tmp_path / "given.geojson", 2.0)
