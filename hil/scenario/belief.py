@@ -267,7 +267,9 @@ def told(belief: Belief, world: World, camera: str) -> Told:
         parameters = _parameters_of(folder)
     corner = belief.corner
     if corner is None:
-        corner = corner_like(world.corners, world.start.corner, ring)
+        # Who has recorded the edge point by point knows where he began to walk, and nothing else.
+        begun = recorded and world.start.corner == 0
+        corner = 0 if begun else corner_like(world.corners, world.start.corner, ring)
     if corner >= len(ring):
         raise UserError(f"belief.corner: the boundary has {len(ring)} corners, numbered from 0")
     parameters |= belief.parameters

@@ -15,8 +15,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from host.field.walk import Points
+
+Values = NDArray[np.float64]
+"""(n,)."""
 
 MAX_CORNERS: Final = 12
 """Where nobody has said it, a boundary of no more was drawn or fitted corner by corner; one of more
@@ -43,6 +47,23 @@ EDGE_SHARE: Final = 1.5
 """and so many times the way over which it is rounded: an edge that bends all along has no corner.
 """
 
+ARC_M: Final = 8.0
+"""Way beside what may be a corner,"""
+ARC_SHARE: Final = 0.6
+"""and share of all that the ring turns there and in it that a corner turns at least. Along an arc
+it is half or less: made a corner, it lies outside of the edge, and a side ends where nothing does.
+"""
+
+BEND_RAD: Final = math.radians(18.0)
+"""Where a thinned ring turns by more, and lies inside an arc,"""
+BULGE_M: Final = 0.08
+"""by so much in the mean of the pieces beside, these are halved: on a radius of 15 m what is
+thinned by SIMPLIFY_M turns by 23 degrees at once, and there a plan has a corner."""
+PIECE_M: Final = 3.0
+"""Shorter pieces stay."""
+PLACES: Final = 9
+"""Of a piece, at which the ring beside it is looked at."""
+
 
 class _Rounded(NamedTuple):
     """Points of a ring that are one corner."""
@@ -67,12 +88,37 @@ def steerable(
     if sigma_m == 0.0 or not was_recorded(ring, recorded):
         return list(ring), start
     begun = [*ring[start:], *ring[:start]]
-    thin = shapely.LineString([*begun, begun[0]]).simplify(min(SIMPLIFY_M, SIGMAS[0] * sigma_m))
-    corners = sharpened(shapely.get_coordinates(thin)[:-1], min(CUT_OFF_M, SIGMAS[1] * sigma_m))
+    by_m, cut_off_m = min(SIMPLIFY_M, SIGMAS[0] * sigma_m), min(CUT_OFF_M, SIGMAS[1] * sigma_m)
+    corners = thinned(np.array(begun), by_m, cut_off_m)
     if len(corners) < 3 or not shapely.LinearRing(corners).is_simple:
         return list(ring), start
     nearest = int(np.hypot(*(corners - begun[0]).T).argmin())
     return [(x, y) for x, y in corners.tolist()], nearest
+
+
+def thinned(ring: Points, by_m: float = SIMPLIFY_M, cut_off_m: float = CUT_OFF_M) -> Points:
+    """(n, 2) of a closed ring of points: those from which it strays by no more than by_m, its
+    corners sharpened. Along an arc more are left: there straying goes to one side."""
+    line = shapely.LineString([*ring, ring[0]])
+    corners = sharpened(shapely.get_coordinates(line.simplify(by_m))[:-1], cut_off_m)
+    ways = np.roll(corners, -1, axis=0) - corners
+    lengths, headings = np.hypot(*ways.T), np.arctan2(ways[:, 1], ways[:, 0])
+    turns = np.remainder(headings - np.roll(headings, 1) + math.pi, math.tau) - math.pi
+    at = shapely.line_locate_point(line, shapely.points(corners))
+    places: list[Points] = []
+    for k, corner in enumerate(corners):
+        places.append(corner)
+        one, other = float(turns[k]), float(turns[(k + 1) % len(corners)])
+        if one * other <= 0.0 or max(abs(one), abs(other)) < BEND_RAD or lengths[k] < PIECE_M:
+            continue
+        on_m = (float(at[(k + 1) % len(corners)]) - float(at[k])) % line.length
+        along = np.remainder(at[k] + on_m * np.linspace(0.0, 1.0, PLACES), line.length)
+        beside = shapely.get_coordinates(line.interpolate(along))
+        c, s = ways[k] / lengths[k]
+        right_m = (beside - corner) @ (s, -c)
+        if math.copysign(1.0, one) * float(right_m.mean()) > BULGE_M:
+            places.append(beside[PLACES // 2])
+    return np.array(places)
 
 
 def sharpened(ring: Points, cut_off_m: float = CUT_OFF_M) -> Points:
@@ -108,6 +154,7 @@ def _most_rounded(ring: Points, cut_off_m: float) -> _Rounded | None:
                 not turns_enough
                 or beside_m < max(EDGE_M, EDGE_SHARE * way_m)
                 or (more, abs(turned)) <= rank
+                or abs(turned) < ARC_SHARE * _turned_about(turns, lengths, first, more)
             ):
                 continue
             corner = _meeting(ring[first], ways[first - 1], ring[last], ways[last])
@@ -115,6 +162,22 @@ def _most_rounded(ring: Points, cut_off_m: float) -> _Rounded | None:
             if shapely.LineString(ring[at]).distance(shapely.Point(corner)) < cut_off_m:
                 best, rank = _Rounded(first, more + 1, corner), (more, abs(turned))
     return best
+
+
+def _turned_about(turns: Values, lengths: Values, first: int, more: int) -> float:
+    """How far a ring turns in all, rad, the way that it turns there, at its points first to
+    first + more and within ARC_M beside them."""
+    count = len(turns)
+    total = float(turns[np.arange(first, first + more + 1) % count].sum())
+    for end, step in ((first, -1), (first + more, 1)):
+        way_m = 0.0
+        for k in range(1, count - more - 1):
+            at = (end + step * k) % count
+            way_m += float(lengths[at if step < 0 else at - 1])
+            if way_m > ARC_M:
+                break
+            total += float(turns[at]) if turns[at] * turns[first] > 0.0 else 0.0
+    return abs(total)
 
 
 def _meeting(one: Points, its_way: Points, other: Points, others_way: Points) -> Points:

@@ -27,7 +27,7 @@ from scipy.ndimage import correlate1d
 from host.core.errors import UserError
 from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
-from host.field.corners import MAX_CORNERS, SIMPLIFY_M, sharpened
+from host.field.corners import MAX_CORNERS, thinned
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
     Loop,
@@ -65,6 +65,12 @@ STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
 SMOOTH_M = 5.0
 """Window over which an irregular ring is smoothed: twice the CEP of a phone."""
+CLOSING_M = 10.0
+"""Way before and after the place where a lap closes, over which it is bent until its ends meet: two
+of SMOOTH_M. Over less, what a receiver has drifted during the lap is a corner there, which the
+machine is then put down at and begins with."""
+CLOSES_ALONG_M = 5.0
+"""The last of a lap's way, which says in which direction it closes."""
 EDGE_POINTS = 16
 """Places along a lap whose error against each other is that of an irregular edge."""
 LAP_COLOURS = (4, 0, 1, 5)
@@ -245,9 +251,28 @@ def straight_sides(rings: list[Points], corners: int | None) -> Points:
 # ---- any edge ------------------------------------------------------------------------------------
 
 
+def closing(lap: Points) -> Points:
+    """(n, 2) of a lap (not closed) whose end lies beside its beginning: both are moved by half of
+    that, what is near them by less. How far it ends before its beginning is way that was not
+    walked, and stays."""
+    ways = np.hypot(*np.diff(lap, axis=0).T)
+    done = np.concatenate([[0.0], np.cumsum(ways)])
+    left = done[-1] - done
+    way = lap[-1] - lap[int(np.argmax(left <= CLOSES_ALONG_M))]
+    length_m = float(np.hypot(*way))
+    if length_m == 0.0:
+        return lap
+    across = np.array([-way[1], way[0]]) / length_m
+    apart_m = float((lap[0] - lap[-1]) @ across)
+    over_m = min(CLOSING_M, float(done[-1]) / 3)
+    share = np.clip(1 - left / over_m, 0.0, 1.0) - np.clip(1 - done / over_m, 0.0, 1.0)
+    moved: Points = lap + (apart_m / 2 * share)[:, None] * across
+    return moved
+
+
 def any_edge(ring: Points) -> Points:
     """A closed, evenly sampled ring smoothed over SMOOTH_M without pulling corners in much, then
-    thinned to what differs by SIMPLIFY_M, and its corners sharpened."""
+    thinned, and its corners sharpened."""
     step = shapely.LinearRing(ring).length / len(ring)
     window = 2 * round(SMOOTH_M / step / 2) + 1
     if 3 < window < len(ring):
@@ -255,8 +280,7 @@ def any_edge(ring: Points) -> Points:
     shape = shapely.Polygon(ring).buffer(0)
     if isinstance(shape, shapely.MultiPolygon):
         shape = max(shape.geoms, key=lambda part: float(part.area))
-    thin = shapely.Polygon(shape.exterior).simplify(SIMPLIFY_M)
-    return sharpened(shapely.get_coordinates(thin.exterior)[:-1])
+    return thinned(shapely.get_coordinates(shape.exterior)[:-1])
 
 
 def _parabola_at_middle(window: int) -> NDArray[np.float64]:
@@ -302,7 +326,7 @@ def survey_track(
             "began, or allow more with --close"
         )
     laps, warnings = _laps_of(loops, lap)
-    rings = [loop.xy for loop in laps]
+    rings = [closing(loop.xy) if irregular else loop.xy for loop in laps]
     mean, apart = mean_ring(rings, _even(rings[0]))
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
     sigma_m = UNKNOWN_SIGMA_M

@@ -304,6 +304,18 @@ def test_the_host_knows_whether_its_boundary_was_recorded_from_whoever_made_it(
     assert recorded({"boundary": oval}) == (None, True), "by its many points"
 
 
+def test_who_recorded_the_edge_begins_where_the_walk_began() -> None:
+    """No corner of such an edge is to be told from the next: the told one nearest to the true one
+    may be another."""
+    turns = [math.tau * k / 40 for k in range(40)]
+    oval = [[20.0 * math.cos(t), 12.0 * math.sin(t)] for t in turns]
+    for seed in range(6):
+        world = {"seed": seed, "start": {"corner": 0}, "field": {"polygon": oval}}
+        told = load("default", {**world, "belief": {}}).told
+        assert told.boundary_recorded
+        assert told.corner == 0
+
+
 def test_a_field_that_bends_is_walked_as_its_edge_runs() -> None:
     """More corners than straight sides are looked for: an owner would survey it --irregular."""
     turns = [math.tau * k / 40 for k in range(40)]

@@ -16,7 +16,7 @@ from host.core.frames import LocalFrame
 from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
 from host.field.boundary_file import Boundary
-from host.field.corners import sharpened, steerable
+from host.field.corners import sharpened, steerable, thinned
 from host.field.survey import any_edge
 from host.field.walk import Points
 from host.route.field_plan import plan_of
@@ -108,6 +108,36 @@ def test_a_walked_square_has_four_corners_whatever_smoothing_made_of_them() -> N
     assert len(found) == 4
     off = np.hypot(*(found[:, None] - quadrilateral(math.pi / 2)[None]).transpose(2, 0, 1)).min(1)
     assert off.max() < 0.4
+
+
+@pytest.mark.parametrize("radius_m", [9.0, 12.0, 20.0])
+def test_an_arc_stays_one_however_tight_it_is(radius_m: float) -> None:
+    """Made corners, it lay up to 0.8 m outside of the edge, and a round field of 14 m was planned
+    with eight turns a round; thinned like straight edges, of 17 m with seven."""
+    turns = np.arange(0.0, math.tau, 0.5 / radius_m)
+    found = thinned(radius_m * np.column_stack([np.cos(turns), np.sin(turns)]))
+    assert np.hypot(*found.T) == pytest.approx(radius_m, abs=0.02)
+    ways = np.roll(found, -1, axis=0) - found
+    bends = np.diff(np.unwrap(np.arctan2(ways[:, 1], ways[:, 0])))
+    assert np.degrees(bends).max() < (25.0 if radius_m < 10.0 else 13.0)
+
+
+def test_points_of_an_arc_that_lie_near_each_other_are_no_rounded_corner() -> None:
+    """By twos 3 and 5 m apart on a radius of 10 m."""
+    steps = np.tile([3.0, 5.0], 8)
+    turns = np.cumsum(steps) * math.tau / steps.sum()
+    arc = 10.2 * np.column_stack([np.cos(turns), np.sin(turns)])
+    assert sharpened(arc) == pytest.approx(arc)
+
+
+def test_where_straight_sides_meet_a_shallow_corner_stays_one() -> None:
+    c, s = math.cos(math.radians(35.0)), math.sin(math.radians(35.0))
+    true = np.array(
+        [[0, 0], [20, 0], [20 + 20 * c, 20 * s], [20 + 20 * c - 20 * s, 20 + 20 * s], [0, 25]]
+    )
+    found = thinned(rounded(true, 1.5))
+    assert len(found) == 5
+    assert np.hypot(*(found[:, None] - true[None]).transpose(2, 0, 1)).min(1).max() < 0.2
 
 
 def recorded(radius_m: float = 30.0, points: int = 60) -> list[tuple[float, float]]:

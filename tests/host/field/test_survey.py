@@ -29,6 +29,7 @@ from host.field.smoothing import Smoother
 from host.field.survey import (
     Survey,
     any_edge,
+    closing,
     read_walk,
     record_walk,
     straight_sides,
@@ -37,6 +38,7 @@ from host.field.survey import (
 )
 from host.field.walk import (
     SPIKE_FIXES,
+    Points,
     Track,
     find_loops,
     mean_ring,
@@ -354,6 +356,30 @@ def test_smoothing_draws_no_bend_inwards() -> None:
     angles = np.linspace(0, math.tau, 160, endpoint=False)
     edge = any_edge(8.0 * np.column_stack([np.cos(angles), np.sin(angles)]))
     assert np.hypot(*edge.T) == pytest.approx(8.0, abs=0.02)
+
+
+def test_where_a_lap_closes_beside_its_beginning_the_edge_has_no_step() -> None:
+    """What the phone drifts during a lap was a corner of 30 to 45 degrees where the walk began: it
+    is where the machine is put down. 0.8 m on a circle of 20 m, whose end lies 1.3 m before its
+    beginning."""
+    angles = np.linspace(0, math.tau - 1.3 / 20, 400)
+    lap = (20.0 + np.linspace(0.0, 0.8, 400))[:, None] * np.column_stack(
+        [np.cos(angles), np.sin(angles)]
+    )
+    closed = closing(lap)
+    radii = np.hypot(*closed.T)
+    assert radii[[0, -1]] == pytest.approx([20.4, 20.4], abs=0.12)
+    assert closed[50:-50] == pytest.approx(lap[50:-50]), "far from there nothing moves"
+    assert math.dist(closed[0], closed[-1]) == pytest.approx(1.25, abs=0.1), "what was not walked"
+    assert turns_deg(any_edge(closed)).max() < 16.0
+    assert turns_deg(any_edge(lap)).max() > 20.0
+
+
+def turns_deg(ring: Points) -> Points:
+    """(n,) how far a closed ring turns at each of its points, to either side."""
+    headings = np.arctan2(*(np.roll(ring, -1, axis=0) - ring).T[::-1])
+    turns = np.remainder(headings - np.roll(headings, 1) + math.pi, math.tau) - math.pi
+    return np.degrees(np.abs(turns))
 
 
 def test_corners_that_are_not_there_are_refused() -> None:
