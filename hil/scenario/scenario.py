@@ -24,6 +24,7 @@ from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.yaml_file import OnceLoader
 from host.route.plan import Plan
+from host.route.side import NO_EDGE
 from sim_plant.camera import MOUNTS, CameraSpec
 from sim_plant.field_spec import FieldSpec
 from sim_plant.gnss import GnssSpec
@@ -139,18 +140,20 @@ class Scenario(Strict):
 
     def start_pose(self) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle where the operator has put the machine down: truly, at a
-        true corner. Which one, and how far a lane beside a narrow strip is to lie from the usual
-        one, the operator takes from the plan; who was told another corner (`belief.corner`) stands
-        at `start.corner` all the same."""
+        true corner. Which one, whether inside the crop, and how far a lane beside a narrow strip is
+        to lie from the usual one, the operator takes from the plan; who was told another corner
+        (`belief.corner`) stands at `start.corner` all the same."""
         world, known = self.world, self.told
-        first = known.plan(self.turn).sides[0]
+        plan = known.plan(self.turn)
+        first = plan.sides[0]
         corner = world.start.corner
         if self.belief.corner is None:
             x, y, heading = first.x_m, first.y_m, first.heading_rad
             begins = known.side_of(x, y, heading)
             if begins != known.corner:
                 corner = corner_like(known.boundary, begins, world.corners)
-        return world.stood_at(corner, first.shift_m)
+        in_crop = plan.begins_inside != NO_EDGE
+        return world.stood_at(corner, first.shift_m, in_crop=in_crop)
 
 
 def named() -> list[str]:

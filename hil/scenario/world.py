@@ -87,10 +87,13 @@ class World:
         (ax, ay), (bx, by) = ring[corner % len(ring)], ring[(corner + 1) % len(ring)]
         return (ax, ay), math.atan2(by - ay, bx - ax), math.hypot(bx - ax, by - ay)
 
-    def stood_at(self, corner: int, shift_m: float = 0.0) -> tuple[float, float, float]:
+    def stood_at(
+        self, corner: int, shift_m: float = 0.0, *, in_crop: bool = False
+    ) -> tuple[float, float, float]:
         """(x, y, yaw) of the rear axle of a machine that was put down at a corner as `start` says,
         the blade before the crop that stands in its way; nearer than `start.before_m` where it
-        would stand outside the permitted area. `shift_m`: so much farther right."""
+        would stand outside the permitted area. `shift_m`: so much farther right. `in_crop`: the
+        blade at the corner, where that is one point of many of an edge that bends."""
         m, start = self.machine, self.start
         (ax, ay), along, _ = self.side(corner)
         c, s = math.cos(along), math.sin(along)
@@ -99,7 +102,7 @@ class World:
         room = max(0.0, self.field.gap_m - MARGIN_M)
         permitted = self.field.boundary.buffer(room, join_style="mitre")
         outline = outline_of(m)
-        begin = self._crop_begins_m(corner)
+        begin = start.before_m if in_crop else self._crop_begins_m(corner)
 
         def pose(nearer_m: float) -> tuple[float, float, float]:
             back = m.blade_x_m + start.before_m - nearer_m - begin

@@ -20,6 +20,7 @@ from host.field.boundary_file import RECORDED, Boundary, boundary_of, load_field
 from host.field.corners import was_recorded
 from host.route.field_plan import plan_field, told
 from host.route.preview import Preview, check_picture, draw_preview, hours, preview
+from host.route.side import NO_EDGE
 
 
 def table_of(previews: list[Preview]) -> Table:
@@ -176,6 +177,11 @@ def _say_plan(
     )
     if begins != start:
         console.print(f"begins at corner {begins}: from corner {start} more would stay standing")
+    if shown.plan.begins_inside != NO_EDGE:
+        console.print(
+            f"the edge goes on at corner {begins}: put the blade there, in the standing crop, and "
+            "the machine along the edge"
+        )
     if gap is None:
         console.print(
             "no --gap: whether the turns have room is not checked, and a drive without it has no "

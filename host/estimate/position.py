@@ -93,24 +93,26 @@ class Position(Readings):
         offset_m: float,
         heading_rad: float,
         sigmas: tuple[float, float, float] = prior.START_SIGMA,
+        bend_1pm: float = 0.0,
     ) -> None:
         """On a side's lane: the blade along_m past where vision sees the side's beginning, the rear
         axle offset_m left of the lane, the vehicle heading_rad left of its direction. `sigmas`: of
-        the axle's place along the side and beside it, m, and of the direction, rad."""
+        the axle along and beside the side, m, and of the direction, rad; that turns with the edge,
+        or along one that bends by `bend_1pm`."""
         c, s = math.cos(side.heading_rad), math.sin(side.heading_rad)
         back = along_m + side.begin_seen_m - self._vehicle.blade_x_m
         inside = self._vehicle.inset_m - side.shift_m + offset_m
         x, y = side.x_m + c * back - s * inside, side.y_m + s * back + c * inside
         self._anew((x, y, side.heading_rad + heading_rad), sigmas, LANE_SIGMA)
-        turned = np.array([[c, -s], [s, c]])
-        self._p[:YAW, :YAW] = turned @ self._p[:YAW, :YAW] @ turned.T
+        turned = np.array([[c, -s, 0.0], [s, c, 0.0], [bend_1pm, 0.0, 1.0]])
+        self._p[: YAW + 1, : YAW + 1] = turned @ self._p[: YAW + 1, : YAW + 1] @ turned.T
         # Where the edge truly is, there the operator has put the machine: so far past its corner.
         with_corners, corners = np.eye(len(self._x)), self.outline.at
         ahead = self.outline.of_corner(side.edge, (c, s))
         left = self.outline.along(side.edge, side.pose(back)[:2], (-s, c))
         with_corners[X, corners] = c * ahead - s * left
         with_corners[Y, corners] = s * ahead + c * left
-        with_corners[YAW, corners] = self.outline.turning(side.edge)
+        with_corners[YAW, corners] = self.outline.turning(side.edge) * (bend_1pm == 0.0)
         self._p = with_corners @ self._p @ with_corners.T
         self.known = True
         self._other_edge(side)

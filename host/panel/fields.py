@@ -30,6 +30,7 @@ from host.panel.snapshot import Json, number
 from host.route.field_plan import BegunElsewhereError, plan_of
 from host.route.plan import Plan
 from host.route.preview import preview
+from host.route.side import NO_EDGE
 from host.runs.errand import compass_deg, errand_of
 from host.runs.preflight import where_of
 from host.runs.resume import load
@@ -372,6 +373,7 @@ class FieldDesk:
             "corner": self.corner,
             "problem": self.problem or self.unplanned,
             "asked": self.asked,
+            "inside": self.plan is not None and self.plan.begins_inside != NO_EDGE,
             "walk": None if self.walk is None else self.walk.about(),
             "summary": self._summary,
             "plan": None if self.plan is None else snapshot.of_plan(self.plan),

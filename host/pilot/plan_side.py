@@ -76,6 +76,9 @@ LEFT_OVER_M = 1.0
 """Beyond a side's end, on ground that is cut: what stands there for longer is another side's."""
 LATE_SIGMAS = 3.0
 """A side that is longer by more than so many is not that side: something else is wrong."""
+INSIDE_SIGMA = (1.0, math.radians(4))
+"""Of where along an edge that bends its owner finds the place again at which his walk began, and of
+the machine's direction against the edge there, m and rad."""
 CUT_BEFORE_M = 0.4
 """Half of the way in which the end of a side lies that was cut to it in an earlier run: what the
 progress errs, and what a person puts the machine wrong."""
@@ -110,6 +113,11 @@ class PlanSide(Strip):
         self.back_m, self.shift_m, self.width_m = side.back_m, side.shift_m, side.width_m
         self.clear_end_m = side.end_seen_m + self._beyond_m
         self.resumed = index == 0 and side.begins_at == NO_EDGE
+        self._edge_runs = plan.begins_along if index == 0 else (0.0, 0.0)
+        """How it runs where the operator puts the machine down inside its crop."""
+        self._in_arc = plan.goes_round(side, -1), plan.goes_round(side, 1)
+        """Whether the border there goes on from its own edge: a machine that follows it drives the
+        next side for this one."""
         self.bent = bool(side.bends)
         at_end, before = side.ends_at, plan.sides[:index]
         self._border_met = at_end != NO_EDGE and any(
@@ -163,8 +171,12 @@ class PlanSide(Strip):
         self._at = max(k for k, (start, _) in enumerate(self._pieces) if k == 0 or start <= along_m)
         start = self._pieces[self._at][0]
         position, piece = self.estimate.position, self.planned_piece
-        sigmas = (along_sigma_m, sigma_m, START_SIGMA[2])
-        position.place(piece, along_m - start, lane.offset_m, lane.heading_rad, sigmas)
+        askew_rad, bend_1pm = self._edge_runs
+        sigmas = (along_sigma_m, sigma_m, INSIDE_SIGMA[1] if bend_1pm else START_SIGMA[2])
+        # With its blade at the edge's beginning the axle lies behind it along the edge.
+        offset_m = lane.offset_m - self.vehicle.blade_x_m * math.sin(askew_rad)
+        heading_rad = lane.heading_rad + askew_rad
+        position.place(piece, along_m - start, offset_m, heading_rad, sigmas, bend_1pm)
         self._on_lane = True
         self._note_doubt()
 
@@ -172,6 +184,8 @@ class PlanSide(Strip):
         """How far past its beginning the operator has put the blade, m, and how surely, where the
         camera sees crop so far ahead of it. A machine that has no room for its length in the gap
         stands so much farther in its crop, and no picture shows where that begins."""
+        if self._edge_runs != (0.0, 0.0):
+            return -crop_ahead_m, INSIDE_SIGMA[0]
         if crop_ahead_m >= AT_BLADE_M or self.plan.gap_m is None or self.resumed:
             return -crop_ahead_m, START_SIGMA[0]
         length_m = self.vehicle.blade_x_m + self.vehicle.rear_overhang_m
@@ -340,9 +354,9 @@ class PlanSide(Strip):
     def shows_edge(self, along_m: float) -> bool:
         side = self.side
         begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
-        slants_m = SQUARE_M, SLANTS * side.width_m
-        return (not slants_m[0] < side.edge_begin_m < slants_m[1] or along_m >= begin) and (
-            not slants_m[0] < side.edge_end_m < slants_m[1] or along_m <= end
+        before_m, behind_m = (math.inf if arc else SLANTS * side.width_m for arc in self._in_arc)
+        return (not SQUARE_M < side.edge_begin_m < before_m or along_m >= begin) and (
+            not SQUARE_M < side.edge_end_m < behind_m or along_m <= end
         )
 
     def along_edge_m(self, motion: Motion) -> float:

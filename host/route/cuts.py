@@ -23,7 +23,7 @@ class Cuts:
     def __init__(self, field: shapely.Polygon, width_m: float) -> None:
         self._field, self._width = field, width_m
         self._edges: dict[tuple[shapely.Polygon, tuple[float, float] | None], list[Edge]] = {}
-        self._cuts: dict[Edge, tuple[Side, list[shapely.Polygon]] | None] = {}
+        self._cuts: dict[tuple[Edge, bool], tuple[Side, list[shapely.Polygon]] | None] = {}
 
     def edges(
         self, standing: shapely.Polygon, here: tuple[float, float] | None = None
@@ -34,19 +34,22 @@ class Cuts:
         return self._edges[standing, here]
 
     def cut(
-        self, standing: shapely.Polygon, edge: Edge
+        self, standing: shapely.Polygon, edge: Edge, *, inside: bool = False
     ) -> tuple[Side, list[shapely.Polygon]] | None:
-        """The side along one of these edges, and what stands after it; None for a sliver."""
-        if edge not in self._cuts:
-            self._cuts[edge] = _side(standing, self._field, edge, self._width)
-        return self._cuts[edge]
+        """The side along one of these edges, and what stands after it; None for a sliver. `inside`
+        as for `strip_along`."""
+        if (edge, inside) not in self._cuts:
+            self._cuts[edge, inside] = _side(
+                standing, self._field, edge, self._width, inside=inside
+            )
+        return self._cuts[edge, inside]
 
 
 def _side(
-    standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
+    standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float, *, inside: bool
 ) -> tuple[Side, list[shapely.Polygon]] | None:
     """The side along an edge, and what stands after it; None for a sliver."""
-    strip = strip_along(standing, field, edge, width_m)
+    strip = strip_along(standing, field, edge, width_m, inside=inside)
     if strip is None:
         return None
     begin_seen, end_seen = np.quantile((strip.begins_m, strip.ends_m), SEEN_SHARE, axis=1).tolist()

@@ -24,11 +24,13 @@ from host.core.vehicle import Vehicle
 from host.field.corners import steerable, was_recorded
 from host.route.boundary_edges import BoundaryEdges
 from host.route.cuts import Cuts
-from host.route.side import BENT_RAD, Side
+from host.route.side import BENT_RAD, NO_EDGE, Side
 from host.route.standing import (
     MIN_EDGE_M,
     MIN_STRIP_M2,
+    NEAR_M,
     Edge,
+    edge_goes_on,
 )
 from host.route.turn_legs import shuttle_length, shuttle_room_m
 
@@ -55,6 +57,8 @@ WAYS = ("onward", "shuttle", "rounds")
 corner lies inside it, or what brings all edges to the keep-outs together."""
 SEARCH_SHARE = 0.01
 """Of a field: where the best of the ways leaves more, others than these are looked for."""
+ARC_RAD = math.radians(45.0)
+"""What turns by less on the way is taken for one edge, by pictures too."""
 REACH = 2.75
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
 
@@ -86,6 +90,10 @@ class Plan:
     """How many of the last sides gather what the others have left."""
     before: tuple[int, ...] = ()
     """The boundary's edges of the sides that were cut before."""
+    begins_inside: int = NO_EDGE
+    """The point of the boundary at which the whole plan's first side begins in standing crop: the
+    edge goes on there, and no corner shows where it is. The crop behind the machine is cut when the
+    first round comes back to it. NO_EDGE where it begins at a corner."""
     way: str = "onward"
     """Which of WAYS the field is cut in,"""
     otherwise: tuple[int, ...] = ()
@@ -109,6 +117,36 @@ class Plan:
     def cut_along(self, count: int) -> tuple[int, ...]:
         """The boundary's edges of all that is cut once `count` of `sides` are."""
         return (*self.before, *(side.edge for side in self.sides[:count]))
+
+    @property
+    def begins_along(self) -> tuple[float, float]:
+        """(rad, 1/m): how far left of its first side the edge runs where that begins in standing
+        crop, and how the edge bends on: a circle through three of the boundary's points. 0 where it
+        begins at a corner, or was begun in an earlier run."""
+        ring, at = self.boundary, self.begins_inside
+        first = self.sides[0]
+        if at == NO_EDGE or math.dist(ring[at], (first.x_m, first.y_m)) > NEAR_M:
+            return 0.0, 0.0
+        (ax, ay), (bx, by), (cx, cy) = ring[at - 1], ring[at], ring[(at + 1) % len(ring)]
+        turn = math.remainder(math.atan2(cy - by, cx - bx) - math.atan2(by - ay, bx - ax), math.tau)
+        on_m = math.hypot(cx - bx, cy - by)
+        both_m = on_m + math.hypot(bx - ax, by - ay)
+        return -turn * on_m / both_m, 2 * turn / both_m
+
+    def goes_round(self, side: Side, way: int) -> bool:
+        """Whether the border at which a side ends (way 1) or begins (-1) goes on from its edge, to
+        the left by less than ARC_RAD: a picture shows both as one edge."""
+        headings = BoundaryEdges(self.boundary).headings
+        border, edge = side.ends_at, side.edges[-1] if side.edges else NO_EDGE
+        heading_rad = side.end_heading_rad
+        if way < 0:
+            border, edge, heading_rad = side.begins_at, side.edge, side.heading_rad
+        if border == NO_EDGE and edge != NO_EDGE and len(headings):
+            border = (edge + way) % len(headings)
+        if border == NO_EDGE or not len(headings):
+            return False
+        turn_rad = math.remainder(float(headings[border]) - heading_rad, math.tau)
+        return 0.0 < way * turn_rad < ARC_RAD
 
     def corner_rad(self, index: int) -> float:
         """The left turn from side `index` to the next; 0 where the same edge is taken again."""
@@ -217,19 +255,21 @@ def _walk(
     cut: Sequence[int],
     known: Cuts,
     otherwise: frozenset[int] = frozenset(),
+    inside: tuple[float, float] | None = None,
 ) -> Generator[list[Side], None, tuple[list[Side], list[shapely.Polygon], float]]:
     """Sides from the edge that leaves corner `first`, the parts that the field falls into on the
     way and that no turn leads to, and what no side reaches, m². With `shuttle` an edge is taken
     again and again while an inner corner lies inside it, otherwise the next edge is preferred;
     `rounds` says what is preferred where keep-outs lie inside. The first sides are along those
     edges of the boundary that `cut` names; no sides where they cannot be. After the strips that
-    `otherwise` counts, the other edge is preferred. Yields after each strip the sides so far: as
+    `otherwise` counts, the other edge is preferred. `inside`: the place at which the first side
+    begins in standing crop. Yields after each strip the sides so far: as
     much work as is done at a time."""
     standing = field
     dropped_m2 = 0.0
     name = names.namer()
     apart: list[shapely.Polygon] = []
-    edges = known.edges(standing)
+    edges = known.edges(standing, inside)
     edge: Edge | None = edges[first % len(edges)]
     sides: list[Side] = []
     idle = 0
@@ -237,8 +277,11 @@ def _walk(
         if rounds is not None and not rounds.arrive(edge, edges):
             break
         following = edges[(edges.index(edge) + 1) % len(edges)]
+        # Where the first side began in standing crop, what follows may be no more than its end.
+        anyhow = rounds is not None or inside is not None
         here = following.begin
-        done = known.cut(standing, edge) if edge.open_ends else None
+        begins_inside = inside is not None and not sides
+        done = known.cut(standing, edge, inside=begins_inside) if edge.open_ends else None
         idle += 1
         if done is not None:
             side, parts = done
@@ -251,7 +294,13 @@ def _walk(
             standing = parts[0] if parts else shapely.Polygon()
             apart += [part for part in parts[1:] if part.area > APART_M2]
             dropped_m2 += sum(part.area for part in parts[1:] if part.area <= APART_M2)
-            sides.append(name(side))
+            named = name(side)
+            if begins_inside:
+                named = replace(named, begins_at=NO_EDGE)
+            elif inside is not None and math.dist(here, inside) < width_m:
+                # Where the first side has begun, no border is met.
+                named = replace(named, ends_at=NO_EDGE)
+            sides.append(named)
             idle = 0
         yield sides
         if standing.area < MIN_STRIP_M2:
@@ -266,7 +315,7 @@ def _walk(
             choices: list[Edge | None] = [e for e in edges if _edge_of(e, names) == wanted]
         else:
             choices = [
-                _onward(edges, edge, following, here, width_m, rounds is not None),
+                _onward(edges, edge, following, here, width_m, anyhow),
                 _again(edges, edge, width_m),
             ]
             if repeat is not (len(sides) in otherwise):
@@ -385,8 +434,12 @@ def strip_by_strip(
 
     names = BoundaryEdges(corners)
     known = Cuts(field, width_m)
-    edges = known.edges(field)
-    corner = boundary[start % len(boundary)]
+    corner = boundary[(like.begins_inside if cut else start) % len(boundary)]
+    if cut:
+        goes_on = like.begins_inside != NO_EDGE
+    else:
+        goes_on = like.recorded and edge_goes_on(field, corner)
+    edges = known.edges(field, corner if goes_on else None)
     first = min(range(len(edges)), key=lambda k: math.dist(edges[k].begin, corner))
     walked, most = 0, most_strips(boundary, keep_outs)
     outs = tuple(tuple((x, y) for x, y in k.exterior.coords[:-1]) for k in holes)
@@ -398,8 +451,18 @@ def strip_by_strip(
         """One way, which becomes the best if it is better; None where it cannot be begun."""
         nonlocal best, walked
         rounds = _Rounds(away, width_m, fits) if way == "rounds" else None
+        inside = corner if goes_on and ahead == 0 else None
         steps = _walk(
-            field, first + ahead, width_m, way == "shuttle", rounds, names, cut, known, otherwise
+            field,
+            first + ahead,
+            width_m,
+            way == "shuttle",
+            rounds,
+            names,
+            cut,
+            known,
+            otherwise,
+            inside,
         )
         sides, apart, left_m2 = yield from (steps if best is None else _quietly(steps))
         if cut and not sides:
@@ -412,6 +475,8 @@ def strip_by_strip(
             plan = Plan(tuple(sides), like.turn, tuple(corners), gap_m, outs, left_m2, parts)
             order = tuple(sorted(otherwise))
             plan = replace(plan, sigma_m=like.sigma_m, recorded=like.recorded)
+            at = NO_EDGE if inside is None else corners.index(inside)
+            plan = replace(plan, begins_inside=at)
             best = rank, replace(plan, way=way, otherwise=order)
         walked += len(sides)
         return rank

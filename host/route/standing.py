@@ -189,19 +189,27 @@ class _Ring:
         right."""
         count, around = len(self.points), float(self.along[-1])
         span = min(SPAN_M, 0.999 * around)
-        at = np.concatenate([self.along[:-1], self.along[:-1] + around])
-        total = np.concatenate(
-            [[0.0], np.cumsum(np.tile(np.where(self.sharp, 0.0, self.turns), 2))]
-        )
-        first = np.arange(count)
-        behind = np.searchsorted(at, at[:count] + span, side="right")
-        turned = total[behind] - total[first]
+        here, laps = self.along[:-1], (-around, 0.0, around)
+        at = np.concatenate([here + lap for lap in laps])
+        # An arc is recorded as pieces: what it turns at a point it has turned by the middles of the
+        # pieces beside, where these are short.
+        half = np.minimum(np.diff(self.along), span) / 2
+        from_m, to_m = here - np.roll(half, 1), here + half
+        turns = np.where(self.sharp, 0.0, self.turns)
+        steps = np.column_stack([np.zeros(count), turns]).ravel()
+        ramps = np.column_stack([from_m, to_m]).ravel()
+        knots = np.concatenate([ramps + lap for lap in laps])
+        total = np.cumsum(np.tile(steps, 3))
+        begin = np.concatenate([from_m, here, here - span, to_m - span])
+        turned = np.interp(begin + span, knots, total) - np.interp(begin, knots, total)
+        first = np.searchsorted(at, begin, side="left")
+        behind = np.searchsorted(at, begin + span, side="right")
         found = []
         for far in (turned > BEND_RAD[0], turned < -BEND_RAD[1]):
-            marks = np.zeros(2 * count + 1, np.int64)
+            marks = np.zeros(3 * count + 1, np.int64)
             np.add.at(marks, first[far], 1)
             np.add.at(marks, behind[far], -1)
-            inside = np.cumsum(marks)[:-1].reshape(2, count).any(0)
+            inside = np.cumsum(marks)[:-1].reshape(3, count).any(0)
             found.append(inside & ~self.sharp)
         return found[0], found[1]
 
@@ -307,6 +315,15 @@ def edges_of(
     return edges
 
 
+def edge_goes_on(standing: shapely.Polygon, place: Point) -> bool:
+    """Whether the outer ring turns so little to the left, at its point nearest to a place, that a
+    machine follows it in passing: no corner, at which an edge begins."""
+    ring = _Ring.of(shapely.geometry.polygon.orient(standing).exterior)
+    at = int(np.argmin(np.hypot(*(ring.points - place).T)))
+    lefts, rights = ring.corners()
+    return bool(ring.turns[at] > 0.0) and at not in lefts and at not in rights
+
+
 def inner_corners(standing: shapely.Polygon) -> Points:
     """Those of the outer ring that no machine follows, and every corner of the holes."""
     oriented = shapely.geometry.polygon.orient(standing)
@@ -369,14 +386,22 @@ class Strip:
 
 
 def strip_along(
-    standing: shapely.Polygon, field: shapely.Polygon, edge: Edge, width_m: float
+    standing: shapely.Polygon,
+    field: shapely.Polygon,
+    edge: Edge,
+    width_m: float,
+    *,
+    inside: bool = False,
 ) -> Strip | None:
-    """The strip along an edge of what stands; None for a sliver."""
+    """The strip along an edge of what stands; None for a sliver. `inside`: it begins abreast of the
+    edge's first point, however far what stands goes back from there."""
     depths = edge.depths_of(inner_corners(standing))
     depth = float(depths[depths > MIN_EDGE_M].min(initial=math.inf))
     # A strip ends exactly where an inner corner begins, so that no strip ends inside the crop.
     width = depth / math.ceil(depth / width_m - 1e-9) if depth < FAR_WIDTHS * width_m else width_m
-    over_m = tuple(OVERHANG[0 if sharp else 1] * width_m for sharp in edge.sharp)
+    over_m = [OVERHANG[0 if sharp else 1] * width_m for sharp in edge.sharp]
+    if inside:
+        over_m[0] = 0.0
     line = edge.prolonged(*over_m)
     near = [
         g

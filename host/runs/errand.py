@@ -16,6 +16,7 @@ from host.field.boundary_file import Boundary
 from host.field.fence import Fence, nearest_corner
 from host.route.field_plan import plan_of
 from host.route.plan import Plan, Tell
+from host.route.side import NO_EDGE
 from host.runs.resume import Progress, laid_out, remaining, resume_at
 from host.sensors.newest import Feed
 
@@ -153,17 +154,21 @@ def intention(boundary: Path | None, errand: Errand, vehicle: Vehicle) -> list[s
     index, cut_m = errand.begun
     side = errand.whole.sides[index]
     x, y, _ = side.pose(cut_m)
+    heading_rad = side.heading_rad
     lat, lon = errand.frame.to_wgs84(x, y)
     where = f"at corner {errand.corner} of {boundary}"
     if (index, cut_m) != (0, 0.0):
         where = (
             f"{cut_m:.1f} m along it, where its crop still stands" if cut_m else "at its beginning"
         )
+    elif errand.whole.begins_inside != NO_EDGE:
+        where += ", its blade there, in standing crop: the edge goes on behind it"
+        heading_rad += errand.whole.begins_along[0]
     left = len(errand.whole.sides) - index
     return [
         f"it will cut {errand.whole.name(index)}, {side.length_m:.0f} m, then {left - 1} more",
         f"it has to stand {where} (near {lat:.6f} {lon:.6f}), heading "
-        f"{round(compass_deg(side.heading_rad)) % 360} degrees by the compass, the crop to its "
+        f"{round(compass_deg(heading_rad)) % 360} degrees by the compass, the crop to its "
         "left, the blade's right end on the crop's edge",
         blade,
         UNSEEN,

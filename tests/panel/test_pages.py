@@ -364,6 +364,8 @@ FOUR: list[Place] = [(0, 0), (14, 1), (13, 12), (-1, 11)]
 ROUND: list[Place] = [
     (12 * math.cos(k * math.tau / 60), 12 * math.sin(k * math.tau / 60)) for k in range(60)
 ]
+ANGLE: list[Place] = [(0, 0), (24, 0), (24, 10), (10, 10), (10, 24), (0, 24)]
+"""An L: no first strip ends on open ground along the edges at its inner corner."""
 LATIN = re.compile(r"[A-Za-z]{2}")
 
 
@@ -477,15 +479,13 @@ def test_keep_outs_stay_when_a_walk_is_taken_for_the_other(
 def test_where_the_machine_cannot_begin_the_page_takes_another_corner_and_says_so(
     browser: Browser, walked: Served, language: str
 ) -> None:
-    """A round field that is kept as it was walked can be begun at few of its points."""
+    """Along an edge that ends at an inner corner no first strip ends on open ground."""
     page = opened(browser, walked, "phone", language)
-    walk_around(page, walked, ROUND)
-    page.click("#form-walked")
+    walk_around(page, walked, ANGLE)
     plan, wrong = page.locator("#plan-said"), page.locator("#field-problem")
-    expect(page.locator("#form-walked")).to_have_attribute("aria-pressed", "true", timeout=60_000)
     corner = page.locator("#field-corner")
     told = 0
-    for asked in range(0, len(on_disk(walked).crop), 4):
+    for asked in range(len(on_disk(walked).crop)):
         corner.select_option(str(asked))
         expect(wrong).not_to_have_text(text(language, "field.working"), timeout=60_000)
         expect(plan).to_have_text(filled(language, "plan.said"))
@@ -494,6 +494,22 @@ def test_where_the_machine_cannot_begin_the_page_takes_another_corner_and_says_s
             told += 1
             expect(wrong).to_have_text(filled(language, "field.begins"))
     assert told > 0
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_round_field_is_begun_at_any_of_its_points_in_standing_crop(
+    browser: Browser, walked: Served, language: str
+) -> None:
+    page = opened(browser, walked, "phone", language)
+    walk_around(page, walked, ROUND)
+    page.click("#form-walked")
+    wrong, corner = page.locator("#field-problem"), page.locator("#field-corner")
+    expect(page.locator("#form-walked")).to_have_attribute("aria-pressed", "true", timeout=60_000)
+    for asked in range(0, len(on_disk(walked).crop), 8):
+        corner.select_option(str(asked))
+        expect(wrong).to_have_text(filled(language, "field.inside"), timeout=60_000)
+        assert corner.input_value() == str(asked)
     page.context.close()
 
 

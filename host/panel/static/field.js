@@ -192,6 +192,7 @@ function say() {
   set("field-said", walked || (field?.boundary ? t(form, { corners: field.boundary.length, area: Math.round(field.area_m2), keep_outs: field.keep_outs.length }) : ""));
   const wrong = (field?.problem ? [field.problem] : []).concat(walk?.on ? [] : (field?.walked ? walk.said : []).concat(field?.summary?.warnings ?? [])).map(said);
   if (!walk?.on && field?.asked != null) wrong.unshift(t("field.begins", { asked: field.asked + 1, corner: field.corner + 1 }));
+  if (!walk?.on && field?.inside) wrong.unshift(t("field.inside", { corner: field.corner + 1 }));
   set("field-problem", working ? t("field.working") : wrong.join("; "));
 }
 

@@ -131,3 +131,18 @@ def test_a_machine_that_fits_nowhere_stands_where_it_was_asked_to() -> None:
     assert narrow.start_pose() == wide.start_pose()
     x, y, _ = usual.start_pose()
     assert math.dist((x, y), wide.start_pose()[:2]) == pytest.approx(0.25, abs=0.011)
+
+
+def test_where_the_edge_goes_on_the_operator_puts_the_blade_where_the_walk_began() -> None:
+    """In standing crop, along the edge; at a corner before the crop."""
+    turns = [math.tau * k / 40 for k in range(40)]
+    round_ = [[15.0 * math.cos(t), 15.0 * math.sin(t)] for t in turns]
+    world = {"start": {"corner": 0, "overlap_m": 0.1}, "field": {"polygon": round_}}
+    scenario = load("default", {**world, "belief": {"errors": {}}})
+    x, y, yaw = scenario.start_pose()
+    machine = scenario.machine
+    right = machine.blade_width_m / 2
+    c, s = math.cos(yaw), math.sin(yaw)
+    tip = x + machine.blade_x_m * c + right * s, y + machine.blade_x_m * s - right * c
+    assert tip == pytest.approx((15.0 + 0.1 * s, -0.1 * c), abs=0.02)
+    assert yaw == pytest.approx(math.atan2(round_[1][1], round_[1][0] - 15.0))

@@ -16,7 +16,7 @@ from host.estimate.motion_model import BESIDE, PRESSED, YAW_SIGMA_SHARE
 from host.estimate.odometry import Motion
 from host.estimate.position import Position
 from host.estimate.prior import START_SIGMA
-from host.estimate.states import GRADE_X, GRADE_Y, SCALE, SIGHT, WANDER
+from host.estimate.states import GRADE_X, GRADE_Y, SCALE, SIGHT, WANDER, YAW
 from host.route.side import Side
 from tests.helpers.places import OnLane, driven, followed, spun, sure_of
 
@@ -658,3 +658,16 @@ def test_an_edge_of_another_strip_leads_the_machine_and_leaves_its_place_doubtfu
     assert lane.blade_offset_m == pytest.approx(2.0, abs=0.2)
     assert (abs(position.pose[1] - y_m) < 0.3) is another
     assert (float(position.covariance[1, 1]) > 0.45**2) is another
+
+
+def test_who_stands_farther_along_an_edge_that_bends_stands_turned() -> None:
+    """A metre along an edge of 20 m radius: 0.05 rad."""
+    position = Position(VEHICLE)
+    position.place(ring(0), 0.0, 0.0, 0.0, (1.0, 0.1, 0.01), bend_1pm=0.05)
+    c, s = math.cos(ring(0).heading_rad), math.sin(ring(0).heading_rad)
+    along = np.zeros(len(position.x))
+    along[:2] = c, s
+    yaw = np.eye(len(position.x))[YAW]
+    assert position.sigma(along) == pytest.approx(1.0, rel=0.01)
+    assert position.sigma(yaw) == pytest.approx(math.hypot(0.05, 0.01), rel=0.01)
+    assert position.sigma(yaw - 0.05 * along) == pytest.approx(0.01, rel=0.02), "against the edge"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from host.estimate.states import CORNERS
-from host.route.side import Side
+from host.route.side import NO_EDGE, Side
 from tests.helpers.behaving import PLAN, on_side
 
 
@@ -28,6 +28,24 @@ def test_a_border_that_hardly_slants_is_an_edge(tip_m: float, shows: bool) -> No
     for along_m in (1.0, side.length_m - 1.0):
         strip = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:]))).strip
         assert strip.shows_edge(along_m) is shows
+
+
+@pytest.mark.parametrize(("turn_deg", "shows"), [(12.0, False), (30.0, False), (90.0, True)])
+@pytest.mark.parametrize("named", [True, False])
+def test_where_the_border_goes_on_round_an_arc_it_is_no_edge_of_this_side(
+    turn_deg: float, shows: bool, named: bool
+) -> None:
+    """Followed for one, it turned the map of a round field by 17 degrees at the end of each side
+    (outline 183), whether or not the plan says which border ends it."""
+    turn = math.radians(turn_deg)
+    far = (10.0 + 10.0 * math.cos(turn), 10.0 * math.sin(turn))
+    ring = ((0.0, 0.0), (10.0, 0.0), far, (far[0] - 5.0, 20.0), (0.0, 20.0))
+    side = Side(
+        0.0, 0.0, 0.0, 10.0, 0.9, 10.0, edge_end_m=4.3, edges=(0,), ends_at=1 if named else NO_EDGE
+    )
+    context = on_side(0, replace(PLAN, sides=(side, side), boundary=ring), cut_m=3.0)
+    assert context.strip.shows_edge(5.0)
+    assert context.strip.shows_edge(6.5) is shows
 
 
 @pytest.mark.parametrize(

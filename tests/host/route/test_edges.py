@@ -45,6 +45,14 @@ def test_a_tightly_rounded_corner_is_one_corner_and_lies_off_the_edges(radius_m:
     assert lengths == pytest.approx(straight, abs=0.01)
 
 
+@pytest.mark.parametrize("step_deg", [5.0, 10.0, 15.0, 18.0])
+def test_however_an_arc_was_recorded_it_is_followed_or_not_by_its_radius(step_deg: float) -> None:
+    """Points 2.8 m apart on a radius of 9 m were taken to turn by 36 degrees within 3 m, and there
+    a machine was to turn on the spot."""
+    assert any(edge.bent for edge in edges_of(rounded(9.0, step_deg)))
+    assert not any(edge.bent for edge in edges_of(rounded(6.0, step_deg)))
+
+
 def test_two_corners_a_strip_apart_stay_two() -> None:
     """The end of one last strip, and the step that a shuttled strip leaves."""
     strip = edges_of(shapely.box(0, 0, 10, 1))
