@@ -36,6 +36,7 @@ from host.field.survey import survey_track
 from host.field.walk import read_fixes, track_of
 from host.link import protocol
 from host.route.plan import Plan, spiral
+from host.route.standing import edge_goes_on
 from host.sensors.nmea import Receiver
 from host.tune.stall_time import stall_time_ms
 from sim_plant.field_spec import Point
@@ -267,8 +268,9 @@ def told(belief: Belief, world: World, camera: str) -> Told:
         parameters = _parameters_of(folder)
     corner = belief.corner
     if corner is None:
-        # Who has recorded the edge point by point knows where he began to walk, and nothing else.
-        begun = recorded and world.start.corner == 0
+        # Who has recorded an edge that goes on there knows where he began to walk, and no more.
+        goes_on = recorded and edge_goes_on(shapely.Polygon(ring), ring[0])
+        begun = goes_on and world.start.corner == 0
         corner = 0 if begun else corner_like(world.corners, world.start.corner, ring)
     if corner >= len(ring):
         raise UserError(f"belief.corner: the boundary has {len(ring)} corners, numbered from 0")

@@ -47,12 +47,12 @@ EDGE_SHARE: Final = 1.5
 """and so many times the way over which it is rounded: an edge that bends all along has no corner.
 """
 
-ARC_M: Final = 8.0
-"""Way beside what may be a corner,"""
+ARC_M: Final = 6.0
+"""Way before and behind what may be a corner,"""
 ARC_SHARE: Final = 0.6
-"""and share of all that the ring turns there and in it that a corner turns at least. Along an arc
-it is half or less: made a corner, it lies outside of the edge, and a side ends where nothing does.
-"""
+"""and share of all that the ring turns there and in it that a corner turns at least; beside it,
+where it turns less: another corner may be near. Along an arc it is half or less: made a corner, it
+lies outside of the edge, and a side ends where nothing does."""
 
 BEND_RAD: Final = math.radians(18.0)
 """Where a thinned ring turns by more, and lies inside an arc,"""
@@ -165,19 +165,21 @@ def _most_rounded(ring: Points, cut_off_m: float) -> _Rounded | None:
 
 
 def _turned_about(turns: Values, lengths: Values, first: int, more: int) -> float:
-    """How far a ring turns in all, rad, the way that it turns there, at its points first to
-    first + more and within ARC_M beside them."""
+    """How far a ring turns, rad, the way that it turns there, at its points first to first + more
+    and within ARC_M of them: twice what it does on the side where that is less."""
     count = len(turns)
-    total = float(turns[np.arange(first, first + more + 1) % count].sum())
+    beside = []
     for end, step in ((first, -1), (first + more, 1)):
-        way_m = 0.0
+        way_m, turned = 0.0, 0.0
         for k in range(1, count - more - 1):
             at = (end + step * k) % count
             way_m += float(lengths[at if step < 0 else at - 1])
             if way_m > ARC_M:
                 break
-            total += float(turns[at]) if turns[at] * turns[first] > 0.0 else 0.0
-    return abs(total)
+            turned += abs(float(turns[at])) if turns[at] * turns[first] > 0.0 else 0.0
+        beside.append(turned)
+    here = float(turns[np.arange(first, first + more + 1) % count].sum())
+    return abs(here) + 2 * min(beside)
 
 
 def _meeting(one: Points, its_way: Points, other: Points, others_way: Points) -> Points:

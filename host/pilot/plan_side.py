@@ -115,9 +115,7 @@ class PlanSide(Strip):
         self.resumed = index == 0 and side.begins_at == NO_EDGE
         self._edge_runs = plan.begins_along if index == 0 else (0.0, 0.0)
         """How it runs where the operator puts the machine down inside its crop."""
-        self._in_arc = plan.goes_round(side, -1), plan.goes_round(side, 1)
-        """Whether the border there goes on from its own edge: a machine that follows it drives the
-        next side for this one."""
+        self._ends_in_arc = plan.goes_round(side)
         self.bent = bool(side.bends)
         at_end, before = side.ends_at, plan.sides[:index]
         self._border_met = at_end != NO_EDGE and any(
@@ -354,8 +352,10 @@ class PlanSide(Strip):
     def shows_edge(self, along_m: float) -> bool:
         side = self.side
         begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
-        before_m, behind_m = (math.inf if arc else SLANTS * side.width_m for arc in self._in_arc)
-        return (not SQUARE_M < side.edge_begin_m < before_m or along_m >= begin) and (
+        slants_m = SLANTS * side.width_m
+        # A machine that followed it round the arc would drive the next side for this one.
+        behind_m = math.inf if self._ends_in_arc else slants_m
+        return (not SQUARE_M < side.edge_begin_m < slants_m or along_m >= begin) and (
             not SQUARE_M < side.edge_end_m < behind_m or along_m <= end
         )
 

@@ -133,20 +133,17 @@ class Plan:
         both_m = on_m + math.hypot(bx - ax, by - ay)
         return -turn * on_m / both_m, 2 * turn / both_m
 
-    def goes_round(self, side: Side, way: int) -> bool:
-        """Whether the border at which a side ends (way 1) or begins (-1) goes on from its edge, to
-        the left by less than ARC_RAD: a picture shows both as one edge."""
+    def goes_round(self, side: Side) -> bool:
+        """Whether the border at which a side ends goes on from its edge, to the left by less than
+        ARC_RAD: a picture shows both as one edge."""
         headings = BoundaryEdges(self.boundary).headings
         border, edge = side.ends_at, side.edges[-1] if side.edges else NO_EDGE
-        heading_rad = side.end_heading_rad
-        if way < 0:
-            border, edge, heading_rad = side.begins_at, side.edge, side.heading_rad
         if border == NO_EDGE and edge != NO_EDGE and len(headings):
-            border = (edge + way) % len(headings)
+            border = (edge + 1) % len(headings)
         if border == NO_EDGE or not len(headings):
             return False
-        turn_rad = math.remainder(float(headings[border]) - heading_rad, math.tau)
-        return 0.0 < way * turn_rad < ARC_RAD
+        turn_rad = math.remainder(float(headings[border]) - side.end_heading_rad, math.tau)
+        return 0.0 < turn_rad < ARC_RAD
 
     def corner_rad(self, index: int) -> float:
         """The left turn from side `index` to the next; 0 where the same edge is taken again."""

@@ -308,9 +308,9 @@ def test_who_recorded_the_edge_begins_where_the_walk_began() -> None:
     """No corner of such an edge is to be told from the next: the told one nearest to the true one
     may be another."""
     turns = [math.tau * k / 40 for k in range(40)]
-    oval = [[20.0 * math.cos(t), 12.0 * math.sin(t)] for t in turns]
+    round_ = [[18.0 * math.cos(t), 18.0 * math.sin(t)] for t in turns]
     for seed in range(6):
-        world = {"seed": seed, "start": {"corner": 0}, "field": {"polygon": oval}}
+        world = {"seed": seed, "start": {"corner": 0}, "field": {"polygon": round_}}
         told = load("default", {**world, "belief": {}}).told
         assert told.boundary_recorded
         assert told.corner == 0
