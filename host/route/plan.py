@@ -124,8 +124,8 @@ class Plan:
         crop, and how the edge bends on: a circle through three of the boundary's points. 0 where it
         begins at a corner, or was begun in an earlier run."""
         ring, at = self.boundary, self.begins_inside
-        first = self.sides[0]
-        if at == NO_EDGE or math.dist(ring[at], (first.x_m, first.y_m)) > NEAR_M:
+        begun = [(side.x_m, side.y_m) for side in self.sides[:1]]
+        if at == NO_EDGE or not begun or math.dist(ring[at], begun[0]) > NEAR_M:
             return 0.0, 0.0
         (ax, ay), (bx, by), (cx, cy) = ring[at - 1], ring[at], ring[(at + 1) % len(ring)]
         turn = math.remainder(math.atan2(cy - by, cx - bx) - math.atan2(by - ay, bx - ax), math.tau)

@@ -96,3 +96,7 @@ def test_the_terminal_takes_the_corner_where_the_walk_began() -> None:
         frame_of, plan = plan_of(field, start, VEHICLE, "three_point", 2.0)
         place = frame_of.to_wgs84(*plan.boundary[plan.begins_inside])
         assert place == pytest.approx(ring[start], abs=1e-6)
+
+
+def test_without_a_plan_nothing_is_begun_along_anything() -> None:
+    assert Plan().begins_along == (0.0, 0.0)
