@@ -1,8 +1,7 @@
 """Compiles `render.cpp` on this machine for this machine, and loads it.
 
-The library lies beside numba's compiled code, in a folder named by the content of this package,
-under a name that holds the processor's features: a change of the source, or another processor,
-compiles anew (three seconds).
+The library lies beside numba's compiled code, under a name that follows from its source, how it is
+compiled, and the processor's features. So whatever of these changes compiles anew (three seconds).
 """
 
 from __future__ import annotations
@@ -54,10 +53,11 @@ def _processor() -> str:
     return platform.machine() + features
 
 
-def compile_into(folder: Path) -> Path:
+def compile_into(folder: Path, source: Path = SOURCE) -> Path:
     """The library in a folder, compiled where it is not there. RuntimeError where that fails."""
-    name = hashlib.sha256("\0".join((_processor(), *FLAGS)).encode()).hexdigest()[:16]
-    library = folder / f"render-{name}.so"
+    made_of = hashlib.sha256("\0".join((_processor(), *FLAGS)).encode())
+    made_of.update(source.read_bytes())
+    library = folder / f"render-{made_of.hexdigest()[:16]}.so"
     if library.exists():
         return library
     compiler = os.environ.get("CXX") or shutil.which("g++") or shutil.which("c++")
@@ -67,13 +67,13 @@ def compile_into(folder: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as room:
         fresh = Path(room) / library.name
         done = subprocess.run(
-            [*compiler.split(), *FLAGS, "-o", str(fresh), str(SOURCE)],
+            [*compiler.split(), *FLAGS, "-o", str(fresh), str(source)],
             capture_output=True,
             text=True,
             check=False,
         )
         if done.returncode != 0:
-            raise RuntimeError(f"{compiler} cannot compile {SOURCE}:\n{done.stderr[-2000:]}")
+            raise RuntimeError(f"{compiler} cannot compile {source}:\n{done.stderr[-2000:]}")
         # Whoever else compiles it meanwhile makes the same.
         fresh.replace(library)
     return library

@@ -303,14 +303,28 @@ void note_pieces(const Picture &p, int64_t b, const float *start, const float *t
   p.pieces[b] = m - 1;
 }
 
+// As many floats as a register of this processor holds: gcc would take wider vectors apart, many of
+// their operations into single lanes.
+#if defined(__AVX512F__)
 constexpr int WIDTH = 16;
+#elif defined(__AVX2__)
+constexpr int WIDTH = 8;
+#else
+constexpr int WIDTH = 4;
+#endif
 typedef float Floats __attribute__((vector_size(4 * WIDTH)));
 typedef int32_t Ints __attribute__((vector_size(4 * WIDTH)));
 typedef uint32_t Words __attribute__((vector_size(4 * WIDTH)));
 typedef uint64_t Pairs __attribute__((vector_size(4 * WIDTH)));
-constexpr Ints LANES = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-constexpr Floats LANES_F = {0.5F, 1.5F, 2.5F,  3.5F,  4.5F,  5.5F,  6.5F,  7.5F,
-                            8.5F, 9.5F, 10.5F, 11.5F, 12.5F, 13.5F, 14.5F, 15.5F};
+
+Ints numbered() {
+  Ints lanes = {};
+  for (int k = 0; k < WIDTH; ++k) lanes[k] = k;
+  return lanes;
+}
+
+const Ints LANES = numbered();
+const Floats LANES_F = __builtin_convertvector(LANES, Floats) + 0.5F;
 // Makes truncation of a column a floor.
 constexpr float COLUMNS = 4096.0F;
 

@@ -101,7 +101,14 @@ def _places(track: NDArray[np.float32], width: int, pairs: int) -> NDArray[np.in
 
 
 # Each loop below does one thing, over neighbours, in bytes or bits: that is what compilers make
-# quick. To look a rail's pixel up by its place would take ten times as long.
+# quick. To look a rail's pixel up by its place would take ten times as long. So would choosing by a
+# condition: LLVM makes vector instructions of masks, 0 or 255, not of that.
+
+
+@numba.njit(cache=True, nogil=True, boundscheck=False, inline="always")
+def _where(so: bool) -> np.uint8:
+    """The mask of a condition: 255 where it holds."""
+    return np.uint8(-np.int8(so))
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -110,13 +117,14 @@ def _lengths(lit: Mask, length: Mask, since: Mask, gap: int) -> None:
     belongs to; `length` and `since` are the length so far and the rows since, of each rail."""
     bridged, most, none, one = np.uint8(gap), np.uint8(254), np.uint8(0), np.uint8(1)
     for r in range(lit.shape[0]):
-        on, away = lit[r], since[r]
+        away, before = since[r], length[r]
+        on, near = _where(lit[r] != none), _where(away <= bridged)
         # the sum of both, at most 254, without leaving the bytes
-        bridging = np.uint8(np.uint8(min(length[r], np.uint8(most - away)) + away) + one)
-        now = bridging if away <= bridged else one
-        length[r] = now if on else length[r]
-        lit[r] = now if on else none
-        since[r] = none if on else np.uint8(min(away, most) + one)
+        bridging = np.uint8(np.uint8(min(before, np.uint8(most - away)) + away) + one)
+        now = np.uint8(((bridging & near) | (one & ~near)) & on)
+        length[r] = np.uint8(now | (before & ~on))
+        lit[r] = now
+        since[r] = np.uint8(np.uint8(min(away, most) + one) & ~on)
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -127,11 +135,12 @@ def _keep(lengths: Mask, kept: Mask, since: Mask, least: int, gap: int) -> None:
     enough = np.uint8(least)
     for r in range(lengths.shape[0]):
         length, away, before = lengths[r], since[r], kept[r]
-        long = one if length >= enough else none
-        keep = long if away > bridged else before
-        kept[r] = keep if length else before
-        lengths[r] = keep if length else none
-        since[r] = none if length else np.uint8(min(away, most) + one)
+        on, new = _where(length != none), _where(away > bridged)
+        long = one & _where(length >= enough)
+        keep = np.uint8(((long & new) | (before & ~new)) & on)
+        kept[r] = np.uint8(keep | (before & ~on))
+        lengths[r] = keep
+        since[r] = np.uint8(np.uint8(min(away, most) + one) & ~on)
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -157,8 +166,9 @@ def _to_pixels(here: Mask, first: NDArray[np.int16], offset: Mask, bits: Words) 
     """Sets the pixels of those rails of some groups that are 1."""
     for g in range(first.shape[0]):
         window = np.uint32(0)
-        for k in range(GROUP * g, GROUP * g + GROUP):
-            window |= np.uint32(here[k]) << (offset[k] & np.uint8(31))
+        for k in range(GROUP):
+            shift = np.uint32(offset[GROUP * g + k] & np.uint8(31))
+            window |= np.uint32(np.uint32(here[GROUP * g + k]) << shift)
         at = first[g]
         word, both = at >> 5, np.uint64(window) << np.uint64(at & 31)
         bits[word] |= np.uint32(both)
