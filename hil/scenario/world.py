@@ -27,6 +27,9 @@ NEARER_M = 1.0
 """At most so far, ..."""
 NEARER_STEP_M = 0.01
 """How an operator moves the machine up where there is no room behind it."""
+ALONG_M = 3.0
+"""Of an edge along which an operator puts a machine, at least: the machine's own length. Nobody
+takes a direction from a piece of a decimetre."""
 STRIP_LOW_M = 1e-3
 """Kept off the edge itself, where the strip's crop is looked for."""
 
@@ -81,10 +84,14 @@ class World:
         """Of the crop's nominal outline, as the field numbers them."""
         return self.field.corners
 
-    def side(self, corner: int) -> tuple[Point, float, float]:
-        """(corner, heading_rad, length_m) of the side that leaves a corner."""
-        ring = self.corners
-        (ax, ay), (bx, by) = ring[corner % len(ring)], ring[(corner + 1) % len(ring)]
+    def side(self, corner: int, least_m: float = 0.0) -> tuple[Point, float, float]:
+        """(corner, heading_rad, length_m) of the side that leaves a corner; of an edge that bends,
+        of its first least_m together."""
+        n = len(self.corners)
+        ring = [self.corners[(corner + k) % n] for k in range(n)]
+        (ax, ay), (bx, by) = ring[:2]
+        if math.dist(ring[0], ring[1]) < least_m:
+            bx, by = shapely.LineString(ring).interpolate(least_m).coords[0]
         return (ax, ay), math.atan2(by - ay, bx - ax), math.hypot(bx - ax, by - ay)
 
     def stood_at(
@@ -95,7 +102,7 @@ class World:
         would stand outside the permitted area. `shift_m`: so much farther right. `in_crop`: the
         blade at the corner, where that is one point of many of an edge that bends."""
         m, start = self.machine, self.start
-        (ax, ay), along, _ = self.side(corner)
+        (ax, ay), along, _ = self.side(corner, 0.0 if in_crop else ALONG_M)
         c, s = math.cos(along), math.sin(along)
         inside = m.blade_width_m / 2 - start.overlap_m - shift_m + start.lateral_error_m
         heading = along + math.radians(start.heading_error_deg)
@@ -115,7 +122,7 @@ class World:
     def _crop_begins_m(self, corner: int) -> float:
         """Along the side, from the corner to the first crop in the blade's way: behind the corner
         where that is blunt."""
-        (ax, ay), along, length = self.side(corner)
+        (ax, ay), along, length = self.side(corner, ALONG_M)
         c, s = math.cos(along), math.sin(along)
         turned = affinity.affine_transform(
             self.field.boundary, [c, s, -s, c, -c * ax - s * ay, s * ax - c * ay]

@@ -146,3 +146,16 @@ def test_where_the_edge_goes_on_the_operator_puts_the_blade_where_the_walk_began
     tip = x + machine.blade_x_m * c + right * s, y + machine.blade_x_m * s - right * c
     assert tip == pytest.approx((15.0 + 0.1 * s, -0.1 * c), abs=0.02)
     assert yaw == pytest.approx(math.atan2(round_[1][1], round_[1][0] - 15.0))
+
+
+def test_an_operator_puts_the_machine_along_the_edge_not_along_its_first_point() -> None:
+    """The same edge, drawn as one side and point by point with a hook of half a metre."""
+    rest = [[20.0, 12.0], [0.0, 12.0]]
+    drawn = [[0.0, 0.0], [20.0, 0.0], *rest]
+    hooked = [[0.0, 0.0], [0.4, 0.3], [0.9, 0.0], [20.0, 0.0], *rest]
+    told = {"start": {"corner": 0}, "belief": {"errors": {}}}
+    along = [
+        load("default", {**told, "field": {"polygon": ring}}).start_pose()[2]
+        for ring in (drawn, hooked)
+    ]
+    assert along == pytest.approx([0.0, 0.0], abs=1e-6)
