@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 check test test-long mutants-python: export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test test-wallclock test-long lint analyse mutants mutants-python mutants-board speed clean check
+.PHONY: help setup build harvest test test-firmware test-wallclock test-long lint analyse compiled mutants mutants-python mutants-board speed clean check
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -67,11 +67,18 @@ check: lint ## for the hand that changes a line: style, types, layers, the firmw
 	@$(BIN)/pio test -e native
 	@$(BIN)/python -m pytest -n 2 -q -m "not slow and not long and not wallclock"
 
-test: lint analyse ## every test: firmware on the desk and in simavr, host, plant and bench, and static analysis
+test-firmware: setup
 	@$(BIN)/pio test -e native
-	@$(BIN)/pio run -e uno
+
+# Numba's cache, for two workers that would otherwise compile the same at the same time.
+compiled: setup
+	@$(BIN)/python tools/precompile.py
+
+# What takes one core each goes on side by side; the longest first.
+test: setup ## every test: firmware on the desk and in simavr, host, plant and bench, and static analysis
+	@$(MAKE) --no-print-directory -j2 --output-sync=target compiled lint analyse test-firmware
 	@$(BIN)/python -m pytest -n 2 -q
-	-@$(BIN)/python tools/speed.py --rounds 4
+	-@$(BIN)/python tools/speed.py --rounds 4 --drives 1
 
 speed: setup ## what each part of the bench costs, against the stored baseline
 	@$(BIN)/python tools/speed.py
