@@ -12,11 +12,13 @@ SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* f
 
 # Byte code is kept: what is read anew by each worker takes a fifth of the quick tests.
 unexport PYTHONDONTWRITEBYTECODE
-# Tests run in as many processes as there are cores: threads below them only wait for each other.
+# Tests run in as many processes as there are cores: threads below them only wait for each other. Each
+# begins with a half of its own, so that a file's fixtures are made once, and who is done first takes
+# over of the other's: the pages in a browser, a tenth of it all, lie near the end.
 check test test-long mutants-python: export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build harvest test test-wallclock test-long lint analyse mutants mutants-python mutants-board speed clean check
+.PHONY: help setup build harvest test test-firmware test-wallclock test-long lint analyse compiled mutants mutants-python mutants-board speed clean check
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -65,13 +67,20 @@ analyse: setup ## static analysis of the firmware: clang-tidy (CERT, bugprone), 
 
 check: lint ## for the hand that changes a line: style, types, layers, the firmware's unit tests, the quick tests (a minute)
 	@$(BIN)/pio test -e native
-	@$(BIN)/python -m pytest -n 2 -q -m "not slow and not long and not wallclock"
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow and not long and not wallclock"
 
-test: lint analyse ## every test: firmware on the desk and in simavr, host, plant and bench, and static analysis
+test-firmware: setup
 	@$(BIN)/pio test -e native
-	@$(BIN)/pio run -e uno
-	@$(BIN)/python -m pytest -n 2 -q
-	-@$(BIN)/python tools/speed.py --rounds 4
+
+# Numba's cache, for two workers that would otherwise compile the same at the same time.
+compiled: setup
+	@$(BIN)/python tools/precompile.py
+
+# What takes one core each goes on side by side; the longest first.
+test: setup ## every test: firmware on the desk and in simavr, host, plant and bench, and static analysis
+	@$(MAKE) --no-print-directory -j2 --output-sync=target compiled lint analyse test-firmware
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -q
+	-@$(BIN)/python tools/speed.py --rounds 4 --drives 1
 
 speed: setup ## what each part of the bench costs, against the stored baseline
 	@$(BIN)/python tools/speed.py
@@ -90,7 +99,7 @@ test-wallclock: setup ## drives the machine behind a virtual serial port in real
 
 test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random, the default harvest in wall-clock time, new examples for every property (over an hour)
 	@$(BIN)/python -m pytest -q -m long
-	@HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -n 2 -q
+	@HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -n 2 --dist worksteal -q
 
 clean: ## removes what was built, not the virtual environment
 	rm -rf build out .pio .setup

@@ -177,8 +177,8 @@ class Costs:
         }
 
 
-def measure(rounds: int, avr: bool) -> Costs:
-    """All parts."""
+def measure(rounds: int, drives: int, avr: bool) -> Costs:
+    """All parts: a picture's so many times, what takes seconds a time so many `drives`."""
     costs, each = Costs(), parts()
     # As a campaign does: what is imported is not looked through for garbage.
     gc.collect()
@@ -194,12 +194,12 @@ def measure(rounds: int, avr: bool) -> Costs:
         loop.drive(15.0)
         harvest = f"harvest by {'pictures' if eyes == 'picture' else 'the model'}, {board}"
         names = ("pilot", harvest) if (eyes, board) == ("model", "desk") else (harvest,)
-        for _ in range(5):
+        for _ in range(drives):
             costs.time(names, lambda loop=loop, names=names: loop.drive(10.0)[-len(names) :])
         loop.run.close()
     for board in boards:
         firmware(board, 1.0)
-        for _ in range(5):
+        for _ in range(drives):
             seconds = 60.0 if board == "desk" else 3.0
             costs.time(
                 (f"firmware and plant, {board}",), lambda b=board, s=seconds: (firmware(b, s),)
@@ -210,12 +210,13 @@ def measure(rounds: int, avr: bool) -> Costs:
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=40)
+    parser.add_argument("--rounds", type=int, default=40, help="of a picture and of its parts")
+    parser.add_argument("--drives", type=int, default=5, help="of a harvest, 10 s each")
     parser.add_argument("--no-avr", action="store_true", help="leave the AVR binary out")
     parser.add_argument("--write", action="store_true", help="stores these figures as the baseline")
     args = parser.parse_args()
     cv2.setNumThreads(1)
-    costs = measure(args.rounds, not args.no_avr)
+    costs = measure(args.rounds, args.drives, not args.no_avr)
     found = costs.medians()
     stored = json.loads(BASELINE.read_text()) if BASELINE.exists() else {}
     kernels = ", ".join(f"{n} {1e3 * float(np.median(v)):.1f} ms" for n, v in costs.kernel.items())

@@ -80,11 +80,19 @@ FAR_BESIDE_M: Final = 2.5
 
 NO_RIGHT_END: Final = "the crop ahead has no clear right end"
 
+DERIVED_FROM: Final = (
+    "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "read_right_m",
+    "read_beside_m", "confidence", "edge_offset_m", "edge_beside_m", "crop_ahead_m",
+    "ahead_confidence",
+)  # fmt: skip
+"""Numbers from which a library's situations are made out."""
+
 Cell = tuple[int, int, int, int]
 """Of a situation: zone, whether the blade spins, whether the machine moves, whether the detector
 was restarted."""
 
 
+@njit(cache=True, nogil=True)
 def _kind(sure: bool, clear: bool, ahead_sure: bool) -> int:
     """Of an answer: whether the edge is sure, the way clear, and what is ahead sure."""
     if clear:
@@ -92,6 +100,7 @@ def _kind(sure: bool, clear: bool, ahead_sure: bool) -> int:
     return 0 if sure else 1 if ahead_sure else 2
 
 
+@njit(cache=True, nogil=True)
 def zone_of(ahead_m: float, depth_m: float) -> int:
     """0 in the crop, 1 in its last, 2 and 3 before it, 4 without."""
     if ahead_m < CUTTING_M:
@@ -107,6 +116,7 @@ FIELD_M: Final = 1.5
 """Crop that goes on for so long is a field, and no tuft."""
 
 
+@njit(cache=True, nogil=True)
 def edge_of(right_m: float, slope: float) -> int:
     """Which of these a right end is, by its place and slope (`Sight`)."""
     if math.isnan(right_m):
@@ -116,6 +126,7 @@ def edge_of(right_m: float, slope: float) -> int:
     return ALONG if abs(slope) < SLANT else SLANTS_LEFT if slope > 0.0 else SLANTS_RIGHT
 
 
+@njit(cache=True, nogil=True)
 def face_of(zone: int, depth_m: float, right_m: float, slope: float) -> int:
     """The same of crop in a zone, with what stands across the whole view."""
     edge = edge_of(right_m, slope)
@@ -137,6 +148,10 @@ class Air:
         """Of the world of a scenario."""
         w, f = scenario.weather, scenario.field
         return cls(w.dust, f.crop_height_m, w.cloud, w.hour, f.drilled)
+
+    def row(self) -> tuple[float, float, float, float, float]:
+        """In numbers alone."""
+        return self.dust, self.crop_height_m, self.cloud, self.hour, float(self.drilled)
 
 
 @njit(cache=True, nogil=True)
@@ -179,6 +194,62 @@ def _likest(
     return int(which[pick % found])
 
 
+@njit(cache=True, nogil=True)
+def _describe(
+    features: NDArray[np.float32], air: NDArray[np.float64], ahead_m: float, depth_m: float,
+    offset_m: float, beside_m: float, slope: float, density: float, blade: bool, since: int,
+    kind: int, error_m: float,
+) -> None:  # fmt: skip
+    """Writes a situation's features, in the order of SCALES."""
+    features[0] = air[0] if blade else 0.0
+    features[1] = 1.5 if depth_m > 1.5 else depth_m
+    features[2] = 3.0 if ahead_m > 3.0 else ahead_m
+    features[3] = min(since, SINCE)
+    features[4] = kind
+    features[5] = max(-0.3, min(0.3, error_m))
+    features[6] = density
+    features[7] = math.atan(slope) if math.isfinite(slope) else 0.0
+    features[8] = max(-1.0, min(1.0, offset_m)) if math.isfinite(offset_m) else 0.0
+    features[9] = beside_m if math.isfinite(beside_m) else FAR_BESIDE_M
+    features[10:] = air[1:]
+
+
+@njit(cache=True, nogil=True)
+def _derived(
+    air: NDArray[np.float64], ahead_m: NDArray[np.float64], depth_m: NDArray[np.float64],
+    right_m: NDArray[np.float64], slope: NDArray[np.float64], density: NDArray[np.float64],
+    offset_m: NDArray[np.float64], beside_m: NDArray[np.float64], error_m: NDArray[np.float64],
+    blade: NDArray[np.bool_], moving: NDArray[np.bool_], fresh: NDArray[np.bool_],
+    follows: NDArray[np.bool_], sure: NDArray[np.bool_], clear: NDArray[np.bool_],
+    ahead_sure: NDArray[np.bool_],
+) -> tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.float32]]:  # fmt: skip
+    """Of rows, one after the other: (n, 5) cell and edge, (n,) kind, (n, FEATURES)."""
+    n = ahead_m.shape[0]
+    cells = np.empty((n, 5), np.int8)
+    kinds = np.empty(n, np.int8)
+    features = np.empty((n, FEATURES), np.float32)
+    before_kind, before_error, since = 0, 0.0, 0
+    for k in range(n):
+        zone = zone_of(ahead_m[k], depth_m[k])
+        cells[k, 0], cells[k, 1], cells[k, 2], cells[k, 3] = zone, blade[k], moving[k], fresh[k]
+        cells[k, 4] = face_of(zone, depth_m[k], right_m[k], slope[k])
+        kinds[k] = _kind(sure[k], clear[k], ahead_sure[k])
+        if not follows[k]:
+            before_kind, before_error, since = 0, 0.0, 0
+        elif (cells[k, :4] == cells[k - 1, :4]).all():
+            since += 1
+        else:
+            since = 0
+        _describe(
+            features[k], air[k], ahead_m[k], depth_m[k], offset_m[k], beside_m[k], slope[k],
+            density[k], blade[k], since, before_kind, before_error,
+        )  # fmt: skip
+        before_kind = int(kinds[k])
+        if math.isfinite(error_m[k]):
+            before_error = error_m[k]
+    return cells, kinds, features
+
+
 class Library:
     """Answers of the real detector with what was true: one row a picture, drive after drive."""
 
@@ -194,60 +265,49 @@ class Library:
         self._prepare()
 
     def _prepare(self) -> None:
-        c, n = self.values, self.size
-        self.zone = np.empty(n, np.int8)
-        self.edge = np.empty(n, np.int8)
-        self.kind = np.empty(n, np.int8)
-        self.follows = np.zeros(n, np.bool_)
-        self.error = np.full(n, np.nan, np.float32)
-        self.beside_error = np.full(n, np.nan, np.float32)
-        self.features = np.zeros((n, FEATURES), np.float32)
-        cells: dict[tuple[int, ...], list[int]] = {}
-        before_kind, before_error, since = 0, 0.0, 0
-        last: Cell = (-1, 0, 0, 0)
-        mounts = sorted({d["mount"] for d in self.drives})
-        self.mount = {name: k for k, name in enumerate(mounts)}
-        for k in range(n):
-            drive = self.drives[self.drive[k]]
-            ahead, depth = float(c["ahead_m"][k]), float(c["depth_m"][k])
-            right, slope = float(c["right_m"][k]), float(c["slope"][k])
-            self.zone[k] = zone = zone_of(ahead, depth)
-            self.edge[k] = face_of(zone, depth, right, slope)
-            self.kind[k] = _kind(
-                c["confidence"][k] >= 0.5,
-                not c["crop_ahead_m"][k] < 0.8,
-                c["ahead_confidence"][k] >= 0.5,
-            )
-            expected = -(drive["blade_width_m"] / 2 - drive["overlap_m"])
-            error = float(c["edge_offset_m"][k]) - (float(c["read_right_m"][k]) - expected)
-            self.error[k] = error
-            beside = float(c["read_beside_m"][k]) - expected
-            self.beside_error[k] = float(c["edge_beside_m"][k]) - beside
-            follows = (
-                k > 0
-                and self.drive[k] == self.drive[k - 1]
-                and 0 < c["stamp_s"][k] - c["stamp_s"][k - 1] < NEXT_S
-            )
-            self.follows[k] = follows
-            blade, moving = bool(c["blade"][k]), abs(float(c["speed_mps"][k])) > MOVING_MPS
-            fresh = bool(c["fresh"][k])
-            cell = (int(self.zone[k]), int(blade), int(moving), int(fresh))
-            since = since + 1 if follows and cell == last else 0
-            if not follows:
-                before_kind, before_error = 0, 0.0
-            last = cell
-            self.features[k] = features_of(
-                Air(**drive["air"]), ahead, depth, right - expected, beside, slope,
-                float(c["density"][k]), blade, since, before_kind, before_error,
-            )  # fmt: skip
-            before_kind = int(self.kind[k])
-            before_error = error if math.isfinite(error) else before_error
-            if c["hidden"][k]:
-                continue
-            mount = self.mount[drive["mount"]]
-            for key in _keys(mount, *cell, int(self.edge[k])):
-                cells.setdefault(key, []).append(k)
-        self.cells = {key: np.array(rows, np.int32) for key, rows in cells.items()}
+        """What is derived of each row, and the rows of each cell."""
+        c = {name: self.columns[name].astype(np.float64) for name in DERIVED_FROM}
+        self.mount = {name: k for k, name in enumerate(sorted({d["mount"] for d in self.drives}))}
+        expected = [-(d["blade_width_m"] / 2 - d["overlap_m"]) for d in self.drives]
+        expected_m = np.array(expected, np.float64)[self.drive]
+        error_m = c["edge_offset_m"] - (c["read_right_m"] - expected_m)
+        beside_m = c["read_beside_m"] - expected_m
+        self.error = error_m.astype(np.float32)
+        self.beside_error = (c["edge_beside_m"] - beside_m).astype(np.float32)
+        between_s = np.diff(c["stamp_s"])
+        self.follows = np.zeros(self.size, np.bool_)
+        self.follows[1:] = (np.diff(self.drive) == 0) & (between_s > 0) & (between_s < NEXT_S)
+        air = np.array([Air(**d["air"]).row() for d in self.drives], np.float64)[self.drive]
+        blade, fresh = (self.columns[name].astype(np.bool_) for name in ("blade", "fresh"))
+        cells, self.kind, self.features = _derived(
+            air, c["ahead_m"], c["depth_m"], c["right_m"], c["slope"], c["density"],
+            c["right_m"] - expected_m, beside_m, error_m, blade,
+            np.abs(c["speed_mps"]) > MOVING_MPS, fresh, self.follows,
+            c["confidence"] >= 0.5, ~(c["crop_ahead_m"] < 0.8), c["ahead_confidence"] >= 0.5,
+        )  # fmt: skip
+        self.zone, self.edge = (np.ascontiguousarray(cells[:, k]) for k in (0, 4))
+        self.cells = self._cells(cells)
+
+    def _cells(self, cells: NDArray[np.int8]) -> dict[tuple[int, ...], NDArray[np.int32]]:
+        """Rows, in their order, by each of their keys."""
+        shown = np.flatnonzero(~self.columns["hidden"].astype(np.bool_))
+        mount = np.array([self.mount[d["mount"]] for d in self.drives], np.int8)[self.drive]
+        columns = [mount, *cells.T]
+        sizes = [int(column.max(initial=0)) + 1 for column in columns]
+        alike, inverse = np.unique(
+            np.ravel_multi_index([column[shown] for column in columns], sizes), return_inverse=True
+        )
+        situations = np.column_stack(np.unravel_index(alike, sizes)).tolist()
+        order = np.argsort(inverse, kind="stable")
+        ends = np.cumsum(np.bincount(inverse, minlength=len(alike)))
+        found: dict[tuple[int, ...], list[NDArray[np.intp]]] = {}
+        for situation, rows in zip(situations, np.split(order, ends[:-1]), strict=True):
+            for key in _keys(*situation):
+                found.setdefault(key, []).append(rows)
+        return {
+            key: shown[np.sort(np.concatenate(rows))].astype(np.int32)
+            for key, rows in found.items()
+        }
 
 
 ZONE_ACROSS: Final = 3
@@ -293,25 +353,13 @@ def features_of(
     density: float, blade: bool, since: int, kind: int, error_m: float,
 ) -> NDArray[np.float32]:  # fmt: skip
     """(FEATURES,) of a situation, in the order of SCALES."""
-    return np.array(
-        [
-            air.dust if blade else 0.0,
-            min(depth_m, 1.5),
-            min(ahead_m, 3.0),
-            min(since, SINCE),
-            float(kind),
-            max(-0.3, min(0.3, error_m)),
-            density,
-            math.atan(slope) if math.isfinite(slope) else 0.0,
-            max(-1.0, min(1.0, offset_m)) if math.isfinite(offset_m) else 0.0,
-            beside_m if math.isfinite(beside_m) else FAR_BESIDE_M,
-            air.crop_height_m,
-            air.cloud,
-            air.hour,
-            float(air.drilled),
-        ],
-        np.float32,
-    )
+    features = np.empty(FEATURES, np.float32)
+    _describe(
+        features, np.array(air.row()), float(ahead_m), float(depth_m), float(offset_m),
+        float(beside_m), float(slope), float(density), bool(blade), int(since), int(kind),
+        float(error_m),
+    )  # fmt: skip
+    return features
 
 
 def read_as(seen_m: float, was_m: float, here_m: float) -> float:

@@ -364,7 +364,7 @@ FOUR: list[Place] = [(0, 0), (14, 1), (13, 12), (-1, 11)]
 ROUND: list[Place] = [
     (12 * math.cos(k * math.tau / 60), 12 * math.sin(k * math.tau / 60)) for k in range(60)
 ]
-ANGLE: list[Place] = [(0, 0), (24, 0), (24, 10), (10, 10), (10, 24), (0, 24)]
+ANGLE: list[Place] = [(0, 0), (14, 0), (14, 6), (6, 6), (6, 14), (0, 14)]
 """An L: no first strip ends on open ground along the edges at its inner corner."""
 LATIN = re.compile(r"[A-Za-z]{2}")
 
@@ -459,7 +459,7 @@ def test_keep_outs_stay_when_a_walk_is_taken_for_the_other(
     walk_around(page, walked, FOUR)
     page.click("#field-keep-out")
     middle = page.locator("#field-map")
-    for x, y in ((160, 160), (200, 160), (200, 200), (160, 200)):
+    for x, y in ((120, 160), (160, 160), (160, 200), (120, 200)):
         middle.click(position={"x": x, "y": y})
     page.click("#field-keep-out")
     expect(page.locator("#field-said")).to_contain_text("1 keep-out", timeout=60_000)
@@ -475,6 +475,16 @@ def test_keep_outs_stay_when_a_walk_is_taken_for_the_other(
     page.context.close()
 
 
+def asked_corners(page: Page, panel: Served, language: str, every: int = 1) -> Iterator[str]:
+    """Chooses one point of the boundary after the other to begin at, and waits for its plan."""
+    for asked in map(str, range(0, len(on_disk(panel).crop), every)):
+        page.locator("#field-corner").select_option(asked)
+        expect(page.locator("#field-problem")).not_to_have_text(
+            text(language, "field.working"), timeout=60_000
+        )
+        yield asked
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_where_the_machine_cannot_begin_the_page_takes_another_corner_and_says_so(
     browser: Browser, walked: Served, language: str
@@ -482,15 +492,12 @@ def test_where_the_machine_cannot_begin_the_page_takes_another_corner_and_says_s
     """Along an edge that ends at an inner corner no first strip ends on open ground."""
     page = opened(browser, walked, "phone", language)
     walk_around(page, walked, ANGLE)
-    plan, wrong = page.locator("#plan-said"), page.locator("#field-problem")
-    corner = page.locator("#field-corner")
+    wrong = page.locator("#field-problem")
     told = 0
-    for asked in range(len(on_disk(walked).crop)):
-        corner.select_option(str(asked))
-        expect(wrong).not_to_have_text(text(language, "field.working"), timeout=60_000)
-        expect(plan).to_have_text(filled(language, "plan.said"))
+    for asked in asked_corners(page, walked, language):
+        expect(page.locator("#plan-said")).to_have_text(filled(language, "plan.said"))
         expect(wrong).not_to_have_text(LATIN if language == "ur" else re.compile("--corner"))
-        if corner.input_value() != str(asked):
+        if page.locator("#field-corner").input_value() != asked:
             told += 1
             expect(wrong).to_have_text(filled(language, "field.begins"))
     assert told > 0
@@ -504,12 +511,10 @@ def test_a_round_field_is_begun_at_any_of_its_points_in_standing_crop(
     page = opened(browser, walked, "phone", language)
     walk_around(page, walked, ROUND)
     page.click("#form-walked")
-    wrong, corner = page.locator("#field-problem"), page.locator("#field-corner")
     expect(page.locator("#form-walked")).to_have_attribute("aria-pressed", "true", timeout=60_000)
-    for asked in range(0, len(on_disk(walked).crop), 8):
-        corner.select_option(str(asked))
-        expect(wrong).to_have_text(filled(language, "field.inside"), timeout=60_000)
-        assert corner.input_value() == str(asked)
+    for asked in asked_corners(page, walked, language, every=8):
+        expect(page.locator("#field-problem")).to_have_text(filled(language, "field.inside"))
+        assert page.locator("#field-corner").input_value() == asked
     page.context.close()
 
 

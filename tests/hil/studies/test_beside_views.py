@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
-from hil.studies.beside_views import judged
+from hil.studies import beside_views
+
+judged = cache(beside_views.judged)
+"""Plain views are compared with several others."""
 
 
 @pytest.mark.parametrize("mount", ["low", "mast"])

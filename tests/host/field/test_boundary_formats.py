@@ -776,7 +776,7 @@ def test_the_plan_says_what_it_takes_an_outline_for(
     tmp_path: Path, cli: Cli, points: int, said: bool | None, words: str
 ) -> None:
     ring = [
-        (40 * math.cos(k * math.tau / points), 40 * math.sin(k * math.tau / points))
+        (20 * math.cos(k * math.tau / points), 20 * math.sin(k * math.tau / points))
         for k in range(points)
     ]
     path = tmp_path / "field.geojson"

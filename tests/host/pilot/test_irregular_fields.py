@@ -85,8 +85,8 @@ def test_nine_of_ten_random_fields_are_finished_in_the_plane_world() -> None:
 
 @pytest.mark.parametrize("wave", [0.08, -0.12])
 def test_edges_that_bend_are_followed_in_rounds(wave: float) -> None:
-    """Four sides of 9 m that bend halfway, by 18 degrees to the left or 27 to the right."""
-    half, out = 4.5, 4.5 * (1 + 2 * wave)
+    """Four sides of 7 m that bend halfway, by 18 degrees to the left or 27 to the right."""
+    half, out = 3.5, 3.5 * (1 + 2 * wave)
     ring = [(-half, -half), (0.0, -out), (half, -half), (out, 0.0)]
     ring += [(half, half), (0.0, out), (-half, half), (-out, 0.0)]
     low = min(x for x, _ in ring)

@@ -126,7 +126,7 @@ def test_what_stands_right_of_the_blade_s_middle_is_not_passed_on_the_right() ->
 
 def test_the_guard_knows_the_keep_outs_of_its_plan_with_their_margin() -> None:
     ring = left_of_the_blade(0.45)
-    plan = spiral(RING, 0, VEHICLE, gap_m=2.0, keep_outs=[ring])
+    plan = replace(spiral(RING, 0, VEHICLE, gap_m=2.0), keep_outs=(tuple(ring),))
     assert Guard(plan, VEHICLE, placed(0.2)).keep_clear().aside_m == pytest.approx(
         0.45 - 0.3 - SIGMAS * 0.2 - ROOM_M, abs=0.01
     )

@@ -45,7 +45,9 @@ def convex_fields(draw: st.DrawFn) -> list[tuple[float, float]]:
 
 @settings(max_examples=40)
 @given(convex_fields(), st.integers(0, 7))
-def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int) -> None:
+def test_the_strips_cover_the_field_and_every_corner_is_a_left_turn_of_less_than_half_a_circle(
+    field: list[tuple[float, float]], start: int
+) -> None:
     width = VEHICLE.pass_m
     plan = spiral(field, start, VEHICLE)
     whole = left = shapely.Polygon(field)
@@ -55,14 +57,6 @@ def test_the_strips_cover_the_field(field: list[tuple[float, float]], start: int
         left = left.difference(strip.buffer(1e-6))
     # Slivers below what a side is planned for, and outlines simplified by a centimetre.
     assert left.area < 0.02 * len(field) + 0.01 * whole.length
-
-
-@settings(max_examples=40)
-@given(convex_fields())
-def test_every_corner_is_a_left_turn_of_less_than_half_a_circle(
-    field: list[tuple[float, float]],
-) -> None:
-    plan = spiral(field, 0, VEHICLE)
     turns = [plan.corner_rad(k) for k in range(len(plan.sides) - 1)]
     assert all(0 <= turn < math.pi + 1e-6 for turn in turns)
 

@@ -26,13 +26,13 @@ SMALL = [(0.0, 0.0), (SMALL_M, 0.0), (SMALL_M, SMALL_M), (0.0, SMALL_M)]
 """Half of the square's work."""
 
 
-def pilot_for(world: SimpleWorld, turn: str = "three_point") -> Pilot:
-    return Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE, turn))
+def pilot_for(world: SimpleWorld) -> Pilot:
+    return Pilot(VEHICLE, world, spiral(SQUARE, 1, VEHICLE))
 
 
-def in_a_small_field(**more: float) -> tuple[SimpleWorld, Pilot]:
+def in_a_small_field(turn: str = "three_point", **more: float) -> tuple[SimpleWorld, Pilot]:
     world = SimpleWorld(VEHICLE, SMALL_M, SMALL_M, **more)  # type: ignore[arg-type]
-    return world, Pilot(VEHICLE, world, spiral(SMALL, 1, VEHICLE))
+    return world, Pilot(VEHICLE, world, spiral(SMALL, 1, VEHICLE, turn))
 
 
 @pytest.mark.parametrize("speed_error", [0.95, 1.05])
@@ -50,7 +50,9 @@ def test_without_a_hall_sensor_it_still_cuts_nearly_all(speed_error: float) -> N
 def test_what_stands_at_its_end_is_told_and_much_of_it_is_no_finish(
     monkeypatch: pytest.MonkeyPatch, left_m2: float, phase: Phase
 ) -> None:
-    world, pilot = in_a_small_field()
+    world = SimpleWorld(VEHICLE, SMALL_M, SMALL_M)
+    plan = spiral(SMALL, 1, VEHICLE)
+    pilot = Pilot(VEHICLE, world, replace(plan, sides=plan.sides[:1]))
     monkeypatch.setattr(Context, "left_m2", left_m2)
     harvest(world, pilot)
     assert pilot.phase is phase
@@ -59,8 +61,7 @@ def test_what_stands_at_its_end_is_told_and_much_of_it_is_no_finish(
 
 @pytest.mark.parametrize("error_deg", [-2.0, 1.0])
 def test_a_steering_pot_whose_zero_is_off_is_learned_on_the_way(error_deg: float) -> None:
-    world = SimpleWorld(VEHICLE, pot_error=math.radians(error_deg))
-    pilot = pilot_for(world)
+    world, pilot = in_a_small_field(pot_error=math.radians(error_deg))
     harvest(world, pilot)
     assert pilot.phase is Phase.FINISHED
     assert math.degrees(pilot.trim_rad) == pytest.approx(error_deg, abs=0.3)
@@ -79,9 +80,9 @@ def test_cuts_the_whole_field_and_nothing_else(speed_error: float) -> None:
 
 
 def test_the_papers_arc_leaves_more_standing_than_the_three_point_turn() -> None:
-    arc, square = SimpleWorld(VEHICLE), SimpleWorld(VEHICLE)
-    harvest(arc, pilot_for(arc, "arc"))
-    harvest(square, pilot_for(square))
+    (arc, by_arc), (square, by_square) = (in_a_small_field(turn) for turn in ("arc", "three_point"))
+    harvest(arc, by_arc)
+    harvest(square, by_square)
     assert square.coverage > 0.995
     assert arc.coverage < 0.8
 
@@ -360,13 +361,13 @@ def test_the_stated_uncertainty_of_the_position_holds() -> None:
 @pytest.mark.parametrize(
     "corners",
     [
-        [(0.0, 0.0), (12.0, 0.0), (9.0, 8.0), (2.0, 8.0)],
-        [(0.0, 1.0), (7.0, 0.0), (12.0, 4.0), (11.0, 9.0), (5.0, 11.0), (1.0, 7.0)],
-        [(0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (5.0, 5.0), (5.0, 10.0), (0.0, 10.0)],
+        [(0.0, 0.0), (9.0, 0.0), (7.0, 6.0), (1.5, 6.0)],
+        [(0.0, 0.8), (5.6, 0.0), (9.6, 3.2), (8.8, 7.2), (4.0, 8.8), (0.8, 5.6)],
+        [(0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (4.0, 4.0), (4.0, 8.0), (0.0, 8.0)],
     ],
 )
 def test_fields_with_other_corners_than_right_angles(corners: list[tuple[float, float]]) -> None:
-    world = SimpleWorld(VEHICLE, width=12.0, height=11.0, polygon=corners)
+    world = SimpleWorld(VEHICLE, width=9.6, height=8.8, polygon=corners)
     plan = spiral(corners, 0, VEHICLE, "three_point", world.gap)
     world.stand_at(plan.sides[0])
     pilot = Pilot(VEHICLE, world, plan)

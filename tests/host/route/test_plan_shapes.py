@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -56,6 +57,7 @@ def test_no_strip_is_planned_that_the_overlap_has_cut(more_m: float) -> None:
         assert min(side.width_m for side in plan.sides) >= VEHICLE.overlap_m / 2
 
 
+@cache
 def plan_around(hole: shapely.Polygon) -> Plan:
     field = [(0.0, 0.0), (15.0, 0.0), (15.0, 13.0), (0.0, 13.0)]
     ring = [(x, y) for x, y in hole.exterior.coords[:-1]]
@@ -239,20 +241,24 @@ ELLS_WITH_A_WELL = [
 ]
 
 
-@pytest.mark.parametrize(("boundary", "well"), ELLS_WITH_A_WELL)
-def test_where_each_way_is_wrong_once_another_choice_leaves_little(
-    boundary: list[tuple[float, float]], well: list[tuple[float, float]]
-) -> None:
+@cache
+def plan_of_an_ell(which: int) -> Plan:
+    boundary, well = ELLS_WITH_A_WELL[which]
+    return spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
+
+
+@pytest.mark.parametrize("which", range(len(ELLS_WITH_A_WELL)))
+def test_where_each_way_is_wrong_once_another_choice_leaves_little(which: int) -> None:
     """Each of the ways alone leaves up to two fifths of these, or parts them."""
-    plan = spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
+    plan = plan_of_an_ell(which)
     assert plan.unreached_m2 < 0.015 * plan.area_m2
+    boundary, well = ELLS_WITH_A_WELL[which]
     again = spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
     assert again.otherwise == plan.otherwise != ()
 
 
 def test_a_plan_laid_out_anew_keeps_the_choices_that_were_made_otherwise() -> None:
-    boundary, well = ELLS_WITH_A_WELL[1]
-    plan = spiral(boundary, 0, VEHICLE, gap_m=2.0, keep_outs=[well])
+    plan = plan_of_an_ell(1)
     found = [(x + 0.2, y - 0.1) for x, y in plan.boundary[:2]] + list(plan.boundary[2:])
     anew = around(plan, found, plan.cut_along(9), VEHICLE)
     assert anew is not None
