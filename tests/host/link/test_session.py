@@ -296,6 +296,14 @@ def test_a_taken_port_is_said(board: FakeFirmware) -> None:
         ("/tmp", "cannot open /tmp"),
         ("socket://127.0.0.1:1", "cannot connect"),
         ("nonsense://x", "cannot connect"),
+        ("nonsense://x", "nonsense:// is unknown; give a serial port, socket://HOST:PORT or"),
+        ("socket://x", "socket://x: the address needs a host and a port from 1 to 65535"),
+        ("socket://127.0.0.1:x", "needs a host and a port"),
+        ("socket://127.0.0.1:70000", "needs a host and a port"),
+        ("socket://:5000", "needs a host and a port"),
+        ("socket://[::1", "needs a host and a port"),
+        ("rfc2217://x", "as rfc2217://192.168.1.7:5000"),
+        ("", "--port is empty"),
     ],
 )
 def test_what_is_no_port_is_refused(port: str, message: str) -> None:
