@@ -97,6 +97,32 @@ def test_an_error_names_file_line_and_field(
     assert "\n" not in message
 
 
+def test_what_the_command_line_got_wrong_is_not_blamed_on_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text("weather: {hour: 9}\n")
+    for setting, field in (
+        ("weather.hour=99", "weather.hour"),
+        ("weather=4", "weather"),
+        ("nonsense=3", "nonsense"),
+        ("camera=roof", "no camera mount"),
+        ("lens.fov=3", "lens.fov"),
+        ("belief.gap_m=x", "belief.gap_m"),
+    ):
+        for base in (path, "default"):
+            with pytest.raises(UserError) as error:
+                load(str(base), assigned(setting))
+            assert str(error.value).startswith(f"the command line: {field}")
+            assert ".yaml" not in str(error.value)
+        with pytest.raises(UserError, match=f"^the command line: {field}"):
+            changed(load(str(path)), assigned(setting))
+    path.write_text("weather: {hour: 99}\n")
+    with pytest.raises(UserError) as error:
+        load(str(path), merge(assigned("seed=x"), assigned("weather.dust=0")))
+    said = str(error.value).split("; ")
+    assert any(text.startswith("the command line: seed:") for text in said)
+    assert any(text.startswith(f"{path}, line 1: weather.hour:") for text in said)
+
+
 @pytest.mark.parametrize(
     "text", ["a: [", "- 1\n", "\t", "off\n", "0\n", "a: 2026-13-45\n", "[" * 9999]
 )
