@@ -26,6 +26,8 @@ def plot(path: Path, out: Path | None) -> None:
             target = folder / f"{path.stem}-{name}.png"
             figure.savefig(target, dpi=110)
             echo(f"written: {target}")
+    if data.cut:
+        echo(f"warning: {data.cut}", err=True)
     for stamp, phase, reason in data.phases:
         echo(f"{stamp:8.1f} s  {phase}: {reason}")
     word = protocol.Fault(int(np.bitwise_or.reduce(data.telemetry[:, 6].astype(np.int64))))

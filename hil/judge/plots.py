@@ -58,6 +58,8 @@ class Series:
     """(since, phase, reason), each change."""
     faults: list[tuple[float, str, bool]] = field(default_factory=list)
     """(at, what was injected, begins)."""
+    cut: str = ""
+    """Why the record is not whole, in words; empty where it is."""
 
 
 _ROWS = {
@@ -74,7 +76,8 @@ def series(path: Path) -> Series:
     rows: dict[str, list[list[float]]] = {topic: [] for topic in _ROWS}
     phases: list[tuple[float, str, str]] = []
     faults: list[tuple[float, str, bool]] = []
-    for topic, stamp, message in record.read(path):
+    cut: list[str] = []
+    for topic, stamp, message in record.read(path, cut.append):
         if topic in _ROWS:
             values = [message.get(name) for name in _ROWS[topic]]
             rows[topic].append([stamp, *(np.nan if v is None else float(v) for v in values)])
@@ -83,7 +86,8 @@ def series(path: Path) -> Series:
         if topic == "/fault":
             faults.append((stamp, message["fault"], message["begins"]))
     if not rows["/telemetry"]:
-        raise UserError(f"{path} holds no telemetry: there is nothing to draw")
+        why = f" ({cut[0]})" if cut else ""
+        raise UserError(f"{path} holds no telemetry: there is nothing to draw{why}")
 
     def columns(topic: str) -> NDArray[np.float64]:
         return np.array(rows[topic], np.float64).reshape(-1, 1 + len(_ROWS[topic]))
@@ -103,6 +107,7 @@ def series(path: Path) -> Series:
         columns("/command"),
         phases,
         faults,
+        "".join(cut),
     )
 
 
