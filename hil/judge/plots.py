@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.runs import record
 
 mpl.use("Agg")
@@ -245,6 +246,7 @@ def draw_path(data: Series) -> Figure:
 
 def json_of(path: Path, kind: type[Any] = dict) -> Any:
     """What a file holds. UserError where that is not JSON, or another kind of it."""
+    check_input(path, "the result", once=False)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:

@@ -26,6 +26,7 @@ from hil.firmware.provision import FITTED, raw_values
 from hil.scenario.world import World
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
+from host.core.input_file import check_input
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
@@ -567,6 +568,7 @@ def _parameters_of(folder: Path) -> dict[str, float]:
 
 def _gap_of(folder: Path) -> float | None:
     path = folder / "commissioning.json"
+    check_input(path, "belief.folder:", once=False)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         return float(data["gap_m"]["found"])

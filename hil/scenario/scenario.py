@@ -21,6 +21,7 @@ from hil.scenario.belief import Belief, Told, corner_like, spelled_out, told
 from hil.scenario.faults import Fault
 from hil.scenario.world import Start, World
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.yaml_file import OnceLoader
@@ -219,17 +220,19 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
 
     Raises UserError naming file, line and field."""
     path = Path(name_or_file)
-    if not path.suffix and not path.is_file():
+    if not path.suffix and not path.exists():
         path = FOLDER / f"{name_or_file}.yaml"
         if not path.exists():
             raise UserError(
                 f"no scenario is named {name_or_file!r}; there are {', '.join(named())} "
                 "(or give a YAML file's path)"
             )
+    check_input(path, "the scenario")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read the scenario {path}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"cannot read the scenario {path}: {why}") from error
     try:
         data = yaml.load(text, OnceLoader)
         lines = _lines(yaml.compose(text, Loader=OnceLoader))
@@ -238,7 +241,8 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
         where = f", line {mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "not readable"
         raise UserError(f"{path}{where}: not YAML: {problem}") from error
-    data = {} if data is None else data
+    if data is None:
+        raise UserError(f"{path} is empty; give fields, such as 'seed: 1'")
     if not isinstance(data, dict):
         raise UserError(f"{path}: a scenario is a mapping of fields, such as 'seed: 1'")
     data.setdefault("name", path.stem)

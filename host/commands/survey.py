@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from host.core.errors import UserError
+from host.core.input_file import check_input, is_piped
 from host.core.number_range import NumberRange
 from host.core.terminal import echo
 from host.field.boundary_file import check_target, save_field
@@ -74,7 +75,9 @@ def survey(
         raise UserError("--corners and --irregular exclude each other; give one of them")
     check_target(out)
     path = Path(source)
-    if not path.is_file():
+    if not path.is_char_device():  # a receiver is one
+        check_input(path, "the walk")
+    if not path.is_file() and not is_piped(path):
         path = out.with_suffix(".nmea")
         record_walk(source, path, echo)
     track, receiver = read_walk(path)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.corners import MAX_CORNERS, thinned
@@ -423,6 +424,7 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
 def read_walk(path: Path) -> tuple[Track, Receiver]:
     """The walk in a recorded NMEA file or in the GPX of a phone's app, and what was understood of
     it. UserError where there is no position in it."""
+    check_input(path, "the walk")
     receiver = Receiver()
     try:
         if path.suffix.lower() == ".gpx":

@@ -29,6 +29,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.core.messages import Command, Fix, Request, State, Telemetry, Turned
 from host.estimate.kalman import Innovation
 from host.pilot.snapshot import Snapshot
@@ -315,6 +316,7 @@ def unused(path: Path) -> Path:
 def _records(path: Path, cut: Callable[[str], None] | None = None) -> Iterator[McapRecord]:
     """The file's records up to its end or the first that is not whole: then `cut` is told why.
     UserError where the file is missing or is no record."""
+    check_input(path, "the record", once=False)
     try:
         file = path.open("rb")
     except OSError as error:

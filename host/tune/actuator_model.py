@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 
 Floats = NDArray[np.float64]
 
@@ -137,6 +138,7 @@ class ActuatorModel:
     @classmethod
     def load(cls, path: Path) -> ActuatorModel:
         """Reads what `save` wrote. Raises UserError where it is not that."""
+        check_input(path, "the model")
         try:
             raw: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             pairs = {k: Estimate(**v) if isinstance(v, dict) else float(v) for k, v in raw.items()}

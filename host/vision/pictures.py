@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 
 Picture = NDArray[np.uint8]
 """(height, width, 3) blue, green, red."""
@@ -49,6 +50,7 @@ def to_bgr(picture: NDArray[np.generic]) -> Picture:
 def read_photo(path: Path) -> Picture:
     """One photograph, the way up that a viewer shows it: a phone stores what its sensor saw, and
     says in EXIF how it was held. UserError where it cannot be used."""
+    check_input(path, "the picture")
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
     except OSError as error:
@@ -104,6 +106,8 @@ def frames(source: str) -> Iterator[tuple[str, Picture]]:
     if "://" not in source:
         if not path.exists():
             raise UserError(f"{source}: no such file or folder; check the path")
+        if not path.is_char_device():  # a camera is one
+            check_input(path, "the source", once=False)
         if path.is_dir() or _is_photo(path):
             bad = []
             for photo in photos_in(path):
