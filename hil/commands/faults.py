@@ -16,6 +16,7 @@ from hil.studies.matrix_runs import Matrix, run_matrix, worst_stop_ms
 from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
+from host.core.whole_file import save_text
 
 SITUATIONS: dict[str, tuple[Situation, ...]] = {
     "follow": ("follow",),
@@ -62,9 +63,9 @@ def faults(
             cases, out, workers=workers, scheduler=scheduler, progress=watch.reach
         )
     summary = matrix.summary(verdicts)
-    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    save_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     PlainConsole().print_table(table_of(verdicts, matrix.title))
-    (out / "faults.md").write_text(markdown_of(verdicts, matrix.title), encoding="utf-8")
+    save_text(out / "faults.md", markdown_of(verdicts, matrix.title))
     report.faults_report(out, matrix.title, verdicts)
     echo(
         f"{len(verdicts)} runs, {summary['limits']} known limits, worst stop_latency_ms "

@@ -36,6 +36,7 @@ from hil.judge.figures import MISSED, better, cells_of
 from hil.judge.overview import overview
 from hil.report.zoom import over_time, resources
 from host.core.errors import UserError
+from host.core.whole_file import save_text
 from host.link import protocol
 from host.runs import record
 from host.sensors.jpeg import JpegDecoder
@@ -137,7 +138,7 @@ def render(title: str, sections: Sequence[Section]) -> str:
 def write(out: Path, title: str, sections: Sequence[Section], name: str = "report.html") -> Path:
     """The page in the folder."""
     path = out / name
-    path.write_text(render(title, sections), encoding="utf-8")
+    save_text(path, render(title, sections))
     return path
 
 

@@ -26,6 +26,7 @@ from scipy.ndimage import correlate1d
 
 from host.core.errors import UserError
 from host.core.input_file import check_input
+from host.core.whole_file import saved
 from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.corners import MAX_CORNERS, thinned
@@ -542,7 +543,8 @@ def draw_survey(path: Path, survey: Survey, title: str) -> None:
     close.set_title("the field")
     close.legend(loc="upper right", fontsize=8)
     figure.suptitle(title)
-    figure.savefig(path, dpi=110)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=110)
 
 
 def _from_corner_0(survey: Survey) -> Survey:

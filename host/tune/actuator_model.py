@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 
 from host.core.errors import UserError
 from host.core.input_file import check_input
+from host.core.whole_file import save_text
 
 Floats = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ class ActuatorModel:
 
     def save(self, path: Path) -> None:
         """Writes JSON."""
-        path.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
+        save_text(path, json.dumps(asdict(self), indent=1))
 
     @classmethod
     def load(cls, path: Path) -> ActuatorModel:

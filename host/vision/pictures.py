@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from host.core.errors import UserError
 from host.core.input_file import check_input
+from host.core.whole_file import saved
 
 Picture = NDArray[np.uint8]
 """(height, width, 3) blue, green, red."""
@@ -75,11 +76,12 @@ def read_photo(path: Path) -> Picture:
 
 
 def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
-    """OSError, with the file's name, where it cannot be written: OpenCV would say nothing."""
+    """UserError where it cannot be written: OpenCV would say nothing."""
     good, data = cv2.imencode(path.suffix, picture)
     if not good:
         raise ValueError(f"{path}: OpenCV does not write such pictures")
-    path.write_bytes(data.tobytes())
+    with saved(path, sync=False) as fresh:
+        fresh.write_bytes(data.tobytes())
 
 
 def _is_photo(path: Path) -> bool:
