@@ -65,6 +65,15 @@ WOBBLE_M = 0.3
 """Nobody walks straighter, and no phone would know."""
 STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
+BULGE_M = 0.5
+"""By so much the walk lies farther out in the middle of neighbouring sides than at their ends, or
+farther in, and by more than their corners are known: what was walked is an arc. Straight-edged
+fields came to 0.3 m, circles with radii of 10 to 40 m to 0.9 m and more (simulated walks with
+speed and course), and"""
+BULGE_SIGMAS = 5.0
+"""so surely: those came to 3 standard deviations of what a walker wobbles, these to 6 and more."""
+LEAST_WOBBLE_M = 0.1
+"""Nobody is believed to have walked straighter, standard deviation."""
 SMOOTH_M = 5.0
 """Window over which an irregular ring is smoothed: twice the CEP of a phone."""
 CLOSING_M = 10.0
@@ -99,14 +108,19 @@ class Survey:
     """Standard deviation per axis of a corner (of the edge, where the field is irregular) against
     the others; a common shift is none. By phones in general where the receiver said no velocity."""
     warnings: list[str] = field(default_factory=list)
+    bulges: bool = False
+    """Whether the walk surely follows arcs where the sides are straight."""
+
+    @property
+    def leaves_its_sides(self) -> bool:
+        """Whether the walk leaves the straight sides, as a whole or in their middle."""
+        return self.corners is not None and (self.residual_m > STRAIGHT_M or self.bulges)
 
     @property
     def seems_to_bend(self) -> bool:
         """Whether straight sides hardly fit: the walk leaves them, or they are as many as are
         looked for."""
-        if self.corners is None:
-            return False
-        return self.residual_m > STRAIGHT_M or self.corners >= MAX_CORNERS
+        return self.leaves_its_sides or (self.corners or 0) >= MAX_CORNERS
 
     def boundary(self, name: str) -> Boundary:
         """As it goes into a file."""
@@ -250,6 +264,48 @@ def straight_sides(rings: list[Points], corners: int | None) -> Points:
     return mean
 
 
+def _sagittas(outline: Points, rings: list[Points]) -> tuple[Points, Points]:
+    """(n,) of each side of an outline how much farther out the walk lies in its middle than at its
+    ends, as a parabola has it (m), and the standard deviation of that; infinite where too little
+    was walked along it."""
+    ends = np.roll(outline, -1, axis=0)
+    sides = [shapely.LineString(side) for side in np.stack([outline, ends], axis=1)]
+    walked = np.concatenate([resampled(ring, _even(ring)) for ring in rings])
+    nearest = np.array([shapely.distance(s, shapely.points(walked)) for s in sides]).argmin(0)
+    found, sigma = np.zeros(len(sides)), np.full(len(sides), math.inf)
+    for k, (begin, way) in enumerate(zip(outline, ends - outline, strict=True)):
+        length_m = float(np.hypot(*way))
+        off = walked[nearest == k] - begin
+        along = 2 * (off @ way) / length_m**2 - 1
+        inner = np.abs(along) < 1 - 2 * SIDE_ENDS
+        u, out = along[inner], (off @ (way[1], -way[0]) / length_m)[inner]
+        if len(u) < 4 or not (bow := float(np.std(u**2))) > 0.0:
+            continue
+        parabola = np.polyfit(u, out, 2)
+        left_m = float(np.std(out - np.polyval(parabola, u)))
+        observations = max(1.0, (1 - 2 * SIDE_ENDS) * length_m * len(rings) / DECORRELATION_M)
+        found[k] = -parabola[0]
+        sigma[k] = max(left_m, LEAST_WOBBLE_M) / bow / math.sqrt(observations)
+    return found, sigma
+
+
+def bulging(outline: Points, rings: list[Points], known_to_m: float) -> bool:
+    """Whether the walk surely lies farther out (or in) in the middle of some neighbouring sides
+    than at their ends: by more than the corners are known to."""
+    sagittas, sigmas = _sagittas(outline, rings)
+    count = len(outline)
+    for first in range(count):
+        for many in range(1, count + 1):
+            some = np.arange(first, first + many) % count
+            weights = sigmas[some] ** -2.0
+            if not (total := float(weights.sum())) > 0.0:
+                continue
+            mean_m = abs(float(weights @ sagittas[some])) / total
+            if mean_m > max(BULGE_M, known_to_m) and mean_m * math.sqrt(total) > BULGE_SIGMAS:
+                return True
+    return False
+
+
 # ---- any edge ------------------------------------------------------------------------------------
 
 
@@ -346,8 +402,9 @@ def survey_track(
     holes, crossing = _keep_outs_in(shapely.Polygon(outline), loops)
     number_of = None if irregular else len(outline)
     polygon = shapely.Polygon(outline, holes)
-    found = Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
-    if found.seems_to_bend and (corners is None or residual > STRAIGHT_M):
+    bulges = number_of is not None and bulging(outline, rings, sigma_m)
+    found = Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings, bulges)
+    if found.leaves_its_sides or (corners is None and found.seems_to_bend):
         warnings.append(
             f"the walk leaves {number_of} straight sides by {away.max():.1f} m (rms "
             f"{residual:.1f} m); --irregular keeps the edge as it was walked"
