@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from hil.bench.lockstep import Bench
+from hil.commands.cli import cli
 from hil.firmware import targets
 from hil.firmware.provision import pwm_hz
 from hil.scenario.scenario import assigned, changed, load, merge, named
-from host.core.errors import UserError
+from host.core.errors import EXIT_USER, UserError, run
 from sim_plant.machine import DRIVE_PWM_HZ, STEER_PWM_HZ
 from tests.helpers.oracle import quick
 
@@ -131,6 +132,29 @@ def test_what_is_no_mapping_is_one_message(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(UserError, match=r"odd\.yaml"):
         load(str(path))
+
+
+def test_a_walk_that_nobody_makes_is_refused_by_its_number() -> None:
+    for setting, field in (
+        ("belief={boundary: {cep_m: 1.0e9}}", "cep_m"),
+        ("belief={boundary: {laps: 1000}}", "laps"),
+    ):
+        with pytest.raises(UserError, match=rf"the command line: belief.*{field}"):
+            load("default", assigned(setting))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--cep", "1e9"), ("--cep", "inf"), ("--cep", "nan"), ("--laps", "0")]
+)
+def test_commission_refuses_such_a_walk(
+    option: str, value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(cli, "daranti-hil", ["commission", option, value, "--out", "/proc/x"])
+    assert exit_.value.code == EXIT_USER
+    err = capsys.readouterr().err
+    assert "None" not in err
+    assert option in err
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
