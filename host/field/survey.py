@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -82,6 +82,8 @@ of SMOOTH_M. Over less, what a receiver has drifted during the lap is a corner t
 machine is then put down at and begins with."""
 CLOSES_ALONG_M = 5.0
 """The last of a lap's way, which says in which direction it closes."""
+LINES_TOLD = 2000
+"""Of a walk, after which it is told how far it is read: a tenth of a second or two."""
 EDGE_POINTS = 16
 """Places along a lap whose error against each other is that of an irregular edge."""
 LAP_COLOURS = (4, 0, 1, 5)
@@ -360,6 +362,10 @@ def _from(ring: Points, place: Points) -> Points:
     return np.roll(ring, -nearest, axis=0)
 
 
+def _silent(_: str) -> None:
+    """Where nobody asks how far it is."""
+
+
 # ---- the whole -----------------------------------------------------------------------------------
 
 
@@ -370,12 +376,16 @@ def survey_track(
     irregular: bool = False,
     lap: int | None = None,
     close_m: float = CLOSE_M,
+    tell: Callable[[str], None] = _silent,
 ) -> Survey:
-    """The boundary from a walk. `lap` (from 1): take only this one. UserError where the walk does
+    """The boundary from a walk. `lap` (from 1): take only this one; `tell` is told what it is at.
+    UserError where the walk does
     not close a loop or the loop does not have the form that was asked for."""
+    tell(f"smoothing {len(track.xy)} positions")
     smoother = Smoother(track) if smoothable(track) else None
     if smoother is not None:
         track = smoother.smoothed()
+    tell("looking for laps")
     loops = find_loops(track, close_m)
     if loops is None:
         raise UserError(
@@ -385,10 +395,12 @@ def survey_track(
         )
     laps, warnings = _laps_of(loops, lap)
     rings = [closing(loop.xy) if irregular else loop.xy for loop in laps]
+    tell(f"looking for the edge in {len(laps)} laps")
     mean, apart = mean_ring(rings, _even(rings[0]))
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
     sigma_m = UNKNOWN_SIGMA_M
     if smoother is not None:
+        tell("how surely it is known")
         sigma_m = smoother.sigma_m(
             np.linspace(laps[0].first, laps[0].last, EDGE_POINTS, endpoint=False).astype(int)
         )
@@ -479,9 +491,9 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
 # ---- from a receiver ----------------------------------------------------------------------------
 
 
-def read_walk(path: Path) -> tuple[Track, Receiver]:
+def read_walk(path: Path, tell: Callable[[str], None] = _silent) -> tuple[Track, Receiver]:
     """The walk in a recorded NMEA file or in the GPX of a phone's app, and what was understood of
-    it. UserError where there is no position in it."""
+    it; `tell` is told how far it is. UserError where there is no position in it."""
     check_input(path, "the walk")
     receiver = Receiver()
     try:
@@ -489,7 +501,7 @@ def read_walk(path: Path) -> tuple[Track, Receiver]:
             fixes, receiver.sentences["GPX point"] = gpx_file.read_fixes(path)
         else:
             with path.open("rb") as lines:
-                fixes = read_fixes(lines, receiver)
+                fixes = read_fixes(_told(lines, path.stat().st_size, tell), receiver)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
     except OSError as error:
@@ -506,6 +518,16 @@ def read_walk(path: Path) -> tuple[Track, Receiver]:
             f"{bad or 'none'}); record NMEA with GGA or RMC sentences under open sky"
         )
     return track, receiver
+
+
+def _told(lines: Iterable[bytes], size: int, tell: Callable[[str], None]) -> Iterator[bytes]:
+    """The lines; `tell` is told, now and then, how much of `size` bytes they have been."""
+    done = 0
+    for number, line in enumerate(lines):
+        if number % LINES_TOLD == 0:
+            tell(f"reading, {100 * done / size:.0f} %" if size else "reading")
+        done += len(line)
+        yield line
 
 
 def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:

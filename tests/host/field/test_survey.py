@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
+from host.core.progress import Watch
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
 from host.field.smoothing import Smoother
 from host.field.survey import (
@@ -349,6 +350,28 @@ def test_an_irregular_field_keeps_its_edge() -> None:
     straight = survey_track(tracked(lines), corners=4)
     assert any("--irregular keeps the edge" in text for text in straight.warnings)
     assert (found.boundary("").recorded, straight.boundary("").recorded) == (True, False)
+
+
+def test_a_long_survey_says_what_it_is_at(
+    cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    class Noted(Watch):
+        def reach(self, done: float, text: str = "") -> None:
+            told.append(text)
+            super().reach(done, text)
+
+    monkeypatch.setattr("host.commands.survey.Watch", Noted)
+    source, out = tmp_path / "walk.nmea", tmp_path / "field.geojson"
+    source.write_text("\r\n".join(walk(around(SQUARE, 20))))
+    code, _, _ = cli("survey", str(source), "--out", str(out))
+    assert code == 0
+    read = [int(text.split()[1]) for text in told if text.startswith("reading, ")]
+    assert read == sorted(read)
+    assert len(read) > 3
+    for stage in ("smoothing ", "looking for laps", "looking for the edge in 20 laps", "drawing"):
+        assert any(text.startswith(stage) for text in told), stage
 
 
 def oval(along_m: float, across_m: float) -> list[Place]:
