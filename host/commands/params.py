@@ -18,6 +18,7 @@ from host.link import protocol
 from host.link.params import (
     default_of,
     differs,
+    raw_of,
     read,
     read_all,
     read_file,
@@ -90,6 +91,7 @@ def get(name: str, port: str) -> None:
 def set_(name: str, value: float, keep: bool, port: str) -> None:
     """Changes one parameter, in its unit."""
     spec = spec_of(name)
+    raw_of(spec, value)  # what is out of range needs no board to say so
     with connect(port) as link:
         _show(spec, write(link, spec, value))
         if keep:

@@ -49,13 +49,19 @@ def check_port(port: str) -> None:
     if "://" in port or os.name != "posix":
         return
     try:
-        device = stat.S_ISCHR(Path(port).stat().st_mode)
+        found = Path(port).stat()
     except (OSError, ValueError) as error:
         raise UserError(_why_not(port, error)) from error
-    if not device:
+    if not (stat.S_ISCHR(found.st_mode) and _is_terminal(found.st_rdev)):
         raise UserError(f"{port} is not a serial port; give one, as /dev/ttyACM0")
     if not os.access(port, os.R_OK | os.W_OK):
         raise UserError(_why_not(port, PermissionError(errno.EACCES, "")))
+
+
+def _is_terminal(device: int) -> bool:
+    """Whether a device is of the kind that serial ports are, as far as Linux says it."""
+    kind = Path(f"/sys/dev/char/{os.major(device)}:{os.minor(device)}/subsystem")
+    return not kind.exists() or kind.resolve().name == "tty"
 
 
 def open_port(port: str) -> serial.Serial:

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link import protocol
+from host.link.port import check_port
 from host.link.session import HELLO_EVERY_S, Link, Session
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 
@@ -279,6 +280,17 @@ def test_a_port_that_takes_no_bytes_is_said() -> None:
 def test_a_missing_port_names_those_that_are_there() -> None:
     with pytest.raises(UserError, match=r"/dev/no-such-port does not exist; ports there now: "):
         Link("/dev/no-such-port", time.monotonic)
+
+
+@pytest.mark.parametrize("port", ["/dev/null", "/dev/zero", "/tmp", "/etc/hostname"])
+def test_what_is_no_serial_port_is_told_without_opening_it(port: str) -> None:
+    with pytest.raises(UserError, match="is not a serial port"):
+        check_port(port)
+
+
+def test_a_port_that_is_there_is_not_opened_to_be_checked(board: FakeFirmware) -> None:
+    check_port(board.port)
+    assert board.received == []
 
 
 def test_a_taken_port_is_said(board: FakeFirmware) -> None:
