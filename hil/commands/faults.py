@@ -17,6 +17,7 @@ from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
+from sim_plant.camera import MOUNTS
 
 SITUATIONS: dict[str, tuple[Situation, ...]] = {
     "follow": ("follow",),
@@ -55,6 +56,8 @@ def faults(
     Exits with an error when any outcome is unsafe or late; known limits are counted apart. The same
     command goes on where it was killed, as long as the programs are the same."""
 
+    if camera not in MOUNTS:
+        raise UserError(f"--camera {camera}: no such mount; there are {', '.join(sorted(MOUNTS))}")
     records_in = out / "records" if records else None
     matrix = Matrix(only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in)
     cases = matrix.cases()

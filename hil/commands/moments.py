@@ -66,6 +66,10 @@ def command(
             table.add_row(str(seed), *row(new, bound_ms))
             save_text(out, json.dumps([asdict(m) for m in found]))
             progress.step()
+    if not found:
+        raise UserError(
+            f"no moment: every harvest ended before {every:g} s; give a smaller --every"
+        )
     table.add_row("all", *row(found, bound_ms))
     PlainConsole().print_table(table)
 
