@@ -67,9 +67,7 @@ def command(
             save_text(out, json.dumps([asdict(m) for m in found]))
             progress.step()
     if not found:
-        raise UserError(
-            f"no moment: every harvest ended before {every:g} s; give a smaller --every"
-        )
+        raise UserError(f"no harvest lasted as long as --every {every:g}; give a smaller one")
     table.add_row("all", *row(found, bound_ms))
     PlainConsole().print_table(table)
 
