@@ -24,6 +24,7 @@ from hil.judge.metrics import Truth
 from hil.scenario.faults import Fault
 from hil.scenario.scenario import Scenario
 from host.core.messages import Fix, Frame, Turned
+from host.core.whole_file import save_text
 from host.link.session import Session
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
@@ -445,8 +446,8 @@ def harvest(
         "processor_s": round(used, 2),
         "wall_share": {name: round(value / wall, 3) for name, value in run.seconds.items()},
     }
-    (out / "events.json").write_text(json.dumps(_events(run)) + "\n", encoding="utf-8")
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    save_text(out / "events.json", json.dumps(_events(run)) + "\n")
+    save_text(out / "summary.json", json.dumps(summary, indent=2) + "\n")
     if lean:
         return summary
     title = (

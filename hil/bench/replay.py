@@ -343,7 +343,7 @@ def replay(
     if not vision:
         outcome.notes.append("not every picture was kept: vision is not replayed, its views are")
     pilot = _PilotReplay(about, vision, outcome)
-    for topic, stamp, message in record.read(path):
+    for topic, stamp, message in record.read(path, outcome.notes.append):
         pilot.take(topic, stamp, message)
     if not outcome.commands:
         outcome.notes.append("the record ends before the first command")

@@ -25,6 +25,7 @@ from hil.bench.slices import SLICE_US
 from hil.scenario.scenario import Scenario
 from host.core.frames import LocalFrame
 from host.core.vehicle_file import save_vehicle
+from host.core.whole_file import save_text
 from host.pilot.phase import Phase
 from sim_plant.camera import Camera, Shot
 from sim_plant.field_spec import FieldSpec
@@ -183,7 +184,7 @@ def handouts(chosen: Scenario, out: Path) -> dict[str, str]:
         for ring in (told.boundary, *told.keep_outs)
     ]
     polygon = {"type": "Polygon", "coordinates": rings}
-    (out / "boundary.geojson").write_text(json.dumps(polygon), encoding="utf-8")
+    save_text(out / "boundary.geojson", json.dumps(polygon))
     return {
         "vehicle": str(out / "vehicle.yaml"),
         "mount": chosen.camera,

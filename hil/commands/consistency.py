@@ -17,6 +17,7 @@ from hil.studies.outlines import outline_field
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
+from host.core.whole_file import save_text
 
 
 @click.command()
@@ -44,7 +45,7 @@ def consistency(seeds: list[int], eyes: str, dust: float | None, outlines: bool,
         for seed in seeds:
             drawn = outline_field(seed) if outlines else random_field(seed)
             runs.append(watched(changed(drawn, setting)))
-            out.write_text(json.dumps(runs), encoding="utf-8")
+            save_text(out, json.dumps(runs))
             last = runs[-1]
             console.print(
                 f"{seed}: {last['outcome']}, coverage {last['coverage']:.4f}, "

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from hil.scenario.scenario import load
 from hil.studies.constants import ROOT, SHARE, Figures, driven, found, varied
+from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 
@@ -34,11 +35,13 @@ def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
         table.add_row("all", str(len(every)), str(sum(bare.values())))
         console.print_table(table)
         return
+    chosen = [one for one in every if vary == "all" or vary in f"{one.path}:{one.name}"]
+    if not chosen:
+        raise UserError(f"--vary {vary}: no constant has that in its path or name")
     usual_one = load(scenario, {"seed": seed, "eyes": "model"})
     usual = driven(usual_one)
     table = Table("constant", "share", "outcome", "coverage", "lateral m", "time s", "")
     table.add_row("as they are", "", *_cells(usual), "")
-    chosen = [one for one in every if vary == "all" or vary in f"{one.path}:{one.name}"]
     with Watch("constants", len(chosen)) as watch:
         for one in chosen:
             for factor in (1 - SHARE, 1 + SHARE):

@@ -16,6 +16,8 @@ from hil.studies.matrix_runs import Matrix, run_matrix, worst_stop_ms
 from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
+from host.core.whole_file import save_text
+from sim_plant.camera import MOUNTS
 
 SITUATIONS: dict[str, tuple[Situation, ...]] = {
     "follow": ("follow",),
@@ -54,6 +56,8 @@ def faults(
     Exits with an error when any outcome is unsafe or late; known limits are counted apart. The same
     command goes on where it was killed, as long as the programs are the same."""
 
+    if camera not in MOUNTS:
+        raise UserError(f"--camera {camera}: no such mount; there are {', '.join(sorted(MOUNTS))}")
     records_in = out / "records" if records else None
     matrix = Matrix(only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in)
     cases = matrix.cases()
@@ -62,9 +66,9 @@ def faults(
             cases, out, workers=workers, scheduler=scheduler, progress=watch.reach
         )
     summary = matrix.summary(verdicts)
-    (out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    save_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     PlainConsole().print_table(table_of(verdicts, matrix.title))
-    (out / "faults.md").write_text(markdown_of(verdicts, matrix.title), encoding="utf-8")
+    save_text(out / "faults.md", markdown_of(verdicts, matrix.title))
     report.faults_report(out, matrix.title, verdicts)
     echo(
         f"{len(verdicts)} runs, {summary['limits']} known limits, worst stop_latency_ms "

@@ -18,6 +18,7 @@ from hil.studies.identification import campaign, identify_plant, summary_of
 from host.commands.identify import table as table_of
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
+from host.core.whole_file import save_text, saved
 from host.tune.pictures import draw_fit
 
 
@@ -47,8 +48,9 @@ def command(
     with Watch("actuators", count) as watch:
         table = campaign(plants, tune=tune, workers=workers, firmware=firmware, progress=watch.step)
     summary = summary_of(table)
-    table.to_parquet(out / "plants.parquet", index=False)
-    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    with saved(out / "plants.parquet") as fresh:
+        table.to_parquet(fresh, index=False)
+    save_text(out / "summary.json", json.dumps(summary, indent=1))
     shown = Table(title=f"{count} actuators, seed {seed}")
     shown.add_column("figure")
     shown.add_column("value", justify="right")

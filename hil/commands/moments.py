@@ -20,6 +20,7 @@ from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
+from host.core.whole_file import save_text
 
 BOUND_MS: Final = 1600.0
 """A second figure of lateness, beside the fault's own bound."""
@@ -63,8 +64,10 @@ def command(
             new = moments(base, failing, count=count, every_s=every, watch_s=watch)
             found += new
             table.add_row(str(seed), *row(new, bound_ms))
-            out.write_text(json.dumps([asdict(m) for m in found]), encoding="utf-8")
+            save_text(out, json.dumps([asdict(m) for m in found]))
             progress.step()
+    if not found:
+        raise UserError(f"no harvest lasted as long as --every {every:g}; give a smaller one")
     table.add_row("all", *row(found, bound_ms))
     PlainConsole().print_table(table)
 

@@ -14,6 +14,7 @@ from hil.studies.outlines import Planned, outline, planned
 from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
+from host.core.whole_file import save_text
 
 MOST_TURNING: Final = 0.25
 """Metres of turning for each of cutting, where no real inner corner is."""
@@ -85,7 +86,7 @@ def outlines(seeds: list[int], out: Path) -> None:
             rows.append(planned(outline(seed)))
             watch.step(str(seed))
     PlainConsole().print_table(table_of(rows))
-    (out / "summary.json").write_text(json.dumps(summary(rows), indent=1), encoding="utf-8")
+    save_text(out / "summary.json", json.dumps(summary(rows), indent=1))
     bad = [str(row.outline.seed) for row in rows if not good(row)]
     if bad:
         raise UserError(f"{len(bad)} of {len(rows)} fall short: seeds {', '.join(bad)}")

@@ -10,6 +10,7 @@ import numpy as np
 from hil.judge.plots import draw_path, draw_time, series
 from host.core.progress import Watch
 from host.core.terminal import echo
+from host.core.whole_file import saved
 from host.link import protocol
 
 
@@ -24,8 +25,11 @@ def plot(path: Path, out: Path | None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in (("time", draw_time(data)), ("path", draw_path(data))):
             target = folder / f"{path.stem}-{name}.png"
-            figure.savefig(target, dpi=110)
+            with saved(target) as fresh:
+                figure.savefig(fresh, dpi=110)
             echo(f"written: {target}")
+    if data.cut:
+        echo(f"warning: {data.cut}", err=True)
     for stamp, phase, reason in data.phases:
         echo(f"{stamp:8.1f} s  {phase}: {reason}")
     word = protocol.Fault(int(np.bitwise_or.reduce(data.telemetry[:, 6].astype(np.int64))))

@@ -22,5 +22,5 @@ def report(where: Path, against: Path | None) -> None:
     """Writes report.html, complete in itself, of a harvest, a rig, a drive's record, a campaign or
     a fault matrix; of one that was broken off as much as there is."""
     with Watch(f"report of {where}"):
-        written = report_of(where, against)
+        written = report_of(where, against, lambda text: echo(f"warning: {text}", err=True))
     echo(f"written: {written}")

@@ -21,6 +21,7 @@ from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import Outlet, PlainConsole, echo
+from host.core.whole_file import save_text
 
 
 @click.command()
@@ -105,7 +106,7 @@ def _watch(duration: float | None) -> Watch:
 
 def _announce(about: dict[str, str], out: Path) -> None:
     """Says, and writes to rig.json, how to reach the machine; the command comes last."""
-    (out / "rig.json").write_text(json.dumps(about, indent=1), encoding="utf-8")
+    save_text(out / "rig.json", json.dumps(about, indent=1))
     for key, value in about.items():
         echo(f"{key:9} {value}")
     line = " ".join(f"--{key} {value}" for key, value in about.items() if key not in NETWORK)
@@ -118,7 +119,7 @@ def _report(machine: Rig, out: Path) -> None:
     for key, value in summary.items():
         if key != "faults_injected":
             echo(f"{key:18} {value}")
-    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    save_text(out / "summary.json", json.dumps(summary, indent=1))
     if len(machine.track) > 1:
         title = f"rig: coverage {summary['coverage']:.3f}"
         pictures.draw_map(out / "map.png", machine.bench.field, machine.track, title)

@@ -25,6 +25,7 @@ from hil.studies.sweep import (
 )
 from host.core.progress import Watch
 from host.core.terminal import echo
+from host.core.whole_file import save_text, saved
 
 
 @click.command()
@@ -67,9 +68,11 @@ def sweep(
                 summary["spot_check"] = spot_check(chosen, table, check, spread)
     names = [*chosen.space.parameters, *chosen.space.fixed]
     ranked = candidates_of(table, names)
-    table.to_parquet(out / "responses.parquet", index=False)
-    ranked.to_parquet(out / "candidates.parquet")
-    (out / "summary.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    with saved(out / "responses.parquet") as fresh:
+        table.to_parquet(fresh, index=False)
+    with saved(out / "candidates.parquet") as fresh:
+        ranked.to_parquet(fresh)
+    save_text(out / "summary.json", json.dumps(summary, indent=1))
     sweep_page.write(out, chosen.space, table, ranked, summary)
     echo(f"{len(table)} step responses in {wall_s:.1f} s on {_where(workers, scheduler)}")
     echo(f"chosen: {_words(summary['chosen'])}")

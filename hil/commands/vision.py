@@ -31,6 +31,7 @@ from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
+from host.core.whole_file import save_text
 from host.vision.photo.score import labelled_set
 
 Curves = dict[str, list[dict[str, float]]]
@@ -90,7 +91,7 @@ def _show_beside(seed: int, count: int, mounts: tuple[str, ...], out: Path) -> N
         for name, one in found.items()
     }
     path = out / "beside.json"
-    path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    save_text(path, json.dumps(record, indent=1) + "\n")
     PlainConsole().print_table(table)
     echo(f"written: {path}")
 
@@ -193,7 +194,7 @@ def vision(
             shown[title] = curve(said, WRONG)
     record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures,
               "curves": shown}  # fmt: skip
-    (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    save_text(out / "summary.json", json.dumps(record, indent=1) + "\n")
     draw_curves(shown, out / "curves.png")
     PlainConsole().print_table(show(figures))
     PlainConsole().print_table(show_curves(shown))

@@ -13,6 +13,7 @@ from host.core.errors import UserError
 from host.core.number_range import NumberRange
 from host.core.progress import Watch
 from host.core.terminal import echo
+from host.core.whole_file import saved
 from sim_plant.camera import LOW, MAST
 
 
@@ -46,8 +47,10 @@ def world(out: Path, seed: int, names: tuple[str, ...], seconds: float, compare:
         raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
     for name in names or sorted(SHEETS):
         path = out / f"{name}.jpg"
-        if not cv2.imwrite(str(path), sheet(name, seed, mounts), [cv2.IMWRITE_JPEG_QUALITY, 82]):
-            raise UserError(f"cannot write {path}; choose another --out")
+        drawn = sheet(name, seed, mounts)
+        with saved(path) as fresh:
+            if not cv2.imwrite(str(fresh), drawn, [cv2.IMWRITE_JPEG_QUALITY, 82]):
+                raise UserError(f"cannot write {path}; choose another --out")
         echo(path)
     if seconds > 0 and not names:
         for mount_name, mount in mounts.items():

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hil.judge.pictures import GROUND
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
+from host.core.whole_file import saved
 from host.field.areas import outline_of, placed
 from host.pilot.pilot import Pilot
 from sim_plant.field import Field
@@ -97,7 +98,8 @@ class Decisions:
         for axes, decision in zip(grid.flat, self._last, strict=False):
             axes.set_axis_on()
             self._draw(axes, decision, track)
-        figure.savefig(path, dpi=110)
+        with saved(path) as fresh:
+            figure.savefig(fresh, dpi=110)
         return True
 
     def _draw(self, axes: Axes, decision: _Decision, track: Track) -> None:

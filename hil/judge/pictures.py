@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from host.core.whole_file import saved
 from host.pilot.phase import Phase
 from host.vision.view import CropView
 from sim_plant import ground
@@ -91,7 +92,8 @@ def draw_map(
         ylim=(max(extent[2], bottom - around), min(extent[3], top + around)),
     )
     figure.legend(loc="outside lower center", ncols=7, fontsize=8)
-    figure.savefig(path, dpi=110)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=110)
 
 
 def draw_steering(path: Path, trace: NDArray[np.float64]) -> None:
@@ -108,7 +110,8 @@ def draw_steering(path: Path, trace: NDArray[np.float64]) -> None:
     lower.plot(trace[:, 0], trace[:, 3], color="tab:green", lw=0.6)
     lower.set(xlabel="time (s)", ylabel="duty (of 255)")
     lower.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=110)
 
 
 def _shown(value: float, form: str) -> str:

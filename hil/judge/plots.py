@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.runs import record
 
 mpl.use("Agg")
@@ -58,6 +59,8 @@ class Series:
     """(since, phase, reason), each change."""
     faults: list[tuple[float, str, bool]] = field(default_factory=list)
     """(at, what was injected, begins)."""
+    cut: str = ""
+    """Why the record is not whole, in words; empty where it is."""
 
 
 _ROWS = {
@@ -74,7 +77,8 @@ def series(path: Path) -> Series:
     rows: dict[str, list[list[float]]] = {topic: [] for topic in _ROWS}
     phases: list[tuple[float, str, str]] = []
     faults: list[tuple[float, str, bool]] = []
-    for topic, stamp, message in record.read(path):
+    cut: list[str] = []
+    for topic, stamp, message in record.read(path, cut.append):
         if topic in _ROWS:
             values = [message.get(name) for name in _ROWS[topic]]
             rows[topic].append([stamp, *(np.nan if v is None else float(v) for v in values)])
@@ -83,7 +87,8 @@ def series(path: Path) -> Series:
         if topic == "/fault":
             faults.append((stamp, message["fault"], message["begins"]))
     if not rows["/telemetry"]:
-        raise UserError(f"{path} holds no telemetry: there is nothing to draw")
+        why = f" ({cut[0]})" if cut else ""
+        raise UserError(f"{path} holds no telemetry: there is nothing to draw{why}")
 
     def columns(topic: str) -> NDArray[np.float64]:
         return np.array(rows[topic], np.float64).reshape(-1, 1 + len(_ROWS[topic]))
@@ -103,6 +108,7 @@ def series(path: Path) -> Series:
         columns("/command"),
         phases,
         faults,
+        "".join(cut),
     )
 
 
@@ -240,6 +246,7 @@ def draw_path(data: Series) -> Figure:
 
 def json_of(path: Path, kind: type[Any] = dict) -> Any:
     """What a file holds. UserError where that is not JSON, or another kind of it."""
+    check_input(path, "the result", once=False)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:

@@ -16,7 +16,7 @@ import math
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from hil.judge.figures import MISSED, better, cells_of
 from hil.judge.overview import overview
 from hil.report.zoom import over_time, resources
 from host.core.errors import UserError
+from host.core.whole_file import save_text
 from host.link import protocol
 from host.runs import record
 from host.sensors.jpeg import JpegDecoder
@@ -57,6 +58,9 @@ ZOOM = (
     "Turn the wheel to zoom, drag to move, click a name to hide its line; the round arrow shows "
     "all again."
 )
+
+Tell = Callable[[str], None]
+"""What a person has to know besides the page, in words."""
 
 FIGURE = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?|–|same")
 """A cell that stands on the right of its column."""
@@ -85,6 +89,10 @@ class Section:
     """Data URI."""
     plot: str = ""
     """HTML of `hil.report.zoom`, put in as it is."""
+
+
+def _silent(_: str) -> None:
+    """Where nobody listens, the page says it alone."""
 
 
 def _uri(data: bytes, kind: str) -> str:
@@ -130,7 +138,7 @@ def render(title: str, sections: Sequence[Section]) -> str:
 def write(out: Path, title: str, sections: Sequence[Section], name: str = "report.html") -> Path:
     """The page in the folder."""
     path = out / name
-    path.write_text(render(title, sections), encoding="utf-8")
+    save_text(path, render(title, sections))
     return path
 
 
@@ -207,13 +215,17 @@ def small_video(film: Path, kept: Path) -> str | None:
 # ---- one run -------------------------------------------------------------------------------------
 
 
-def record_sections(kept: Path, against: Path | None = None) -> list[Section]:
-    """What a record shows, and over time that of another beside it."""
+def record_sections(kept: Path, against: Path | None = None, tell: Tell = _silent) -> list[Section]:
+    """What a record shows, and over time that of another beside it. Where one is not whole, it
+    stands there, and `tell` is told."""
     data = plots.series(kept)
-    sections = [Section("Over time", ZOOM, plot=over_time(data))]
+    sections = _cut_section(data, tell)
+    sections.append(Section("Over time", ZOOM, plot=over_time(data)))
     if against is not None and against.exists():
-        theirs = over_time(plots.series(against))
-        sections.append(Section(f"Over time: {against.parent.name}", ZOOM, plot=theirs))
+        theirs = plots.series(against)
+        sections += _cut_section(theirs, tell)
+        plot = over_time(theirs)
+        sections.append(Section(f"Over time: {against.parent.name}", ZOOM, plot=plot))
     grid = Grid(("since", "state", "why"))
     for since, phase, reason in data.phases:
         mark = "bad" if phase in ("fault", "hesitate") else ""
@@ -240,7 +252,16 @@ def record_sections(kept: Path, against: Path | None = None) -> list[Section]:
     return sections
 
 
-def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]]:
+def _cut_section(data: plots.Series, tell: Tell) -> list[Section]:
+    if not data.cut:
+        return []
+    tell(data.cut)
+    return [Section("The record is not whole", f"{data.cut}.")]
+
+
+def run_sections(
+    folder: Path, against: Path | None, tell: Tell = _silent
+) -> tuple[str, list[Section]]:
     """Title and sections of one run's folder."""
     summary = plots.summary_beside(folder)
     other = plots.summary_beside(against) if against is not None else None
@@ -257,7 +278,7 @@ def run_sections(folder: Path, against: Path | None) -> tuple[str, list[Section]
     kept = folder / RECORD
     if kept.exists():
         theirs = against / RECORD if against is not None else None
-        sections += record_sections(kept, theirs)
+        sections += record_sections(kept, theirs, tell)
     return title, sections
 
 
@@ -293,12 +314,12 @@ def rig_sections(folder: Path) -> tuple[str, list[Section]]:
     return f"rig: coverage {show(summary.get('coverage'))}", sections
 
 
-def drive_sections(kept: Path) -> tuple[str, list[Section]]:
+def drive_sections(kept: Path, tell: Tell = _silent) -> tuple[str, list[Section]]:
     """Title and sections of a record alone: a drive's, or that of a run that was killed."""
     about = record.about(kept)
     begun = about.get("begun", "").partition(".")[0].replace("T", " ")
     title = f"{kept.stem}{', begun ' + begun if begun else ''}"
-    return title, record_sections(kept)
+    return title, record_sections(kept, tell=tell)
 
 
 # ---- many ----------------------------------------------------------------------------------------
@@ -480,11 +501,12 @@ def faults_report(folder: Path, title: str, verdicts: Sequence[Verdict]) -> Path
     return write(folder, title, faults_sections(verdicts))
 
 
-def report_of(where: Path, against: Path | None = None) -> Path:
-    """The page of any kind of results, or of one record. UserError where it is none of them."""
+def report_of(where: Path, against: Path | None = None, tell: Tell = _silent) -> Path:
+    """The page of any kind of results, or of one record; `tell` is told what is missing in a
+    record. UserError where it is none of them."""
     if where.is_file():
         _alone(where, against)
-        return write(where.parent, *drive_sections(where), f"{where.stem}.report.html")
+        return write(where.parent, *drive_sections(where, tell), f"{where.stem}.report.html")
     summaries = _campaign_of(where)
     if summaries is not None:
         others = _campaign_of(against) if against is not None else None
@@ -503,11 +525,11 @@ def report_of(where: Path, against: Path | None = None) -> Path:
         _alone(where, against)
         return write(where, *rig_sections(where))
     if "outcome" in summary:
-        return write(where, *run_sections(where, against))
+        return write(where, *run_sections(where, against, tell))
     records = sorted(where.glob("*.mcap"))
     if len(records) == 1:
         _alone(where, against)
-        return write(where, *drive_sections(records[0]))
+        return write(where, *drive_sections(records[0], tell))
     if records:
         names = ", ".join(path.name for path in records)
         raise UserError(f"{where} holds {len(records)} records ({names}): give one of them")

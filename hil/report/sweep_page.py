@@ -19,6 +19,7 @@ from hil.judge.figures import unit_of
 from hil.report import report
 from hil.report.report import Grid, Section
 from hil.studies import sweep as sweeps
+from host.core.whole_file import saved
 from host.link.protocol import PARAMS
 
 FRONT = ("error_s_mean", "energy_j_mean")
@@ -40,7 +41,8 @@ def write(
         "plants.png": _plants(table, int(ranked.index.to_numpy()[0])),
     }
     for name, data in pictures.items():
-        (out / name).write_bytes(data)
+        with saved(out / name) as fresh:
+            fresh.write_bytes(data)
     columns = [*swept, "cost", "meets", "settle_s_worst", "overshoot_worst", "energy_j_mean"]
     chosen, worst = summary["chosen"], summary["worst_case"]
     about = (

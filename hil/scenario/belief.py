@@ -26,6 +26,7 @@ from hil.firmware.provision import FITTED, raw_values
 from hil.scenario.world import World
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
+from host.core.input_file import check_input
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle
@@ -97,11 +98,17 @@ EXACT: Final[dict[str, Any]] = {
 """Errors of a host that knows the truth."""
 
 
+MOST_LAPS: Final = 20
+"""Of a walk: nobody goes around a field more often, and the survey's time grows with them."""
+MOST_CEP_M: Final = 50.0
+"""Of a phone: a position that errs by more is none to walk a boundary with."""
+
+
 class Walk(Strict):
     """The boundary as `daranti survey` makes it from a simulated walk."""
 
-    laps: Annotated[int, Field(ge=1)] = 1
-    cep_m: NotNegative = 2.5
+    laps: Annotated[int, Field(ge=1, le=MOST_LAPS)] = 1
+    cep_m: Annotated[float, Field(ge=0, le=MOST_CEP_M)] = 2.5
     seed: int | None = None
     """Of the phone's errors; None: by the scenario's."""
 
@@ -419,7 +426,8 @@ def _walked(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> tuple[Ring, fl
         places = ccw(found.polygon.exterior.coords)[:-1]
         walked_ring = tuple(home_of(*local.to_wgs84(x, y)) for x, y in places)
         return walked_ring, found.sigma_m, found.corners is None
-    raise UserError(f"belief.boundary: {WALKS} walks around the field gave none: {problem}")
+    why = problem or "not one position was good enough"
+    raise UserError(f"belief.boundary: {WALKS} walks around the field gave none: {why}")
 
 
 def ccw(coords: Any) -> list[Point]:
@@ -567,6 +575,7 @@ def _parameters_of(folder: Path) -> dict[str, float]:
 
 def _gap_of(folder: Path) -> float | None:
     path = folder / "commissioning.json"
+    check_input(path, "belief.folder:", once=False)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         return float(data["gap_m"]["found"])

@@ -3,13 +3,14 @@
 A scenario has two halves. The world is what is: `field`, `machine`, `lens`, `weather`, `gnss`,
 `start`. The belief is what the host is told of it. Only this package sees both: plant and judge get
 `world`, the host gets `told`. Named scenarios lie in hil/scenario/files/*.yaml. An error names the
-file, the line, the field and what was expected.
+file and the line, or the command line, the field and what was expected.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
@@ -20,6 +21,7 @@ from hil.scenario.belief import Belief, Told, corner_like, spelled_out, told
 from hil.scenario.faults import Fault
 from hil.scenario.world import Start, World
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.core.yaml_file import OnceLoader
@@ -210,7 +212,7 @@ def changed(base: Scenario, overrides: dict[str, Any]) -> Scenario:
         data = base.model_dump(mode="json")
         return Scenario.model_validate(merge(data, overrides))
     except ValidationError as error:
-        raise UserError(_explain(Path(base.name), {}, error)) from error
+        raise UserError(_explain(error, lambda _: COMMAND_LINE)) from error
 
 
 def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario:
@@ -218,17 +220,19 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
 
     Raises UserError naming file, line and field."""
     path = Path(name_or_file)
-    if not path.suffix and not path.is_file():
+    if not path.suffix and not path.exists():
         path = FOLDER / f"{name_or_file}.yaml"
         if not path.exists():
             raise UserError(
                 f"no scenario is named {name_or_file!r}; there are {', '.join(named())} "
                 "(or give a YAML file's path)"
             )
+    check_input(path, "the scenario")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read the scenario {path}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"cannot read the scenario {path}: {why}") from error
     try:
         data = yaml.load(text, OnceLoader)
         lines = _lines(yaml.compose(text, Loader=OnceLoader))
@@ -237,22 +241,54 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
         where = f", line {mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "not readable"
         raise UserError(f"{path}{where}: not YAML: {problem}") from error
-    data = {} if data is None else data
+    if data is None:
+        raise UserError(f"{path} is empty; give fields, such as 'seed: 1'")
     if not isinstance(data, dict):
         raise UserError(f"{path}: a scenario is a mapping of fields, such as 'seed: 1'")
     data.setdefault("name", path.stem)
+    over = overrides or {}
     try:
-        return Scenario.model_validate(merge(data, overrides or {}))
+        return Scenario.model_validate(merge(data, over))
     except ValidationError as error:
-        raise UserError(_explain(path, lines, error)) from error
+        sound = _is_sound(data)
+
+        def origin(loc: tuple[int | str, ...]) -> str:
+            if sound or _is_given(over, loc):
+                return COMMAND_LINE
+            line = next((lines[loc[:n]] for n in range(len(loc), 0, -1) if loc[:n] in lines), None)
+            return f"{path}, line {line}" if line else str(path)
+
+        raise UserError(_explain(error, origin)) from error
 
 
-def _explain(path: Path, lines: dict[tuple[Any, ...], int], error: ValidationError) -> str:
+COMMAND_LINE: Final = "the command line"
+"""Where a wrong field is from that no file has."""
+
+
+def _is_sound(data: dict[str, Any]) -> bool:
+    """Whether a file is a scenario by itself."""
+    try:
+        Scenario.model_validate(data)
+    except ValidationError:
+        return False
+    return True
+
+
+def _is_given(overrides: dict[str, Any], loc: tuple[int | str, ...]) -> bool:
+    """Whether the field that lies there is one of the overrides."""
+    here: Any = overrides
+    for name in loc:
+        if not isinstance(here, dict) or name not in here:
+            break
+        here = here[name]
+    return here is not overrides and not isinstance(here, dict)
+
+
+def _explain(error: ValidationError, where: Callable[[tuple[int | str, ...]], str]) -> str:
+    """Every wrong field in words; `where` tells where it was written."""
     parts = []
     for problem in error.errors():
         loc = problem["loc"]
-        line = next((lines[loc[:n]] for n in range(len(loc), 0, -1) if loc[:n] in lines), None)
-        where = f"{path}, line {line}" if line else f"{path}, or the command line"
         field = ".".join(str(part) for part in loc)
         what = problem["msg"].removeprefix("Value error, ")
         if problem["type"] == "extra_forbidden":
@@ -261,5 +297,5 @@ def _explain(path: Path, lines: dict[tuple[Any, ...], int], error: ValidationErr
         if isinstance(got, bool):
             what += "; YAML reads on, off, yes and no as true or false: put a word in quotes"
         shown = f" (got {got!r})" if isinstance(got, str | int | float | bool | None) else ""
-        parts.append(f"{where}: {field + ': ' if field else ''}{what}{shown}")
+        parts.append(f"{where(loc)}: {field + ': ' if field else ''}{what}{shown}")
     return "; ".join(parts)

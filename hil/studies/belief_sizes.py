@@ -19,6 +19,7 @@ from hil.studies.beliefs import (
     pot_of,
     scattered_of,
 )
+from host.core.whole_file import saved
 
 mpl.use("Agg")
 
@@ -93,4 +94,5 @@ def draw_sizes(rows: Iterable[Mapping[str, Any]], path: Path) -> None:
         )
         harm.set_ylabel("outside, m; neighbour's crop, m2", color="tab:red")
         harm.legend(fontsize="small", loc="center left")
-    figure.savefig(path, dpi=90)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=90)

@@ -17,6 +17,7 @@ from hil.bench.harvest import harvest
 from hil.bench.wrong_pictures import WrongPictures
 from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, changed, load, merge
+from host.core.whole_file import save_text
 from host.field.boundary_file import UNKNOWN_SIGMA_M
 
 SIZE_M: Final = (9.0, 7.0)
@@ -307,7 +308,7 @@ def run(
         if done is not None:
             done(row)
     out.mkdir(parents=True, exist_ok=True)
-    (out / "beliefs.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    save_text(out / "beliefs.json", json.dumps(rows, indent=1))
     return rows
 
 

@@ -42,6 +42,7 @@ from host.core.frames import LocalFrame
 from host.core.messages import Command, Request, State
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import save_vehicle
+from host.core.whole_file import save_text
 from host.estimate.odometry import Odometry
 from host.field.boundary_file import boundary_of, save_field
 from host.link.session import Session
@@ -410,10 +411,10 @@ def _write(
         out / FIELD_FILE,
         boundary_of(shapely.Polygon(ring, outs), frame, "commissioned", ring_sigma, recorded),
     )
-    (out / PARAMETER_FILE).write_text(yaml.safe_dump(parameters), encoding="utf-8")
+    save_text(out / PARAMETER_FILE, yaml.safe_dump(parameters))
     data = {name: asdict(value) | {"off": value.off} for name, value in values.items()}
-    (out / "commissioning.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
-    (out / "commissioning.md").write_text(page_of(values), encoding="utf-8")
+    save_text(out / "commissioning.json", json.dumps(data, indent=1))
+    save_text(out / "commissioning.md", page_of(values))
 
 
 def page_of(values: dict[str, Value]) -> str:

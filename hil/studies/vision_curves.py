@@ -8,6 +8,8 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from host.core.whole_file import saved
+
 mpl.use("Agg")
 
 
@@ -31,4 +33,5 @@ def draw_curves(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path)
     axes.set_xlabel("sure, % of pictures")
     axes.set_ylabel("sure and wrong, % of pictures")
     axes.legend(fontsize="small", ncols=2)
-    figure.savefig(path, dpi=90)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=90)

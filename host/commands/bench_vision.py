@@ -11,6 +11,7 @@ from rich.table import Table
 from host.core.errors import UserError
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
+from host.core.whole_file import save_text
 from host.vision.photo import benchmark
 from host.vision.photo.comparison import Comparison, compare, data_folder, overlay
 from host.vision.photo.score import labelled_set
@@ -111,7 +112,7 @@ def bench_vision(data: Path | None, out: Path, worst: int) -> None:
         "stages_ms": found.stages_ms,
         "folds": found.folds,
     }
-    (out / "summary.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    save_text(out / "summary.json", json.dumps(record, indent=1) + "\n")
     by_error = sorted(zip(photos, found.robust, strict=True), key=lambda pair: pair[1].miou)
     for rank, (photo, result) in enumerate(by_error[:worst], start=1):
         name = f"worst-{rank:02d}-{photo.item.name}-{result.miou:.2f}.png"

@@ -14,6 +14,7 @@ from host.core.number_range import NumberRange
 from host.core.terminal import echo
 from host.core.vehicle import Mount
 from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
+from host.core.whole_file import save_text
 from host.runs.pictures import frames
 from host.tune.camera import lens_fields, lens_of, mount_from
 from host.tune.checkerboard import Board
@@ -103,7 +104,7 @@ def calibrate_camera(
             f"roll {found.roll_deg:.2f} degrees"
         )
     if vehicle is None:
-        out.write_text(yaml.safe_dump(fields, sort_keys=False), encoding="utf-8")
+        save_text(out, yaml.safe_dump(fields, sort_keys=False))
         echo(f"{out}: copy it into the vehicle file under mounts, or give --vehicle")
         return
     measured = Mount.model_validate(before.model_dump() | fields)

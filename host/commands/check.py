@@ -33,9 +33,12 @@ from host.core.messages import Command, Fix, Telemetry, Turned
 from host.core.terminal import echo
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
+from host.field.boundary_file import load_field
 from host.link import protocol
+from host.link.port import check_port
 from host.link.session import Answer, Link
 from host.panel.texts import LANGUAGES, text, texts
+from host.runs.errand import chosen_corner
 from host.runs.ready import make_ready_visibly
 from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.gyro import gyro_of
@@ -194,25 +197,27 @@ def check(
 
     Exits with 0 when every line is well."""
     machine = load_vehicle(vehicle)
-    make_ready_visibly()
+    mounted = mount_of(machine, mount)
+    check_port(port)
+    field = load_field(boundary, chosen) if boundary is not None else None
+    chosen_corner(field, boundary, corner or None, gap, inset, None)
     begun = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begun
 
     events: deque[str] = deque(maxlen=50)
+    pictures = camera_feed(camera, clock, events.append) if camera else None
+    fixes = gnss_feed(gnss, clock, events.append)[0] if gnss else None
+    turns = gyro_of(gyro, camera or "", clock, events.append)
+    make_ready_visibly()
     with ExitStack() as stack:
         link = stack.enter_context(Link(port, clock))
-        pictures = camera_feed(camera, clock, events.append) if camera else None
-        fixes = gnss_feed(gnss, clock, events.append)[0] if gnss else None
-        turns = gyro_of(gyro, camera or "", clock, events.append)
         for feed in (pictures, fixes, turns):
             if feed is not None:
                 stack.callback(feed.close)
                 feed.start()
-        hands = TerminalHands(
-            link, machine, mount_of(machine, mount), mode, pictures, fixes, turns, language, clock
-        )
+        hands = TerminalHands(link, machine, mounted, mode, pictures, fixes, turns, language, clock)
         lines = walk(hands, Target(boundary, gap, corner, inset, chosen))
     bad = sum(line.verdict == "bad" for line in lines)
     if not green(lines):

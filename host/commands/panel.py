@@ -22,12 +22,18 @@ from host.commands.options import (
 from host.core.errors import UserError
 from host.core.terminal import echo
 from host.core.vehicle_file import load_vehicle, mount_of
+from host.field.boundary_file import load_field
+from host.link.port import check_address, check_port
 from host.panel.fields import FieldDesk
 from host.panel.guard import Pairing
 from host.panel.machine import Settings
 from host.panel.server import Panel, application
-from host.panel.serving import serve_application
+from host.panel.serving import listening, serve_on
+from host.runs.errand import chosen_corner
 from host.runs.ready import make_ready_visibly
+from host.sensors.camera_stream import camera_feed
+from host.sensors.gyro import gyro_of
+from host.sensors.nmea import gnss_feed
 
 
 @click.command()
@@ -82,6 +88,10 @@ def panel(
     Open the printed address in a browser. Ctrl-C stops the machine and ends."""
     machine = load_vehicle(vehicle)
     mount_of(machine, mount)
+    _check_devices(port, camera, gnss, gyro)
+    if boundary is not None:
+        field = load_field(boundary, chosen)
+        chosen_corner(field, boundary, None, gap, inset, None)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -99,13 +109,27 @@ def panel(
             "presence": presence,
         }
     )
-    make_ready_visibly()
-    pairing = Pairing(time.monotonic, needed=lan)
-    fields = FieldDesk(folder, machine, boundary, gap, inset, chosen)
-
-    app = application(Panel(settings, pairing, fields, _show_code))
     address = "0.0.0.0" if lan else "127.0.0.1"
-    serve_application(app, address, web_port, "--web-port", lambda url: echo(f"panel: {url}"))
+    with listening(address, web_port, "--web-port") as listener:
+        make_ready_visibly()
+        pairing = Pairing(time.monotonic, needed=lan)
+        fields = FieldDesk(folder, machine, boundary, gap, inset, chosen)
+        app = application(Panel(settings, pairing, fields, _show_code))
+        serve_on(listener, app, address, lambda url: echo(f"panel: {url}"))
+
+
+def _check_devices(port: str, camera: str | None, gnss: str | None, gyro: str | None) -> None:
+    """UserError where an address means nothing. A board may be plugged in later: the page says what
+    it waits for."""
+    check_address(port)
+    try:
+        check_port(port)
+    except UserError as error:
+        echo(f"warning: {error}", err=True)
+    for feed, url in ((camera_feed, camera), (gnss_feed, gnss)):
+        if url is not None:
+            feed(url, time.monotonic, echo)
+    gyro_of(gyro, camera or "", time.monotonic, echo)
 
 
 def _show_code(code: str, wait_s: float) -> None:

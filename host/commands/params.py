@@ -13,10 +13,12 @@ from rich.table import Table
 from host.commands.options import port_option
 from host.core.errors import UnfinishedError, UserError
 from host.core.terminal import PlainConsole, echo
+from host.core.whole_file import save_text
 from host.link import protocol
 from host.link.params import (
     default_of,
     differs,
+    raw_of,
     read,
     read_all,
     read_file,
@@ -89,6 +91,7 @@ def get(name: str, port: str) -> None:
 def set_(name: str, value: float, keep: bool, port: str) -> None:
     """Changes one parameter, in its unit."""
     spec = spec_of(name)
+    raw_of(spec, value)  # what is out of range needs no board to say so
     with connect(port) as link:
         _show(spec, write(link, spec, value))
         if keep:
@@ -135,9 +138,11 @@ def export(path: Path, port: str) -> None:
     """Writes all parameters to a file, for `load` and `diff`."""
     if path.exists():
         raise UserError(f"{path} is there already; name a new file")
+    if not path.parent.is_dir():
+        raise UserError(f"cannot write {path}: there is no folder {path.parent}")
     with connect(port) as link:
         values = read_all(link)
-    path.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
+    save_text(path, yaml.safe_dump(values, sort_keys=False))
     echo(f"written: {path}, {len(values)} parameters")
 
 

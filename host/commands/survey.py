@@ -7,7 +7,9 @@ from pathlib import Path
 import click
 
 from host.core.errors import UserError
+from host.core.input_file import check_input, is_piped
 from host.core.number_range import NumberRange
+from host.core.progress import Watch
 from host.core.terminal import echo
 from host.field.boundary_file import check_target, save_field
 from host.field.corners import MAX_CORNERS
@@ -74,21 +76,32 @@ def survey(
         raise UserError("--corners and --irregular exclude each other; give one of them")
     check_target(out)
     path = Path(source)
-    if not path.is_file():
+    if not path.is_char_device():  # a receiver is one
+        check_input(path, "the walk")
+    if not path.is_file() and not is_piped(path):
         path = out.with_suffix(".nmea")
         record_walk(source, path, echo)
-    track, receiver = read_walk(path)
-    try:
-        found = survey_track(track, corners=corners, irregular=irregular, lap=lap, close_m=close)
-    except UserError as error:
-        raise UserError(f"{path}: {error}") from error
-    for keep_out in keep_outs:
-        found = with_keep_out(found, read_walk(keep_out)[0], str(keep_out), close)
-    name = name or out.stem
-    save_field(out, found.boundary(name))
-    lines = report(found, receiver)
-    picture = out.with_suffix(".png")
-    about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
-    draw_survey(picture, found, f"{name}: {about}")
+    with Watch(f"survey of {path}") as watch:
+
+        def tell(text: str) -> None:
+            watch.reach(0, text)
+
+        track, receiver = read_walk(path, tell)
+        try:
+            found = survey_track(
+                track, corners=corners, irregular=irregular, lap=lap, close_m=close, tell=tell
+            )
+        except UserError as error:
+            raise UserError(f"{path}: {error}") from error
+        for keep_out in keep_outs:
+            tell(f"keep-out {keep_out}")
+            found = with_keep_out(found, read_walk(keep_out)[0], str(keep_out), close)
+        name = name or out.stem
+        save_field(out, found.boundary(name))
+        lines = report(found, receiver)
+        picture = out.with_suffix(".png")
+        about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
+        tell("drawing")
+        draw_survey(picture, found, f"{name}: {about}")
     for text in (*lines, f"written: {out}, {picture}"):
         echo(text)

@@ -30,6 +30,8 @@ import click
 
 from host.core.terminal import ReaderGoneError, echo
 
+_OF_A_DISK = (errno.EIO, errno.EROFS, errno.EFBIG)
+"""What a disk, besides being full, may answer to whoever has long forgotten the file's name."""
 EXIT_USER = 2
 EXIT_UNFINISHED = 3
 EXIT_FAULT = 4
@@ -124,7 +126,11 @@ def run(command: click.Command, program: str, args: Sequence[str] | None = None)
         code = EXIT_PIPE
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            _say(program, "the disk is full; free some of it, or write elsewhere")
+            where = f" ({error.filename})" if error.filename else ""
+            _say(program, f"the disk is full; free some of it, or write elsewhere{where}")
+            code = EXIT_USER
+        elif error.filename is None and error.errno in _OF_A_DISK:
+            _say(program, f"a file cannot be written: {error.strerror}; write elsewhere")
             code = EXIT_USER
         elif error.filename is None or error.strerror is None:
             code = _internal(program, error)

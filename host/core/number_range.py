@@ -1,4 +1,4 @@
-"""A range of numbers as an option's type."""
+"""Ranges of numbers as an option's type."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import click
 
 
 class NumberRange(click.FloatRange):
-    """As click's; what is no number lies in no range."""
+    """As click's; what is no number, or infinite, lies in no range."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -18,4 +18,6 @@ class NumberRange(click.FloatRange):
         found = float(super().convert(value, param, ctx))
         if math.isnan(found):
             self.fail(f"{value} is no number", param, ctx)
+        if math.isinf(found):
+            self.fail(f"{value} is infinite; give a number", param, ctx)
         return found

@@ -19,10 +19,15 @@ def load_vehicle(path: Path | None) -> Vehicle:
     if path is None:
         return Vehicle()
     data = load_yaml(path, "vehicle file")
-    if not isinstance(data, dict | None):
+    if data is None:
+        raise UserError(
+            f"vehicle file {path} is empty; give fields, such as 'wheelbase_m: 1.0', or no file "
+            "for the default machine"
+        )
+    if not isinstance(data, dict):
         raise UserError(f"vehicle file {path}: give fields, such as 'wheelbase_m: 1.0'")
     try:
-        return Vehicle.model_validate(data or {})
+        return Vehicle.model_validate(data)
     except ValidationError as error:
         problems = "; ".join(
             f"{'.'.join(map(str, problem['loc'])) or 'the machine'}: {problem['msg']}"

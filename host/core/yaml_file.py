@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 
 MAX_BYTES = 1_000_000
 """Of a machine's or a scenario's file: more is another file."""
@@ -32,11 +33,13 @@ class OnceLoader(yaml.SafeLoader):
 def load_yaml(path: Path, what: str) -> Any:
     """What a YAML file says. UserError that begins with `what` (the kind of file) and names it
     where it cannot be read."""
+    check_input(path, what)
     try:
         if path.stat().st_size > MAX_BYTES:
             raise UserError(f"{what} {path}: it has {path.stat().st_size / 1e6:.0f} MB")
         return yaml.load(path.read_text(encoding="utf-8"), OnceLoader)
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read the {what} {path}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"cannot read the {what} {path}: {why}") from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise UserError(f"{what} {path} is not YAML: {error}".replace("\n", " ")) from error

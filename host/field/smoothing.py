@@ -203,6 +203,27 @@ def relative_sigma_m(covariance: Values) -> float:
     return math.sqrt(max(0.0, total) / (2 * (count - 1)))
 
 
+class _Factor:
+    """A symmetric and positive definite matrix, factored without pivoting. Its unknowns are taken
+    in time, p and b of a point beside each other, and the few that all points share come last: so
+    its factors are as narrow a band as it is itself."""
+
+    def __init__(self, matrix: csc_matrix, in_time: Indices) -> None:
+        self._order = np.concatenate([in_time, np.arange(len(in_time), matrix.shape[0])])
+        self._lu = splu(
+            matrix[self._order][:, self._order].tocsc(),
+            permc_spec="NATURAL",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+
+    def solve(self, right: Values) -> Values:
+        """Of one right side (n,), or of many (n, k)."""
+        found = np.empty_like(right)
+        found[self._order] = self._lu.solve(right[self._order])
+        return found
+
+
 class Smoother:
     """The least squares of one walk. Its unknowns are p (x0, y0, x1, ...), b likewise, the scale
     and direction of velocities, their lag, the position's lag, and of each side, when they are
@@ -213,6 +234,8 @@ class Smoother:
         self._track = track
         self._n = len(track.xy)
         self._globals = 4 * self._n
+        each = np.arange(2 * self._n).reshape(-1, 2)
+        self._in_time = np.hstack([each, 2 * self._n + each]).ravel()
         self._v = np.nan_to_num(track.velocities)
         self._dt = np.maximum(np.diff(track.stamps), 1e-3)
         self._way, self._known = _by_velocities(track)
@@ -335,13 +358,7 @@ class Smoother:
                 weighted = rows.a.multiply((weight / rows.sigma**2)[:, None]).T.tocsr()
                 normal = normal + weighted @ rows.a
                 right += weighted @ rows.y
-            # Symmetric and positive definite: no pivoting, and the few dense columns come last.
-            self._factor = splu(
-                normal.tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
+            self._factor = _Factor(normal.tocsc(), self._in_time)
             self._x = self._factor.solve(right)
             weights = [rows.weights(self._x) for rows in groups]
 

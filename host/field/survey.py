@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
+from host.core.whole_file import saved
 from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.corners import MAX_CORNERS, thinned
@@ -63,6 +65,15 @@ WOBBLE_M = 0.3
 """Nobody walks straighter, and no phone would know."""
 STRAIGHT_M = 1.0
 """Where the walk leaves the straight sides by more (rms), the field is rather irregular."""
+BULGE_M = 0.5
+"""By so much the walk lies farther out in the middle of neighbouring sides than at their ends, or
+farther in, and by more than their corners are known: what was walked is an arc. Straight-edged
+fields came to 0.3 m, circles with radii of 10 to 40 m to 0.9 m and more (simulated walks with
+speed and course), and"""
+BULGE_SIGMAS = 5.0
+"""so surely: those came to 3 standard deviations of what a walker wobbles, these to 6 and more."""
+LEAST_WOBBLE_M = 0.1
+"""Nobody is believed to have walked straighter, standard deviation."""
 SMOOTH_M = 5.0
 """Window over which an irregular ring is smoothed: twice the CEP of a phone."""
 CLOSING_M = 10.0
@@ -71,6 +82,8 @@ of SMOOTH_M. Over less, what a receiver has drifted during the lap is a corner t
 machine is then put down at and begins with."""
 CLOSES_ALONG_M = 5.0
 """The last of a lap's way, which says in which direction it closes."""
+LINES_TOLD = 2000
+"""Of a walk, after which it is told how far it is read: a tenth of a second or two."""
 EDGE_POINTS = 16
 """Places along a lap whose error against each other is that of an irregular edge."""
 LAP_COLOURS = (4, 0, 1, 5)
@@ -97,14 +110,19 @@ class Survey:
     """Standard deviation per axis of a corner (of the edge, where the field is irregular) against
     the others; a common shift is none. By phones in general where the receiver said no velocity."""
     warnings: list[str] = field(default_factory=list)
+    bulges: bool = False
+    """Whether the walk surely follows arcs where the sides are straight."""
+
+    @property
+    def leaves_its_sides(self) -> bool:
+        """Whether the walk leaves the straight sides, as a whole or in their middle."""
+        return self.corners is not None and (self.residual_m > STRAIGHT_M or self.bulges)
 
     @property
     def seems_to_bend(self) -> bool:
         """Whether straight sides hardly fit: the walk leaves them, or they are as many as are
         looked for."""
-        if self.corners is None:
-            return False
-        return self.residual_m > STRAIGHT_M or self.corners >= MAX_CORNERS
+        return self.leaves_its_sides or (self.corners or 0) >= MAX_CORNERS
 
     def boundary(self, name: str) -> Boundary:
         """As it goes into a file."""
@@ -248,6 +266,48 @@ def straight_sides(rings: list[Points], corners: int | None) -> Points:
     return mean
 
 
+def _sagittas(outline: Points, rings: list[Points]) -> tuple[Points, Points]:
+    """(n,) of each side of an outline how much farther out the walk lies in its middle than at its
+    ends, as a parabola has it (m), and the standard deviation of that; infinite where too little
+    was walked along it."""
+    ends = np.roll(outline, -1, axis=0)
+    sides = [shapely.LineString(side) for side in np.stack([outline, ends], axis=1)]
+    walked = np.concatenate([resampled(ring, _even(ring)) for ring in rings])
+    nearest = np.array([shapely.distance(s, shapely.points(walked)) for s in sides]).argmin(0)
+    found, sigma = np.zeros(len(sides)), np.full(len(sides), math.inf)
+    for k, (begin, way) in enumerate(zip(outline, ends - outline, strict=True)):
+        length_m = float(np.hypot(*way))
+        off = walked[nearest == k] - begin
+        along = 2 * (off @ way) / length_m**2 - 1
+        inner = np.abs(along) < 1 - 2 * SIDE_ENDS
+        u, out = along[inner], (off @ (way[1], -way[0]) / length_m)[inner]
+        if len(u) < 4 or not (bow := float(np.std(u**2))) > 0.0:
+            continue
+        parabola = np.polyfit(u, out, 2)
+        left_m = float(np.std(out - np.polyval(parabola, u)))
+        observations = max(1.0, (1 - 2 * SIDE_ENDS) * length_m * len(rings) / DECORRELATION_M)
+        found[k] = -parabola[0]
+        sigma[k] = max(left_m, LEAST_WOBBLE_M) / bow / math.sqrt(observations)
+    return found, sigma
+
+
+def bulging(outline: Points, rings: list[Points], known_to_m: float) -> bool:
+    """Whether the walk surely lies farther out (or in) in the middle of some neighbouring sides
+    than at their ends: by more than the corners are known to."""
+    sagittas, sigmas = _sagittas(outline, rings)
+    count = len(outline)
+    for first in range(count):
+        for many in range(1, count + 1):
+            some = np.arange(first, first + many) % count
+            weights = sigmas[some] ** -2.0
+            if not (total := float(weights.sum())) > 0.0:
+                continue
+            mean_m = abs(float(weights @ sagittas[some])) / total
+            if mean_m > max(BULGE_M, known_to_m) and mean_m * math.sqrt(total) > BULGE_SIGMAS:
+                return True
+    return False
+
+
 # ---- any edge ------------------------------------------------------------------------------------
 
 
@@ -302,6 +362,10 @@ def _from(ring: Points, place: Points) -> Points:
     return np.roll(ring, -nearest, axis=0)
 
 
+def _silent(_: str) -> None:
+    """Where nobody asks how far it is."""
+
+
 # ---- the whole -----------------------------------------------------------------------------------
 
 
@@ -312,12 +376,16 @@ def survey_track(
     irregular: bool = False,
     lap: int | None = None,
     close_m: float = CLOSE_M,
+    tell: Callable[[str], None] = _silent,
 ) -> Survey:
-    """The boundary from a walk. `lap` (from 1): take only this one. UserError where the walk does
+    """The boundary from a walk. `lap` (from 1): take only this one; `tell` is told what it is at.
+    UserError where the walk does
     not close a loop or the loop does not have the form that was asked for."""
+    tell(f"smoothing {len(track.xy)} positions")
     smoother = Smoother(track) if smoothable(track) else None
     if smoother is not None:
         track = smoother.smoothed()
+    tell("looking for laps")
     loops = find_loops(track, close_m)
     if loops is None:
         raise UserError(
@@ -327,10 +395,12 @@ def survey_track(
         )
     laps, warnings = _laps_of(loops, lap)
     rings = [closing(loop.xy) if irregular else loop.xy for loop in laps]
+    tell(f"looking for the edge in {len(laps)} laps")
     mean, apart = mean_ring(rings, _even(rings[0]))
     outline = any_edge(mean) if irregular else straight_sides(rings, corners)
     sigma_m = UNKNOWN_SIGMA_M
     if smoother is not None:
+        tell("how surely it is known")
         sigma_m = smoother.sigma_m(
             np.linspace(laps[0].first, laps[0].last, EDGE_POINTS, endpoint=False).astype(int)
         )
@@ -344,8 +414,9 @@ def survey_track(
     holes, crossing = _keep_outs_in(shapely.Polygon(outline), loops)
     number_of = None if irregular else len(outline)
     polygon = shapely.Polygon(outline, holes)
-    found = Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings)
-    if found.seems_to_bend and (corners is None or residual > STRAIGHT_M):
+    bulges = number_of is not None and bulging(outline, rings, sigma_m)
+    found = Survey(track, loops, polygon, number_of, residual, apart, sigma_m, warnings, bulges)
+    if found.leaves_its_sides or (corners is None and found.seems_to_bend):
         warnings.append(
             f"the walk leaves {number_of} straight sides by {away.max():.1f} m (rms "
             f"{residual:.1f} m); --irregular keeps the edge as it was walked"
@@ -420,16 +491,17 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
 # ---- from a receiver ----------------------------------------------------------------------------
 
 
-def read_walk(path: Path) -> tuple[Track, Receiver]:
+def read_walk(path: Path, tell: Callable[[str], None] = _silent) -> tuple[Track, Receiver]:
     """The walk in a recorded NMEA file or in the GPX of a phone's app, and what was understood of
-    it. UserError where there is no position in it."""
+    it; `tell` is told how far it is. UserError where there is no position in it."""
+    check_input(path, "the walk")
     receiver = Receiver()
     try:
         if path.suffix.lower() == ".gpx":
             fixes, receiver.sentences["GPX point"] = gpx_file.read_fixes(path)
         else:
             with path.open("rb") as lines:
-                fixes = read_fixes(lines, receiver)
+                fixes = read_fixes(_told(lines, path.stat().st_size, tell), receiver)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
     except OSError as error:
@@ -446,6 +518,16 @@ def read_walk(path: Path) -> tuple[Track, Receiver]:
             f"{bad or 'none'}); record NMEA with GGA or RMC sentences under open sky"
         )
     return track, receiver
+
+
+def _told(lines: Iterable[bytes], size: int, tell: Callable[[str], None]) -> Iterator[bytes]:
+    """The lines; `tell` is told, now and then, how much of `size` bytes they have been."""
+    done = 0
+    for number, line in enumerate(lines):
+        if number % LINES_TOLD == 0:
+            tell(f"reading, {100 * done / size:.0f} %" if size else "reading")
+        done += len(line)
+        yield line
 
 
 def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
@@ -540,7 +622,8 @@ def draw_survey(path: Path, survey: Survey, title: str) -> None:
     close.set_title("the field")
     close.legend(loc="upper right", fontsize=8)
     figure.suptitle(title)
-    figure.savefig(path, dpi=110)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=110)
 
 
 def _from_corner_0(survey: Survey) -> Survey:

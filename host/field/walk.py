@@ -304,6 +304,8 @@ def find_loops(track: Track, close_m: float) -> Loops | None:
         else:
             others += 1
         begin = loop.last
+    if not laps:  # each of them overlaps too little with the best, which does with itself
+        laps = [_loop(track, int(first[best]), int(last[best]))]
     spans = [(loop.first, loop.last) for loop in laps]
     keep_outs: list[Loop] = []
     small = (

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 
 CHECKOUT = Path(__file__).parents[2]
 TIMEOUT_S = 120.0
@@ -70,6 +71,7 @@ def check_image(path: Path, board: str) -> None:
     """Raises UserError unless the file can be an image for the board (of LOADERS): Intel HEX, or an
     ELF file for its chip."""
     loader = LOADERS[board]
+    check_input(path, "the image", once=False)
     try:
         head = path.open("rb").read(ELF_HEAD)
     except OSError as error:

@@ -29,14 +29,18 @@ def read(link: Link, spec: ParamSpec) -> float:
     return spec.from_raw(answer.value)
 
 
+def raw_of(spec: ParamSpec, value: float) -> int:
+    """The value as it goes over the wire. UserError where it is out of range."""
+    try:
+        return spec.to_raw(value)
+    except ValueError as error:
+        raise UserError(str(error)) from error
+
+
 def write(link: Link, spec: ParamSpec, value: float) -> float:
     """Sets a parameter in the firmware's RAM and returns what it reads back. UserError where the
     value is out of range or the firmware refuses."""
-    try:
-        raw = spec.to_raw(value)
-    except ValueError as error:
-        raise UserError(str(error)) from error
-    link.ask(protocol.ParamSet(spec.id, raw))
+    link.ask(protocol.ParamSet(spec.id, raw_of(spec, value)))
     return read(link, spec)
 
 

@@ -6,7 +6,6 @@ The lockstep rig and a replay use the Session alone, so all three speak byte for
 from __future__ import annotations
 
 import contextlib
-import errno
 import math
 import time
 from collections import deque
@@ -14,11 +13,11 @@ from collections.abc import Callable
 from typing import Literal
 
 import serial
-from serial.tools import list_ports
 
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State, Telemetry
 from host.link import protocol
+from host.link.port import WRITE_TIMEOUT_S, open_port
 
 HELLO_EVERY_S = 0.2
 """Between greetings while the board does not answer."""
@@ -26,10 +25,6 @@ HELLO_TIMEOUT_S = 5.0
 """A Uno's boot loader keeps the port for up to two seconds after opening it."""
 ANSWER_TIMEOUT_S = 1.0
 """A board answers within a tick, and later only while it writes its EEPROM."""
-WRITE_TIMEOUT_S = 0.5
-"""A port that takes nothing for so long has no board that reads."""
-READ_S = 0.005
-"""What a read waits for at most. Fixed: pyserial sets up the whole port again at each change."""
 FIRMWARE_CLOCK_S = 2**32 * 1e-6
 """The firmware's microseconds wrap here, which is no reset."""
 
@@ -196,7 +191,7 @@ class Link(contextlib.AbstractContextManager["Link"]):
         self.bytes_out = 0
         self.tap: Callable[[Direction, float, bytes], None] | None = None
         self.clock = clock
-        self._serial = _open(port)
+        self._serial = open_port(port)
 
     def poll(self, timeout_s: float = 0.0) -> list[Telemetry]:
         """Takes what has arrived, waiting up to `timeout_s` for the first byte. Raises UserError
@@ -325,34 +320,3 @@ def _answers(answer: Answer, message: protocol.Message, seq: int) -> bool:
     if isinstance(answer, protocol.LogEntry):
         return isinstance(message, protocol.LogGet) and answer.index == message.index
     return isinstance(message, protocol.HilSensors)
-
-
-def _open(port: str) -> serial.Serial:
-    remote = port.startswith("rfc2217://")  # pyserial has no write timeout there
-    try:
-        return serial.serial_for_url(
-            port,
-            baudrate=protocol.BAUD,
-            timeout=READ_S,
-            write_timeout=None if remote else WRITE_TIMEOUT_S,
-            exclusive=True,
-        )
-    except (OSError, ValueError) as error:
-        raise UserError(_why_not(port, error)) from error
-
-
-def _why_not(port: str, error: Exception) -> str:
-    """Why a port does not open, and what to do about it."""
-    code = getattr(error, "errno", None)
-    if "://" in port:
-        return f"cannot connect to {port}: {error}"
-    if code == errno.ENOENT:
-        there = ", ".join(sorted(p.device for p in list_ports.comports())) or "none"
-        return f"serial port {port} does not exist; ports there now: {there}"
-    if code == errno.EACCES:
-        return f"no permission to open {port}: `sudo usermod -aG dialout $USER`, then log in again"
-    if code == errno.EAGAIN or "exclusively lock" in str(error):
-        return f"{port} is in use by another program; close it first"
-    if "configure port" in str(error):
-        return f"{port} is not a serial port"
-    return f"cannot open {port} as a serial port: {error}"

@@ -17,10 +17,19 @@ def serve_application(
     app: ASGIApp, host: str, port: int, option: str, say: Callable[[str], None]
 ) -> None:
     """`say` is told the address; port 0 takes a free one. UserError where the port is taken."""
+    serve_on(listening(host, port, option), app, host, say)
+
+
+def listening(host: str, port: int, option: str) -> socket.socket:
+    """A port to serve on; 0 takes a free one. UserError where it is taken."""
     try:
-        listener = socket.create_server((host, port))
+        return socket.create_server((host, port))
     except OSError as error:
         raise UserError(f"port {port}: {error.strerror}; name another with {option}") from error
+
+
+def serve_on(listener: socket.socket, app: ASGIApp, host: str, say: Callable[[str], None]) -> None:
+    """`say` is told the address."""
     say(f"http://{reachable(host)}:{listener.getsockname()[1]}/")
     config = uvicorn.Config(app, **strict_http.settings())
     with contextlib.suppress(KeyboardInterrupt):

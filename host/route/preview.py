@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from host.core.errors import UserError
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
+from host.core.whole_file import saved
 from host.field.areas import Areas, Geofence, areas_of, outline_of, placed
 from host.route.plan import Plan
 from host.route.side import Side
@@ -300,7 +301,8 @@ def draw_preview(path: Path, shown: Preview, title: str) -> None:
     axes.set_aspect("equal")
     axes.set(xlabel="east of corner 0 (m)", ylabel="north of corner 0 (m)", title=title)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8)
-    figure.savefig(path, dpi=110)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=110)
 
 
 def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:

@@ -22,7 +22,8 @@ def is_record(source: str) -> bool:
 def recorded(path: Path) -> Iterator[tuple[str, Picture]]:
     """The pictures that a record of a drive has kept."""
     decoder, spoiled, index = JpegDecoder(), 0, 0
-    for topic, stamp, message in record.read(path):
+    cut: list[str] = []
+    for topic, stamp, message in record.read(path, cut.append):
         if topic != record.PICTURES:
             continue
         index += 1
@@ -33,6 +34,8 @@ def recorded(path: Path) -> Iterator[tuple[str, Picture]]:
             spoiled += 1
     if spoiled:
         raise UserError(f"{path}: {spoiled} of {index} pictures are damaged files, left out")
+    if cut:
+        raise UserError(f"{cut[0]}; it has {index} pictures up to there")
     if index == 0:
         raise UserError(f"{path}: the record keeps no pictures; record a drive with pictures")
 

@@ -2,7 +2,8 @@
 
 Crash-safe by construction: what the run depends on stands at the beginning, outside any chunk; then
 come chunks of a second or two, each written whole, so a run that was killed leaves everything up to
-its last chunk. Any MCAP reader that reads in the file's order does; `read` stops there quietly.
+its last chunk. Any MCAP reader that reads in the file's order does; `read` stops there, and says it
+to whoever asks.
 
 Numbers are kept in full, so that a replay computes with what the run computed with.
 """
@@ -23,11 +24,12 @@ from typing import Any, Final, NoReturn, TypeVar
 import zstandard
 from mcap import records
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, McapRecord, Metadata
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.core.messages import Command, Fix, Request, State, Telemetry, Turned
 from host.estimate.kalman import Innovation
 from host.pilot.snapshot import Snapshot
@@ -311,20 +313,22 @@ def unused(path: Path) -> Path:
     return next(each for each in itertools.chain([path], names) if not each.exists())
 
 
-def _records(path: Path) -> Iterator[McapRecord]:
-    """The file's records up to its end or the first that is not whole. UserError where the file is
-    missing or is no record."""
+def _records(path: Path, cut: Callable[[str], None] | None = None) -> Iterator[McapRecord]:
+    """The file's records up to its end or the first that is not whole: then `cut` is told why.
+    UserError where the file is missing or is no record."""
+    check_input(path, "the record", once=False)
     try:
         file = path.open("rb")
     except OSError as error:
         raise UserError(f"cannot read the record {path}: {error.strerror}") from error
-    count, room = 0, LARGEST + DENSEST * path.stat().st_size
+    count, room, whole = 0, LARGEST + DENSEST * path.stat().st_size, False
     with file:
         try:
             for record in StreamReader(file, emit_chunks=True, record_size_limit=LARGEST).records:
                 room -= record.uncompressed_size if isinstance(record, Chunk) else 0
                 if room < 0:
                     raise ValueError("it holds far more than a record of its size")
+                whole = whole or isinstance(record, DataEnd)  # what follows is but an index
                 for each in _unpacked(record):
                     count += 1
                     yield each
@@ -332,6 +336,8 @@ def _records(path: Path) -> Iterator[McapRecord]:
             if not count:
                 why = str(error) or ("it is empty" if not path.stat().st_size else "it is cut off")
                 raise UserError(f"{path} is not a record (MCAP): {why}") from error
+            if cut is not None and not whole:
+                cut(str(error) or "cut off")
 
 
 def _unpacked(record: McapRecord) -> Iterator[McapRecord]:
@@ -367,16 +373,28 @@ class Message(dict[str, Any]):
         raise UserError(f"{self.where} has no {name}: it was written by another program")
 
 
-def read(path: Path) -> Iterator[tuple[str, float, Message]]:
+def read(
+    path: Path, tell: Callable[[str], None] | None = None
+) -> Iterator[tuple[str, float, Message]]:
     """(topic, stamp in s, message) in the order written; ends at the last whole chunk of a record
-    whose run was killed. UserError where the file is missing or is no record, or holds what no run
-    writes."""
+    that is not whole, whose run was killed or whose file was cut off: then `tell` is told so in
+    words. UserError where the file is missing or is no record, or holds what no run writes."""
     topics: dict[int, str] = {}
-    for record in _records(path):
+    last = 0.0
+
+    def cut(why: str) -> None:
+        if tell is not None:
+            tell(
+                f"{path} is not whole: its last message is of {last:.1f} s, what came after it is "
+                f"missing or damaged ({why}). Its run was killed, or its file was not copied whole"
+            )
+
+    for record in _records(path, cut):
         if isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, records.Message):
             topic, stamp = topics.get(record.channel_id, ""), record.log_time / 1e9
+            last = stamp
             yield topic, stamp, _message(record.data, topic, f"{path}: {topic} at {stamp:.2f} s")
 
 

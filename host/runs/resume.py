@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.core.strict import Strict
 from host.core.vehicle import Vehicle
 from host.core.whole_file import write_whole
@@ -88,10 +89,12 @@ def save(path: Path, progress: Progress) -> None:
 
 def load(path: Path) -> Progress:
     """UserError where the file is missing or is no saved progress."""
+    check_input(path, "the saved progress")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"cannot read the saved progress {path}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"cannot read the saved progress {path}: {why}") from error
     try:
         return Progress.model_validate_json(text)
     except ValidationError as error:

@@ -21,6 +21,7 @@ from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import Boundary, load_field
 from host.link import protocol
+from host.link.port import check_port
 from host.link.session import Link
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
@@ -109,6 +110,7 @@ def _read(order: Order) -> _Given:
     field = load_field(order.boundary, order.field) if order.boundary is not None else None
     saved = load(order.resume) if order.resume is not None else None
     corner = chosen_corner(field, order.boundary, order.corner, order.gap_m, order.inset_m, saved)
+    check_port(order.port)
     return _Given(vehicle, mount_of(vehicle, order.mount), field, saved, corner)
 
 

@@ -208,6 +208,8 @@ def camera_feed(
         source = partial(_from_opencv, device, False)
     elif Path(url).is_file():
         source = partial(_from_opencv, url, True)
+    elif Path(url).exists():
+        raise UserError(f"camera {url} is neither a camera nor a video file; name one")
     else:
         raise UserError(
             f"camera {url} does not exist; give http://..., a video file or /dev/videoN"

@@ -278,6 +278,8 @@ def gnss_feed(
         source = partial(_from_file, path, receiver)
     elif path.is_char_device():
         source = partial(_from_port, partial(_serial_reader, url, baud), receiver)
+    elif path.exists() and not parts.scheme:
+        raise UserError(f"GNSS source {url} is neither a serial port nor an NMEA file; name one")
     elif parts.scheme:
         raise UserError(
             f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT"

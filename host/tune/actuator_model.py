@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
+from host.core.whole_file import save_text
 
 Floats = NDArray[np.float64]
 
@@ -132,11 +134,12 @@ class ActuatorModel:
 
     def save(self, path: Path) -> None:
         """Writes JSON."""
-        path.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
+        save_text(path, json.dumps(asdict(self), indent=1))
 
     @classmethod
     def load(cls, path: Path) -> ActuatorModel:
         """Reads what `save` wrote. Raises UserError where it is not that."""
+        check_input(path, "the model")
         try:
             raw: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             pairs = {k: Estimate(**v) if isinstance(v, dict) else float(v) for k, v in raw.items()}

@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from host.core.whole_file import saved
 from host.tune import closed_loop
 from host.tune.actuator_model import TICK_S, ActuatorModel, Findings, predict
 from host.tune.on_machine import TELEMETRY_S
@@ -38,7 +39,8 @@ def draw_fit(findings: Findings, model: ActuatorModel, path: Path) -> None:
     grid.flat[0].legend(fontsize=8)
     figure.supxlabel("s")
     figure.supylabel("steering angle, deg")
-    figure.savefig(path, dpi=80)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=80)
 
 
 def draw_tuning(
@@ -71,4 +73,5 @@ def draw_tuning(
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
-    figure.savefig(path, dpi=80)
+    with saved(path) as fresh:
+        figure.savefig(fresh, dpi=80)

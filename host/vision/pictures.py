@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
+from host.core.whole_file import saved
 
 Picture = NDArray[np.uint8]
 """(height, width, 3) blue, green, red."""
@@ -49,6 +51,7 @@ def to_bgr(picture: NDArray[np.generic]) -> Picture:
 def read_photo(path: Path) -> Picture:
     """One photograph, the way up that a viewer shows it: a phone stores what its sensor saw, and
     says in EXIF how it was held. UserError where it cannot be used."""
+    check_input(path, "the picture")
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
     except OSError as error:
@@ -73,11 +76,12 @@ def read_photo(path: Path) -> Picture:
 
 
 def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
-    """OSError, with the file's name, where it cannot be written: OpenCV would say nothing."""
+    """UserError where it cannot be written: OpenCV would say nothing."""
     good, data = cv2.imencode(path.suffix, picture)
     if not good:
         raise ValueError(f"{path}: OpenCV does not write such pictures")
-    path.write_bytes(data.tobytes())
+    with saved(path, sync=False) as fresh:
+        fresh.write_bytes(data.tobytes())
 
 
 def _is_photo(path: Path) -> bool:
@@ -104,6 +108,8 @@ def frames(source: str) -> Iterator[tuple[str, Picture]]:
     if "://" not in source:
         if not path.exists():
             raise UserError(f"{source}: no such file or folder; check the path")
+        if not path.is_char_device():  # a camera is one
+            check_input(path, "the source", once=False)
         if path.is_dir() or _is_photo(path):
             bad = []
             for photo in photos_in(path):

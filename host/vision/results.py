@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
+from host.core.whole_file import saved
 from host.vision.photo.split import SIDES, Side
 from host.vision.pictures import Picture, write_picture
 from host.vision.view import CropView
@@ -28,6 +30,7 @@ def own_name(name: str, taken: set[str]) -> str:
 
 def read_sides(manifest: Path) -> dict[str, Side]:
     """Standing side by file name without suffix, from a CSV with columns file, standing_side."""
+    check_input(manifest, "the manifest")
     try:
         with manifest.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))
@@ -69,4 +72,5 @@ def write_result(folder: Path, name: str, bgr: Picture, view: CropView, ms: floa
         "reason": view.reason,
         "ms": round(ms, 3),
     }
-    (folder / f"{name}.json").write_text(json.dumps(record) + "\n", encoding="utf-8")
+    with saved(folder / f"{name}.json", sync=False) as fresh:
+        fresh.write_text(json.dumps(record) + "\n", encoding="utf-8")

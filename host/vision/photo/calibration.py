@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from host.core.errors import UserError
+from host.core.whole_file import save_text
 from host.vision.photo.benchmark import Photo
 from host.vision.photo.confidence import REASONS, TOLERANCE, Weights
 from host.vision.photo.detector import RobustPhoto, trace
@@ -105,7 +105,4 @@ def write(path: Path, learnt: Weights, command: str) -> None:
         },
         "bias": round(learnt.bias, 6),
     }
-    try:
-        path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write the weights {path}: {error.strerror}") from error
+    save_text(path, json.dumps(data, indent=1) + "\n")

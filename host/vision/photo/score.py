@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.vision.photo.split import SIDES, Side
 from host.vision.pictures import Picture, read_photo, u8
 
@@ -46,6 +47,7 @@ def labelled_set(folder: Path) -> list[Labelled]:
     """The photographs of a labelled folder (manifest.csv, images/, masks/), doubtful labels left
     out."""
     manifest = folder / "manifest.csv"
+    check_input(manifest, "the manifest", once=False)
     try:
         with manifest.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))

@@ -13,6 +13,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from host.core.errors import UserError
+from host.core.input_file import check_input
 from host.vision.mounted.paper import PaperParams
 
 DATABASE = Path.home() / ".local" / "share" / "daranti" / "profiles.sqlite"
@@ -72,6 +73,7 @@ class Profiles(contextlib.AbstractContextManager["Profiles"]):
     def __init__(self, path: Path) -> None:
         """Opens or creates. UserError where the file is no such database."""
         self._path = path
+        check_input(path, "the database of profiles", once=False)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path)

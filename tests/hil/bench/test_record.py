@@ -12,6 +12,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -170,6 +172,48 @@ def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
         counts.append(len(got))
     assert counts == sorted(counts, reverse=True)
     assert counts[len(counts) // 2] > 1000
+
+
+def test_what_is_missing_is_told_and_nothing_else_is(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with Recorder(path) as recorder:
+        for k in range(3000):
+            recorder.put("/serial/to_host", k / 100, {"data": random.Random(k).randbytes(60)})
+    whole = path.read_bytes()
+    spoiled = bytearray(whole)
+    begins = len(whole) // 4  # of a chunk: the middle is of an index
+    spoiled[begins : begins + 4000] = bytes(4000)
+    said: dict[str, list[str]] = {}
+    for name, content in (
+        ("whole", whole),
+        ("index cut", whole[:-20]),
+        ("cut", whole[: len(whole) // 2]),
+        ("spoiled", bytes(spoiled)),
+    ):
+        path.write_bytes(content)
+        said[name] = []
+        last = [stamp for _, stamp, _ in record.read(path, said[name].append)][-1]
+        if said[name]:
+            assert f"{path} is not whole: its last message is of {last:.1f} s" in said[name][0]
+    assert {name: len(texts) for name, texts in said.items()} == {
+        "whole": 0,
+        "index cut": 0,
+        "cut": 1,
+        "spoiled": 1,
+    }
+
+
+def test_pictures_of_a_record_that_was_cut_off_are_not_all(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    jpeg = cv2.imencode(".jpg", np.zeros((480, 640, 3), np.uint8))[1].tobytes()
+    with Recorder(path) as recorder:
+        for k in range(200):
+            recorder.picture(k / 10, jpeg)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    found = []
+    with pytest.raises(UserError, match=r"is not whole.*; it has \d+ pictures up to there"):
+        found.extend(recorded(path))
+    assert 0 < len(found) < 200
 
 
 # ---- a run that is killed ------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from hil.bench.harvest import Harvest, harvest
+from hil.commands.cli import cli
 from hil.commands.plot import plot
 from hil.commands.report import report
 from hil.firmware import targets
@@ -36,6 +37,7 @@ from hil.report.report import (
 )
 from hil.scenario.faults import At, Fault
 from host.core.errors import UserError
+from host.core.errors import run as run_command
 from host.link import protocol
 from host.pilot.phase import Phase
 from host.runs.record import Recorder
@@ -201,6 +203,24 @@ def test_a_drive_has_a_report_by_its_record_or_its_folder(tmp_path: Path) -> Non
     recorded(tmp_path / "drive-2.mcap", [(0.0, 0.0)])
     with pytest.raises(UserError, match=r"drive-1\.mcap, drive-2\.mcap"):
         report_of(tmp_path)
+
+
+def test_plot_and_report_say_what_a_record_lacks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recorded(tmp_path / "drive-1.mcap", [(0.1 * k, 0.0) for k in range(40_000)])
+    whole = path.read_bytes()
+    for size, lacks in ((len(whole), False), (len(whole) // 2, True)):
+        path.write_bytes(whole[:size])
+        for verb in ("plot", "report"):
+            with pytest.raises(SystemExit) as exit_:
+                run_command(cli, "daranti-hil", [verb, str(path)])
+            assert exit_.value.code == 0
+            out, err = capsys.readouterr()
+            assert "written: " in out
+            assert (f"warning: {path} is not whole: its last message is of" in err) == lacks
+        page = (tmp_path / "drive-1.report.html").read_text()
+        assert ("The record is not whole" in page) == lacks
 
 
 def test_a_rig_has_a_report_also_before_it_ends(tmp_path: Path) -> None:

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from hil.bench.lockstep import Bench
+from hil.commands.cli import cli
 from hil.firmware import targets
 from hil.firmware.provision import pwm_hz
 from hil.scenario.scenario import assigned, changed, load, merge, named
-from host.core.errors import UserError
+from host.core.errors import EXIT_USER, UserError, run
 from sim_plant.machine import DRIVE_PWM_HZ, STEER_PWM_HZ
 from tests.helpers.oracle import quick
 
@@ -97,6 +98,32 @@ def test_an_error_names_file_line_and_field(
     assert "\n" not in message
 
 
+def test_what_the_command_line_got_wrong_is_not_blamed_on_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text("weather: {hour: 9}\n")
+    for setting, field in (
+        ("weather.hour=99", "weather.hour"),
+        ("weather=4", "weather"),
+        ("nonsense=3", "nonsense"),
+        ("camera=roof", "no camera mount"),
+        ("lens.fov=3", "lens.fov"),
+        ("belief.gap_m=x", "belief.gap_m"),
+    ):
+        for base in (path, "default"):
+            with pytest.raises(UserError) as error:
+                load(str(base), assigned(setting))
+            assert str(error.value).startswith(f"the command line: {field}")
+            assert ".yaml" not in str(error.value)
+        with pytest.raises(UserError, match=f"^the command line: {field}"):
+            changed(load(str(path)), assigned(setting))
+    path.write_text("weather: {hour: 99}\n")
+    with pytest.raises(UserError) as error:
+        load(str(path), merge(assigned("seed=x"), assigned("weather.dust=0")))
+    said = str(error.value).split("; ")
+    assert any(text.startswith("the command line: seed:") for text in said)
+    assert any(text.startswith(f"{path}, line 1: weather.hour:") for text in said)
+
+
 @pytest.mark.parametrize(
     "text", ["a: [", "- 1\n", "\t", "off\n", "0\n", "a: 2026-13-45\n", "[" * 9999]
 )
@@ -105,6 +132,29 @@ def test_what_is_no_mapping_is_one_message(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(UserError, match=r"odd\.yaml"):
         load(str(path))
+
+
+def test_a_walk_that_nobody_makes_is_refused_by_its_number() -> None:
+    for setting, field in (
+        ("belief={boundary: {cep_m: 1.0e9}}", "cep_m"),
+        ("belief={boundary: {laps: 1000}}", "laps"),
+    ):
+        with pytest.raises(UserError, match=rf"the command line: belief.*{field}"):
+            load("default", assigned(setting))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--cep", "1e9"), ("--cep", "inf"), ("--cep", "nan"), ("--laps", "0")]
+)
+def test_commission_refuses_such_a_walk(
+    option: str, value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(cli, "daranti-hil", ["commission", option, value, "--out", "/proc/x"])
+    assert exit_.value.code == EXIT_USER
+    err = capsys.readouterr().err
+    assert "None" not in err
+    assert option in err
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:

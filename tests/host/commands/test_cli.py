@@ -242,6 +242,18 @@ def numbers(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, .
 
 
 @pytest.mark.parametrize("words", numbers(daranti), ids=" ".join)
+@pytest.mark.parametrize("value", ["inf", "-inf", "1e999"])
+def test_what_is_infinite_lies_in_no_range(
+    words: tuple[str, ...], value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(daranti, "daranti", [*words, value])
+    assert exit_.value.code == EXIT_USER
+    err = capsys.readouterr().err
+    assert "is infinite; give a number" in err or "is not in the range" in err
+
+
+@pytest.mark.parametrize("words", numbers(daranti), ids=" ".join)
 def test_what_is_no_number_lies_in_no_range(
     words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,6 +54,13 @@ def test_set_takes_the_limits_and_refuses_what_lies_beyond(
         assert board.params[spec.id] == spec.max_raw
 
 
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e400", "-1e9"])
+def test_a_value_out_of_range_needs_no_board(cli: Cli, value: str) -> None:
+    code, _, err = cli("params", "set", "steer_kp", value, "--port", "/dev/no-such-port")
+    assert code == EXIT_USER
+    assert err.startswith("daranti: steer_kp must be ")
+
+
 def test_set_shows_what_the_firmware_keeps_and_not_what_was_asked(
     cli: Cli, board: FakeFirmware
 ) -> None:

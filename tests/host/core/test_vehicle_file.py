@@ -45,8 +45,8 @@ def test_on_a_full_disk_the_machines_file_stays_as_it_was(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> None:
-    assert load_vehicle(None) == load_vehicle(written(tmp_path, "")) == Vehicle()
+def test_no_file_means_the_default_vehicle(tmp_path: Path) -> None:
+    assert load_vehicle(None) == load_vehicle(written(tmp_path, "{}")) == Vehicle()
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,8 @@ def test_no_file_and_an_empty_file_mean_the_default_vehicle(tmp_path: Path) -> N
         ("overlap_m: 0.45\nblade_width_m: 0.45", "overlap_m 0.45 is more than half"),
         ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: 400}}", "mounts.low.pitch_deg"),
         ("- 1", "give fields"),
+        ("", "is empty; give fields"),
+        ("# wheelbase_m: 1.3\n", "is empty; give fields"),
         ("a: [", "is not YAML"),
     ],
 )

@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
+from host.core.progress import Watch
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
 from host.field.smoothing import Smoother
 from host.field.survey import (
@@ -47,7 +48,7 @@ from host.field.walk import (
     track_of,
 )
 from host.sensors.nmea import Receiver
-from sim_plant.gnss import GnssSpec
+from sim_plant.gnss import Gnss, GnssSpec
 from tests.helpers.console import Cli
 from tests.helpers.real_data import real
 from tests.helpers.walker import PERFECT, Place, around, walk
@@ -349,6 +350,66 @@ def test_an_irregular_field_keeps_its_edge() -> None:
     straight = survey_track(tracked(lines), corners=4)
     assert any("--irregular keeps the edge" in text for text in straight.warnings)
     assert (found.boundary("").recorded, straight.boundary("").recorded) == (True, False)
+
+
+def test_a_long_survey_says_what_it_is_at(
+    cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    class Noted(Watch):
+        def reach(self, done: float, text: str = "") -> None:
+            told.append(text)
+            super().reach(done, text)
+
+    monkeypatch.setattr("host.commands.survey.Watch", Noted)
+    source, out = tmp_path / "walk.nmea", tmp_path / "field.geojson"
+    source.write_text("\r\n".join(walk(around(SQUARE, 20))))
+    code, _, _ = cli("survey", str(source), "--out", str(out))
+    assert code == 0
+    read = [int(text.split()[1]) for text in told if text.startswith("reading, ")]
+    assert read == sorted(read)
+    assert len(read) > 3
+    for stage in ("smoothing ", "looking for laps", "looking for the edge in 20 laps", "drawing"):
+        assert any(text.startswith(stage) for text in told), stage
+
+
+def oval(along_m: float, across_m: float) -> list[Place]:
+    """An ellipse of these half axes, a corner every 1.5 m or so."""
+    angles = np.linspace(0, math.tau, round(math.tau * along_m / 1.5), endpoint=False)
+    return [(along_m * math.cos(a), across_m * math.sin(a)) for a in angles.tolist()]
+
+
+@pytest.mark.parametrize("half_axes", [(14.0, 14.0), (20.0, 20.0), (25.0, 25.0), (24.0, 15.0)])
+def test_sides_that_bulge_are_told(half_axes: tuple[float, float]) -> None:
+    """The walk is never a metre from 7 to 12 straight sides of a round field, and follows none."""
+    phone = GnssSpec(cep_m=1.0, outages_per_hour=0.0, jumps_per_hour=0.0)
+    found = survey_track(tracked(smoothly(oval(*half_axes), phone)))
+    assert found.residual_m < 0.6
+    assert found.seems_to_bend
+    assert any("--irregular keeps the edge as it was walked" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("seed", range(2))
+def test_straight_sides_do_not_bulge(name: str, seed: int) -> None:
+    phone = GnssSpec(cep_m=2.5, outages_per_hour=0.0)
+    found = survey_track(tracked(walk(around(SHAPES[name], 1 + seed), phone, seed)))
+    assert not found.seems_to_bend
+    assert not any("--irregular" in text for text in found.warnings)
+
+
+def smoothly(ring: list[Place], phone: GnssSpec) -> list[str]:
+    """Sentences of a walk around a ring at 1.3 m/s without a stop."""
+    closed = np.array([*ring, ring[0]])
+    done = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    at = np.arange(0.0, done[-1], 1.3)
+    x, y = (np.interp(at, done, values) for values in closed.T)
+    gnss, lines = Gnss(phone, 1), []
+    for k in range(len(at) - 1):
+        vx, vy = float(x[k + 1] - x[k]), float(y[k + 1] - y[k])
+        lines += gnss.epoch(float(k), float(x[k]), float(y[k]), vx, vy)
+    return lines
 
 
 def test_smoothing_draws_no_bend_inwards() -> None:

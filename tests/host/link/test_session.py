@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link import protocol
+from host.link.port import check_port
 from host.link.session import HELLO_EVERY_S, Link, Session
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 
@@ -281,6 +282,17 @@ def test_a_missing_port_names_those_that_are_there() -> None:
         Link("/dev/no-such-port", time.monotonic)
 
 
+@pytest.mark.parametrize("port", ["/dev/null", "/dev/zero", "/tmp", "/etc/hostname"])
+def test_what_is_no_serial_port_is_told_without_opening_it(port: str) -> None:
+    with pytest.raises(UserError, match="is not a serial port"):
+        check_port(port)
+
+
+def test_a_port_that_is_there_is_not_opened_to_be_checked(board: FakeFirmware) -> None:
+    check_port(board.port)
+    assert board.received == []
+
+
 def test_a_taken_port_is_said(board: FakeFirmware) -> None:
     with (
         Link(board.port, time.monotonic),
@@ -296,6 +308,14 @@ def test_a_taken_port_is_said(board: FakeFirmware) -> None:
         ("/tmp", "cannot open /tmp"),
         ("socket://127.0.0.1:1", "cannot connect"),
         ("nonsense://x", "cannot connect"),
+        ("nonsense://x", "nonsense:// is unknown; give a serial port, socket://HOST:PORT or"),
+        ("socket://x", "socket://x: the address needs a host and a port from 1 to 65535"),
+        ("socket://127.0.0.1:x", "needs a host and a port"),
+        ("socket://127.0.0.1:70000", "needs a host and a port"),
+        ("socket://:5000", "needs a host and a port"),
+        ("socket://[::1", "needs a host and a port"),
+        ("rfc2217://x", "as rfc2217://192.168.1.7:5000"),
+        ("", "--port is empty"),
     ],
 )
 def test_what_is_no_port_is_refused(port: str, message: str) -> None:

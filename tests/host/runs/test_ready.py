@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from host.panel.machine import Settings
 from host.pilot.pilot import Pilot
 from host.runs.ready import make_ready
 from tests.helpers.console import Cli
+from tests.helpers.fake_firmware import FakeFirmware
 
 
 @pytest.fixture(autouse=True)
@@ -37,25 +39,96 @@ def enough() -> None:
     raise UserError("made ready")
 
 
-@pytest.mark.parametrize(
-    ("module", "arguments"),
-    [
-        ("host.runs.session", ["drive", "--yes", "--camera", "http://127.0.0.1:1/video"]),
-        ("host.commands.check", ["check"]),
-        ("host.commands.panel", ["panel", "--web-port", "0"]),
-    ],
-)
+DRIVERS = [
+    ("host.runs.session", ["drive", "--yes", "--camera", "http://127.0.0.1:1/video"]),
+    ("host.commands.check", ["check"]),
+    ("host.commands.panel", ["panel", "--web-port", "0"]),
+]
+
+
+@pytest.mark.parametrize(("module", "arguments"), DRIVERS)
 def test_what_drives_is_made_ready_before_any_port_is_opened(
+    module: str,
+    arguments: list[str],
+    cli: Cli,
+    board: FakeFirmware,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
+    code, _, err = cli(*arguments, "--port", board.port)
+    assert (code, err) == (EXIT_USER, "daranti: made ready\n")
+    assert board.received == []
+
+
+NOWHERE = "/nowhere/field.geojson"
+
+
+@pytest.mark.parametrize(("module", "arguments"), DRIVERS)
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (["--port", "socket://x"], "cannot connect to socket://x"),
+        (["--boundary", NOWHERE], f"cannot read the boundary {NOWHERE}"),
+        (["--mount", "roof"], "no camera mount 'roof'"),
+        (["--vehicle", "/nowhere/machine.yaml"], "cannot read the vehicle file"),
+        (["--gnss", "tcp://phone"], "GNSS address tcp://phone"),
+        (["--camera", "ftp://phone"], "camera address ftp://phone"),
+        (["--gyro", "http://"], "gyroscope address http://"),
+    ],
+    ids=lambda each: each[0] if isinstance(each, list) else "",
+)
+def test_what_costs_nothing_to_look_at_is_looked_at_first(
+    module: str,
+    arguments: list[str],
+    wrong: list[str],
+    message: str,
+    cli: Cli,
+    board: FakeFirmware,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nobody waits half a minute to read that a name was mistyped."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
+    code, _, err = cli(*arguments, "--port", board.port, *wrong)
+    assert code == EXIT_USER
+    assert message in err
+    assert "made ready" not in err
+
+
+@pytest.mark.parametrize(("module", "arguments"), DRIVERS)
+def test_a_port_that_is_not_there_is_told_first(
     module: str,
     arguments: list[str],
     cli: Cli,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """The panel waits for it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
-    code, _, err = cli(*arguments, "--port", str(tmp_path / "no board"))
-    assert (code, err) == (EXIT_USER, "daranti: made ready\n")
+    code, _, err = cli(*arguments, "--port", "/dev/no-such-port")
+    assert code == EXIT_USER
+    first, *rest = err.splitlines()
+    assert "serial port /dev/no-such-port does not exist; ports there now" in first
+    waits = arguments[0] == "panel"
+    assert first.startswith("warning: " if waits else "daranti: ")
+    assert rest == (["daranti: made ready"] if waits else [])
+
+
+def test_a_taken_port_of_the_page_is_told_first(
+    cli: Cli, board: FakeFirmware, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("host.commands.panel.make_ready_visibly", enough)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        number = str(taken.getsockname()[1])
+        code, _, err = cli("panel", "--port", board.port, "--web-port", number)
+    assert code == EXIT_USER
+    assert f"port {number}: Address already in use" in err
+    assert "name another with --web-port" in err
 
 
 def test_the_machines_process_is_ready_before_a_panel_reaches_it(

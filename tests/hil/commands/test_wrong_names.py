@@ -1,0 +1,29 @@
+"""What names nothing is told before any work."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.commands.cli import cli
+from host.core.errors import EXIT_USER, run
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("faults --camera roof --out /proc/x", "--camera roof: no such mount; there are low, mast"),
+        ("constants --vary zzz", "--vary zzz: no constant has that in its path or name"),
+    ],
+)
+def test_a_wrong_name_is_one_message_before_any_work(
+    words: str, message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def driven(*_: object) -> None:
+        raise AssertionError("it works already")
+
+    monkeypatch.setattr("hil.commands.constants.driven", driven)
+    monkeypatch.setattr("hil.commands.faults.run_matrix", driven)
+    with pytest.raises(SystemExit) as exit_:
+        run(cli, "daranti-hil", words.split())
+    assert exit_.value.code == EXIT_USER
+    assert capsys.readouterr().err == f"daranti-hil: {message}\n"
