@@ -379,8 +379,8 @@ def survey_track(
     tell: Callable[[str], None] = _silent,
 ) -> Survey:
     """The boundary from a walk. `lap` (from 1): take only this one; `tell` is told what it is at.
-    UserError where the walk does
-    not close a loop or the loop does not have the form that was asked for."""
+    UserError where the walk does not close a loop or the loop does not have the form that was asked
+    for."""
     tell(f"smoothing {len(track.xy)} positions")
     smoother = Smoother(track) if smoothable(track) else None
     if smoother is not None:
