@@ -220,7 +220,7 @@ def load(name_or_file: str, overrides: dict[str, Any] | None = None) -> Scenario
 
     Raises UserError naming file, line and field."""
     path = Path(name_or_file)
-    if not path.suffix and not path.exists():
+    if not path.suffix and (path.is_dir() or not path.exists()):
         path = FOLDER / f"{name_or_file}.yaml"
         if not path.exists():
             raise UserError(

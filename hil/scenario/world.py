@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 import shapely
 from pydantic import Field
 from shapely import affinity
@@ -30,6 +31,8 @@ NEARER_STEP_M = 0.01
 ALONG_M = 3.0
 """Of an edge along which an operator puts a machine, at least: the machine's own length. Nobody
 takes a direction from a piece of a decimetre."""
+CORNER_RAD = math.radians(45.0)
+"""Where an edge turns by more, an operator sees a corner, and another edge behind it."""
 STRIP_LOW_M = 1e-3
 """Kept off the edge itself, where the strip's crop is looked for."""
 
@@ -88,10 +91,15 @@ class World:
         """(corner, heading_rad, length_m) of the side that leaves a corner; of an edge that bends,
         of its first least_m together."""
         n = len(self.corners)
-        ring = [self.corners[(corner + k) % n] for k in range(n)]
-        (ax, ay), (bx, by) = ring[:2]
-        if math.dist(ring[0], ring[1]) < least_m:
-            bx, by = shapely.LineString(ring).interpolate(least_m).coords[0]
+        ring = np.array([self.corners[(corner + k) % n] for k in range(n + 1)])
+        ways = np.diff(ring, axis=0)
+        headings = np.arctan2(ways[:, 1], ways[:, 0])
+        last = 1
+        while last < n and math.dist(ring[0], ring[last]) < least_m:
+            if abs(math.remainder(headings[last] - headings[last - 1], math.tau)) > CORNER_RAD:
+                break
+            last += 1
+        (ax, ay), (bx, by) = ring[0].tolist(), ring[last].tolist()
         return (ax, ay), math.atan2(by - ay, bx - ax), math.hypot(bx - ax, by - ay)
 
     def stood_at(

@@ -10,6 +10,7 @@ import subprocess
 from dataclasses import asdict
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -256,7 +257,13 @@ def test_the_map_counts_from_corner_0_as_the_plan_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown: list[Figure] = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: shown.append(figure))
+    save = Figure.savefig
+
+    def show(figure: Figure, *args: Any, **how: Any) -> None:
+        shown.append(figure)
+        save(figure, *args, **how)
+
+    monkeypatch.setattr(Figure, "savefig", show)
     ring = ((30.0, 20.0), (36.0, 20.0), (36.0, 24.0), (30.0, 24.0))
     crop = Field(FieldSpec(polygon=ring, neighbours="none"), 1)
     draw_map(tmp_path / "map.png", crop, [(0.0, 31.0, 22.0, 0.0, Phase.FOLLOW)], "t")

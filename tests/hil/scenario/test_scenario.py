@@ -199,13 +199,15 @@ def test_where_the_edge_goes_on_the_operator_puts_the_blade_where_the_walk_began
 
 
 def test_an_operator_puts_the_machine_along_the_edge_not_along_its_first_point() -> None:
-    """The same edge, drawn as one side and point by point with a hook of half a metre."""
+    """The same edge, drawn as one side and point by point with a bulge of a decimetre; beside it
+    one that ends at a corner after two metres."""
     rest = [[20.0, 12.0], [0.0, 12.0]]
     drawn = [[0.0, 0.0], [20.0, 0.0], *rest]
-    hooked = [[0.0, 0.0], [0.4, 0.3], [0.9, 0.0], [20.0, 0.0], *rest]
+    bulging = [[0.0, 0.0], [0.5, 0.1], [1.0, 0.0], [3.5, 0.0], [20.0, 0.0], *rest]
+    short = [[0.0, 0.0], [2.0, 0.0], [2.0, 12.0], [0.0, 12.0]]
     told = {"start": {"corner": 0}, "belief": {"errors": {}}}
     along = [
         load("default", {**told, "field": {"polygon": ring}}).start_pose()[2]
-        for ring in (drawn, hooked)
+        for ring in (drawn, bulging, short)
     ]
-    assert along == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert along == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
