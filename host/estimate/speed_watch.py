@@ -31,14 +31,17 @@ FALLS_S, FALLS_SHARE = 3.0, 0.25
 the machine drives: a sensor that says less then loses pulses. So a machine that stops and goes, and
 a sensor with few pulses a second, show it too."""
 UNDERWAY_SHARE: Final = 0.7
-"""Of the cutting speed, that the receiver must show for that: one that errs shows more than a creep
-now and then, and these would be all that counts."""
+"""Of the cutting speed, that the drive duty must give for that: at a creep the receiver's error is
+a large share. Whatever the receiver itself says must not decide it: of a machine that is a little
+slower only those fixes would count that show too much."""
 MOST_FIXES: Final = 30
 OFF: Final = ((10, 0.15), (4, 0.35))
 """Share by which sensor and receiver may differ on the mean of so many fixes: what commissioning
 leaves, wheel slip, and a receiver that smooths."""
 SIGNIFICANT: Final = 4.0
 """Standard errors of the mean."""
+LEAST_MPS: Final = 0.1
+"""That a receiver is taken to have shown: one that hangs at 0 shows no ratio."""
 SHOWN_TIMES: Final = 1.3
 """The receiver's way, at most, that a sensor may count: what both err, and tyres that slip."""
 TOO_MANY_M: Final = 1.5
@@ -78,10 +81,10 @@ class SpeedWatch:
         self._same_mps = 0.0
         self._gross_s = 0.0
         self._ratio = 1.0
-        self._speeds: deque[float] = deque(maxlen=MOST_FIXES)
-        """Of the sensor over the receiver, at one speed;"""
-        self._least: deque[float] = deque(maxlen=MOST_FIXES)
-        """and at any that does not fall: they are too large, if anything."""
+        self._speeds: deque[tuple[float, float]] = deque(maxlen=MOST_FIXES)
+        """By sensor and receiver, at one speed;"""
+        self._least: deque[tuple[float, float]] = deque(maxlen=MOST_FIXES)
+        """and at any that does not fall: the sensor's are too large, if anything."""
         self._past: deque[tuple[float, float]] = deque()
         """(stamp, speed that the sensor showed) of late."""
         self._ways = _Ways()
@@ -129,13 +132,14 @@ class SpeedWatch:
             self._count(ways._replace(shown=fix.speed_mps * since_s), since_s)
         if abs(telemetry.angle_rad) >= STRAIGHT_RAD:
             return
-        ratio = counted / max(fix.speed_mps, 0.1)
+        both = counted, fix.speed_mps
         if self._same_s > RECEIVER_S and counted > MOVING_MPS:
-            self._speeds.append(ratio)
+            self._speeds.append(both)
         highest = max((speed for _, speed in self._past), default=math.inf)
-        underway = UNDERWAY_SHARE * self._vehicle.cutting_speed_mps
-        if fix.speed_mps > underway and counted > max(0.0, (1.0 - FALLS_SHARE) * highest):
-            self._least.append(ratio)
+        duty = abs(self._vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v))
+        underway = duty > UNDERWAY_SHARE * self._vehicle.cutting_speed_mps
+        if underway and counted > max(0.0, (1.0 - FALLS_SHARE) * highest):
+            self._least.append(both)
         self._by_receiver = _compared(self._speeds) or _compared(self._least, less=True)
 
     def _count(self, ways: _Ways, since_s: float) -> None:
@@ -161,13 +165,16 @@ class SpeedWatch:
         return self._by_receiver
 
 
-def _compared(speeds: deque[float], *, less: bool = False) -> str:
-    """What these show to be wrong, in words; `less`: only that the sensor says less."""
+def _compared(speeds: deque[tuple[float, float]], *, less: bool = False) -> str:
+    """What these show to be wrong, in words; `less`: only that the sensor says less. The ratio of
+    their means: the mean of ratios is too large where the receiver errs."""
     off = next((share for count, share in OFF if len(speeds) >= count), math.inf)
     if math.isinf(off):
         return ""
-    mean, error = mean_and_error(speeds)
+    shown = max(sum(shown for _, shown in speeds) / len(speeds), LEAST_MPS)
+    ratio = sum(counted for counted, _ in speeds) / len(speeds) / shown
+    _, error = mean_and_error([(counted - ratio * one) / shown for counted, one in speeds])
     wrong = max(off, SIGNIFICANT * error)
-    if mean < 1.0 - wrong or (mean > 1.0 + wrong and not less):
-        return f"the wheels' sensor says {mean:.2f} of the receiver's speed"
+    if ratio < 1.0 - wrong or (ratio > 1.0 + wrong and not less):
+        return f"the wheels' sensor says {ratio:.2f} of the receiver's speed"
     return ""

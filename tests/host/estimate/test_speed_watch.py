@@ -147,6 +147,13 @@ def test_an_honest_sensor_is_believed_whatever_the_speed_does(
         assert unsteady(counts, smoothing_s, seed, go_s, rest_s, slow_mps)[0] == ""
 
 
+@pytest.mark.parametrize("speed_mps", [0.2, 0.3, 0.36])
+def test_an_honest_sensor_of_a_slow_machine_is_believed(speed_mps: float) -> None:
+    """Of a receiver that errs a part of the fixes shows more, whatever limit one draws."""
+    for seed in range(10):
+        assert unsteady(1.0, 0.7, seed, 0.0, 90.0, speed_mps)[0] == ""
+
+
 def ways(
     counted_mps: float,
     shown_mps: float,
