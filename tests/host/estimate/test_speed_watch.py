@@ -100,10 +100,18 @@ def test_without_a_sensor_or_in_a_curve_nothing_is_said() -> None:
 
 
 def unsteady(
-    counts: float, smoothing_s: float, seed: int, go_s: float, rest_s: float, slow_mps: float
+    counts: float,
+    smoothing_s: float,
+    seed: int,
+    go_s: float,
+    rest_s: float,
+    slow_mps: float,
+    *,
+    loaded: bool = False,
 ) -> tuple[str, float]:
     """The same of a machine that drives and slows down again and again, whose sensor shows whole
-    pulses, and whose receiver speaks five times a second and smooths."""
+    pulses, and whose receiver speaks five times a second and smooths. `loaded`: a load slows it,
+    not its drive."""
     watch, rng = SpeedWatch(V), np.random.default_rng(seed)
     true = smoothed = 0.0
     for k in range(1, round(90.0 / STEP_S)):
@@ -113,7 +121,7 @@ def unsteady(
         smoothed += (true - smoothed) * STEP_S / max(smoothing_s, STEP_S)
         pulse_mps = 0.06
         speed = pulse_mps * round((counts * true + rng.uniform(-0.03, 0.03)) / pulse_mps)
-        duty = duty_of(wanted)
+        duty = duty_of(0.5 if loaded else wanted)
         told = Telemetry(t, State.RUNNING, 0, 0.0, 0.0, 0, duty, True, speed, 0.0, 12.0, 0, 0)
         watch.take_telemetry(told)
         if k % 4 == 0:
@@ -145,6 +153,14 @@ def test_an_honest_sensor_is_believed_whatever_the_speed_does(
     then any receiver shows more than a creep."""
     for seed in range(10):
         assert unsteady(counts, smoothing_s, seed, go_s, rest_s, slow_mps)[0] == ""
+
+
+@pytest.mark.parametrize(("go_s", "rest_s"), [(1.5, 4.0), (2.0, 2.0), (6.0, 3.0)])
+def test_an_honest_sensor_is_believed_where_crop_slows_the_machine(
+    go_s: float, rest_s: float
+) -> None:
+    for seed in range(10):
+        assert unsteady(1.0, 1.5, seed, go_s, rest_s, 0.25, loaded=True)[0] == ""
 
 
 @pytest.mark.parametrize("speed_mps", [0.2, 0.3, 0.36])
