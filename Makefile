@@ -12,9 +12,10 @@ SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* f
 
 # Byte code is kept: what is read anew by each worker takes a fifth of the quick tests.
 unexport PYTHONDONTWRITEBYTECODE
-# Tests run in as many processes as there are cores: threads below them only wait for each other. Each
-# begins with a half of its own, so that a file's fixtures are made once, and who is done first takes
-# over of the other's: the pages in a browser, a tenth of it all, lie near the end.
+# Each process begins with a half of its own, so that a file's fixtures are made once. Who is done first
+# takes over of the other's: the pages in a browser, a tenth of it all, lie near the end.
+PARALLEL := -n 2 --dist worksteal
+# Tests run in as many processes as there are cores: threads below them only wait for each other.
 check test test-long mutants-python: export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
@@ -67,7 +68,7 @@ analyse: setup ## static analysis of the firmware: clang-tidy (CERT, bugprone), 
 
 check: lint ## for the hand that changes a line: style, types, layers, the firmware's unit tests, the quick tests (a minute)
 	@$(BIN)/pio test -e native
-	@$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow and not long and not wallclock"
+	@$(BIN)/python -m pytest $(PARALLEL) -q -m "not slow and not long and not wallclock"
 
 test-firmware: setup
 	@$(BIN)/pio test -e native
@@ -79,7 +80,7 @@ compiled: setup
 # What takes one core each goes on side by side; the longest first.
 test: setup ## every test: firmware on the desk and in simavr, host, plant and bench, and static analysis
 	@$(MAKE) --no-print-directory -j2 --output-sync=target compiled lint analyse test-firmware
-	@$(BIN)/python -m pytest -n 2 --dist worksteal -q
+	@$(BIN)/python -m pytest $(PARALLEL) -q
 	-@$(BIN)/python tools/speed.py --rounds 4 --drives 1
 
 speed: setup ## what each part of the bench costs, against the stored baseline
@@ -99,7 +100,7 @@ test-wallclock: setup ## drives the machine behind a virtual serial port in real
 
 test-long: setup ## campaigns of 200 runs killed and resumed, 50 records killed at random, the default harvest in wall-clock time, new examples for every property (over an hour)
 	@$(BIN)/python -m pytest -q -m long
-	@HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -n 2 --dist worksteal -q
+	@HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest $(PARALLEL) -q
 
 clean: ## removes what was built, not the virtual environment
 	rm -rf build out .pio .setup

@@ -155,11 +155,17 @@ def messages_by_the_library(path: Path) -> int:
     return seen
 
 
-def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
+def of_3000_messages(folder: Path) -> Path:
+    """A record of half a minute that does not compress."""
+    path = folder / "run.mcap"
     with Recorder(path) as recorder:
         for k in range(3000):
             recorder.put("/serial/to_host", k / 100, {"data": random.Random(k).randbytes(60)})
+    return path
+
+
+def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
+    path = of_3000_messages(tmp_path)
     whole = path.read_bytes()
     before = list(record.read(path))
     assert len(before) == 3000
@@ -175,10 +181,7 @@ def test_a_cut_tail_costs_only_itself(tmp_path: Path) -> None:
 
 
 def test_what_is_missing_is_told_and_nothing_else_is(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    with Recorder(path) as recorder:
-        for k in range(3000):
-            recorder.put("/serial/to_host", k / 100, {"data": random.Random(k).randbytes(60)})
+    path = of_3000_messages(tmp_path)
     whole = path.read_bytes()
     spoiled = bytearray(whole)
     begins = len(whole) // 4  # of a chunk: the middle is of an index

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from hil.commands.cli import cli
@@ -27,3 +29,13 @@ def test_a_wrong_name_is_one_message_before_any_work(
         run(cli, "daranti-hil", words.split())
     assert exit_.value.code == EXIT_USER
     assert capsys.readouterr().err == f"daranti-hil: {message}\n"
+
+
+def test_no_moment_at_all_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.commands.moments.moments", lambda *_, **__: [])
+    with pytest.raises(SystemExit) as exit_:
+        run(cli, "daranti-hil", ["moments", "--every", "9000", "--out", str(tmp_path / "m.json")])
+    assert exit_.value.code == EXIT_USER
+    assert "no harvest lasted as long as --every 9000" in capsys.readouterr().err

@@ -26,6 +26,7 @@ from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.core.progress import Watch
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
+from host.field.corners import MAX_CORNERS
 from host.field.smoothing import Smoother
 from host.field.survey import (
     Survey,
@@ -397,6 +398,14 @@ def test_straight_sides_do_not_bulge(name: str, seed: int) -> None:
     found = survey_track(tracked(walk(around(SHAPES[name], 1 + seed), phone, seed)))
     assert not found.seems_to_bend
     assert not any("--irregular" in text for text in found.warnings)
+
+
+def test_as_many_sides_as_are_looked_for_may_be_a_bent_edge() -> None:
+    """Where more would fit still better, nothing else tells."""
+    found = survey_track(tracked(walk(around(SQUARE))))
+    assert not found.seems_to_bend
+    assert not replace(found, corners=MAX_CORNERS - 1).seems_to_bend
+    assert replace(found, corners=MAX_CORNERS).seems_to_bend
 
 
 def smoothly(ring: list[Place], phone: GnssSpec) -> list[str]:

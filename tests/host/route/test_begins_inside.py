@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from host.core.frames import LocalFrame
 from host.core.vehicle import Vehicle
@@ -32,6 +35,9 @@ def circle(radius_m: float = RADIUS_M) -> list[tuple[float, float]]:
 
 def planned(start: int, *, recorded: bool = True) -> Plan:
     return spiral(circle(), start, VEHICLE, gap_m=2.0, recorded=recorded)
+
+
+ANY_SIDE = spiral([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)], 0, VEHICLE).sides[0]
 
 
 @pytest.mark.parametrize("start", [0, 7, POINTS - 1])
@@ -62,10 +68,29 @@ def test_a_field_is_begun_at_its_corner_where_it_has_one_or_was_drawn() -> None:
     assert planned(0, recorded=False).begins_inside == NO_EDGE
 
 
-@pytest.mark.parametrize("start", [0, 1, POINTS // 3, POINTS - 1])
+@pytest.mark.parametrize("start", [0, POINTS - 1])
 def test_the_edge_runs_as_a_circle_through_three_points_does(start: int) -> None:
     askew_rad, bend_1pm = planned(start).begins_along
     assert askew_rad == pytest.approx(-math.pi / POINTS)
+    assert bend_1pm == pytest.approx(1 / RADIUS_M, rel=0.01)
+
+
+@given(
+    st.floats(0.0, math.tau), st.floats(0.05, 0.3), st.floats(0.05, 0.3), st.integers(0, POINTS - 1)
+)
+def test_however_far_apart_the_points_lie(
+    begin_rad: float, before_rad: float, behind_rad: float, at: int
+) -> None:
+    """Along the tangent, which is askew of the next piece by half of what that spans."""
+    other = (0.0, 0.0)
+    ring = [other] * POINTS
+    for k, turn in ((at - 1, -before_rad), (at, 0.0), ((at + 1) % POINTS, behind_rad)):
+        angle = begin_rad + turn
+        ring[k] = (RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle))
+    side = replace(ANY_SIDE, x_m=ring[at][0], y_m=ring[at][1])
+    plan = Plan((side,), boundary=tuple(ring), begins_inside=at)
+    askew_rad, bend_1pm = plan.begins_along
+    assert askew_rad == pytest.approx(-behind_rad / 2, rel=0.01)
     assert bend_1pm == pytest.approx(1 / RADIUS_M, rel=0.01)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -46,26 +46,34 @@ DRIVERS = [
 ]
 
 
-@pytest.mark.parametrize(("module", "arguments"), DRIVERS)
-def test_what_drives_is_made_ready_before_any_port_is_opened(
-    module: str,
-    arguments: list[str],
-    cli: Cli,
-    board: FakeFirmware,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+Begun = Callable[[str, list[str]], tuple[int, str]]
+
+
+@pytest.fixture
+def begun(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Begun:
+    """Exit code and messages of a command that ends where it would make ready."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
-    code, _, err = cli(*arguments, "--port", board.port)
-    assert (code, err) == (EXIT_USER, "daranti: made ready\n")
+
+    def run(module: str, words: list[str]) -> tuple[int, str]:
+        monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
+        code, _, err = cli(*words)
+        return code, err
+
+    return run
+
+
+@pytest.mark.parametrize(("module", "words"), DRIVERS)
+def test_what_drives_is_made_ready_before_any_port_is_opened(
+    module: str, words: list[str], begun: Begun, board: FakeFirmware
+) -> None:
+    assert begun(module, [*words, "--port", board.port]) == (EXIT_USER, "daranti: made ready\n")
     assert board.received == []
 
 
 NOWHERE = "/nowhere/field.geojson"
 
 
-@pytest.mark.parametrize(("module", "arguments"), DRIVERS)
+@pytest.mark.parametrize(("module", "words"), DRIVERS)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -81,51 +89,38 @@ NOWHERE = "/nowhere/field.geojson"
 )
 def test_what_costs_nothing_to_look_at_is_looked_at_first(
     module: str,
-    arguments: list[str],
+    words: list[str],
     wrong: list[str],
     message: str,
-    cli: Cli,
+    begun: Begun,
     board: FakeFirmware,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Nobody waits half a minute to read that a name was mistyped."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
-    code, _, err = cli(*arguments, "--port", board.port, *wrong)
+    code, err = begun(module, [*words, "--port", board.port, *wrong])
     assert code == EXIT_USER
     assert message in err
     assert "made ready" not in err
 
 
-@pytest.mark.parametrize(("module", "arguments"), DRIVERS)
+@pytest.mark.parametrize(("module", "words"), DRIVERS)
 def test_a_port_that_is_not_there_is_told_first(
-    module: str,
-    arguments: list[str],
-    cli: Cli,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    module: str, words: list[str], begun: Begun
 ) -> None:
     """The panel waits for it."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(f"{module}.make_ready_visibly", enough)
-    code, _, err = cli(*arguments, "--port", "/dev/no-such-port")
+    code, err = begun(module, [*words, "--port", "/dev/no-such-port"])
     assert code == EXIT_USER
     first, *rest = err.splitlines()
     assert "serial port /dev/no-such-port does not exist; ports there now" in first
-    waits = arguments[0] == "panel"
+    waits = words[0] == "panel"
     assert first.startswith("warning: " if waits else "daranti: ")
     assert rest == (["daranti: made ready"] if waits else [])
 
 
-def test_a_taken_port_of_the_page_is_told_first(
-    cli: Cli, board: FakeFirmware, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("host.commands.panel.make_ready_visibly", enough)
+def test_a_taken_port_of_the_page_is_told_first(begun: Begun, board: FakeFirmware) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         number = str(taken.getsockname()[1])
-        code, _, err = cli("panel", "--port", board.port, "--web-port", number)
+        words = ["panel", "--port", board.port, "--web-port", number]
+        code, err = begun("host.commands.panel", words)
     assert code == EXIT_USER
     assert f"port {number}: Address already in use" in err
     assert "name another with --web-port" in err
