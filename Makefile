@@ -13,7 +13,7 @@ SOURCES := $(wildcard firmware/src/*.* firmware/src/*/*.* firmware/src/*/*/*.* f
 # Byte code is kept: what is read anew by each worker takes a fifth of the quick tests.
 unexport PYTHONDONTWRITEBYTECODE
 # Each process begins with a half of its own, so that a file's fixtures are made once. Who is done first
-# takes over of the other's: the pages in a browser, a tenth of it all, lie near the end.
+# takes over some of the other's tests: the pages in a browser, a tenth of it all, lie near the end.
 PARALLEL := -n 2 --dist worksteal
 # Tests run in as many processes as there are cores: threads below them only wait for each other.
 check test test-long mutants-python: export OPENBLAS_NUM_THREADS = 1
