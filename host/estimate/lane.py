@@ -14,7 +14,7 @@ import numpy as np
 from host.estimate.kalman import Array
 from host.estimate.measurements import edge
 from host.estimate.position import Position
-from host.estimate.states import CRAB, LANE_YAW, SIGHT, WANDER
+from host.estimate.states import CRAB, SIGHT, WANDER
 
 
 class Lane:
@@ -88,7 +88,7 @@ class Lane:
     @property
     def _turned_rad(self) -> float:
         place = self._position.on_lane()
-        return math.remainder(place.turned_rad - place.x.item(LANE_YAW), math.tau)
+        return math.remainder(place.turned_rad - place.lane_rad(place.blade_m), math.tau)
 
     def _of_blade(self) -> Array:
         """(states,) the derivative of `blade_offset_m`."""

@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from host.core.compiled import compiled
+from host.estimate.bow import angles, bow
 from host.estimate.kalman import Array
 from host.estimate.states import CORNERS
 from host.field import sweep
@@ -114,6 +115,8 @@ class Outline:
         """Where they are found to lie: a derivative against a direction of before would let what is
         seen beside the lane move the corners along it."""
         self.strays_m: Final = strays_m
+        bends = strays_m > 0.0 and len(self._planned.corners) > 0
+        self._bows = angles(self._planned.headings, self._planned.lengths).tolist() if bends else []
         self.moved_m: Array = np.zeros_like(self._planned.corners)
         """(n, 2) how far each corner lies from where the plan has it."""
         self.at: Final = slice(CORNERS, CORNERS + self.moved_m.size)
@@ -161,6 +164,24 @@ class Outline:
     def heading_rad(self, edge: int) -> float:
         """The direction in which an edge is found to run; 0 for none."""
         return 0.0 if edge == NO_EDGE else float(self._edges.headings[edge])
+
+    def bow(self, side: Side, along_m: float) -> tuple[float, float]:
+        """(m, 1): how far left of a straight side the edge that it takes for straight lies along_m
+        past its beginning, and how it slopes there against the side."""
+        edge = side.edge
+        if not self._bows or edge == NO_EDGE or side.length_m <= 0.0:
+            return 0.0, 0.0
+        begin, end = self._bows[edge]
+        if begin == 0.0 and end == 0.0:
+            return 0.0, 0.0
+        # A piece between two bends is the whole of one, however far inside. One that a border cuts
+        # off has the rest of its bow beyond that.
+        length, first, last = self._planned.lengths.item(edge), 0.0, 1.0
+        if side.begins_at != NO_EDGE:
+            first = min(0.9, max(0.0, side.places_m[0][0] / length))
+        if side.ends_at != NO_EDGE:
+            last = min(1.0, max(first + 0.1, first + side.length_m / length))
+        return bow(begin, end, side.length_m, first, last, along_m)
 
     def _planned_rad(self, edge: int) -> float:
         """The same in the plan."""

@@ -59,11 +59,17 @@ class Place(NamedTuple):
         across = dy * c - dx * s - self.inset_m + side.shift_m
         turned = ahead_m * math.sin(math.remainder(x.item(YAW) - side.heading_rad, math.tau))
         along = dx * c + dy * s + self.blade_x_m
-        return across + turned - (x.item(LANE_OFFSET) + x.item(LANE_YAW) * along) - left_m
+        bow, _ = self.outline.bow(side, along)
+        return across + turned - (x.item(LANE_OFFSET) + x.item(LANE_YAW) * along) - bow - left_m
 
     def lane_at(self, along_m: float) -> float:
-        """How far left of the plan's the lane lies, along_m past its beginning."""
-        return self.x.item(LANE_OFFSET) + self.x.item(LANE_YAW) * along_m
+        """How far left of the plan's straight line the lane lies, along_m past its beginning."""
+        bow, _ = self.outline.bow(self.side, along_m)
+        return self.x.item(LANE_OFFSET) + self.x.item(LANE_YAW) * along_m + bow
+
+    def lane_rad(self, along_m: float) -> float:
+        """How far left of that line it runs there."""
+        return self.x.item(LANE_YAW) + self.outline.bow(self.side, along_m)[1]
 
     def beside(self, along_m: float | None = None) -> Array:
         """(states,) the derivative of the rear axle's offset from the lane where it lies along_m
@@ -71,8 +77,10 @@ class Place(NamedTuple):
         c, s = self.direction
         h = np.zeros(len(self.x))
         along = self.blade_m if along_m is None else along_m
-        h[X], h[Y], h[LANE_OFFSET], h[LANE_YAW] = -s, c, -1.0, -along
-        self.outline.along(self.side.edge, self.side.pose(along)[:2], (s, -c), h[self.outline.at])
+        slope = self.outline.bow(self.side, along)[1]
+        x, y = -s - slope * c, c - slope * s
+        h[X], h[Y], h[LANE_OFFSET], h[LANE_YAW] = x, y, -1.0, -along
+        self.outline.along(self.side.edge, self.side.pose(along)[:2], (-x, -y), h[self.outline.at])
         return h
 
     def ahead(self, ahead_m: float, along_m: float) -> Array:

@@ -45,9 +45,10 @@ def edge(
     travelled, yaw turned) from the shutter to now."""
     step, turn = since
     at = place.blade_x_m + ahead_m
-    now, lane_yaw = place.turned_rad, float(place.x[LANE_YAW])
+    now = place.turned_rad
     heading = now - turn
     along = place.blade_m - step + ahead_m
+    lane_yaw = place.lane_rad(along)
     offset = place.across_m - step * math.sin((heading + now) / 2)
     doubt = 1.0 + DOUBT * (1.0 - confidence)
     h = place.ahead(at, along)
