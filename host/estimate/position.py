@@ -135,13 +135,12 @@ class Position(Readings):
     ) -> None:
         """Another place. What is known of the sensors and of the slip stays."""
         self._x[: YAW + 1] = pose
-        self._x[LANE] = 0.0
-        self._x[self.outline.at] = 0.0
-        corners = np.full(self.outline.states, self.sigma_m)
-        lost = [X, Y, YAW, LANE_OFFSET, LANE_YAW, *self._corners]
+        lost, at = [X, Y, YAW, LANE_OFFSET, LANE_YAW], self.outline.at
+        self._x[LANE] = self._x[at] = 0.0
         self.forget()
-        self._p[lost, :] = self._p[:, lost] = 0.0
-        self._p[lost, lost] = np.square([*pose_sd, *lane_sd, *corners])
+        self._p[[*lost, *self._corners], :] = self._p[:, [*lost, *self._corners]] = 0.0
+        self._p[lost, lost] = np.square([*pose_sd, *lane_sd])
+        self._p[at, at] = self._corners_apart
         self.aside = Aside()
 
     def _other_edge(self, side: Side, beside: Wander | None = None) -> None:

@@ -58,6 +58,9 @@ class Readings(Filter):
         super().__init__(np.zeros(states), prior.covariance(states))
         if self.outline.strays_m > 0.0:
             self._p[PLAN_YAW, PLAN_YAW] = prior.RECORDED_SIGMA_RAD**2
+        walked, point_by_point = self.outline.walked, self.outline.strays_m > 0.0
+        self._corners_apart = prior.corners(walked, sigma_m, point_by_point)
+        """(states, states) of the corners, before anything is seen of them, m2."""
         self._vehicle = vehicle
         self._blade_x_m, self._inset_m = vehicle.blade_x_m, vehicle.inset_m
         self._lane_of = NO_SIDE
@@ -143,7 +146,7 @@ class Readings(Filter):
         place = self.on_lane()
         along = place.blade_m - self._vehicle.blade_x_m
         offset = place.across_m - place.lane_at(along)
-        heading = math.remainder(place.turned_rad - self._x[LANE_YAW], math.tau)
+        heading = math.remainder(place.turned_rad - place.lane_rad(along), math.tau)
         across, turned = place.beside(along), place.turned()
         turned[LANE_YAW] = -1.0
         return offset, heading, self.sigma(across), self.sigma(turned)
