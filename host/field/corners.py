@@ -31,6 +31,10 @@ twice the corners, and is as far from the true edge (0.2 m RMS over 17 simulated
 SIGMAS: Final = (0.5, 2.0)
 """By so many of the corners' standard deviations at most a ring is simplified, and a corner put
 beyond it."""
+THIN_SHARE: Final = 0.67
+"""Of a ring's points that thinning leaves, from which on it was thinned before: a survey's was. To
+thin it again would make corners of its arcs. Smaller: rings of other programs keep points that lie
+near to each other."""
 CORNER_RAD: Final = math.radians(25.0)
 """What turns by less is a bend, which the machine follows."""
 MOST_RAD: Final = math.radians(150.0)
@@ -90,7 +94,8 @@ def steerable(
     begun = [*ring[start:], *ring[:start]]
     by_m, cut_off_m = min(SIMPLIFY_M, SIGMAS[0] * sigma_m), min(CUT_OFF_M, SIGMAS[1] * sigma_m)
     corners = thinned(np.array(begun), by_m, cut_off_m)
-    if len(corners) < 3 or not shapely.LinearRing(corners).is_simple:
+    thinned_before = len(ring) > MAX_CORNERS and len(corners) > THIN_SHARE * len(ring)
+    if len(corners) < 3 or thinned_before or not shapely.LinearRing(corners).is_simple:
         return list(ring), start
     nearest = int(np.hypot(*(corners - begun[0]).T).argmin())
     return [(x, y) for x, y in corners.tolist()], nearest

@@ -173,6 +173,17 @@ def test_a_short_boundary_that_is_said_to_be_recorded_keeps_no_corner_that_is_no
     assert steerable(ring, 0, 1.0) == (ring, 0)
 
 
+def test_what_a_survey_has_thinned_is_not_thinned_again() -> None:
+    """Thinned twice, an arc has corners where it has none."""
+    ring = np.array(outline(28).ring)
+    curved = shapely.LinearRing(ring * math.sqrt(600.0 / shapely.Polygon(ring).area))
+    dense = shapely.get_coordinates(curved.segmentize(0.4))[:-1]
+    once = [(x, y) for x, y in thinned(dense).tolist()]
+    assert len(once) < len(dense) / 5
+    assert steerable(once, 3, 0.38, True) == (once, 3)
+    assert len(steerable([(x, y) for x, y in dense.tolist()], 0, 0.38, True)[0]) < len(dense) / 5
+
+
 @given(st.integers(0, 59))
 def test_where_the_machine_is_to_begin_a_corner_stays(start: int) -> None:
     """But where it was rounded: then it is a step away."""
