@@ -116,6 +116,8 @@ class PlanSide(Strip):
         self._edge_runs = plan.begins_along if index == 0 else (0.0, 0.0)
         """How it runs where the operator puts the machine down inside its crop."""
         self._ends_in_arc = plan.goes_round(side)
+        self._begun_sigma_m = INSIDE_SIGMA[0] if plan.closes(side) else 0.0
+        """Of its end, where that is no border but where the first side began inside the crop."""
         self.bent = bool(side.bends)
         at_end, before = side.ends_at, plan.sides[:index]
         self._border_met = at_end != NO_EDGE and any(
@@ -193,8 +195,7 @@ class PlanSide(Strip):
 
     def _note_doubt(self) -> None:
         position = self.estimate.position
-        known = position.outline.states == 0
-        self._doubt_m = 0.0 if known else position.end_sigma_m(self._straight[-1])
+        self._doubt_m = self._end_sigma_m if position.outline.states else 0.0
         self._expected_m = self.side.length_m
 
     def along_m(self, motion: Motion) -> float:
@@ -257,7 +258,8 @@ class PlanSide(Strip):
 
     @property
     def _end_sigma_m(self) -> float:
-        return self.estimate.position.end_sigma_m(self._straight[-1])
+        border_m = self.estimate.position.end_sigma_m(self._straight[-1])
+        return math.hypot(border_m, self._begun_sigma_m)
 
     @property
     def surely_crop(self) -> bool:
@@ -343,7 +345,7 @@ class PlanSide(Strip):
         return max(0.0, self.side.length_m - self._crop_to_m)
 
     def to_blind_end_m(self) -> float:
-        if not self.blind_end:
+        if not self.blind_end and self._begun_sigma_m == 0.0:
             return math.inf
         here = self.estimate.motion
         coast = here.speed_mps * self.vehicle.drive_lag_s
@@ -351,6 +353,9 @@ class PlanSide(Strip):
 
     def shows_edge(self, along_m: float) -> bool:
         side = self.side
+        # Where the first side began, a machine that followed the crop would drive the next round.
+        if along_m > side.length_m - SIGMAS * self._begun_sigma_m and self._begun_sigma_m > 0.0:
+            return False
         begin, end = side.edge_begin_m + CORNER_M, side.length_m - side.edge_end_m - CORNER_M
         slants_m = SLANTS * side.width_m
         # A machine that followed it round the arc would drive the next side for this one.

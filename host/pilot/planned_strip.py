@@ -142,8 +142,10 @@ class PlannedStrip(PlanSide):
             self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
 
     def met_begin(self, ago_m: float) -> None:
-        # Where the turn has pressed the crop down, what is met is not where it began.
-        if not self._begin_seen and self._pressed_m == 0.0 and not self.side.left_over:
+        # Where the turn has pressed the crop down, what is met is not where it began. Where the
+        # operator has put the machine inside its crop, nothing begins.
+        in_crop = self._edge_runs != (0.0, 0.0)
+        if not (self._begin_seen or self._pressed_m or self.side.left_over or in_crop):
             early_m = begin.EARLY_M if self.index > 0 else 0.0
             self.estimate.position.at_begin(self._straight[0], ago_m - early_m)
 
@@ -163,6 +165,7 @@ class PlannedStrip(PlanSide):
         self._end_at_m = ended_m
         ago = here.distance_m - ended_m
         drift = self.estimate.odometry.scale_sigma * self.ahead.cut_m(end.motion)
+        doubt = math.hypot(doubt, self._begun_sigma_m)
         share = view.tip_share if view is not None else math.nan
         share = share / SEEN_SHARE if math.isfinite(share) else 1.0
         last = self._straight[-1]

@@ -8,6 +8,7 @@ end again; from there on the plan is as it was until then.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -17,7 +18,7 @@ import numpy as np
 from host.core.errors import UserError
 from host.core.vehicle import Vehicle
 from host.route.plan import Plan, strip_by_strip
-from host.route.side import Side
+from host.route.side import NO_EDGE, Side
 
 ENOUGH_STRIPS: Final = 300
 """Laid out in one go at most, where more are not needed: with three in each 50 ms, the machine
@@ -25,6 +26,9 @@ stands for 5 s."""
 AS_MUCH: Final = 0.95
 """Of what the old plan still cuts, for another to take its place: corners that moved by decimetres
 may let a field fall into parts to which no turn leads."""
+ELSEWHERE_M: Final = 3.0
+"""Between the ends of a side that was cut and of the one in its place: corners move by less.
+Smaller: the old plan stays where another fits; larger: the machine goes so far to begin a turn."""
 AHEAD: Final = 2
 """Sides that are needed after the one that was just cut: to turn to the next is to know where that
 one ends and which way it goes on."""
@@ -43,7 +47,9 @@ class Anew:
     ) -> None:
         self._outs = [moved_with(plan.boundary, boundary, ring) for ring in plan.keep_outs]
         self._boundary = tuple(boundary)
-        self._steps = strip_by_strip(boundary, 0, vehicle, plan, self._outs, cut)
+        ends = [side.edges[-1] if side.edges else NO_EDGE for side in plan.sides]
+        cut_to = [*(NO_EDGE for _ in plan.before), *ends][: len(cut)]
+        self._steps = strip_by_strip(boundary, 0, vehicle, plan, self._outs, cut, cut_to)
         self._sides: Sequence[Side] = ()
         self._whole: Plan | None = None
         self._strips = 0
@@ -72,8 +78,8 @@ class Anew:
 
     def plan(self, old: Plan, index: int) -> Plan | None:
         """`old` with what has been laid out, as far as that goes; None where no plan has the sides
-        up to `index` that were cut, or where what is found would leave crop that the old one, whose
-        sides move with the corners too, still cuts."""
+        up to `index` as they were cut, or where what is found would leave crop that the old one,
+        whose sides move with the corners too, still cuts."""
         if self.over and self._whole is None:
             return None
         if self._whole is not None:
@@ -86,7 +92,17 @@ class Anew:
             sides += old.sides[len(sides) :]
             outs = tuple(map(tuple, self._outs))
             found = replace(old, boundary=self._boundary, keep_outs=outs)
-        return replace(found, sides=sides) if len(sides) > index else None
+        off = old.recorded and any(map(_elsewhere, sides[: index + 1], old.sides))
+        if len(sides) <= index or off:
+            return None
+        return replace(found, sides=sides)
+
+
+def _elsewhere(side: Side, cut: Side) -> bool:
+    """Whether a side of a recorded boundary ends far from where the one in its place that was cut
+    has ended: the way to the next begins there."""
+    ends = (one.pose(one.length_m - one.edge_end_m)[:2] for one in (side, cut))
+    return math.dist(*ends) > ELSEWHERE_M
 
 
 def _share(sides: Sequence[Side], plan: Plan) -> float:

@@ -30,6 +30,7 @@ from host.route.standing import (
     MIN_STRIP_M2,
     NEAR_M,
     Edge,
+    Point,
     edge_goes_on,
 )
 from host.route.turn_legs import shuttle_length, shuttle_room_m
@@ -59,6 +60,8 @@ SEARCH_SHARE = 0.01
 """Of a field: where the best of the ways leaves more, others than these are looked for."""
 ARC_RAD = math.radians(45.0)
 """What turns by less on the way is taken for one edge, by pictures too."""
+CLOSES_M = 1.0
+"""Between a side's end and the beginning of the first, for the round to close there."""
 REACH = 2.75
 """Widths from a side's end within which the next must begin, to be reached by a turn."""
 
@@ -144,6 +147,12 @@ class Plan:
             return False
         turn_rad = math.remainder(float(headings[border]) - side.end_heading_rad, math.tau)
         return 0.0 < turn_rad < ARC_RAD
+
+    def closes(self, side: Side) -> bool:
+        """Whether a side ends where the first one was begun in standing crop: at no border."""
+        begun, ended = self.sides[0], side.pose(side.length_m)[:2]
+        inside = self.begins_inside != NO_EDGE and side.ends_at == NO_EDGE
+        return inside and math.dist((begun.x_m, begun.y_m), ended) < CLOSES_M
 
     def corner_rad(self, index: int) -> float:
         """The left turn from side `index` to the next; 0 where the same edge is taken again."""
@@ -253,21 +262,24 @@ def _walk(
     known: Cuts,
     otherwise: frozenset[int] = frozenset(),
     inside: tuple[float, float] | None = None,
+    cut_to: Sequence[int] = (),
 ) -> Generator[list[Side], None, tuple[list[Side], list[shapely.Polygon], float]]:
     """Sides from the edge that leaves corner `first`, the parts that the field falls into on the
     way and that no turn leads to, and what no side reaches, m². With `shuttle` an edge is taken
     again and again while an inner corner lies inside it, otherwise the next edge is preferred;
     `rounds` says what is preferred where keep-outs lie inside. The first sides are along those
-    edges of the boundary that `cut` names; no sides where they cannot be. After the strips that
-    `otherwise` counts, the other edge is preferred. `inside`: the place at which the first side
-    begins in standing crop. Yields after each strip the sides so far: as
-    much work as is done at a time."""
+    edges of the boundary that `cut` names, and end along those that `cut_to` does; no sides where
+    they cannot be. After the strips that `otherwise` counts, the other edge is preferred. `inside`:
+    the place at which the first side begins in standing crop. Yields after each strip the sides so
+    far: as much work as is done at a time."""
     standing = field
     dropped_m2 = 0.0
     name = names.namer()
     apart: list[shapely.Polygon] = []
     edges = known.edges(standing, inside)
     edge: Edge | None = edges[first % len(edges)]
+    if cut_to and (as_cut := _as_cut(edges, cut[0], cut_to[0], names)) is not None:
+        edges, edge = as_cut
     sides: list[Side] = []
     idle = 0
     while edge is not None and len(sides) < MAX_SIDES and idle < len(edges):
@@ -308,8 +320,10 @@ def _walk(
         else:
             repeat = done is not None and shuttle and any(not e.open_ends for e in edges)
         if len(sides) < len(cut):
-            wanted = cut[len(sides)]
+            wanted, to = cut[len(sides)], [*cut_to[len(sides) :], NO_EDGE][0]
             choices: list[Edge | None] = [e for e in edges if _edge_of(e, names) == wanted]
+            if to != NO_EDGE and (as_cut := _as_cut(edges, wanted, to, names)) is not None:
+                edges, choices = as_cut[0], [as_cut[1]]
         else:
             choices = [
                 _onward(edges, edge, following, here, width_m, anyhow),
@@ -353,10 +367,68 @@ def _again(edges: list[Edge], edge: Edge, width_m: float) -> Edge | None:
     return again
 
 
+def _as_cut(
+    edges: list[Edge], first: int, last: int, names: BoundaryEdges
+) -> tuple[list[Edge], Edge] | None:
+    """The edges around what stands, divided so that one of them, the second that is returned, is
+    what a strip was cut along from the boundary's edge `first` to `last`; None where they do not
+    come along these. An arc has no corners: where it is divided changes as the boundary is found,
+    and where a strip was cut does not."""
+    pieces = [
+        (edge, k, _along(piece, names))
+        for edge in edges
+        for k, piece in enumerate(itertools.pairwise(edge.points))
+    ]
+    count = len(names.corners)
+    off = [(name - first) % count if name != NO_EDGE else count for _, _, name in pieces]
+    along = [each <= (last - first) % count for each in off]
+    begins = [k for k in range(len(pieces)) if along[k] and not along[k - 1]]
+    if not begins:
+        return None
+    # What lay straight ahead of the strip before may have gone with it.
+    begin = min(begins, key=lambda k: off[k])
+    pieces = [*pieces[begin:], *pieces[:begin]]
+    end = [*along[begin:], *along[:begin]].index(False)
+    if end == len(pieces[0][0].points) - 1 and len({edge for edge, _, _ in pieces[:end]}) == 1:
+        return edges, pieces[0][0]
+    whole = [
+        replace(edge, points=points, sharp=(edge.sharp[0] and opens, edge.sharp[1] and closes))
+        for edge, points, opens, closes in _runs(pieces[end:])
+    ]
+    cut = list(_runs(pieces[:end]))
+    (one, begun, opens, _), (other, _, _, closes) = cut[0], cut[-1]
+    chain = list(begun)
+    for _, points, _, _ in cut[1:]:
+        chain += points if points[0] != chain[-1] else points[1:]
+    found = replace(
+        one,
+        points=tuple(chain),
+        open_ends=all(edge.open_ends for edge, _, _, _ in cut),
+        sharp=(one.sharp[0] and opens, other.sharp[1] and closes),
+    )
+    return [found, *whole], found
+
+
+def _runs(
+    pieces: Sequence[tuple[Edge, int, int]],
+) -> Generator[tuple[Edge, tuple[Point, ...], bool, bool], None, None]:
+    """Of straight pieces in order, each the k-th of an edge: (the edge, the points of those of it
+    that follow each other, whether they begin and end with it)."""
+    for edge, run in itertools.groupby(pieces, key=lambda piece: piece[0]):
+        at = [k for _, k, _ in run]
+        points = edge.points[at[0] : at[-1] + 2]
+        yield edge, points, at[0] == 0, at[-1] + 2 == len(edge.points)
+
+
+def _along(piece: tuple[Point, Point], names: BoundaryEdges) -> int:
+    """Which of the boundary's edges a straight piece lies along."""
+    (ax, ay), (bx, by) = piece
+    return names.beside((ax + bx) / 2, (ay + by) / 2, math.atan2(by - ay, bx - ax))
+
+
 def _edge_of(edge: Edge, names: BoundaryEdges) -> int:
     """Which of the boundary's edges an edge of what stands lies along."""
-    (ax, ay), (bx, by) = edge.points[:2]
-    return names.beside((ax + bx) / 2, (ay + by) / 2, edge.heading)
+    return _along((edge.points[0], edge.points[1]), names)
 
 
 def most_strips(
@@ -408,11 +480,13 @@ def strip_by_strip(
     like: Plan,
     keep_outs: Sequence[Sequence[tuple[float, float]]],
     cut: Sequence[int] = (),
+    cut_to: Sequence[int] = (),
 ) -> Generator[list[Side], None, Plan]:
     """`spiral`, which yields after each strip the sides so far of the first way that is tried, of
     the others none, and returns the plan. Turn, gap, and how the boundary is known are those of
     `like`, whose way is tried first. `cut`: the boundary's edges, by the corner that each leaves,
-    along which the first strips have been cut already; UserError where these cannot have been."""
+    along which the first strips have been cut already; UserError where these cannot have been.
+    `cut_to`: those along which they have ended, where that is known."""
     width_m, gap_m = vehicle.pass_m, like.gap_m
     least_m = shuttle_length(vehicle, width_m, 0.0)
     ring = shapely.geometry.polygon.orient(shapely.Polygon(boundary))
@@ -460,6 +534,7 @@ def strip_by_strip(
             known,
             otherwise,
             inside,
+            cut_to,
         )
         sides, apart, left_m2 = yield from (steps if best is None else _quietly(steps))
         if cut and not sides:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from host.core.frames import Pose2
@@ -12,6 +13,7 @@ from host.estimate.cut_guard import CutGuard
 from host.estimate.measurements.begin import EARLY_M
 from host.estimate.position import Aside
 from host.pilot.turn_progress import Turning
+from host.route.plan import Plan, spiral
 from host.route.turn_legs import shuttle
 from tests.helpers.behaving import (
     CUTTING,
@@ -126,6 +128,54 @@ def test_where_strips_happened_to_end_tells_no_place(left_over: bool) -> None:
         met.append(math.dist(before[:2], context.estimate.position.pose[:2]))
     assert (max(met) == 0.0) is left_over
     assert (min(met) > 0.01) is not left_over
+
+
+def round_field() -> Plan:
+    """A round field as its owner has walked it, from a point of its arc on."""
+    angles = np.arange(30) * math.tau / 30
+    ring = [(17.0 * math.cos(a), 17.0 * math.sin(a)) for a in angles]
+    return spiral(ring, 0, VEHICLE, gap_m=2.0, sigma_m=0.3, recorded=True)
+
+
+def test_where_the_machine_was_put_into_its_crop_nothing_begins() -> None:
+    """It had backed by a metre, and took what it then met for the side's beginning."""
+    for plan, tells in ((replace(PLAN, sigma_m=1.0), True), (round_field(), False)):
+        context = on_side(plan=plan, cut_m=None)
+        moved(context, -1.0)
+        before = context.estimate.position.pose
+        context.strip.met_begin(0.0)
+        assert (context.estimate.position.pose != before) is tells
+
+
+@pytest.mark.parametrize("back", [0, 1])
+def test_a_round_that_closes_where_it_was_begun_ends_where_that_was_to_a_metre(back: int) -> None:
+    """However surely its corners are known, other than the sides before it."""
+    plan = replace(round_field(), sigma_m=0.05)
+    closing = max(k for k, side in enumerate(plan.sides) if side.edges and side.inside_m < 0.1)
+    strip = on_side(closing - back, plan=plan, cut_m=2.0).strip
+    assert strip.may_end_at(strip.left_m() + 2.0 - 4.0) is (back == 0)
+    assert math.isfinite(strip.to_blind_end_m()) is (back == 0), "crop goes on there"
+
+
+def test_up_to_there_it_follows_its_edge() -> None:
+    plan = round_field()
+    closing = max(k for k, side in enumerate(plan.sides) if side.edges and side.inside_m < 0.1)
+    strip = on_side(closing, plan=plan, cut_m=2.0).strip
+    end_m = strip.left_m() + strip.along_m(strip.estimate.motion)
+    assert strip.shows_edge(end_m - 2.5)
+    assert not strip.shows_edge(end_m - 1.5)
+
+
+def test_such_an_end_tells_the_place_of_the_machine_no_better() -> None:
+    """Here it is met a metre early by a machine that knows its place to a metre."""
+    plan = replace(round_field(), sigma_m=0.05)
+    closing = max(k for k, side in enumerate(plan.sides) if side.edges and side.inside_m < 0.1)
+    context = on_side(closing, plan=plan)
+    strip = context.strip
+    strip.place(strip.along_m(context.motion) + strip.left_m() - 1.0, along_sigma_m=1.0)
+    assert strip.left_m() == pytest.approx(1.0)
+    strip.met_end(clear_ahead(context), CUTTING, looked=False)
+    assert 0.4 < strip.left_m() < 0.8
 
 
 def test_a_lane_that_is_laid_aside_of_its_edge_has_the_edge_aside() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
@@ -30,3 +32,20 @@ def test_one_that_leaves_what_the_old_one_cuts_is_not_taken(more: float, taken: 
     wider = [replace(side, width_m=more * side.width_m) for side in PLAN.sides[4:]]
     old = replace(PLAN, sides=(*PLAN.sides[:4], *wider))
     assert (around(old, FOUND, old.cut_along(4), VEHICLE) is not None) is taken
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sides_that_were_cut_along_an_arc_end_where_they_have_ended(seed: int) -> None:
+    """Where an arc is divided is the planner's choice: here corners that move by a decimetre make
+    it choose other points. A machine had then backed over 11 m of the field to begin its turn."""
+    rng = np.random.default_rng(seed)
+    angles = np.arange(28) * math.tau / 28
+    ring = 14.0 * np.column_stack([1.2 * np.cos(angles), np.sin(angles)])
+    walked, found = (list(map(tuple, ring + rng.normal(0.0, 0.1, ring.shape))) for _ in range(2))
+    plan = spiral(walked, 0, VEHICLE, gap_m=2.0, sigma_m=0.3, recorded=True)
+    for cut in (1, 2, 4):
+        anew = around(plan, found, plan.cut_along(cut), VEHICLE)
+        assert anew is not None
+        for one, other in zip(plan.sides[:cut], anew.sides, strict=False):
+            ends = (side.pose(side.length_m - side.edge_end_m)[:2] for side in (one, other))
+            assert math.dist(*ends) < 1.0
