@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -222,7 +222,8 @@ class Harvest:
         felt = self.bench.felt()
         turned = self._turning.feed(now, sensors_json(felt)) if felt else None
         if turned is not None:
-            self._turned = replace(turned, stamp=_whole_ns(turned.stamp))
+            stamp = _whole_ns(turned.stamp)
+            self._turned = Turned(stamp, turned.yaw_rad, turned.since, turned.nose_up_rad)
         mark = clock()
         seconds["bench"] += mark - start
         self._picture(now)

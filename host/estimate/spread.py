@@ -4,6 +4,8 @@ argument: compiled code that is cached would not see another number of states.""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -67,6 +69,17 @@ def _of_point(
             found[r, c] = found[c, r] = total
 
 
+@compiled("(f8[:, ::1], i8, i8)")
+def farthest(p: Array, first: int, behind: int) -> float:
+    """Of corners whose states go from `first` to before `behind`, x and y by turns: the largest
+    variance along x or y against the machine, m²."""
+    most = -math.inf
+    for k in range(first, behind):
+        own = X if (k - first) % 2 == 0 else Y
+        most = max(most, p[k, k] + p[own, own] - 2.0 * p[k, own])
+    return most
+
+
 @compiled("(f8[:, ::1], i8[::1], f8, f8)")
 def turn(p: Array, pairs: NDArray[np.int64], c: float, s: float) -> None:
     """Turns pairs of states, whose x and y in the field stand one after the other from each of
@@ -78,3 +91,10 @@ def turn(p: Array, pairs: NDArray[np.int64], c: float, s: float) -> None:
     for k in range(n):
         for a in pairs:
             p[k, a], p[k, a + 1] = c * p[k, a] - s * p[k, a + 1], s * p[k, a] + c * p[k, a + 1]
+
+
+@compiled("(f8[::1], i8[::1], f8, f8)")
+def turn_by(x: Array, pairs: NDArray[np.int64], c: float, s: float) -> None:
+    """The same of (states,), of a state or of what comes to one."""
+    for a in pairs:
+        x[a], x[a + 1] = c * x[a] - s * x[a + 1], s * x[a] + c * x[a + 1]
