@@ -199,6 +199,8 @@ class Pilot:
         ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
         # Elsewhere than at its end no tip and no earlier round explains it.
         guard.allow(strip.clear_end_m if ends else 0.0)
+        if guard.passes:  # what follows takes long
+            return command
         own, swath, beside = strip.surely_own, strip.beside_swath, strip.outermost
         return guard.limit(now, command, own=own, swath=swath, ends=ends, beside=beside)
 
@@ -230,10 +232,11 @@ class Pilot:
             told = context.telemetry
             cuts = self._behaviour.gaze.cutting and told is not None and told.blade
             dusty = cuts and sight.ahead.in_dust(*EDGE_SURE)
-            own, swath = strip.surely_own, strip.beside_swath
-            context.estimate.cut.take_picture(
-                sight.stamp, sight.view, own=own, swath=swath, dusty=dusty
-            )
+            cut = context.estimate.cut
+            own, swath = False, False
+            if not cut.cuts_on:  # they take long
+                own, swath = strip.surely_own, strip.beside_swath
+            cut.take_picture(sight.stamp, sight.view, own=own, swath=swath, dusty=dusty)
 
     def _explained(self, command: Command) -> Command:
         return command if command.reason else command.because(self.reason)
