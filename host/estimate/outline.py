@@ -154,7 +154,7 @@ class Outline:
         """Every corner by so much, (states,)."""
         if np.count_nonzero(by_m):
             self.moved_m = self.moved_m + by_m.reshape(-1, 2)
-            self._moved_any = np.count_nonzero(self.moved_m) > 0
+            self._moved_any = bool(np.count_nonzero(self.moved_m))
             found = self._planned.corners + self.moved_m
             self._edges = BoundaryEdges(found)
             self.astray_m = _spread(found - self.walked)
