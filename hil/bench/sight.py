@@ -216,14 +216,18 @@ def _look(
     gap = 0.0
     step = cell
     d = 0.01
+    left_s, left_c = np.empty(COLUMNS), np.empty(COLUMNS)
+    for k in range(COLUMNS):
+        left = width * ((k + 0.5) / COLUMNS - 0.5)
+        left_s[k], left_c[k] = left * s, left * c
     while d < FARTHEST_M:
         here = 0
+        fx = blade_x + d
+        px, py = x + fx * c, y + fx * s
         for k in range(COLUMNS):
             if ahead == math.inf and hit[k]:
                 continue
-            left = width * ((k + 0.5) / COLUMNS - 0.5)
-            fx = blade_x + d
-            if _standing(kind, x0, y0, cell, x + fx * c - left * s, y + fx * s + left * c):
+            if _standing(kind, x0, y0, cell, px - left_s[k], py + left_c[k]):
                 here += 1
                 if ahead < math.inf:
                     if here == enough:

@@ -228,7 +228,11 @@ class Slices:
         due = (first + count) // every - first // every if every else 0
         status = self._run(first, count, self._gyro.drawn(due))
         sizes = self._sizes[:count].tolist()
-        said = [self._said[k, :size].tobytes() for k, size in enumerate(sizes) if size >= 0]
+        said = [
+            self._said[k, :size].tobytes() if size else b""
+            for k, size in enumerate(sizes)
+            if size >= 0
+        ]
         self.cells, *changed, samples, _, _, _ = self._tally[0].item()
         self._field.changed(*changed)
         numbers = range(first + every - first % every, first + count + 1, every) if every else ()

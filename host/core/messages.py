@@ -108,3 +108,7 @@ class Command:
     blade: bool = False
     reason: str = ""
     """Why, in words for the operator and the record."""
+
+    def because(self, reason: str) -> Command:
+        """The same for that reason."""
+        return Command(self.request, self.steer_rad, self.speed_mps, self.blade, reason)

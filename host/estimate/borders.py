@@ -50,7 +50,7 @@ class Borders:
         found = np.empty((len(near), len(points), 2, 2))
         spread.of_points_against(self.p, CORNERS, *self._axle, points, near, found)
         found = self._strayed(found)
-        return found, np.zeros_like(places) if anywhere else near @ self._moved_m
+        return found, np.zeros_like(places) if anywhere else near.dot(self._moved_m)
 
     def _strayed(self, found: Array) -> Array:
         """(…, 2, 2), m²: against what bends beside the border's straight piece."""
@@ -62,7 +62,7 @@ class Borders:
         the plan has it."""
         if self.outline.as_planned and self.more_m is None:
             return points
-        moved: Array = points - self.outline.nearest(points) @ self._moved_m
+        moved: Array = points - self.outline.nearest(points).dot(self._moved_m)
         return moved
 
     @property

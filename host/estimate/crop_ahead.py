@@ -59,6 +59,7 @@ class Ahead:
         self.crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
         self._begins: list[float] = []
+        self._begins_at_m = math.nan
         self.approached = True
         """Whether the turn to it led to before its crop: one that lacked room may end inside."""
         self._stood_off = True
@@ -93,7 +94,7 @@ class Ahead:
     def begins_at_m(self) -> float:
         """The travelled distance at which the side's crop begins, by what a machine that backed
         away from it saw; NaN where it saw too little of it."""
-        return statistics.median(self._begins) if len(self._begins) >= BEGIN_PICTURES else math.nan
+        return self._begins_at_m
 
     def begun(self, then: Motion) -> bool:
         """Whether crop at the blade may be the side's."""
@@ -103,6 +104,7 @@ class Ahead:
         """To the next side: its crop may be seen already while the machine turns."""
         self.crop_at_m = math.inf
         self._begins.clear()
+        self._begins_at_m = math.nan
         self.approached = True
         self._stood_off = False
 
@@ -150,6 +152,8 @@ class Ahead:
         """Of a sure picture that a machine took while it backed along the side."""
         if BEGINS_M[0] < view.crop_ahead_m < BEGINS_M[1]:
             self._begins.append(then.distance_m + view.crop_ahead_m)
+            if len(self._begins) >= BEGIN_PICTURES:
+                self._begins_at_m = statistics.median(self._begins)
 
     def follow(self, view: CropView, seen: EndOfField) -> bool:
         """Of a sure picture on a side: whether the crop begins at the blade just there. What shows

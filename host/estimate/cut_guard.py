@@ -114,6 +114,17 @@ class CutGuard:
         return 0.0 if self._clear_from_m is None else max(0.0, self._way_m - self._clear_from_m)
 
     @property
+    def passes(self) -> bool:
+        """Whether `limit` lets all pass as it is: what the plan has here does not matter."""
+        return self._held_since is None and self.clear_m < self._allowed_m
+
+    @property
+    def cuts_on(self) -> bool:
+        """Whether the blade has come over no clear ground since pictures have shown crop at it: to
+        `take_picture` what the plan has here does not matter."""
+        return self._cutting and self._clear_from_m is None
+
+    @property
     def over_cut_m(self) -> float:
         """How far before the blade ground begins on this side that it has not cut yet; 0 or less
         but for a machine that has backed."""
@@ -274,9 +285,9 @@ class CutGuard:
         the side, whatever the plan has along it: the machine may have left it sideways."""
         forward = command.request is Request.DRIVE and command.speed_mps > 0.0
         crosses = swath or (own and self._shown(beside))
+        if self.passes:
+            return command
         if self._held_since is None:
-            if self.clear_m < self._allowed_m:
-                return command
             if self._crossing and crosses:
                 return replace(command, blade=False)
             if not forward:

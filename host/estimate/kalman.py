@@ -338,7 +338,8 @@ class Filter:
     def sigma(self, h: Array) -> float:
         """Standard deviation, about the state, of what has the derivative `h`, (states,): where
         there is an alternative, of both."""
-        variance = float(h @ self._p @ h)
+        # `dot` gives what `@` does, and for so few states in half of its time.
+        variance = float(h.dot(self._p).dot(h))
         if self.likely > 0.0:
             other = float(h @ self._other_p @ h) + float(h @ self._apart) ** 2
             variance += self.likely * (other - variance)

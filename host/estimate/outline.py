@@ -21,7 +21,7 @@ import numpy as np
 from host.core.compiled import compiled
 from host.estimate.bow import angles, bow
 from host.estimate.kalman import Array
-from host.estimate.states import CORNERS
+from host.estimate.states import CORNERS, GRADE_X, X
 from host.field import sweep
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import NO_EDGE, Side
@@ -121,6 +121,9 @@ class Outline:
         """(n, 2) how far each corner lies from where the plan has it."""
         self.at: Final = slice(CORNERS, CORNERS + self.moved_m.size)
         """Where its corners stand among the filter's states."""
+        corners = range(self.at.start, self.at.stop, 2)
+        self.turning_with: Final = np.array([X, GRADE_X, *corners], np.int64)
+        """The states that turn with it, each an x whose y follows."""
         self._moved_any = False
         self._found: dict[int, tuple[Side, Side]] = {}
         """By the identity of a side, which is kept lest another gets its identity: to compare
@@ -152,11 +155,12 @@ class Outline:
 
     def move(self, by_m: Array) -> None:
         """Every corner by so much, (states,)."""
-        if by_m.any():
+        if np.count_nonzero(by_m):
             self.moved_m = self.moved_m + by_m.reshape(-1, 2)
-            self._moved_any = bool(self.moved_m.any())
-            self._edges = BoundaryEdges(self.corners)
-            self.astray_m = _spread(self._planned.corners + self.moved_m - self.walked)
+            self._moved_any = bool(np.count_nonzero(self.moved_m))
+            found = self._planned.corners + self.moved_m
+            self._edges = BoundaryEdges(found)
+            self.astray_m = _spread(found - self.walked)
             self._found.clear()
             self._pieces.clear()
             self._nearest = None
@@ -351,12 +355,13 @@ class Outline:
         by_edge = self._planned_moves(side.edge, x, y)
         left, ahead = -s * by_edge[0] + c * by_edge[1], c * by_edge[0] + s * by_edge[1]
         if border == NO_EDGE and way < 0 and side.edge != NO_EDGE:
-            ahead = c * moved[side.edge][0] + s * moved[side.edge][1]
+            moved_x, moved_y = moved[side.edge].tolist()
+            ahead = c * moved_x + s * moved_y
         if border != NO_EDGE:
-            bc, bs = e.directions[border]
+            bc, bs = e.directions[border].tolist()
             across = bc * s - bs * c
             if abs(across) > PARALLEL:
                 by_border = self._planned_moves(border, x, y)
                 out = bc * by_border[1] - bs * by_border[0]
                 ahead = (out - left * (bc * c + bs * s)) / across
-        return float(x + c * ahead - s * left), float(y + s * ahead + c * left)
+        return x + c * ahead - s * left, y + s * ahead + c * left

@@ -391,10 +391,9 @@ class Position(Readings):
         self._x[self.outline.at] = 0.0
         turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
         c, s = math.cos(turned), math.sin(turned)
-        x, y = self._x[[GRADE_X, GRADE_Y]]
-        self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
-        xs = np.array([X, GRADE_X, *self._corners[::2]])
+        x, y = self._x.item(GRADE_X), self._x.item(GRADE_Y)
+        self._x[GRADE_X], self._x[GRADE_Y] = c * x - s * y, s * x + c * y
+        xs = self.outline.turning_with
         for p in self._covariances:
             spread.turn(p, xs, c, s)
-        x, y = self._apart[xs], self._apart[xs + 1]
-        self._apart[xs], self._apart[xs + 1] = c * x - s * y, s * x + c * y
+        spread.turn_by(self._apart, xs, c, s)

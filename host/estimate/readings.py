@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from host.core.vehicle import Vehicle
-from host.estimate import prior
+from host.estimate import prior, spread
 from host.estimate.borders import Borders
 from host.estimate.kalman import Filter
 from host.estimate.lanes import kept_for
@@ -184,9 +184,7 @@ class Readings(Filter):
             return 0.0
         if not self.known:
             return self.sigma_m
-        p, at = self._p, self._corners
-        own = np.resize([X, Y], len(at))
-        return math.sqrt((p[at, at] + p[own, own] - 2 * p[at, own]).max())
+        return math.sqrt(spread.farthest(self._p, self.outline.at.start, self.outline.at.stop))
 
     def corner_sigma_rad(self, past: Side, side: Side) -> float:
         """Standard deviation of the boundary's angle between the edges of two sides."""

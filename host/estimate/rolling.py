@@ -96,10 +96,10 @@ class Coast:
 
     def __init__(self) -> None:
         self._slowest_mps = math.inf
-        self._counted: NDArray[np.float64] = np.zeros(2)
+        self._counted = (0.0, 0.0)
         """Since it was slowest, as if it went on: m, and what that turned by the steering angle,
         rad;"""
-        self._taken: NDArray[np.float64] = np.zeros(2)
+        self._taken = (0.0, 0.0)
         """and as it was taken to go."""
         self._turned = False
         """Whether it has come to roll against the way it was driven."""
@@ -124,13 +124,12 @@ class Coast:
         1 along it, 0 where nobody knows, and whether that is `sure`. Returns the two as they were,
         and 1 or -1: which way it goes. What turns out to have been taken for the other way is given
         back."""
-        step = np.array([step_m, yaw_rad])
         slower = abs(speed_mps) <= self._slowest_mps and not self._turned
         if slower:
             self._slowest_mps = abs(speed_mps)
-            self._counted[:], self._taken[:] = 0.0, 0.0
+            self._counted = self._taken = (0.0, 0.0)
         else:
-            self._counted += step
+            self._counted = (self._counted[0] + step_m, self._counted[1] + yaw_rad)
         far = abs(self._counted[0]) >= TURNED_M
         slowest = self._slowest_mps
         stopped = 0.0 < slowest < min(TURNS_MPS, abs(speed_mps) / TURNED_SHARE)
@@ -140,13 +139,14 @@ class Coast:
             self._turned = True
         against = self._turned or (not self.told and by_slope < 0 and slowest < TURNS_MPS)
         way = -1 if against else 1
-        took = way * step
+        (counted_m, counted_rad), (taken_m, taken_rad) = self._counted, self._taken
+        took_m, took_rad = way * step_m, way * yaw_rad
         if not slower and (self._turned or self.told):
-            took = way * self._counted - self._taken
-        self._taken += took
+            took_m, took_rad = way * counted_m - taken_m, way * counted_rad - taken_rad
+        self._taken = (taken_m + took_m, taken_rad + took_rad)
         if slower or self.told:
-            self._counted[:], self._taken[:] = 0.0, 0.0
-        return float(took[0]), float(took[1]), way
+            self._counted = self._taken = (0.0, 0.0)
+        return took_m, took_rad, way
 
 
 class Rolling:

@@ -255,23 +255,13 @@ class Geofence:
         each = covariance.reshape((1,) * (4 - covariance.ndim) + covariance.shape)
         if shifts is None:
             shifts = np.zeros((len(self._sides), 2))
-        known_m = sweep.known_to(each, self.sigmas)
+        planned = outline if planned is None else planned
+        known_m, clear, goes_on = sweep.judged(
+            self._sides, shifts, planned, outline, each, self.sigmas, self._slow_m, axle, velocity,
+            yaw_rate_radps, (self._slow_s, self._stop_s),
+        )  # fmt: skip
         if math.isnan(known_m):
             return Verdict(Level.STOP, "the position is unknown", math.nan)
-        planned = outline if planned is None else planned
-        # Sides that lie off one by one are no closed border.
-        inside = sweep.is_inside(self._sides, planned[0, 0], planned[0, 1])
-        slow = sweep.is_clear(
-            self._sides, shifts, outline, each, self.sigmas, self._slow_m, axle, velocity, 0.0,
-            self._slow_s,
-        )  # fmt: skip
-        clear = inside and slow
-        if clear and yaw_rate_radps == 0.0:
-            return CLEAR
-        goes_on = inside and sweep.is_clear(
-            self._sides, shifts, outline, each, self.sigmas, 0.0, axle, velocity, yaw_rate_radps,
-            self._stop_s,
-        )  # fmt: skip
         if clear and goes_on:
             return CLEAR
         clearance, keep_out = self._clearance(planned)

@@ -198,6 +198,32 @@ def known_to(covariance: Array, sigmas: float) -> float:
     return longest
 
 
+@compiled(
+    "(f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, :, :, ::1], f8, f8, "
+    "UniTuple(f8, 2), UniTuple(f8, 2), f8, UniTuple(f8, 2))"
+)
+def judged(
+    sides: Array, shifts: Array, planned: Array, outline: Array, covariance: Array, sigmas: float,
+    slow_m: float, axle: tuple[float, float], velocity: tuple[float, float], yaw_rate: float,
+    slow_and_stop_s: tuple[float, float],
+) -> tuple[float, bool, bool]:  # fmt: skip
+    """In one call, as it is asked at each step: `known_to`; whether the machine, that lies inside
+    as `planned`, is clear of the sides, wider by slow_m, as long as it goes straight on; and
+    whether it is while it turns. With a place that is not known neither."""
+    known_m = known_to(covariance, sigmas)
+    # Sides that lie off one by one are no closed border.
+    if math.isnan(known_m) or not is_inside(sides, planned[0, 0], planned[0, 1]):
+        return known_m, False, False
+    slow_s, stop_s = slow_and_stop_s
+    on = is_clear(sides, shifts, outline, covariance, sigmas, slow_m, axle, velocity, 0.0, slow_s)
+    if on and yaw_rate == 0.0:
+        return known_m, True, True
+    turning = is_clear(
+        sides, shifts, outline, covariance, sigmas, 0.0, axle, velocity, yaw_rate, stop_s
+    )
+    return known_m, on, turning
+
+
 @njit(cache=True, nogil=True)
 def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """From a point to a straight piece, m."""

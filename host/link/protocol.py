@@ -40,9 +40,10 @@ class Message(abc.ABC):
     @classmethod
     def parse(cls, payload: bytes) -> Message:
         """Raises ValueError for a wrong length or an enum value out of range."""
-        if len(payload) != cls.LAYOUT.size:
-            raise ValueError(f"{cls.__name__}: {len(payload)} bytes instead of {cls.LAYOUT.size}")
-        return cls.of(*cls.LAYOUT.unpack(payload))
+        try:
+            return cls.of(*cls.LAYOUT.unpack(payload))
+        except struct.error as error:
+            raise ValueError(f"{cls.__name__}: {error}") from error
 
     @classmethod
     @abc.abstractmethod
@@ -1526,8 +1527,7 @@ def cobs_decode(data: bytes) -> bytes:
         raise ValueError("not a COBS block")
     if len(data) > 254:
         return _cobs_decode_long(data)
-    out = bytearray(data)
-    at, size = 0, len(out)
+    out, at, size = bytearray(data), 0, len(data)
     while at < size:
         code = out[at]
         out[at] = 0
@@ -1579,31 +1579,25 @@ class Parser:
         self.frames_ok = 0
         self.frames_bad = 0
         """Runs of bytes between zeros that held something else than exactly one valid frame."""
-        self._run = bytearray()
+        self._run = b""
+        """Since the last zero, MAX_ENCODED bytes at most."""
         self._overlong = False
+        """Whether it was longer."""
 
     def feed(self, data: bytes) -> list[tuple[int, Message]]:
         """The (seq, message) pairs that these bytes complete."""
-        *runs, rest = data.split(b"\0")
+        *runs, rest = (self._run + data).split(b"\0")
         found = []
         for run in runs:
-            self._append(run)
-            one = self._take()
+            one = self._take(run, overlong=self._overlong)
+            self._overlong = False
             if one is not None:
                 found.append(one)
-        self._append(rest)
+        self._overlong = self._overlong or len(rest) > MAX_ENCODED
+        self._run = rest[-MAX_ENCODED:]
         return found
 
-    def _append(self, data: bytes) -> None:
-        self._run += data
-        if len(self._run) > MAX_ENCODED:
-            self._overlong = True
-            del self._run[:-MAX_ENCODED]
-
-    def _take(self) -> tuple[int, Message] | None:
-        run, overlong = bytes(self._run), self._overlong
-        self._run.clear()
-        self._overlong = False
+    def _take(self, run: bytes, *, overlong: bool) -> tuple[int, Message] | None:
         found = None
         used = 0
         for size in _ENCODED_SIZES:

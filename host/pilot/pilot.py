@@ -8,8 +8,6 @@ when it does something else, is in host.pilot.behaviours, one a file.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from host.core.messages import Command, Fix, Frame, Request, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import EDGE_SURE, EndOfField
@@ -28,6 +26,8 @@ from host.route.plan import Plan
 from host.vision.view import CropView, Detector
 
 PAUSED = "paused by the operator"
+OVER = (Phase.FINISHED, Phase.FAULT)
+"""Phases in which nothing more is commanded."""
 WORTH_SAYING_M = 0.1
 """A boundary that errs by less was right."""
 
@@ -151,7 +151,7 @@ class Pilot:
     @property
     def done(self) -> bool:
         """Nothing more will be commanded: the field is finished, or a fault needs a person."""
-        return self.phase in (Phase.FINISHED, Phase.FAULT)
+        return self._behaviour.phase in OVER
 
     # ---- the step --------------------------------------------------------------------------------
 
@@ -178,7 +178,7 @@ class Pilot:
             self._go(now, watch(told.state, context.estimate, told.faults))
         if self.paused and not self.done:
             self._behaviour.paused(now)
-            return replace(context.hold(), reason=PAUSED)
+            return context.hold().because(PAUSED)
         keep_clear, lane = context.guard.keep_clear(), context.estimate.lane
         lane.clear_m, lane.holds = keep_clear.aside_m, keep_clear.near
         command, go = self._behaviour.step(now)
@@ -199,6 +199,8 @@ class Pilot:
         ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
         # Elsewhere than at its end no tip and no earlier round explains it.
         guard.allow(strip.clear_end_m if ends else 0.0)
+        if guard.passes:  # what follows takes long
+            return command
         own, swath, beside = strip.surely_own, strip.beside_swath, strip.outermost
         return guard.limit(now, command, own=own, swath=swath, ends=ends, beside=beside)
 
@@ -230,13 +232,14 @@ class Pilot:
             told = context.telemetry
             cuts = self._behaviour.gaze.cutting and told is not None and told.blade
             dusty = cuts and sight.ahead.in_dust(*EDGE_SURE)
-            own, swath = strip.surely_own, strip.beside_swath
-            context.estimate.cut.take_picture(
-                sight.stamp, sight.view, own=own, swath=swath, dusty=dusty
-            )
+            cut = context.estimate.cut
+            own, swath = False, False
+            if not cut.cuts_on:  # they take long
+                own, swath = strip.surely_own, strip.beside_swath
+            cut.take_picture(sight.stamp, sight.view, own=own, swath=swath, dusty=dusty)
 
     def _explained(self, command: Command) -> Command:
-        return command if command.reason else replace(command, reason=self.reason)
+        return command if command.reason else command.because(self.reason)
 
     def _go(self, now: float, go: Go | None) -> None:
         """The transition, if there is one."""

@@ -286,7 +286,7 @@ class PlanSide(Strip):
             return False
         blade = Pose2(*position.pose).ahead(self.vehicle.blade_x_m)
         inside_m = position.outline.inside_m(blade.x_m, blade.y_m)
-        return inside_m > max(DEEP_M, DEEP_SIGMAS * position.corners_sigma_m)
+        return inside_m > DEEP_M and inside_m > DEEP_SIGMAS * position.corners_sigma_m
 
     def _beyond_doubt(self, more_m: float) -> bool:
         """Whether what is left of the side, and so much more, is more than any belief errs,

@@ -181,7 +181,9 @@ class Sight:
                 if self._leap.confirmed(leap_m) and not dusts:
                     # Crop that stands elsewhere passes before a machine that turns.
                     stays = not in_leg or beside
-                    self._take_edge(view, strip, then, since_shutter, gaze, stays, moved=moved)
+                    self._take_edge(
+                        view, edge_m, strip, then, since_shutter, gaze, stays, moved=moved
+                    )
             elif not in_leg:
                 dusty = gaze.cutting or then.stamp - since < LEAP_STAYS_S
                 self._take_corner(view, strip, then, since_shutter, dusty=dusty)
@@ -265,6 +267,7 @@ class Sight:
     def _take_edge(
         self,
         view: CropView,
+        edge_m: float,
         strip: Strip,
         then: Motion,
         since_shutter: tuple[float, float],
@@ -276,8 +279,7 @@ class Sight:
         since_m, self.edge_at_m = self.unseen_m(then), then.distance_m
         lane, ahead = self._estimate.lane, self.ahead
         cut_m = ahead.cut_m(then) if ahead.entered else 0.0
-        edge_m, turned_rad = strip.edge_m(view, then), strip.edge_heading_rad(view)
-        seen = edge_m, turned_rad, view.confidence, since_shutter
+        seen = edge_m, strip.edge_heading_rad(view), view.confidence, since_shutter
         learn = strip.teaches and cut_m > LEARN_AFTER_M
         ahead_m, cutting = view.edge_ahead_m, gaze.cutting
         lane.correct(*seen, ahead_m=ahead_m, learn=learn, cutting=cutting, stays=stays)

@@ -73,9 +73,11 @@ class WhoseEdge:
     def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:
         """Whether the right end of the crop at the blade may be what the strip before has left
         beside this one: turns that lack room end with the blade inside a strip's beginning."""
-        lane = self._lane
         begun_m = self._ahead.cut_m(then) if self._ahead.entered else 0.0
+        if begun_m >= TIP_M or strip.new or strip.sought:
+            return False
+        lane = self._lane
         outside_m = -(strip.edge_m(view, then) + lane.blade_offset_m)
-        if strip.new or strip.sought or begun_m >= TIP_M or not outside_m > LEAP_M:
+        if not outside_m > LEAP_M:
             return False
         return not self._ahead.approached or outside_m > TIP_SIGMAS * lane.offset_sigma_m

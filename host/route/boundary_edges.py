@@ -45,7 +45,7 @@ def _measure(
 class BoundaryEdges:
     """The edges of a counter-clockwise ring (n, 2) of corners, m; edge k leaves corner k."""
 
-    def __init__(self, ring: Sequence[tuple[float, float]]) -> None:
+    def __init__(self, ring: Sequence[tuple[float, float]] | NDArray[np.float64]) -> None:
         self.corners: NDArray[np.float64] = np.array(ring, float).reshape(-1, 2)
         count = len(self.corners)
         self.lengths, self.headings = np.empty(count), np.empty(count)

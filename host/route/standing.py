@@ -213,6 +213,7 @@ class _Ring:
             found.append(inside & ~self.sharp)
         return found[0], found[1]
 
+    @functools.cached_property
     def corners(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(points at which it turns to the left by more than a machine follows in passing, those at
         which it turns so to the right). Of the points of a rounded corner it is the middle one."""
@@ -295,41 +296,49 @@ class _Ring:
         return np.array(found, np.int64)
 
 
+@functools.lru_cache(maxsize=4)
+def _outer(standing: shapely.Polygon) -> _Ring:
+    """The outer ring. Of what stands first the edges are asked for, and then, along one of them,
+    the inner corners."""
+    return _Ring.of(shapely.geometry.polygon.orient(standing).exterior)
+
+
 def edges_of(
     standing: shapely.Polygon, here: Point | None = None, reach_m: float = 0.0
 ) -> list[Edge]:
     """Of the outer ring, counter-clockwise. Where the machine stands an edge begins, however little
     the ring turns there: at what is nearest to `here`, if within reach_m."""
-    ring = _Ring.of(shapely.geometry.polygon.orient(standing).exterior)
-    lefts, rights = ring.corners()
-    corners = ring.divided([*lefts, *rights, *(ring.beside(here, reach_m) if here else [])])
-    edges = []
+    ring = _outer(standing)
+    lefts, rights = ring.corners
+    corners = ring.divided(
+        [*lefts, *rights, *(ring.beside(here, reach_m) if here else [])]
+    ).tolist()
+    inner, edges = set(rights.tolist()), []
     for k, first in enumerate(corners):
         last = corners[(k + 1) % len(corners)]
         count = (last - first - 1) % len(ring.points) + 2
         chain = ring.trimmed((first + np.arange(count)) % len(ring.points))
-        places = tuple((float(x), float(y)) for x, y in ring.points[chain])
-        open_ends = not np.isin((first, last), rights).any()
+        places = tuple((x, y) for x, y in ring.points[chain].tolist())
         sharp = ring.sharp[chain[0]], ring.sharp[chain[-1]]
-        edges.append(Edge(places, bool(open_ends), (bool(sharp[0]), bool(sharp[1]))))
+        open_ends = first not in inner and last not in inner
+        edges.append(Edge(places, open_ends, (bool(sharp[0]), bool(sharp[1]))))
     return edges
 
 
 def edge_goes_on(standing: shapely.Polygon, place: Point) -> bool:
     """Whether the outer ring turns so little to the left, at its point nearest to a place, that a
     machine follows it in passing: no corner, at which an edge begins."""
-    ring = _Ring.of(shapely.geometry.polygon.orient(standing).exterior)
+    ring = _outer(standing)
     at = int(np.argmin(np.hypot(*(ring.points - place).T)))
-    lefts, rights = ring.corners()
+    lefts, rights = ring.corners
     return bool(ring.turns[at] > 0.0) and at not in lefts and at not in rights
 
 
 def inner_corners(standing: shapely.Polygon) -> Points:
     """Those of the outer ring that no machine follows, and every corner of the holes."""
-    oriented = shapely.geometry.polygon.orient(standing)
-    ring = _Ring.of(oriented.exterior)
+    ring, oriented = _outer(standing), shapely.geometry.polygon.orient(standing)
     holes = (shapely.get_coordinates(hole)[:-1] for hole in oriented.interiors)
-    return np.concatenate([ring.points[ring.corners()[1]], *holes])
+    return np.concatenate([ring.points[ring.corners[1]], *holes])
 
 
 def parts_of(shape: shapely.Geometry) -> list[shapely.Polygon]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import statistics
-from dataclasses import replace
 
 from host.core.messages import Command
 from host.estimate.crop_ahead import AT_BLADE_M
@@ -201,4 +200,4 @@ class BackOff(Behaviour):
         steer = steering_law.back(estimate.lane, vehicle)
         steer -= estimate.odometry.trim_rad
         backing = context.drive(steer, -vehicle.manoeuvre_speed_mps, blade=False)
-        return replace(backing, reason=f"backing off to look again: {context.reason}")
+        return backing.because(f"backing off to look again: {context.reason}")

@@ -103,11 +103,11 @@ class Follow(Behaviour):
     def step(self, now: float) -> Step:
         context = self.context
         lane = context.estimate.lane
-        off_m = abs(lane.driven_off_m)
         # A lane that bends ahead may lie as far beside the machine as well, and is not turned from.
-        turned = abs(lane.heading_rad) > math.pi / 2
-        if turned and off_m > steering_law.reach_m(context.vehicle):
-            return context.stop(), Why.FAR.go(off_m=f"{off_m:.0f}")
+        if abs(lane.heading_rad) > math.pi / 2:
+            off_m = abs(lane.driven_off_m)
+            if off_m > steering_law.reach_m(context.vehicle):
+                return context.stop(), Why.FAR.go(off_m=f"{off_m:.0f}")
         go = self._left_alone(now) or self._ends(now) or self._needs_a_look(now)
         if go is not None:
             return self._hold(go), go

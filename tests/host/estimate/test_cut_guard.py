@@ -50,14 +50,17 @@ class Drive:
         """How surely."""
         self.beside_m = math.nan
         """The same of crop left of the machine's way."""
+        self.asked = False
+        """Whether the guard is told what the plan has only where it says that this decides."""
 
     def run(self, seconds: float, command: Command = GO) -> Command:
         for _ in range(round(seconds / STEP_S)):
+            told = not (self.asked and self.guard.passes)
             passed = self.guard.limit(
                 self.t,
                 command,
-                own=self.own,
-                swath=self.swath,
+                own=told and self.own,
+                swath=told and self.swath,
                 ends=self.ends,
                 beside=self.beside,
             )
@@ -81,7 +84,9 @@ class Drive:
                 crop_ahead_m=ahead,
                 ahead_confidence=0.9 if self.sure else 0.2,
             )
-            self.guard.take_picture(self.t, view, own=self.own, swath=self.swath, dusty=self.dusty)
+            told = not (self.asked and self.guard.cuts_on)
+            own, swath = told and self.own, told and self.swath
+            self.guard.take_picture(self.t, view, own=own, swath=swath, dusty=self.dusty)
         return self.last
 
 
@@ -102,6 +107,23 @@ def at_clear_ground(*, ends: bool = False, own: bool = False, beside: bool = Fal
     drive.run(5.8)
     assert drive.last.speed_mps == 0.0
     return drive
+
+
+@pytest.mark.parametrize(("own", "swath"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("dusty", [False, True])
+def test_what_the_plan_has_is_asked_only_where_it_decides(
+    own: bool, swath: bool, dusty: bool
+) -> None:
+    crop = field((0.0, 1.0), (1.3, 2.0), (4.0, 6.0), (7.5, 9.0), (9.4, 10.0))
+    drives = [Drive(crop), Drive(crop)]
+    drives[1].asked = True
+    for edge_m in (0.0, math.nan, 0.1, 0.1, 0.1, math.nan, 0.0, 0.0):
+        for drive in drives:
+            drive.own, drive.swath, drive.dusty, drive.edge_m = own, swath, dusty, edge_m
+            drive.run(4.0)
+        always, where_asked = ((d.x, d.bladed_to, d.last, d.guard.refused) for d in drives)
+        assert always == where_asked
+    assert drives[0].x > 4.0, "it has crossed clear ground"
 
 
 def look(drive: Drive, edges: Sequence[float], feet_m: Sequence[float] = (0.0,)) -> None:

@@ -979,9 +979,23 @@ def test_a_short_side_does_not_end_before_it_begins() -> None:
     assert world.y + VEHICLE.blade_x_m > 0.3
 
 
+def ask_always(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blade's guard is told at each step and of each picture what the plan has there, and not
+    only where that decides."""
+    passes, limit = vars(CutGuard)["passes"].fget, CutGuard.limit
+
+    def limited(guard: CutGuard, now: float, command: Command, **told: bool) -> Command:
+        return command if passes(guard) else limit(guard, now, command, **told)
+
+    monkeypatch.setattr(CutGuard, "passes", False)
+    monkeypatch.setattr(CutGuard, "cuts_on", False)
+    monkeypatch.setattr(CutGuard, "limit", limited)
+
+
 def test_the_blades_guard_knows_the_gap_beside_a_side_and_allows_more_than_a_patch_at_ends_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    ask_always(monkeypatch)
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, Eyes(world, lambda view: view), PLAN)
     beside: dict[int, set[bool]] = {}
@@ -1008,6 +1022,7 @@ def test_the_blades_guard_is_told_where_it_is_right_beside_what_was_cut(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """In the second round that is the first round's swath, but near its ends."""
+    ask_always(monkeypatch)
     world = SimpleWorld(VEHICLE)
     pilot = Pilot(VEHICLE, Eyes(world, lambda view: view), PLAN)
     told_of: dict[tuple[str, int], list[bool]] = {}
