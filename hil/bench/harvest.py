@@ -15,7 +15,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from hil.bench.eyes import Eyes, PictureEyes
-from hil.bench.felt import heard
 from hil.bench.live_view import LiveView
 from hil.bench.lockstep import Bench
 from hil.bench.model_eyes import ModelEyes
@@ -35,6 +34,7 @@ from host.sensors.gyro import Turning
 from host.sensors.jpeg import NOTHING, Bgr
 from host.sensors.nmea import Receiver
 from host.vision.view import Detector
+from sim_plant.gyro import sensors_json
 
 HOST_HZ = 20
 """Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
@@ -220,7 +220,7 @@ class Harvest:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
             self._fix = next(reversed(self._receiver.feed(now, data)), self._fix)
         felt = self.bench.felt()
-        turned = self._turning.feed_samples(now, *heard(felt)) if felt else None
+        turned = self._turning.feed(now, sensors_json(felt)) if felt else None
         if turned is not None:
             stamp = _whole_ns(turned.stamp)
             self._turned = Turned(stamp, turned.yaw_rad, turned.since, turned.nose_up_rad)

@@ -114,10 +114,7 @@ class Turning:
 
     def feed(self, now: float, answer: bytes) -> Turned | None:
         """An answer that came at `now`; None where it holds nothing new. ValueError as `parsed`."""
-        return self.feed_samples(now, *parsed(answer))
-
-    def feed_samples(self, now: float, gyro: Samples, accel: Samples) -> Turned | None:
-        """The same of what an answer holds."""
+        gyro, accel = parsed(answer)
         if self._clock is not None and max(gyro.clock_s, default=math.inf) < self._clock - GAP_S:
             self._restart()  # somebody, or a time server, has set the phone's clock back
         self._level(accel)
