@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.estimate.prior import ALIKE_M, corners
+from host.estimate.prior import ALIKE_M, OWN_SHARE, corners
 
 CIRCLE = np.column_stack([f(np.arange(30) * math.tau / 30) * 14.0 for f in (np.cos, np.sin)])
 
@@ -53,3 +53,10 @@ def test_it_is_a_covariance_whatever_the_ring(ring: list[tuple[float, float]]) -
     covariance = corners(np.array(ring), 0.5, True)
     assert covariance == pytest.approx(covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > -1e-9
+
+
+def test_half_of_what_a_real_corner_errs_is_its_own() -> None:
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    covariance = corners(square, 0.3, True)
+    assert covariance[0, 0] == pytest.approx(0.09)
+    assert covariance[0, 2] == pytest.approx(0.09 * (1.0 - OWN_SHARE) * math.exp(-4.0 / ALIKE_M))

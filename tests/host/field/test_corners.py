@@ -162,6 +162,8 @@ def test_of_what_was_recorded_those_corners_are_left_that_can_be_told_apart() ->
 def test_a_boundary_that_is_known_exactly_or_was_drawn_is_taken_as_it_is() -> None:
     ring = recorded()
     assert steerable(ring, 7, 0.0) == (ring, 7)
+    straight = shapely.box(0, 0, 30, 20).exterior.segmentize(1.0).coords[:-1]
+    assert steerable(straight, 7, 0.0) == (straight, 7), "though most of it is on four lines"
     drawn = [(x, y) for x, y in rounded(quadrilateral(math.pi / 2), 1.0).tolist()][:12]
     assert steerable(drawn, 3, 1.0) == (drawn, 3)
     assert steerable(ring, 7, 1.0, False) == (ring, 7), "so it was said to be, however long it is"
