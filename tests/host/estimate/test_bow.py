@@ -12,9 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.vehicle import Vehicle
+from host.estimate.measurements import edge
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
+from host.estimate.place import Place
 from host.estimate.position import Position
+from host.estimate.states import CORNERS, YAW, X, Y
 from host.route.boundary_edges import BoundaryEdges
 from host.route.side import NO_EDGE, Side
 from tests.helpers.places import followed
@@ -102,6 +105,34 @@ def test_a_piece_that_borders_cut_off_bends_as_the_whole_does(begin: float, end:
     for along in np.linspace(0.0, part.length_m, 5).tolist():
         of_whole = bows.bow(whole, begin * whole.length_m + along)
         assert bows.bow(part, along) == pytest.approx(of_whole)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_a_pictures_derivative_is_that_of_the_curve_that_it_expects(share: float) -> None:
+    """Held against finite differences: a place farther along an arc has its edge elsewhere."""
+    ring = circle(12.0, 24)
+    side, count = piece(ring, 5), 2 * len(ring)
+    bows = outline(ring)
+    along_m = share * side.length_m
+    x, y, heading = side.pose(along_m - VEHICLE.blade_x_m, VEHICLE.inset_m)
+    state = np.zeros(CORNERS + count)
+    state[[X, Y, YAW]] = x, y, heading + 0.05
+
+    def innovation(change: np.ndarray) -> float:
+        place = Place(state + change, side, VEHICLE.blade_x_m, VEHICLE.inset_m, bows)
+        return float(edge.edge(place, 0.0, math.nan, 1.0, (0.0, 0.0), 0.0).innovation[0])
+
+    at = Place(state, side, VEHICLE.blade_x_m, VEHICLE.inset_m, bows)
+    stated = edge.edge(at, 0.0, math.nan, 1.0, (0.0, 0.0), 0.0).h[0]
+    assert abs(innovation(np.zeros(len(state)))) > 0.01, "the arc lies beside its chord"
+    for k in (X, Y, YAW):
+        change = np.zeros(len(state))
+        change[k] = 1e-5
+        slope = -(innovation(change) - innovation(-change)) / 2e-5
+        assert stated[k] == pytest.approx(slope, abs=0.01), k
+    # Moved as one with its corners the machine sees what it saw.
+    for k, way in ((X, 0), (Y, 1)):
+        assert stated[k] + stated[CORNERS + way :: 2].sum() == pytest.approx(0.0, abs=1e-9)
 
 
 def along_arc(ring: Ring, radius_m: float, farther_m: float) -> tuple[float, float]:
