@@ -320,9 +320,9 @@ def _walk(
         else:
             repeat = done is not None and shuttle and any(not e.open_ends for e in edges)
         if len(sides) < len(cut):
-            wanted, to = cut[len(sides)], [*cut_to[len(sides) :], NO_EDGE][0]
+            wanted, to = cut[len(sides)], cut_to[len(sides)] if cut_to else NO_EDGE
             choices: list[Edge | None] = [e for e in edges if _edge_of(e, names) == wanted]
-            if to != NO_EDGE and (as_cut := _as_cut(edges, wanted, to, names)) is not None:
+            if (as_cut := _as_cut(edges, wanted, to, names)) is not None:
                 edges, choices = as_cut[0], [as_cut[1]]
         else:
             choices = [
@@ -372,8 +372,10 @@ def _as_cut(
 ) -> tuple[list[Edge], Edge] | None:
     """The edges around what stands, divided so that one of them, the second that is returned, is
     what a strip was cut along from the boundary's edge `first` to `last`; None where they do not
-    come along these. An arc has no corners: where it is divided changes as the boundary is found,
-    and where a strip was cut does not."""
+    come along these, or where that is not known. An arc has no corners: where it is divided changes
+    as the boundary is found, and where a strip was cut does not."""
+    if NO_EDGE in (first, last):
+        return None
     pieces = [
         (edge, k, _along(piece, names))
         for edge in edges

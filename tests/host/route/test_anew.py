@@ -11,6 +11,7 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.route.anew import around
 from host.route.plan import spiral
+from host.runs.resume import remaining
 
 VEHICLE = Vehicle()
 CORNERS = [(0.0, 0.0), (12.0, 0.0), (12.0, 10.0), (0.0, 10.0)]
@@ -49,3 +50,14 @@ def test_sides_that_were_cut_along_an_arc_end_where_they_have_ended(seed: int) -
         for one, other in zip(plan.sides[:cut], anew.sides, strict=False):
             ends = (side.pose(side.length_m - side.edge_end_m)[:2] for side in (one, other))
             assert math.dist(*ends) < 1.0
+
+
+def test_where_the_sides_of_an_earlier_run_have_ended_is_not_known_and_changes_nothing() -> None:
+    """Of these only the edges that they were cut along are kept."""
+    whole = spiral(CORNERS, 2, VEHICLE, "three_point", 2.0, sigma_m=0.5)
+    rest = remaining(whole, 2, 0.0)
+    at_once = around(whole, FOUND, whole.cut_along(4), VEHICLE)
+    after = around(rest, FOUND, rest.cut_along(2), VEHICLE)
+    assert at_once is not None
+    assert after is not None
+    assert after.sides == at_once.sides[2:]
