@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.vehicle import Vehicle
+from host.estimate.lane import Lane
 from host.estimate.measurements import edge
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
@@ -105,6 +106,20 @@ def test_a_piece_that_borders_cut_off_bends_as_the_whole_does(begin: float, end:
     for along in np.linspace(0.0, part.length_m, 5).tolist():
         of_whole = bows.bow(whole, begin * whole.length_m + along)
         assert bows.bow(part, along) == pytest.approx(of_whole)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.9])
+def test_a_machine_is_led_along_the_curve_and_not_along_its_chord(share: float) -> None:
+    ring = circle(12.0, 24)
+    side = piece(ring, 5)
+    along_m = share * side.length_m
+    left_m, slope = outline(ring).bow(side, along_m)
+    position = Position(VEHICLE, ring, 0.3, recorded=True)
+    aside_m = left_m - VEHICLE.blade_x_m * math.sin(slope)
+    position.place(side, along_m, aside_m, math.atan(slope))
+    position.begin(side, straight=False)
+    lane = Lane(position, VEHICLE.blade_x_m)
+    assert (lane.blade_offset_m, lane.heading_rad) == pytest.approx((0.0, 0.0), abs=0.01)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])

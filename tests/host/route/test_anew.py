@@ -61,3 +61,15 @@ def test_where_the_sides_of_an_earlier_run_have_ended_is_not_known_and_changes_n
     assert at_once is not None
     assert after is not None
     assert after.sides == at_once.sides[2:]
+
+
+@pytest.mark.parametrize(
+    ("longer_m", "recorded", "taken"), [(3.0, True, True), (4.0, True, False), (4.0, False, True)]
+)
+def test_one_whose_cut_side_ends_metres_away_is_not_taken_where_edges_bend(
+    longer_m: float, recorded: bool, taken: bool
+) -> None:
+    """The field was found half a metre longer."""
+    first = replace(PLAN.sides[0], length_m=PLAN.sides[0].length_m + longer_m)
+    old = replace(PLAN, recorded=recorded, sides=(first, *PLAN.sides[1:]))
+    assert (around(old, FOUND, old.cut_along(1), VEHICLE) is not None) is taken

@@ -123,3 +123,11 @@ def test_the_terminal_takes_the_corner_where_the_walk_began() -> None:
 
 def test_without_a_plan_nothing_is_begun_along_anything() -> None:
     assert Plan().begins_along == (0.0, 0.0)
+
+
+def test_a_round_closes_where_the_first_side_began_and_nowhere_else() -> None:
+    plan = planned(0)
+    outer = [side for side in plan.sides if side.edges and side.inside_m < 0.1]
+    assert [plan.closes(side) for side in outer] == [False] * (len(outer) - 1) + [True]
+    assert not plan.closes(replace(outer[0], ends_at=NO_EDGE)), "at no border, but far from there"
+    assert not replace(plan, begins_inside=NO_EDGE).closes(outer[-1])
