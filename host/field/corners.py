@@ -63,6 +63,9 @@ BEND_RAD: Final = math.radians(18.0)
 BULGE_M: Final = 0.08
 """by so much in the mean of the pieces beside, these are halved: on a radius of 15 m what is
 thinned by SIMPLIFY_M turns by 23 degrees at once, and there a plan has a corner."""
+BULGE_SHARE: Final = 0.3
+"""Of the bulge of an arc that turns as much as the piece does at its end where it turns less: a
+straight side between two corners that is walked 0.1 m beside is no arc."""
 PIECE_M: Final = 3.0
 """Shorter pieces stay."""
 PLACES: Final = 9
@@ -121,7 +124,10 @@ def thinned(ring: Points, by_m: float = SIMPLIFY_M, cut_off_m: float = CUT_OFF_M
         beside = shapely.get_coordinates(line.interpolate(along))
         c, s = ways[k] / lengths[k]
         right_m = (beside - corner) @ (s, -c)
-        if math.copysign(1.0, one) * float(right_m.mean()) > BULGE_M:
+        # An arc's chord of length l, which turns by t from the one end to the other, bulges by
+        # l t / 8 in its middle and by two thirds of that in the mean.
+        of_arc_m = float(lengths[k]) * min(abs(one), abs(other)) / 12
+        if math.copysign(1.0, one) * float(right_m.mean()) > max(BULGE_M, BULGE_SHARE * of_arc_m):
             places.append(beside[PLACES // 2])
     return np.array(places)
 

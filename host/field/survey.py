@@ -22,14 +22,14 @@ import shapely.affinity
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 
 from host.core.errors import UserError
 from host.core.input_file import check_input
 from host.core.whole_file import saved
 from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
-from host.field.corners import MAX_CORNERS, thinned
+from host.field.corners import MAX_CORNERS
+from host.field.rings import any_edge, closing, mean_ring, resampled
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
     Loop,
@@ -37,10 +37,8 @@ from host.field.walk import (
     Points,
     Track,
     find_loops,
-    mean_ring,
     pieces,
     read_fixes,
-    resampled,
     track_of,
 )
 from host.sensors.nmea import Receiver, gnss_feed
@@ -74,14 +72,6 @@ BULGE_SIGMAS = 5.0
 """so surely: those came to 3 standard deviations of what a walker wobbles, these to 6 and more."""
 LEAST_WOBBLE_M = 0.1
 """Nobody is believed to have walked straighter, standard deviation."""
-SMOOTH_M = 5.0
-"""Window over which an irregular ring is smoothed: twice the CEP of a phone."""
-CLOSING_M = 10.0
-"""Way before and after the place where a lap closes, over which it is bent until its ends meet: two
-of SMOOTH_M. Over less, what a receiver has drifted during the lap is a corner there, which the
-machine is then put down at and begins with."""
-CLOSES_ALONG_M = 5.0
-"""The last of a lap's way, which says in which direction it closes."""
 LINES_TOLD = 2000
 """Of a walk, after which it is told how far it is read: a tenth of a second or two."""
 EDGE_POINTS = 16
@@ -306,49 +296,6 @@ def bulging(outline: Points, rings: list[Points], known_to_m: float) -> bool:
             if mean_m > max(BULGE_M, known_to_m) and mean_m * math.sqrt(total) > BULGE_SIGMAS:
                 return True
     return False
-
-
-# ---- any edge ------------------------------------------------------------------------------------
-
-
-def closing(lap: Points) -> Points:
-    """(n, 2) of a lap (not closed) whose end lies beside its beginning: both are moved by half of
-    that, what is near them by less. How far it ends before its beginning is way that was not
-    walked, and stays."""
-    ways = np.hypot(*np.diff(lap, axis=0).T)
-    done = np.concatenate([[0.0], np.cumsum(ways)])
-    left = done[-1] - done
-    way = lap[-1] - lap[int(np.argmax(left <= CLOSES_ALONG_M))]
-    length_m = float(np.hypot(*way))
-    if length_m == 0.0:
-        return lap
-    across = np.array([-way[1], way[0]]) / length_m
-    apart_m = float((lap[0] - lap[-1]) @ across)
-    over_m = min(CLOSING_M, float(done[-1]) / 3)
-    share = np.clip(1 - left / over_m, 0.0, 1.0) - np.clip(1 - done / over_m, 0.0, 1.0)
-    moved: Points = lap + (apart_m / 2 * share)[:, None] * across
-    return moved
-
-
-def any_edge(ring: Points) -> Points:
-    """A closed, evenly sampled ring smoothed over SMOOTH_M without pulling corners in much, then
-    thinned, and its corners sharpened."""
-    step = shapely.LinearRing(ring).length / len(ring)
-    window = 2 * round(SMOOTH_M / step / 2) + 1
-    if 3 < window < len(ring):
-        ring = np.asarray(correlate1d(ring, _parabola_at_middle(window), axis=0, mode="wrap"))
-    shape = shapely.Polygon(ring).buffer(0)
-    if isinstance(shape, shapely.MultiPolygon):
-        shape = max(shape.geoms, key=lambda part: float(part.area))
-    return thinned(shapely.get_coordinates(shape.exterior)[:-1])
-
-
-def _parabola_at_middle(window: int) -> NDArray[np.float64]:
-    """Weights of the Savitzky-Golay filter of second order: what the parabola of least squares
-    through `window` points is at their middle. scipy.signal has it too, and takes half a second to
-    import."""
-    k = np.arange(window) - window // 2
-    return np.asarray(np.linalg.pinv(np.vander(k, 3))[-1])
 
 
 def _even(xy: Points) -> int:

@@ -333,40 +333,6 @@ def _seen(loop: Loop, others: list[Loop]) -> bool:
     return any(loop.polygon.intersects(other.polygon) for other in others)
 
 
-# ---- rings ---------------------------------------------------------------------------------------
-
-
-def resampled(xy: Points, count: int) -> Points:
-    """A closed ring at `count` equal steps along it."""
-    closed = np.vstack([xy, xy[:1]])
-    path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-    at = np.linspace(0.0, path[-1], count, endpoint=False)
-    return np.column_stack([np.interp(at, path, closed[:, k]) for k in (0, 1)])
-
-
-def mean_ring(rings: list[Points], count: int) -> tuple[Points, float]:
-    """The average of rings that run alongside each other, and the rms distance of the rings from
-    it in metres (0 for one ring)."""
-    mean = resampled(rings[0], count)
-    if len(rings) == 1:
-        return mean, 0.0
-    lines = [shapely.LinearRing(ring) for ring in rings]
-    apart = 0.0
-    for _ in range(3):  # the first ring's own shape fades out
-        points = shapely.points(mean)
-        near = np.array(
-            [
-                shapely.get_coordinates(
-                    shapely.line_interpolate_point(line, shapely.line_locate_point(line, points))
-                )
-                for line in lines
-            ]
-        )
-        apart = float(np.sqrt(((near - mean) ** 2).sum(-1).mean()))
-        mean = resampled(near.mean(0), count)
-    return mean, apart
-
-
 def pieces(track: Track) -> Iterator[Points]:
     """The track between its jumps, for drawing."""
     for part in np.split(track.xy, np.flatnonzero(track.jumps_m > 0)):

@@ -17,7 +17,7 @@ from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
 from host.field.boundary_file import Boundary
 from host.field.corners import sharpened, steerable, thinned
-from host.field.survey import any_edge
+from host.field.rings import any_edge
 from host.field.walk import Points
 from host.route.field_plan import plan_of
 from host.route.plan import spiral

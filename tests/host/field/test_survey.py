@@ -27,11 +27,10 @@ from host.core.messages import Fix
 from host.core.progress import Watch
 from host.field.boundary_file import UNKNOWN_SIGMA_M, load_field
 from host.field.corners import MAX_CORNERS
+from host.field.rings import resampled
 from host.field.smoothing import Smoother
 from host.field.survey import (
     Survey,
-    any_edge,
-    closing,
     read_walk,
     record_walk,
     straight_sides,
@@ -40,12 +39,9 @@ from host.field.survey import (
 )
 from host.field.walk import (
     SPIKE_FIXES,
-    Points,
     Track,
     find_loops,
-    mean_ring,
     read_fixes,
-    resampled,
     track_of,
 )
 from host.sensors.nmea import Receiver
@@ -421,37 +417,6 @@ def smoothly(ring: list[Place], phone: GnssSpec) -> list[str]:
     return lines
 
 
-def test_smoothing_draws_no_bend_inwards() -> None:
-    """The mean of as many points of this circle lies 15 cm inside it."""
-    angles = np.linspace(0, math.tau, 160, endpoint=False)
-    edge = any_edge(8.0 * np.column_stack([np.cos(angles), np.sin(angles)]))
-    assert np.hypot(*edge.T) == pytest.approx(8.0, abs=0.02)
-
-
-def test_where_a_lap_closes_beside_its_beginning_the_edge_has_no_step() -> None:
-    """What the phone drifts during a lap was a corner of 30 to 45 degrees where the walk began: it
-    is where the machine is put down. 0.8 m on a circle of 20 m, whose end lies 1.3 m before its
-    beginning."""
-    angles = np.linspace(0, math.tau - 1.3 / 20, 400)
-    lap = (20.0 + np.linspace(0.0, 0.8, 400))[:, None] * np.column_stack(
-        [np.cos(angles), np.sin(angles)]
-    )
-    closed = closing(lap)
-    radii = np.hypot(*closed.T)
-    assert radii[[0, -1]] == pytest.approx([20.4, 20.4], abs=0.12)
-    assert closed[50:-50] == pytest.approx(lap[50:-50]), "far from there nothing moves"
-    assert math.dist(closed[0], closed[-1]) == pytest.approx(1.25, abs=0.1), "what was not walked"
-    assert turns_deg(any_edge(closed)).max() < 16.0
-    assert turns_deg(any_edge(lap)).max() > 20.0
-
-
-def turns_deg(ring: Points) -> Points:
-    """(n,) how far a closed ring turns at each of its points, to either side."""
-    headings = np.arctan2(*(np.roll(ring, -1, axis=0) - ring).T[::-1])
-    turns = np.remainder(headings - np.roll(headings, 1) + math.pi, math.tau) - math.pi
-    return np.degrees(np.abs(turns))
-
-
 def test_corners_that_are_not_there_are_refused() -> None:
     with pytest.raises(UserError, match="5 straight sides"):
         straight_sides([resampled(np.array(SQUARE, dtype=float), 200)], 5)
@@ -466,16 +431,6 @@ def test_a_keep_out_may_be_a_walk_of_its_own() -> None:
     far = tracked(walk(around([(x + 50, y) for x, y in TREE])))
     with pytest.raises(UserError, match=r"tree\.nmea: the keep-out does not lie inside"):
         with_keep_out(field, far, "tree.nmea")
-
-
-@given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-def test_the_mean_of_rings_lies_between_them(dx: float, dy: float) -> None:
-    angles = np.linspace(0, math.tau, 300, endpoint=False)
-    circle = 10 * np.column_stack([np.cos(angles), np.sin(angles)])
-    mean, apart = mean_ring([circle, circle + np.array([dx, dy])], 100)
-    centre = shapely.Polygon(mean).centroid
-    assert (centre.x, centre.y) == pytest.approx((dx / 2, dy / 2), abs=0.05)
-    assert apart == pytest.approx(math.hypot(dx, dy) / 2 / math.sqrt(2), abs=0.05)
 
 
 # ---- the command ---------------------------------------------------------------------------------
