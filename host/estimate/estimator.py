@@ -6,6 +6,8 @@ earlier, and whether the receiver agrees with all that.
 
 from __future__ import annotations
 
+import math
+
 from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.estimate.course_check import DirectionCheck
@@ -13,10 +15,13 @@ from host.estimate.cut_guard import CutGuard
 from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.last_round import Trails
+from host.estimate.measurements.rest import rest
+from host.estimate.measurements.speed import speed
 from host.estimate.odometry import Motion, Odometry
 from host.estimate.picture_motion import PictureMotion
 from host.estimate.position import Position
 from host.estimate.speed_watch import SpeedWatch
+from host.estimate.steady_speed import SteadySpeed
 from host.estimate.swaths import Swaths
 from host.route.plan import Plan
 
@@ -36,6 +41,7 @@ class Estimator:
         self.direction = DirectionCheck()
         self.cut = CutGuard(vehicle)
         self.speed = SpeedWatch(vehicle)
+        self.steady = SteadySpeed()
         self.pictures = PictureMotion(vehicle)
         self.backwards = False
         """Whether the latest fix shows the machine moving against its heading."""
@@ -58,8 +64,8 @@ class Estimator:
     def take_turned(self, turned: Turned) -> None:
         """The phone's gyroscope, before the telemetry of the same step."""
         self.odometry.take_turned(turned)
-        for rest in self.odometry.gyroscope.take_rests():
-            self.position.rested(*rest)
+        for stand in self.odometry.gyroscope.take_rests():
+            self.position.take(rest(self.position.x, *stand))
             self._learn()
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
@@ -70,6 +76,7 @@ class Estimator:
         self.direction.move(motion)
         self.cut.take_telemetry(telemetry)
         self.speed.take_telemetry(telemetry)
+        self.steady.take(telemetry)
 
     def take_fix(self, fix: Fix, telemetry: Telemetry, *, underway: bool) -> None:
         """The receiver's speed, and `underway` along a side or a turn its course."""
@@ -84,8 +91,20 @@ class Estimator:
             if self.direction.off_rad is not None:
                 self.position.course(self.direction.off_rad, self.motion.speed_mps)
         self.speed.take_fix(fix, telemetry)
+        if underway and self.position.known:
+            self._take_speed(fix, telemetry)
         self.odometry.learn(fix, telemetry, min(DOPPLER_GAP_S, fix.stamp - self._fix_stamp))
         self._fix_stamp = fix.stamp
+
+    def _take_speed(self, fix: Fix, telemetry: Telemetry) -> None:
+        """Against the wheels' own, where both speak of one speed straight on."""
+        wheels_mps = self.steady.mps
+        if wheels_mps is None or fix.speed_mps is None or fix.course_rad is None:
+            return
+        position = self.position
+        # A speed is never negative, and so errs to one side; what it is ahead does not.
+        ahead_mps = fix.speed_mps * math.cos(fix.course_rad - position.course_rad)
+        position.take(speed(position.x, wheels_mps, ahead_mps, cutting=telemetry.blade))
 
     def learn_curve(self) -> None:
         """And what of the curvature that the pot does not show."""

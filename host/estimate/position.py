@@ -31,7 +31,7 @@ from host.core.vehicle import Vehicle
 from host.estimate import doubt, leading_lane, other_edge, prior, spread, turned_strips
 from host.estimate.kalman import Measurement
 from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, straightened
-from host.estimate.measurements import begin, course, end, rest
+from host.estimate.measurements import begin, course, end
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
 from host.estimate.motion_model import BENT, CUT, DRILLED, TRIMMED, Wander, move
@@ -233,7 +233,7 @@ class Position(Readings):
                 leading_lane.tie(p, self.on_lane())
             frozen = leading_lane.others(len(self._x))
         self._heed_other_edge(seen)
-        taken = self._take(seen, frozen=frozen)
+        taken = self.take(seen, frozen=frozen)
         if taken:
             self._undoubted = math.inf
         elif self._undoubted == math.inf:
@@ -265,11 +265,7 @@ class Position(Readings):
         bound = Measurement("bound", seen.h[:1], seen.innovation[:1], wide)
         self.yield_to(bound, moves=(X, Y, LANE_OFFSET), alone=alone)
 
-    def rested(self, rate_radps: float, variance: float) -> None:
-        """The machine stands, and so much the gyroscope shows, rad/s."""
-        self._take(rest.rest(self._x, rate_radps, variance))
-
-    def _take(self, measurement: Measurement, frozen: Sequence[int] = (CURVE,)) -> bool:
+    def take(self, measurement: Measurement, frozen: Sequence[int] = (CURVE,)) -> bool:
         """Only an edge along which the machine drives shows what the pot does not."""
         taken = self.fuse(measurement, frozen=frozen)
         self._settle()
@@ -296,13 +292,13 @@ class Position(Readings):
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""
         left = left_rad + self.course_rad - float(self._x[YAW])
-        self._take(course.course(self._x, left, speed_mps))
+        self.take(course.course(self._x, left, speed_mps))
 
     def at_begin(self, side: Side, ago_m: float, sigma_m: float = MET_SIGMA_M) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since (negative: is
         to travel), with that standard deviation."""
         across = self._lanes.across(self.outline, side, -1)
-        self._take(begin.begin(self.at(side), ago_m, sigma_m, across))
+        self.take(begin.begin(self.at(side), ago_m, sigma_m, across))
 
     def at_end(
         self,

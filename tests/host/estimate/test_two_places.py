@@ -14,6 +14,7 @@ from host.core.vehicle import Vehicle
 from host.estimate import states as states_of
 from host.estimate.borders import Borders
 from host.estimate.kalman import FORGOTTEN, LIKELIER, SAYS_MOST, Filter, Measurement
+from host.estimate.measurements.rest import rest
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.position import WRONG_PLACE, Position
@@ -269,7 +270,7 @@ def test_where_an_edge_turns_what_lies_between_the_places_turns_with_it() -> Non
     corner[0, states_of.CORNERS + 3] = 1.0  # the second one's y: it turns the first edge
     position.fuse(Measurement("corner", corner, np.array([1.4]), np.array([1e-6])))
     before = np.diff(drive.places(), axis=0)[0]
-    position.rested(0.0, 1.0)
+    position.take(rest(position.x, 0.0, 1.0))
     after = np.diff(drive.places(), axis=0)[0]
     turned_rad = position.outline.heading_rad(0)
     assert turned_rad > 0.05
