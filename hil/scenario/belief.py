@@ -49,7 +49,9 @@ Ring = tuple[Point, ...]
 WALK_MPS: Final = 1.3
 """A person's usual pace."""
 CORNER_PAUSE_S: Final = 2
-"""Seconds that a surveyor stands at each corner."""
+"""Seconds that a surveyor stands at each corner,"""
+STOPS_RAD: Final = math.radians(30.0)
+"""which turns by more: what turns by less is walked along."""
 WOBBLE_M: Final = 0.1
 """How far a walker strays from the edge (standard deviation),"""
 WOBBLE_LENGTH_M: Final = 5.0
@@ -438,14 +440,20 @@ def ccw(coords: Any) -> list[Point]:
 
 
 def walk_lines(ring: Ring, phone: GnssSpec, laps: int, seed: int) -> list[str]:
-    """NMEA of a phone carried `laps` times around, with a pause at each corner."""
+    """NMEA of a phone carried `laps` times around, with a pause where the walk begins and at each
+    corner; where the edge only bends nobody stops."""
     rng = np.random.default_rng([seed, 0x3A1C])
     gnss = Gnss(phone, int(rng.integers(2**31)))
-    way = [*ring * laps, ring[0]]
-    legs = [np.array([way[0]], float)]
-    for a, b in pairwise(way):
-        seconds = max(1, round(math.dist(a, b) / WALK_MPS))
-        legs += [np.tile(a, (CORNER_PAUSE_S, 1)), np.linspace(a, b, seconds + 1)[1:]]
+    way = np.array([*ring * laps, ring[0]], float)
+    headings = np.arctan2(*np.diff(way, axis=0).T[::-1])
+    turns = np.remainder(np.diff(headings) + math.pi, math.tau) - math.pi
+    stops = [0, *(np.flatnonzero(np.abs(turns) > STOPS_RAD) + 1).tolist(), len(way) - 1]
+    legs = [way[:1]]
+    for a, b in pairwise(stops):
+        done = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way[a : b + 1], axis=0).T))])
+        at = np.linspace(0.0, done[-1], max(1, round(done[-1] / WALK_MPS)) + 1)[1:]
+        leg = np.column_stack([np.interp(at, done, way[a : b + 1, k]) for k in (0, 1)])
+        legs += [np.tile(way[a], (CORNER_PAUSE_S, 1)), leg]
     legs.append(np.tile(way[-1], (CORNER_PAUSE_S, 1)))
     places = np.concatenate(legs)
     keep = math.exp(-WALK_MPS / WOBBLE_LENGTH_M)
