@@ -8,6 +8,7 @@ what its positions wander included (`host.field.smoothing.SCALE`).
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from host.estimate.kalman import Array, Measurement
 from host.estimate.measurements.course import SHARE
 from host.estimate.odometry import DOPPLER_MPS
 from host.estimate.states import GRADE_X, GRADE_Y, SCALE, SLIP, YAW
+
+GATE: Final = 9.0
+"""Three standard deviations (Bar-Shalom et al. 2001): a receiver that hangs, or echoes from trees,
+tell nothing of the wheels."""
 
 
 def speed(x: Array, wheels_mps: float, ahead_mps: float, *, cutting: bool) -> Measurement:
@@ -30,4 +35,5 @@ def speed(x: Array, wheels_mps: float, ahead_mps: float, *, cutting: bool) -> Me
         h,
         np.array([ahead_mps - wheels_mps]) - h @ x,
         np.array([(SHARE * DOPPLER_MPS) ** 2]),
+        GATE,
     )
