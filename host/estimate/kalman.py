@@ -36,6 +36,10 @@ KEPT = 64
 """Innovations that wait for a reader, at most: some seconds'."""
 
 
+Indices = NDArray[np.int64]
+"""(n,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """What a sensor says, linear about the state: (n, states) `h`, (n,) `innovation` (measured
@@ -77,12 +81,12 @@ def _times(h: Array, p: Array) -> Array:
     return hp
 
 
-@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8, i8)")
+@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8, i8[::1])")
 def _fuse(
-    x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: int
+    x: Array, p: Array, h: Array, z: float, noise: float, gate: float, held: Indices
 ) -> tuple[float, float]:
-    """Joseph's form for one number, in place; nothing beyond the gate. `held`: a state that is
-    considered and not changed, -1 for none. Returns the innovation's variance and its normalised
+    """Joseph's form for one number, in place; nothing beyond the gate. `held`: states that are
+    considered and not changed. Returns the innovation's variance and its normalised
     square. Compiled: numpy takes ten times as long for so few states."""
     n, hp = len(x), _times(h, p)
     variance = noise
@@ -92,8 +96,8 @@ def _fuse(
     if nis > gate:
         return variance, nis
     gain = hp / variance
-    if held >= 0:
-        gain[held] = 0.0
+    for k in held:
+        gain[k] = 0.0
     for k in range(n):
         x[k] += gain[k] * z
         for i in range(n):
@@ -121,9 +125,9 @@ def _meanings(
     return (likely / total if total > 0.0 else 0.0), total, apart
 
 
-@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8, f8, i8)")
+@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8, f8, i8[::1])")
 def _fuse_either(
-    x: Array, p: Array, h: Array, z: float, noise: float, more: float, weight: float, held: int
+    x: Array, p: Array, h: Array, z: float, noise: float, more: float, weight: float, held: Indices
 ) -> tuple[float, float]:
     """`_fuse` of a number that is what it seems with probability `weight`, and otherwise has a
     noise whose variance is larger by `more`; it has no gate. Each of the two is taken; mean and
@@ -142,8 +146,8 @@ def _fuse_either(
     apart = 1.0 / sure - 1.0 / wide
     spread = weight * (1.0 - weight) * apart * apart * z * z
     step = hp.copy()
-    if held >= 0:
-        step[held] = 0.0
+    for k in held:
+        step[k] = 0.0
     for k in range(n):
         x[k] += gain * z * step[k]
         for i in range(n):
@@ -185,8 +189,8 @@ def _innovation(m: Measurement, variance: float, nis: float, *, used: bool) -> I
 def _taken(x: Array, p: Array, measurement: Measurement, frozen: Sequence[int]) -> _Taken:
     """Of a measurement with a gate. Writes to `p`."""
     z = measurement.innovation
-    if len(z) == 1 and len(frozen) <= 1:
-        x, held = x.copy(), frozen[0] if frozen else -1
+    if len(z) == 1:
+        x, held = x.copy(), np.array(frozen, np.int64)
         h, noise = measurement.h[0], float(measurement.variances[0])
         variance, nis = _fuse(x, p, h, float(z[0]), noise, measurement.gate, held)
         innovation = _innovation(measurement, variance, nis, used=nis <= measurement.gate)
@@ -203,7 +207,7 @@ def _taken(x: Array, p: Array, measurement: Measurement, frozen: Sequence[int]) 
 
 def _taken_either(x: Array, p: Array, measurement: Measurement, frozen: Sequence[int]) -> _Taken:
     """Of a number that may be of something else. Writes to `p`."""
-    x, held = x.copy(), frozen[0] if frozen else -1
+    x, held = x.copy(), np.array(frozen, np.int64)
     h, z = measurement.h[0], float(measurement.innovation[0])
     noise, (share, more) = float(measurement.variances[0]), measurement.other
     weight, total, _ = _meanings(p, h, z, noise, share, more)

@@ -139,6 +139,12 @@ class Outline:
         """How many numbers its corners are."""
         return self.moved_m.size
 
+    def held(self, *, again: bool) -> range:
+        """Which of the filter's states a border that is met tells nothing of. `again`: strip after
+        strip along one edge has met it; what one errs of it the next errs alike, and a hundred of
+        them would move its corners by metres. They tell of the machine alone."""
+        return range(self.at.start, self.at.stop) if again else range(0)
+
     @property
     def as_planned(self) -> bool:
         """Whether every corner lies where the plan has it."""

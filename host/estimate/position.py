@@ -277,8 +277,7 @@ class Position(Readings):
         self._learn()
 
     def take_curve(self) -> float:
-        """What is known of the curvature that the pot does not show since the last call, 1/m;
-        whoever reckons the motion corrects it from here on."""
+        """Curvature that the pot does not show, 1/m; whoever reckons the motion takes it over."""
         curve, self._x[CURVE] = float(self._x[CURVE]), 0.0
         return curve
 
@@ -294,11 +293,14 @@ class Position(Readings):
         left = left_rad + self.course_rad - float(self._x[YAW])
         self.take(course.course(self._x, left, speed_mps))
 
-    def at_begin(self, side: Side, ago_m: float, sigma_m: float = MET_SIGMA_M) -> None:
+    def at_begin(
+        self, side: Side, ago_m: float, sigma_m: float = MET_SIGMA_M, *, again: bool = False
+    ) -> None:
         """The blade met the beginning of a side's crop, and has travelled ago_m since (negative: is
-        to travel), with that standard deviation."""
+        to travel), with that standard deviation (`again`: `Outline.held`)."""
         across = self._lanes.across(self.outline, side, -1)
-        self.take(begin.begin(self.at(side), ago_m, sigma_m, across))
+        held = (CURVE, *self.outline.held(again=again))
+        self.take(begin.begin(self.at(side), ago_m, sigma_m, across), held)
 
     def at_end(
         self,
@@ -307,6 +309,8 @@ class Position(Readings):
         drift_m: float = 0.0,
         doubt_m: float = 0.0,
         elsewhere_m: float = 0.0,
+        *,
+        again: bool = False,
     ) -> None:
         """The blade met the end of a side, and has travelled ago_m since, give or take doubt_m;
         drift_m is what a wrong scale of the distances may have done along it. `elsewhere_m`: by
@@ -317,8 +321,9 @@ class Position(Readings):
         seen = end.end(self.at(side), ago_m, doubt_m, across)
         along = np.zeros(len(self._x))
         along[:YAW] = np.multiply(elsewhere_m, self.at(side).direction)
-        x, p = self.taken_if(along, seen, frozen=(CURVE,))
-        self.fuse(seen, frozen=(CURVE,))
+        held = (CURVE, *self.outline.held(again=again))
+        x, p = self.taken_if(along, seen, frozen=held)
+        self.fuse(seen, frozen=held)
         if elsewhere_m > 0.0:
             self.keep_apart(x - self._x, p, WRONG_PLACE)
         self._settle()

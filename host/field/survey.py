@@ -75,7 +75,11 @@ LEAST_WOBBLE_M = 0.1
 LINES_TOLD = 2000
 """Of a walk, after which it is told how far it is read: a tenth of a second or two."""
 EDGE_POINTS = 16
-"""Places along a lap whose error against each other is that of an irregular edge."""
+"""Places along a lap whose error against each other is that of an irregular edge, but for"""
+STRAYED_M = 0.2
+"""how far the walker strays from it, and what smoothing and thinning leave. Of the corners of 60
+simulated walks the squared error is then 0.8 times what is said, on average; 2.6 times without it.
+"""
 LAP_COLOURS = (4, 0, 1, 5)
 """Of matplotlib's cycle: those unlike the boundary's green and the keep-outs' red."""
 HUBER = 1.345
@@ -351,6 +355,7 @@ def survey_track(
         sigma_m = smoother.sigma_m(
             np.linspace(laps[0].first, laps[0].last, EDGE_POINTS, endpoint=False).astype(int)
         )
+        sigma_m = math.hypot(sigma_m, STRAYED_M) if irregular else sigma_m
         sides = None if irregular else smoother.sides(outline, [(k.first, k.last) for k in laps])
         if sides is not None and _same_form(outline, sides.corners):
             outline, sigma_m = sides.corners, relative_sigma_m(sides.covariance)

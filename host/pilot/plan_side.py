@@ -118,12 +118,14 @@ class PlanSide(Strip):
         self._ends_in_arc = plan.goes_round(side)
         self._begun_sigma_m = INSIDE_SIGMA[0] if plan.closes(side) else 0.0
         """Of its end, where that is no border but where the first side began inside the crop."""
-        self.bent = bool(side.bends)
+        self.bends_rad = max((abs(turn) for _, turn in side.bends), default=0.0)
         at_end, before = side.ends_at, plan.sides[:index]
         self._border_met = at_end != NO_EDGE and any(
             at_end == past.ends_at or at_end in past.edges for past in before
         )
         """Whether a side before has ended at the same border or run along it."""
+        self._begun_again = any(past.begins_as(side) for past in before)
+        self._ended_again = any(past.ends_as(side) for past in before)
         self._straight = [piece for _, piece in side.pieces()]
         """As planned."""
         self._at = 0
@@ -131,8 +133,7 @@ class PlanSide(Strip):
         self._on_lane = False
         """Whether the present lane is its own, and no more the last strip's."""
         self._crop_at_m = -math.inf
-        """The travelled distance up to which crop has been seen to go on from what was cut: how
-        far along the side that is, is found out with where the side begins."""
+        """The travelled distance up to which crop has been seen to go on from what was cut."""
         self._expected_m, self._doubt_m = side.length_m, 0.0
         """Where the side was taken to end before anything was seen of it, and how surely."""
         self._found_off_m = 0.0

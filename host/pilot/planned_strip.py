@@ -139,7 +139,9 @@ class PlannedStrip(PlanSide):
         self._look_from_lane()  # a turn that was broken off has not led along it
         if self._begin_seen and not self.side.left_over:
             ago_m = self.estimate.motion.distance_m - self.ahead.begins_at_m
-            self.estimate.position.at_begin(self._straight[0], ago_m, begin.SEEN_SIGMA_M)
+            self.estimate.position.at_begin(
+                self._straight[0], ago_m, begin.SEEN_SIGMA_M, again=self._begun_again
+            )
 
     def met_begin(self, ago_m: float) -> None:
         # Where the turn has pressed the crop down, what is met is not where it began. Where the
@@ -147,7 +149,9 @@ class PlannedStrip(PlanSide):
         in_crop = self._edge_runs != (0.0, 0.0)
         if not (self._begin_seen or self._pressed_m or self.side.left_over or in_crop):
             early_m = begin.EARLY_M if self.index > 0 else 0.0
-            self.estimate.position.at_begin(self._straight[0], ago_m - early_m)
+            self.estimate.position.at_begin(
+                self._straight[0], ago_m - early_m, again=self._begun_again
+            )
 
     def met_end(self, end: EndOfField, view: CropView | None, *, looked: bool) -> None:
         if self.side.left_over:
@@ -170,7 +174,9 @@ class PlannedStrip(PlanSide):
         share = share / SEEN_SHARE if math.isfinite(share) else 1.0
         last = self._straight[-1]
         as_seen = replace(last, end_seen_m=share * last.end_seen_m)
-        self.estimate.position.at_end(as_seen, ago, drift, doubt, self._found_off_m)
+        self.estimate.position.at_end(
+            as_seen, ago, drift, doubt, self._found_off_m, again=self._ended_again
+        )
         self._found_off_m = 0.0
 
     def gap_beyond(self) -> Beyond | None:

@@ -78,8 +78,8 @@ class Strip:
     and over what earlier rounds have cut between its end and the boundary."""
     back_m = 0.0
     """From the beginning of the crop back to the boundary or a keep-out."""
-    bent = False
-    """Whether its edge bends on the way."""
+    bends_rad = 0.0
+    """By how much its edge bends at most, at one place on the way."""
     sought = False
     """Whether the machine has lost its crop, and takes for its edge whatever edge is seen."""
     shift_m = 0.0
@@ -97,6 +97,11 @@ class Strip:
         self.ahead = ahead
         self.search_m = math.inf
         """How far along the strip its crop is looked for where it was not in view."""
+
+    @property
+    def bent(self) -> bool:
+        """Whether its edge bends on the way."""
+        return self.bends_rad > 0.0
 
     @property
     def name(self) -> str:

@@ -137,6 +137,18 @@ class Side:
             found.append((start, piece))
         return found
 
+    def begins_as(self, other: Side) -> bool:
+        """Whether both run along the same edge of the boundary from the same border."""
+        return NO_EDGE not in (self.edge, self.begins_at) and (self.edge, self.begins_at) == (
+            other.edge,
+            other.begins_at,
+        )
+
+    def ends_as(self, other: Side) -> bool:
+        """Whether both run along the same edge of the boundary to the same border."""
+        mine, its = (side.edges[-1] if side.edges else NO_EDGE for side in (self, other))
+        return NO_EDGE not in (mine, self.ends_at) and (mine, self.ends_at) == (its, other.ends_at)
+
     def left_by(self, past: Side, blade_width_m: float) -> bool:
         """Whether cutting `past` has left this side's edge."""
         turned = abs(math.remainder(self.heading_rad - past.heading_rad, math.tau))

@@ -84,6 +84,31 @@ def test_the_end_of_a_side_shows_where_the_corner_lies(longer_m: float) -> None:
     assert position.at(FIRST).side.length_m == pytest.approx(14.0 + longer_m, abs=0.1)
 
 
+@pytest.mark.parametrize("again", [False, True])
+def test_a_beginning_that_is_met_again_moves_no_corner(again: bool) -> None:
+    position = along_second(0.0)
+    before = found(position)
+    position.less_sure_along(SECOND, 0.1)
+    position.at_begin(SECOND, 5.0, again=again)
+    assert bool(np.abs(found(position) - before).max() > 1e-3) is not again
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_what_strip_after_strip_errs_of_a_border_moves_its_corners_no_farther(again: bool) -> None:
+    """Each of ten ends is seen 0.3 m late."""
+    driven = Driven(Position(VEHICLE, RING, 0.3))
+    driven.on(14.0 - EARLY_M)
+    position = driven.position
+    position.at_end(FIRST, 0.0)
+    before, where = found(position)[1], position.pose[0]
+    for _ in range(10):
+        position.less_sure_along(FIRST, 0.02)
+        position.at_end(FIRST, -0.3, again=again)
+    moved_m = math.dist(found(position)[1], before)
+    assert moved_m < 1e-6 if again else moved_m > 0.05
+    assert where - position.pose[0] > 0.1, "the machine is moved all the same"
+
+
 def along_second(off_rad: float) -> Position:
     """Both sides driven, where the second edge runs off_rad otherwise than planned."""
     driven = Driven(Position(VEHICLE, RING, 1.0))

@@ -417,6 +417,14 @@ def smoothly(ring: list[Place], phone: GnssSpec) -> list[str]:
     return lines
 
 
+def test_how_surely_an_irregular_edge_is_known_is_no_surer_than_a_walker_keeps_to_it() -> None:
+    """With a receiver that hardly errs."""
+    phone = PERFECT.model_copy(update={"cep_m": 0.01, "white_m": 0.0, "speed_noise_mps": 0.0})
+    track = tracked(walk(around(ELL, laps=2), phone))
+    assert survey_track(track).sigma_m < 0.15
+    assert survey_track(track, irregular=True).sigma_m >= 0.2
+
+
 def test_corners_that_are_not_there_are_refused() -> None:
     with pytest.raises(UserError, match="5 straight sides"):
         straight_sides([resampled(np.array(SQUARE, dtype=float), 200)], 5)

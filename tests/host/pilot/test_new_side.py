@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import CLEAR_M, END_SURE, EndOfField
+from host.estimate.crop_ahead import CLEAR_M, END_SURE, Ahead, EndOfField
 from host.estimate.cut_guard import PATCH_M, CutGuard
 from host.estimate.odometry import Odometry
-from host.estimate.position import WRONG_PLACE
+from host.estimate.position import WRONG_PLACE, Position
 from host.pilot.behaviours.follow import Follow
 from host.pilot.behaviours.follow import Why as Followed
 from host.pilot.behaviours.look_at_edge import LookAtEdge
@@ -524,3 +524,21 @@ def test_a_turn_round_a_corner_of_unknown_angle_teaches_the_steering_little() ->
     drive(world, pilot, 120.0, until=lambda: pilot.turns == 1 and pilot.cut_m > TURN_KNOWN_M + 1.0)
     assert pilot.turns == 1, pilot.reason
     assert pilot.yaw_gain == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("index", "again"), [(1, False), (3, False), (5, True), (7, True)])
+def test_a_border_that_the_strip_before_it_has_met_tells_of_the_machine_alone(
+    monkeypatch: pytest.MonkeyPatch, index: int, again: bool
+) -> None:
+    """What one strip after the other errs of it would move its corners by metres (outline 209)."""
+    told = []
+    for name in ("at_begin", "at_end"):
+        monkeypatch.setattr(Position, name, lambda *_, again, **__: told.append(again))
+    on_side(index, plan=NEW, cut_m=0.4).strip.met_begin(0.0)
+    context = on_side(index, plan=NEW, cut_m=NEW.sides[index].length_m + 0.3)
+    end = EndOfField(NOW, context.motion, index)
+    context.strip.met_end(end, None, looked=True)
+    context = on_side(index, plan=NEW, cut_m=None)
+    monkeypatch.setattr(Ahead, "begins_at_m", 0.3)
+    context.strip.saw_begin()
+    assert told == [again] * 3

@@ -43,6 +43,23 @@ def turned(ring: Ring, by_rad: float, x_m: float = 0.0, y_m: float = 0.0) -> Rin
 # ---- which edge ----------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("name", "apart"), [("rectangle", 4), ("l", 1)])
+def test_strip_after_strip_along_an_edge_begins_and_ends_at_the_same_borders(
+    name: str, apart: int
+) -> None:
+    """A rectangle's come round by round, an L's first ones by shuttles."""
+    sides = plan_of(name).sides
+    first, again = sides[0], sides[apart]
+    assert again.begins_as(first)
+    assert again.ends_as(first)
+    other = next(side for side in sides if side.edge != first.edge)
+    assert not other.begins_as(first)
+    assert not other.ends_as(first)
+    unknown = replace(first, begins_at=NO_EDGE, ends_at=NO_EDGE)
+    assert not unknown.begins_as(unknown)
+    assert not unknown.ends_as(unknown)
+
+
 def test_a_rectangles_sides_run_along_its_edges_in_turn() -> None:
     sides = plan_of("rectangle").sides
     for k, side in enumerate(sides[:8]):

@@ -21,6 +21,7 @@ from host.pilot.guard import Watched
 from host.pilot.phase import Reason
 from host.pilot.remains import GETS_ON_M
 from host.pilot.sight import UNSEEN_M
+from host.route.plan import spiral
 from host.vision.view import CropView
 from tests.helpers.behaving import (
     AT_KEEP_OUT,
@@ -452,6 +453,32 @@ def test_only_a_lane_that_pictures_tell_of_tells_of_the_place(seen: bool) -> Non
         follow.step(now)
     after = context.estimate.position.against_lane()[2]
     assert (after < before) is seen
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "cut_m", "astray"),
+    [(25.0, 5.0, False), (35.0, 5.0, True), (-35.0, 5.0, True), (35.0, 2.0, False)],
+)
+def test_an_edge_that_leads_away_from_the_strip_is_not_its_own(
+    turned_deg: float, cut_m: float, astray: bool
+) -> None:
+    """By 40 and 60 degrees the neighbour's have led machines that had lost their place."""
+    context = on_side(cut_m=cut_m)
+    context.estimate.lane.place(0.0, math.radians(turned_deg), 0.1, 0.02)
+    command, go = Follow(context).step(NOW)
+    assert is_for(go, Followed.ASTRAY) is astray
+    if astray:
+        assert (command.speed_mps, command.blade) == (0.0, False)
+        assert go is not None and f"turned {turned_deg:.0f} deg" in go.text
+
+
+def test_where_the_strip_itself_bends_so_far_it_may_turn() -> None:
+    bent = [(0.0, 0.0), (20.0, 0.0), (26.0, -2.18), (30.0, 10.0), (0.0, 10.0)]
+    plan = spiral(bent, 0, VEHICLE, gap_m=2.0)
+    assert plan.sides[0].bends
+    context = on_side(plan=plan)
+    context.estimate.lane.place(0.0, math.radians(35.0), 0.1, 0.02)
+    assert not is_for(Follow(context).step(NOW)[1], Followed.ASTRAY)
 
 
 @pytest.mark.parametrize(
