@@ -276,10 +276,10 @@ class PlanSide(Strip):
             along_m = self.along_m(self.estimate.motion)
             if self._beyond_doubt(0.0) or not self.may_end_at(along_m):
                 return True
-        return self._deep_inside
+        return self.deep_inside
 
     @property
-    def _deep_inside(self) -> bool:
+    def deep_inside(self) -> bool:
         """Whether the blade is farther inside the boundary, as that was found, than any belief
         errs."""
         position = self.estimate.position

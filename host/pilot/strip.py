@@ -188,6 +188,11 @@ class Strip:
         return False
 
     @property
+    def deep_inside(self) -> bool:
+        """Whether the blade is farther inside the boundary than any belief errs."""
+        return False
+
+    @property
     def beside_swath(self) -> bool:
         """Whether what stands before the blade stands right beside what the machine has cut."""
         return False

@@ -43,7 +43,7 @@ def told_ends(monkeypatch: pytest.MonkeyPatch) -> list[ToldEnd]:
     """Every end of a side that the position is told of, and does not take."""
     told: list[ToldEnd] = []
 
-    def at_end(_position: Position, _side: Side, *end: float) -> None:
+    def at_end(_position: Position, _side: Side, *end: float, **_: bool) -> None:
         told.append(ToldEnd(*end))
 
     monkeypatch.setattr(Position, "at_end", at_end)

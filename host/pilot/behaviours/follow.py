@@ -54,7 +54,8 @@ as far as that is surely beside it (host.estimate.swaths)."""
 ASTRAY_RAD = math.radians(30.0)
 """From its strip's direction, besides the strip's own bends, no machine turns that follows its
 edge: in 250 strips of 14 fields one did by more than 20 deg. Machines that had lost their place by
-3 m turned by 40 and 60 deg after the edge of a neighbour's field, and cut 8 and 11 m2 of it."""
+3 m turned by 40 and 60 deg after the edge of a neighbour's field, and cut 8 and 11 m2 of it. Deep
+inside the field a last remnant may lie so, and nobody's crop is near."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -118,7 +119,11 @@ class Follow(Behaviour):
             if off_m > steering_law.reach_m(context.vehicle):
                 return context.stop(), Why.FAR.go(off_m=f"{off_m:.0f}")
         astray_rad = abs(lane.heading_rad) - context.strip.bends_rad
-        if context.cut_m > BEGINNING_M and astray_rad > ASTRAY_RAD:
+        if (
+            context.cut_m > BEGINNING_M
+            and astray_rad > ASTRAY_RAD
+            and not context.strip.deep_inside
+        ):
             return context.stop(), Why.ASTRAY.go(deg=f"{math.degrees(lane.heading_rad):.0f}")
         go = self._left_alone(now) or self._ends(now) or self._needs_a_look(now)
         if go is not None:

@@ -763,13 +763,13 @@ def test_where_the_blade_meets_crop_and_where_it_leaves_it_the_position_is_told(
 
     at_begin, at_end = Position.at_begin, Position.at_end
 
-    def begin(position: Position, side: Side, ago_m: float, *more: float) -> None:
+    def begin(position: Position, side: Side, ago_m: float, *more: float, again: bool) -> None:
         told.append(("begin", ago_m - along(side)))
-        at_begin(position, side, ago_m, *more)
+        at_begin(position, side, ago_m, *more, again=again)
 
-    def end(position: Position, side: Side, ago_m: float, *more: float) -> None:
+    def end(position: Position, side: Side, ago_m: float, *more: float, again: bool) -> None:
         told.append(("end", side.length_m + ago_m - along(side)))
-        at_end(position, side, ago_m, *more)
+        at_end(position, side, ago_m, *more, again=again)
 
     monkeypatch.setattr(Position, "at_begin", begin)
     monkeypatch.setattr(Position, "at_end", end)

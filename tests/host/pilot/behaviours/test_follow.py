@@ -22,6 +22,7 @@ from host.pilot.phase import Reason
 from host.pilot.remains import GETS_ON_M
 from host.pilot.sight import UNSEEN_M
 from host.route.plan import spiral
+from host.route.side import Side
 from host.vision.view import CropView
 from tests.helpers.behaving import (
     AT_KEEP_OUT,
@@ -470,6 +471,16 @@ def test_an_edge_that_leads_away_from_the_strip_is_not_its_own(
     if astray:
         assert (command.speed_mps, command.blade) == (0.0, False)
         assert go is not None and f"turned {turned_deg:.0f} deg" in go.text
+
+
+@pytest.mark.parametrize(("x_m", "astray"), [(5.0, False), (2.5, True)])
+def test_deep_inside_the_field_a_machine_may_turn_after_a_remnant(x_m: float, astray: bool) -> None:
+    """In a square of 10 m."""
+    strip = Side(x_m, 2.0, math.pi / 2, 6.0, 0.9, fence_m=8.0)
+    plan = replace(PLAN, sides=(strip, strip), sigma_m=0.2)
+    context = on_side(plan=plan, cut_m=3.2)
+    context.estimate.position.place(strip, 3.2, 0.0, math.radians(35.0))
+    assert is_for(Follow(context).step(NOW)[1], Followed.ASTRAY) is astray
 
 
 def test_where_the_strip_itself_bends_so_far_it_may_turn() -> None:
