@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
+from host.core.compiled import compiled
 from host.field.corners import thinned
 from host.field.walk import Points
 
@@ -105,7 +105,7 @@ def _matched(one: Points, other: Points) -> tuple[Indices, Indices]:
     return ones % count, others % count
 
 
-@njit(cache=True, nogil=True)
+@compiled("(f8[:, ::1], f8[:, ::1], i8)")
 def _warped(a: Points, b: Points, aside: int) -> tuple[Indices, Indices]:
     """Indices of a (n, 4) and b (n, 4) that belong together, from both first to both last; they
     differ by `aside` at most."""
