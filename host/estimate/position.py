@@ -266,7 +266,7 @@ class Position(Readings):
         self.yield_to(bound, moves=(X, Y, LANE_OFFSET), alone=alone)
 
     def take(self, measurement: Measurement, frozen: Sequence[int] = (CURVE,)) -> bool:
-        """Only an edge along which the machine drives shows what the pot does not."""
+        """As `fuse`. Only an edge along which the machine drives shows what the pot does not."""
         taken = self.fuse(measurement, frozen=frozen)
         self._settle()
         return taken

@@ -1,5 +1,6 @@
 """The wheels' speed as a receiver shows it, which smooths its own over a second or two: the two can
-be compared only where the machine has gone straight on at one speed for longer than that."""
+be compared only where the machine has gone straight on at one speed for longer than that: beside
+the axle an antenna goes another way in a bend, and a creep's Doppler is noise."""
 
 from __future__ import annotations
 
@@ -7,16 +8,11 @@ import math
 from typing import Final
 
 from host.core.messages import Telemetry
+from host.estimate.speed_watch import MOVING_MPS, SAME_MPS, STRAIGHT_RAD
 
 SMOOTHED_S: Final = (1.0, 3.0)
 """Time constants of the two means that say whether the speed is the same: phones smooth over up to
 1.5 s. Shorter: a start counts as a speed, at which a receiver shows less than the wheels."""
-SAME_MPS: Final = 0.05
-"""By which the two means of one speed differ at most: a tenth of the cutting speed."""
-MOVING_MPS: Final = 0.2
-"""A creep's Doppler is noise."""
-STRAIGHT_RAD: Final = math.radians(10.0)
-"""Beyond it an antenna beside the axle goes another way."""
 
 
 class SteadySpeed:

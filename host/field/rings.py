@@ -42,9 +42,6 @@ CORNER_RAD: Final = math.radians(40.0)
 CORNER_SHARE: Final = 0.5
 """Of the variance that an arc through such a place leaves, what two straight edges leave at most;
 with 0.35 and 0.7 nothing changed."""
-OFF_M: Final = 0.8
-"""From the ring to the place where the edges meet, at most: a rounded corner that is cut off by
-more stays round, as in `host.field.corners`."""
 CLOSING_M: Final = 10.0
 """Way before and after the place where a lap closes, over which it is bent until its ends meet: two
 of SMOOTH_M. Over less, what a receiver has drifted during the lap is a corner there, which the
@@ -65,8 +62,8 @@ def resampled(xy: Points, count: int) -> Points:
 
 
 def mean_ring(rings: list[Points], count: int) -> tuple[Points, float]:
-    """The average of rings that run alongside each other, at `count` equal steps, and the rms
-    distance of the rings from it in metres (0 for one ring)."""
+    """The average of rings that run alongside each other, the same way around, at `count` equal
+    steps, and the rms distance of the rings from it in metres (0 for one ring)."""
     mean = resampled(rings[0], count)
     if len(rings) == 1:
         return mean, 0.0
@@ -202,16 +199,14 @@ def sharp_corners(ring: Points) -> dict[int, Points]:
     corner = np.abs(np.arctan2(sines, cosines)) > CORNER_RAD
     corner &= lines_left < CORNER_SHARE * arc_left
     gain = np.where(corner, arc_left - lines_left, -math.inf)
-    line, found = shapely.LinearRing(ring), {}
+    found = {}
     for k in np.flatnonzero(corner):
         if gain[k] < gain[(k + off) % count].max():
             continue
         one, other = lines[:, k, 1]
         apart = other - one
         along = (apart[1] * back[k, 0] - apart[0] * back[k, 1]) / sines[k]
-        meeting = one + along * to[k]
-        if line.distance(shapely.Point(meeting)) < OFF_M:
-            found[int(k)] = meeting
+        found[int(k)] = one + along * to[k]
     return found
 
 

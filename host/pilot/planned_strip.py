@@ -212,7 +212,7 @@ class PlannedStrip(PlanSide):
         last, position = self._straight[-1], self.estimate.position
         ago = self.estimate.motion.distance_m - self._end_at_m
         position.less_sure_along(last, abs(self.along_m(self.estimate.motion) - self.side.length_m))
-        position.at_end(last, ago, 0.0, 0.0)
+        position.at_end(last, ago, again=self._ended_again)
 
     def cut_unseen(self) -> None:
         here = self.estimate.motion

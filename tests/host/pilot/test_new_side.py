@@ -538,7 +538,8 @@ def test_a_border_that_the_strip_before_it_has_met_tells_of_the_machine_alone(
     context = on_side(index, plan=NEW, cut_m=NEW.sides[index].length_m + 0.3)
     end = EndOfField(NOW, context.motion, index)
     context.strip.met_end(end, None, looked=True)
+    strip_of(context).met_end_surely()
     context = on_side(index, plan=NEW, cut_m=None)
     monkeypatch.setattr(Ahead, "begins_at_m", 0.3)
     context.strip.saw_begin()
-    assert told == [again] * 3
+    assert told == [again] * 4
