@@ -106,8 +106,8 @@ class PlanSide(Strip):
         self.search_reach_m = 0.0
         if sum(areas[index:]) >= little_m2(plan):
             self.search_reach_m = side.length_m if self.skippable else NO_CROP_M
-        first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
-        self.teaches = side.length_m > SHUTTLE_LEARN_M or first_of_edge
+        self._first_of_edge = index == 0 or plan.corner_rad(index - 1) != 0.0
+        self.teaches = side.length_m > SHUTTLE_LEARN_M or self._first_of_edge
         self._beyond_m = max(0.0, side.fence_m - side.length_m)
         """How far the field goes on beyond its end, over ground that is cut."""
         self.back_m, self.shift_m, self.width_m = side.back_m, side.shift_m, side.width_m
@@ -389,8 +389,8 @@ class PlanSide(Strip):
 
     @property
     def outward_m(self) -> float:
-        if not self.new:
-            return 0.0
+        if not (self.new and self._first_of_edge):
+            return 0.0  # what is beside the last strip lies where the blade has left it
         return min(OUTWARD_M, self.estimate.position.beside_sigma_m(self.planned_piece))
 
     @property

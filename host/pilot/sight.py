@@ -27,7 +27,7 @@ from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.gaze import Gaze, Steady
 from host.pilot.in_crop import InCrop
-from host.pilot.leaps import INWARD_M, LEAP_STAYS_S, Leaps, is_dusts
+from host.pilot.leaps import INWARD_M, LEAP_M, LEAP_STAYS_S, Leaps, is_dusts
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.pilot.whose_edge import WhoseEdge
@@ -47,6 +47,10 @@ MOVED_M = 0.01
 MOVING_MPS = 0.03
 BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 """How sure the edge of crop beside the machine is, and the way for which that is there."""
+IN_THE_WAY_M = 0.1
+"""Of the blade that is before a strip beside which the machine backs, at least, for its crop's
+right end to be seen as any other: rendered pictures of a way back had it 0.04 m too near then, give
+or take 0.05 m, and the edge beside the way 0.2 to 0.6 m too far."""
 CORNER_SIGMA_M = 0.15
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""
@@ -212,7 +216,8 @@ class Sight:
         the edge of what stands beside its way is the lane's. What stands across the way, without a
         right end, is another field's."""
         seen = math.isfinite(view.edge_beside_m)
-        # Beside a strip the right end of what stands before the blade is the picture's own border.
+        if beside and view.crop_ahead_m < BESIDE_M[0]:
+            return view if self._in_the_way(view, strip, then) else replace(view, confidence=0.0)
         if not beside:
             across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
             clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
@@ -228,6 +233,13 @@ class Sight:
                 return view
         edge_m, sure = view.edge_beside_m, BESIDE_SURE if seen else 0.0
         return replace(view, edge_offset_m=edge_m, edge_ahead_m=BESIDE_AHEAD_M, confidence=sure)
+
+    def _in_the_way(self, view: CropView, strip: Strip, then: Motion) -> bool:
+        """Whether a picture from beside a strip shows where its crop ends at the blade. Of crop
+        that stands farther left the detector takes its picture's border for that."""
+        edge_m = strip.edge_m(view, then)
+        ends_left = edge_m < self._vehicle.pass_m - IN_THE_WAY_M
+        return ends_left and abs(edge_m + self._estimate.lane.blade_offset_m) < LEAP_M
 
     def take_looks(self) -> bool:
         """A look without a sure edge is over. Whether it and the one before it have the edge in one

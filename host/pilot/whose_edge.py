@@ -46,10 +46,7 @@ class WhoseEdge:
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._odometry.now, self._blade_x)
             along = turning.beside and min(-expected, strip.left_m()) > ALONG_M
-            aside_m = strip.edge_m(view, then) + self._lane.aim_m
-            if not (along and abs(aside_m) < LEAP_M) and not (
-                turning.backing and expected > CROP_SEEN_M
-            ):
+            if not along and not (turning.backing and expected > CROP_SEEN_M):
                 return False
         lane = self._lane
         off_m = abs(lane.blade_offset_m)

@@ -31,6 +31,7 @@ from host.pilot.planned_strip import TURN_KNOWN_M, PlannedStrip
 from host.pilot.stop_and_look import LONG_LOOK_S
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
+from host.route.turn_choice import next_turn
 from host.route.turn_legs import Turn, lane_beside, shuttle, three_point
 from host.vision.view import CropView
 from tests.helpers.behaving import CUTTING, NOW, is_for, moved, on_side, seeing
@@ -467,6 +468,27 @@ def test_a_turn_sees_how_far_the_next_crop_is_and_what_was_driven_since() -> Non
     assert turn.seen_free(NOW + 2.0).clear_m == math.inf, "that was long ago"
     seeing(context, replace(CLEAR, ahead_confidence=0.2), stamp=NOW + 0.2)
     assert turn.seen_free(NOW + 0.2).clear_m == math.inf
+
+
+def test_a_turn_to_the_strip_beside_the_last_leads_to_the_edge_that_the_blade_has_left() -> None:
+    """However unsure the machine is of its place, that lies a swath aside: a machine that backed
+    nearer to it drove over its crop."""
+    first = NEW.sides[0]
+    (along_m, inside_m), *_ = first.places_m
+    inner = ((along_m, inside_m + VEHICLE.pass_m),)
+    x_m, y_m, _ = first.pose(0.0, VEHICLE.pass_m)
+    again = replace(first, x_m=x_m, y_m=y_m, places_m=inner)
+    plan = replace(NEW, sides=(first, again, *NEW.sides[1:]))
+    context = along(10.0, plan)
+    following = context.planned(1)
+    assert isinstance(following, PlannedStrip)
+    following.arrive(None)
+    assert following.new, "its end is not known"
+    turn = next_turn(outward(plan, following), 0, VEHICLE, lambda _: 1.0)
+    turning = Turning(NOW, turn, (0.0, 0.0, 0.0))
+    assert turning.beside
+    following.begin_leg(turning)
+    assert context.estimate.lane.aim_m == pytest.approx(-VEHICLE.pass_m)
 
 
 def test_the_last_leg_of_a_turn_leads_outside_too() -> None:

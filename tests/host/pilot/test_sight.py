@@ -210,14 +210,30 @@ def test_beside_what_the_machine_has_cut_the_next_strip_stands(
     assert context.sight.beside(context.motion) is is_lane
 
 
-@pytest.mark.parametrize(("beside_m", "taken_m"), [(0.2, 0.2), (math.nan, 0.0)])
-def test_beside_the_next_strip_the_edge_beside_the_way_counts_alone(
-    beside_m: float, taken_m: float
+@pytest.mark.parametrize(
+    ("ahead_m", "end_m", "beside_m", "taken_m"),
+    [
+        pytest.param(3.0, math.nan, 0.2, 0.2, id="crop is seen beside the way alone"),
+        pytest.param(3.0, -0.3, 0.2, 0.2, id="what stands far ahead is another's"),
+        pytest.param(3.0, -0.3, math.nan, 0.0, id="and tells nothing"),
+        pytest.param(0.0, -0.3, 0.2, -0.3, id="it reaches before the blade"),
+        pytest.param(0.0, -0.05, 0.2, 0.0, id="it ends at the picture's border"),
+        pytest.param(0.0, -0.6, 0.2, 0.0, id="it reaches farther than the machine can be off"),
+    ],
+)
+def test_backing_beside_the_next_strip_a_machine_sees_how_far_off_that_is(
+    ahead_m: float, end_m: float, beside_m: float, taken_m: float
 ) -> None:
-    """What a picture that shows no more than that strip's flank takes for the right end of what
-    stands before the blade is the border of what it shows."""
+    """Its crop's right end, against where it should be beside a whole swath: in the machine's way,
+    or beside that. The detector looks for what stands beside the way from the way's border on, so
+    it is wrong where the crop reaches into the way."""
     next_m = VEHICLE.pass_m
-    flank = replace(CUTTING, edge_offset_m=next_m - 0.3, edge_beside_m=next_m + beside_m)
+    flank = replace(
+        CUTTING,
+        crop_ahead_m=ahead_m,
+        edge_offset_m=next_m + end_m,
+        edge_beside_m=next_m + beside_m,
+    )
     context = on_side(cut_m=5.0, eye=Shown(flank))
     assert isinstance(context.strip, PlannedStrip)
     context.estimate.lane.place(-next_m, 0.0, 0.05, 0.02)
