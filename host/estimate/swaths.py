@@ -38,7 +38,7 @@ class Swaths:
     too, whatever has been found of the place since then."""
 
     def __init__(self) -> None:
-        self._reckoned: list[tuple[float, float]] = []
+        self._reckoned: list[Pose2] = []
         self._placed: list[tuple[float, float]] = []
         self._travelled_m = -math.inf
         self._latest: Line = np.empty((0, 2))
@@ -55,7 +55,7 @@ class Swaths:
         if travelled_m < self._travelled_m + STEP_M:
             return
         self._travelled_m = travelled_m
-        self._reckoned.append(reckoned[:2])
+        self._reckoned.append(reckoned)
         self._placed.append(placed[:2])
 
     @property
@@ -71,11 +71,22 @@ class Swaths:
     def end(self) -> None:
         """The strip is cut."""
         if len(self._reckoned) > 1:
-            self._latest = np.array(self._reckoned)
+            self._latest = np.array([pose[:2] for pose in self._reckoned])
             self._past.append(np.array(self._placed))
             self._all = np.concatenate([self._all, self._past[-1]])
             self._ends = np.append(self._ends, len(self._all))
         self._reckoned, self._placed, self._travelled_m = [], [], -math.inf
+
+    def back(self, reckoned: Pose2, axle_m: float) -> tuple[float, float] | None:
+        """How far left of the way on which it has cut this strip the rear axle is, m, axle_m behind
+        the blade's middle, and how far turned left of that way, rad. None: it has cut nothing."""
+        if not self._reckoned:
+            return None
+        came = np.array([pose.ahead(-axle_m) for pose in self._reckoned])
+        here = reckoned.ahead(-axle_m)
+        then = Pose2(*came[np.argmin(np.hypot(*(came[:, :2] - here[:2]).T))])
+        turned_rad = math.remainder(here.heading_rad - then.heading_rad, math.tau)
+        return then.seen_from(*here[:2])[1], turned_rad
 
     def beside(self, reckoned: Pose2, placed: Iterable[Pose2], farther_m: float = 0.0) -> bool:
         """Whether what stands before the blade stands right beside a swath, on its left: beside the

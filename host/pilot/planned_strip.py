@@ -261,14 +261,14 @@ class PlannedStrip(PlanSide):
             self.estimate.position.begin(self.planned_piece, straight=not self.bent)
 
     def back_along(self) -> tuple[float, float] | None:
-        """Where the machine is beside the straight piece that its rear axle is on, m and rad left
-        of it; None once the blade is back before the first bend."""
-        places = [self.estimate.position.at(piece) for piece in self._straight]
-        axle_m = self.vehicle.blade_x_m
-        if places[0].blade_m < self._pieces[1][0]:
+        """Where the rear axle is beside the way on which the machine has cut the strip, m and rad
+        left of it; None once the blade is back before the first bend. Where the plan has the strip
+        that way may lie a metre beside it."""
+        place = self.estimate.position.at(self._straight[0])
+        if place.blade_m < self._pieces[1][0]:
             return None
-        at = max(k for k, place in enumerate(places) if k == 0 or place.blade_m > axle_m)
-        return places[at].across_m, places[at].turned_rad
+        blade, axle_m = self._blade(self._reckoned), self.vehicle.blade_x_m
+        return self.estimate.swaths.back(blade, axle_m) or (0.0, 0.0)
 
     def leave(
         self, following: Strip, end: EndOfField, *, shuttles: bool = False

@@ -14,6 +14,7 @@ from host.core.messages import Frame
 from host.core.vehicle import Vehicle
 from host.estimate import steady_looks
 from host.estimate.crop_ahead import (
+    AT_BLADE_M,
     CONFIDENT,
     EDGE_SURE,
     END_CLEAR_M,
@@ -217,7 +218,8 @@ class Sight:
         right end, is another field's."""
         seen = math.isfinite(view.edge_beside_m)
         if beside and view.crop_ahead_m < BESIDE_M[0]:
-            return view if self._in_the_way(view, strip, then) else replace(view, confidence=0.0)
+            sure = BESIDE_SURE if self._in_the_way(view, strip, then) else 0.0
+            return replace(view, confidence=min(view.confidence, sure))
         if not beside:
             across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
             clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
@@ -239,7 +241,8 @@ class Sight:
         that stands farther left the detector takes its picture's border for that."""
         edge_m = strip.edge_m(view, then)
         ends_left = edge_m < self._vehicle.pass_m - IN_THE_WAY_M
-        return ends_left and abs(edge_m + self._estimate.lane.blade_offset_m) < LEAP_M
+        near = abs(edge_m + self._estimate.lane.blade_offset_m) < LEAP_M
+        return ends_left and near and view.crop_ahead_m < AT_BLADE_M
 
     def take_looks(self) -> bool:
         """A look without a sure edge is over. Whether it and the one before it have the edge in one

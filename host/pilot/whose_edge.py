@@ -46,6 +46,9 @@ class WhoseEdge:
         if turning is not None and turning.leg is not None:
             expected = turning.crop_expected_m(self._odometry.now, self._blade_x)
             along = turning.beside and min(-expected, strip.left_m()) > ALONG_M
+            leap_m = abs(strip.edge_m(view, then) + self._lane.blade_offset_m) if along else 0.0
+            if leap_m > LEAP_M and leap_m > IN_VIEW_SIGMAS * self._lane.offset_sigma_m:
+                return False
             if not along and not (turning.backing and expected > CROP_SEEN_M):
                 return False
         lane = self._lane

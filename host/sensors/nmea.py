@@ -25,12 +25,14 @@ from host.sensors.newest import Feed, SourceLostError
 
 KNOT_MPS = 1852 / 3600
 """A knot is a nautical mile, 1852 m, an hour."""
+KMH_MPS = 1000 / 3600
 COMPANION_S = 0.3
 """How long GGA waits for the RMC of its epoch, or RMC for GGA: a phone sends them in one burst."""
 QUALITIES = range(9)
 """Of GGA: 0 none to 8 simulated."""
 MAX_SENTENCE = 82
 """Characters from `$` to the line's end (NMEA 0183). Phones exceed it; thrice it is garbage."""
+NO_VTG = (math.nan, math.nan)
 SENTENCE = re.compile(rb"\$[^*]*\*[0-9A-Fa-f]{2}")
 """Up to its checksum. Loggers write the time of arrival behind it, as GnssLogger does."""
 
@@ -43,6 +45,8 @@ class _Epoch:
     stamp: float
     gga: pynmea2.GGA | None = None
     rmc: pynmea2.RMC | None = None
+    vtg: tuple[float, float] = NO_VTG
+    """Knots and km/h of the last one before the epoch was whole: it says no time."""
 
     @property
     def kinds(self) -> frozenset[str]:
@@ -77,7 +81,7 @@ def _fix(epoch: _Epoch) -> Fix:
     speed = course = None
     if rmc is not None and rmc.status == "A":
         if not math.isnan(knots := _number(rmc.spd_over_grnd)):
-            speed = knots * KNOT_MPS
+            speed = _finer_mps(knots, epoch.vtg)
         if not math.isnan(degrees := _number(rmc.true_course)):
             course = math.remainder(math.pi / 2 - math.radians(degrees), math.tau)
     if position is None or quality == 0:
@@ -90,6 +94,15 @@ def _fix(epoch: _Epoch) -> Fix:
     if not (abs(lat) <= 90 and abs(lon) <= 180):
         raise ValueError("position out of range")
     return Fix(epoch.stamp, lat, lon, quality, hdop, satellites, speed, course)
+
+
+def _finer_mps(knots: float, vtg: tuple[float, float]) -> float:
+    """The speed that RMC says. Phones say it in tenths of a knot, which is 10 % of a machine's
+    speed, and what that errs no mean of many fixes takes away. VTG of the same epoch, which says
+    the same knots, has it in tenths of a km/h besides."""
+    also_knots, kmh = vtg
+    same = also_knots == knots and abs(kmh * KMH_MPS - knots * KNOT_MPS) < KNOT_MPS / 10
+    return kmh * KMH_MPS if same else knots * KNOT_MPS
 
 
 class Receiver:
@@ -106,6 +119,7 @@ class Receiver:
         self.bad: Counter[str] = Counter()
         self._rest = b""
         self._epoch: _Epoch | None = None
+        self._vtg = NO_VTG
         self._emitted: datetime.time | None = None
 
     def feed(self, now: float, data: bytes) -> list[Fix]:
@@ -130,6 +144,7 @@ class Receiver:
         if epoch is None:
             return []
         self._emitted = epoch.time
+        epoch.vtg, self._vtg = self._vtg, NO_VTG
         try:
             return [_fix(epoch)]
         except (ValueError, TypeError, AttributeError):
@@ -163,6 +178,13 @@ class Receiver:
     def _sentence(self, now: float, sentence: pynmea2.NMEASentence) -> list[Fix]:
         kind = str(getattr(sentence, "sentence_type", "other"))
         self.sentences[kind] += 1
+        if isinstance(sentence, pynmea2.VTG):
+            try:
+                said = sentence.spd_over_grnd_kts, sentence.spd_over_grnd_kmph
+                self._vtg = _number(said[0]), _number(said[1])
+            except (ValueError, TypeError, ArithmeticError):
+                self._vtg = NO_VTG
+                self._drop(kind)
         if not isinstance(sentence, (pynmea2.GGA, pynmea2.RMC)):
             return []
         time = sentence.timestamp

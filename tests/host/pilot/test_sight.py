@@ -211,18 +211,20 @@ def test_beside_what_the_machine_has_cut_the_next_strip_stands(
 
 
 @pytest.mark.parametrize(
-    ("ahead_m", "end_m", "beside_m", "taken_m"),
+    ("ahead_m", "end_m", "beside_m", "unsure_m", "taken_m"),
     [
-        pytest.param(3.0, math.nan, 0.2, 0.2, id="crop is seen beside the way alone"),
-        pytest.param(3.0, -0.3, 0.2, 0.2, id="what stands far ahead is another's"),
-        pytest.param(3.0, -0.3, math.nan, 0.0, id="and tells nothing"),
-        pytest.param(0.0, -0.3, 0.2, -0.3, id="it reaches before the blade"),
-        pytest.param(0.0, -0.05, 0.2, 0.0, id="it ends at the picture's border"),
-        pytest.param(0.0, -0.6, 0.2, 0.0, id="it reaches farther than the machine can be off"),
+        pytest.param(3.0, math.nan, 0.2, 0.5, 0.2, id="crop is seen beside the way alone"),
+        pytest.param(3.0, -0.3, 0.2, 0.5, 0.2, id="what stands far ahead is another's"),
+        pytest.param(3.0, -0.3, math.nan, 0.5, 0.0, id="and tells nothing"),
+        pytest.param(0.0, -0.3, 0.2, 0.5, -0.3, id="it reaches before the blade"),
+        pytest.param(0.0, -0.05, 0.2, 0.5, 0.0, id="it ends at the picture's border"),
+        pytest.param(0.0, -0.6, 0.2, 0.5, 0.0, id="it reaches farther than the machine can be off"),
+        pytest.param(3.0, math.nan, 0.6, 0.5, 0.6, id="it has left its swath unawares"),
+        pytest.param(3.0, math.nan, 0.6, 0.02, 0.0, id="it is too sure of its lane for that"),
     ],
 )
 def test_backing_beside_the_next_strip_a_machine_sees_how_far_off_that_is(
-    ahead_m: float, end_m: float, beside_m: float, taken_m: float
+    ahead_m: float, end_m: float, beside_m: float, unsure_m: float, taken_m: float
 ) -> None:
     """Its crop's right end, against where it should be beside a whole swath: in the machine's way,
     or beside that. The detector looks for what stands beside the way from the way's border on, so
@@ -242,7 +244,7 @@ def test_backing_beside_the_next_strip_a_machine_sees_how_far_off_that_is(
     turning = Turning(NOW, turn, (0.0, 0.0, 0.0))
     assert turning.beside
     context.strip.begin_leg(turning)
-    context.estimate.position.less_sure(0.5, 0.0)
+    context.estimate.position.less_sure(unsure_m, 0.0)
     before = context.estimate.lane.blade_offset_m
     for k in range(10):
         stamp = NOW + 0.1 * k

@@ -44,6 +44,41 @@ def rmc(
     return sentence(f"GPRMC,{time_of_day},{position},{knots},{course},271022,1.1,W,D")
 
 
+def vtg(knots: str, kmh: str) -> bytes:
+    return sentence(f"GPVTG,90.0,T,90.0,M,{knots},N,{kmh},K,A")
+
+
+@pytest.mark.parametrize(
+    ("order", "speed_mps"),
+    [
+        pytest.param((vtg("1.0", "1.8"), rmc(knots="1.0"), gga()), 0.5, id="a phone"),
+        pytest.param((rmc(knots="1.0"), vtg("1.0", "1.9"), gga()), 1.9 / 3.6, id="u-blox"),
+        pytest.param((vtg("1.1", "2.0"), rmc(knots="1.0"), gga()), 0.5144, id="of another epoch"),
+        pytest.param(
+            (vtg("1.0", "5.0"), rmc(knots="1.0"), gga()), 0.5144, id="it contradicts itself"
+        ),
+        pytest.param((vtg("1.0", ""), rmc(knots="1.0"), gga()), 0.5144, id="it says none"),
+        pytest.param((vtg("1.0", "x"), rmc(knots="1.0"), gga()), 0.5144, id="nobody reads it"),
+        pytest.param((rmc(knots="1.0"), gga()), 0.5144, id="there is none"),
+    ],
+)
+def test_a_speed_is_as_fine_as_the_receiver_says_it(
+    order: tuple[bytes, ...], speed_mps: float
+) -> None:
+    """RMC says tenths of a knot, VTG tenths of a km/h besides."""
+    receiver = Receiver()
+    (fix,) = receiver.feed(0.0, b"".join(order))
+    assert fix.speed_mps == pytest.approx(speed_mps, abs=1e-4)
+    assert (receiver.bad["VTG field"] == 1) is (b",x,K" in b"".join(order))
+
+
+def test_a_vtg_counts_for_one_epoch() -> None:
+    receiver = Receiver()
+    receiver.feed(0.0, vtg("1.0", "1.8") + rmc(knots="1.0") + gga())
+    (fix,) = receiver.feed(1.0, rmc("112512", knots="1.0") + gga("112512"))
+    assert fix.speed_mps == pytest.approx(0.5144, abs=1e-4)
+
+
 def test_gga_and_rmc_of_one_epoch_make_one_fix() -> None:
     for order in ((gga(), rmc()), (rmc(), gga())):
         (fix,) = Receiver().feed(7.0, b"".join(order))
