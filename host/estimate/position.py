@@ -34,7 +34,7 @@ from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, stra
 from host.estimate.measurements import begin, course, end
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import BENT, CUT, DRILLED, TRIMMED, Wander, move
+from host.estimate.motion_model import BENT, CUT, DRILLED, STRAIGHT, TRIMMED, Wander, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.readings import NO_SIDE, Readings
@@ -47,6 +47,7 @@ from host.estimate.states import (
     LANE,
     LANE_OFFSET,
     LANE_YAW,
+    RATES,
     WANDER,
     YAW,
     X,
@@ -145,11 +146,10 @@ class Position(Readings):
 
     def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
         """Nothing is known yet of how this one wanders, as it is seen."""
-        self._lane_of, self._beside = side, beside
-        left = self._inside or self._lanes.knows(side)
-        self._undoubted = math.inf
+        self._lane_of, self._beside, self._undoubted = side, beside, math.inf
+        edge = CUT if self._inside or self._lanes.knows(side) else DRILLED
         bends = self.outline.strays_m > 0.0 and not side.left_over
-        self._wander = beside or (BENT if bends else CUT if left else DRILLED)
+        self._wander = beside or (BENT if bends else edge)
         self._x[WANDER] = self._apart[WANDER] = 0.0
         for p in self._covariances:
             p[WANDER, :] = p[:, WANDER] = 0.0
@@ -158,9 +158,9 @@ class Position(Readings):
     @property
     def _wanders(self) -> Wander:
         """How the edge that is seen wanders from here on."""
+        side = self._lane_of
         trimmed = self._trimmed and self._inside and self.known and not self.beside
-        before = trimmed and self.along(self._lane_of) < self._lane_of.begin_seen_m
-        return TRIMMED if before else self._wander
+        return TRIMMED if trimmed and self.along(side) < side.begin_seen_m else self._wander
 
     def begin(self, side: Side, *, straight: bool = True) -> None:
         """From here on it is this side's lane: what is known of the last is kept for the one whose
@@ -227,7 +227,8 @@ class Position(Readings):
     ) -> bool:
         """A picture's edge of the lane; `learn`: the curvature that the pot does not show, too.
         False where it contradicts what is believed beyond its gate; then that is doubted."""
-        frozen: Sequence[int] = () if learn else (CURVE,)
+        straight = self._wander in STRAIGHT
+        frozen: Sequence[int] = RATES if not straight else () if learn else (CURVE,)
         if self._lane_of.left_over:
             for p in self._covariances:
                 leading_lane.tie(p, self.on_lane())
@@ -290,7 +291,7 @@ class Position(Readings):
 
     def course(self, left_rad: float, speed_mps: float) -> None:
         """The receiver's course lies left_rad left of `course_rad`, at that speed over ground."""
-        left = left_rad + self.course_rad - float(self._x[YAW])
+        left = left_rad + self.course_rad - self._x.item(YAW)
         self.take(course.course(self._x, left, speed_mps))
 
     def at_begin(
@@ -338,8 +339,7 @@ class Position(Readings):
         left_m = place.side.length_m - place.blade_m + ago_m
         lefts = np.array([left_m, left_m + float(h @ self._apart)])
         sigmas = [math.hypot(math.sqrt(h @ p @ h), end.SIGMA_M) for p in self._covariances]
-        by_here, by_other = log_ndtr(lefts / sigmas)
-        self.heed(float(by_other - by_here))
+        self.heed(np.diff(log_ndtr(lefts / sigmas)).item())
         self._settle()
 
     def ended(self, side: Side, ago_m: float) -> None:
@@ -393,7 +393,7 @@ class Position(Readings):
         turned = math.remainder(self.outline.heading_rad(edge) - before, math.tau)
         c, s = math.cos(turned), math.sin(turned)
         x, y = self._x.item(GRADE_X), self._x.item(GRADE_Y)
-        self._x[GRADE_X], self._x[GRADE_Y] = c * x - s * y, s * x + c * y
+        self._x[[GRADE_X, GRADE_Y]] = c * x - s * y, s * x + c * y
         xs = self.outline.turning_with
         for p in self._covariances:
             spread.turn(p, xs, c, s)

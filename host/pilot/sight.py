@@ -22,13 +22,13 @@ from host.estimate.crop_ahead import (
     Ahead,
     EndOfField,
 )
-from host.estimate.dusty_edge import CONFIDENCE, DustyEdge
+from host.estimate.edges_together import CONFIDENCE, HALF, EdgesTogether
 from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.gaze import Gaze, Steady
 from host.pilot.in_crop import InCrop
-from host.pilot.leaps import INWARD_M, LEAP_M, LEAP_STAYS_S, Leaps, is_dusts
+from host.pilot.leaps import INWARD_M, LEAP_STAYS_S, Leaps, is_dusts
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.pilot.whose_edge import WhoseEdge
@@ -51,7 +51,8 @@ BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 IN_THE_WAY_M = 0.1
 """Of the blade that is before a strip beside which the machine backs, at least, for its crop's
 right end to be seen as any other: rendered pictures of a way back had it 0.04 m too near then, give
-or take 0.05 m, and the edge beside the way 0.2 to 0.6 m too far."""
+or take 0.05 m, and the edge beside the way 0.2 to 0.6 m too far. Of crop that stands farther left
+the detector takes its picture's border for the end."""
 CORNER_SIGMA_M = 0.15
 """Uncertainty of the lane from which on the corner at a slanting border is taken for what it
 tells."""
@@ -68,7 +69,7 @@ class Sight:
         self._vehicle = vehicle
         self._detector = detector
         self._estimate = estimate
-        self._dusty = DustyEdge()
+        self._dusty, self._beside = EdgesTogether(), EdgesTogether(HALF)
         self._looks = SteadyLooks()
         self._in_crop = InCrop()
         self._leap = Leaps()
@@ -177,7 +178,8 @@ class Sight:
         moved = self.unseen_m(then) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         due = moved or estimate.lane.contradicted
-        shows_lane = gaze.lane and abs(askew_rad) <= ACROSS_RAD
+        shows_lane = gaze.lane and abs(askew_rad) <= ACROSS_RAD and not beside
+        self._take_beside(view, strip, turning, then)
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._whose.is_lanes(view, strip, turning, then):
                 edge_m = strip.edge_m(view, then)
@@ -185,9 +187,8 @@ class Sight:
                 dusts = self._dusty_leap(leap_m, strip, gaze, then, since)
                 if self._leap.confirmed(leap_m) and not dusts:
                     # Crop that stands elsewhere passes before a machine that turns.
-                    stays = not in_leg or beside
                     self._take_edge(
-                        view, edge_m, strip, then, since_shutter, gaze, stays, moved=moved
+                        view, edge_m, strip, then, since_shutter, gaze, not in_leg, moved=moved
                     )
             elif not in_leg:
                 dusty = gaze.cutting or then.stamp - since < LEAP_STAYS_S
@@ -218,8 +219,9 @@ class Sight:
         right end, is another field's."""
         seen = math.isfinite(view.edge_beside_m)
         if beside and view.crop_ahead_m < BESIDE_M[0]:
-            sure = BESIDE_SURE if self._in_the_way(view, strip, then) else 0.0
-            return replace(view, confidence=min(view.confidence, sure))
+            ends_left = strip.edge_m(view, then) < self._vehicle.pass_m - IN_THE_WAY_M
+            in_the_way = ends_left and view.crop_ahead_m < AT_BLADE_M
+            return view if in_the_way else replace(view, confidence=0.0)
         if not beside:
             across = view.crop_ahead_m < BESIDE_M[1] and not math.isfinite(view.edge_offset_m)
             clear = view.ahead_confidence >= CONFIDENT and view.crop_ahead_m >= END_CLEAR_M
@@ -235,14 +237,6 @@ class Sight:
                 return view
         edge_m, sure = view.edge_beside_m, BESIDE_SURE if seen else 0.0
         return replace(view, edge_offset_m=edge_m, edge_ahead_m=BESIDE_AHEAD_M, confidence=sure)
-
-    def _in_the_way(self, view: CropView, strip: Strip, then: Motion) -> bool:
-        """Whether a picture from beside a strip shows where its crop ends at the blade. Of crop
-        that stands farther left the detector takes its picture's border for that."""
-        edge_m = strip.edge_m(view, then)
-        ends_left = edge_m < self._vehicle.pass_m - IN_THE_WAY_M
-        near = abs(edge_m + self._estimate.lane.blade_offset_m) < LEAP_M
-        return ends_left and near and view.crop_ahead_m < AT_BLADE_M
 
     def take_looks(self) -> bool:
         """A look without a sure edge is over. Whether it and the one before it have the edge in one
@@ -352,6 +346,24 @@ class Sight:
             here = line - lane.blade_offset_m
             self.lane_at_m = then.distance_m
             lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
+
+    def _take_beside(
+        self, view: CropView, strip: Strip, turning: Turning | None, then: Motion
+    ) -> None:
+        """What pictures together show of the edge beside which the machine backs."""
+        if turning is None or not turning.beside:
+            self._beside.clear()
+            return
+        if view.confidence < CONFIDENT or not self._whose.is_lanes(view, strip, turning, then):
+            return
+        lane = self._estimate.lane
+        aside_m = view.edge_ahead_m * math.sin(lane.heading_rad)
+        self._beside.note(then.stamp, strip.edge_m(view, then) + lane.blade_offset_m + aside_m)
+        line = self._beside.take()
+        if line is not None:
+            self.edge_at_m = then.distance_m
+            here = line - lane.blade_offset_m
+            lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=False, cutting=False)
 
     def _watch_ahead(
         self, view: CropView, strip: Strip, gaze: Gaze, seen: EndOfField, ends: bool

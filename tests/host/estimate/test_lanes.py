@@ -396,3 +396,18 @@ def test_a_recorded_boundary_is_turned_against_the_courses_by_less_than_one_that
     drawn, recorded = np.degrees(askew_rad)
     assert drawn > 3.0
     assert recorded < 0.5
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_an_edge_that_bends_teaches_nothing_of_the_gyroscope(recorded: bool) -> None:
+    """It runs aside as the straight one does for a machine whose gyroscope shows too much."""
+    position = Position(VEHICLE, RECORDED, 0.3, recorded)
+    position.place(FIRST, 0.0, 0.0, 0.0)
+    position.begin(FIRST, straight=False)
+    lane = Lane(position, VEHICLE.blade_x_m)
+    for k in range(28):
+        at = Motion(float(k), 0.5, 0.0, 0.5 * k, 0.0, 0.5 * k, 0.0, gyro_noise=0.002)
+        position.predict(at, cutting=False)
+        lane.correct(0.0005 * k**2 - lane.blade_offset_m, math.nan, 0.95, (0.0, 0.0))
+    offset_radps, _, scale = position.take_gyro()
+    assert (offset_radps == scale == 0.0) is recorded

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.estimate.dusty_edge import OUTER_SHARE, PICTURES, WINDOW_S, DustyEdge
+from host.estimate.edges_together import OUTER_SHARE, PICTURES, WINDOW_S, EdgesTogether
 
 
 def told(edges: list[float], every_s: float = 0.1) -> list[float]:
     """What it says while these edges are seen one after the other."""
-    dusty, out = DustyEdge(), []
+    dusty, out = EdgesTogether(), []
     for k, edge in enumerate(edges):
         dusty.note(k * every_s, edge)
         line = dusty.take()
@@ -40,7 +40,7 @@ def test_what_was_seen_long_ago_tells_nothing() -> None:
 
 
 def test_another_line_begins_anew() -> None:
-    dusty = DustyEdge()
+    dusty = EdgesTogether()
     for k in range(PICTURES - 1):
         dusty.note(0.1 * k, 0.1)
     dusty.clear()
