@@ -56,6 +56,9 @@ ASTRAY_RAD = math.radians(30.0)
 edge: in 250 strips of 14 fields one did by more than 20 deg. Machines that had lost their place by
 3 m turned by 40 and 60 deg after the edge of a neighbour's field, and cut 8 and 11 m2 of it. Deep
 inside the field a last remnant may lie so, and nobody's crop is near."""
+ASTRAY_M, SURELY_ASTRAY_RAD = 1.0, math.radians(45.0)
+"""For so long a way, or at once: a machine that finds its edge 1.4 m aside turns by 30 deg to it,
+and back."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
 
@@ -110,6 +113,11 @@ class Follow(Behaviour):
     gaze = Gaze(cutting=True, on_side=True, ends=True)
     reasons = (Why, Beside, SideEnd, Elsewhere, Standing)
 
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._along_at_m = context.motion.distance_m
+        """Travelled when it last went along its strip."""
+
     def step(self, now: float) -> Step:
         context = self.context
         lane = context.estimate.lane
@@ -118,12 +126,7 @@ class Follow(Behaviour):
             off_m = abs(lane.driven_off_m)
             if off_m > steering_law.reach_m(context.vehicle):
                 return context.stop(), Why.FAR.go(off_m=f"{off_m:.0f}")
-        astray_rad = abs(lane.heading_rad) - context.strip.bends_rad
-        if (
-            context.cut_m > BEGINNING_M
-            and astray_rad > ASTRAY_RAD
-            and not context.strip.deep_inside
-        ):
+        if self._astray():
             return context.stop(), Why.ASTRAY.go(deg=f"{math.degrees(lane.heading_rad):.0f}")
         go = self._left_alone(now) or self._ends(now) or self._needs_a_look(now)
         if go is not None:
@@ -139,6 +142,16 @@ class Follow(Behaviour):
         if doubt is not None:
             return self._hold(doubt), doubt
         return self._drive(now), None
+
+    def _astray(self) -> bool:
+        """Whether it follows an edge that leads away from its strip."""
+        context = self.context
+        astray_rad = abs(context.estimate.lane.heading_rad) - context.strip.bends_rad
+        if astray_rad <= ASTRAY_RAD:
+            self._along_at_m = context.motion.distance_m
+        lasts = context.motion.distance_m - self._along_at_m > ASTRAY_M
+        astray = (lasts or astray_rad > SURELY_ASTRAY_RAD) and not context.strip.deep_inside
+        return astray and context.cut_m > BEGINNING_M
 
     def blocked(self, now: float, verdict: Verdict) -> Go | None:
         """A side that is about to end, and one beside a keep-out, ends where the geofence has it

@@ -457,20 +457,38 @@ def test_only_a_lane_that_pictures_tell_of_tells_of_the_place(seen: bool) -> Non
 
 
 @pytest.mark.parametrize(
-    ("turned_deg", "cut_m", "astray"),
-    [(25.0, 5.0, False), (35.0, 5.0, True), (-35.0, 5.0, True), (35.0, 2.0, False)],
+    ("turned_deg", "cut_m", "for_m", "astray"),
+    [
+        (25.0, 5.0, 2.0, False),
+        (35.0, 5.0, 1.1, True),
+        (-35.0, 5.0, 1.1, True),
+        pytest.param(35.0, 5.0, 0.8, False, id="its edge may lie aside"),
+        pytest.param(50.0, 5.0, 0.0, True, id="but not so far"),
+        pytest.param(50.0, 2.0, 0.0, False, id="as a turn may have left it"),
+    ],
 )
 def test_an_edge_that_leads_away_from_the_strip_is_not_its_own(
-    turned_deg: float, cut_m: float, astray: bool
+    turned_deg: float, cut_m: float, for_m: float, astray: bool
 ) -> None:
     """By 40 and 60 degrees the neighbour's have led machines that had lost their place."""
     context = on_side(cut_m=cut_m)
+    follow = Follow(context)
+    moved(context, cut_m + for_m, 0.3)
     context.estimate.lane.place(0.0, math.radians(turned_deg), 0.1, 0.02)
-    command, go = Follow(context).step(NOW)
+    command, go = follow.step(NOW)
     assert is_for(go, Followed.ASTRAY) is astray
     if astray:
         assert (command.speed_mps, command.blade) == (0.0, False)
         assert go is not None and f"turned {turned_deg:.0f} deg" in go.text
+
+
+def test_a_machine_that_has_turned_to_its_edge_and_back_is_not_astray() -> None:
+    context = on_side(cut_m=5.0)
+    follow = Follow(context)
+    for way_m, turned_deg in ((0.8, 35.0), (1.0, 20.0), (1.6, 35.0)):
+        moved(context, 5.0 + way_m, 0.3)
+        context.estimate.lane.place(0.0, math.radians(turned_deg), 0.1, 0.02)
+        assert not is_for(follow.step(NOW)[1], Followed.ASTRAY)
 
 
 @pytest.mark.parametrize(("x_m", "astray"), [(5.0, False), (2.5, True)])
@@ -479,7 +497,7 @@ def test_deep_inside_the_field_a_machine_may_turn_after_a_remnant(x_m: float, as
     strip = Side(x_m, 2.0, math.pi / 2, 6.0, 0.9, fence_m=8.0)
     plan = replace(PLAN, sides=(strip, strip), sigma_m=0.2)
     context = on_side(plan=plan, cut_m=3.2)
-    context.estimate.position.place(strip, 3.2, 0.0, math.radians(35.0))
+    context.estimate.position.place(strip, 3.2, 0.0, math.radians(46.0))
     assert is_for(Follow(context).step(NOW)[1], Followed.ASTRAY) is astray
 
 
@@ -488,7 +506,7 @@ def test_where_the_strip_itself_bends_so_far_it_may_turn() -> None:
     plan = spiral(bent, 0, VEHICLE, gap_m=2.0)
     assert plan.sides[0].bends
     context = on_side(plan=plan)
-    context.estimate.lane.place(0.0, math.radians(35.0), 0.1, 0.02)
+    context.estimate.lane.place(0.0, math.radians(50.0), 0.1, 0.02)
     assert not is_for(Follow(context).step(NOW)[1], Followed.ASTRAY)
 
 
