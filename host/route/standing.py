@@ -40,8 +40,9 @@ ROUNDED_RAD: Final = math.radians(60.0)
 """Most that an edge may lose to the rounded corner at one of its ends."""
 ROUNDED_M: Final = 8.0
 """So far before its edge a strip may begin at a rounded corner."""
-TURN_RAD: Final = math.radians(100.0)
-"""Most that one edge turns to the left in all. A strip all around the field would end where it
+TURN_RAD: Final = math.radians(200.0)
+"""Most that one edge turns to the left in all. Less: where nothing ends the machine turns, and an
+arc's turns and tips are where it loses its place. A strip all around the field would end where it
 began, and nobody could get from there to the next: that stands on all sides."""
 PEAK_M: Final = 10.0
 """Way over which an edge is asked where it turns most."""

@@ -48,6 +48,8 @@ def test_sides_that_were_cut_along_an_arc_end_where_they_have_ended(seed: int) -
         anew = around(plan, found, plan.cut_along(cut), VEHICLE)
         assert anew is not None
         for one, other in zip(plan.sides[:cut], anew.sides, strict=False):
+            if one.inside_m > VEHICLE.pass_m / 2:
+                break  # what the first round has left may be divided elsewhere
             ends = (side.pose(side.length_m - side.edge_end_m)[:2] for side in (one, other))
             assert math.dist(*ends) < 1.0
 
