@@ -26,6 +26,7 @@ from host.sensors.newest import Feed, SourceLostError
 KNOT_MPS = 1852 / 3600
 """A knot is a nautical mile, 1852 m, an hour."""
 KMH_MPS = 1000 / 3600
+"""A kilometre an hour."""
 COMPANION_S = 0.3
 """How long GGA waits for the RMC of its epoch, or RMC for GGA: a phone sends them in one burst."""
 QUALITIES = range(9)

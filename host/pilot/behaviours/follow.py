@@ -115,8 +115,8 @@ class Follow(Behaviour):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._along_at_m = context.motion.distance_m
-        """Travelled when it last went along its strip."""
+        self._along_at_m = -math.inf
+        """Travelled when it last went along its strip. A doubt on the way is no fresh start."""
 
     def step(self, now: float) -> Step:
         context = self.context

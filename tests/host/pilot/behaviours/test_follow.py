@@ -473,6 +473,7 @@ def test_an_edge_that_leads_away_from_the_strip_is_not_its_own(
     """By 40 and 60 degrees the neighbour's have led machines that had lost their place."""
     context = on_side(cut_m=cut_m)
     follow = Follow(context)
+    follow.step(NOW)
     moved(context, cut_m + for_m, 0.3)
     context.estimate.lane.place(0.0, math.radians(turned_deg), 0.1, 0.02)
     command, go = follow.step(NOW)
@@ -485,10 +486,11 @@ def test_an_edge_that_leads_away_from_the_strip_is_not_its_own(
 def test_a_machine_that_has_turned_to_its_edge_and_back_is_not_astray() -> None:
     context = on_side(cut_m=5.0)
     follow = Follow(context)
-    for way_m, turned_deg in ((0.8, 35.0), (1.0, 20.0), (1.6, 35.0)):
+    for way_m, turned_deg in ((0.0, 0.0), (0.8, 35.0), (1.0, 20.0), (1.6, 35.0)):
         moved(context, 5.0 + way_m, 0.3)
         context.estimate.lane.place(0.0, math.radians(turned_deg), 0.1, 0.02)
         assert not is_for(follow.step(NOW)[1], Followed.ASTRAY)
+    assert is_for(Follow(context).step(NOW)[1], Followed.ASTRAY), "a doubt is no fresh start"
 
 
 @pytest.mark.parametrize(("x_m", "astray"), [(5.0, False), (2.5, True)])
@@ -506,7 +508,7 @@ def test_where_the_strip_itself_bends_so_far_it_may_turn() -> None:
     plan = spiral(bent, 0, VEHICLE, gap_m=2.0)
     assert plan.sides[0].bends
     context = on_side(plan=plan)
-    context.estimate.lane.place(0.0, math.radians(50.0), 0.1, 0.02)
+    context.estimate.lane.place(0.0, math.radians(35.0), 0.1, 0.02)
     assert not is_for(Follow(context).step(NOW)[1], Followed.ASTRAY)
 
 
