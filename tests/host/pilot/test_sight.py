@@ -24,7 +24,7 @@ from host.pilot.sight import ASIDE_M, LOST_M
 from host.pilot.turn_progress import Turning
 from host.pilot.whose_edge import WhoseEdge
 from host.route.turn_legs import shuttle
-from host.vision.view import CropView
+from host.vision.view import BESIDE_AHEAD_M, CropView
 from tests.helpers.behaving import (
     CUTTING,
     NOW,
@@ -256,6 +256,28 @@ def test_backing_beside_the_next_strip_a_machine_sees_how_far_off_that_is(
         context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
     left_m = before - context.estimate.lane.blade_offset_m
     assert left_m == pytest.approx(taken_m, rel=0.1, abs=0.01)
+
+
+def test_a_machine_that_backs_askew_sees_the_next_strip_before_it_elsewhere() -> None:
+    """That is no other place: turned left of the lane by 5 degrees, it has a point 1.2 m before the
+    blade a decimetre farther left."""
+    next_m, turned_rad = VEHICLE.pass_m, math.radians(5.0)
+    seen_m = next_m - BESIDE_AHEAD_M * math.sin(turned_rad)
+    view = replace(BESIDE, crop_ahead_m=3.0, ahead_confidence=1.0, edge_beside_m=seen_m)
+    context = on_side(cut_m=5.0, eye=Shown(view))
+    assert isinstance(context.strip, PlannedStrip)
+    context.strip.place(5.0)
+    turning = Turning(NOW, shuttle(VEHICLE, -8.0, next_m, 3.0), (0.0, 0.0, 0.0))
+    context.strip.begin_leg(turning)
+    context.estimate.lane.place(-next_m, turned_rad, 0.3, 0.001)
+    before = context.estimate.lane.blade_offset_m
+    for k in range(PICTURES):
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+    aside_m = VEHICLE.blade_x_m * math.sin(turned_rad)
+    assert before == pytest.approx(aside_m - next_m, abs=0.02)
+    moved_m = context.estimate.lane.blade_offset_m - before
+    assert moved_m == pytest.approx(-aside_m, abs=0.03), "its edge is a swath left of the blade"
 
 
 @pytest.mark.parametrize(("cut_m", "ahead_m"), [(4.0, 0.0), (7.5, math.inf), (9.7, math.inf)])
