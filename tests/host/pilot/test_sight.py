@@ -280,6 +280,23 @@ def test_a_machine_that_backs_askew_sees_the_next_strip_before_it_elsewhere() ->
     assert moved_m == pytest.approx(-aside_m, abs=0.03), "its edge is a swath left of the blade"
 
 
+def test_what_was_seen_beside_one_way_back_tells_nothing_of_the_next() -> None:
+    next_m = VEHICLE.pass_m
+    view = replace(BESIDE, crop_ahead_m=3.0, ahead_confidence=1.0, edge_beside_m=next_m + 0.2)
+    context = on_side(cut_m=5.0, eye=Shown(view))
+    assert isinstance(context.strip, PlannedStrip)
+    context.strip.place(5.0)
+    back = Turning(NOW, shuttle(VEHICLE, -8.0, next_m, 3.0), (0.0, 0.0, 0.0))
+    context.strip.begin_leg(back)
+    context.estimate.lane.place(-next_m, 0.0, 0.3, 0.02)
+    before = context.estimate.lane.blade_offset_m
+    for k in range(PICTURES + 1):
+        turning = None if k == PICTURES - 1 else back
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, lambda _: False)
+    assert context.estimate.lane.blade_offset_m == before
+
+
 @pytest.mark.parametrize(("cut_m", "ahead_m"), [(4.0, 0.0), (7.5, math.inf), (9.7, math.inf)])
 def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt(
     cut_m: float, ahead_m: float
