@@ -280,6 +280,25 @@ def test_a_machine_that_backs_askew_sees_the_next_strip_before_it_elsewhere() ->
     assert moved_m == pytest.approx(-aside_m, abs=0.03), "its edge is a swath left of the blade"
 
 
+def test_what_most_pictures_show_beside_the_way_back_is_right() -> None:
+    """One in fifty, and some after it, shows half a metre of crop where there is none."""
+    next_m = VEHICLE.pass_m
+    right = replace(BESIDE, crop_ahead_m=3.0, ahead_confidence=1.0, edge_beside_m=next_m)
+    eye = Shown(right)
+    context = on_side(cut_m=5.0, eye=eye)
+    assert isinstance(context.strip, PlannedStrip)
+    context.strip.place(5.0)
+    turning = Turning(NOW, shuttle(VEHICLE, -8.0, next_m, 3.0), (0.0, 0.0, 0.0))
+    context.strip.begin_leg(turning)
+    context.estimate.lane.place(-next_m, 0.0, 0.3, 0.001)
+    for k in range(PICTURES):
+        eye.view = replace(right, edge_beside_m=next_m - 0.5) if k < PICTURES // 2 - 1 else right
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+    assert context.sight.edge_at_m < math.inf
+    assert context.estimate.lane.blade_offset_m == pytest.approx(-next_m, abs=0.01)
+
+
 def test_what_was_seen_beside_one_way_back_tells_nothing_of_the_next() -> None:
     next_m = VEHICLE.pass_m
     view = replace(BESIDE, crop_ahead_m=3.0, ahead_confidence=1.0, edge_beside_m=next_m + 0.2)
