@@ -83,8 +83,6 @@ What dust adds is judged before (host.pilot.sight)."""
 CUT = Wander(0.035, 0.7)
 """Of an edge that the machine has left, its way too: 0.03 m RMS beside the straight line (81 strips
 of 8 random fields, from the fourth metre on)."""
-STRAIGHT = (DRILLED, CUT)
-"""Of edges that run straight on, but for that."""
 BENT = Wander(STRAYS_M, 2.0)
 """Of an edge that bends beside its straight piece, and of those that strips have left along it: a
 piece of 5 m is on either side of it by turns."""

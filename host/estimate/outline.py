@@ -262,6 +262,10 @@ class Outline:
             across = math.copysign(PARALLEL, across)
         return self.along(border, at, (-s / across, c / across))
 
+    def bends(self, side: Side) -> bool:
+        """Whether the edge of a side may bend between its points."""
+        return self.strays_m > 0.0 and not side.left_over
+
     def end_strays_m(self, side: Side, way: int) -> float:
         """Standard deviation of a side's end (way 1) or beginning (-1), m along it, by what the
         border there strays from its straight piece: the more, the shallower it is met."""

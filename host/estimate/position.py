@@ -34,7 +34,7 @@ from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, stra
 from host.estimate.measurements import begin, course, end
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import BENT, CUT, DRILLED, STRAIGHT, TRIMMED, Wander, move
+from host.estimate.motion_model import BENT, CUT, DRILLED, TRIMMED, Wander, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.readings import NO_SIDE, Readings
@@ -148,8 +148,7 @@ class Position(Readings):
         """Nothing is known yet of how this one wanders, as it is seen."""
         self._lane_of, self._beside, self._undoubted = side, beside, math.inf
         edge = CUT if self._inside or self._lanes.knows(side) else DRILLED
-        bends = self.outline.strays_m > 0.0 and not side.left_over
-        self._wander = beside or (BENT if bends else edge)
+        self._wander = beside or (BENT if self.outline.bends(side) else edge)
         self._x[WANDER] = self._apart[WANDER] = 0.0
         for p in self._covariances:
             p[WANDER, :] = p[:, WANDER] = 0.0
@@ -227,8 +226,8 @@ class Position(Readings):
     ) -> bool:
         """A picture's edge of the lane; `learn`: the curvature that the pot does not show, too.
         False where it contradicts what is believed beyond its gate; then that is doubted."""
-        straight = self._wander in STRAIGHT
-        frozen: Sequence[int] = RATES if not straight else () if learn else (CURVE,)
+        bends = self.outline.bends(self._lane_of)
+        frozen: Sequence[int] = RATES if bends else () if learn else (CURVE,)
         if self._lane_of.left_over:
             for p in self._covariances:
                 leading_lane.tie(p, self.on_lane())

@@ -37,6 +37,5 @@ two, lanes that were cut, as the present one (`host.estimate.lanes`)."""
 POSE: Final = slice(X, YAW + 1)
 LANE: Final = slice(LANE_OFFSET, LANE_YAW + 1)
 RATES: Final = (CURVE, GYRO, GYRO_SCALE)
-"""What makes a machine turn otherwise than it seems to. An edge that bends tells nothing of them,
-nor one that is seen from beside it: how it runs would pass for a rate of turning. Stands, courses
-and turns tell of that."""
+"""What makes a machine turn otherwise than it seems to. An edge that bends tells nothing of them:
+how it runs would pass for a rate of turning. Stands, courses and turns tell of that."""

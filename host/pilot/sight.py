@@ -363,7 +363,8 @@ class Sight:
         if line is not None:
             self.edge_at_m = then.distance_m
             here = line - lane.blade_offset_m
-            lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=False, cutting=False)
+            # What they err alike is in how such an edge wanders (BESIDE).
+            lane.correct(here, math.nan, 1.0, (0.0, 0.0), learn=False, cutting=False)
 
     def _watch_ahead(
         self, view: CropView, strip: Strip, gaze: Gaze, seen: EndOfField, ends: bool
