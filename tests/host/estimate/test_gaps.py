@@ -63,6 +63,17 @@ def test_what_most_edges_show_holds_everywhere_and_is_named() -> None:
     assert gaps.wrong == "the gap was said to be 2.0 m, pictures show 1.0 m"
 
 
+def test_the_median_of_several_edges_holds_where_it_is_less_than_was_said() -> None:
+    gaps = Gaps(2.0)
+    gaps.note(0, 1.8)
+    assert gaps.field_m == 2.0, "one of them errs too much"
+    gaps.note(1, 1.9)
+    gaps.note(2, 1.7 + 0.02)
+    assert gaps.field_m == pytest.approx(1.8)
+    assert gaps.beside((3,)) == pytest.approx(1.8)
+    assert gaps.wrong == "", "a tape errs as much"
+
+
 def test_crop_close_beyond_an_end_is_named_as_long_as_the_turn_lasts() -> None:
     gaps = Gaps(2.0)
     assert gaps.wrong == ""
