@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Collection
 from typing import Final
 
 from host.core.messages import Fix
@@ -33,6 +34,9 @@ ELSEWHERE_RAD: Final = math.radians(45.0)
 """No strip turns by so much, and no walk of a boundary: it was put down elsewhere."""
 ASKEW: Final = ((30, math.radians(7.0)), (5, ELSEWHERE_RAD))
 """By how much the mean of so many fixes, at least, may lie askew."""
+NEWEST: Final = 15
+"""Fixes that must show it too: a machine that was put down askew along an arc finds its direction
+while it drives, and what it believed before is over."""
 SIGNIFICANT: Final = 4.0
 """Standard errors of the mean."""
 TURNED_RAD: Final = math.radians(12.0)
@@ -95,13 +99,19 @@ class DirectionCheck:
     @property
     def askew_rad(self) -> float:
         """By how much the courses of late lie left of the believed direction, on average; 0 where
-        that may be the courses' noise."""
+        that may be the courses' noise, or is over."""
         most = next((rad for count, rad in ASKEW if len(self._askew) >= count), math.inf)
         if math.isinf(most):
             return 0.0
-        # Angles about the opposite direction have two signs.
-        x, y = (sum(f(off) for off in self._askew) for f in (math.cos, math.sin))
-        middle = math.atan2(y, x)
-        aside, error = mean_and_error([math.remainder(a - middle, math.tau) for a in self._askew])
-        mean = middle + aside
-        return mean if abs(mean) > max(most, SIGNIFICANT * error) else 0.0
+        mean, error = _mean(self._askew)
+        newest, _ = _mean(list(self._askew)[-NEWEST:])
+        over = abs(newest) <= most
+        return mean if abs(mean) > max(most, SIGNIFICANT * error) and not over else 0.0
+
+
+def _mean(angles: Collection[float]) -> tuple[float, float]:
+    """Of angles, and its standard error, rad. About the opposite direction they have two signs."""
+    x, y = (sum(f(angle) for angle in angles) for f in (math.cos, math.sin))
+    middle = math.atan2(y, x)
+    aside, error = mean_and_error([math.remainder(a - middle, math.tau) for a in angles])
+    return middle + aside, error

@@ -90,6 +90,19 @@ def test_noise_and_small_angles_are_not_askew(off_deg: float, noise_deg: float) 
     assert courses(math.radians(off_deg), math.radians(noise_deg)).askew_rad == 0.0
 
 
+def test_what_a_machine_has_found_of_its_direction_since_is_over() -> None:
+    """Put down along an arc 20 degrees askew, it finds that within half a minute of driving."""
+    check, mean_deg = DirectionCheck(), 0.0
+    for k in range(60):
+        off_deg = max(2.0, 20.0 - 0.6 * k)
+        mean_deg += off_deg / 60
+        at = motion(0.5 * (k + 3), 0.5)
+        check.move(at)
+        check.contradicted(fix(0.5, 0.3 + math.radians(off_deg)), at, 0.3)
+    assert mean_deg > 8.0
+    assert check.askew_rad == 0.0
+
+
 @pytest.mark.parametrize("noise_deg", [0.0, 8.0, 20.0])
 @pytest.mark.parametrize("off_deg", [90.0, -90.0, 150.0])
 def test_a_machine_at_another_corner_is_found_within_metres(
