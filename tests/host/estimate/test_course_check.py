@@ -91,10 +91,10 @@ def test_noise_and_small_angles_are_not_askew(off_deg: float, noise_deg: float) 
 
 
 def test_what_a_machine_has_found_of_its_direction_since_is_over() -> None:
-    """Put down along an arc 20 degrees askew, it finds that within half a minute of driving."""
+    """Put down along an arc 30 degrees askew, it finds that within half a minute of driving."""
     check, mean_deg = DirectionCheck(), 0.0
     for k in range(60):
-        off_deg = max(2.0, 20.0 - 0.6 * k)
+        off_deg = max(2.0, 30.0 - 0.8 * k)
         mean_deg += off_deg / 60
         at = motion(0.5 * (k + 3), 0.5)
         check.move(at)

@@ -34,7 +34,7 @@ def turn_of(points: tuple[tuple[float, float], ...]) -> float:
     return sum(turns)
 
 
-@pytest.mark.parametrize("radius_m", [0.5, 1.0, 3.0, 6.0])
+@pytest.mark.parametrize("radius_m", [0.5, 1.0, 3.0, 3.8])
 def test_a_tightly_rounded_corner_is_one_corner_and_lies_off_the_edges(radius_m: float) -> None:
     """A machine does not follow it: it goes straight on along either edge."""
     edges = edges_of(rounded(radius_m))
@@ -45,12 +45,24 @@ def test_a_tightly_rounded_corner_is_one_corner_and_lies_off_the_edges(radius_m:
     assert lengths == pytest.approx(straight, abs=0.01)
 
 
-@pytest.mark.parametrize("step_deg", [5.0, 10.0, 15.0, 18.0])
+@pytest.mark.parametrize("step_deg", [5.0, 10.0, 15.0, 18.0, 30.0])
 def test_however_an_arc_was_recorded_it_is_followed_or_not_by_its_radius(step_deg: float) -> None:
     """Points 2.8 m apart on a radius of 9 m were taken to turn by 36 degrees within 3 m, and there
     a machine was to turn on the spot."""
-    assert any(edge.bent for edge in edges_of(rounded(9.0, step_deg)))
-    assert not any(edge.bent for edge in edges_of(rounded(6.0, step_deg)))
+    assert any(edge.bent for edge in edges_of(rounded(5.5, step_deg)))
+    assert not any(edge.bent for edge in edges_of(rounded(3.8, step_deg)))
+
+
+@pytest.mark.parametrize("turn_deg", [24.0, 34.0])
+def test_a_point_that_turns_alone_is_a_corner(turn_deg: float) -> None:
+    """And one like it a few metres farther on, of which nothing bends on behind."""
+    turn = math.radians(turn_deg)
+    end = (30 + 20 * math.cos(turn), 20 * math.sin(turn))
+    drawn = edges_of(shapely.Polygon([(0, 0), (30, 0), end, (end[0], 50), (0, 50)]))
+    assert len(drawn) == 5
+    assert not any(edge.bent for edge in drawn)
+    cut_off = edges_of(shapely.Polygon([(0, 0), (30, 0), end, (end[0], 50), (2, 50), (0, 49.0)]))
+    assert len(cut_off) == 6
 
 
 def test_two_corners_a_strip_apart_stay_two() -> None:
