@@ -53,6 +53,9 @@ MIN_SIDE = 0.03
 """A side is at least this share of the way around,"""
 MIN_SIDE_M = 1.5
 """and at least so long."""
+UNSURE_M = 1.0
+"""Of a boundary's corners: walks with a phone leave 0.1 to 0.8 m. With more a machine neither keeps
+off the neighbour's crop nor gathers what it has left (`host.pilot.context.PLACE_KNOWN`)."""
 MIN_TURN_RAD = math.radians(12)
 """Lines that differ less meet nowhere in particular."""
 SIDE_ENDS = 0.12
@@ -372,6 +375,11 @@ def survey_track(
         warnings.append(
             f"the walk leaves {number_of} straight sides by {away.max():.1f} m (rms "
             f"{residual:.1f} m); --irregular keeps the edge as it was walked"
+        )
+    if sigma_m > UNSURE_M:
+        warnings.append(
+            f"its corners are known to {sigma_m:.1f} m only: the receiver wandered; walk again, "
+            "twice around, with a free view of the sky"
         )
     warnings += crossing
     return found

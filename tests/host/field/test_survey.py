@@ -178,6 +178,21 @@ def test_a_velocity_that_is_none_leaves_the_boundary_alone(
     assert survey_track(tracked(lines)).sigma_m < 0.3
 
 
+def test_a_walk_whose_receiver_wandered_by_metres_is_to_be_walked_again() -> None:
+    """To and fro by 10 m, once in a minute and a half: no lap closes badly, and no fix jumps."""
+    wandered = []
+    for k, fix in enumerate(_walked(around(SQUARE, laps=2))):
+        x, y = ORIGIN.to_local(fix.lat_deg, fix.lon_deg)
+        by = 10.0 * math.sin(k / 17)
+        lat, lon = ORIGIN.to_wgs84(x + by, y + by / 2)
+        wandered.append(replace(fix, lat_deg=lat, lon_deg=lon))
+    track = track_of(wandered)
+    assert track is not None
+    found = survey_track(track)
+    assert found.sigma_m > 1.5
+    assert any("walk again" in text for text in found.warnings)
+
+
 def test_positions_too_far_apart_in_time_are_refused_with_the_remedy(
     tmp_path: Path, cli: Cli
 ) -> None:
