@@ -39,7 +39,7 @@ REASONS = 40
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/campaign"))
 @click.option("--commissioned", is_flag=True,
               help="Commission each machine in the loop first.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--keep-records", is_flag=True, help="Keep the records of finished runs, too.")
 @click.option("--rank", is_flag=True, help="Rank the settings by their cost, best first.")

@@ -50,7 +50,7 @@ _options = [
         show_default=True,
         help="Where drives are kept.",
     ),
-    click.option("--workers", type=click.IntRange(1), default=2, show_default=True),
+    click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True),
     click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT."),
 ]
 

@@ -23,12 +23,12 @@ from host.tune.pictures import draw_fit
 
 
 @click.command("identify")
-@click.option("--plants", "count", type=click.IntRange(1), default=1, show_default=True)
+@click.option("--plants", "count", type=click.IntRange(1, 100_000), default=1, show_default=True)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True)
 @click.option("--days", is_flag=True, help="Battery, load, wear and temperature vary as well.")
 @click.option("--tune", is_flag=True, help="Tune on each model and compare gains on its plant.")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/identify"))
 def command(
     count: int, seed: int, days: bool, tune: bool, firmware: Firmware, workers: int, out: Path

@@ -39,3 +39,27 @@ def test_no_moment_at_all_is_told(
         run(cli, "daranti-hil", ["moments", "--every", "9000", "--out", str(tmp_path / "m.json")])
     assert exit_.value.code == EXIT_USER
     assert "no harvest lasted as long as --every 9000" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "campaign --workers 257",
+        "eyes fit --workers 257",
+        "faults --workers 257",
+        "identify --workers 257",
+        "identify --plants 100001",
+        "sweep --workers 257",
+        "sweep --trials 1000001",
+        "sweep --plants 100001",
+        "vision --workers 257",
+    ],
+)
+def test_a_slip_of_the_finger_starts_no_thousand_processes(
+    words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        run(cli, "daranti-hil", words.split())
+    assert exit_.value.code == EXIT_USER
+    *_, option, count = words.split()
+    assert f"Invalid value for '{option}': {count} is not in the range" in capsys.readouterr().err
