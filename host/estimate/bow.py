@@ -17,11 +17,13 @@ import numpy as np
 
 from host.core.compiled import compiled
 from host.estimate.kalman import Array
-from host.route.standing import CORNER_RAD, turns_off
+from host.route.standing import BEND_RAD
 
 BEYOND: Final = 0.5
 """Of a recorded piece's length: so far before and behind it the edge bends on as it does at its
 ends. A strip in an arc begins and ends there."""
+CORNER_RAD: Final = BEND_RAD[0]
+"""Points at which a boundary turns by more, to either side, are corners."""
 
 
 def angles(headings: Array, lengths: Array) -> Array:
@@ -30,8 +32,7 @@ def angles(headings: Array, lengths: Array) -> Array:
     count = len(headings)
     found = np.zeros((count, 2))
     turns = np.remainder(headings - np.roll(headings, 1) + math.pi, math.tau) - math.pi
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    smooth = ~turns_off(turns, along) & (turns > -CORNER_RAD)
+    smooth = np.abs(turns) < CORNER_RAD
     before = np.roll(lengths, 1)
     found[:, 0] = np.where(smooth, -turns * before / (before + lengths), 0.0)
     found[:, 1] = np.roll(np.where(smooth, turns * lengths / (before + lengths), 0.0), -1)

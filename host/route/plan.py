@@ -46,7 +46,8 @@ WAYS_SHARE = 1 / 3
 USUAL_POINTS = 500
 """Corners of field and keep-outs; of more, each strip takes longer, and so much fewer are tried."""
 APART_M2 = 25.0
-"""A part that the field falls into is worth a harvest of its own from this size on."""
+"""A part that the field falls into, or that no turn leads to, is worth a harvest of its own from
+this size on."""
 LARGE_M2, LEFT_SHARE = 1000.0, 0.005
 """Of a field larger than that, remains that differ by less than this share are alike."""
 STRAIGHT_RAD = 0.02
@@ -334,6 +335,8 @@ def _walk(
         edge = next((e for e in choices if e is not None and e.open_ends), None)
     if len(sides) < len(cut):
         return [], [], field.area
+    if standing.area > APART_M2:
+        return sides, [*apart, standing], dropped_m2
     return sides, apart, standing.area + dropped_m2
 
 

@@ -32,14 +32,6 @@ At a bend to the left the blade leaves the crop until the steering has followed,
 right it leaves a wedge beside the lane; 1.5 m ahead of the axle, it moves 60 deg askew of the
 machine on the lock. A corner to the left costs a turn, one to the right many shuttles, hence the
 two values."""
-CORNER_RAD: Final = math.radians(22.0)
-"""What turns to the left by more at one point is a corner too where the edge does not bend on
-beside it: a drawn field's. Followed in passing, the blade leaves the crop there."""
-ALONE_M: Final = 6.0
-"""Way before and behind such a point,"""
-ALONE_SHARE: Final = 0.6
-"""and share of all that the edge turns to the left there and in it that it turns at least; beside
-it, where it turns less: another corner may be near. Of an arc that is half or less."""
 SPAN_M: Final = 3.0
 """Way within which that change counts, two of a machine's lengths from axle to blade: bends that
 follow each other sooner are one to it. An edge that bends on a radius of more than 5 m is followed;
@@ -156,24 +148,6 @@ def _line(points: Sequence[Point]) -> shapely.LineString:
     return line
 
 
-def turns_off(turns: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n,) which points of a ring are corners to the left: it turns left by `turns` (n,), rad, at
-    each of them, `along` (n + 1,) is the way around to it, m, and the whole way."""
-    more = turns > BEND_RAD[0]
-    may_be = (turns > CORNER_RAD) & ~more
-    if not may_be.any():
-        return more
-    around, left = float(along[-1]), np.maximum(turns, 0.0)
-    reach = min(ALONE_M, 0.499 * around)
-    at = np.concatenate([along[:-1] + lap * around for lap in (-1, 0, 1)])
-    total = np.concatenate([[0.0], np.cumsum(np.tile(left, 3))])
-    k = len(turns) + np.arange(len(turns))
-    before = total[k] - total[np.searchsorted(at, along[:-1] - reach, side="left")]
-    behind = total[np.searchsorted(at, along[:-1] + reach, side="right")] - total[k + 1]
-    alone: NDArray[np.bool_] = turns >= ALONE_SHARE * (turns + 2 * np.minimum(before, behind))
-    return np.asarray(more | (may_be & alone))
-
-
 @dataclass(frozen=True)
 class _Ring:
     """A ring, counter-clockwise, and how it turns."""
@@ -209,7 +183,7 @@ class _Ring:
     @functools.cached_property
     def sharp(self) -> NDArray[np.bool_]:
         """(n,) where a single point turns by more than a machine follows in passing."""
-        return np.asarray(turns_off(self.turns, self.along) | (self.turns < -BEND_RAD[1]))
+        return np.asarray((self.turns > BEND_RAD[0]) | (self.turns < -BEND_RAD[1]))
 
     @functools.cached_property
     def tight(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -53,18 +53,6 @@ def test_however_an_arc_was_recorded_it_is_followed_or_not_by_its_radius(step_de
     assert not any(edge.bent for edge in edges_of(rounded(3.8, step_deg)))
 
 
-@pytest.mark.parametrize("turn_deg", [24.0, 34.0])
-def test_a_point_that_turns_alone_is_a_corner(turn_deg: float) -> None:
-    """And one like it a few metres farther on, of which nothing bends on behind."""
-    turn = math.radians(turn_deg)
-    end = (30 + 20 * math.cos(turn), 20 * math.sin(turn))
-    drawn = edges_of(shapely.Polygon([(0, 0), (30, 0), end, (end[0], 50), (0, 50)]))
-    assert len(drawn) == 5
-    assert not any(edge.bent for edge in drawn)
-    cut_off = edges_of(shapely.Polygon([(0, 0), (30, 0), end, (end[0], 50), (2, 50), (0, 49.0)]))
-    assert len(cut_off) == 6
-
-
 def test_two_corners_a_strip_apart_stay_two() -> None:
     """The end of one last strip, and the step that a shuttled strip leaves."""
     strip = edges_of(shapely.box(0, 0, 10, 1))
