@@ -103,6 +103,9 @@ def _along(side: Side, begin_m: float, left_m: float) -> list[tuple[float, float
     if left_m != 0.0:
         edge = edge.offset_curve(left_m, join_style="mitre")
     points = list(shapely.ops.substring(edge, begin_m, edge.length).coords)
+    if not points:
+        # Bends that follow each other within less than left_m leave no line there.
+        points = [side.pose(begin_m, left_m)[:2]]
     return points if len(points) > 1 else [*points, points[0]]
 
 
@@ -157,6 +160,11 @@ def preview(plan: Plan, areas: Areas, vehicle: Vehicle) -> Preview:
         blade = turn.along(*poses[-1][:2]) + vehicle.blade_x_m
         late = max(0.0, blade - turn.crop_begins_m)
         seconds += max(0.0, turn.crop_begins_m - blade) / vehicle.cutting_speed_mps
+        following = plan.sides[number + 1]
+        if side.bends and following.takes_again(side):
+            # Back to the first bend it goes on the way that it came.
+            straight_m = side.bends[0][0] + vehicle.blade_x_m - side.length_m
+            poses = poses[poses[:, 0] <= straight_m]
         turns.append(_placed_poses(poses, origin))
     cut = shapely.union_all(swaths)
     pieces = shapely.get_parts(areas.crop.difference(cut))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-BENT_RAD = math.radians(25.0)
+BENT_RAD = math.radians(38.0)
+"""Between a side that bends and the next along the same edge: what the first may have lost with its
+first piece, `host.route.standing.BEND_RAD`, and what its pieces turn besides."""
 AGAIN_RAD = math.radians(3.0)
 """Between strips to which no turn leads: one by so little would take many metres straight on. Edges
 that are found bend by some tenths of a degree against each other."""

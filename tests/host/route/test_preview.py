@@ -165,6 +165,27 @@ WELL = shapely.box(9, 9, 10, 10)
 WITH_WELL = shapely.Polygon(SQUARE.exterior.coords, [WELL.exterior.coords])
 
 
+def test_a_bent_side_that_is_taken_again_is_gone_back_along_as_it_bends() -> None:
+    """Straight on beside its first piece the way back would lie 20 m outside of the field."""
+    field = shapely.Polygon([(0, 0), (20, 0), (37, 10), (37, 60), (0, 60)])
+    areas = areas_of(field, 3.0)
+    first = Side(0.0, 0.0, 0.0, 39.0, PASS_M, 39.0, bends=((20.0, math.radians(30.0)),))
+    again = replace(first, y_m=PASS_M)
+    plan = Plan((first, again), boundary=tuple(field.exterior.coords[:-1]), gap_m=3.0)
+    shown = preview(plan, areas, VEHICLE)
+    assert shown.shuttles == 1
+    assert shown.room_m < 3.0
+    assert not any("turns leave" in text for text in shown.warnings)
+
+
+def test_bends_nearer_to_each_other_than_the_blade_is_wide_are_drawn() -> None:
+    """The last side of a round field."""
+    bends = ((0.18, 0.5), (0.22, 0.44), (0.29, 0.55))
+    last = Side(10.0, 10.0, 0.0, 0.45, 0.2, 10.0, bends=bends)
+    shown = preview(Plan((last,), "three_point"), areas_of(SQUARE, 2.0), VEHICLE)
+    assert shown.cutting_m == pytest.approx(0.45)
+
+
 def test_a_keep_out_is_planned_around_and_what_stays_is_expected() -> None:
     found = of(WITH_WELL)
     assert len(found.plan.keep_outs) == 1
