@@ -270,6 +270,11 @@ class Context:
         way_m = across(cleared_m + ahead_m, beyond.askew_rad, self.vehicle.blade_width_m)
         return self.gaps.too_narrow(way_m, sigma_m) and self.strip.end_was_none(ahead_m)
 
+    def reckon_with_gap(self) -> None:
+        """What is known of the gap holds, but for what was seen at the side's end."""
+        gathers = bool(self.remains.ended_by)
+        self._reckon_with(self.gaps.gathering_m if gathers else self.gaps.field_m)
+
     def _reckon_with(self, gap_m: float) -> None:
         """So wide the gap is from here on."""
         if self.plan.gap_m is not None and gap_m != self.plan.gap_m:
@@ -308,7 +313,7 @@ class Context:
             self._passes_m2 = None
         self.turning = None
         self.gaps.room_m = math.inf
-        self._reckon_with(self.gaps.field_m)
+        self.reckon_with_gap()
         self._tell_gap()
         self.strip.begin_lane()
         self.strip.saw_begin()

@@ -31,6 +31,7 @@ class Gather(Behaviour):
         del now
         self.context.estimate.swaths.end()
         self.context.remains.leave()
+        self.context.reckon_with_gap()
 
     def step(self, now: float) -> Step:
         context, remains = self.context, self.context.remains

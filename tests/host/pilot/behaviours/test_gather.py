@@ -55,7 +55,7 @@ def test_gather_goes_nowhere_before_it_is_known_where_the_field_lies() -> None:
     assert context.left_m2 == 3.0, "as the plan has it"
 
 
-@pytest.mark.parametrize(("gap_m", "goes"), [(2.0, True), (0.4, False)])
+@pytest.mark.parametrize(("gap_m", "goes"), [(2.0, True), (0.9, False)])
 def test_gather_drives_along_no_border_where_the_gap_has_no_room_for_the_machine(
     gap_m: float, goes: bool
 ) -> None:
@@ -70,6 +70,20 @@ def test_gather_drives_along_no_border_where_the_gap_has_no_room_for_the_machine
     chosen(context)
     along = [side for side in context.plan.sides if side.left_over and side.length_m > 5.0]
     assert bool(along) is goes
+
+
+def test_a_machine_that_gathers_keeps_half_a_metre_farther_off_the_next_crop() -> None:
+    """It drives across the field by dead reckoning, and errs there by more than it says."""
+    context = gathering()
+    before = context.guard.permitted
+    assert is_for(chosen(context), Gathered.STRIP)
+    now = context.guard.permitted
+    assert before is not None and now is not None
+    (left, low, right, high), inner = before.bounds, now.bounds
+    assert inner == pytest.approx((left + 0.5, low + 0.5, right - 0.5, high - 0.5))
+    context.begin_strip()
+    assert context.guard.permitted is not None
+    assert context.guard.permitted.bounds == pytest.approx(inner)
 
 
 def test_a_strip_to_which_no_way_leads_is_gone_to_from_elsewhere(
