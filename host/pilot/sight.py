@@ -363,8 +363,10 @@ class Sight:
         if line is not None:
             self.edge_at_m = then.distance_m
             here = line - lane.blade_offset_m
-            # What they err alike is in how such an edge wanders (BESIDE).
-            lane.correct(here, math.nan, 1.0, (0.0, 0.0), learn=False, cutting=False)
+            # What they err alike turns a machine that learns its rates from them too.
+            rates = not self._estimate.position.outline.bends(strip.plan.sides[strip.index])
+            sure = CONFIDENCE if rates else 1.0
+            lane.correct(here, math.nan, sure, (0.0, 0.0), learn=False, cutting=False)
 
     def _watch_ahead(
         self, view: CropView, strip: Strip, gaze: Gaze, seen: EndOfField, ends: bool
