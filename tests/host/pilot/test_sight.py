@@ -299,6 +299,26 @@ def test_what_most_pictures_show_beside_the_way_back_is_right() -> None:
     assert context.estimate.lane.blade_offset_m == pytest.approx(-next_m, abs=0.01)
 
 
+def test_beside_an_edge_that_teaches_no_rates_pictures_are_surer() -> None:
+    """Along straight ones what they err alike turned the machine (random fields 11666, 11747)."""
+    next_m, unsure_m = VEHICLE.pass_m, {}
+    view = replace(BESIDE, crop_ahead_m=3.0, ahead_confidence=1.0, edge_beside_m=next_m)
+    for recorded in (False, True):
+        plan = replace(PLAN, sigma_m=0.3, recorded=recorded)
+        context = on_side(plan=plan, cut_m=5.0, eye=Shown(view))
+        assert isinstance(context.strip, PlannedStrip)
+        context.strip.place(5.0)
+        turning = Turning(NOW, shuttle(VEHICLE, -8.0, next_m, 3.0), (0.0, 0.0, 0.0))
+        context.strip.begin_leg(turning)
+        context.estimate.lane.place(-next_m, 0.0, 0.3, 0.001)
+        frames = [Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8)) for k in range(PICTURES)]
+        for frame in frames:
+            gaze, settled = DriveTurn.gaze, context.look.settled
+            context.sight.take(frame, gaze, context.strip, turning, NOW, settled)
+        unsure_m[recorded] = context.estimate.lane.offset_sigma_m
+    assert unsure_m[True] < 0.9 * unsure_m[False]
+
+
 def test_what_was_seen_beside_one_way_back_tells_nothing_of_the_next() -> None:
     next_m = VEHICLE.pass_m
     view = replace(BESIDE, crop_ahead_m=3.0, ahead_confidence=1.0, edge_beside_m=next_m + 0.2)
