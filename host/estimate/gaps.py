@@ -87,8 +87,10 @@ class Gaps:
 
     @property
     def gathering_m(self) -> float:
-        """The same while the machine gathers what it has left standing."""
-        return max(0.0, self.field_m - RECKONED_M)
+        """What to reckon with everywhere while the machine gathers what it has left standing, which
+        may lead it along any edge."""
+        narrowest_m = min(self.field_m, self.least_m, self.narrowed(self.room_m))
+        return max(0.0, narrowest_m - RECKONED_M)
 
     @property
     def least_m(self) -> float:

@@ -271,7 +271,7 @@ class Context:
         return self.gaps.too_narrow(way_m, sigma_m) and self.strip.end_was_none(ahead_m)
 
     def reckon_with_gap(self) -> None:
-        """What is known of the gap holds, but for what was seen at the side's end."""
+        """On a strip the gap is what is known of it, whatever was seen at the last one's end."""
         gathers = bool(self.remains.ended_by)
         self._reckon_with(self.gaps.gathering_m if gathers else self.gaps.field_m)
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-BENT_RAD = math.radians(38.0)
+from host.route.standing import BEND_RAD
+
+BENT_RAD = BEND_RAD[0] + math.radians(3.0)
 """Between a side that bends and the next along the same edge: what the first may have lost with its
-first piece, `host.route.standing.BEND_RAD`, and what its pieces turn besides."""
+first piece, and what its pieces turn besides."""
 AGAIN_RAD = math.radians(3.0)
 """Between strips to which no turn leads: one by so little would take many metres straight on. Edges
 that are found bend by some tenths of a degree against each other."""

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.estimate.gaps import SEEN_M, TELLS_M, Gaps, across, along
+from host.estimate.gaps import RECKONED_M, SEEN_M, TELLS_M, Gaps, across, along
 
 
 @pytest.mark.parametrize(
@@ -72,6 +72,21 @@ def test_the_median_of_several_edges_holds_where_it_is_less_than_was_said() -> N
     assert gaps.field_m == pytest.approx(1.8)
     assert gaps.beside((3,)) == pytest.approx(1.8)
     assert gaps.wrong == "", "a tape errs as much"
+
+
+def test_a_machine_that_gathers_reckons_with_the_narrowest_of_all_gaps() -> None:
+    """What was seen at the end that it leaves, too: there its way begins."""
+    gaps = Gaps(2.0)
+    assert gaps.gathering_m == pytest.approx(2.0 - RECKONED_M)
+    gaps.note(0, 2.1)
+    gaps.note(1, 1.4)
+    gaps.note(2, 2.0)
+    assert gaps.field_m == 2.0
+    assert gaps.gathering_m == pytest.approx(1.4 - SEEN_M - RECKONED_M)
+    gaps.room_m = 1.1
+    assert gaps.gathering_m == pytest.approx(1.1 - SEEN_M - RECKONED_M)
+    gaps.room_m = 0.3
+    assert gaps.gathering_m == 0.0
 
 
 def test_crop_close_beyond_an_end_is_named_as_long_as_the_turn_lasts() -> None:
