@@ -301,3 +301,12 @@ def test_a_border_that_strays_ends_a_side_the_less_surely_the_shallower_it_is_me
     assert outline.end_strays_m(side, -way) == STRAYS_M, "at no border it ends as it was cut"
     straight = Outline(RECTANGLE)
     assert straight.end_strays_m(replace(side, ends_at=2, begins_at=2), way) == 0.0
+
+
+def test_only_an_edge_that_was_recorded_point_by_point_may_bend() -> None:
+    """What others have left lies along none of them."""
+    side = Side(0.0, 0.0, 0.0, 20.0, 1.0, 20.0, edges=(0,), places_m=((0.0, 0.0),))
+    recorded = Outline(RECTANGLE, strays_m=STRAYS_M)
+    assert recorded.bends(side)
+    assert not recorded.bends(replace(side, left_over=True))
+    assert not Outline(RECTANGLE).bends(side)

@@ -165,6 +165,17 @@ def test_a_corner_that_no_steering_follows_ends_a_side(turn_deg: float) -> None:
     assert not any(len(side.bends) == 1 and side.length_m > 39 for side in plan.sides[:2])
 
 
+@pytest.mark.parametrize("bend_deg", [20.0, 34.0])
+def test_a_bent_side_that_has_lost_its_first_piece_is_taken_again(bend_deg: float) -> None:
+    """Along what it goes on in; what begins at its end is another edge's."""
+    bend = math.radians(bend_deg)
+    past = Side(0.0, 0.0, 0.0, 40.0, 1.0, 40.0, bends=((2.0, bend), (20.0, 0.2)))
+    x, y, heading = past.pose(3.0, 1.0)
+    assert Side(x, y, heading, 37.0, 1.0, 37.0, bends=((17.0, 0.2),)).takes_again(past)
+    x, y, heading = past.pose(40.0, 1.0)
+    assert not Side(x, y, heading, 10.0, 1.0, 10.0).takes_again(past)
+
+
 @pytest.mark.parametrize("along_m", [-2.0, 0.0, 5.0, 10.0, 13.0, 25.0])
 def test_a_place_on_a_bent_side_lies_on_its_edge(along_m: float) -> None:
     side = Side(1.0, 2.0, 0.5, 20.0, 0.9, 20.0, bends=((6.0, 0.3), (12.0, -0.4)))
