@@ -81,8 +81,8 @@ class Gaps:
     @property
     def field_m(self) -> float:
         """What to reckon with beside an edge that has not been looked at: what was said, or the
-        less that most show: their median errs by less than one of them, and where it is 0.3 m wrong
-        the machine's rear is in what stands there."""
+        median of what was seen where that is less. With 0.3 m too much of it the machine's rear
+        would stand in the next crop."""
         return min(self.narrowed(self._seen_m), self._seen_m)
 
     @property

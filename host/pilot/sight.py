@@ -363,7 +363,7 @@ class Sight:
         if line is not None:
             self.edge_at_m = then.distance_m
             here = line - lane.blade_offset_m
-            # What they err alike turns a machine that learns its rates from them too.
+            # Where rates are learnt from edges, what these err alike would turn the machine.
             rates = not self._estimate.position.outline.bends(strip.plan.sides[strip.index])
             sure = CONFIDENCE if rates else 1.0
             lane.correct(here, math.nan, sure, (0.0, 0.0), learn=False, cutting=False)
