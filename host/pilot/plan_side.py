@@ -12,9 +12,9 @@ from host.estimate.gaps import TAPE_M
 from host.estimate.measurements.goes_on import goes_on
 from host.estimate.odometry import Motion
 from host.estimate.prior import START_SIGMA
-from host.field.areas import GAP_MARGIN_M
 from host.pilot.strip import Strip, little_m2
 from host.route.plan import Plan
+from host.route.put_down import moved_up_m
 from host.route.side import NO_EDGE, Side
 
 END_PAST_M = 0.15
@@ -189,8 +189,7 @@ class PlanSide(Strip):
             return -crop_ahead_m, INSIDE_SIGMA[0]
         if crop_ahead_m >= AT_BLADE_M or self.plan.gap_m is None or self.resumed:
             return -crop_ahead_m, START_SIGMA[0]
-        length_m = self.vehicle.blade_x_m + self.vehicle.rear_overhang_m
-        lacks_m = length_m - (self.plan.gap_m + self.back_m - GAP_MARGIN_M)
+        lacks_m = moved_up_m(self.plan, self.side, self.vehicle) - self.side.begin_seen_m
         least_m, most_m = max(0.0, lacks_m - TAPE_M), max(0.0, lacks_m + TAPE_M)
         return max(0.0, lacks_m), math.hypot(START_SIGMA[0], (most_m - least_m) / math.sqrt(12.0))
 

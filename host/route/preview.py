@@ -25,7 +25,8 @@ from host.core.vehicle import Vehicle
 from host.core.whole_file import saved
 from host.field.areas import Areas, Geofence, areas_of, outline_of, placed
 from host.route.plan import Plan
-from host.route.side import Side
+from host.route.put_down import moved_up_m
+from host.route.side import Side, lane_pose
 from host.route.turn_choice import ROOM_M, next_turn, room_along, turn_origin
 from host.route.turn_legs import Turn, driven
 
@@ -71,12 +72,6 @@ class Preview:
 
 
 # ---- kinematics ----------------------------------------------------------------------------------
-
-
-def lane_pose(side: Side, along_m: float, vehicle: Vehicle) -> Pose:
-    """Of the rear axle when the blade's line is along_m past the side's beginning; in a bend the
-    machine is taken to stand as the edge abreast of its blade runs."""
-    return Pose2(*side.pose(along_m, vehicle.inset_m - side.shift_m)).ahead(-vehicle.blade_x_m)
 
 
 def drive_turn(turn: Turn, vehicle: Vehicle) -> tuple[NDArray[np.float64], float, float]:
@@ -217,9 +212,10 @@ def _warnings(
             start = placed(outline_of(vehicle), *lane_pose(plan.sides[0], 0.0, vehicle))
             beyond = _beyond(permitted, start)
             if beyond > 0:
+                up_m = moved_up_m(plan, plan.sides[0], vehicle)
                 warnings.append(
                     f"at the start the machine stands {beyond:.2f} m outside the permitted area; "
-                    "move it up, or choose another corner"
+                    f"put its blade {up_m:.1f} m into the crop, or choose another corner"
                 )
     return warnings + _at_keep_outs(areas.keep_outs, swaths, outlines)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from host.core.frames import Pose2
+from host.core.vehicle import Vehicle
 from host.route.standing import BEND_RAD
 
 BENT_RAD = BEND_RAD[0] + math.radians(3.0)
@@ -171,3 +173,9 @@ class Side:
     def _along_edge_of(self, past: Side) -> bool:
         """Of plans that were laid out anew only this tells."""
         return self.edge != NO_EDGE and self.edge == past.edge
+
+
+def lane_pose(side: Side, along_m: float, vehicle: Vehicle) -> Pose2:
+    """Of the rear axle when the blade's line is along_m past the side's beginning; in a bend the
+    machine is taken to stand as the edge abreast of its blade runs."""
+    return Pose2(*side.pose(along_m, vehicle.inset_m - side.shift_m)).ahead(-vehicle.blade_x_m)

@@ -18,8 +18,8 @@ from host.field.areas import Geofence, areas_of
 from host.field.boundary_file import boundary_of, save_field
 from host.route.field_plan import plan_field
 from host.route.plan import Plan
-from host.route.preview import Preview, drive_turn, lane_pose, preview
-from host.route.side import Side
+from host.route.preview import Preview, drive_turn, preview
+from host.route.side import Side, lane_pose
 from host.route.turn_legs import arc, lane_beside, three_point, turning_radius
 from tests.helpers.console import Cli
 
