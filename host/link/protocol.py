@@ -1292,7 +1292,7 @@ PARAMS: dict[str, ParamSpec] = {
         0,
         30000,
         "V",
-        "the drive duty is scaled by nominal over measured; 0 switches this off",
+        "the drive duty is scaled by nominal over measured, which counts as battery_low at least; 0 switches this off",
     ),
     "steer_current_max": ParamSpec(
         "steer_current_max",

@@ -106,15 +106,17 @@ void Drive::configure(const Params &params) {
   limit_ = params[Param::speed_max];
   ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
   nominal_ = params[Param::battery_nominal];
+  lowest_ = params[Param::battery_low];
   beyond_ = static_cast<int16_t>((params[Param::speed_excess] * forward_) >> 16);
 }
 
 bool Drive::slows(int16_t duty, int16_t measured, int16_t battery) const {
   if (measured == Hall::kNone || (duty > 0) != (measured > 0)) return false;
   const int32_t own = (least(magnitude(measured), kErrorMax) * forward_) >> 16;
-  return nominal_ == 0 ? magnitude(duty) < own
-                       : magnitude(duty) * int32_t{battery} < own * nominal_;
+  return nominal_ == 0 ? magnitude(duty) < own : magnitude(duty) * supply(battery) < own * nominal_;
 }
+
+int32_t Drive::supply(int16_t battery) const { return battery < lowest_ ? lowest_ : battery; }
 
 void Drive::release() {
   integral_ = 0;
@@ -130,7 +132,7 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuc
   }
   const bool backward = wanted < 0;
   int32_t size = least(((magnitude(wanted) * forward_ + kHalf) >> 16) + floor_, 255);
-  if (nominal_ != 0) size = least(size * nominal_ / (battery < 1000 ? 1000 : battery), 255);
+  if (nominal_ != 0) size = least(size * nominal_ / supply(battery), 255);
   int32_t duty = backward ? -size : size;
   if (measured != Hall::kNone) {
     // Never against the setpoint: plugging strains the gear.

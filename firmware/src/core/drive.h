@@ -78,6 +78,11 @@ class Drive {
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
 
  private:
+  // The battery's voltage (mV) that the duty is reckoned with: none below the parameter
+  // battery_low. A torn wire reads 0 V, and until that is a fault (0.6 s) the machine would go at
+  // full duty.
+  int32_t supply(int16_t battery) const;
+
   int32_t forward_ = 0;   // duty per mm/s, 2^-16
   int32_t kp_ = 0;        // duty per mm/s, 2^-16
   int32_t ki_ = 0;        // duty per mm/s and tick, 2^-20
@@ -88,6 +93,7 @@ class Drive {
   int16_t floor_ = 0;     // minimum duty
   int16_t beyond_ = 0;    // duty that makes the speed the parameter speed_excess higher
   int16_t nominal_ = 0;   // battery, mV; 0: no compensation
+  int16_t lowest_ = 0;    // battery, mV
 };
 
 }  // namespace daranti

@@ -450,7 +450,7 @@ enum class Param : uint8_t {
   hall_per_metre,  // 0.1 pulses/m; 0: no hall sensor fitted
   battery_low,  // 0.001 V
   battery_high,  // 0.001 V
-  battery_nominal,  // 0.001 V; the drive duty is scaled by nominal over measured; 0 switches this off
+  battery_nominal,  // 0.001 V; the drive duty is scaled by nominal over measured, which counts as battery_low at least; 0 switches this off
   steer_current_max,  // 0.01 A; peak, for 50 ms; what the sensor can show is the limit (ACS712-20A: 24 A)
   drive_current_max,  // 0.01 A; peak, for 50 ms; what the sensor can show is the limit (ACS758-050B: 60 A)
   stall_current,  // 0.01 A; a driven, motionless steering above it is stalled, below it its potentiometer is frozen

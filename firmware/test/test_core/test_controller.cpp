@@ -925,6 +925,25 @@ TEST_CASE("Pulses that no machine can give are noise") {
   CHECK(rig.faults() == protocol::HALL_NOISE);
 }
 
+TEST_CASE("A torn battery wire makes the machine no faster than the lowest battery would") {
+  Rig rig;  // without a wheel sensor nothing else holds the speed
+  rig.arm();
+  rig.ask(300);
+  rig.drive_for(200);
+  REQUIRE(rig.state() == State::RUNNING);
+  const int whole = rig.board.drive.pwm;
+  REQUIRE(whole == 77);
+  rig.board.set_battery(0);
+  int ticks = 0;
+  for (; rig.state() == State::RUNNING; ++ticks) {
+    CHECK(rig.board.drive.pwm <= whole * 12 / 10);  // nominal over battery_low
+    rig.drive_for(1);
+  }
+  CHECK(ticks == 120);
+  CHECK(rig.faults() == protocol::BATTERY_LOW);
+  CHECK(rig.off());
+}
+
 TEST_CASE("With two hall sensors the wrong way latches") {
   Rig rig;
   rig.set(Param::hall_per_metre, 1000);

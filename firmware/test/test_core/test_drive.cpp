@@ -47,10 +47,18 @@ TEST_CASE("A weak battery is compensated, a strong one too, and the duty stays w
   CHECK(settle(drive, 1000, Hall::kNone, 10000) == 255);
   CHECK(settle(drive, -1000, Hall::kNone, 10000) == -255);
   CHECK(settle(drive, 1000, Hall::kNone, 0) == 255);
-  CHECK(settle(drive, 100, Hall::kNone, 999) == settle(drive, 100, Hall::kNone, 1000));
-  CHECK(settle(drive, 40, Hall::kNone, 2000) == 60);
   Drive bare = drive_with({{Param::battery_nominal, 0}});
   CHECK(settle(bare, 500, Hall::kNone, 10000) == 128);
+}
+
+TEST_CASE("A battery below battery_low is compensated as one that is just there") {
+  Drive drive = drive_with({{Param::battery_low, 8000}});
+  CHECK(settle(drive, 500, Hall::kNone, 8001) == 191);
+  CHECK(settle(drive, 500, Hall::kNone, 8000) == 192);
+  CHECK(settle(drive, 500, Hall::kNone, 7000) == 192);
+  CHECK(settle(drive, -500, Hall::kNone, 0) == -192);
+  CHECK(!drive.slows(100, 261, 7000));
+  CHECK(drive.slows(100, 270, 7000));
 }
 
 TEST_CASE("The minimum duty is added in the direction of travel") {
@@ -223,7 +231,7 @@ TEST_CASE("The duty may be nothing while a speed is asked, and never more than f
   Drive bare = drive_with({{Param::battery_nominal, 0}, {Param::speed_full, 500}});
   CHECK(settle(bare, 1000) == 255);
   Drive weak = drive_with({});
-  CHECK(settle(weak, 82, Hall::kNone, 500) == 252);
+  CHECK(settle(weak, 825, Hall::kNone, 10000) == 252);
 }
 
 TEST_CASE("A release empties ramp and integral") {
