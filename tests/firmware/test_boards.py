@@ -390,10 +390,25 @@ def test_what_a_bootloader_hides_is_a_fault_where_the_machine_was_armed(
     assert why_started(bench) == Started.BY_UNKNOWN | Started.WHILE_ARMED
 
 
+LEAVE_BY_WATCHDOG = (0xE188, 0x9380, 0x0060, 0xE088, 0x9380, 0x0060, 0xCFFF)
+"""ldi r24, WDCE | WDE; sts WDTCSR, r24; ldi r24, WDE; sts WDTCSR, r24; rjmp .-2"""
+CLEARING = (0xB624, 0x2411, 0xBE14, 0xFE21, 0x940C, 0x0000, *LEAVE_BY_WATCHDOG)
+"""in r2, MCUSR; clr r1; out MCUSR, r1; sbrs r2, EXTRF; jmp 0"""
+KEEPING = (
+    *(0xB624, 0x2411, 0xFE21, 0x940C, 0x0000, 0xFE23, 0xC004, 0xEF87, 0xBF84, 0x940C, 0x0000),
+    *LEAVE_BY_WATCHDOG,
+)
+"""in r2, MCUSR; clr r1; sbrs r2, EXTRF; jmp 0; sbrs r2, WDRF; rjmp .+8; ldi r24, 0xF7;
+out MCUSR, r24; jmp 0"""
+
+
 def optiboot(folder: Path, version: int) -> Path:
-    """A bootloader that does what Optiboot's source promises an application, and nothing else: it
-    takes what MCUSR was into r2, clears MCUSR (up to version 6), and its version ends the flash."""
-    code = (0xB624, 0x2411, 0xBE14, 0x940C, 0x0000)  # in r2, MCUSR; clr r1; out MCUSR, r1; jmp 0
+    """A bootloader that does with a reset's cause what Optiboot's source does (main() and appStart()
+    of 5.0, 6.2 and 8.3), and nothing else. It takes MCUSR into r2. Up to version 6 it clears MCUSR.
+    After the reset pin it waits, here 16 ms, and leaves by the watchdog, and so comes to itself
+    again: up to version 6 with that cause alone, from 7 on with both, of which it clears its own.
+    Its version ends the flash."""
+    code = CLEARING if version < 7 else KEEPING
     lines = []
     for address, words in ((0x7E00, code), (0x7FFE, (version << 8,))):
         data = b"".join(word.to_bytes(2, "little") for word in words)
@@ -411,6 +426,8 @@ def optiboot(folder: Path, version: int) -> Path:
         (5, "brown-out", Fault.BROWN_OUT, Started.BY_BROWN_OUT),
         (8, "hung interrupt", Fault.WATCHDOG, Started.BY_WATCHDOG),
         (8, "reset pin", Fault(0), Started.BY_RESET_PIN),
+        (6, "reset pin", Fault.RESET_UNKNOWN, Started.BY_UNKNOWN),  # r2 has its own watchdog's
+        (6, "hung interrupt", Fault.RESET_UNKNOWN, Started.BY_UNKNOWN),
         (4, "brown-out", Fault.RESET_UNKNOWN, Started.BY_UNKNOWN),  # r2 is anything there
     ],
 )
@@ -427,6 +444,18 @@ def test_what_a_newer_optiboot_hands_over_is_taken(
     assert bench.off()
     assert bench.last.faults == fault
     assert why_started(bench) == told | Started.WHILE_ARMED
+
+
+@pytest.mark.parametrize("version", (5, 6, 8))
+def test_a_port_that_is_opened_is_no_watchdog_s_reset(
+    make: Maker, tmp_path: Path, version: int
+) -> None:
+    bench = Bench(make("uno", optiboot(tmp_path, version)), cut_frames=1)
+    bench.run(20)
+    bench.target.reset(ResetCause.EXTERNAL)
+    bench.run(100)
+    assert bench.last.faults == Fault(0)
+    assert bench.last.state == State.SAFE
 
 
 def test_the_builder_s_bootloaders_are_those_that_the_arduino_ide_burns() -> None:

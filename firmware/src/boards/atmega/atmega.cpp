@@ -98,6 +98,8 @@ void keep(uint8_t flags) {
 
 #if defined(__AVR_ATmega328P__)
 // From version 5 on Optiboot leaves in r2 what MCUSR was; its version stands in flash's last byte.
+// From 7 on it leaves MCUSR, too. Before, it ends by the watchdog after a reset by the pin, as when
+// the port is opened, and r2 then has that alone: the watchdog's bit says nothing there.
 bool bootloader_tells() {
   const uint8_t version = pgm_read_byte(FLASHEND);
   return version >= 5 && version < 0x80;
@@ -111,7 +113,7 @@ uint8_t cause_of(uint8_t mcusr, uint8_t r2) {
   const uint8_t flags = valid ? kept.flags : uint8_t{0};
   const uint8_t armed = (flags & kWasArmed) ? uint8_t{protocol::WHILE_ARMED} : uint8_t{0};
   if (flags & kHung) return protocol::BY_WATCHDOG | armed;
-  if (mcusr == 0 && bootloader_tells()) mcusr = r2;
+  if (mcusr == 0 && bootloader_tells()) mcusr = static_cast<uint8_t>(r2 & ~_BV(WDRF));
   uint8_t found = 0;
   if (mcusr & _BV(PORF)) found |= protocol::BY_POWER_ON;
   if (mcusr & _BV(EXTRF)) found |= protocol::BY_RESET_PIN;
