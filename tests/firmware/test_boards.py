@@ -403,8 +403,8 @@ out MCUSR, r24; jmp 0"""
 
 
 def optiboot(folder: Path, version: int) -> Path:
-    """A bootloader that does with a reset's cause what Optiboot's source does (main() and appStart()
-    of 5.0, 6.2 and 8.3), and nothing else. It takes MCUSR into r2. Up to version 6 it clears MCUSR.
+    """A bootloader that does with a reset's cause what Optiboot's source does (main() of 5.0, 6.2
+    and 8), and nothing else. It takes MCUSR into r2. Up to version 6 it clears MCUSR.
     After the reset pin it waits, here 16 ms, and leaves by the watchdog, and so comes to itself
     again: up to version 6 with that cause alone, from 7 on with both, of which it clears its own.
     Its version ends the flash."""

@@ -5,8 +5,9 @@ namespace daranti {
 using protocol::Param;
 
 namespace {
-constexpr uint8_t kWindow = 20;  // ticks: 100 ms
-constexpr int16_t kWindowsPerSecond = 1000 / (kWindow * kTickMs);
+constexpr uint16_t kTicksPerSecond = 1000 / kTickMs;
+constexpr uint16_t kTenths = 10;      // of a second: how long pulses are counted
+constexpr uint16_t kLeastPulses = 2;  // a single one is no turning; slow sensors are counted longer
 
 uint16_t later(uint16_t ticks) {
   return ticks == UINT16_MAX ? ticks : static_cast<uint16_t>(ticks + 1);
@@ -16,8 +17,12 @@ uint16_t later(uint16_t ticks) {
 void Blade::configure(const Params &params) {
   rest_ = static_cast<uint16_t>(params[Param::blade_rest] / kTickMs);
   spin_ = static_cast<uint16_t>(params[Param::blade_spin_time] / kTickMs);
-  const int16_t turn_min = params[Param::blade_turn_min];
-  turn_min_ = static_cast<uint16_t>((turn_min + kWindowsPerSecond - 1) / kWindowsPerSecond);
+  // In as many whole ticks as these pulses take at blade_turn_min a faster sensor gives no fewer.
+  const uint16_t rate = static_cast<uint16_t>(params[Param::blade_turn_min]);
+  const uint16_t least = rate / kTenths;
+  turn_min_ = least < kLeastPulses ? kLeastPulses : least;
+  window_ = rate == 0 ? uint16_t{0}
+                      : static_cast<uint16_t>((turn_min_ * kTicksPerSecond + rate - 1) / rate);
 }
 
 void Blade::request(bool wanted) {
@@ -35,8 +40,8 @@ void Blade::set(bool on) {
 bool Blade::step(bool permitted, uint16_t turns) {
   since_ = later(since_);
   if (!on_) off_ = later(off_);
-  if (++window_ == kWindow) {
-    window_ = 0;
+  if (++counted_ >= window_) {
+    counted_ = 0;
     turning_ = static_cast<uint16_t>(turns - last_turns_) >= turn_min_;
     last_turns_ = turns;
   }

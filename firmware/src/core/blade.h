@@ -23,16 +23,17 @@ class Blade {
   bool stuck() const { return fitted() && !on_ && turning_ && since_ >= spin_; }
 
  private:
-  bool fitted() const { return turn_min_ != 0; }
+  bool fitted() const { return window_ != 0; }
   void set(bool on);
 
   uint16_t rest_ = 0;          // ticks that it stays off at least
   uint16_t spin_ = 0;          // ticks that it may take to start or stop
-  uint16_t turn_min_ = 0;      // pulses in a window while turning; 0: no sensor
+  uint16_t turn_min_ = 0;      // pulses in a window while turning
+  uint16_t window_ = 0;        // ticks in which pulses are counted; 0: no sensor
   uint16_t since_ = 0;         // ticks since the relay last changed, saturating
   uint16_t off_ = UINT16_MAX;  // ticks since it opened, saturating
   uint16_t last_turns_ = 0;
-  uint8_t window_ = 0;  // ticks into the window
+  uint16_t counted_ = 0;  // ticks into the window
   bool on_ = false;
   bool wanted_ = false;
   bool fresh_ = false;  // a command that did not ask for it has come since it was armed

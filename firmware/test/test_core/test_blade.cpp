@@ -8,9 +8,8 @@ using protocol::Param;
 
 namespace {
 
-constexpr int kRest = 100;   // ticks of blade_rest
-constexpr int kSpin = 300;   // ticks of blade_spin_time
-constexpr int kWindow = 20;  // ticks in which the sensor's pulses are counted
+constexpr int kRest = 100;  // ticks of blade_rest
+constexpr int kSpin = 300;  // ticks of blade_spin_time
 
 struct Rig {
   Blade blade;
@@ -102,34 +101,59 @@ TEST_CASE("Without a sensor the blade is neither lost nor stuck") {
   CHECK(!rig.blade.lost());
 }
 
-TEST_CASE("A tenth of a second with a tenth of the pulses counts as turning, one less does not") {
-  struct Case {
-    int16_t least;
-    uint16_t pulses;
-    bool turns;
-  };
-  for (const Case &each : {Case{20, 2, true}, Case{20, 1, false}, Case{11, 2, true},
-                           Case{11, 1, false}, Case{21, 3, true}, Case{21, 2, false}}) {
-    Rig rig({{Param::blade_turn_min, each.least}, {Param::blade_spin_time, 200}});
-    rig.start();
-    for (int tick = 2; tick <= 4 * kWindow; ++tick) {
-      rig.step(1, tick % kWindow == 1 ? each.pulses : 0);
+TEST_CASE(
+    "A sensor that gives what was set, or more, is turning; one that gives less than half is not") {
+  for (const int16_t least : {1, 3, 4, 8, 9, 10, 11, 15, 19, 20, 21, 29, 100, 999, 1000}) {
+    for (const int phase : {0, 7, 13}) {
+      for (const int percent : {100, 101, 150, 45}) {
+        Rig rig({{Param::blade_turn_min, least}, {Param::blade_spin_time, 10000}});
+        rig.start();
+        // Pulses evenly spaced: 200 ticks a second.
+        const auto given = [&](int tick) { return (tick + phase) * least * percent / 20000; };
+        bool lost = false;
+        for (int tick = 1; tick < 4000; ++tick) {
+          rig.step(1, static_cast<uint16_t>(given(tick) - given(tick - 1)));
+          lost = lost || rig.blade.lost();
+        }
+        CAPTURE(least);
+        CAPTURE(percent);
+        CHECK(lost == (percent < 100));
+        CHECK(rig.blade.lost() == lost);
+      }
     }
-    CHECK(rig.blade.lost() == !each.turns);
   }
 }
 
-TEST_CASE("Pulses are counted from one tenth of a second to the next") {
-  Rig rig({{Param::blade_turn_min, 20}, {Param::blade_spin_time, 200}});
-  rig.start();
-  rig.step(2 * kWindow - 1);
-  rig.step(1, 1);  // the third tenth's first tick
-  rig.step(kWindow - 2);
-  CHECK(rig.blade.lost());
-  rig.step(1, 1);  // its last
-  CHECK(!rig.blade.lost());
-  rig.step(kWindow - 1);
-  CHECK(!rig.blade.lost());
-  rig.step();
-  CHECK(rig.blade.lost());
+TEST_CASE("Pulses are counted for a tenth of a second, or as long as two take, and then anew") {
+  struct Case {
+    int16_t least;
+    uint16_t pulses;
+    int ticks;
+  };
+  for (const Case &each :
+       {Case{20, 2, 20}, Case{21, 2, 20}, Case{29, 2, 14}, Case{30, 3, 20}, Case{10, 2, 40},
+        Case{11, 2, 37}, Case{1, 2, 400}, Case{1000, 100, 20}}) {
+    CAPTURE(each.least);
+    Rig rig({{Param::blade_turn_min, each.least}, {Param::blade_spin_time, 200}});
+    rig.start();
+    rig.step(10 * each.ticks - 1);
+    rig.step(1, static_cast<uint16_t>(each.pulses - 1));  // the next window's first tick
+    rig.step(each.ticks - 2);
+    CHECK(rig.blade.lost());
+    rig.step(1, 1);  // its last
+    CHECK(!rig.blade.lost());
+    rig.step(1, static_cast<uint16_t>(each.pulses - 1));  // one too few
+    rig.step(each.ticks - 2);
+    CHECK(!rig.blade.lost());
+    rig.step();
+    CHECK(rig.blade.lost());
+  }
+}
+
+TEST_CASE("A sensor that is configured as a faster one is counted by its own time at once") {
+  Rig rig({{Param::blade_turn_min, 1}, {Param::blade_spin_time, 200}});
+  rig.step(300);
+  rig.blade.configure(with({{Param::blade_turn_min, 20}, {Param::blade_spin_time, 200}}));
+  rig.step(60, 1);
+  CHECK(rig.blade.stuck());
 }
