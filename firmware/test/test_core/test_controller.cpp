@@ -151,6 +151,10 @@ TEST_CASE("Every tick kicks the watchdog once") {
   Rig rig;
   rig.tick(10);
   CHECK(rig.board.kicks == 10);
+  // Neither do bytes: a main loop that never comes to the end of a line must be found.
+  for (int i = 0; i < 20; ++i) rig.board.type(protocol::Hello::kId, {1});
+  rig.tick();
+  CHECK(rig.board.kicks == 11);
 }
 
 TEST_CASE("Hello is answered by Version") {
@@ -371,6 +375,17 @@ TEST_CASE("STOP puts all outputs off in its own tick and wins over what comes wi
   CHECK(rig.off());
 }
 
+TEST_CASE("What comes with a STOP cannot arm again in its tick, with CLEAR neither") {
+  Rig rig;
+  rig.arm();
+  rig.board.type(protocol::Stop::kId);
+  rig.board.type(protocol::Clear::kId);
+  rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+  rig.tick();
+  CHECK(rig.state() == State::SAFE);
+  CHECK(rig.off());
+}
+
 TEST_CASE("Every fault puts all outputs off in the tick that finds it") {
   Rig rig;
   rig.arm();
@@ -409,6 +424,29 @@ TEST_CASE("Other messages do not feed the link's watchdog") {
     rig.tick();
   }
   CHECK(rig.faults() == protocol::LINK_LOST);
+}
+
+TEST_CASE("What is refused does not feed the link's watchdog, nor does CLEAR") {
+  using Message = std::pair<uint8_t, std::vector<uint8_t>>;
+  for (const Message &each :
+       {Message{protocol::Clear::kId, {}}, Message{protocol::Arm::kId, {protocol::kVersion}},
+        Message{protocol::Arm::kId, {protocol::kVersion + 1}},
+        Message{protocol::Ident::kId, {255, 0, 100, 0}},   // too much duty
+        Message{protocol::Ident::kId, {50, 0, 255, 100}},  // too long
+        Message{protocol::ParamSet::kId, {0, 2, 0}}, Message{protocol::ParamSave::kId, {}},
+        Message{protocol::ParamDefaults::kId, {}}, Message{protocol::LogGet::kId, {0}},
+        Message{protocol::LogClear::kId, {}},
+        Message{protocol::HilSensors::kId, std::vector<uint8_t>(16)}}) {
+    CAPTURE(each.first);
+    Rig rig;
+    rig.arm();
+    for (int i = 0; i < 60 && rig.state() == State::ARMED; ++i) {
+      rig.board.type(each.first, each.second);
+      rig.tick();
+    }
+    CHECK(rig.faults() == protocol::LINK_LOST);
+    CHECK(rig.off());
+  }
 }
 
 TEST_CASE("A fault whose cause lasts is not cleared") {
@@ -785,6 +823,11 @@ TEST_CASE("A repeated or old command is not taken and keeps nothing alive") {
     for (int i = 0; i < 60; ++i) {
       rig.board.next_seq = static_cast<uint8_t>(last - back);
       rig.drive_for(1);
+      if (i < 40) {
+        CHECK(rig.state() == State::RUNNING);
+        CHECK(rig.board.drive.pwm > 0);
+        CHECK(rig.board.steer.pwm == 0);
+      }
     }
     CHECK(rig.faults() == protocol::LINK_LOST);
   }
@@ -874,6 +917,11 @@ TEST_CASE("Whether it is armed is remembered in every tick") {
   CHECK(rig.board.armed);
   rig.board.type(protocol::Stop::kId);
   rig.tick();
+  CHECK(!rig.board.armed);
+  rig.arm();
+  rig.board.set_estop(5);
+  rig.tick();
+  CHECK(rig.state() == State::FAULT);
   CHECK(!rig.board.armed);
 }
 
