@@ -193,6 +193,56 @@ def test_the_steering_s_pwm_is_the_fastest_that_is_not_above_what_is_asked(
     assert 8e6 / top <= asked_hz < 8e6 / (top - 1)
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_direction_changes_while_the_pwm_is_off(make: Maker, way: int) -> None:
+    """A VNH5019's, from one tick to the next, seen in every microsecond."""
+    bench = Bench(make(), vnh5019_steers=True)
+    bench.run(10)
+    bench.set_param("steer_driver", 3)
+    bench.arm()
+    bench.send(protocol.Ident(way * 150, 0.1))
+    bench.run(10)
+    assert bench.steer_duty == way * 150
+    bench.send(protocol.Ident(-way * 150, 0.1))
+    seen = []
+    for _ in range(6000):
+        bench.now_us += 1
+        bench.target.run_until(bench.now_us)
+        pins = bench.pins.steer_in1, bench.pins.steer_in2
+        state = (bench.target.pwm(bench.pins.steer_pwm) > 0, *map(bench.target.pin, pins))
+        if not seen or state != seen[-1]:
+            seen.append(state)
+    assert not any(in1 and in2 for _, in1, in2 in seen)
+    driven = [(in1, in2) for on, in1, in2 in seen if on]
+    assert driven == [(way > 0, way < 0), (way < 0, way > 0)]
+    assert len([on for on, _, _ in seen if not on]) >= 1
+
+
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+def test_a_wire_that_is_idle_is_not_its_timer_s(make: Maker, board: Board) -> None:
+    """A compare register is taken at the timer's top or bottom only (15.9.5, 17.7.4): a wire that
+    was left to it would go on for up to a period, 8 ms, while the other is on already."""
+    bench = Bench(make(board), bts7960=True, board=board)
+    bench.run(10)
+    bench.set_param("drive_driver", 2)
+    bench.arm()
+    own = set()
+    for steer_deg, speed in ((20.0, 0.3), (-20.0, -0.3), (20.0, 0.3)):
+        bench.ask(steer_deg=steer_deg, speed=speed)
+        for _ in range(1000):
+            bench.run(1)
+            for control, duty in ((0x80, bench.steer_duty), (0xB0, bench.drive_duty)):
+                # TCCR1A, TCCR2A: COMnA1 and COMnB1. OC1A is RPWM, OC2A is LPWM.
+                a, b = (
+                    register(bench.target, control) & 0x80,
+                    register(bench.target, control) & 0x20,
+                )
+                right, left = (a, b) if control == 0x80 else (b, a)
+                assert (bool(right), bool(left)) == (duty > 0, duty < 0)
+                own.add((control, duty > 0, duty < 0))
+    assert len(own) == 6
+
+
 @pytest.mark.parametrize("board", BOARDS)
 def test_the_pins_are_the_wiring_s(make: Maker, board: Board) -> None:
     target, pins = make(board), PINS[board]

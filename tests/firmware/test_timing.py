@@ -44,6 +44,15 @@ def test_outputs_are_off_within_10_ms_of_what_is_driven_at_once(
 
 
 @pytest.mark.parametrize("phase_ms", range(5))
+def test_the_estop_does_not_wait_for_the_converter(phase_ms: int, make_target: Maker) -> None:
+    """Its pin is read in every tick. The converter would see it up to 7 ms later."""
+    bench = bench_running(make_target)
+    bench.run(phase_ms)
+    open_estop(bench)
+    assert until_off(bench, 10.0) <= 5.5
+
+
+@pytest.mark.parametrize("phase_ms", range(5))
 def test_link_loss_takes_at_most_250_ms_from_the_last_valid_command(
     phase_ms: int, make_target: Maker
 ) -> None:
