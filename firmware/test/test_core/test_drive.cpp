@@ -107,7 +107,13 @@ TEST_CASE("Motors slow the machine where they turn faster than their duty, the s
   Drive plain = drive_with({{Param::battery_nominal, 0}});
   CHECK(plain.slows(100, 400, 5000));
   CHECK(!plain.slows(100, 390, 5000));
+  // Just as fast as the duty is not faster; nothing is driven, nothing is slowed.
+  CHECK(!drive.slows(102, 400, 12000));
+  CHECK(!plain.slows(102, 400, 5000));
+  CHECK(drive.slows(1, 400, 12000));
+  CHECK(!drive.slows(0, 400, 12000));
   Drive widest = drive_with({{Param::speed_full, 100}, {Param::battery_nominal, 30000}});
+  CHECK(widest.slows(1, 1, 30000));
   CHECK(widest.slows(255, 32767, 30000));
 }
 
@@ -454,6 +460,21 @@ TEST_CASE("A machine has broken away that becomes faster, or has come 0.15 m as 
   CHECK(!hall.lost());
   hall.step(at(pulses), 50, 150);
   CHECK(hall.lost());
+}
+
+TEST_CASE("Two pulses since it is driven are one interval, and tell nothing") {
+  Hall hall = hall_with(200);
+  int wheel = 0;
+  const auto pulse_after = [&](int ticks, int16_t duty) {
+    for (int i = 1; i < ticks; ++i) hall.step(at(wheel), duty, 300);
+    hall.step(at(++wheel), duty, 300);
+  };
+  pulse_after(60, 0);  // it creeps
+  pulse_after(40, 100);
+  pulse_after(20, 100);
+  CHECK(!hall.directed());
+  pulse_after(10, 100);
+  CHECK(hall.directed());
 }
 
 TEST_CASE("Driven as far as a machine on level ground comes half a metre, its sensor is lost") {
