@@ -12,6 +12,9 @@ from host.core.errors import UserError
 
 MAX_BYTES = 64 * 1024 * 1024
 """Of one file in it: a farm's fields take one."""
+MAC_NOTE = "._"
+"""How the names of files begin in which a Mac keeps notes on another file: each has its own
+suffix, and nothing of a field."""
 
 
 class Archive:
@@ -20,7 +23,9 @@ class Archive:
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
         self._members = {
-            PurePosixPath(each.filename): each for each in archive.infolist() if not each.is_dir()
+            PurePosixPath(each.filename): each
+            for each in archive.infolist()
+            if not each.is_dir() and not PurePosixPath(each.filename).name.startswith(MAC_NOTE)
         }
 
     @property

@@ -21,10 +21,11 @@ from __future__ import annotations
 import json
 import tempfile
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 from xml.etree import ElementTree as ET
 
 import defusedxml.ElementTree
@@ -74,6 +75,8 @@ IN_ARCHIVES = (".shp", ".kml", ".geojson", ".json", ".gpx")
 """Formats that a .zip may hold besides ISOXML."""
 SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg")
 """What belongs to a .shp."""
+NO_DEGREES = "a corner is not a latitude and longitude in degrees"
+NO_UTF8 = "its text is not UTF-8; save it as UTF-8"
 DRAW = "draw the field's outline as a polygon"
 NAMES = ("name", "field_name", "fieldname", "field", "title", "id")
 """Properties that programs keep a field's name in, the surest first."""
@@ -152,6 +155,8 @@ def load_field(path: Path, field: str = "") -> Boundary:
             raise UserError("it is a device or a pipe, no file")
         if path.stat().st_size > MAX_BYTES:
             raise UserError(f"it has {path.stat().st_size / 1e6:.0f} MB; that is no field")
+        if path.stat().st_size == 0:
+            raise UserError("it is empty; save the field again")
         suffix = path.suffix.lower()
         if suffix not in _READERS and _is_json(path):
             suffix = ".json"
@@ -224,16 +229,20 @@ def _checked(
     recorded: bool | None = None,
 ) -> Boundary:
     rings = [_open(crop), *map(_open, holes)]
+    if not all(abs(lat) <= 90 and abs(lon) <= 180 for ring in rings for lat, lon in ring):
+        raise UserError(NO_DEGREES)
     for number, ring in enumerate(rings):
         what = f"keep-out {number}" if number else "the field"
-        if len(ring) < 3 or len(set(ring)) < len(ring):
+        if len(set(ring)) < 3:
             raise UserError(
-                f"{what} needs three or more different corners; it has {len(ring)}, "
-                f"{len(set(ring))} of them different"
+                f"{what} needs three or more different corners; it has {len(set(ring))}"
             )
-    flat = np.array([corner for ring in rings for corner in ring])
-    if not np.isfinite(flat).all() or (np.abs(flat) > (90, 180)).any():
-        raise UserError("a corner is not a latitude and longitude in degrees")
+        (corner, times), *_ = Counter(ring).most_common(1)
+        if times > 1:
+            raise UserError(
+                f"{what} comes back to its corner {corner[0]:.7f}, {corner[1]:.7f}; its edge may "
+                "go through a corner only once"
+            )
     frame = LocalFrame(*rings[0][0])
     local = [shapely.LinearRing([frame.to_local(*corner) for corner in ring]) for ring in rings]
     around = local[0].length
@@ -316,7 +325,9 @@ def _polygons(geometry: shapely.Geometry | None) -> list[shapely.Polygon]:
 def _read_geojson(path: Path) -> list[Shape]:
     """Every polygon of its features; lines and points beside them mean nothing here."""
     try:
-        data = json.loads(path.read_bytes())
+        data = json.loads(path.read_bytes(), parse_constant=_no_number)
+    except UnicodeDecodeError as error:
+        raise UserError(NO_UTF8) from error
     except (ValueError, RecursionError) as error:
         raise UserError(f"its format is not understood: no JSON ({error})") from error
     if not isinstance(data, dict):
@@ -333,10 +344,12 @@ def _read_geojson(path: Path) -> list[Shape]:
         geometry = feature.get("geometry") if whole else feature
         if geometry is None:
             continue
+        if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
+            raise UserError("it is not GeoJSON: a geometry has no type; save it as GeoJSON")
         try:
             made = shapely.geometry.shape(_flat(geometry))
             if not np.isfinite(shapely.get_coordinates(made)).all():
-                raise UserError("a corner is not a latitude and longitude in degrees")
+                raise UserError(NO_DEGREES)
         except UserError:
             raise
         except Exception as error:  # whatever a wrong structure makes of shapely's reading
@@ -353,6 +366,11 @@ def _read_geojson(path: Path) -> list[Shape]:
         raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
     return [replace(shape, polygon=p) for p, shape in zip(polygons, shapes, strict=True)]
+
+
+def _no_number(name: str) -> NoReturn:
+    """JSON's reader takes NaN and Infinity for numbers."""
+    raise UserError(f"{NO_DEGREES}: {name}")
 
 
 def _flat(geometry: Any) -> Any:
@@ -549,8 +567,10 @@ def _unpacked(files: archive.Archive, name: PurePosixPath) -> list[Shape]:
 # ---- latitude,longitude lines --------------------------------------------------------------------
 
 
-LATITUDES = frozenset({"latitude", "lat", "northing", "y"})
-LONGITUDES = frozenset({"longitude", "lon", "long", "lng", "easting", "x"})
+LATITUDES = frozenset({"latitude", "lat", "northing", "north", "y"})
+LONGITUDES = frozenset({"longitude", "lon", "long", "lng", "easting", "east", "x"})
+MOST_BARE = 3
+"""Numbers in a line without a heading: latitude, longitude and height."""
 
 
 def _read_csv(path: Path) -> list[LatLon]:
@@ -559,23 +579,30 @@ def _read_csv(path: Path) -> list[LatLon]:
         if "\0" in text:
             raise ValueError("text has no zeros")
     except ValueError as error:
-        raise UserError(f"it is neither text nor a known format; use {SUFFIXES}") from error
+        raise UserError(
+            f"it is neither UTF-8 text nor a known format; save a table as UTF-8, or use {SUFFIXES}"
+        ) from error
     corners: list[LatLon] = []
-    columns = (0, 1)
-    heading = True
+    columns: tuple[int, int] | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.startswith("#"):
             continue
         parts = _split(line)
+        if columns is None and (columns := _columns(parts)) is not None:
+            continue
+        if columns is None and len(parts) > MOST_BARE:
+            raise UserError(
+                f"line {number} has {len(parts)} columns; give latitude,longitude with decimal "
+                "points, or a first line that names the columns latitude and longitude"
+            )
+        columns = columns or (0, 1)
         try:
             corners.append((float(parts[columns[0]]), float(parts[columns[1]])))
         except (ValueError, IndexError) as error:
-            if not heading:
-                raise UserError(
-                    f"line {number} is not latitude,longitude; give such lines or one of {SUFFIXES}"
-                ) from error
-            columns = _columns(parts) or columns
-        heading = False
+            raise UserError(
+                f"line {number} is not latitude,longitude; give such lines, below a line that says "
+                f"latitude,longitude or longitude,latitude, or one of {SUFFIXES}"
+            ) from error
     if any(MAX_LATITUDE_DEG < abs(lat) <= 90 and abs(lon) <= 90 for lat, lon in corners):
         raise UserError(
             "it lies where no wheat grows: are its numbers swapped? Latitude comes first, unless a "

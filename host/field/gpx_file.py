@@ -53,12 +53,20 @@ def _parsed(path: Path) -> gpxpy.gpx.GPX:
         raise UserError(f"it is not GPX that can be read ({error})") from error
 
 
+def _check(points: Sequence[gpxpy.gpx.GPXTrackPoint | gpxpy.gpx.GPXRoutePoint]) -> None:
+    """UserError where one is no place on earth; of no number nothing is true."""
+    if not all(abs(point.latitude) <= 90 and abs(point.longitude) <= 180 for point in points):
+        raise UserError("a point is no latitude and longitude in degrees")
+
+
 def read_rings(path: Path) -> list[Shape]:
     """Every track segment and route of three corners or more, as a ring."""
     gpx = _parsed(path)
     ways: list[tuple[str | None, Sequence[gpxpy.gpx.GPXTrackPoint | gpxpy.gpx.GPXRoutePoint]]]
     ways = [(route.name, route.points) for route in gpx.routes]
     ways += [(track.name, segment.points) for track in gpx.tracks for segment in track.segments]
+    for _, points in ways:
+        _check(points)
     shapes = [
         Shape(shapely.Polygon([(point.longitude, point.latitude) for point in points]), name or "")
         for name, points in ways
@@ -82,8 +90,7 @@ def read_fixes(path: Path) -> tuple[list[Fix], int]:
     points = [point for segment in segments for point in segment]
     if not points:
         raise UserError("it holds no track; record one around the field")
-    if any(abs(point.latitude) > 90 or abs(point.longitude) > 180 for point in points):
-        raise UserError("a point is no latitude and longitude in degrees")
+    _check(points)
     fixes: list[Fix] = []
     for segment in segments:
         fixes += _connected(segment, fixes[-1].stamp if fixes else 0.0)

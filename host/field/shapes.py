@@ -32,15 +32,7 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     """One field: `wanted` by its name or number (from 1), or the only one that does not lie inside
     another; its holes are its own and the polygons inside it. A field that is there twice, as of
     two seasons, is one. UserError where it is none, or one of several and none is named."""
-    for shape in shapes:
-        what = f"of {shape.name!r} " if shape.name else ""
-        if not shapely.Polygon(shape.polygon.exterior).is_valid:
-            raise UserError(f"its sides {what}cross; walk it again or correct its corners")
-        if not shape.polygon.is_valid:
-            raise UserError(
-                f"its keep-outs {what}cross each other or the field's edge; correct them"
-            )
-    outlines = [shapely.Polygon(shape.polygon.exterior) for shape in shapes]
+    outlines = [shapely.make_valid(shapely.Polygon(shape.polygon.exterior)) for shape in shapes]
     outer = [
         k
         for k, outline in enumerate(outlines)
@@ -52,6 +44,9 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     names = [shapes[k].name or f"field {number}" for number, k in enumerate(outer, start=1)]
     index = _index(names, wanted)
     own = outlines[outer[index]]
+    _check(
+        [shape for shape, outline in zip(shapes, outlines, strict=True) if outline.intersects(own)]
+    )
     holes = list(shapes[outer[index]].polygon.interiors)
     holes += [
         outlines[k].exterior
@@ -59,6 +54,18 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
         if k not in outer and own.contains(outlines[k]) and not own.equals(outlines[k])
     ]
     return replace(shapes[outer[index]], polygon=shapely.Polygon(own.exterior, holes))
+
+
+def _check(shapes: Sequence[Shape]) -> None:
+    """UserError where one of them is no polygon."""
+    for shape in shapes:
+        what = f"of {shape.name!r} " if shape.name else ""
+        if not shapely.Polygon(shape.polygon.exterior).is_valid:
+            raise UserError(f"its sides {what}cross; walk it again or correct its corners")
+        if not shape.polygon.is_valid:
+            raise UserError(
+                f"its keep-outs {what}cross each other or the field's edge; correct them"
+            )
 
 
 def area_m2(shape: shapely.Geometry) -> float:

@@ -58,7 +58,14 @@ def test_every_form_gives_the_same_corners_counter_clockwise(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "three or more different corners"),
+        ("", "it is empty"),
+        ("31,74\n31,75\n32,75\n31,75\n32,74\n", "comes back to its corner 31.0000000, 75.00000"),
+        ("31,74\nnan,nan\n32,75\n32,74\n", "not a latitude and longitude"),
+        ("31.5O,74.3\n31.501,74.3\n31.501,74.301\n31.5,74.301\n", "line 1 is not latitude"),
+        ("Breite,Länge\n31.5,74.3\n31.501,74.3\n31.501,74.301\n", "line 1 is not latitude"),
+        ("31,5,74,3\n31,501,74,3\n31,501,74,301\n", "line 1 has 4 columns"),
+        ('{"type": "Polygon", "coordinates": [[[NaN, 1], [2, 3], [4, 5]]]}', "degrees: NaN"),
+        ('{"features": [], "rings": []}', "a geometry has no type"),
         ("1,2\n3,4\n", "three or more different corners"),
         ("31,74\n31,74\n31,75\n31,74\n", "three or more different corners"),
         ("31,74\nhere\n", "line 2 is not latitude,longitude"),

@@ -368,6 +368,13 @@ def test_a_zipped_shapefile_is_read_with_the_files_that_belong_to_it(
     assert not (tmp_path.parent.parent / "escaped.prj").exists()
 
 
+def test_what_a_mac_writes_into_a_zip_besides_is_no_field(tmp_path: Path) -> None:
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("farm/field.geojson", collection(feature("North", AROUND)))
+        archive.writestr("__MACOSX/farm/._field.geojson", b"\0\5\x16\7")
+    assert load_field(path).name == "North"
+
+
 def test_a_zip_of_something_else_says_what_it_may_hold(tmp_path: Path) -> None:
     with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
         archive.writestr("photo.jpg", b"")
@@ -583,6 +590,17 @@ def test_polygons_that_cross_are_one_message(tmp_path: Path) -> None:
         load_field(path)
 
 
+def test_a_field_is_read_whatever_another_one_of_the_file_is_like(tmp_path: Path) -> None:
+    path = tmp_path / "farm.geojson"
+    bow = moved([AROUND[0], AROUND[2], AROUND[1], AROUND[3]], 0.01)
+    path.write_text(collection(feature("North", AROUND), feature("bow", bow)))
+    assert load_field(path, "North").name == "North"
+    with pytest.raises(UserError, match="1 'North', 2 'bow'; say which"):
+        load_field(path)
+    with pytest.raises(UserError, match="sides of 'bow' cross"):
+        load_field(path, "bow")
+
+
 def test_a_field_that_is_there_twice_is_one_field_and_no_keep_out(tmp_path: Path) -> None:
     path = tmp_path / "field.geojson"
     path.write_text(collection(feature("2025", AROUND), feature("2026", [*AROUND[1:], AROUND[0]])))
@@ -606,6 +624,14 @@ def test_geojson_is_read_in_every_encoding_that_it_may_have(tmp_path: Path, enco
     assert load_field(path).name == "Öd"
 
 
+def test_json_of_another_encoding_says_which_one_it_needs(tmp_path: Path) -> None:
+    path = tmp_path / "field.geojson"
+    text = collection(feature("Öd", AROUND)).replace("\\u00d6", "Ö")
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(UserError, match="save it as UTF-8"):
+        load_field(path)
+
+
 def test_a_device_is_not_read_for_ever() -> None:
     with pytest.raises(UserError, match="/dev/zero: it is a device or a pipe, no file"):
         load_field(Path("/dev/zero"))
@@ -614,7 +640,7 @@ def test_a_device_is_not_read_for_ever() -> None:
 def test_a_database_is_no_list_of_places(tmp_path: Path) -> None:
     path = tmp_path / "field.gpkg"
     path.write_bytes(b"SQLite format 3\0" * 10)
-    with pytest.raises(UserError, match=r"neither text nor a known format; use \.geojson"):
+    with pytest.raises(UserError, match=r"neither UTF-8 text nor a known format;.* use \.geojson"):
         load_field(path)
 
 
@@ -704,6 +730,9 @@ def test_a_gpx_track_around_a_field_is_read(tmp_path: Path) -> None:
     )
     field = load_field(path)
     assert (field.name, len(field.crop)) == ("North", 4)
+    path.write_text(path.read_text().replace('"74.3"', '"nan"', 1))
+    with pytest.raises(UserError, match="a point is no latitude and longitude"):
+        load_field(path)
     path.write_text("<gpx")
     with pytest.raises(UserError, match="not GPX"):
         load_field(path)
