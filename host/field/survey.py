@@ -73,6 +73,10 @@ fields came to 0.3 m, circles with radii of 10 to 40 m to 0.9 m and more (simula
 speed and course), and"""
 BULGE_SIGMAS = 5.0
 """so surely: those came to 3 standard deviations of what a walker wobbles, these to 6 and more."""
+LEAST_SHARE = 0.1
+"""Of a walk, that the laps around the field are: where it is less, the walk may never have closed,
+and something small on the way was taken for the field. A real walk of 3.5 km with one lap of 0.8 km
+has 0.23, an open one of 0.3 km 0.03."""
 LEAST_WOBBLE_M = 0.1
 """Nobody is believed to have walked straighter, standard deviation."""
 LINES_TOLD = 2000
@@ -376,6 +380,13 @@ def survey_track(
             f"the walk leaves {number_of} straight sides by {away.max():.1f} m (rms "
             f"{residual:.1f} m); --irregular keeps the edge as it was walked"
         )
+    walked_m, around_m = track.length_m, sum(float(shapely.LinearRing(r).length) for r in rings)
+    if around_m < LEAST_SHARE * walked_m:
+        warnings.append(
+            f"the field takes only {around_m:.0f} m of {walked_m:.0f} m of walk: if it is larger, "
+            "the walk did not come back to where it began; walk on to there, or allow more with "
+            "--close"
+        )
     if sigma_m > UNSURE_M:
         warnings.append(
             f"its corners are known to {sigma_m:.1f} m only: the receiver wandered; walk again, "
@@ -466,18 +477,31 @@ def read_walk(path: Path, tell: Callable[[str], None] = _silent) -> tuple[Track,
         raise UserError(f"{path}: {error}") from error
     except OSError as error:
         raise UserError(f"cannot read the walk {path}: {error.strerror}") from error
+    heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
+    bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())
+    understood = f"(understood: {heard or 'nothing'}; bad: {bad or 'none'})"
     try:
         track = track_of(fixes)
     except UserError as error:
-        raise UserError(f"{path}: {error}") from error
+        raise UserError(f"{path}: {error} {understood}") from error
     if track is None:
-        heard = ", ".join(f"{count} {kind}" for kind, count in receiver.sentences.items() if count)
-        bad = ", ".join(f"{count} {reason}" for reason, count in receiver.bad.items())
-        raise UserError(
-            f"{path}: not one position in it (understood: {heard or 'nothing'}; bad: "
-            f"{bad or 'none'}); record NMEA with GGA or RMC sentences under open sky"
-        )
+        raise UserError(f"{path}: not one position in it {understood}; {_remedy(receiver)}")
     return track, receiver
+
+
+def _remedy(receiver: Receiver) -> str:
+    """What to do where no sentence told a position."""
+    if not receiver.sentences and receiver.bad["checksum"]:
+        return (
+            "the checksum at a sentence's end is missing or wrong; record the sentences as the "
+            "receiver sends them"
+        )
+    if not receiver.sentences:
+        return "it is no NMEA text; name the file that the phone's NMEA app has recorded, or a .gpx"
+    return (
+        "wait under open sky until the app shows a position, and record NMEA with GGA or RMC "
+        "sentences"
+    )
 
 
 def _told(lines: Iterable[bytes], size: int, tell: Callable[[str], None]) -> Iterator[bytes]:

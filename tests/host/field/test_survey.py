@@ -249,6 +249,14 @@ def test_a_walk_without_a_loop_has_none(way: list[Place]) -> None:
         survey_track(track)
 
 
+def test_a_small_loop_on_a_way_that_never_closes_is_told() -> None:
+    way = [(0, 0), *around(TREE), (100, 0), (100, 80), (0, 80)]
+    said = " ".join(survey_track(tracked(walk(way))).warnings)
+    assert "if it is larger, the walk did not come back to where it began" in said
+    whole = [*THERE, *around(SQUARE), *THERE[::-1]]
+    assert "did not come back" not in " ".join(survey_track(tracked(walk(whole))).warnings)
+
+
 def test_a_small_loop_inside_is_a_keep_out_and_one_outside_is_not() -> None:
     far = [(x + 60, y) for x, y in TREE]
     way = [*around(SQUARE), (0, 10), *around(TREE), (0, 10), (0, 0), (60, 0), *around(far)]
@@ -490,7 +498,9 @@ def test_the_command_writes_field_and_picture_and_counts_what_was_bad(
     [
         (b"", [], "not one position in it (understood: nothing; bad: none)"),
         (b"\xff\x00\n" * 3, [], "not one position in it (understood: nothing; bad: 3 not ASCII)"),
-        (b"$GPGGA,,,,,,0,,,,,,,,*66\n", [], "understood: 1 GGA"),
+        (b"a picture\n", [], "it is no NMEA text"),
+        (b"$GPGGA,,,,,,0,,,,,,,,*66\n", [], "understood: 1 GGA; bad: none); wait under open sky"),
+        (b"$GPGGA,,,,,,0,,,,,,,,\n", [], "the checksum at a sentence's end is missing"),
         (b"", ["--irregular", "--corners", "4"], "exclude each other"),
         (b"", ["--corners", "two"], "give auto or a number from 3"),
         (b"", ["--lap", "0"], "0 is not in the range"),
@@ -643,6 +653,11 @@ def test_what_an_app_did_not_see_for_a_minute_is_a_jump(tmp_path: Path) -> None:
     [
         ("<gpx", "not GPX that can be read"),
         ('<gpx version="1.1" creator="x"><wpt lat="1" lon="2"/></gpx>', "holds no track"),
+        (
+            '<gpx version="1.1" creator="x"><trk><trkseg><trkpt lat="nan" lon="2"/></trkseg></trk>'
+            "</gpx>",
+            "a point is no latitude and longitude",
+        ),
     ],
 )
 def test_gpx_that_is_no_walk_is_one_message(tmp_path: Path, content: str, message: str) -> None:
