@@ -30,7 +30,7 @@ class Seeds(click.ParamType[list[int]]):
             return [] if self._none and not value else seeds_of(value)
         except ValueError as error:
             option = param.opts[0] if param is not None else "seeds"
-            raise UserError(f"{option} {value}: say 1-30, or 1,4,9") from error
+            raise UserError(f"{option} {value}: say 1-30, or 1,4,9 ({error})") from error
 
 
 SEEDS = Seeds()

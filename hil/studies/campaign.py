@@ -262,15 +262,20 @@ MOST_SEEDS: Final = 10_000_000
 
 
 def seeds_of(text: str) -> list[int]:
-    """`1-30`, `1,4,9` and mixtures. Raises ValueError."""
-    seeds: list[int] = []
-    for part in text.split(","):
-        low, dash, high = part.strip().partition("-")
-        found = range(int(low), int(high) + 1) if dash else range(int(low), int(low) + 1)
-        if not found or len(seeds) + len(found) > MOST_SEEDS:
-            raise ValueError("none, or more than can be run")
-        seeds += found
-    return seeds
+    """`1-30`, `1,4,9` and mixtures; each once. Raises ValueError that says why."""
+    seeds: dict[int, None] = {}
+    for part in map(str.strip, text.split(",")):
+        low, dash, high = part.partition("-")
+        try:
+            found = range(int(low), int(high if dash else low) + 1)
+        except ValueError as error:
+            raise ValueError(f"{part!r} is no seed") from error
+        if not found:
+            raise ValueError(f"{part!r} counts down")
+        if len(seeds) + len(found) > MOST_SEEDS:
+            raise ValueError(f"{part!r} is too many: {MOST_SEEDS} is the most")
+        seeds |= dict.fromkeys(found)
+    return list(seeds)
 
 
 def variants(settings: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -11,6 +11,9 @@ import click
 class NumberRange(click.FloatRange):
     """As click's; what is no number, or infinite, lies in no range."""
 
+    name = "number"
+    """For messages and help: click's own is "float range"."""
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:

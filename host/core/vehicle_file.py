@@ -30,7 +30,12 @@ def load_vehicle(path: Path | None) -> Vehicle:
         return Vehicle.model_validate(data)
     except ValidationError as error:
         problems = "; ".join(
-            f"{'.'.join(map(str, problem['loc'])) or 'the machine'}: {problem['msg']}"
+            f"{'.'.join(map(str, problem['loc'])) or 'the machine'}: "
+            + (
+                "no such field"
+                if problem["type"] == "extra_forbidden"
+                else problem["msg"].removeprefix("Value error, ")
+            )
             for problem in error.errors()
         )
         raise UserError(f"vehicle file {path}: {problems}") from error

@@ -38,8 +38,13 @@ def load_yaml(path: Path, what: str) -> Any:
         if path.stat().st_size > MAX_BYTES:
             raise UserError(f"{what} {path}: it has {path.stat().st_size / 1e6:.0f} MB")
         return yaml.load(path.read_text(encoding="utf-8"), OnceLoader)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise UserError(f"cannot read the {what} {path}: {why}") from error
+    except OSError as error:
+        raise UserError(f"cannot read the {what} {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{what} {path}: its text is not UTF-8; save it as UTF-8") from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f", line {mark.line + 1}" if mark else ""
+        raise UserError(f"{what} {path}{line}: not YAML: {error.problem}") from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise UserError(f"{what} {path} is not YAML: {error}".replace("\n", " ")) from error

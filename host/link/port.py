@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 from pathlib import Path
 from typing import Final
@@ -17,6 +18,7 @@ from host.link import protocol
 
 READ_S = 0.005
 """What a read waits for at most. Fixed: pyserial sets up the whole port again at each change."""
+_ERRNO = re.compile(r"^\[Errno -?\d+\] ")
 WRITE_TIMEOUT_S = 0.5
 """A port that takes nothing for so long has no board that reads."""
 NETWORK: Final = ("socket", "rfc2217")
@@ -85,11 +87,12 @@ def _why_not(port: str, error: Exception) -> str:
     code = getattr(error, "errno", None)
     if "://" in port:
         kind = port.partition("://")[0]
-        if "not known" in str(error):
+        if "protocol" in str(error) and "not known" in str(error):
             known = " or ".join(f"{each}://HOST:PORT" for each in NETWORK)
             return f"cannot connect to {port}: {kind}:// is unknown; give a serial port, {known}"
         why = str(error).removeprefix(f"Could not open port {port}: ")
-        return f"cannot connect to {port}: {why}"
+        why = _ERRNO.sub("", why)
+        return f"cannot connect to {port}: {why}; check address and network"
     if code == errno.ENOENT:
         there = ", ".join(sorted(p.device for p in list_ports.comports())) or "none"
         return f"serial port {port} does not exist; ports there now: {there}"

@@ -53,15 +53,30 @@ def tiny(folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("text", "seeds"),
-    [("3", [3]), ("1-4", [1, 2, 3, 4]), ("1,4, 9", [1, 4, 9]), ("1-2,7", [1, 2, 7])],
+    [
+        ("3", [3]),
+        ("1-4", [1, 2, 3, 4]),
+        ("1,4, 9", [1, 4, 9]),
+        ("1-2,7", [1, 2, 7]),
+        ("2,1-3", [2, 1, 3]),
+    ],
 )
 def test_seeds_are_ranges_and_lists(text: str, seeds: list[int]) -> None:
     assert seeds_of(text) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "a", "1-", "4-1"])
-def test_what_names_no_seed_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match=r".*"):
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "'' is no seed"),
+        ("a", "'a' is no seed"),
+        ("1-", "'1-' is no seed"),
+        ("4-1", "'4-1' counts down"),
+        ("1,1-99999999", "'1-99999999' is too many: 10000000 is the most"),
+    ],
+)
+def test_what_names_no_seed_is_refused_with_the_reason(text: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
         seeds_of(text)
 
 

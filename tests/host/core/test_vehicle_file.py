@@ -53,11 +53,15 @@ def test_no_file_means_the_default_vehicle(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("wheelbase_m: -1", "wheelbase_m: Input should be greater than 0"),
-        ("wheelbase_m: 1.0\nblade_width_m: 1.2\nwheelbase_m: 1.3", "wheelbase_m is there twice"),
+        (
+            "wheelbase_m: 1.0\nblade_width_m: 1.2\nwheelbase_m: 1.3",
+            r"machine.yaml, line 3: not YAML: wheelbase_m is there twice",
+        ),
         ("mounts: {low: {x_m: 0, z_m: 1, x_m: 1}}", "x_m is there twice"),
-        ("wheel_base: 1", "wheel_base: Extra inputs are not permitted"),
+        ("wheel_base: 1", "wheel_base: no such field"),
         ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: up}}", "mounts.low.pitch_deg"),
         ("cutting_speed_mps: .inf", "cutting_speed_mps: Input should be a finite number"),
+        ("wheelbase_m: yes", "wheelbase_m: give a number, not yes or no"),
         ("wheelbase_m: .nan", "wheelbase_m: Input should be a finite number"),
         ("cutting_speed_mps: 1000", "cutting_speed_mps: Input should be less than"),
         ("overlap_m: 0.45\nblade_width_m: 0.45", "overlap_m 0.45 is more than half"),
@@ -65,7 +69,7 @@ def test_no_file_means_the_default_vehicle(tmp_path: Path) -> None:
         ("- 1", "give fields"),
         ("", "is empty; give fields"),
         ("# wheelbase_m: 1.3\n", "is empty; give fields"),
-        ("a: [", "is not YAML"),
+        ("a: [", "line 1: not YAML"),
     ],
 )
 def test_a_bad_vehicle_file_names_file_and_field(tmp_path: Path, text: str, message: str) -> None:

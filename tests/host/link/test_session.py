@@ -12,13 +12,14 @@ import time
 from dataclasses import replace
 
 import pytest
+import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.link import protocol
-from host.link.port import check_port
+from host.link.port import check_port, open_port
 from host.link.session import HELLO_EVERY_S, Link, Session
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 
@@ -34,6 +35,24 @@ def met() -> Session:
     session = Session()
     session.feed(0.0, protocol.encode(VERSION, 0))
     return session
+
+
+@pytest.mark.parametrize(
+    "why", ["[Errno -2] Name or service not known", "[Errno 111] Connection refused"]
+)
+def test_a_network_port_that_does_not_answer_says_why(
+    monkeypatch: pytest.MonkeyPatch, why: str
+) -> None:
+    port = "socket://reaper.invalid:3"
+
+    def refused(*_: object, **__: object) -> None:
+        raise serial.SerialException(f"Could not open port {port}: {why}")
+
+    monkeypatch.setattr("serial.serial_for_url", refused)
+    with pytest.raises(UserError) as error:
+        open_port(port)
+    plain = why.partition("] ")[2]
+    assert str(error.value) == f"cannot connect to {port}: {plain}; check address and network"
 
 
 # ---- the session, without I/O --------------------------------------------------------------------
