@@ -8,6 +8,7 @@ system. Every worker runs one run at a time in one thread.
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import hashlib
 import itertools
@@ -17,6 +18,7 @@ import shutil
 import tempfile
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -149,9 +151,34 @@ def run_campaign(
     OUT/campaign.json up to date."""
     runs = out / "runs"
     runs.mkdir(parents=True, exist_ok=True)
-    if scheduler is None:  # what a killed campaign left half done
-        for rest in runs.glob(".*"):
-            shutil.rmtree(rest, ignore_errors=True)
+    with _alone(out) if scheduler is None else nullcontext():
+        if scheduler is None:  # what a killed campaign left half done
+            for rest in runs.glob(".*"):
+                shutil.rmtree(rest, ignore_errors=True)
+        return _run(jobs, out, workers, scheduler, progress)
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """UserError where another campaign of this machine runs into OUT: its half done runs are no
+    leftovers. The lock ends with the process, however that ends."""
+    with (out / ".running").open("w", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise UserError(
+                f"another campaign is writing to {out}; wait for its end, or give another --out"
+            ) from error
+        yield
+
+
+def _run(
+    jobs: Sequence[Job],
+    out: Path,
+    workers: int,
+    scheduler: str | None,
+    progress: Callable[[int, int], None] | None,
+) -> list[dict[str, Any]]:
     done = {job.key: summary_of(job.place) for job in jobs if job.place.exists()}
     if progress is not None:
         progress(len(done), len(jobs))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
@@ -308,6 +309,16 @@ def test_a_second_worker_started_by_hand_takes_over(tmp_path: Path, count: int) 
     assert {name: after[name] for name in before} == before
     summaries = json.loads((tmp_path / "campaign.json").read_text())
     assert [s["seed"] for s in summaries] == list(range(1, count + 1))
+
+
+def test_a_second_campaign_leaves_what_the_first_is_at(tmp_path: Path) -> None:
+    half_done = tmp_path / "runs" / ".half-done"
+    half_done.mkdir(parents=True)
+    with (tmp_path / ".running").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(UserError, match="another campaign is writing to"):
+            run_campaign([], tmp_path)
+        assert half_done.exists()
 
 
 def test_a_scheduler_that_is_not_there_is_one_message(
