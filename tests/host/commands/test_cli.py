@@ -261,3 +261,6 @@ def test_what_is_no_number_lies_in_no_range(
         run(daranti, "daranti", [*words, "nan"])
     assert exit_.value.code == EXIT_USER
     assert "nan is no number" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        run(daranti, "daranti", [*words, "2m"])
+    assert "'2m' is not a valid number." in capsys.readouterr().err
