@@ -676,3 +676,113 @@ def test_the_numbers_of_many_points_do_not_cover_each_other(
     assert len(drawn) > 20
     assert min(apart) > 34
     page.context.close()
+
+
+# ---- in Urdu -------------------------------------------------------------------------------------
+
+LEFT_ENGLISH = """
+(names) => {
+  const said = [];
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const { parentElement, data } = texts.currentNode;
+    if (parentElement.offsetParent) said.push(data);
+  }
+  const labelled = document.querySelectorAll("[aria-label]");
+  for (const one of labelled) said.push(one.getAttribute("aria-label"));
+  const bare = (text) => text.replace(/`[^`]*`|--[a-z]+/g, "").split(/[^A-Za-z_/]+/);
+  return said.flatMap(bare).filter((word) => word.length > 1 && !names.includes(word));
+}
+"""
+NAMES = ["STOP", "English", "USB", "paper", "E_outer", "kp", "ki", "kd", "/dev/ttyACM", "/dev/pts/"]
+NAMES += ["HDOP", "Shift", "Enter", "Tab", "Insert", "Delete", "Esc", "BTS", "VNH"]
+"""What is called so in Urdu, too."""
+TOO_SMALL = """
+() => [...document.querySelectorAll("button:not(.handle), summary, input, select")]
+  .filter((one) => one.offsetParent)
+  .filter((one) => {
+    const { width, height, left, right } = one.getBoundingClientRect();
+    const cut = left < 0 || right > innerWidth || one.scrollWidth > one.clientWidth + 1;
+    return cut || width < 44 || height < 44;
+  })
+  .map((one) => one.id || one.textContent)
+"""
+DRIVING: Json = {
+    "mode": "drive",
+    "paused": False,
+    "driver": True,
+    "driven": True,
+    "pilot": {
+        **{"phase": "follow", "code": "SEEN", "words": {}, "reason": "", "place": [5, 5, 0.3]},
+        **{"done": 0.42, "left_s": 400, "side": 3, "sides": 20},
+        "view": {"confidence": 0.8, "o_map_px": 9, "e_outer_px": 8, "edge_px": [], "offset_m": -1},
+    },
+    "board": {"state": "RUNNING", "battery_v": 12, "blade": True, "speed_mps": 0.5, "faults": []},
+    "steps": {"slow": 0, "count": 9, "longest_ms": 12},
+}
+CHECKED: Json = {
+    "kind": "check",
+    "done": False,
+    "green": False,
+    "question": {
+        **{"id": 1, "key": "rolled_m", "number": True, "choices": []},
+        "values": {"reported": 1.02},
+    },
+    "lines": [
+        {
+            **{"name": "port", "verdict": "bad", "finding": "port.silent"},
+            "values": {
+                "why": "serial port /dev/ttyACM0 does not exist; ports there now: none",
+            },
+        },
+        {"name": "steering", "verdict": "bad", "finding": "steering.frozen", "values": {}},
+    ],
+}
+TUNED: Json = {
+    **{"kind": "pid", "kp": 1, "ki": 2, "kd": 3, "overshoot_deg": 4, "rise_s": 5},
+    **{"asked": [[0, 0], [2, 20]], "got": [[0, 0], [2, 18]]},
+}
+DRAWN = """
+() => {
+window.drawn = [];
+const fillText = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (said, u, v) {
+  drawn.push(said);
+  return fillText.call(this, said, u, v);
+};
+}
+"""
+
+
+def test_a_small_phone_in_urdu_says_all_in_urdu_and_every_button_is_large_enough(
+    browser: Browser, panel: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SIZES, "phone", (360, 740))
+    line = Line()
+    page = opened(browser, panel, "phone", "ur", line)
+    line.more = dict(DRIVING)
+    page.evaluate(DRAWN)
+    seen = set()
+    for tab in (*TABS, "idle harvest"):
+        if tab == "idle harvest":
+            line.more = {"driver": True, "driven": True, "green": True}
+            line.say({"kind": "ended", "outcome": "stopped", "reason": "", "resume": "x"})
+        page.click(f"#tabs button[data-tab={tab.split()[-1]}]")
+        line.say(CHECKED)
+        line.say(TUNED)
+        if tab == "idle harvest":
+            expect(page.locator("#resume")).to_be_visible()
+            page.click("#jog summary")
+        expect(page.locator(f"#page-{tab.split()[-1]}")).to_be_visible()
+        page.evaluate("new Promise(requestAnimationFrame)")
+        seen.add(page.locator("main").inner_text())
+        assert page.evaluate(LEFT_ENGLISH, NAMES) == [], tab
+        assert page.evaluate(TOO_SMALL) == [], tab
+        if PICTURES:
+            page.screenshot(path=Path(PICTURES) / f"{tab}-ur-small.png", full_page=True)
+    assert len(seen) == 6
+    said = " ".join(seen)
+    for unit in ("centimetres", "metres_a_second", "volts", "percent", "milliseconds", "none"):
+        assert re.sub(r"{\w+}", "", text("ur", unit)).strip() in said, unit
+    assert [one for one in page.evaluate("drawn") if re.search("[A-Za-z]", one)] == []
+    page.context.close()

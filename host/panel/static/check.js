@@ -91,7 +91,7 @@ const wheel = (angle, dash) => `<g transform="translate(0 -12) rotate(${angle})"
 const drawings = {
   steered: svg(`${body}${wheel(-30)}${wheel(30, 1)}<text x="-50" y="-30" font-size="12">◀</text><text x="38" y="-30" font-size="12">▶</text>`),
   rolled: svg(`${body}${wheel(0)}<path d="M40 10V-40M40 -40l-7 10M40 -40l7 10" stroke="#000" stroke-width="4" fill="none"/><path d="M-40 -10V40M-40 40l-7 -10M-40 40l7 -10" stroke="#000" stroke-width="4" fill="none" stroke-dasharray="4 4"/>`),
-  rolled_m: svg(`${body}${wheel(0)}<path d="M36 -50V46M28 -50h16M28 46h16" stroke="#000" stroke-width="3"/><text x="44" y="2" font-size="13">m?</text>`),
+  rolled_m: svg(`${body}${wheel(0)}<path d="M36 -50V46M28 -50h16M28 46h16" stroke="#000" stroke-width="3"/><text x="44" y="2" font-size="13">?</text>`),
   room: svg(`${body}${wheel(0)}<path d="M-20 -26V-56h40V-26" fill="none" stroke="#004d25" stroke-width="3" stroke-dasharray="5 4"/>`),
   estop_press: svg('<circle r="34" fill="#ffd54a" stroke="#000" stroke-width="3"/><circle r="20" fill="#b8001c" stroke="#000" stroke-width="3"/><path d="M0 -58V-26M0 -24l-8 -10M0 -24l8 -10" stroke="#000" stroke-width="5" fill="none"/>'),
   estop_release: svg('<circle r="34" fill="#ffd54a" stroke="#000" stroke-width="3"/><circle r="20" fill="#b8001c" stroke="#000" stroke-width="3"/><path d="M-26 -38a46 46 0 0 1 52 0M26 -38l-12 1M26 -38l-4 -11" stroke="#000" stroke-width="5" fill="none"/>'),

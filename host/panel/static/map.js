@@ -28,8 +28,7 @@ function scaleBar(context, view, canvas) {
   context.fillRect(16, canvas.height - 22, length * view.scale, 6);
   context.font = "bold 22px sans-serif";
   context.textAlign = "left";
-  context.direction = "ltr";
-  context.fillText(`${length} m`, 16, canvas.height - 30);
+  context.fillText(t("metres", { metres: length }), 16, canvas.height - 30);
 }
 
 export function fieldOn(canvas, boundary, keepOuts, gap, within = boundary) {

@@ -261,15 +261,15 @@ function showHarvest(now) {
   const pilot = now.pilot;
   const facts = [];
   if (pilot) {
-    facts.push(["facts.done", pilot.done == null ? t("unknown") : `${Math.round(pilot.done * 100)} %`]);
+    facts.push(["facts.done", pilot.done == null ? t("unknown") : t("percent", { percent: Math.round(pilot.done * 100) })]);
     facts.push(["facts.left", duration(pilot.left_s)]);
     facts.push(["facts.side", `${pilot.side} / ${pilot.sides || "?"}`]);
-    facts.push(["facts.edge", pilot.view?.offset_m == null ? t("unknown") : `${(pilot.view.offset_m * 100).toFixed(0)} cm`]);
+    facts.push(["facts.edge", pilot.view?.offset_m == null ? t("unknown") : t("centimetres", { cm: (pilot.view.offset_m * 100).toFixed(0) })]);
   }
   if (pilot && now.board) {
     facts.push(["facts.blade", t(now.board.blade ? "on" : "off")]);
-    facts.push(["facts.speed", now.board.speed_mps == null ? t("unknown") : `${now.board.speed_mps.toFixed(2)} m/s`]);
-    facts.push(["facts.battery", `${now.board.battery_v} V`]);
+    facts.push(["facts.speed", now.board.speed_mps == null ? t("unknown") : t("metres_a_second", { speed: now.board.speed_mps.toFixed(2) })]);
+    facts.push(["facts.battery", t("volts", { volts: now.board.battery_v })]);
   }
   const list = $("facts");
   const html = facts.map(([key, value]) => [t(key), value]);

@@ -42,7 +42,7 @@ export function show(world) {
   const now = world.now;
   if (!now) return;
   const rows = [["inside.pages", now.pages], ["inside.firmware", now.link.firmware ?? t("unknown")], ["inside.port", now.link.port]];
-  if (now.steps) rows.push(["inside.steps", `${now.steps.slow} / ${now.steps.count}`], ["inside.longest", `${now.steps.longest_ms} ms`]);
+  if (now.steps) rows.push(["inside.steps", `${now.steps.slow} / ${now.steps.count}`], ["inside.longest", t("milliseconds", { ms: now.steps.longest_ms })]);
   const list = $("inside");
   const key = JSON.stringify([rows, document.documentElement.lang]);
   if (list.dataset.shown === key) return;

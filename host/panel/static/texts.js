@@ -41,7 +41,7 @@ export function said(sentence) {
   patterns ??= Object.keys(texts).filter((key) => key.startsWith("said.") && key.includes("{")).map((key) => [pattern(key.slice(5)), key]);
   for (const [expression, key] of patterns) {
     const found = expression.exec(sentence);
-    if (found) return t(key, found.groups);
+    if (found) return filled(key, found.groups);
   }
   return sentence;
 }

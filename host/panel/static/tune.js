@@ -60,13 +60,15 @@ function draw() {
   const all = [...(pid.asked ?? []), ...(pid.got ?? [])];
   if (!all.length) return;
   const tMax = Math.max(...all.map((p) => p[0])), low = Math.min(...all.map((p) => p[1]), 0) - 2, high = Math.max(...all.map((p) => p[1])) + 2;
-  const at = ([s, a]) => [60 + s / tMax * (canvas.width - 80), canvas.height - 40 - (a - low) / (high - low) * (canvas.height - 60)];
+  const at = ([s, a]) => [60 + s / tMax * (canvas.width - 120), canvas.height - 40 - (a - low) / (high - low) * (canvas.height - 60)];
   context.font = "bold 20px sans-serif";
   context.fillStyle = "#000";
   context.textAlign = "right";
-  for (let a = Math.ceil(low / 10) * 10; a <= high; a += 10) { const [u, v] = at([0, a]); context.fillText(`${a}°`, u - 8, v + 7); context.fillStyle = "#bbb"; context.fillRect(u, v, canvas.width - 80, 1); context.fillStyle = "#000"; }
+  for (let a = Math.ceil(low / 10) * 10; a <= high; a += 10) { const [u, v] = at([0, a]); context.fillText(`\u2066${a}°\u2069`, u - 8, v + 7); context.fillStyle = "#bbb"; context.fillRect(u, v, canvas.width - 120, 1); context.fillStyle = "#000"; }
   context.textAlign = "center";
-  for (let s = 0; s <= tMax; s++) { const [u] = at([s, low]); context.fillText(`${s} s`, u, canvas.height - 12); }
+  // The unit stands at the last figure alone: in some languages it is a long word.
+  const last = Math.floor(tMax);
+  for (let s = 0; s <= last; s++) { const [u] = at([s, low]); context.fillText(s === last ? t("seconds", { seconds: s }) : String(s), u, canvas.height - 12); }
   for (const [points, colour, dash] of [[pid.asked, "#000", [10, 6]], [pid.got, "#b8001c", []]]) {
     context.setLineDash(dash);
     context.lineWidth = 4;

@@ -150,6 +150,37 @@ def test_all_languages_say_the_same_things() -> None:
         assert len(same) <= SAME_IN_ALL, same
 
 
+LEFT_TO_RIGHT = re.compile(
+    r"`[^`]*`|--[a-z]+|(?:\{\w+\}|\d[\d.]*)°|\bk[pid] \{k[pid]\}|\d (?:L298N|BTS7960|VNH5019)"
+)
+
+
+def test_what_reads_from_the_left_is_kept_together_in_urdu() -> None:
+    """Else `--gnss` shows as `gnss--`, and a figure stands at another one's name."""
+    bare = {
+        key: found[0]
+        for key, words in texts("ur").items()
+        for found in LEFT_TO_RIGHT.finditer(words)
+        if words[: found.start()].count("\u2066") == words[: found.start()].count("\u2069")
+    }
+    assert bare == {}
+    for key, words in texts("ur").items():
+        assert words.count("\u2066") == words.count("\u2069"), key
+
+
+def test_a_text_names_a_button_as_the_button_is_named() -> None:
+    quoted = re.compile("[“”]([^“”]+)[“”]")
+    for language in LANGUAGES:
+        said = texts(language)
+        for key, english in texts("en").items():
+            for name, theirs in zip(
+                quoted.findall(english), quoted.findall(said[key]), strict=True
+            ):
+                buttons = [one for one, words in texts("en").items() if words.startswith(name)]
+                if buttons:
+                    assert any(said[one].startswith(theirs) for one in buttons), (key, theirs)
+
+
 def test_texts_are_filled_in() -> None:
     assert text("en", "found.battery.low", volts=10.5) == "10.5 V"
     assert text("en", "no such text") == "no such text"
