@@ -39,6 +39,8 @@ SHOWN: Final = 600
 """Points of a walk on the page."""
 MOST_CORNERS: Final = 200
 """Of a keep-out that is drawn by hand."""
+LEAST_CORNERS: Final = 3
+"""Of a field."""
 CLOSE_M: Final = 6.0
 """How far a walk's end may lie from its beginning: a phone's drift during a lap."""
 
@@ -192,6 +194,10 @@ class FieldDesk:
                 self._plan()
             case "move_corner":
                 self._move(int(wish["index"]), float(wish["x"]), float(wish["y"]))
+            case "add_corner":
+                self._add(int(wish["index"]))
+            case "drop_corner":
+                self._drop(int(wish["index"]))
             case "keep_out":
                 self._keep_out([(float(x), float(y)) for x, y in wish["ring"][:MOST_CORNERS]])
             case "keep_out_drop":
@@ -220,14 +226,25 @@ class FieldDesk:
             raise UserError("there is no field yet")
         return self.boundary.polygon(self.boundary.frame)
 
-    def _change(self, polygon: shapely.Polygon) -> None:
+    def _corners(self, index: int) -> tuple[shapely.Polygon, list[tuple[float, float]]]:
+        """The field and its corners. UserError where it has none of that number."""
+        polygon = self._polygon()
+        corners = [(x, y) for x, y, *_ in polygon.exterior.coords[:-1]]
+        if not 0 <= index < len(corners):
+            raise UserError("there is no such corner")
+        return polygon, corners
+
+    def _change(self, polygon: shapely.Polygon, corner: int | None = None) -> None:
+        """`corner`: the number that the corner to begin at has from now on, where it changes."""
         if self.boundary is None or self.name is None:
             raise UserError("there is no field yet")
         if not polygon.is_valid:
             raise UserError("the field's sides would cross")
         was = self.boundary
-        known = was.sigma_m, was.recorded
-        self._save(self.name, boundary_of(polygon, was.frame, was.name, *known))
+        changed = boundary_of(polygon, was.frame, was.name, was.sigma_m, was.recorded)
+        if corner is not None:
+            self.corner = corner
+        self._save(self.name, changed)
 
     def _save(self, name: str, boundary: Boundary) -> None:
         """Into the folder, and back: a run drives what the file says, to its last digit, and its
@@ -236,14 +253,30 @@ class FieldDesk:
         self.open(name)
 
     def _move(self, index: int, x: float, y: float) -> None:
-        polygon = self._polygon()
-        corners = list(polygon.exterior.coords)[:-1]
-        if not 0 <= index < len(corners) or not (math.isfinite(x) and math.isfinite(y)):
+        polygon, corners = self._corners(index)
+        if not (math.isfinite(x) and math.isfinite(y)):
             raise UserError("there is no such corner")
-        if math.dist(corners[index][:2], (x, y)) > 200:
+        if math.dist(corners[index], (x, y)) > 200:
             raise UserError("a corner moves by 200 m at most")
         corners[index] = (x, y)
         self._change(shapely.Polygon(corners, polygon.interiors))
+
+    def _add(self, index: int) -> None:
+        """A corner in the middle of the side that leads on from a corner."""
+        polygon, corners = self._corners(index)
+        (x0, y0), (x1, y1) = corners[index], corners[(index + 1) % len(corners)]
+        corners.insert(index + 1, ((x0 + x1) / 2, (y0 + y1) / 2))
+        begun = self.corner + (self.corner > index)
+        self._change(shapely.Polygon(corners, polygon.interiors), begun)
+
+    def _drop(self, index: int) -> None:
+        """One corner less; where the machine began at it, it begins at the next."""
+        polygon, corners = self._corners(index)
+        if len(corners) <= LEAST_CORNERS:
+            raise UserError("a field has three corners at least")
+        del corners[index]
+        begun = (self.corner - (self.corner > index)) % len(corners)
+        self._change(shapely.Polygon(corners, polygon.interiors), begun)
 
     def _keep_out(self, ring: list[tuple[float, float]]) -> None:
         polygon = self._polygon()

@@ -59,6 +59,7 @@ CHECK_HOLDS_S: Final = 12 * 3600.0
 """How long a check that was green holds: a working day."""
 FIELD_WISHES: Final = frozenset(
     {"open", "gap", "corner", "move_corner", "keep_out", "keep_out_drop"}
+    | {"add_corner", "drop_corner"}
     | {"walk_begin", "walk_end", "walk_drop", "form"}
 )
 PLACED: Final = ("field", "harvest")

@@ -83,6 +83,12 @@ class Line:
     def __init__(self) -> None:
         self.more: Json = {}
         """What is put into each snapshot."""
+        self.keeps: frozenset[str] = frozenset()
+        """What the page asks for that the panel shall not hear,"""
+        self.kept: list[Json] = []
+        """and what it asked for."""
+        self.mutes: frozenset[str] = frozenset()
+        """Kinds of the panel's messages that the page shall not hear."""
         self.say: Callable[[Json], None] = lambda _: None
 
     def through(self, page_end: WebSocketRoute) -> None:
@@ -91,9 +97,19 @@ class Line:
 
         def pass_on(message: str | bytes) -> None:
             told = json.loads(message) if isinstance(message, str) else {}
+            if told.get("kind") in self.mutes:
+                return
             page_end.send(json.dumps(told | self.more) if told.get("kind") == "now" else message)
 
+        def pass_in(message: str | bytes) -> None:
+            wish = json.loads(message)
+            if wish["do"] in self.keeps:
+                self.kept.append(wish)
+            else:
+                panel_end.send(message)
+
         panel_end.on_message(pass_on)
+        page_end.on_message(pass_in)
         self.say = lambda message: page_end.send(json.dumps(message))
 
 
@@ -675,6 +691,147 @@ def test_the_numbers_of_many_points_do_not_cover_each_other(
     apart = [math.dist(one, other) for one in drawn for other in drawn if one != other]
     assert len(drawn) > 20
     assert min(apart) > 34
+    page.context.close()
+
+
+# ---- by keyboard ---------------------------------------------------------------------------------
+
+FOCUSED = "document.activeElement.getAttribute('aria-label')"
+RING = "parseFloat(getComputedStyle(document.activeElement).outlineWidth)"
+
+
+def by_keys(browser: Browser, panel: Served, line: Line, tool: str) -> Page:
+    """A page that shows FIELD, one of its tools chosen with a key; what it asks of the field stays
+    with the line."""
+    line.more = {"driver": True, "driven": True}
+    line.keeps = frozenset({"move_corner", "add_corner", "drop_corner", "keep_out"})
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=field]")
+    expect(page.locator("#plan-said")).not_to_have_text(text("en", "plan.none"))
+    line.mutes = frozenset({"field"})
+    line.say(FIELD)
+    expect(page.locator("#field-said")).to_contain_text("4 points, 400 m²")
+    page.locator(tool).press("Enter")
+    return page
+
+
+def keys(page: Page, *names: str) -> None:
+    """Pressed one after the other."""
+    for name in names:
+        page.keyboard.press(name)
+
+
+def asked(page: Page, line: Line, count: int) -> list[Json]:
+    """So many wishes, when they have come."""
+    for _ in range(100):
+        if len(line.kept) >= count:
+            break
+        page.wait_for_timeout(50)
+    assert len(line.kept) == count, line.kept
+    return line.kept
+
+
+def test_a_corner_is_moved_by_keys_and_told_once(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = by_keys(browser, panel, line, "#field-move")
+    assert page.evaluate(FOCUSED) == "Corner 1 of 4: 20.0 m to corner 4, 20.0 m to corner 2"
+    keys(page, "Tab")
+    assert page.evaluate(FOCUSED).startswith("Corner 2 of 4")
+    assert page.evaluate(HIDDEN) == ""
+    assert page.evaluate(RING) >= 3
+    keys(page, "ArrowRight", "ArrowRight", "ArrowRight", "ArrowLeft", "Shift+ArrowDown")
+    assert page.evaluate(FOCUSED) == "Corner 2 of 4: 20.2 m to corner 1, 21.0 m to corner 3"
+    expect(page.locator("#field-moved")).to_contain_text("0.2 m east + 1.0 m south")
+    assert line.kept == [], "the plan is not made anew at each key"
+    (told,) = asked(page, line, 1)  # nobody presses Enter
+    assert told == {"do": "move_corner", "index": 1, "x": pytest.approx(20.2), "y": -1}
+    keys(page, "ArrowUp", "Enter")
+    told = asked(page, line, 2)[1]
+    assert (told["x"], told["y"]) == (pytest.approx(20.2), pytest.approx(-0.9))
+    keys(page, "ArrowUp", "Escape")
+    assert page.evaluate("document.activeElement.id") == "field-move"
+    assert asked(page, line, 3)[2]["y"] == pytest.approx(-0.8), "what was moved is not lost"
+    keys(page, "Enter")
+    expect(page.locator(".handle")).to_have_count(0)
+    page.context.close()
+
+
+def test_keys_that_come_while_the_plan_is_made_move_on_from_where_the_corner_is(
+    browser: Browser, panel: Served
+) -> None:
+    """The panel counts from the first corner: when that has moved, all its places are others."""
+    line = Line()
+    page = by_keys(browser, panel, line, "#field-move")
+    keys(page, "Shift+ArrowRight", "Enter", "Shift+ArrowRight")
+    line.say(FIELD | {"boundary": [[0, 0], [19, 0], [19, 20], [-1, 20]], "area_m2": 390.0})
+    expect(page.locator("#field-said")).to_contain_text("390 m²")
+    keys(page, "Enter")
+    first, second = asked(page, line, 2)
+    assert (first["x"], second["x"]) == (1, 1)
+    page.context.close()
+
+
+def test_corners_are_added_and_removed_by_keys(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = by_keys(browser, panel, line, "#field-move")
+    keys(page, "Insert", "Insert", "Delete")
+    assert asked(page, line, 1) == [{"do": "add_corner", "index": 0}], "numbers change: one by one"
+    line.say(FIELD | {"boundary": [[0, 0], [10, 0], *SQUARE[1:]]})
+    expect(page.locator(".handle")).to_have_count(5)
+    assert page.evaluate(FOCUSED).startswith("Corner 2 of 5"), "the new one"
+    keys(page, "Tab", "Tab", "Tab", "Delete")
+    assert asked(page, line, 2)[1] == {"do": "drop_corner", "index": 4}
+    line.say(FIELD)
+    expect(page.locator(".handle")).to_have_count(4)
+    assert page.evaluate(FOCUSED).startswith("Corner 4 of 4"), "the focus is not lost"
+    page.context.close()
+
+
+def test_a_keep_out_is_marked_by_keys(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = by_keys(browser, panel, line, "#field-keep-out")
+    assert page.evaluate(FOCUSED).startswith("Cross: 14.1 m to corner 1; 0 points set")
+    keys(page, "Enter", "Shift+ArrowRight", "Enter", "Shift+ArrowUp", "Enter", "Enter", "Delete")
+    assert "3 points set" in page.evaluate(FOCUSED)
+    keys(page, "Escape", "Enter")
+    (told,) = asked(page, line, 1)
+    assert told == {"do": "keep_out", "ring": [[10, 10], [11, 10], [11, 11]]}
+    page.context.close()
+
+
+def test_the_panel_adds_and_removes_the_corners_that_keys_ask_for(
+    browser: Browser, walked: Served
+) -> None:
+    page = opened(browser, walked, "phone", "en")
+    walk_around(page, walked, FOUR)
+    planned = page.locator("#field-problem")
+    page.locator("#field-move").press("Enter")
+    for key, corners in (("Insert", 5), ("Delete", 4), ("Delete", 3)):
+        keys(page, key)
+        expect(planned).not_to_have_text(text("en", "field.working"), timeout=60_000)
+        expect(page.locator(".handle")).to_have_count(corners)
+        assert len(on_disk(walked).crop) == corners
+    keys(page, "Delete")
+    expect(planned).to_contain_text(text("en", "said.a field has three corners at least"))
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_everybody_can_use_the_corners(browser: Browser, panel: Served, language: str) -> None:
+    line = Line()
+    line.more = {"driver": True, "driven": True}
+    page = opened(browser, panel, "phone", language, line)
+    page.click("#tabs button[data-tab=field]")
+    expect(page.locator("#plan-said")).not_to_have_text(text(language, "plan.none"))
+    for tool in ("#field-keep-out", "#field-move"):
+        page.locator(tool).press("Enter")
+        expect(page.locator("#field-keys")).to_be_visible()
+        found = Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa", "wcag2aaa"]})
+        assert found.violations_count == 0, found.generate_report()
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    keys(page, "ArrowRight")
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"corners-{language}.png")
     page.context.close()
 
 

@@ -1,16 +1,21 @@
 // The field: walked with the phone in the hand, mended with a finger, planned at once.
 import { t, said } from "./texts.js";
 import { fieldOn } from "./map.js";
+import * as handles from "./handles.js";
 
 const $ = (id) => document.getElementById(id);
 const FORMS = [["form-straight", false], ["form-walked", true]];
 const HANDLE = 17;
+const SETTLED_MS = 700;  // after the last key that moves a corner, before it is planned with
 let ask = () => {};
 let field = null;
 let view = null;
 let tool = null;      // "move", "keep_out" or null
-let grabbed = null;   // the corner that moves: {index, at}
+let grabbed = null;   // the corner that moves: {index, at}, and by keys {by} since it was told
+let settling = 0;
 let drawn = [];       // the keep-out's corners so far
+let cross = null;     // where a keyboard sets the next one
+let awaited = null;   // the corner that gets the focus when it is there
 let working = false;  // a wish is under way that may take long
 let map = null;
 
@@ -21,10 +26,10 @@ export function bind(asker) {
   $("walk-end").addEventListener("click", () => work({ do: "walk_end" }));
   $("walk-drop").addEventListener("click", () => ask({ do: "walk_drop" }));
   for (const [id, recorded] of FORMS) $(id).addEventListener("click", () => { if (field.recorded !== recorded) work({ do: "form", recorded }); });
-  $("field-move").addEventListener("click", () => choose("move"));
-  $("field-keep-out").addEventListener("click", () => {
+  $("field-move").addEventListener("click", (event) => choose("move", event));
+  $("field-keep-out").addEventListener("click", (event) => {
     if (tool === "keep_out" && drawn.length > 2) work({ do: "keep_out", ring: drawn });
-    choose("keep_out");
+    choose("keep_out", event);
   });
   $("field-keep-out-drop").addEventListener("click", () => { drawn = []; work({ do: "keep_out_drop" }); });
   $("field-gap").addEventListener("change", () => { const gap = Number($("field-gap").value); if (gap >= 0) work({ do: "gap", gap_m: gap }); });
@@ -33,6 +38,14 @@ export function bind(asker) {
   map.addEventListener("pointerdown", begin);
   map.addEventListener("pointermove", move);
   map.addEventListener("pointerup", end);
+  handles.bind($("field-handles"), {
+    move: nudge,
+    press: () => { if (tool === "keep_out") { drawn.push(cross); draw(); } else end(); },
+    drop: (index) => { if (tool === "keep_out") { drawn.pop(); draw(); } else change({ do: "drop_corner", index }); },
+    add: (index) => { if (tool === "move" && change({ do: "add_corner", index })) awaited = index + 1; },
+    leave: () => $(tool === "move" ? "field-move" : "field-keep-out").focus(),
+    blur: () => { end(); set("field-moved", ""); },
+  });
 }
 
 // Planning takes a while: until its outcome is told, the page says that it is at work.
@@ -42,15 +55,57 @@ function work(wish) {
   say();
 }
 
-function choose(name) {
+function choose(name, event) {
+  end();
   ask({ do: "take" });
   tool = tool === name ? null : name;
   drawn = [];
+  cross = field?.boundary ? [0, 1].map((axis) => mean(field.boundary.map((p) => p[axis]))) : null;
+  $("field-handles").dataset.tool = tool ?? "";
+  set("field-keys", tool ? t(tool === "move" ? "field.keys.move" : "field.keys.keep_out") : "");
   map.style.touchAction = tool ? "none" : "auto";
   $("field-move").setAttribute("aria-pressed", String(tool === "move"));
   $("field-keep-out").setAttribute("aria-pressed", String(tool === "keep_out"));
   draw();
+  // Who chose it with a key goes on with keys.
+  if (tool && event.detail === 0) $("field-handles").children[tool === "move" ? field.corner ?? 0 : 0]?.focus();
 }
+
+const mean = (all) => all.reduce((sum, one) => sum + one, 0) / all.length;
+
+// A change of the corners' number; one at a time, for it changes their numbers.
+function change(wish) {
+  if (working) return false;
+  end();
+  work(wish);
+  return working;
+}
+
+function nudge(index, east, north) {
+  if (tool === "keep_out") cross = [cross[0] + east, cross[1] + north];
+  else {
+    if (grabbed && grabbed.index !== index) end();
+    const by = grabbed?.by ?? [0, 0];
+    grabbed = { index, by: [by[0] + east, by[1] + north] };
+    follow();
+    clearTimeout(settling);
+    settling = setTimeout(end, SETTLED_MS);
+  }
+  draw();
+  const name = $("field-handles").children[index].getAttribute("aria-label");
+  set("field-moved", tool === "keep_out" ? name : `${ways(grabbed.by)}. ${name}`);
+}
+
+// A corner that keys move goes with its field: the panel counts from the first corner, which may
+// have been moved itself meanwhile.
+function follow() {
+  const from = field.boundary?.[grabbed.index];
+  if (from) grabbed.at = from.map((one, axis) => one + grabbed.by[axis]);
+  else grabbed = null;
+}
+
+const ways = ([east, north]) => [[east, "east", "west"], [north, "north", "south"]].filter(([by]) => Math.abs(by) > 0.01)
+  .map(([by, more, less]) => t(`way.${by > 0 ? more : less}`, { metres: Math.abs(by).toFixed(1) })).join(" + ") || t("way.back");
 
 function place(event) {
   const box = map.getBoundingClientRect();
@@ -60,6 +115,7 @@ function place(event) {
 function begin(event) {
   if (!tool || !view || !field?.boundary) return;
   event.preventDefault();
+  end();
   const here = place(event);
   if (tool === "keep_out") { drawn.push(here); draw(); return; }
   const distances = field.boundary.map((p) => Math.hypot(p[0] - here[0], p[1] - here[1]));
@@ -68,12 +124,13 @@ function begin(event) {
 }
 
 function move(event) {
-  if (grabbed === null) return;
+  if (grabbed === null || grabbed.by) return;
   grabbed.at = place(event);
   draw();
 }
 
 function end() {
+  clearTimeout(settling);
   if (grabbed === null) return;
   const { index, at: [x, y] } = grabbed;
   field.boundary[index] = [x, y];
@@ -85,6 +142,7 @@ function end() {
 export function hear(message) {
   field = structuredClone(message);
   working = false;
+  if (grabbed?.by) follow();
   if (document.activeElement !== $("field-gap")) $("field-gap").value = field.gap_m ?? "";
   const corners = (field.boundary ?? []).map((_, k) => new Option(t("field.corner.name", { corner: k + 1 }), String(k)));
   $("field-corner").replaceChildren(...corners);
@@ -94,6 +152,8 @@ export function hear(message) {
   $("field-file").replaceChildren(...files);
   $("field-file").value = field.name ?? "";
   draw();
+  if (awaited !== null && $("field-handles").contains(document.activeElement)) $("field-handles").children[awaited]?.focus();
+  awaited = null;
 }
 
 function draw() {
@@ -107,6 +167,7 @@ function draw() {
     context.font = "bold 30px sans-serif";
     context.textAlign = "center";
     context.fillText(t("map.none"), map.width / 2, map.height / 2);
+    handles.lay($("field-handles"), map, [], []);
     return;
   }
   drawField(context, walked.length > 1 && field.walk.on ? walked : boundary);
@@ -123,23 +184,40 @@ function drawField(context, still) {
     for (const side of field.plan?.sides ?? []) stroke(context, side, "#fff", 2);
     finish();
     if (field.walked) stroke(context, field.walked, "#ffd54a", 3);
-    handles(context, shown);
-    if (drawn.length) stroke(context, drawn, "#c62828", 6);
+    numbers(context, shown);
+    if (drawn.length) { stroke(context, drawn, "#c62828", 6); for (const one of drawn) dot(context, one, 7, "#c62828"); }
   } else stroke(context, field.walk.track, "#0a2f7a", 6);
-  if (field.here) {
-    const [u, v] = view.at(field.here);
-    context.beginPath();
-    context.arc(u, v, 12, 0, 7);
-    context.fillStyle = "#0a58ff";
-    context.fill();
-    context.lineWidth = 4;
-    context.strokeStyle = "#fff";
-    context.stroke();
-  }
+  const held = walking || !tool ? [] : tool === "move" ? shown : [cross];
+  handles.lay($("field-handles"), map, held.map(view.at), held.map((_, k) => (tool === "move" ? corner(shown, k) : crossSaid(shown))));
+  if (field.here) dot(context, field.here, 12, "#0a58ff");
 }
 
+function dot(context, place, radius, colour) {
+  context.beginPath();
+  context.arc(...view.at(place), radius, 0, 7);
+  context.fillStyle = colour;
+  context.fill();
+  context.lineWidth = 4;
+  context.strokeStyle = "#fff";
+  context.stroke();
+}
+
+// Where a corner is, by what a tape measures.
+function corner(shown, k) {
+  const back = (k + shown.length - 1) % shown.length, ahead = (k + 1) % shown.length;
+  return t("field.handle", { corner: k + 1, corners: shown.length, back: back + 1, before: metres(shown[k], shown[back]), ahead: ahead + 1, after: metres(shown[k], shown[ahead]) });
+}
+
+function crossSaid(shown) {
+  const away = shown.map((p) => Math.hypot(p[0] - cross[0], p[1] - cross[1]));
+  const nearest = away.indexOf(Math.min(...away));
+  return t("field.cross", { metres: metres(cross, shown[nearest]), corner: nearest + 1, points: drawn.length });
+}
+
+const metres = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]).toFixed(1);
+
 // Numbers where there is room for them; a boundary as it was walked has points nearer to each other.
-function handles(context, shown) {
+function numbers(context, shown) {
   context.font = "bold 26px sans-serif";
   context.textAlign = "center";
   const at = shown.map(view.at), first = field.corner ?? 0, numbered = [];

@@ -1,0 +1,99 @@
+"""Corners of the field that the operator moves, adds and removes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from host.core.frames import LocalFrame
+from host.core.vehicle import Vehicle
+from host.field.boundary_file import Boundary, load_field, save_field
+from host.panel.fields import FieldDesk
+from tests.helpers.walker import Place
+
+FRAME = LocalFrame(31.5, 74.3)
+PLACES: list[Place] = [(0, 0), (14, 1), (13, 12), (-1, 11)]
+HOLE: list[Place] = [(5, 5), (6, 5), (6, 6)]
+
+
+@pytest.fixture(autouse=True)
+def _unplanned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans take seconds, and may move where the machine begins."""
+    monkeypatch.setattr(FieldDesk, "_plan", lambda _desk: None)
+
+
+def desk(folder: Path, corner: int = 0) -> FieldDesk:
+    """At a field of four corners, begun at one of them."""
+    around, hole = (tuple(FRAME.to_wgs84(*place) for place in ring) for ring in (PLACES, HOLE))
+    save_field(folder / "field.geojson", Boundary(around, (hole,), name="field"))
+    kept = f'{{"name": "field.geojson", "gap_m": 2.0, "corner": {corner}}}'
+    (folder / "panel.json").write_text(kept)
+    return FieldDesk(folder, Vehicle(), None, None)
+
+
+def corners(folder: Path) -> list[Place]:
+    """On disk."""
+    return [FRAME.to_local(*place) for place in load_field(folder / "field.geojson").crop]
+
+
+def close(places: list[Place]) -> list[object]:
+    return [pytest.approx(place, abs=0.01) for place in places]
+
+
+@pytest.mark.parametrize(("begun", "then"), [(0, 0), (1, 1), (2, 3)])
+def test_a_corner_is_added_in_the_middle_of_the_side(tmp_path: Path, begun: int, then: int) -> None:
+    found = desk(tmp_path, begun)
+    found.do({"do": "add_corner", "index": 1})
+    assert found.problem == ""
+    assert corners(tmp_path) == close([*PLACES[:2], (13.5, 6.5), *PLACES[2:]])
+    assert found.boundary is not None
+    assert found.boundary.keep_outs, "keep-outs stay"
+    assert found.corner == then, "the machine begins where it did"
+
+
+def test_a_corner_is_added_on_the_side_that_leads_back_to_the_first(tmp_path: Path) -> None:
+    desk(tmp_path).do({"do": "add_corner", "index": 3})
+    assert corners(tmp_path) == close([*PLACES, (-0.5, 5.5)])
+
+
+@pytest.mark.parametrize(
+    ("begun", "index", "then"), [(0, 1, 0), (3, 1, 2), (1, 1, 1), (3, 3, 0), (2, 0, 1)]
+)
+def test_a_corner_is_removed(tmp_path: Path, begun: int, index: int, then: int) -> None:
+    found = desk(tmp_path, begun)
+    found.do({"do": "keep_out_drop"})
+    found.do({"do": "drop_corner", "index": index})
+    assert found.problem == ""
+    assert corners(tmp_path) == close(PLACES[:index] + PLACES[index + 1 :])
+    assert found.corner == then
+
+
+@pytest.mark.parametrize("do", ["add_corner", "drop_corner", "move_corner"])
+@pytest.mark.parametrize("index", [-1, 4])
+def test_there_is_no_such_corner(tmp_path: Path, do: str, index: int) -> None:
+    found = desk(tmp_path)
+    found.do({"do": do, "index": index, "x": 0.0, "y": 0.0})
+    assert found.problem == "there is no such corner"
+    assert corners(tmp_path) == close(PLACES)
+
+
+def test_three_corners_are_left(tmp_path: Path) -> None:
+    found = desk(tmp_path)
+    found.do({"do": "keep_out_drop"})
+    for _ in range(2):
+        found.do({"do": "drop_corner", "index": 3})
+        found.do({"do": "drop_corner", "index": 2})
+    assert found.problem == "a field has three corners at least"
+    assert len(corners(tmp_path)) == 3
+
+
+def test_a_corner_that_cannot_go_changes_nothing(tmp_path: Path) -> None:
+    """Without it the keep-out would lie outside, and the machine began at a later corner."""
+    found = desk(tmp_path, 3)
+    hole = [(13.0, 2.0), (13.5, 2.0), (13.5, 3.0)]
+    found.do({"do": "keep_out", "ring": hole})
+    found.do({"do": "drop_corner", "index": 1})
+    assert found.problem == "the field's sides would cross"
+    assert found.corner == 3
+    assert corners(tmp_path) == close(PLACES)
