@@ -835,6 +835,35 @@ def test_everybody_can_use_the_corners(browser: Browser, panel: Served, language
     page.context.close()
 
 
+def test_a_key_that_the_focus_leaves_moves_and_starts_nothing(
+    browser: Browser, panel: Served
+) -> None:
+    """The key comes up elsewhere then, or in another window, and the page never hears of it."""
+    line = Line()
+    line.more = {"driver": True, "driven": True, "green": True}
+    line.keeps = frozenset({"jog", "start", "let_go"})
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    page.click("#jog summary")
+    page.locator("#jog-keys button[data-jog='1,0']").focus()
+    page.keyboard.down(" ")
+    assert asked(page, line, 1)[0]["speed"] == 1
+    page.locator("#jog summary").focus()
+    page.keyboard.up(" ")
+    page.evaluate("new Promise((done) => setTimeout(done, 400))")
+    assert [wish["speed"] for wish in line.kept][-1] == 0, line.kept
+    line.kept.clear()
+    expect(page.locator("#start")).to_be_enabled()
+    page.locator("#start").focus()
+    page.keyboard.down(" ")
+    expect(page.locator("#start")).to_have_class("hold down")
+    page.locator("#jog summary").focus()
+    expect(page.locator("#start")).to_have_class("hold")
+    page.keyboard.up(" ")
+    assert [wish["do"] for wish in asked(page, line, 1)] == ["let_go"]
+    page.context.close()
+
+
 # ---- in Urdu -------------------------------------------------------------------------------------
 
 LEFT_ENGLISH = """

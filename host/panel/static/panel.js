@@ -345,7 +345,7 @@ function hold(id, order) {
     notice(t("harvest.hold_longer"));
   };
   button.addEventListener("pointerdown", begin);
-  for (const kind of ["pointerup", "pointerleave", "pointercancel"]) button.addEventListener(kind, end);
+  for (const kind of ["pointerup", "pointerleave", "pointercancel", "blur"]) button.addEventListener(kind, end);
   button.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) begin(event); });
   button.addEventListener("keyup", end);
   button.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -360,7 +360,7 @@ for (const key of document.querySelectorAll("#jog-keys button")) {
   const end = () => { if (!timer) return; clearInterval(timer); timer = 0; ask({ do: "jog", speed: 0, steer_deg: steer }); };
   key.addEventListener("pointerdown", begin);
   window.addEventListener("stopped", () => { clearInterval(timer); timer = 0; });
-  for (const kind of ["pointerup", "pointerleave", "pointercancel"]) key.addEventListener(kind, end);
+  for (const kind of ["pointerup", "pointerleave", "pointercancel", "blur"]) key.addEventListener(kind, end);
   key.addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") begin(event); });
   key.addEventListener("keyup", end);
 }
