@@ -88,8 +88,20 @@ def test_three_corners_are_left(tmp_path: Path) -> None:
     assert len(corners(tmp_path)) == 3
 
 
+def test_a_field_of_which_nothing_would_be_left_stays(tmp_path: Path) -> None:
+    """And the machine begins where it did, not at the number that it would have then."""
+    found = desk(tmp_path, 3)
+    found.do({"do": "keep_out_drop"})
+    found.do({"do": "move_corner", "index": 2, "x": 27.9, "y": 1.9999})
+    before = corners(tmp_path)
+    found.do({"do": "drop_corner", "index": 3})
+    assert "is no field" in found.problem
+    assert found.corner == 3
+    assert corners(tmp_path) == close(before)
+
+
 def test_a_corner_that_cannot_go_changes_nothing(tmp_path: Path) -> None:
-    """Without it the keep-out would lie outside, and the machine began at a later corner."""
+    """Without it the keep-out would lie outside."""
     found = desk(tmp_path, 3)
     hole = [(13.0, 2.0), (13.5, 2.0), (13.5, 3.0)]
     found.do({"do": "keep_out", "ring": hole})

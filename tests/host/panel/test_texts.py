@@ -12,8 +12,12 @@ import pytest
 
 from host.check.lines import NAMES
 from host.core.errors import UserError
+from host.core.frames import LocalFrame
+from host.core.vehicle import Vehicle
+from host.field.boundary_file import Boundary, save_field
 from host.link import protocol
 from host.link.session import Link
+from host.panel.fields import FieldDesk
 from host.panel.snapshot import code_of, reasons
 from host.panel.texts import LANGUAGES, text, texts
 from host.sensors.camera_stream import camera_feed
@@ -134,6 +138,26 @@ def test_what_a_device_lacks_has_its_words(language: str, lacking: Callable[[], 
     said = [key.removeprefix("said.") for key in texts(language) if key.startswith("said.")]
     sentence = lacking()
     assert any(fits(one, sentence) for one in said), sentence
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_the_field_refuses_has_its_words(language: str, tmp_path: Path) -> None:
+    said = [key.removeprefix("said.") for key in texts(language) if key.startswith("said.")]
+    frame = LocalFrame(31.5, 74.3)
+    corners = tuple(frame.to_wgs84(*place) for place in ((0, 0), (9, 0), (19, 0.001), (9, 9)))
+    save_field(tmp_path / "field.geojson", Boundary(corners, name="field"))
+    (tmp_path / "panel.json").write_text('{"name": "field.geojson", "gap_m": 2.0, "corner": 0}')
+    desk = FieldDesk(tmp_path, Vehicle(), None, None)
+    for wish in (
+        {"do": "gap", "gap_m": -1},
+        {"do": "open", "name": "x"},
+        {"do": "move_corner", "index": 1, "x": 500, "y": 0},
+        {"do": "drop_corner", "index": 3},
+        {"do": "drop_corner", "index": 7},
+    ):
+        desk.do(wish)
+        assert desk.problem, wish
+        assert any(fits(one, desk.problem) for one in said), desk.problem
 
 
 def read(file: Path) -> str:
