@@ -1,7 +1,7 @@
 """A day from the page alone: pairing, walk, plan, check, harvest to FINISHED, with pause, a page
 that is closed, a camera that is lost, STOP, a machine led away and back, resume.
 
-    python -m tools.panel.harvest --out out/day [--size 7 6] [--shots docs/use/panel]
+    python -m tools.panel.harvest --out out/day [--size 7 6] [--shots out/day/shots]
 
 Takes as long as it takes, for the rig runs in wall-clock time. Prints a table and writes it to
 OUT/summary.json; exits with 1 where the field was not finished.
@@ -194,6 +194,11 @@ class Day:
         screen.at_the_nearest_corner()
         found = screen.last("field")
         screen.shot("field")
+        screen.speak("ur")
+        screen.tab("field")
+        screen.shot("field-ur")
+        screen.speak("en")
+        screen.tab("field")
         self.note("walk, two laps (s)", round(time.monotonic() - begin))
         self.note("corners understood", len(found["boundary"]))
         self.note("area understood (m2)", found["area_m2"])

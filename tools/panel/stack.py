@@ -203,6 +203,12 @@ class Screen:
         """Another page of the panel."""
         self.page.click(f"#tabs button[data-tab={name}]")
 
+    def speak(self, language: str) -> None:
+        """The page's language."""
+        self.tab("runs")
+        self.page.click(f"#languages button[lang={language}]")
+        self.page.locator(f"html[lang={language}]").wait_for(state="attached")
+
     def at_the_nearest_corner(self) -> None:
         """Chooses the corner that the receiver has the machine at."""
         self.until(lambda: self.last("field").get("here") is not None, 20)
@@ -285,8 +291,8 @@ class Person:
         self.asked.append(key)
         screen, rig = self._screen, self._rig
         screen.page.wait_for_timeout(600)
-        if key in ("steered", "room", "estop_press"):
-            screen.shot(f"ask-{key}", top=False)
+        if key == "steered":
+            screen.shot("check", top=False)
         if key in ("estop_press", "estop_release"):
             rig.do(key.removeprefix("estop_"))
             # The board says so by itself.
