@@ -23,6 +23,9 @@ void Blade::configure(const Params &params) {
   turn_min_ = least < kLeastPulses ? kLeastPulses : least;
   window_ = rate == 0 ? uint16_t{0}
                       : static_cast<uint16_t>((turn_min_ * kTicksPerSecond + rate - 1) / rate);
+  // The window in which the blade starts or stops tells of neither; the next does.
+  const uint16_t told = static_cast<uint16_t>(2 * window_);
+  if (spin_ < told) spin_ = told;
 }
 
 void Blade::request(bool wanted) {

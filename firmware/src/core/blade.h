@@ -27,7 +27,7 @@ class Blade {
   void set(bool on);
 
   uint16_t rest_ = 0;          // ticks that it stays off at least
-  uint16_t spin_ = 0;          // ticks that it may take to start or stop
+  uint16_t spin_ = 0;          // ticks that it may take to start or stop, and to be seen to
   uint16_t turn_min_ = 0;      // pulses in a window while turning
   uint16_t window_ = 0;        // ticks in which pulses are counted; 0: no sensor
   uint16_t since_ = 0;         // ticks since the relay last changed, saturating

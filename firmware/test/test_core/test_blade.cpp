@@ -124,6 +124,31 @@ TEST_CASE(
   }
 }
 
+TEST_CASE(
+    "A blade that starts and stops at once is neither lost nor stuck, however slow its sensor") {
+  for (const int16_t least : {1, 2, 4, 10, 20, 1000}) {
+    for (int phase = 0; phase < 200; phase += 23) {
+      Rig rig({{Param::blade_turn_min, least}, {Param::blade_spin_time, 200}});
+      CAPTURE(least);
+      CAPTURE(phase);
+      rig.start();
+      const auto given = [&](int tick) { return (tick + phase) * least / 200; };
+      bool lost = false, stuck = false;
+      for (int tick = 1; tick < 3000 + phase; ++tick) {
+        rig.step(1, static_cast<uint16_t>(given(tick) - given(tick - 1)));
+        lost = lost || rig.blade.lost();
+      }
+      CHECK(!lost);
+      rig.blade.release();
+      for (int tick = 0; tick < 3000; ++tick) {
+        rig.step();
+        stuck = stuck || rig.blade.stuck();
+      }
+      CHECK(!stuck);
+    }
+  }
+}
+
 TEST_CASE("Pulses are counted for a tenth of a second, or as long as two take, and then anew") {
   struct Case {
     int16_t least;
