@@ -29,7 +29,7 @@ class Controller {
   const Supervisor &supervisor() const { return supervisor_; }
 
  private:
-  // The last command of its kind; forgotten when the outputs go off.
+  // What the latest DRIVE or IDENT asks for; forgotten when the machine is armed.
   struct Asked {
     int16_t steer = 0;        // centidegree
     int16_t speed = 0;        // mm/s
