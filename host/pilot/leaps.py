@@ -13,13 +13,6 @@ LEAP_PICTURES, ALIKE_M = 3, 0.15
 """Sure pictures in a row that must show it, each within so much of the one before. The gate of a
 lane that a turn has left known to a third of a metre lets another strip's edge pass, and one
 picture in a hundred shows that."""
-LEFT_M: Final = 2.0
-"""Way on which an edge must be seen that lies outside of a lane inside the field, where earlier
-strips have left crop: a band of 1.2 m where shuttles lack room, a wedge where one was begun askew.
-Believed after three pictures, such edges moved the place by more than 0.05 m seven times in 15
-random fields (model eyes), and each time away from where it was. Edges that lie inside of the lane
-moved it to there five times of six. Larger: a machine that is too far inside leaves a longer band.
-"""
 LEAP_STAYS_S: Final = 2.0
 """It is believed when it stays that long after the machine was told to stand."""
 INWARD_M: Final = 0.06
@@ -31,24 +24,19 @@ class Leaps:
 
     def __init__(self) -> None:
         self._last_m, self._count = math.nan, 0
-        self._since_m = 0.0
 
     def forget(self) -> None:
         """A picture that is not sure, or shows the edge where the lane is."""
         self._last_m, self._count = math.nan, 0
 
-    def confirmed(self, leap_m: float, travelled_m: float, *, inside: bool) -> bool:
+    def confirmed(self, leap_m: float) -> bool:
         """Whether a sure picture's edge, leap_m left of the lane's, is near it, or the pictures
-        before show it there, too. `inside`: strips have been cut outside of the lane."""
+        before show it there, too."""
         if abs(leap_m) <= LEAP_M:
             self.forget()
             return True
-        if not abs(leap_m - self._last_m) < ALIKE_M:
-            self._count, self._since_m = 0, travelled_m
+        self._count = self._count + 1 if abs(leap_m - self._last_m) < ALIKE_M else 1
         self._last_m = leap_m
-        self._count += 1
-        if inside and leap_m < 0.0:
-            return abs(travelled_m - self._since_m) > LEFT_M
         return self._count >= LEAP_PICTURES
 
 

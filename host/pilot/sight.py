@@ -185,8 +185,7 @@ class Sight:
                 edge_m = strip.edge_m(view, then)
                 leap_m = edge_m + estimate.lane.blade_offset_m
                 dusts = self._dusty_leap(leap_m, strip, gaze, then, since)
-                inside = strip.placed and not strip.outermost
-                if self._leap.confirmed(leap_m, then.distance_m, inside=inside) and not dusts:
+                if self._leap.confirmed(leap_m) and not dusts:
                     # Crop that stands elsewhere passes before a machine that turns.
                     self._take_edge(
                         view, edge_m, strip, then, since_shutter, gaze, not in_leg, moved=moved

@@ -10,7 +10,6 @@ import pytest
 
 from host.core.messages import Frame
 from host.pilot.behaviours.search import Search
-from host.pilot.leaps import LEFT_M
 from tests.helpers.behaving import CUTTING, NOW, Shown, moved, on_side
 
 
@@ -40,29 +39,3 @@ def test_an_edge_far_from_a_lane_that_is_hardly_known_is_one_once_it_stays(
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
         context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
     assert (context.estimate.lane.blade_offset_m > 0.05) is taken
-
-
-@pytest.mark.parametrize(
-    ("index", "edge_m", "way_m", "taken"),
-    [
-        (4, -0.7, 0.0, False),
-        (4, -0.7, 0.9 * LEFT_M, False),
-        (4, -0.7, 1.1 * LEFT_M, True),
-        (4, 0.7, 0.0, True),
-        (4, -0.3, 0.0, True),
-        (0, -0.7, 0.0, True),
-    ],
-    ids=["left", "left for long", "no band is so long", "inside", "near", "along the boundary"],
-)
-def test_inside_the_field_crop_outside_of_the_lane_is_what_was_left(
-    index: int, edge_m: float, way_m: float, *, taken: bool
-) -> None:
-    """There the strips before have cut, and what they have left is no edge of the lane's."""
-    eye = Shown(replace(CUTTING, edge_offset_m=edge_m))
-    context = on_side(index, cut_m=2.0, eye=eye)
-    context.estimate.lane.place(0.0, 0.0, 0.35, 0.02)
-    for k in range(11):
-        moved(context, 2.0 + 0.02 * k + way_m * k / 10, 0.3, stamp=NOW + 0.1 * k)
-        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
-    assert (abs(context.estimate.lane.blade_offset_m) > 0.1) is taken
