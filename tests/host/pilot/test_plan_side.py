@@ -7,10 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from host.estimate.states import CORNERS
-from host.route.side import NO_EDGE, Side
-from tests.helpers.behaving import PLAN, on_side
+from host.field.areas import GAP_MARGIN_M, outline_of, placed
+from host.pilot.planned_strip import PlannedStrip
+from host.route.plan import spiral
+from host.route.side import NO_EDGE, Side, lane_pose
+from tests.helpers.behaving import PLAN, VEHICLE, on_side
 
 
 def test_a_side_does_not_run_on_over_ground_that_is_cut_but_for_what_it_may_have_left() -> None:
@@ -110,3 +114,22 @@ def test_a_boundary_that_is_said_to_be_known_exactly_does_not_give_way_by_metres
     length_m = PLAN.sides[0].length_m
     assert strip.may_end_at(length_m - 1.5) is (sigma_m > 0.0)
     assert strip.may_end_at(length_m - 0.7)
+
+
+def test_put_down_at_a_blunt_corner_it_stands_where_it_just_has_room() -> None:
+    """Its blade, counted from where vision would see the crop begin: that is not the first tip."""
+    corners = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (-15.0, 20.0)]
+    gap_m = 1.5
+    strip = on_side(0, spiral(corners, 0, VEHICLE, gap_m=gap_m), cut_m=None).strip
+    assert isinstance(strip, PlannedStrip)
+    along_m, _ = strip.put_down(0.0)
+    side = strip.side
+    assert side.begin_seen_m > 0.1
+    permitted = shapely.Polygon(corners).buffer(gap_m - GAP_MARGIN_M, join_style="mitre")
+
+    def has_room(seen_m: float) -> bool:
+        at = lane_pose(side, side.begin_seen_m + seen_m, VEHICLE)
+        return bool(permitted.contains(shapely.Polygon(placed(outline_of(VEHICLE), *at))))
+
+    assert has_room(along_m + 0.02)
+    assert not has_room(along_m - 0.02)
