@@ -121,8 +121,17 @@ def _shapes(main: bytes, content: Files) -> list[Shape]:
 
 
 def _shape(partfield: Any) -> Shape | None:
-    """Boundary and obstacles of a partfield; None where it has no boundary."""
+    """Boundary and obstacles of a partfield; None where it has no boundary. One that nobody can use
+    is no obstacle to the others."""
     name = str(partfield.designator or partfield.id or "?")
+    try:
+        polygon = _polygon(partfield, name)
+    except UserError as error:
+        return Shape(shapely.Polygon(), name, fault=str(error))
+    return None if polygon is None else Shape(polygon, name)
+
+
+def _polygon(partfield: Any, name: str) -> shapely.Polygon | None:
     boundaries = [pln for pln in partfield.polygons if _type(pln) == BOUNDARY]
     if not boundaries:
         return None
@@ -138,7 +147,7 @@ def _shape(partfield: Any) -> Shape | None:
     if any(len(ring) < 3 for ring in rings):
         raise UserError(f"its partfield {name!r} has a ring of fewer than three corners")
     try:
-        return Shape(shapely.Polygon(outer[0], holes), name)
+        return shapely.Polygon(outer[0], holes)
     except (shapely.errors.ShapelyError, ValueError) as error:
         raise UserError(f"its partfield {name!r} is no polygon ({error})") from error
 

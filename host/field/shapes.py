@@ -26,6 +26,8 @@ class Shape:
     """Standard deviation per axis of a corner against the others, where the file says it."""
     recorded: bool | None = None
     """Whether it was recorded point by point, where the file says it."""
+    fault: str = ""
+    """Why nobody can use it; its polygon is empty then."""
 
 
 def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
@@ -38,12 +40,15 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
         for k, outline in enumerate(outlines)
         if not any(_holds(other, outline, j < k) for j, other in enumerate(outlines) if j != k)
     ]
-    outer = [k for k in outer if area_m2(outlines[k]) >= MIN_AREA_M2] or outer
+    large = [k for k in outer if shapes[k].fault or area_m2(outlines[k]) >= MIN_AREA_M2]
+    outer = large or outer
     if not outer:
         raise UserError("it holds no polygon; draw the field's outline as a polygon")
     names = [shapes[k].name or f"field {number}" for number, k in enumerate(outer, start=1)]
     index = _index(names, wanted)
     own = outlines[outer[index]]
+    if shapes[outer[index]].fault:
+        raise UserError(shapes[outer[index]].fault)
     _check(
         [shape for shape, outline in zip(shapes, outlines, strict=True) if outline.intersects(own)]
     )

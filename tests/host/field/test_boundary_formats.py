@@ -426,6 +426,26 @@ def test_bad_isoxml_is_one_message(tmp_path: Path, text: str, message: str) -> N
     assert str(path) in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("spoilt", "message"),
+    [
+        (f'<LSG A="1">{SQUARE}</LSG>' * 2, "2 outer rings"),
+        ('<LSG A="1"><PNT A="2" C="31" D="74"/></LSG>', "fewer than three corners"),
+        ('<LSG A="1"><PNT A="2" C="31"/></LSG>', "no numbers in C"),
+    ],
+)
+def test_a_partfield_that_nobody_can_use_is_no_obstacle_to_the_others(
+    tmp_path: Path, spoilt: str, message: str
+) -> None:
+    path = tmp_path / "TASKDATA.XML"
+    path.write_text(task(partfield("North", spoilt) + partfield("South")))
+    assert load_field(path, "South").name == "South"
+    with pytest.raises(UserError, match="1 'North', 2 'South'"):
+        load_field(path)
+    with pytest.raises(UserError, match=message):
+        load_field(path, "North")
+
+
 # ---- anything at all -----------------------------------------------------------------------------
 
 
