@@ -67,7 +67,8 @@ bool Controller::set_up() const {
          params_[Param::steer_pwm_freq] <= bridge_fastest(steer_style_) &&
          steer_current_.shows(params_[Param::steer_current_max]) &&
          drive_current_.shows(params_[Param::drive_current_max]) &&
-         params_[Param::battery_high] <= battery_top;
+         params_[Param::battery_high] <= battery_top &&
+         params_[Param::steer_duty_max] > params_[Param::steer_min_duty];
 }
 
 void Controller::tick(Board &board) {
