@@ -24,9 +24,8 @@ MARGIN_M = 0.2
 """The permitted area ends this far before the neighbour's crop."""
 BLADE_REACH_M = (0.1, 0.05)
 """How far the blade's bar reaches behind and ahead of its line."""
-NEARER_M = 1.5
-"""How far an operator moves the machine up at most where there is no room behind: beside a gap of
-1.5 m at a blunt corner 0.9 m."""
+NEARER_M = 1.0
+"""How far an operator moves the machine up at most, where there is no room behind it."""
 NEARER_STEP_M = 0.01
 """How finely."""
 ALONG_M = 3.0
