@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
@@ -16,7 +16,13 @@ class Strict(BaseModel):
     @classmethod
     def _no_yes_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
         """pydantic takes yes and no, which YAML reads as true and false, for 1 and 0."""
-        wanted = cls.model_fields[str(info.field_name)].annotation
-        if isinstance(value, bool) and wanted in (int, float):
-            raise ValueError("give a number, not yes or no")
+        if isinstance(value, bool):
+            kinds = _kinds(cls.model_fields[str(info.field_name)].annotation)
+            if bool not in kinds and (int in kinds or float in kinds):
+                raise ValueError("give a number, not yes or no")
         return value
+
+
+def _kinds(annotation: Any) -> list[Any]:
+    """A field's type, and those that it is made of: of Positive | None that is float, too."""
+    return [annotation, *(kind for part in get_args(annotation) for kind in _kinds(part))]

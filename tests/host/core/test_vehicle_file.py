@@ -62,6 +62,7 @@ def test_no_file_means_the_default_vehicle(tmp_path: Path) -> None:
         ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: up}}", "mounts.low.pitch_deg"),
         ("cutting_speed_mps: .inf", "cutting_speed_mps: Input should be a finite number"),
         ("wheelbase_m: yes", "wheelbase_m: give a number, not yes or no"),
+        ("mounts: {low: {focal_px: yes}}", "focal_px: give a number, not yes or no"),
         ("wheelbase_m: .nan", "wheelbase_m: Input should be a finite number"),
         ("cutting_speed_mps: 1000", "cutting_speed_mps: Input should be less than"),
         ("overlap_m: 0.45\nblade_width_m: 0.45", "overlap_m 0.45 is more than half"),

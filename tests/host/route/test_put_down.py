@@ -37,10 +37,11 @@ def test_so_far_up_it_just_has_room(corners: list[tuple[float, float]], gap_m: f
     assert outside_m2(up_m - 2 * STEP_M) > 0.0
 
 
-@pytest.mark.parametrize(("gap_m", "up_m"), [(1.0, 0.95), (1.5, 0.45), (3.0, -1.05)])
+@pytest.mark.parametrize(("gap_m", "up_m"), [(0.25, 1.7), (1.0, 0.95), (1.5, 0.45), (3.0, -1.05)])
 def test_at_a_square_corner_it_lacks_what_its_length_exceeds_the_gap_by(
     gap_m: float, up_m: float
 ) -> None:
+    """Beside the narrowest one its blade's right end stands outside all along."""
     plan = spiral(SQUARE, 0, VEHICLE, gap_m=gap_m)
     assert up_m == pytest.approx(LENGTH_M + GAP_MARGIN_M - gap_m)
     assert moved_up_m(plan, plan.sides[0], VEHICLE) == pytest.approx(up_m, abs=STEP_M)
