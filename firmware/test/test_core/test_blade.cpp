@@ -149,6 +149,22 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("A blade that never turns is lost after two windows of a slow sensor, to the tick") {
+  struct Case {
+    int16_t least;
+    int ticks;
+  };
+  for (const Case &each : {Case{1, 800}, Case{4, 200}, Case{10, 80}, Case{20, 40}}) {
+    CAPTURE(each.least);
+    Rig rig({{Param::blade_turn_min, each.least}, {Param::blade_spin_time, 200}});
+    rig.start();
+    rig.step(each.ticks - 1);
+    CHECK(!rig.blade.lost());
+    rig.step();
+    CHECK(rig.blade.lost());
+  }
+}
+
 TEST_CASE("Pulses are counted for a tenth of a second, or as long as two take, and then anew") {
   struct Case {
     int16_t least;
