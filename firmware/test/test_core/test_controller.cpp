@@ -726,6 +726,33 @@ TEST_CASE("ARM is refused where a driver is not named") {
   }
 }
 
+TEST_CASE("A VNH5019's pauses are those of its own motor's frequency") {
+  for (const int16_t hz : {3922, 25000}) {  // the drive's timer gives no more than 3922
+    CAPTURE(hz);
+    Rig rig;
+    rig.set(Param::drive_pwm_freq, hz);
+    rig.set(Param::battery_nominal, 0);
+    rig.set(Param::speed_full, 500);
+    rig.arm();
+    rig.ask(490);  // duty 250: 5 of 255 low, of 7 at least
+    rig.drive_for(400);
+    REQUIRE(rig.state() == State::RUNNING);
+    CHECK(rig.board.drive.pwm == 248);
+  }
+  Rig rig;
+  rig.set(Param::steer_driver, 3);
+  rig.set(Param::steer_duty_max, 239);  // at 20 kHz 31 of 255 are low at least
+  rig.arm();
+  rig.ask(0, 2000);
+  int most = 0;
+  for (int i = 0; i < 40; ++i) {
+    rig.drive_for(1);
+    REQUIRE(rig.state() == State::ARMED);  // it steers at a stand, too
+    most = rig.board.steer.pwm > most ? rig.board.steer.pwm : most;
+  }
+  CHECK(most == 224);
+}
+
 TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or show") {
   struct Case {
     Param param;
@@ -769,7 +796,16 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   rig.board.answers();
   rig.board.type(protocol::Arm::kId, {protocol::kVersion});
   CHECK(result_of(rig) == as_int(Result::NOT_SET_UP));
-  rig.set(Param::drive_current_cont, 400);
+  rig.set(Param::drive_current_max, 500);
+  for (const int16_t mean : {401, 400}) {
+    rig.set(Param::drive_current_cont, mean);
+    rig.tick(2);
+    rig.board.answers();
+    rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+    CHECK(result_of(rig) == as_int(mean == 400 ? Result::OK : Result::NOT_SET_UP));
+  }
+  rig.board.type(protocol::Stop::kId);
+  rig.tick();
   for (const int16_t most : {501, 500}) {
     rig.set(Param::drive_current_max, most);
     rig.tick(2);
