@@ -320,6 +320,14 @@ def _from(ring: Points, place: Points) -> Points:
     return np.roll(ring, -nearest, axis=0)
 
 
+def _begin(track: Track, lap: Loop, outline: Points, close_m: float) -> Points:
+    """(2,) where the walker began: at the edge, or else, who came from elsewhere, where the first
+    lap began. Of several laps the first that closes well may begin anywhere on the way."""
+    first: Points = track.xy[0]
+    at_edge = shapely.distance(shapely.LinearRing(outline), shapely.Point(first)) < close_m
+    return first if at_edge else lap.begin
+
+
 def _silent(_: str) -> None:
     """Where nobody asks how far it is."""
 
@@ -366,7 +374,7 @@ def survey_track(
         sides = None if irregular else smoother.sides(outline, [(k.first, k.last) for k in laps])
         if sides is not None and _same_form(outline, sides.corners):
             outline, sigma_m = sides.corners, relative_sigma_m(sides.covariance)
-    outline = _from(outline, laps[0].begin)
+    outline = _from(outline, _begin(track, laps[0], outline, close_m))
     line = shapely.LinearRing(outline)
     away = np.concatenate([shapely.distance(line, shapely.points(ring)) for ring in rings])
     residual = float(np.sqrt((away**2).mean()))

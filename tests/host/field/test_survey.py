@@ -419,6 +419,24 @@ def test_straight_sides_do_not_bulge(name: str, seed: int) -> None:
     assert not any("--irregular" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize("seed", [0, 9])
+def test_corner_0_is_where_the_walk_began_whichever_laps_close_best(seed: int) -> None:
+    """Three times around a round field, where any second of the walk may begin a lap; of seed 9 the
+    first lap that closes begins eleven seconds after the walk."""
+    phone = GnssSpec(cep_m=0.9, outages_per_hour=0.0, jumps_per_hour=0.0)
+    begin = (14.0, 0.0)
+    track = tracked(walk(around(oval(14.0, 14.0), 3), phone, seed))
+    edge = in_field(survey_track(track, irregular=True)).exterior
+    off = shapely.distance(shapely.Point(begin), edge)
+    assert math.dist(edge.coords[0], begin) < off + 3.0
+
+
+def test_who_came_from_elsewhere_began_where_the_lap_did() -> None:
+    track = tracked(walk([*THERE, *around(SQUARE)]))
+    corner = in_field(survey_track(track)).exterior.coords[0]
+    assert math.dist(corner, SQUARE[0]) < 1.0
+
+
 def test_as_many_sides_as_are_looked_for_may_be_a_bent_edge() -> None:
     """Where more would fit still better, nothing else tells."""
     found = survey_track(tracked(walk(around(SQUARE))))
