@@ -21,6 +21,7 @@ from hil.studies.beliefs import (
 )
 from hil.studies.beliefs import pairs as drawn_pairs
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -29,8 +30,8 @@ from host.core.terminal import PlainConsole, echo
 @click.argument("cases", nargs=-1, metavar="[CASE]...")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="picture")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--pairs", type=click.IntRange(1, MOST_PAIRS), help="So many pairs of them instead.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the pairs.")
+@click.option("--pairs", type=WholeRange(1, MOST_PAIRS), help="So many pairs of them instead.")
+@click.option("--seed", type=WholeRange(0), default=1, show_default=True, help="Of the pairs.")
 @click.option("--seeds", type=SEEDS, default=str(SEED), show_default=True,
               help="Of each harvest's crop, weather and noise.")  # fmt: skip
 @click.option("--sizes", is_flag=True, help="Errors of several sizes instead, and their plot.")

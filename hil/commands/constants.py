@@ -11,6 +11,7 @@ from rich.table import Table
 from hil.scenario.scenario import load
 from hil.studies.constants import ROOT, SHARE, Figures, driven, found, varied
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 
@@ -20,7 +21,7 @@ from host.core.terminal import PlainConsole
               default=ROOT, help="Count in another checkout.")  # fmt: skip
 @click.option("--vary", metavar="TEXT", help="Vary those whose path or name has it; `all`: all.")
 @click.option("--scenario", default="small", show_default=True, metavar="NAME|FILE")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0), default=1, show_default=True)
 def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
     """Counts the numbers in capitals on the way from picture to steering. With --vary, drives a
     scenario with model eyes with each of them 30 % smaller and larger."""

@@ -15,6 +15,7 @@ from hil.commands.seeds import SEEDS, SEEDS_OR_NONE
 from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
+from host.core.number_range import WholeRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -50,7 +51,7 @@ _options = [
         show_default=True,
         help="Where drives are kept.",
     ),
-    click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True),
+    click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True),
     click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT."),
 ]
 

@@ -16,6 +16,7 @@ from hil.studies.actuators import (
 )
 from hil.studies.identification import campaign, identify_plant, summary_of
 from host.commands.identify import table as table_of
+from host.core.number_range import WholeRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text, saved
@@ -23,12 +24,12 @@ from host.tune.pictures import draw_fit
 
 
 @click.command("identify")
-@click.option("--plants", "count", type=click.IntRange(1, 100_000), default=1, show_default=True)
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True)
+@click.option("--plants", "count", type=WholeRange(1, 100_000), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), default=0, show_default=True)
 @click.option("--days", is_flag=True, help="Battery, load, wear and temperature vary as well.")
 @click.option("--tune", is_flag=True, help="Tune on each model and compare gains on its plant.")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/identify"))
 def command(
     count: int, seed: int, days: bool, tune: bool, firmware: Firmware, workers: int, out: Path

@@ -18,7 +18,7 @@ from hil.bench.typed_faults import USAGE, TypedFaults
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
 from host.core.progress import Watch
 from host.core.terminal import Outlet, PlainConsole, echo
 from host.core.whole_file import save_text
@@ -27,7 +27,7 @@ from host.core.whole_file import save_text
 @click.command()
 @click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
 @click.option("--firmware", metavar="desk|avr|serial:PORT", help="A build, or a real board.")
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), help="Of field, sensors and errors.")
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
 @click.option("--duration", type=NumberRange(0, min_open=True), help="Seconds; else Ctrl-C.")
 @click.option(
@@ -38,10 +38,10 @@ from host.core.whole_file import save_text
     show_default=True,
 )
 @click.option("--link", type=click.Path(path_type=Path), help="Symbolic link to the port.")
-@click.option("--tcp", type=click.IntRange(0, 65535), help="Serve the serial port over TCP, too.")
-@click.option("--rfc2217", type=click.IntRange(0, 65535), help="The same as RFC 2217.")
-@click.option("--http-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
-@click.option("--nmea-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--tcp", type=WholeRange(0, 65535), help="Serve the serial port over TCP, too.")
+@click.option("--rfc2217", type=WholeRange(0, 65535), help="The same as RFC 2217.")
+@click.option("--http-port", type=WholeRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--nmea-port", type=WholeRange(0, 65535), default=0, help="0: any free one.")
 @click.option(
     "--host",
     default="127.0.0.1",

@@ -10,7 +10,7 @@ import cv2
 from hil.studies import realism
 from hil.studies.contact_sheets import SHEETS, _write_video, drive, sheet
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.core.whole_file import saved
@@ -25,7 +25,7 @@ from sim_plant.camera import LOW, MAST
     show_default=True,
     help="Folder for the pictures.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option(
     "--sheet", "names", multiple=True, type=click.Choice(sorted(SHEETS)), help="Only these."
 )

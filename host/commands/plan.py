@@ -12,6 +12,7 @@ from rich.table import Table
 
 from host.commands.options import field_option, gap_option, inset_option, vehicle_option
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
 from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle
@@ -52,7 +53,7 @@ def table_of(previews: list[Preview]) -> Table:
     "--corner",
     "--start",
     "start",
-    type=click.IntRange(0),
+    type=WholeRange(0),
     default=0,
     show_default=True,
     help="Where it begins; the survey's picture numbers the corners.",
