@@ -22,6 +22,7 @@ from hil.studies.beliefs import (
 from hil.studies.beliefs import pairs as drawn_pairs
 from host.core.errors import UserError
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -63,6 +64,7 @@ def beliefs(
     unknown = [one for case in chosen for one in case.split(AND) if one not in known]
     if unknown:
         raise UserError(f"no case is named {unknown[0]!r}; there are: {'; '.join(CASES)}")
+    check_folder(out)
     if eyes == "model":
         blind = [case for case in chosen if not ONLY_PICTURES.isdisjoint(case.split(AND))]
         if blind:

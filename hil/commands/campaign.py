@@ -21,6 +21,7 @@ from hil.studies.campaign import (
     scenarios_of,
 )
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -78,6 +79,7 @@ def campaign(
     chosen = scenarios_of(
         names, seeds, settings, eyes, random_fields=random_fields, outlines=outlines
     )
+    check_folder(out)
     jobs = jobs_of(chosen, out, keep_records, commissioned=commissioned)
 
     def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:

@@ -11,6 +11,7 @@ from hil.scenario.belief import MOST_CEP_M, MOST_LAPS, Walk
 from hil.scenario.scenario import assigned, load, merge
 from hil.studies.commissioning import commission, page_of
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import echo
 
@@ -34,6 +35,7 @@ def commission_command(
     for setting in settings:
         overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)
+    check_folder(out)
     with Watch("commission"):
         values = commission(chosen, out, Walk(laps=laps, cep_m=cep), echo)
     echo(page_of(values))

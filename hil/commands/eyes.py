@@ -16,6 +16,7 @@ from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -26,6 +27,7 @@ def _drive(
     seeds: Sequence[int], out: Path, eyes: Literal["picture", "model", "both"], workers: int,
     scheduler: str | None, library: Path | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
+    check_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     where = str(out.resolve())
     used = str(library.resolve()) if library is not None else None

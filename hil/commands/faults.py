@@ -15,6 +15,7 @@ from hil.report.fault_tables import markdown_of, table_of
 from hil.studies.matrix_runs import Matrix, run_matrix, worst_stop_ms
 from host.core.errors import UserError
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
@@ -59,6 +60,7 @@ def faults(
 
     if camera not in MOUNTS:
         raise UserError(f"--camera {camera}: no such mount; there are {', '.join(sorted(MOUNTS))}")
+    check_folder(out)
     records_in = out / "records" if records else None
     matrix = Matrix(only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in)
     cases = matrix.cases()

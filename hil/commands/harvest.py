@@ -19,6 +19,7 @@ from hil.scenario.belief import in_words, wrong_by
 from hil.scenario.scenario import assigned, load, merge
 from host.core.errors import FaultError, UnfinishedError, UserError
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -73,6 +74,7 @@ def harvest_command(
     chosen = load(name, overrides)
     if film and chosen.eyes == "model":
         raise UserError("--film: the model takes no pictures; leave it, or take --eyes picture")
+    check_folder(out)
     begun = time.time()
     echo(in_words(wrong_by(chosen.told, chosen.world)))
     with Watch("harvest", 1.0) as watch:

@@ -17,6 +17,7 @@ from hil.studies.actuators import (
 from hil.studies.identification import campaign, identify_plant, summary_of
 from host.commands.identify import table as table_of
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text, saved
@@ -38,6 +39,7 @@ def command(
 
     Writes plants.parquet, summary.json and, of the first plant, model.json and fit.png."""
 
+    check_folder(out)
     ranges = {**NOMINAL_RANGES, **DAY_RANGES} if days else NOMINAL_RANGES
     plants = population(count, seed, ranges=ranges)
     out.mkdir(parents=True, exist_ok=True)

@@ -18,6 +18,7 @@ from hil.scenario.faults import PAIRS
 from hil.studies.moments import Moment, moments
 from host.core.errors import UserError
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_file, check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.whole_file import save_text
@@ -52,7 +53,9 @@ def command(
     if failing is None:
         raise UserError(f"--fault {fault}: no such fault; `daranti-hil faults` knows them")
     found: list[Moment] = []
+    check_folder(out.parent)
     out.parent.mkdir(parents=True, exist_ok=True)
+    check_file(out)
     bound_ms = PAIRS[failing].bound_s * 1000
     table = Table(
         "seed", "moments", "made a difference", f"later than {bound_ms:.0f} ms",

@@ -19,6 +19,7 @@ from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import Outlet, PlainConsole, echo
 from host.core.whole_file import save_text
@@ -80,6 +81,7 @@ def rig(
         raise UserError(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
         )
+    check_folder(out)
     typed = TypedFaults(sys.stdin, echo)
     ways = Ways(link, tcp, rfc2217, http_port, nmea_port, host)
     with _watch(duration) as watch:

@@ -24,6 +24,7 @@ from hil.studies.sweep import (
     summary_of,
 )
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.core.whole_file import save_text, saved
@@ -55,6 +56,7 @@ def sweep(
     Writes responses.parquet, candidates.parquet, summary.json, pictures and report.html."""
 
     chosen = Sweep(DEFAULT_SPACE if space_file is None else load_space(space_file), **options)
+    check_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     with _spread(workers, scheduler) as spread:

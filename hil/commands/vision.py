@@ -29,6 +29,7 @@ from hil.studies.vision_drives import (
 from hil.studies.vision_photographs import MOUNTS, WRONG, as_mounted, as_photographs
 from host.core.errors import UserError
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
@@ -164,10 +165,8 @@ def vision(
 
     Every drive's result is kept in --out: a run that was stopped goes on where it stopped, and more
     --km add to it. Writes summary.json."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
+    check_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     names = mounts or ("low", "mast")
     if beside is not None:
         _show_beside(seed, beside, names, out)

@@ -11,6 +11,7 @@ from hil.studies import realism
 from hil.studies.contact_sheets import SHEETS, _write_video, drive, sheet
 from host.core.errors import UserError
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.core.whole_file import saved
@@ -41,10 +42,8 @@ def world(out: Path, seed: int, names: tuple[str, ...], seconds: float, compare:
             realism.report(seed)
         return
     mounts = {"low": LOW, "mast": MAST}
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
+    check_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     for name in names or sorted(SHEETS):
         path = out / f"{name}.jpg"
         drawn = sheet(name, seed, mounts)

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from host.core.errors import UserError
 from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.whole_file import save_text
@@ -73,6 +74,7 @@ def _disturbed_table(found: Comparison) -> Table:
 def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     """Scores both modes and two baselines on labelled photographs; writes summary.json, the folds
     and overlays of the worst pictures."""
+    check_folder(out)
     photos = photographs(data)
     out.mkdir(parents=True, exist_ok=True)
     with Watch(f"{len(photos)} photographs"):

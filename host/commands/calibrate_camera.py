@@ -11,6 +11,7 @@ import yaml
 
 from host.commands.options import mount_option
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_file
 from host.core.terminal import echo
 from host.core.vehicle import Mount
 from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
@@ -87,6 +88,7 @@ def calibrate_camera(
 ) -> None:
     """Measures the lens from pictures of the board at many angles and, with --ground, where the
     camera sits; writes the mount into the vehicle file."""
+    check_file(vehicle or out)
     machine = load_vehicle(vehicle if vehicle is not None and vehicle.exists() else None)
     before = mount_of(machine, mount)
     board = Board(columns, rows, square_m)

@@ -9,6 +9,7 @@ import numpy as np
 
 from host.commands.bench_vision import photographs
 from host.core.number_range import WholeRange
+from host.core.output_place import check_file
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.vision.photo import calibration
@@ -31,6 +32,7 @@ def tune_confidence(data: Path | None, seed: int, out: Path) -> None:
     disturbed pictures of them, and writes the weights.
 
     What is printed holds scenes out; what is written is learnt from all."""
+    check_file(out)
     with Watch("photographs"):
         samples = calibration.gather(photographs(data), seed)
         sure = calibration.held_out(samples)

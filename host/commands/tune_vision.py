@@ -11,6 +11,7 @@ from rich.table import Table
 
 from host.core.errors import UserError
 from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.panel.colour_page import Tuner, colour_application
@@ -78,6 +79,8 @@ def tune_vision(
     """Finds the paper's parameters on the first pictures, starting from the nearest profile; shows
     before and after, and saves the profile. With --page a person does it, on a page with
     sliders."""
+    if not page:
+        check_folder(out)
     sides = read_sides(manifest) if manifest else {}
     taken: list[tuple[str, Picture]] = []
     for item in source:
