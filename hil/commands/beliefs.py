@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import Firmware, check_built
 from hil.studies.belief_sizes import SIZED, draw_sizes
 from hil.studies.beliefs import (
     AND,
@@ -40,7 +41,7 @@ from host.core.terminal import PlainConsole, echo
 def beliefs(
     cases: tuple[str, ...],
     eyes: str,
-    firmware: str,
+    firmware: Firmware,
     pairs: int | None,
     seed: int,
     seeds: list[int],
@@ -65,6 +66,7 @@ def beliefs(
     if unknown:
         raise UserError(f"no case is named {unknown[0]!r}; there are: {'; '.join(CASES)}")
     check_folder(out)
+    check_built(firmware)
     if eyes == "model":
         blind = [case for case in chosen if not ONLY_PICTURES.isdisjoint(case.split(AND))]
         if blind:

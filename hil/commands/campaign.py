@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import check_built
 from hil.judge.causes import causes, circumstances
 from hil.judge.overview import overview, ranking, stopped_safely
 from hil.report import campaign_tables, report
@@ -80,6 +81,7 @@ def campaign(
         names, seeds, settings, eyes, random_fields=random_fields, outlines=outlines
     )
     check_folder(out)
+    check_built(*(one.firmware for one in chosen))
     jobs = jobs_of(chosen, out, keep_records, commissioned=commissioned)
 
     def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:

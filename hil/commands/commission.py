@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from hil.firmware.provision import check_built
 from hil.scenario.belief import MOST_CEP_M, MOST_LAPS, Walk
 from hil.scenario.scenario import assigned, load, merge
 from hil.studies.commissioning import commission, page_of
@@ -36,6 +37,7 @@ def commission_command(
         overrides = merge(overrides, assigned(setting))
     chosen = load(name, overrides)
     check_folder(out)
+    check_built(chosen.firmware)
     with Watch("commission"):
         values = commission(chosen, out, Walk(laps=laps, cep_m=cep), echo)
     echo(page_of(values))

@@ -10,6 +10,7 @@ import click
 from rich.table import Table
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import check_built
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import changed
 from hil.studies.consistency import overview, watched
@@ -41,6 +42,7 @@ def consistency(seeds: list[int], eyes: str, dust: float | None, outlines: bool,
         setting["weather"] = {"dust": dust}
     console = PlainConsole()
     check_folder(out.parent)
+    check_built("desk")
     out.parent.mkdir(parents=True, exist_ok=True)
     check_file(out)
     runs = []

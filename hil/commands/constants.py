@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from hil.firmware.provision import check_built
 from hil.scenario.scenario import load
 from hil.studies.constants import ROOT, SHARE, Figures, driven, found, varied
 from host.core.errors import UserError
@@ -40,6 +41,7 @@ def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
     if not chosen:
         raise UserError(f"--vary {vary}: no constant has that in its path or name")
     usual_one = load(scenario, {"seed": seed, "eyes": "model"})
+    check_built(usual_one.firmware)
     usual = driven(usual_one)
     table = Table("constant", "share", "outcome", "coverage", "lateral m", "time s", "")
     table.add_row("as they are", "", *_cells(usual), "")

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from hil.bench.model_eyes import LIBRARY
 from hil.commands.seeds import SEEDS, SEEDS_OR_NONE
+from hil.firmware.provision import check_built
 from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
@@ -28,6 +29,7 @@ def _drive(
     scheduler: str | None, library: Path | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
     check_folder(out)
+    check_built("desk")
     out.mkdir(parents=True, exist_ok=True)
     where = str(out.resolve())
     used = str(library.resolve()) if library is not None else None

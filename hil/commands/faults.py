@@ -8,7 +8,7 @@ from typing import get_args
 
 import click
 
-from hil.firmware.provision import Firmware
+from hil.firmware.provision import Firmware, check_built
 from hil.judge.fault_verdict import Situation
 from hil.report import report
 from hil.report.fault_tables import markdown_of, table_of
@@ -61,6 +61,7 @@ def faults(
     if camera not in MOUNTS:
         raise UserError(f"--camera {camera}: no such mount; there are {', '.join(sorted(MOUNTS))}")
     check_folder(out)
+    check_built(firmware)
     records_in = out / "records" if records else None
     matrix = Matrix(only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in)
     cases = matrix.cases()

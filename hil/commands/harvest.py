@@ -14,6 +14,7 @@ from rich.table import Table
 
 from hil.bench.harvest import SWITCH_S, Progress, harvest
 from hil.bench.live_view import HOST
+from hil.firmware.provision import check_built
 from hil.judge.figures import cells_of
 from hil.scenario.belief import in_words, wrong_by
 from hil.scenario.scenario import assigned, load, merge
@@ -75,6 +76,7 @@ def harvest_command(
     if film and chosen.eyes == "model":
         raise UserError("--film: the model takes no pictures; leave it, or take --eyes picture")
     check_folder(out)
+    check_built(chosen.firmware)
     begun = time.time()
     echo(in_words(wrong_by(chosen.told, chosen.world)))
     with Watch("harvest", 1.0) as watch:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from hil.firmware.provision import check_built
 from hil.studies.actuators import (
     DAY_RANGES,
     NOMINAL_RANGES,
@@ -40,6 +41,7 @@ def command(
     Writes plants.parquet, summary.json and, of the first plant, model.json and fit.png."""
 
     check_folder(out)
+    check_built(firmware)
     ranges = {**NOMINAL_RANGES, **DAY_RANGES} if days else NOMINAL_RANGES
     plants = population(count, seed, ranges=ranges)
     out.mkdir(parents=True, exist_ok=True)

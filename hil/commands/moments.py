@@ -13,6 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import check_built
 from hil.scenario import scenario
 from hil.scenario.faults import PAIRS
 from hil.studies.moments import Moment, moments
@@ -54,6 +55,7 @@ def command(
         raise UserError(f"--fault {fault}: no such fault; `daranti-hil faults` knows them")
     found: list[Moment] = []
     check_folder(out.parent)
+    check_built(scenario.load(name, {}).firmware)
     out.parent.mkdir(parents=True, exist_ok=True)
     check_file(out)
     bound_ms = PAIRS[failing].bound_s * 1000

@@ -15,6 +15,7 @@ from hil.bench.ports import NETWORK
 from hil.bench.rig import Rig
 from hil.bench.serving import Ways, board_of, served, summary_of
 from hil.bench.typed_faults import USAGE, TypedFaults
+from hil.firmware.provision import check_built
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
@@ -82,6 +83,8 @@ def rig(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
         )
     check_folder(out)
+    if board is None:
+        check_built(chosen.firmware)
     typed = TypedFaults(sys.stdin, echo)
     ways = Ways(link, tcp, rfc2217, http_port, nmea_port, host)
     with _watch(duration) as watch:

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from hil.firmware.provision import check_built
 from hil.report import sweep_page
 from hil.studies.sweep import (
     DEFAULT_SPACE,
@@ -57,6 +58,7 @@ def sweep(
 
     chosen = Sweep(DEFAULT_SPACE if space_file is None else load_space(space_file), **options)
     check_folder(out)
+    check_built("avr" if check else "desk")
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     with _spread(workers, scheduler) as spread:
