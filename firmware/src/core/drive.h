@@ -9,7 +9,7 @@ namespace daranti {
 
 // Speed and distance from a wheel's pulses. Whether the wheel turns forward or backward is told by
 // a second sensor, or taken from the duty's sign where there is none. With two, a wheel that rocks
-// on an edge stands: it is no faster, and has come no farther, than between its two ends.
+// on an edge stands, as far as speed goes.
 class Hall {
  public:
   void configure(const Params &params);
@@ -58,13 +58,15 @@ class Hall {
   int16_t excess_ = 0;      // mm/s
   Pulses last_{0, 0, 0};
   uint16_t waited_ = 0;           // ticks in awaited_
-  uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
-  uint16_t interval_ = 0;         // ticks between the last two
+  uint16_t still_ = UINT16_MAX;   // ticks since the last pulse that was way
+  uint16_t silent_ = UINT16_MAX;  // since the last of two sensors, to and fro, too
+  uint16_t interval_ = 0;         // ticks of way between the last two
   uint16_t since_ = UINT16_MAX;   // ticks since the first sensor's last pulse
   int16_t floor_ = 0;             // minimum duty
   int16_t full_ = 0;              // speed at full duty, mm/s
   int16_t speed_ = kNone;
-  bool backward_ = false;  // as the last pulse came, or the last duty drove
+  bool backward_ = false;  // as the last way went, or the last duty drove
+  bool behind_ = false;    // the last edge has been crossed back
   bool noisy_ = false;
   bool two_ = false;    // sensors
   bool rolls_ = false;  // since it is driven, it has broken away
