@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from hil.firmware.targets import Target, TargetError, avr
 from host.core.errors import UserError
+from host.core.number_range import WholeRange, argument
 from host.link import protocol
 
 OUTPUTS = (3, 4, 5, 6, 7, 8, 9, 10, 11)
@@ -86,8 +87,8 @@ class Fuzz:
 def main() -> int:
     """Runs the campaign."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bytes", nargs="?", type=int, default=1_000_000)
-    parser.add_argument("seed", nargs="?", type=int, default=1)
+    parser.add_argument("bytes", nargs="?", type=argument(WholeRange(1)), default=1_000_000)
+    parser.add_argument("seed", nargs="?", type=argument(WholeRange(0)), default=1)
     asked = parser.parse_args()
     total, seed = asked.bytes, asked.seed
     rng = random.Random(seed)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from hil.bench.harvest import Harvest
 from hil.scenario.scenario import load
+from host.core.number_range import WholeRange, argument
 from host.core.vehicle import Mount, Vehicle
 from host.vision.mounted.detector import make_detector
 from sim_plant.camera import LOW, MAST, Camera, CameraSpec
@@ -210,8 +211,12 @@ def measure(rounds: int, drives: int, avr: bool) -> Costs:
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=40, help="of a picture and of its parts")
-    parser.add_argument("--drives", type=int, default=5, help="of a harvest, 10 s each")
+    parser.add_argument(
+        "--rounds", type=argument(WholeRange(1)), default=40, help="of a picture and of its parts"
+    )
+    parser.add_argument(
+        "--drives", type=argument(WholeRange(1)), default=5, help="of a harvest, 10 s each"
+    )
     parser.add_argument("--no-avr", action="store_true", help="leave the AVR binary out")
     parser.add_argument("--write", action="store_true", help="stores these figures as the baseline")
     args = parser.parse_args()

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import Firmware, check_built
 from hil.studies.belief_sizes import SIZED, draw_sizes
 from hil.studies.beliefs import (
     AND,
@@ -21,6 +22,8 @@ from hil.studies.beliefs import (
 )
 from hil.studies.beliefs import pairs as drawn_pairs
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -29,8 +32,8 @@ from host.core.terminal import PlainConsole, echo
 @click.argument("cases", nargs=-1, metavar="[CASE]...")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="picture")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--pairs", type=click.IntRange(1, MOST_PAIRS), help="So many pairs of them instead.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the pairs.")
+@click.option("--pairs", type=WholeRange(1, MOST_PAIRS), help="So many pairs of them instead.")
+@click.option("--seed", type=WholeRange(0), default=1, show_default=True, help="Of the pairs.")
 @click.option("--seeds", type=SEEDS, default=str(SEED), show_default=True,
               help="Of each harvest's crop, weather and noise.")  # fmt: skip
 @click.option("--sizes", is_flag=True, help="Errors of several sizes instead, and their plot.")
@@ -38,7 +41,7 @@ from host.core.terminal import PlainConsole, echo
 def beliefs(
     cases: tuple[str, ...],
     eyes: str,
-    firmware: str,
+    firmware: Firmware,
     pairs: int | None,
     seed: int,
     seeds: list[int],
@@ -62,6 +65,8 @@ def beliefs(
     unknown = [one for case in chosen for one in case.split(AND) if one not in known]
     if unknown:
         raise UserError(f"no case is named {unknown[0]!r}; there are: {'; '.join(CASES)}")
+    check_folder(out)
+    check_built(firmware)
     if eyes == "model":
         blind = [case for case in chosen if not ONLY_PICTURES.isdisjoint(case.split(AND))]
         if blind:

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import check_built
 from hil.judge.causes import causes, circumstances
 from hil.judge.overview import overview, ranking, stopped_safely
 from hil.report import campaign_tables, report
@@ -20,6 +21,8 @@ from hil.studies.campaign import (
     run_campaign,
     scenarios_of,
 )
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -39,17 +42,17 @@ REASONS = 40
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/campaign"))
 @click.option("--commissioned", is_flag=True,
               help="Commission each machine in the loop first.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--keep-records", is_flag=True, help="Keep the records of finished runs, too.")
 @click.option("--rank", is_flag=True, help="Rank the settings by their cost, best first.")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="picture",
               show_default=True, help="Pictures, or their model.")  # fmt: skip
-@click.option("--worst", "worst_runs", type=click.IntRange(0), default=0, show_default=True,
+@click.option("--worst", "worst_runs", type=WholeRange(0), default=0, show_default=True,
               help="With model eyes: drive so many of the worst again with pictures.")  # fmt: skip
-@click.option("--sample", type=click.IntRange(0), default=0, show_default=True,
+@click.option("--sample", type=WholeRange(0), default=0, show_default=True,
               help="And so many of the others, at random.")  # fmt: skip
-@click.option("--maps", type=click.IntRange(0), default=8, show_default=True,
+@click.option("--maps", type=WholeRange(0), default=8, show_default=True,
               help="With model eyes: maps of so many of the worst.")  # fmt: skip
 def campaign(
     names: tuple[str, ...],
@@ -77,6 +80,8 @@ def campaign(
     chosen = scenarios_of(
         names, seeds, settings, eyes, random_fields=random_fields, outlines=outlines
     )
+    check_folder(out)
+    check_built(*(one.firmware for one in chosen))
     jobs = jobs_of(chosen, out, keep_records, commissioned=commissioned)
 
     def run(todo: Sequence[Job], where: Path, what: str) -> list[dict[str, Any]]:

@@ -10,11 +10,13 @@ import click
 from rich.table import Table
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import check_built
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import changed
 from hil.studies.consistency import overview, watched
 from hil.studies.outlines import outline_field
 from host.core.number_range import NumberRange
+from host.core.output_place import check_file, check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.whole_file import save_text
@@ -39,7 +41,10 @@ def consistency(seeds: list[int], eyes: str, dust: float | None, outlines: bool,
     if dust is not None:
         setting["weather"] = {"dust": dust}
     console = PlainConsole()
+    check_folder(out.parent)
+    check_built("desk")
     out.parent.mkdir(parents=True, exist_ok=True)
+    check_file(out)
     runs = []
     with Watch("fields", len(seeds)) as watch:
         for seed in seeds:

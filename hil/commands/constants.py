@@ -8,9 +8,11 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from hil.firmware.provision import check_built
 from hil.scenario.scenario import load
 from hil.studies.constants import ROOT, SHARE, Figures, driven, found, varied
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 
@@ -20,7 +22,7 @@ from host.core.terminal import PlainConsole
               default=ROOT, help="Count in another checkout.")  # fmt: skip
 @click.option("--vary", metavar="TEXT", help="Vary those whose path or name has it; `all`: all.")
 @click.option("--scenario", default="small", show_default=True, metavar="NAME|FILE")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0), default=1, show_default=True)
 def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
     """Counts the numbers in capitals on the way from picture to steering. With --vary, drives a
     scenario with model eyes with each of them 30 % smaller and larger."""
@@ -39,6 +41,7 @@ def constants(tree: Path, vary: str | None, scenario: str, seed: int) -> None:
     if not chosen:
         raise UserError(f"--vary {vary}: no constant has that in its path or name")
     usual_one = load(scenario, {"seed": seed, "eyes": "model"})
+    check_built(usual_one.firmware)
     usual = driven(usual_one)
     table = Table("constant", "share", "outcome", "coverage", "lateral m", "time s", "")
     table.add_row("as they are", "", *_cells(usual), "")

@@ -12,9 +12,12 @@ from rich.table import Table
 
 from hil.bench.model_eyes import LIBRARY
 from hil.commands.seeds import SEEDS, SEEDS_OR_NONE
+from hil.firmware.provision import check_built
 from hil.studies.eye_comparison import Compared, compared
 from hil.studies.eye_fit import Task, drive, fit, judge
 from hil.studies.spread import spread
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -25,6 +28,8 @@ def _drive(
     seeds: Sequence[int], out: Path, eyes: Literal["picture", "model", "both"], workers: int,
     scheduler: str | None, library: Path | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
+    check_folder(out)
+    check_built("desk")
     out.mkdir(parents=True, exist_ok=True)
     where = str(out.resolve())
     used = str(library.resolve()) if library is not None else None
@@ -50,7 +55,7 @@ _options = [
         show_default=True,
         help="Where drives are kept.",
     ),
-    click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True),
+    click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True),
     click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT."),
 ]
 

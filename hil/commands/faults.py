@@ -8,12 +8,14 @@ from typing import get_args
 
 import click
 
-from hil.firmware.provision import Firmware
+from hil.firmware.provision import Firmware, check_built
 from hil.judge.fault_verdict import Situation
 from hil.report import report
 from hil.report.fault_tables import markdown_of, table_of
 from hil.studies.matrix_runs import Matrix, run_matrix, worst_stop_ms
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
@@ -35,7 +37,7 @@ SITUATIONS: dict[str, tuple[Situation, ...]] = {
 @click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
 @click.option("--camera", default="mast", show_default=True, metavar="low|mast")
 @click.option("--sensors", is_flag=True, help="With the optional sensors of wheel and blade.")
-@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--records", is_flag=True, help="Keep a record of every run.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/faults"))
@@ -58,6 +60,8 @@ def faults(
 
     if camera not in MOUNTS:
         raise UserError(f"--camera {camera}: no such mount; there are {', '.join(sorted(MOUNTS))}")
+    check_folder(out)
+    check_built(firmware)
     records_in = out / "records" if records else None
     matrix = Matrix(only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in)
     cases = matrix.cases()

@@ -14,11 +14,13 @@ from rich.table import Table
 
 from hil.bench.harvest import SWITCH_S, Progress, harvest
 from hil.bench.live_view import HOST
+from hil.firmware.provision import check_built
 from hil.judge.figures import cells_of
 from hil.scenario.belief import in_words, wrong_by
 from hil.scenario.scenario import assigned, load, merge
 from host.core.errors import FaultError, UnfinishedError, UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 
@@ -33,14 +35,14 @@ def written_since(folder: Path, begun: float) -> list[str]:
 @click.command("harvest")
 @click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), help="Which build of the firmware.")
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), help="Of field, sensors and errors.")
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
 @click.option("--mode", type=click.Choice(["paper", "robust"]), help="Which vision steers.")
 @click.option("--eyes", type=click.Choice(["picture", "model"]), help="Pictures, or their model.")
 @click.option("--hour", type=NumberRange(0, 24, max_open=True), help="Solar time of day.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/harvest"))
 @click.option("--film/--no-film", default=None, help="Write camera.mp4 (of pictures).")
-@click.option("--live", type=click.IntRange(1, 65535), help="Port of a live view for Foxglove.")
+@click.option("--live", type=WholeRange(1, 65535), help="Port of a live view for Foxglove.")
 @click.option("--belief", metavar="exact|FOLDER", help="What the host is told: a commissioned one.")
 @click.option("--set", "settings", multiple=True, metavar="FIELD=VALUE", help="Any other field.")
 def harvest_command(
@@ -73,6 +75,8 @@ def harvest_command(
     chosen = load(name, overrides)
     if film and chosen.eyes == "model":
         raise UserError("--film: the model takes no pictures; leave it, or take --eyes picture")
+    check_folder(out)
+    check_built(chosen.firmware)
     begun = time.time()
     echo(in_words(wrong_by(chosen.told, chosen.world)))
     with Watch("harvest", 1.0) as watch:

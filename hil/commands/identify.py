@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
+from hil.firmware.provision import check_built
 from hil.studies.actuators import (
     DAY_RANGES,
     NOMINAL_RANGES,
@@ -16,6 +17,8 @@ from hil.studies.actuators import (
 )
 from hil.studies.identification import campaign, identify_plant, summary_of
 from host.commands.identify import table as table_of
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text, saved
@@ -23,12 +26,12 @@ from host.tune.pictures import draw_fit
 
 
 @click.command("identify")
-@click.option("--plants", "count", type=click.IntRange(1, 100_000), default=1, show_default=True)
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True)
+@click.option("--plants", "count", type=WholeRange(1, 100_000), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), default=0, show_default=True)
 @click.option("--days", is_flag=True, help="Battery, load, wear and temperature vary as well.")
 @click.option("--tune", is_flag=True, help="Tune on each model and compare gains on its plant.")
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--workers", type=click.IntRange(1, 256), default=2, show_default=True)
+@click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/identify"))
 def command(
     count: int, seed: int, days: bool, tune: bool, firmware: Firmware, workers: int, out: Path
@@ -37,6 +40,8 @@ def command(
 
     Writes plants.parquet, summary.json and, of the first plant, model.json and fit.png."""
 
+    check_folder(out)
+    check_built(firmware)
     ranges = {**NOMINAL_RANGES, **DAY_RANGES} if days else NOMINAL_RANGES
     plants = population(count, seed, ranges=ranges)
     out.mkdir(parents=True, exist_ok=True)

@@ -13,11 +13,13 @@ import numpy as np
 from rich.table import Table
 
 from hil.commands.seeds import SEEDS
+from hil.firmware.provision import check_built
 from hil.scenario import scenario
 from hil.scenario.faults import PAIRS
 from hil.studies.moments import Moment, moments
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_file, check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.whole_file import save_text
@@ -31,7 +33,7 @@ BOUND_MS: Final = 1600.0
 @click.option("--scenario", "name", default="default", show_default=True)
 @click.option("--seeds", type=SEEDS, default="1-4", show_default=True)
 @click.option("--eyes", type=click.Choice(["picture", "model"]), default="model", show_default=True)
-@click.option("--moments", "count", type=click.IntRange(1), default=60, show_default=True)
+@click.option("--moments", "count", type=WholeRange(1), default=60, show_default=True)
 @click.option("--every", type=NumberRange(0, min_open=True), default=3.0, show_default=True)
 @click.option("--watch", type=NumberRange(0, min_open=True), default=12.0, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/moments.json"))
@@ -52,7 +54,10 @@ def command(
     if failing is None:
         raise UserError(f"--fault {fault}: no such fault; `daranti-hil faults` knows them")
     found: list[Moment] = []
+    check_folder(out.parent)
+    check_built(scenario.load(name, {}).firmware)
     out.parent.mkdir(parents=True, exist_ok=True)
+    check_file(out)
     bound_ms = PAIRS[failing].bound_s * 1000
     table = Table(
         "seed", "moments", "made a difference", f"later than {bound_ms:.0f} ms",

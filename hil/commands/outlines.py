@@ -12,6 +12,7 @@ from rich.table import Table
 from hil.commands.seeds import SEEDS
 from hil.studies.outlines import Planned, outline, planned
 from host.core.errors import UserError
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
@@ -79,6 +80,7 @@ def outlines(seeds: list[int], out: Path) -> None:
     Writes summary.json. Exits with an error where one has no plan, takes more than 10 s of
     processor time, or turns more than a quarter of its way of cutting without having a real inner
     corner."""
+    check_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     rows = []
     with Watch("outlines", len(seeds)) as watch:

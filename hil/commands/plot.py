@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from hil.judge.plots import draw_path, draw_time, series
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.core.whole_file import saved
@@ -19,9 +20,10 @@ from host.link import protocol
 @click.option("--out", type=click.Path(path_type=Path), help="Folder; default beside the record.")
 def plot(path: Path, out: Path | None) -> None:
     """Draws a record: over time, and where the machine went."""
+    folder = out or path.parent
+    check_folder(folder)
     with Watch(f"plot of {path}"):
         data = series(path)
-        folder = out or path.parent
         folder.mkdir(parents=True, exist_ok=True)
         for name, figure in (("time", draw_time(data)), ("path", draw_path(data))):
             target = folder / f"{path.stem}-{name}.png"

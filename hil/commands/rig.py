@@ -15,10 +15,12 @@ from hil.bench.ports import NETWORK
 from hil.bench.rig import Rig
 from hil.bench.serving import Ways, board_of, served, summary_of
 from hil.bench.typed_faults import USAGE, TypedFaults
+from hil.firmware.provision import check_built
 from hil.judge import pictures
 from hil.scenario import scenario
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import Outlet, PlainConsole, echo
 from host.core.whole_file import save_text
@@ -27,7 +29,7 @@ from host.core.whole_file import save_text
 @click.command()
 @click.option("--scenario", "name", default="default", show_default=True, metavar="NAME|FILE")
 @click.option("--firmware", metavar="desk|avr|serial:PORT", help="A build, or a real board.")
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of field, sensors and errors.")
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), help="Of field, sensors and errors.")
 @click.option("--camera", metavar="low|mast", help="Camera mount, by its name in the vehicle file.")
 @click.option("--duration", type=NumberRange(0, min_open=True), help="Seconds; else Ctrl-C.")
 @click.option(
@@ -38,10 +40,10 @@ from host.core.whole_file import save_text
     show_default=True,
 )
 @click.option("--link", type=click.Path(path_type=Path), help="Symbolic link to the port.")
-@click.option("--tcp", type=click.IntRange(0, 65535), help="Serve the serial port over TCP, too.")
-@click.option("--rfc2217", type=click.IntRange(0, 65535), help="The same as RFC 2217.")
-@click.option("--http-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
-@click.option("--nmea-port", type=click.IntRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--tcp", type=WholeRange(0, 65535), help="Serve the serial port over TCP, too.")
+@click.option("--rfc2217", type=WholeRange(0, 65535), help="The same as RFC 2217.")
+@click.option("--http-port", type=WholeRange(0, 65535), default=0, help="0: any free one.")
+@click.option("--nmea-port", type=WholeRange(0, 65535), default=0, help="0: any free one.")
 @click.option(
     "--host",
     default="127.0.0.1",
@@ -80,6 +82,9 @@ def rig(
         raise UserError(
             f"{name}: faults: the rig does not see the pilot's state; give at.time_s or at.place"
         )
+    check_folder(out)
+    if board is None:
+        check_built(chosen.firmware)
     typed = TypedFaults(sys.stdin, echo)
     ways = Ways(link, tcp, rfc2217, http_port, nmea_port, host)
     with _watch(duration) as watch:

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from hil.firmware.provision import check_built
 from hil.report import sweep_page
 from hil.studies.sweep import (
     DEFAULT_SPACE,
@@ -23,6 +24,8 @@ from hil.studies.sweep import (
     spot_check,
     summary_of,
 )
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.core.whole_file import save_text, saved
@@ -31,16 +34,14 @@ from host.core.whole_file import save_text, saved
 @click.command()
 @click.option("--space", "space_file", type=click.Path(path_type=Path), help="YAML; see docs.")
 @click.option("--method", type=click.Choice(["grid", "random", "optuna"]), default="optuna")
-@click.option("--trials", type=click.IntRange(1, 1_000_000), default=200, show_default=True)
-@click.option(
-    "--plants", "plant_count", type=click.IntRange(1, 100_000), default=25, show_default=True
-)
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True)
+@click.option("--trials", type=WholeRange(1, 1_000_000), default=200, show_default=True)
+@click.option("--plants", "plant_count", type=WholeRange(1, 100_000), default=25, show_default=True)
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), default=0, show_default=True)
 @click.option("--firmware", type=click.Choice(["desk", "avr"]), default="desk", show_default=True)
-@click.option("--workers", type=click.IntRange(0, 256), default=2, show_default=True,
+@click.option("--workers", type=WholeRange(0, 256), default=2, show_default=True,
               help="Local processes; 0 works in this one.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://10.0.0.5:8786.")
-@click.option("--spot-check", "check", type=click.IntRange(0), default=0, show_default=True,
+@click.option("--spot-check", "check", type=WholeRange(0), default=0, show_default=True,
               help="Repeat so many responses on the Uno's binary in simavr.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/sweep"))
 def sweep(
@@ -56,6 +57,8 @@ def sweep(
     Writes responses.parquet, candidates.parquet, summary.json, pictures and report.html."""
 
     chosen = Sweep(DEFAULT_SPACE if space_file is None else load_space(space_file), **options)
+    check_folder(out)
+    check_built("avr" if check else "desk")
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     with _spread(workers, scheduler) as spread:

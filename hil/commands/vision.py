@@ -28,7 +28,8 @@ from hil.studies.vision_drives import (
 )
 from hil.studies.vision_photographs import MOUNTS, WRONG, as_mounted, as_photographs
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
@@ -134,12 +135,12 @@ def photographed(folder: Path, mode: Mode) -> dict[str, list[Said]]:
               help=f"Of the camera, besides none: {', '.join((*EACH, *TROUBLES))}.")  # fmt: skip
 @click.option("--photographs", type=click.Path(path_type=Path, file_okay=False, exists=True),
               help="Folder of labelled data (wheat-edge/), to be judged besides.")  # fmt: skip
-@click.option("--beside", type=click.IntRange(1, 10_000), metavar="N",
+@click.option("--beside", type=WholeRange(1, 10_000), metavar="N",
               help="Instead of drives: N standing views of each kind from each mount, of crop "
                    "beside the way, on either side, of what an earlier strip has left, and of a "
                    "narrow gap.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
-@click.option("--workers", type=click.IntRange(1, 256), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), default=1, show_default=True)
+@click.option("--workers", type=WholeRange(1, 256), default=1, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/vision"),
               show_default=True)  # fmt: skip
 def vision(
@@ -164,10 +165,8 @@ def vision(
 
     Every drive's result is kept in --out: a run that was stopped goes on where it stopped, and more
     --km add to it. Writes summary.json."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
+    check_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     names = mounts or ("low", "mast")
     if beside is not None:
         _show_beside(seed, beside, names, out)

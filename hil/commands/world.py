@@ -10,7 +10,8 @@ import cv2
 from hil.studies import realism
 from hil.studies.contact_sheets import SHEETS, _write_video, drive, sheet
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.core.whole_file import saved
@@ -25,7 +26,7 @@ from sim_plant.camera import LOW, MAST
     show_default=True,
     help="Folder for the pictures.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=1, show_default=True)
+@click.option("--seed", type=WholeRange(0, 2**31 - 1), default=1, show_default=True)
 @click.option(
     "--sheet", "names", multiple=True, type=click.Choice(sorted(SHEETS)), help="Only these."
 )
@@ -41,10 +42,8 @@ def world(out: Path, seed: int, names: tuple[str, ...], seconds: float, compare:
             realism.report(seed)
         return
     mounts = {"low": LOW, "mast": MAST}
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"cannot write to {out}: {error.strerror}; choose another --out") from error
+    check_folder(out)
+    out.mkdir(parents=True, exist_ok=True)
     for name in names or sorted(SHEETS):
         path = out / f"{name}.jpg"
         drawn = sheet(name, seed, mounts)

@@ -230,9 +230,9 @@ def _apart(
         sensors[0], sensors[1] = pot, battery
         sensors[2], sensors[3] = steer_sense, drive_sense
         sensors[4] = estop
-        if hall < sensors[6]:
-            sensors[5] += 1
-            sensors[7] += hall_b == 0
+        sensors[5] += hall < sensors[6]
+        if hall_b != 0:
+            sensors[7] += sensors[6] - hall
         sensors[6] = hall
         sensors[8] += turn < sensors[9]
         sensors[9] = turn
@@ -240,8 +240,8 @@ def _apart(
 
 SENSORS: Final = 10
 """Of `_apart`: pot, battery, steering current, drive current, e-stop loop (mV); pulses of the hall
-sensor since the start, and its level; those of them backward; pulses of the blade's sensor, and its
-level."""
+sensor since the start, and its level; those of both hall sensors, forward less backward; pulses of
+the blade's sensor, and its level."""
 
 
 def bind_apart(

@@ -64,6 +64,15 @@ def target(firmware: Firmware, parameters: Mapping[str, float] | None = None) ->
     return targets.desk(stored) if firmware == "desk" else targets.avr(stored, BOARD[firmware])
 
 
+def check_built(*builds: Firmware) -> None:
+    """UserError where `target` could not start one of them: better before the work. The desk's
+    stores the parameters for all."""
+    targets.check_built(targets.DESK_LIBRARY)
+    for build in builds:
+        if build != "desk":
+            targets.check_built(targets.AVR_LIBRARY, targets.image_of(BOARD[build]))
+
+
 def fitted(firmware: Firmware) -> Target:
     """The firmware of the default machine as its owner has set it up."""
     return target(firmware, FITTED)

@@ -124,9 +124,7 @@ class Board:
         return run
 
     def _report(self) -> protocol.HilSensors:
-        pot, battery, steer, drive, estop, hall, _, backward, turns, _ = (
-            int(x) for x in self._sensors
-        )
+        pot, battery, steer, drive, estop, hall, _, way, turns, _ = (int(x) for x in self._sensors)
         return protocol.HilSensors(
             pot / 1000,
             battery / 1000,
@@ -134,7 +132,7 @@ class Board:
             drive / 1000,
             estop / 1000,
             hall % 65536,
-            backward % 65536,
+            way % 65536,
             turns % 65536,
         )
 

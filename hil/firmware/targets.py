@@ -115,6 +115,13 @@ class Pointers:
         raise AttributeError(name)
 
 
+def check_built(*files: Path) -> None:
+    """UserError where one of them is missing."""
+    for file in files:
+        if not file.exists():
+            raise UserError(f"{file} is missing: the firmware is not built; run `make build`")
+
+
 @cache
 def _pointers(library: Path, _stamp: int) -> Pointers:
     return Pointers(library)
@@ -132,10 +139,7 @@ class Target(contextlib.AbstractContextManager["Target"]):
         eeprom: bytes | None = None,
         bootloader: Path | None = None,
     ) -> None:
-        if not library.exists():
-            raise UserError(f"{library} is missing: the firmware is not built; run `make build`")
-        if image is not None and not image.exists():
-            raise UserError(f"{image} is missing: the firmware is not built; run `make build`")
+        check_built(library, *([] if image is None else [image]))
         if eeprom is not None and len(eeprom) != EEPROM_SIZE:
             raise ValueError(f"an EEPROM has {EEPROM_SIZE} bytes, not {len(eeprom)}")
         self.pointers = _pointers(library, library.stat().st_mtime_ns)

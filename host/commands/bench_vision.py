@@ -9,6 +9,8 @@ import click
 from rich.table import Table
 
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.whole_file import save_text
@@ -68,10 +70,11 @@ def _disturbed_table(found: Comparison) -> Table:
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("out/bench-vision"), show_default=True
 )
-@click.option("--worst", type=click.IntRange(0, 50), default=8, show_default=True, metavar="N")
+@click.option("--worst", type=WholeRange(0, 50), default=8, show_default=True, metavar="N")
 def bench_vision(data: Path | None, out: Path, worst: int) -> None:
     """Scores both modes and two baselines on labelled photographs; writes summary.json, the folds
     and overlays of the worst pictures."""
+    check_folder(out)
     photos = photographs(data)
     out.mkdir(parents=True, exist_ok=True)
     with Watch(f"{len(photos)} photographs"):

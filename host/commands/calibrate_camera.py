@@ -10,7 +10,8 @@ import click
 import yaml
 
 from host.commands.options import mount_option
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_file
 from host.core.terminal import echo
 from host.core.vehicle import Mount
 from host.core.vehicle_file import load_vehicle, mount_of, save_vehicle
@@ -27,8 +28,8 @@ FARTHEST_M = 20.0
 
 @click.command()
 @click.argument("pictures", nargs=-1, required=True, metavar="PHOTO|FOLDER|VIDEO...")
-@click.option("--columns", type=click.IntRange(3, 30), default=9, show_default=True)
-@click.option("--rows", type=click.IntRange(3, 30), default=6, show_default=True)
+@click.option("--columns", type=WholeRange(3, 30), default=9, show_default=True)
+@click.option("--rows", type=WholeRange(3, 30), default=6, show_default=True)
 @click.option(
     "--square",
     "square_m",
@@ -87,6 +88,7 @@ def calibrate_camera(
 ) -> None:
     """Measures the lens from pictures of the board at many angles and, with --ground, where the
     camera sits; writes the mount into the vehicle file."""
+    check_file(vehicle or out)
     machine = load_vehicle(vehicle if vehicle is not None and vehicle.exists() else None)
     before = mount_of(machine, mount)
     board = Board(columns, rows, square_m)

@@ -30,6 +30,7 @@ from host.commands.options import (
 )
 from host.core.errors import UserError
 from host.core.messages import Command, Fix, Telemetry, Turned
+from host.core.number_range import WholeRange
 from host.core.terminal import echo
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
@@ -176,7 +177,7 @@ class TerminalHands(Laptop):
 @field_option
 @gap_option
 @inset_option
-@click.option("--corner", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--corner", type=WholeRange(0), default=0, show_default=True)
 @click.option("--language", type=click.Choice(LANGUAGES), default="en", show_default=True)
 def check(
     port: str,

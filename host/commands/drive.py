@@ -17,7 +17,7 @@ from host.commands.options import (
     port_option,
     vehicle_option,
 )
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
 from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
 from host.vision.mounted.detector import Mode
@@ -37,7 +37,7 @@ from host.vision.tuning.profiles import DATABASE
     type=click.Path(path_type=Path),
     help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML or latitude,longitude lines.",
 )
-@click.option("--corner", type=click.IntRange(0), help="Where it stands; default the nearest.")
+@click.option("--corner", type=WholeRange(0), help="Where it stands; default the nearest.")
 @gap_option
 @inset_option
 @click.option(
@@ -69,7 +69,7 @@ from host.vision.tuning.profiles import DATABASE
 @click.option(
     "--countdown",
     "countdown_s",
-    type=click.IntRange(0, 60),
+    type=WholeRange(0, 60),
     default=COUNTDOWN_S,
     show_default=True,
     help="Seconds with a bell before the first motion.",

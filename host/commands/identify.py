@@ -11,6 +11,7 @@ from rich.table import Table
 
 from host.commands.options import port_option
 from host.core.number_range import NumberRange
+from host.core.output_place import check_folder
 from host.core.terminal import PlainConsole, echo
 from host.link.params import read_all, save
 from host.link.session import connect
@@ -63,6 +64,7 @@ def table(model: ActuatorModel) -> Table:
 def identify(port: str, stop_deg: float | None, keep: bool, out: Path) -> None:
     """Measures the steering: raw-PWM experiments of some 50 s, the wheels off the ground or the
     machine standing on smooth ground. Writes model.json and fit.png for `daranti tune pid`."""
+    check_folder(out)
     console = PlainConsole()
     with connect(port) as link:
         values = read_all(link)

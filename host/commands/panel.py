@@ -20,6 +20,7 @@ from host.commands.options import (
     vehicle_option,
 )
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
 from host.core.terminal import echo
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import load_field
@@ -64,7 +65,7 @@ from host.sensors.nmea import gnss_feed
     help="Go on driving when the page that drives is closed or asleep.",
 )
 @click.option(
-    "--web-port", type=click.IntRange(0, 65535), default=8023, show_default=True, help="0: any."
+    "--web-port", type=WholeRange(0, 65535), default=8023, show_default=True, help="0: any."
 )
 def panel(
     port: str,

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from host.commands.options import port_option
 from host.core.errors import UnfinishedError, UserError
+from host.core.output_place import check_file
 from host.core.terminal import PlainConsole, echo
 from host.core.whole_file import save_text
 from host.link import protocol
@@ -138,8 +139,7 @@ def export(path: Path, port: str) -> None:
     """Writes all parameters to a file, for `load` and `diff`."""
     if path.exists():
         raise UserError(f"{path} is there already; name a new file")
-    if not path.parent.is_dir():
-        raise UserError(f"cannot write {path}: there is no folder {path.parent}")
+    check_file(path)
     with connect(port) as link:
         values = read_all(link)
     save_text(path, yaml.safe_dump(values, sort_keys=False))

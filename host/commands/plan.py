@@ -12,6 +12,7 @@ from rich.table import Table
 
 from host.commands.options import field_option, gap_option, inset_option, vehicle_option
 from host.core.errors import UserError
+from host.core.number_range import WholeRange
 from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle
@@ -52,7 +53,7 @@ def table_of(previews: list[Preview]) -> Table:
     "--corner",
     "--start",
     "start",
-    type=click.IntRange(0),
+    type=WholeRange(0),
     default=0,
     show_default=True,
     help="Where it begins; the survey's picture numbers the corners.",
@@ -99,7 +100,7 @@ def plan(
     _say_field(console, name, boundary, areas, start, inset)
     console.print_table(table_of(list(previews.values())))
     _say_plan(console, boundary, shown, start, gap)
-    _keep_parts(console, beside, name, boundary, shown)
+    _keep_parts(console, picture.with_name(beside.stem), name, boundary, shown)
     title = (
         f"{name}: {len(shown.plan.sides)} sides, {shown.plan.turn} turns, "
         f"{hours(shown.time_s)}, coverage {100 * shown.coverage:.2f} %"
@@ -192,12 +193,12 @@ def _say_plan(
 
 
 def _keep_parts(
-    console: PlainConsole, field: Path, name: str, boundary: Boundary, shown: Preview
+    console: PlainConsole, stem: Path, name: str, boundary: Boundary, shown: Preview
 ) -> None:
-    """What no turn leads to, as fields of their own beside the field's file."""
+    """What no turn leads to, as fields of their own beside the picture: there can be written."""
     for number, ring in enumerate(shown.plan.parts, start=1):
         part = shapely.Polygon(ring)
-        rest = field.with_suffix(f".part{number}.geojson")
+        rest = stem.with_name(f"{stem.name}.part{number}.geojson")
         save_field(
             rest,
             boundary_of(

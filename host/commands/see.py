@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from host.commands.options import mode_option
 from host.core.errors import UnfinishedError, UserError
+from host.core.output_place import check_folder
 from host.core.terminal import echo
 from host.core.vehicle import Vehicle
 from host.runs import record
@@ -75,6 +76,7 @@ def see(
     A picture that cannot be used is named on stderr and the others are still done; the exit code is
     then 3."""
     sides = read_sides(manifest) if manifest else {}
+    check_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     failed = 0
     taken: set[str] = set()

@@ -8,7 +8,7 @@ import click
 
 from host.core.errors import UserError
 from host.core.input_file import check_input, is_piped
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.field.boundary_file import check_target, save_field
@@ -43,7 +43,7 @@ def _corners(_: click.Context, __: click.Parameter, value: str) -> int | None:
 @click.option("--name", default="", help="The field's name; default the file's.")
 @click.option("--corners", default="auto", callback=_corners, show_default=True, metavar="N|auto")
 @click.option("--irregular", is_flag=True, help="Keep all of the edge instead of corners.")
-@click.option("--lap", type=click.IntRange(1), help="Take one lap only instead of the average.")
+@click.option("--lap", type=WholeRange(1), help="Take one lap only instead of the average.")
 @click.option(
     "--keep-out",
     "keep_outs",

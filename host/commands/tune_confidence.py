@@ -8,6 +8,8 @@ import click
 import numpy as np
 
 from host.commands.bench_vision import photographs
+from host.core.number_range import WholeRange
+from host.core.output_place import check_file
 from host.core.progress import Watch
 from host.core.terminal import echo
 from host.vision.photo import calibration
@@ -21,7 +23,7 @@ from host.vision.photo.confidence import REASONS, TOLERANCE, WEIGHTS
     help="Labelled photographs: manifest.csv, images/, masks/. Default: DARANTI_DATA or "
     "../shared/data, its wheat-edge.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--seed", type=WholeRange(min=0), default=0, show_default=True)
 @click.option(
     "--out", type=click.Path(path_type=Path), default=WEIGHTS, help="Default: the package's own."
 )
@@ -30,6 +32,7 @@ def tune_confidence(data: Path | None, seed: int, out: Path) -> None:
     disturbed pictures of them, and writes the weights.
 
     What is printed holds scenes out; what is written is learnt from all."""
+    check_file(out)
     with Watch("photographs"):
         samples = calibration.gather(photographs(data), seed)
         sure = calibration.held_out(samples)

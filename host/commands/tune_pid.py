@@ -11,6 +11,7 @@ from rich.table import Table
 
 from host.commands.identify import telling
 from host.commands.options import port_option
+from host.core.output_place import check_folder
 from host.core.terminal import PlainConsole, echo
 from host.link import protocol
 from host.link.params import read_all, save
@@ -73,6 +74,7 @@ def pid(
     and verifies them with a step of 30 degrees. If that fails, the old parameters are restored."""
     console = PlainConsole()
     model = None if model_file is None else ActuatorModel.load(model_file)
+    check_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     with connect(port) as link:
         values = read_all(link)

@@ -10,7 +10,8 @@ import click
 from rich.table import Table
 
 from host.core.errors import UserError
-from host.core.number_range import NumberRange
+from host.core.number_range import NumberRange, WholeRange
+from host.core.output_place import check_folder
 from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.panel.colour_page import Tuner, colour_application
@@ -50,14 +51,14 @@ def show_change(old: PaperParams, new: PaperParams, contrast: tuple[float, float
 )
 @click.option("--side", type=click.Choice(SIDES), help="Where the crop stands on photographs.")
 @click.option("--manifest", type=click.Path(path_type=Path), help="The side of each photograph.")
-@click.option("--pictures", type=click.IntRange(1, 100), default=8, show_default=True)
+@click.option("--pictures", type=WholeRange(1, 100), default=8, show_default=True)
 @click.option("--db", type=click.Path(path_type=Path), default=DATABASE, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("tune"), show_default=True)
 @click.option("--save/--no-save", default=True, show_default=True)
 @click.option(
     "--page", is_flag=True, help="Tune by hand instead: sliders on a page, in a browser here."
 )
-@click.option("--web-port", "port", type=click.IntRange(0, 65535), default=8023, show_default=True,
+@click.option("--web-port", "port", type=WholeRange(0, 65535), default=8023, show_default=True,
               help="0: any.")  # fmt: skip
 def tune_vision(
     source: tuple[str, ...],
@@ -78,6 +79,8 @@ def tune_vision(
     """Finds the paper's parameters on the first pictures, starting from the nearest profile; shows
     before and after, and saves the profile. With --page a person does it, on a page with
     sliders."""
+    if not page:
+        check_folder(out)
     sides = read_sides(manifest) if manifest else {}
     taken: list[tuple[str, Picture]] = []
     for item in source:

@@ -39,6 +39,7 @@ from pyproj.exceptions import ProjError
 
 from host.core.errors import UserError
 from host.core.frames import LatLon, LocalFrame
+from host.core.output_place import check_file
 from host.core.terminal import plain
 from host.field import archive, isoxml_file
 from host.field.corners import steerable
@@ -203,8 +204,7 @@ def check_target(path: Path) -> None:
         raise UserError(
             f"cannot write {path}: its suffix names no format; use {', '.join(_WRITERS)}"
         )
-    if not path.parent.is_dir():
-        raise UserError(f"cannot write {path}: there is no folder {path.parent}")
+    check_file(path)
 
 
 # ---- what makes a field --------------------------------------------------------------------------

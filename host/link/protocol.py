@@ -763,8 +763,8 @@ class HilSensors(Message):
     """V; of the loop, at the pin"""
     hall: int
     """pulses since start, modulo 65536"""
-    hall_backward: int
-    """of them, those in which the second sensor says backward; modulo 65536"""
+    hall_way: int
+    """by both hall sensors, pulses forward less pulses backward since start, modulo 65536"""
     blade_turns: int
     """pulses of the blade's sensor since start, modulo 65536"""
 
@@ -780,14 +780,14 @@ class HilSensors(Message):
             round(self.drive_current / 0.001),
             round(self.estop / 0.001),
             int(self.hall),
-            int(self.hall_backward),
+            int(self.hall_way),
             int(self.blade_turns),
         )
 
     @classmethod
     def of(cls, *raws: int) -> HilSensors:
         """From the integers on the wire."""
-        (pot, battery, steer_current, drive_current, estop, hall, hall_backward, blade_turns,) = raws
+        (pot, battery, steer_current, drive_current, estop, hall, hall_way, blade_turns,) = raws
         return cls(
             pot * 0.001,
             battery * 0.001,
@@ -795,7 +795,7 @@ class HilSensors(Message):
             drive_current * 0.001,
             estop * 0.001,
             hall,
-            hall_backward,
+            hall_way,
             blade_turns,
         )
 

@@ -39,6 +39,8 @@ SHOWN: Final = 600
 """Points of a walk on the page."""
 MOST_CORNERS: Final = 200
 """Of a keep-out that is drawn by hand."""
+FARTHEST_M: Final = 200.0
+"""Way of a corner that is moved: what is farther is a slip, or no finger."""
 LEAST_CORNERS: Final = 3
 """Of a field."""
 CLOSE_M: Final = 6.0
@@ -98,6 +100,15 @@ class Walk:
             "laps": 0 if loops is None else len(loops.laps),
             "track": [[number(x, 2), number(y, 2)] for x, y in xy[::every].tolist()],
         }
+
+
+def _moved(corner: tuple[float, float], at: tuple[float, float]) -> tuple[float, float]:
+    """Where a corner lies once it is moved. UserError where it cannot."""
+    if not all(map(math.isfinite, at)):
+        raise UserError("there is no such corner")
+    if math.dist(corner, at) > FARTHEST_M:
+        raise UserError(f"a corner moves by {FARTHEST_M:g} m at most")
+    return at
 
 
 class FieldDesk:
@@ -195,7 +206,8 @@ class FieldDesk:
             case "move_corner":
                 self._move(int(wish["index"]), float(wish["x"]), float(wish["y"]))
             case "add_corner":
-                self._add(int(wish["index"]))
+                at = (float(wish["x"]), float(wish["y"])) if "x" in wish else None
+                self._add(int(wish["index"]), at)
             case "drop_corner":
                 self._drop(int(wish["index"]))
             case "keep_out":
@@ -254,18 +266,16 @@ class FieldDesk:
 
     def _move(self, index: int, x: float, y: float) -> None:
         polygon, corners = self._corners(index)
-        if not (math.isfinite(x) and math.isfinite(y)):
-            raise UserError("there is no such corner")
-        if math.dist(corners[index], (x, y)) > 200:
-            raise UserError("a corner moves by 200 m at most")
-        corners[index] = (x, y)
+        corners[index] = _moved(corners[index], (x, y))
         self._change(shapely.Polygon(corners, polygon.interiors))
 
-    def _add(self, index: int) -> None:
-        """A corner in the middle of the side that leads on from a corner."""
+    def _add(self, index: int, at: tuple[float, float] | None) -> None:
+        """A corner in the middle of the side that leads on from a corner, moved to a place where
+        one is given."""
         polygon, corners = self._corners(index)
         (x0, y0), (x1, y1) = corners[index], corners[(index + 1) % len(corners)]
-        corners.insert(index + 1, ((x0 + x1) / 2, (y0 + y1) / 2))
+        middle = ((x0 + x1) / 2, (y0 + y1) / 2)
+        corners.insert(index + 1, middle if at is None else _moved(middle, at))
         begun = self.corner + (self.corner > index)
         self._change(shapely.Polygon(corners, polygon.interiors), begun)
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from host.core.errors import UserError
 from host.core.frames import Pose2
+from host.core.output_place import check_file
 from host.core.vehicle import Vehicle
 from host.core.whole_file import saved
 from host.field.areas import Areas, Geofence, areas_of, outline_of, placed
@@ -257,10 +258,7 @@ def check_picture(path: Path) -> None:
         raise UserError(
             f"cannot write the picture {path}: its suffix names no format; use .png, .svg or .pdf"
         )
-    if not path.parent.is_dir():
-        raise UserError(f"cannot write the picture {path}: there is no folder {path.parent}")
-    if path.is_dir():
-        raise UserError(f"cannot write the picture {path}: there is a folder of that name")
+    check_file(path)
 
 
 def draw_preview(path: Path, shown: Preview, title: str) -> None:

@@ -555,6 +555,31 @@ def two_hall_sensors_tell_the_direction(make: Maker) -> Bench:
 
 
 @scenario
+def a_wheel_that_rocks_on_a_sensor_s_edge_stands(make: Maker) -> Bench:
+    bench = with_sensors(make)
+    bench.ask(speed=0.0)
+    bench.run(1500)
+    assert bench.last.speed == 0.0
+    stood = bench.last.distance
+    # From 2 mm before the edge at which the first sensor changes to 2 mm behind it and back,
+    # 20 times a second: as an engine that idles shakes a machine that stands.
+    for edge in (0.0, 0.5):
+        pulse_m = 1.0 / bench.hall_per_metre
+        bench.wheel_m = (round(bench.wheel_m / pulse_m) + edge + 0.2) * pulse_m
+        bench.run(1500)
+        met = bench.last.distance
+        assert met == pytest.approx(stood, abs=2.0 * pulse_m)
+        for k in range(120):
+            bench.wheel_m += pulse_m * (0.4 if k % 2 else -0.4)
+            bench.run(25)
+            assert bench.last.speed == 0.0
+            assert bench.last.distance == pytest.approx(met, abs=1.01 * pulse_m)
+    assert bench.last.state in (State.RUNNING, State.ARMED)
+    assert bench.last.faults == 0
+    return bench
+
+
+@scenario
 def a_blade_that_does_not_turn_is_a_fault(make: Maker) -> Bench:
     bench = with_sensors(make)
     bench.blade_hz = 0.0

@@ -218,6 +218,33 @@ def test_the_direction_changes_while_the_pwm_is_off(make: Maker, way: int) -> No
     assert len([on for on, _, _ in seen if not on]) >= 1
 
 
+@pytest.mark.parametrize("hz", (123, 20_000))
+@pytest.mark.parametrize("driver", (2, 3))
+@pytest.mark.parametrize("board", ("uno", "mega2560"))
+def test_a_wire_that_its_timer_gets_has_its_own_duty_from_the_first(
+    make: Maker, board: Board, driver: int, hz: int
+) -> None:
+    """Else a change of direction, or of a brake to a drive, begins with a period of what was driven
+    before: 8 ms at the slowest. The shim ends a run in which a timer's output is connected while
+    its compare register holds anything else."""
+    bts7960 = driver == 2
+    bench = Bench(make(board), vnh5019_steers=not bts7960, bts7960=bts7960, board=board)
+    bench.run(10)
+    for name in ("steer_driver", "drive_driver"):
+        bench.set_param(name, driver)
+    for name in ("steer_pwm_freq", "drive_pwm_freq"):
+        bench.set_param(name, hz)
+    bench.arm()
+    ways = set()
+    for steer_deg, speed in ((20.0, 0.3), (-20.0, -0.3), (20.0, 0.0), (0.0, 0.2)):
+        bench.ask(steer_deg=steer_deg, speed=speed)
+        for _ in range(700):
+            bench.run(1)
+            ways |= {("steer", bench.steer_duty > 0), ("drive", bench.drive_duty > 0)}
+    assert len(ways) == 4
+    assert bench.last.faults == 0
+
+
 @pytest.mark.parametrize("board", ("uno", "mega2560"))
 def test_a_wire_that_is_idle_is_not_its_timer_s(make: Maker, board: Board) -> None:
     """A compare register is taken at the timer's top or bottom only (15.9.5, 17.7.4): a wire that

@@ -183,6 +183,45 @@ def test_an_output_of_a_timer_that_gives_no_duty_ends_the_run(
     chip.refuses("pin 3: its timer is stopped")
 
 
+STALE = "an output is connected while its compare register holds another value"
+
+
+@pytest.mark.parametrize(
+    ("stop", "value", "again"),
+    [
+        ([], [(OCR2A, 0), (OCR2B, 200)], []),  # waits in the buffer
+        # past the buffer, which still holds what is taken at the period's end
+        ([(TCCR2A, 0)], [(OCR2B, 200)], [(TCCR2A, 0x01)]),
+    ],
+)
+def test_an_output_connected_before_its_compare_register_is_taken_ends_the_run(
+    make: Maker,
+    stop: list[tuple[int, int]],
+    value: list[tuple[int, int]],
+    again: list[tuple[int, int]],
+) -> None:
+    chip = make()
+    chip.write((TCCR2A, 0x01), (TCCR2B, 0x02), (OCR2B, 10))
+    chip.run(SAMPLE_US)
+    chip.run(SAMPLE_US)
+    chip.write(*stop, *value, *again, (TCCR2A, 0x21))
+    chip.refuses(STALE)
+
+
+def test_a_compare_register_is_in_force_a_period_later_or_written_past_its_buffer(
+    make: Maker,
+) -> None:
+    chip = make()
+    chip.write((TCCR2A, 0x01), (TCCR2B, 0x02), (OCR2B, 10))
+    chip.run(2 * SAMPLE_US)  # 510 * 8 cycles are 255 us
+    chip.write((TCCR2A, 0x21))
+    chip.run(SAMPLE_US)
+    chip.write((TCCR2A, 0x00), (OCR2B, 200), (TCCR2A, 0x01), (OCR2B, 200), (TCCR2A, 0x21))
+    chip.run(SAMPLE_US)
+    chip.write((TCCR1A, 0), (TCCR1B, 0x11), (OCR1AH, 1), (OCR1AL, 0), (TCCR1A, 0x80))
+    chip.refuses(STALE)
+
+
 def test_a_timer_1_clocked_from_outside_ends_the_run(make: Maker) -> None:
     chip = make()
     chip.write((TCCR1A, 0x80), (TCCR1B, 0x16))

@@ -816,6 +816,188 @@ def test_the_panel_adds_and_removes_the_corners_that_keys_ask_for(
     page.context.close()
 
 
+# ---- by finger and mouse -------------------------------------------------------------------------
+
+
+def by_hand(browser: Browser, panel: Served, line: Line, tool: str, size: str = "phone") -> Page:
+    """As `by_keys`, the tool chosen by a finger, or on the laptop by the mouse."""
+    line.more = {"driver": True, "driven": True}
+    line.keeps = frozenset({"move_corner", "add_corner", "drop_corner", "keep_out"})
+    page = opened(browser, panel, size, "en", line)
+    page.click("#tabs button[data-tab=field]")
+    expect(page.locator("#plan-said")).not_to_have_text(text("en", "plan.none"))
+    line.mutes = frozenset({"field"})
+    line.say(FIELD)
+    expect(page.locator("#field-said")).to_contain_text("4 points, 400 m²")
+    button = page.locator(tool)
+    button.tap() if size == "phone" else button.click()
+    page.locator("#field-map").evaluate("map => map.scrollIntoView({ block: 'center' })")
+    return page
+
+
+def spot(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where on the screen FIELD's map has a place."""
+    box = page.locator("#field-map").bounding_box()
+    assert box is not None
+    right, up = ((each + 2) * SCALE / 700 for each in (x, y))
+    return box["x"] + right * box["width"], box["y"] + (1 - up) * box["height"]
+
+
+def finger(page: Page, kind: str, *places: tuple[float, float]) -> None:
+    """Down at the first place and on to the others; then up, or whatever `kind` ends it."""
+    session = page.context.new_cdp_session(page)
+    for k, place in enumerate(places):
+        u, v = spot(page, *place)
+        event = {"type": "touchMove" if k else "touchStart", "touchPoints": [{"x": u, "y": v}]}
+        session.send("Input.dispatchTouchEvent", event)
+    session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": []})
+
+
+def mouse(page: Page, *places: tuple[float, float]) -> None:
+    """The same with the mouse."""
+    page.mouse.move(*spot(page, *places[0]))
+    page.mouse.down()
+    for place in places[1:]:
+        page.mouse.move(*spot(page, *place))
+    page.mouse.up()
+
+
+FIVE = [[0, 0], [10, -1], *SQUARE[1:]]
+
+
+@pytest.mark.parametrize("size", ["phone", "laptop"])
+def test_a_side_s_middle_becomes_a_corner_where_it_is_dragged_and_goes_again(
+    browser: Browser, panel: Served, size: str
+) -> None:
+    line = Line()
+    page = by_hand(browser, panel, line, "#field-move", size)
+    way = [(10.2, 0.1), (10, -0.2), (10, -0.6), (10, -1)]
+    finger(page, "touchEnd", *way) if size == "phone" else mouse(page, *way)
+    (told,) = asked(page, line, 1)
+    assert (told["do"], told["index"]) == ("add_corner", 0)
+    assert (told["x"], told["y"]) == pytest.approx((10, -1), abs=0.1)
+    drop = page.locator("#field-drop")
+    expect(drop).to_be_disabled()  # the plan is being made: numbers may change
+    line.say(FIELD | {"boundary": FIVE})
+    expect(drop).to_have_text("Remove corner 2")
+    expect(drop).to_be_enabled()
+    box = drop.bounding_box()
+    assert box is not None
+    assert min(box["width"], box["height"]) >= 44
+    drop.tap() if size == "phone" else drop.click()
+    assert asked(page, line, 2)[1] == {"do": "drop_corner", "index": 1}
+    expect(drop).to_be_hidden()
+    page.context.close()
+
+
+def test_a_touch_chooses_a_corner_and_moves_none(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = by_hand(browser, panel, line, "#field-move")
+    drop = page.locator("#field-drop")
+    expect(drop).to_be_hidden()
+    for corner, place in ((3, (20.3, 19.8)), (4, (0.2, 20))):
+        finger(page, "touchEnd", place, (place[0] + 0.2, place[1]))  # 3 px: no finger holds still
+        expect(drop).to_have_text(f"Remove corner {corner}")
+        expect(page.locator("#field-moved")).to_contain_text(f"Corner {corner} of 4")
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / "corner-chosen.png")
+    finger(page, "touchEnd", (10, 10))
+    expect(drop).to_be_hidden()
+    finger(page, "touchEnd", (20, 10))
+    assert asked(page, line, 1) == [{"do": "add_corner", "index": 1, "x": 20, "y": 10}]
+    expect(drop).to_have_text("Remove corner 3")
+    line.say(FIELD | {"name": "other.geojson"})
+    expect(drop).to_be_hidden()
+    page.context.close()
+
+
+def test_a_finger_that_the_browser_takes_away_adds_and_moves_nothing(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = by_hand(browser, panel, line, "#field-move")
+    finger(page, "touchCancel", (10, 0), (10, 3))
+    finger(page, "touchCancel", (20, 20), (18, 18))
+    page.mouse.move(*spot(page, 5, 5))
+    finger(page, "touchEnd", (0, 0), (0, 1))
+    (told,) = asked(page, line, 1)
+    assert (told["do"], told["index"]) == ("move_corner", 0)
+    page.context.close()
+
+
+def test_a_short_side_has_no_handle_in_the_way_of_its_corners(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = by_hand(browser, panel, line, "#field-move")
+    line.say(FIELD | {"boundary": [[0, 0], [16, 0], [20, 0], [20, 20], [0, 20]]})
+    expect(page.locator(".handle")).to_have_count(5)
+    finger(page, "touchEnd", (17.9, 0), (17.9, 1))
+    (told,) = asked(page, line, 1)
+    assert (told["do"], told["index"]) == ("move_corner", 1)
+    page.context.close()
+
+
+def test_the_last_point_of_a_keep_out_is_taken_back_by_a_finger(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = by_hand(browser, panel, line, "#field-keep-out")
+    drop = page.locator("#field-drop")
+    expect(drop).to_be_hidden()
+    for place in ((5, 5), (8, 5), (8, 8), (2, 2)):
+        finger(page, "touchEnd", place)
+    expect(drop).to_have_text("Take the last point back")
+    drop.tap()
+    page.locator("#field-keep-out").tap()
+    (told,) = asked(page, line, 1)
+    assert told["ring"] == [pytest.approx(place, abs=0.05) for place in ([5, 5], [8, 5], [8, 8])]
+    expect(drop).to_be_hidden()
+    page.context.close()
+
+
+def test_the_button_that_removes_a_corner_is_reached_by_keys_and_loses_no_focus(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = by_keys(browser, panel, line, "#field-move")
+    keys(page, "Tab", "Tab", "Tab", "Tab")
+    assert page.evaluate("document.activeElement.id") == "field-drop"
+    expect(page.locator("#field-drop")).to_have_text("Remove corner 4")
+    keys(page, "Enter")
+    assert asked(page, line, 1) == [{"do": "drop_corner", "index": 3}]
+    assert page.evaluate("document.activeElement.id") == "field-move"
+    page.context.close()
+
+
+def test_the_panel_adds_the_corner_that_a_finger_drags(browser: Browser, walked: Served) -> None:
+    page = opened(browser, walked, "phone", "en")
+    walk_around(page, walked, FOUR)
+    page.locator("#field-move").tap()
+    page.locator("#field-map").scroll_into_view_if_needed()
+    page.evaluate("scrollTo(0, 0)")
+    before = on_disk(walked)
+    local = [before.frame.to_local(*corner) for corner in before.crop]
+    box = page.locator("#field-map").bounding_box()
+    assert box is not None
+    (xs, ys), room = zip(*local, strict=True), 2.0
+    spans = [max(each) - min(each) + 2 * room for each in (xs, ys)]
+    scale = box["width"] / max(spans)
+    aside = [(max(spans) - span) / 2 for span in spans]
+    x, y = ((a + b) / 2 for a, b in zip(local[0], local[1], strict=True))
+    u = box["x"] + (aside[0] + x - min(xs) + room) * scale
+    v = box["y"] + box["height"] - (aside[1] + y - min(ys) + room) * scale
+    page.touchscreen.tap(u, v)
+    problem = page.locator("#field-problem")
+    expect(page.locator(".handle")).to_have_count(len(local) + 1)
+    expect(problem).not_to_have_text(text("en", "field.working"), timeout=60_000)
+    assert len(on_disk(walked).crop) == len(local) + 1
+    page.locator("#field-drop").tap()
+    expect(page.locator(".handle")).to_have_count(len(local), timeout=60_000)
+    assert len(on_disk(walked).crop) == len(local)
+    page.context.close()
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_everybody_can_use_the_corners(browser: Browser, panel: Served, language: str) -> None:
     line = Line()
@@ -830,6 +1012,7 @@ def test_everybody_can_use_the_corners(browser: Browser, panel: Served, language
         assert found.violations_count == 0, found.generate_report()
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     keys(page, "ArrowRight")
+    expect(page.locator("#field-drop")).to_be_visible()
     if PICTURES:
         page.screenshot(path=Path(PICTURES) / f"corners-{language}.png")
     page.context.close()

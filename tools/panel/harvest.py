@@ -24,6 +24,7 @@ from playwright.sync_api import BrowserContext
 from playwright.sync_api import Error as PlaywrightError
 
 from host.core.frames import LocalFrame
+from host.core.number_range import NumberRange, WholeRange, argument
 from host.field.boundary_file import load_field
 from tools.panel.stack import (
     Json,
@@ -399,10 +400,20 @@ def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/panel-day"))
-    parser.add_argument("--size", type=float, nargs=2, default=(7.0, 6.0), metavar="METRES")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--cep", type=float, default=0.8, help="of the phone's positions (m)")
-    parser.add_argument("--width", type=int, default=640, help="of the picture (px)")
+    parser.add_argument(
+        "--size",
+        type=argument(NumberRange(0, min_open=True)),
+        nargs=2,
+        default=(7.0, 6.0),
+        metavar="METRES",
+    )
+    parser.add_argument("--seed", type=argument(WholeRange(0, 2**31 - 1)), default=1)
+    parser.add_argument(
+        "--cep", type=argument(NumberRange(0)), default=0.8, help="of the phone's positions (m)"
+    )
+    parser.add_argument(
+        "--width", type=argument(WholeRange(1)), default=640, help="of the picture (px)"
+    )
     parser.add_argument("--shots", type=Path, help="folder for screenshots")
     return day(parser.parse_args())
 

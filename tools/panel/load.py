@@ -27,6 +27,7 @@ import yaml
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
+from host.core.number_range import NumberRange, argument
 from tools.panel.stack import ROOT, Json, Panel, Person, Rig, Screen, a_browser, a_phone
 
 SOCKETS: Final = 50
@@ -247,7 +248,9 @@ def _watched(rig: Rig, panel: Panel, browser: object, seconds: float) -> Json:
 def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=60.0, help="of each part")
+    parser.add_argument(
+        "--seconds", type=argument(NumberRange(0, min_open=True)), default=60.0, help="of each part"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/load"))
     given = parser.parse_args()
     summary = measure(given.seconds, given.out)

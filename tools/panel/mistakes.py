@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hil.studies.building_mistakes import MISTAKES, inspect
+from host.core.number_range import WholeRange, argument
 from host.panel.texts import LANGUAGES, texts
 
 GOOD: Final = range(101, 121)
@@ -80,7 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/mistakes"))
     parser.add_argument("--only", help="machines whose name has this")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=argument(WholeRange(1, 256)), default=2)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     machines: list[tuple[str, int | None]] = [(one.name, None) for one in MISTAKES]

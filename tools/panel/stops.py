@@ -31,6 +31,7 @@ import yaml
 from playwright.sync_api import Error as PlaywrightError
 
 from host.core.frames import LocalFrame
+from host.core.number_range import NumberRange, WholeRange, argument
 from host.field.boundary_file import load_field
 from tools.panel.harvest import BLADE_M, ORIGIN
 from tools.panel.stack import (
@@ -404,8 +405,8 @@ def session(tally: Tally, out: Path, end: float) -> None:
 def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--taps", type=int, default=200)
-    parser.add_argument("--minutes", type=float, default=90.0)
+    parser.add_argument("--taps", type=argument(WholeRange(1)), default=200)
+    parser.add_argument("--minutes", type=argument(NumberRange(0, min_open=True)), default=90.0)
     parser.add_argument("--out", type=Path, default=Path("out/stops"))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)

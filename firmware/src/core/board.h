@@ -29,8 +29,8 @@ struct BridgeWires {
 // Counters since the reset, modulo 65536. A pulse counts when its level has held for two samples,
 // 200 us apart: what is shorter is noise.
 struct Pulses {
-  uint16_t wheel;
-  uint16_t backward;  // of them, those in which the second sensor says backward
+  uint16_t wheel;  // of the first sensor, whichever way it turns
+  uint16_t way;    // by both sensors: forward less backward
   uint16_t blade;
 };
 

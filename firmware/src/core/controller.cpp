@@ -106,9 +106,9 @@ void Controller::tick(Board &board) {
   const State before = supervisor_.state();
   observe(board);
   actuate(board);
+  show_state(board);  // what is seen from outside comes before what is written down
   log_.note(supervisor_.faults(), before);
   if (!params_.saving() && log_.step(board)) acknowledge(board, save_request_, Result::OK);
-  show_state(board);
   report(board);
   board.remember_armed(supervisor_.live());
   ++beat_;

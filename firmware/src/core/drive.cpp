@@ -29,6 +29,7 @@ void Hall::configure(const Params &params) {
   impossible_ = 2 * int32_t{params[Param::speed_max]} + 1000;
   if (per_metre_ == 0) {
     speed_ = kNone;
+    noisy_ = false;
     return;
   }
   // A pulse is 10000 / per_metre_ mm.
@@ -41,26 +42,39 @@ void Hall::configure(const Params &params) {
 }
 
 void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
-  const uint16_t fresh = static_cast<uint16_t>(pulses.wheel - last_.wheel);
-  const uint16_t back = static_cast<uint16_t>(pulses.backward - last_.backward);
+  const uint16_t fell = static_cast<uint16_t>(pulses.wheel - last_.wheel);
+  const int16_t way = static_cast<int16_t>(pulses.way - last_.way);
   last_ = pulses;
   if (per_metre_ == 0) return;
+  listen(fell);
+  if (silent_ != UINT16_MAX) ++silent_;
+  if (still_ != UINT16_MAX) ++still_;
+  uint16_t took = still_;
+  int32_t come = fell;
   if (two_) {
-    if (fresh != 0) backward_ = back > fresh / 2;
+    // The first pulse back is of the edge that gave the last one forward, and so is the next one
+    // forward: no way lies between. What goes beyond is way.
+    const int32_t ahead = (backward_ ? -int32_t{way} : way) - behind_;
+    come = ahead > 0 ? ahead : 0;
+    if (ahead < -1) {
+      come = -1 - ahead;
+      took = silent_;
+      backward_ = !backward_;
+    }
+    behind_ = ahead == -1;
   } else if (duty != 0) {
     backward_ = duty < 0;
   }
-  if (!two_ || setpoint == 0 || (fresh != 0 && backward_ == (setpoint < 0))) {
+  if (!two_ || setpoint == 0 || (way != 0 && (way < 0) == (setpoint < 0))) {
     against_ = 0;
   } else {
-    against_ = least(against_ + fresh * kPulse, wrong_way_);
+    against_ = least(against_ + magnitude(way) * kPulse, wrong_way_);
   }
-  if (silent_ != UINT16_MAX) ++silent_;
-  if (duty == 0 || fresh != 0) {
+  if (duty == 0 || come != 0) {
     // A machine that rolls back as it is driven gives pulses too, but ever more slowly. Its creep
     // before it was driven tells nothing, so two intervals count that were driven throughout.
-    gone_ = duty == 0 ? 0 : least(gone_ + least(fresh, kFreshMax) * kPulse, wrong_way_);
-    const bool faster = gone_ > 2 * kPulse && int32_t{silent_} * 5 < int32_t{interval_} * 4;
+    gone_ = duty == 0 ? 0 : least(gone_ + least(come, kFreshMax) * kPulse, wrong_way_);
+    const bool faster = gone_ > 2 * kPulse && int32_t{took} * 5 < int32_t{interval_} * 4;
     rolls_ = duty != 0 && (rolls_ || faster || gone_ >= wrong_way_);
     awaited_ = 0;
     waited_ = 0;
@@ -73,21 +87,32 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
   }
 
   int32_t size = magnitude(speed_ == kNone ? 0 : speed_);
-  if (fresh != 0) {
+  if (come != 0) {
     // The first pulse after standing tells nothing about the time since the one before.
-    size = silent_ > kStandsTicks ? 0 : least(one_ * least(fresh, kFreshMax) / silent_, INT16_MAX);
-    interval_ = silent_;
-    silent_ = 0;
-    remainder_ += fresh * kPulse;
-    const int32_t whole = remainder_ / per_metre_;
-    remainder_ -= whole * per_metre_;
-    distance_ += backward_ ? -whole : whole;
-  } else if (silent_ >= kStandsTicks) {
+    size = took > kStandsTicks ? 0 : least(one_ * least(come, kFreshMax) / took, INT16_MAX);
+    interval_ = took;
+    still_ = 0;
+  } else if (still_ >= kStandsTicks) {
     size = 0;
-  } else if (size * silent_ > one_) {
-    size = one_ / silent_;
+  } else if (size * still_ > one_) {
+    size = one_ / still_;
   }
+  if (way != 0) silent_ = 0;
+  remainder_ += (two_ ? way : backward_ ? -come : come) * kPulse;
+  const int32_t whole = remainder_ / per_metre_;
+  remainder_ -= whole * per_metre_;
+  distance_ += whole;
   speed_ = static_cast<int16_t>(backward_ ? -size : size);
+}
+
+void Hall::listen(uint16_t fell) {
+  if (since_ != UINT16_MAX) ++since_;
+  if (fell != 0) {
+    noisy_ = one_ * least(fell, kFreshMax) > impossible_ * since_;
+    since_ = 0;
+  } else if (one_ <= impossible_ * since_) {
+    noisy_ = false;  // a pulse that came now would be none
+  }
 }
 
 bool Hall::wrong_way() const { return per_metre_ != 0 && against_ >= wrong_way_; }

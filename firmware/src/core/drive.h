@@ -8,7 +8,8 @@
 namespace daranti {
 
 // Speed and distance from a wheel's pulses. Whether the wheel turns forward or backward is told by
-// a second sensor, or taken from the duty's sign where there is none.
+// a second sensor, or taken from the duty's sign where there is none. With two, a wheel that rocks
+// on an edge stands, as far as speed goes.
 class Hall {
  public:
   void configure(const Params &params);
@@ -27,7 +28,8 @@ class Hall {
   // that rolls back before it climbs seems to go as it is driven, and must not be braked for it.
   bool directed() const { return two_ || rolls_; }
   // Counts more than a machine can drive: noise, or a wrong hall_per_metre.
-  bool noisy() const { return per_metre_ != 0 && magnitude(speed_) > impossible_; }
+  // By the first sensor alone: with two, noise on it goes to and fro, and comes nowhere.
+  bool noisy() const { return noisy_; }
   // Turns faster than `setpoint` (mm/s) and the parameter speed_excess allow.
   bool fast(int16_t setpoint) const {
     return per_metre_ != 0 && magnitude(speed_) > magnitude(setpoint) + excess_;
@@ -38,10 +40,13 @@ class Hall {
   static constexpr int16_t kNone = INT16_MIN;
 
  private:
+  // One tick's pulses of the first sensor: whether they are more than a machine gives.
+  void listen(uint16_t fell);
+
   int16_t per_metre_ = 0;  // 0.1 pulses/m; 0: no sensor
   int32_t one_ = 0;        // mm/s where a pulse comes in every tick
   int32_t distance_ = 0;
-  int32_t remainder_ = 0;   // of a millimetre, in 1/per_metre_ mm
+  int32_t remainder_ = 0;   // of a millimetre, in 1/per_metre_ mm, signed
   int32_t awaited_ = 0;     // mm/s times ticks that should have been travelled since the last pulse
   int32_t two_pulses_ = 0;  // of them
   int32_t pushed_ = 0;      // duty above the minimum times full_ times ticks since the last pulse
@@ -53,12 +58,16 @@ class Hall {
   int16_t excess_ = 0;      // mm/s
   Pulses last_{0, 0, 0};
   uint16_t waited_ = 0;           // ticks in awaited_
-  uint16_t silent_ = UINT16_MAX;  // ticks since the last pulse
-  uint16_t interval_ = 0;         // ticks between the last two
+  uint16_t still_ = UINT16_MAX;   // ticks since the last pulse that was way
+  uint16_t silent_ = UINT16_MAX;  // since the last of two sensors, to and fro, too
+  uint16_t interval_ = 0;         // ticks of way between the last two
+  uint16_t since_ = UINT16_MAX;   // ticks since the first sensor's last pulse
   int16_t floor_ = 0;             // minimum duty
   int16_t full_ = 0;              // speed at full duty, mm/s
   int16_t speed_ = kNone;
-  bool backward_ = false;
+  bool backward_ = false;  // as the last way went, or the last duty drove
+  bool behind_ = false;    // the last edge has been crossed back
+  bool noisy_ = false;
   bool two_ = false;    // sensors
   bool rolls_ = false;  // since it is driven, it has broken away
 };

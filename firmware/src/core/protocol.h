@@ -299,7 +299,7 @@ struct HilSensors {
   uint16_t drive_current;  // 0.001 V; at the sense pin
   uint16_t estop;  // 0.001 V; of the loop, at the pin
   uint16_t hall;  // pulses since start, modulo 65536
-  uint16_t hall_backward;  // of them, those in which the second sensor says backward; modulo 65536
+  uint16_t hall_way;  // by both hall sensors, pulses forward less pulses backward since start, modulo 65536
   uint16_t blade_turns;  // pulses of the blade's sensor since start, modulo 65536
   static HilSensors read(const uint8_t *payload) {
     HilSensors m;
@@ -309,7 +309,7 @@ struct HilSensors {
     m.drive_current = get<uint16_t>(payload + 6);
     m.estop = get<uint16_t>(payload + 8);
     m.hall = get<uint16_t>(payload + 10);
-    m.hall_backward = get<uint16_t>(payload + 12);
+    m.hall_way = get<uint16_t>(payload + 12);
     m.blade_turns = get<uint16_t>(payload + 14);
     return m;
   }

@@ -21,9 +21,15 @@ class PulseFilter {
     if (changed == 0) return;
     level_ = static_cast<uint8_t>(level_ ^ changed);
     const uint8_t fell = static_cast<uint8_t>(changed & ~level_);
-    if (fell & kA) {
-      ++pulses_.wheel;
-      if (!(level_ & kB)) ++pulses_.backward;
+    if (fell & kA) ++pulses_.wheel;
+    // Of A's two edges in a pulse the one at which B is high counts, forward and, crossed back,
+    // backward: a wheel that rocks on an edge, whichever, comes nowhere.
+    if ((changed & kA) != 0 && (level_ & kB) != 0) {
+      if (fell & kA) {
+        ++pulses_.way;
+      } else {
+        --pulses_.way;
+      }
     }
     if (fell & kTurn) ++pulses_.blade;
   }

@@ -76,7 +76,7 @@ class FakeBoard final : public Board {
     return analog_in[static_cast<uint8_t>(channel)];
   }
   bool estop_open() const override { return loop_open; }
-  Pulses pulses() const override { return {wheel, backward, blade_turns}; }
+  Pulses pulses() const override { return {wheel, way, blade_turns}; }
   Troubles troubles() const override { return trouble; }
   void set_bridge(Motor motor, const BridgeWires &wires) override {
     (motor == Motor::kSteer ? steer : drive) = wires;
@@ -117,7 +117,7 @@ class FakeBoard final : public Board {
   uint32_t clock_us = 0;
   uint16_t analog_in[kAnalogs] = {};
   bool loop_open = false;
-  uint16_t wheel = 0, backward = 0, blade_turns = 0;
+  uint16_t wheel = 0, way = 0, blade_turns = 0;
   Troubles trouble{0, 0};
   BridgeWires steer{0, 0, false, false};
   BridgeWires drive{0, 0, false, false};

@@ -1038,7 +1038,7 @@ TEST_CASE("With two hall sensors the wrong way latches") {
   for (int i = 0; i < 112; ++i) {
     if (i % 8 == 0) {
       ++rig.board.wheel;
-      ++rig.board.backward;
+      --rig.board.way;
     }
     rig.drive_for(1);
   }
@@ -1046,7 +1046,7 @@ TEST_CASE("With two hall sensors the wrong way latches") {
   for (int i = 0; i < 16; ++i) {
     if (i % 8 == 0) {
       ++rig.board.wheel;
-      ++rig.board.backward;
+      --rig.board.way;
     }
     rig.drive_for(1);
   }
@@ -1165,7 +1165,7 @@ TEST_CASE("A machine that rolls back as it is told to climb is driven, not brake
       for (int tick = 0; tick < ticks; ++tick) {
         const bool pulse = tick % 10 == 0;
         rig.board.wheel = static_cast<uint16_t>(rig.board.wheel + pulse);
-        rig.board.backward = static_cast<uint16_t>(rig.board.backward + pulse);
+        rig.board.way = static_cast<uint16_t>(rig.board.way - pulse);
         rig.drive_for(1);
       }
     };

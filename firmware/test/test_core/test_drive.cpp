@@ -646,8 +646,10 @@ TEST_CASE("Taking the sensor's parameter away takes the speed away") {
   Hall hall = hall_with(200);
   for (uint16_t pulse = 1; pulse < 10; ++pulse) hall.step(at(pulse), 100, 0);
   CHECK(hall.speed() != Hall::kNone);
+  CHECK(hall.noisy());
   hall.configure(with({}));
   CHECK(hall.speed() == Hall::kNone);
+  CHECK(!hall.noisy());
 }
 
 namespace {
@@ -661,7 +663,7 @@ struct TwoHalls {
   }
   void step(int16_t setpoint, int forward, int backward) {
     pulses.wheel = static_cast<uint16_t>(pulses.wheel + forward + backward);
-    pulses.backward = static_cast<uint16_t>(pulses.backward + backward);
+    pulses.way = static_cast<uint16_t>(pulses.way + forward - backward);
     hall.step(pulses, setpoint, setpoint);
   }
 };
@@ -681,6 +683,82 @@ TEST_CASE("Of a tick's pulses the greater part tells the direction") {
     two.step(500, each.forward, each.backward);
     CHECK((two.hall.distance() < before) == each.back);
   }
+}
+
+TEST_CASE("A wheel that rocks on an edge stands, however often") {
+  for (const int phase : {0, 1}) {
+    // 12.5 mm a pulse: the half of a millimetre must not add up either.
+    TwoHalls two(800);
+    two.step(0, 1, 0);
+    for (int i = 0; i < 250; ++i) two.step(0, 0, 0);
+    const int32_t start = two.hall.distance();
+    for (int k = 0; k < 400; ++k) {
+      two.step(0, k % 2 != phase, k % 2 == phase);
+      for (int i = 0; i < 4; ++i) two.step(0, 0, 0);
+      CHECK(two.hall.speed() == 0);
+      CHECK(magnitude(two.hall.distance() - start) <= 13);
+    }
+    CHECK(magnitude(two.hall.distance() - start) <= 1);
+    CHECK(!two.hall.fast(0));
+    CHECK(!two.hall.noisy());
+  }
+}
+
+TEST_CASE("Turned round, a wheel has a speed again at its second pulse") {
+  for (const bool back : {true, false}) {
+    TwoHalls two(1000);  // 10 mm a pulse
+    for (int k = 0; k < 5; ++k) {
+      for (int i = 0; i < 3; ++i) two.step(0, 0, 0);
+      two.step(0, back, !back);
+    }
+    CHECK(two.hall.speed() == (back ? 500 : -500));
+    for (int i = 0; i < 3; ++i) two.step(0, 0, 0);
+    two.step(0, !back, back);
+    CHECK(two.hall.speed() == (back ? 500 : -500));
+    for (int i = 0; i < 4; ++i) two.step(0, 0, 0);
+    two.step(0, !back, back);
+    CHECK(two.hall.speed() == (back ? -400 : 400));
+    // Of three pulses back in a tick the first is of the edge that was crossed before.
+    two.step(0, 3 * back, 3 * !back);
+    CHECK(two.hall.speed() == (back ? 4000 : -4000));
+  }
+}
+
+TEST_CASE("What goes to and fro on the way is no way, and its speed neither") {
+  TwoHalls two(1000);  // 10 mm a pulse
+  two.step(0, 1, 0);
+  for (int k = 0; k < 20; ++k) {
+    // A pulse each eight ticks is 0.25 m/s; between two of them the last edge is crossed twice.
+    for (int i = 1; i < 8; ++i) two.step(0, i == 5, i == 2);
+    two.step(0, 1, 0);
+    CHECK(two.hall.speed() == 250);
+  }
+  CHECK(two.hall.distance() == 210);
+  for (int i = 1; i <= 16; ++i) two.step(0, i % 3 == 2, i % 3 == 1);
+  CHECK(two.hall.speed() == 125);
+  for (int i = 17; i < 200; ++i) two.step(0, i % 3 == 2, i % 3 == 1);
+  CHECK(two.hall.speed() == 10);
+  two.step(0, 0, 0);
+  CHECK(two.hall.speed() == 0);
+}
+
+TEST_CASE("A second sensor whose wire is torn is a lost one: the way comes to nothing") {
+  TwoHalls two(1000);
+  // Each pulse of the first sensor counts forward and backward.
+  two.step(100, 1, 0);
+  for (int i = 0; i < 254; ++i) two.step(100, i % 4 == 3, i % 4 == 1);
+  CHECK(!two.hall.lost());
+  two.step(100, 1, 0);
+  CHECK(two.hall.lost());
+}
+
+TEST_CASE("Noise on the first of two sensors is noise, though it comes nowhere") {
+  TwoHalls two(2000);  // 5 mm a pulse
+  for (int i = 0; i < 8; ++i) two.step(100, 2, 2);
+  CHECK(two.hall.speed() == 0);
+  CHECK(two.hall.noisy());
+  two.step(100, 0, 0);
+  CHECK(!two.hall.noisy());
 }
 
 TEST_CASE("The wrong way is 0.15 m against the direction asked, and at least three pulses") {
@@ -739,6 +817,29 @@ TEST_CASE("Noise is faster than twice the largest speed and 1 m/s, and not just 
     for (int k = 1; k <= 3; ++k) hall.step(at(k * each.pulses), 100, 100);
     CHECK(hall.noisy() == each.noisy);
   }
+}
+
+TEST_CASE(
+    "The first pulse is no noise, and noise ends with the time that a machine's pulse takes") {
+  Hall hall;  // 10 mm a pulse, 2 m/s are not too much
+  hall.configure(with({{Param::hall_per_metre, 1000}, {Param::speed_max, 500}}));
+  hall.step(at(1), 100, 100);
+  CHECK(!hall.noisy());
+  hall.step(at(2), 100, 100);
+  CHECK(!hall.noisy());
+  hall.step(at(4), 100, 100);
+  CHECK(hall.noisy());
+  hall.step(at(4), 100, 100);
+  CHECK(!hall.noisy());
+  Hall coarse = hall_with(400);  // 25 mm a pulse: one in a tick is 5 m/s, in two 2.5 m/s
+  coarse.step(at(1), 100, 100);
+  CHECK(!coarse.noisy());
+  coarse.step(at(2), 100, 100);
+  CHECK(coarse.noisy());
+  coarse.step(at(2), 100, 100);
+  CHECK(coarse.noisy());
+  coarse.step(at(2), 100, 100);
+  CHECK(!coarse.noisy());
 }
 
 TEST_CASE("Too fast is above what is asked and its margin, and not just at them") {

@@ -91,6 +91,7 @@ enum Register : uint16_t {
   kUdr0 = 0xC6,
 };
 constexpr uint16_t kPwmRegisters[] = {kTccr1a, kTccr1b, kTccr2a, kTccr2b, kOcr2a, kOcr2b};
+constexpr uint8_t kUnits = 6;  // OC0A, OC0B, OC1A, OC1B, OC2A, OC2B
 constexpr size_t kPwmCount = sizeof kPwmRegisters / sizeof kPwmRegisters[0];
 constexpr uint16_t kWordRegisters[] = {kIcr1, kOcr1a, kOcr1b};
 constexpr uint8_t kRxc0 = 1 << 7, kFe0 = 1 << 4, kDor0 = 1 << 3, kU2x0 = 1 << 1;
@@ -235,6 +236,15 @@ struct daranti_target {
   uint64_t storing_until = 0;                     // target time at which the EEPROM has its byte
   Hook eecr, adcsra, udr, mcusr, pwm[kPwmCount];  // libsimavr's own
   bool timed[kPwmCount] = {};                     // whether a bootloader has it from libsimavr
+  struct Compare {
+    uint16_t used = 0;
+    uint16_t buffered = 0;
+    uint64_t until = 0;  // cycles: when the buffer is taken
+    void settle(uint64_t now) {
+      if (now >= until) used = buffered;
+      if (now >= until) until = UINT64_MAX;
+    }
+  } compare[kUnits];
   TimedByte fifo[2] = {};
   uint8_t fifo_count = 0;
   uint16_t millivolt[kChannels] = {};
@@ -346,7 +356,14 @@ struct daranti_target {
       self->pwm[i](avr, address, loads ? value : 0);
       self->timed[i] = loads;
     }
-    if (!loads) avr->data[address] = value;
+    if (loads) return;
+    bool apart[kUnits];
+    for (uint8_t unit = 0; unit < kUnits; ++unit) apart[unit] = !self->connected(unit);
+    avr->data[address] = value;
+    if (address == kOcr2a || address == kOcr2b) self->compare_written(address == kOcr2a ? 4 : 5);
+    for (uint8_t unit = 2; unit < kUnits; ++unit) {
+      if (apart[unit] && self->connected(unit)) self->compare_used(unit);
+    }
   }
   // Timer 1's 16-bit registers take their high byte from a common one as the low byte is written
   // (15.3).
@@ -362,6 +379,7 @@ struct daranti_target {
     }
     avr->data[address] = value;
     avr->data[address + 1] = self->temp;
+    if (address != kIcr1) self->compare_written(address == kOcr1a ? 2 : 3);
   }
   static void on_eecr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     auto *self = static_cast<daranti_target *>(param);
@@ -401,6 +419,34 @@ struct daranti_target {
     *theirs = {write.c, write.param};
     write.c = ours;
     write.param = this;
+  }
+  // In its PWM modes a timer buffers a compare register until its period ends, in the normal mode
+  // a write goes past the buffer, which keeps what it had (15.7, 17.5).
+  uint16_t written(uint8_t unit) const {
+    return unit < 4 ? reg16(unit == 2 ? kOcr1a : kOcr1b) : reg(unit == 4 ? kOcr2a : kOcr2b);
+  }
+  uint64_t period(uint8_t unit) const {
+    static constexpr uint16_t kOf1[] = {0, 1, 8, 64, 256, 1024, 0, 0};
+    static constexpr uint16_t kOf2[] = {0, 1, 8, 32, 64, 128, 256, 1024};
+    if (unit < 4) return uint64_t{2} * reg16(kIcr1) * kOf1[reg(kTccr1b) & 7];
+    return uint64_t{510} * kOf2[reg(kTccr2b) & 7];
+  }
+  void compare_written(uint8_t unit) {
+    Compare &its = compare[unit];
+    its.settle(now());
+    if (mode_of(unit) == 0) {
+      its.used = written(unit);
+    } else {
+      its.buffered = written(unit);
+      const uint64_t takes = period(unit);
+      its.until = takes == 0 ? UINT64_MAX : now() + takes;
+    }
+  }
+  void compare_used(uint8_t unit) {
+    Compare &its = compare[unit];
+    its.settle(now());
+    if (its.used == written(unit) && its.buffered == its.used) return;
+    note("an output is connected while its compare register holds another value (15.7, 17.5)");
   }
   void note(const char *what) {
     if (noted.empty()) noted = what;
@@ -451,6 +497,7 @@ struct daranti_target {
     ++resets;
     fifo_count = 0;
     for (size_t i = 0; i < kPwmCount; ++i) hook(kPwmRegisters[i], on_pwm, &pwm[i]);
+    for (Compare &each : compare) each = Compare();
     for (const uint16_t address : kWordRegisters) {
       auto &low = avr->io[AVR_DATA_TO_IO(address)].w;
       auto &high = avr->io[AVR_DATA_TO_IO(address + 1)].w;

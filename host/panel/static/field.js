@@ -6,12 +6,16 @@ import * as handles from "./handles.js";
 const $ = (id) => document.getElementById(id);
 const FORMS = [["form-straight", false], ["form-walked", true]];
 const HANDLE = 17;
+const REACH = 60;        // of a finger, on the canvas
+const MIDDLE_FROM = 150;  // on the canvas: only so long a side has a handle in its middle
+const TREMOR = 8;        // a finger that goes less far has touched, not dragged
 const SETTLED_MS = 700;  // after the last key that moves a corner, before it is planned with
 let ask = () => {};
 let field = null;
 let view = null;
 let tool = null;      // "move", "keep_out" or null
-let grabbed = null;   // the corner that moves: {index, at}, and by keys {by} since it was told
+let grabbed = null;   // the corner that moves: {index, at}, by keys {by} since it was told, by a finger {from} where it came down until it goes, and {fresh} where it is none yet
+let chosen = null;    // the corner that the button removes
 let settling = 0;
 let drawn = [];       // the keep-out's corners so far
 let cross = null;     // where a keyboard sets the next one
@@ -38,11 +42,17 @@ export function bind(asker) {
   map.addEventListener("pointerdown", begin);
   map.addEventListener("pointermove", move);
   map.addEventListener("pointerup", end);
+  map.addEventListener("pointercancel", () => { grabbed = null; draw(); });
+  $("field-drop").addEventListener("click", () => {
+    if (tool === "keep_out") { drawn.pop(); draw(); }
+    else if (change({ do: "drop_corner", index: chosen })) pick(null);
+  });
   handles.bind($("field-handles"), {
     move: nudge,
     press: () => { if (tool === "keep_out") { drawn.push(cross); draw(); } else end(); },
     drop: (index) => { if (tool === "keep_out") { drawn.pop(); draw(); } else change({ do: "drop_corner", index }); },
     add: (index) => { if (tool === "move" && change({ do: "add_corner", index })) awaited = index + 1; },
+    focus: (index) => { if (tool === "move") { chosen = index; draw(); } },
     leave: () => $(tool === "move" ? "field-move" : "field-keep-out").focus(),
     blur: () => { end(); set("field-moved", ""); },
   });
@@ -60,6 +70,7 @@ function choose(name, event) {
   ask({ do: "take" });
   tool = tool === name ? null : name;
   drawn = [];
+  chosen = null;
   cross = field?.boundary ? [0, 1].map((axis) => mean(field.boundary.map((p) => p[axis]))) : null;
   $("field-handles").dataset.tool = tool ?? "";
   set("field-keys", tool ? t(tool === "move" ? "field.keys.move" : "field.keys.keep_out") : "");
@@ -118,13 +129,35 @@ function begin(event) {
   end();
   const here = place(event);
   if (tool === "keep_out") { drawn.push(here); draw(); return; }
-  const distances = field.boundary.map((p) => Math.hypot(p[0] - here[0], p[1] - here[1]));
-  const nearest = distances.indexOf(Math.min(...distances));
-  if (distances[nearest] * view.scale < 60) { grabbed = { index: nearest, at: field.boundary[nearest] }; map.setPointerCapture(event.pointerId); }
+  const away = ({ at }) => Math.hypot(at[0] - here[0], at[1] - here[1]);
+  const held = [...field.boundary.map((at, index) => ({ index, at })), ...middles(field.boundary)];
+  const nearest = held.reduce((one, other) => (away(other) < away(one) ? other : one));
+  if (away(nearest) * view.scale >= REACH) return pick(null);
+  grabbed = { ...nearest, from: [event.clientX, event.clientY] };
+  map.setPointerCapture(event.pointerId);
+}
+
+// What becomes a corner where it is taken hold of; not while the panel may be numbering them anew.
+function middles(ring) {
+  if (working) return [];
+  return ring.map((p, index) => [p, ring[(index + 1) % ring.length], index]).filter(([p, q]) => Math.hypot(p[0] - q[0], p[1] - q[1]) * view.scale >= MIDDLE_FROM)
+    .map(([p, q, index]) => ({ index, at: [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2], fresh: true }));
+}
+
+function put(ring, { index, at, fresh }) {
+  ring.splice(fresh ? index + 1 : index, fresh ? 0 : 1, at);
+}
+
+function pick(index) {
+  chosen = index;
+  set("field-moved", index === null ? "" : corner(field.boundary, index));
+  draw();
 }
 
 function move(event) {
   if (grabbed === null || grabbed.by) return;
+  if (grabbed.from && Math.hypot(event.clientX - grabbed.from[0], event.clientY - grabbed.from[1]) < TREMOR) return;
+  grabbed.from = null;
   grabbed.at = place(event);
   draw();
 }
@@ -132,14 +165,18 @@ function move(event) {
 function end() {
   clearTimeout(settling);
   if (grabbed === null) return;
-  const { index, at: [x, y] } = grabbed;
-  field.boundary[index] = [x, y];
-  work({ do: "move_corner", index, x, y });
+  const { index, at: [x, y], by, from, fresh } = grabbed;
   grabbed = null;
-  draw();
+  if (fresh || !from) {
+    put(field.boundary, { index, at: [x, y], fresh });
+    work({ do: fresh ? "add_corner" : "move_corner", index, x, y });
+  }
+  if (by) draw();
+  else pick(fresh ? index + 1 : index);
 }
 
 export function hear(message) {
+  if (field?.name !== message.name || chosen >= (message.boundary?.length ?? 0)) chosen = null;
   field = structuredClone(message);
   working = false;
   if (grabbed?.by) follow();
@@ -158,6 +195,7 @@ export function hear(message) {
 
 function draw() {
   if (!map) return;
+  offer();
   const context = map.getContext("2d");
   const walked = field?.walk?.track ?? [];
   const boundary = field?.boundary ?? [];
@@ -175,7 +213,8 @@ function draw() {
 
 function drawField(context, still) {
   const walking = field.walk?.on && field.walk.track.length > 1;
-  const shown = grabbed ? still.map((p, k) => (k === grabbed.index ? grabbed.at : p)) : still;
+  const shown = [...still];
+  if (grabbed) put(shown, grabbed);
   let finish;
   // The map stays where it is under a corner that moves.
   [, view, finish] = fieldOn(map, shown, walking ? [] : field.keep_outs ?? [], walking ? 0 : field.gap_m, still);
@@ -184,6 +223,7 @@ function drawField(context, still) {
     for (const side of field.plan?.sides ?? []) stroke(context, side, "#fff", 2);
     finish();
     if (field.walked) stroke(context, field.walked, "#ffd54a", 3);
+    if (tool === "move" && !grabbed) for (const { at } of middles(shown)) plus(context, view.at(at));
     numbers(context, shown);
     if (drawn.length) { stroke(context, drawn, "#c62828", 6); for (const one of drawn) dot(context, one, 7, "#c62828"); }
   } else stroke(context, field.walk.track, "#0a2f7a", 6);
@@ -199,6 +239,18 @@ function dot(context, place, radius, colour) {
   context.fill();
   context.lineWidth = 4;
   context.strokeStyle = "#fff";
+  context.stroke();
+}
+
+function plus(context, [u, v]) {
+  context.beginPath();
+  context.arc(u, v, 13, 0, 7);
+  context.fillStyle = "#fff";
+  context.fill();
+  context.lineWidth = 2;
+  context.moveTo(u - 8, v); context.lineTo(u + 8, v);
+  context.moveTo(u, v - 8); context.lineTo(u, v + 8);
+  context.strokeStyle = "#000";
   context.stroke();
 }
 
@@ -228,8 +280,8 @@ function numbers(context, shown) {
     context.arc(u, v, large ? HANDLE : 7, 0, 7);
     context.fillStyle = k === first ? "#0a2f7a" : "#fff";
     context.fill();
-    context.lineWidth = 3;
-    context.strokeStyle = "#000";
+    context.lineWidth = k === chosen ? 9 : 3;
+    context.strokeStyle = k === chosen ? "#0a58ff" : "#000";
     context.stroke();
     context.fillStyle = k === first ? "#fff" : "#000";
     if (large) context.fillText(String(k + 1), u, v + 9);
@@ -272,6 +324,17 @@ function say() {
   if (!walk?.on && field?.asked != null) wrong.unshift(t("field.begins", { asked: field.asked + 1, corner: field.corner + 1 }));
   if (!walk?.on && field?.inside) wrong.unshift(t("field.inside", { corner: field.corner + 1 }));
   set("field-problem", working ? t("field.working") : wrong.join("; "));
+  offer();
+}
+
+// The button that takes a corner or a point away: there while there is one.
+function offer() {
+  const one = $("field-drop"), what = tool === "move" && chosen !== null ? t("field.drop", { corner: chosen + 1 }) : tool === "keep_out" && drawn.length ? t("field.point.drop") : "";
+  const left = !what && document.activeElement === one;
+  one.hidden = !what;
+  one.disabled = working;
+  set("field-drop", what);
+  if (left) $(tool === "keep_out" ? "field-keep-out" : "field-move").focus();
 }
 
 function set(id, text) { if ($(id).textContent !== text) $(id).textContent = text; }

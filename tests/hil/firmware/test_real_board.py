@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
@@ -20,15 +21,19 @@ from hil.bench.lockstep import Bench
 from hil.bench.ports import PseudoTerminal
 from hil.bench.slices import SLICE_US
 from hil.commands.rig import rig
-from hil.firmware import targets
+from hil.firmware import coupling, targets
 from hil.firmware.real_board import Board, Frames
+from hil.firmware.signal_wires import honest
 from hil.firmware.targets import ROOT, Target
+from hil.firmware.wiring import layout
 from hil.scenario.faults import At, Fault
 from hil.scenario.scenario import Scenario
 from host.core.errors import UserError
 from host.core.messages import Command, Request, State, Telemetry
 from host.link import protocol
 from host.link.session import Session
+from sim_plant import machine
+from sim_plant.machine import MachineSpec
 from tests.helpers.oracle import quick
 
 IMAGE = ROOT / ".pio" / "build" / "uno_hil" / "firmware.elf"
@@ -122,6 +127,25 @@ def driven(bench: Bench, seconds: float, until_s: float) -> list[Telemetry]:
         state = session.telemetry.state if session.telemetry is not None else State.SAFE
         bench.send(session.encode(now, asks.get(state, go)))
     return out
+
+
+def test_of_two_wheel_sensors_the_board_is_told_forward_less_backward() -> None:
+    spec = MachineSpec()
+    state, given, params = machine.initial(spec), machine.inputs(), machine.parameters(spec)
+    outputs, sensors = np.zeros(3), np.zeros(coupling.SENSORS, np.int64)
+    run = coupling.bind_apart(outputs, sensors, state, params, given, honest(), layout())
+    went = []
+    for k, duty in enumerate((0.5, -0.5, -0.5)):
+        outputs[1] = duty
+        run(k * 2_000_000, (k + 1) * 2_000_000)
+        pulses, way = int(sensors[5]), int(sensors[7])
+        went.append((pulses, way))
+        assert way == pytest.approx(
+            float(state["distance"][0]) * spec.drive.hall_pulses_per_m, abs=1
+        )
+    assert went[0][1] > 20
+    assert went[2][1] < 0
+    assert went[2][0] > 2 * went[0][1]
 
 
 @needs_simavr

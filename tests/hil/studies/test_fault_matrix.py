@@ -464,6 +464,16 @@ def test_with_the_optional_sensors_the_firmware_finds_it(
 
 
 @needs_firmware
+@pytest.mark.parametrize("situation", ["follow", "turn"])
+def test_with_two_wheel_sensors_noise_on_the_first_is_named_though_it_comes_nowhere(
+    situation: Situation,
+) -> None:
+    verdict = tried("hall", "garbage", situation, sensors=True)
+    assert verdict.detected_by == "firmware HALL_NOISE", verdict
+    assert verdict.ok, verdict
+
+
+@needs_firmware
 def test_what_nothing_on_board_can_notice_is_a_known_limit_and_no_pass() -> None:
     verdict = tried("blade_relay", "off")
     assert (verdict.ok, verdict.limit) == (False, True), verdict

@@ -57,6 +57,31 @@ def test_a_corner_is_added_on_the_side_that_leads_back_to_the_first(tmp_path: Pa
     assert corners(tmp_path) == close([*PLACES, (-0.5, 5.5)])
 
 
+def test_a_corner_is_added_where_a_finger_drags_it(tmp_path: Path) -> None:
+    found = desk(tmp_path, 2)
+    found.do({"do": "add_corner", "index": 1, "x": 15.5, "y": 6.0})
+    assert found.problem == ""
+    assert corners(tmp_path) == close([*PLACES[:2], (15.5, 6.0), *PLACES[2:]])
+    assert found.corner == 3, "the machine begins where it did"
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "problem"),
+    [
+        (float("nan"), 6.0, "there is no such corner"),
+        (13.5, 206.6, "a corner moves by 200 m at most"),
+        (-5.0, 6.0, "the field's sides would cross"),
+    ],
+)
+def test_where_it_cannot_lie_none_is_added(
+    tmp_path: Path, x: float, y: float, problem: str
+) -> None:
+    found = desk(tmp_path)
+    found.do({"do": "add_corner", "index": 1, "x": x, "y": y})
+    assert found.problem == problem
+    assert corners(tmp_path) == close(PLACES)
+
+
 @pytest.mark.parametrize(
     ("begun", "index", "then"), [(0, 1, 0), (3, 1, 2), (1, 1, 1), (3, 3, 0), (2, 0, 1)]
 )

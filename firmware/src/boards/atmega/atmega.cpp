@@ -378,6 +378,9 @@ Troubles AtmegaBoard::troubles() const {
 
 namespace {
 
+constexpr uint8_t kSteerMode = _BV(WGM13) | _BV(CS10);  // of timer 1: top in ICR1, not divided
+constexpr uint8_t kDriveMode = _BV(WGM20);              // of timer 2: phase correct, top 255
+
 // The two inputs of a bridge: what goes low goes first.
 __attribute__((always_inline)) inline void set_inputs(uint8_t in1, uint8_t in2,
                                                       const BridgeWires &wires) {
@@ -389,7 +392,11 @@ __attribute__((always_inline)) inline void set_inputs(uint8_t in1, uint8_t in2,
 
 }  // namespace
 
-// At 0 a pin is taken from its timer, so that off means off at once and without a glitch.
+// At 0 a pin is taken from its timer, so that off means off at once and without a glitch. A pin
+// that its timer gets is to have its own duty from the first: in its PWM modes a timer goes on with
+// the old compare value to the period's end, up to 8 ms, so the new one is written in the normal
+// mode, past the buffer, and then into it (15.7, 17.5). The timer is free then, for a bridge has
+// one PWM at a time.
 void AtmegaBoard::set_bridge(Motor motor, const BridgeWires &wires) {
   if (motor == Motor::kSteer) {
     const bool turns = read(pins::kSteerIn1) != wires.in1 || read(pins::kSteerIn2) != wires.in2;
@@ -397,8 +404,17 @@ void AtmegaBoard::set_bridge(Motor motor, const BridgeWires &wires) {
     if (wires.lpwm == 0) connect(TCCR1A, _BV(COM1B1), false);
     set_inputs(pins::kSteerIn1, pins::kSteerIn2, wires);
     const uint32_t half = uint32_t{1} << 15;
-    OCR1A = static_cast<uint16_t>((steer_scale_ * wires.pwm + half) >> 16);
-    OCR1B = static_cast<uint16_t>((steer_scale_ * wires.lpwm + half) >> 16);
+    const uint16_t a = static_cast<uint16_t>((steer_scale_ * wires.pwm + half) >> 16);
+    const uint16_t b = static_cast<uint16_t>((steer_scale_ * wires.lpwm + half) >> 16);
+    if (TCCR1A == 0 && (wires.pwm | wires.lpwm) != 0) {
+      TCCR1B = 0;
+      OCR1A = a;
+      OCR1B = b;
+      TCNT1 = 0;
+      TCCR1B = kSteerMode;
+    }
+    OCR1A = a;
+    OCR1B = b;
     if (wires.pwm != 0) connect(TCCR1A, _BV(COM1A1), true);
     if (wires.lpwm != 0) connect(TCCR1A, _BV(COM1B1), true);
   } else {
@@ -406,6 +422,13 @@ void AtmegaBoard::set_bridge(Motor motor, const BridgeWires &wires) {
     if (turns || wires.pwm == 0) connect(TCCR2A, _BV(COM2B1), false);
     if (wires.lpwm == 0) connect(TCCR2A, _BV(COM2A1), false);
     set_inputs(pins::kDriveIn1, pins::kDriveIn2, wires);
+    if (TCCR2A == kDriveMode && (wires.pwm | wires.lpwm) != 0) {
+      TCCR2A = 0;
+      OCR2B = wires.pwm;
+      OCR2A = wires.lpwm;
+      TCNT2 = 0;
+      TCCR2A = kDriveMode;
+    }
     OCR2B = wires.pwm;
     OCR2A = wires.lpwm;
     if (wires.pwm != 0) connect(TCCR2A, _BV(COM2B1), true);
@@ -422,7 +445,7 @@ void AtmegaBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
   ICR1 = static_cast<uint16_t>(top > UINT16_MAX ? UINT16_MAX : top);
   TCNT1 = 0;
   steer_scale_ = ((static_cast<uint32_t>(ICR1) << 16) + 254) / 255;
-  TCCR1B = _BV(WGM13) | _BV(CS10);
+  TCCR1B = kSteerMode;
   // Timer 2: phase correct, top 255 (17.7.4): 16 MHz / 510 / prescaler, to the nearest hertz.
   constexpr struct {
     uint16_t hz;
@@ -438,7 +461,7 @@ void AtmegaBoard::set_pwm_frequency(uint16_t steer_hz, uint16_t drive_hz) {
       break;
     }
   }
-  TCCR2A = _BV(WGM20);
+  TCCR2A = kDriveMode;
   TCCR2B = clock;
 }
 

@@ -44,7 +44,7 @@ class HilBoard final : public AtmegaBoard {
   uint16_t analog(Analog channel) const override;
   bool estop_open() const override { return sensors_.estop >= 3000; }
   Pulses pulses() const override {
-    return {sensors_.hall, sensors_.hall_backward, sensors_.blade_turns};
+    return {sensors_.hall, sensors_.hall_way, sensors_.blade_turns};
   }
   void set_bridge(Motor, const BridgeWires &) override {}
   void set_blade(bool) override {}
