@@ -19,6 +19,9 @@ minute then turns by 2 degrees (one sigma). A machine that stands still shows it
 three seconds; half a second shows it to 0.2 degrees/s, with which the gyroscope is not used."""
 SETTLE_S: Final = 5.0
 """Armed, the longest that is stood for it: one that is shaken at rest shows no more by waiting."""
+CREPT_M: Final = 0.03
+"""On a slope the brake lets the machine creep; once it has come so far it stands no longer. It was
+put down at the border, and by then the offset is known well enough to be used."""
 
 
 class Why(Reason):
@@ -39,14 +42,17 @@ class Connect(Behaviour):
         self._asked = -math.inf
         self._cleared = False
         self._armed = math.inf
-        """Since when it is."""
+        """Since when it is,"""
+        self._armed_at_m = math.nan
+        """and how far it had come by then."""
 
     def step(self, now: float) -> Step:
         telemetry = self.context.telemetry
         if telemetry is None:
             return self.context.stop(), None
         if telemetry.state in (State.ARMED, State.RUNNING):
-            self._armed = min(self._armed, now)
+            if now < self._armed:
+                self._armed, self._armed_at_m = now, self.context.motion.distance_m
             return self.context.hold(), None if self._settles(now) else Why.ARMED.go()
         if telemetry.refusal:
             self.context.reason = telemetry.refusal
@@ -65,4 +71,5 @@ class Connect(Behaviour):
         gyroscope = self.context.estimate.odometry.gyroscope
         speaks = math.isfinite(gyroscope.stamp) and not gyroscope.contradicted
         unknown = gyroscope.offset_sigma > SETTLED
-        return speaks and unknown and now - self._armed < SETTLE_S
+        stands = abs(self.context.motion.distance_m - self._armed_at_m) < CREPT_M
+        return speaks and unknown and stands and now - self._armed < SETTLE_S

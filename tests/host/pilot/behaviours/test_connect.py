@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 
 from host.core.messages import Request, State, Turned
-from host.pilot.behaviours.connect import ARM_RETRY_S, SETTLE_S, SETTLED, Connect
+from host.pilot.behaviours.connect import ARM_RETRY_S, CREPT_M, SETTLE_S, SETTLED, Connect
 from host.pilot.behaviours.connect import Why as Connected
 from host.pilot.context import Context
-from tests.helpers.behaving import NOW, is_for, standing, told
+from tests.helpers.behaving import NOW, is_for, moved, standing, told
 
 
 def test_connect_asks_to_arm_and_asks_again() -> None:
@@ -67,6 +67,16 @@ def test_connect_does_not_wait_for_ever_for_a_gyroscope_that_is_shaken() -> None
     assert connect.step(NOW)[1] is None
     assert connect.step(NOW + 0.9 * SETTLE_S)[1] is None
     assert is_for(connect.step(NOW + 1.1 * SETTLE_S)[1], Connected.ARMED)
+
+
+def test_connect_does_not_wait_on_a_slope_that_lets_the_machine_creep() -> None:
+    context = told_of_turning(known_to_radps=math.inf)
+    connect = Connect(context)
+    assert connect.step(NOW)[1] is None
+    moved(context, -0.9 * CREPT_M, stamp=NOW + 0.5)
+    assert connect.step(NOW + 0.5)[1] is None
+    moved(context, -1.1 * CREPT_M, stamp=NOW + 0.6)
+    assert is_for(connect.step(NOW + 0.6)[1], Connected.ARMED)
 
 
 def test_connect_waits_for_no_gyroscope_that_says_nothing() -> None:
