@@ -432,7 +432,9 @@ def test_corner_0_is_where_the_walk_began_whichever_laps_close_best(seed: int) -
 
 
 def test_who_came_from_elsewhere_began_where_the_lap_did() -> None:
-    track = tracked(walk([*THERE, *around(SQUARE)]))
+    """Past another corner, which is nearer to where he came from."""
+    way: list[Place] = [(50, 50), (50, -15), (-5, -10), (-1, 0)]
+    track = tracked(walk([*way, *around(SQUARE)]))
     corner = in_field(survey_track(track)).exterior.coords[0]
     assert math.dist(corner, SQUARE[0]) < 1.0
 
