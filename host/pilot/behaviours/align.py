@@ -1,4 +1,8 @@
-"""Align: the operator has put the blade at the crop's edge; wait until a picture shows it."""
+"""Align: the operator has put the blade at the crop's edge; stand until pictures show it and the
+gyroscope's offset is known: without that the yaw of the first side is as good as the pot's middle.
+
+Of what pictures show meanwhile the middle one counts. Where it sets off the machine takes its place
+from it, and one of many has the crop a third of a metre farther ahead than it stands."""
 
 from __future__ import annotations
 
@@ -14,6 +18,8 @@ from host.pilot.leaps import LEAP_M
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.plan_side import NO_CROP_M
 from host.pilot.planned_strip import PlannedStrip
+from host.pilot.strip import Strip
+from host.vision.view import CropView
 
 TRUST_AFTER_S = 3.0
 """An edge that stays hidden is where the operator has put the blade; where the crop's border slants
@@ -35,6 +41,15 @@ ASIDE_M: Final = 3.0 * SEEN_SIGMA[0]
 """By which none puts the blade's end down beside the edge."""
 TRUSTED_SIGMA = (0.05, math.radians(2))
 """Where it does not: a machine that believes less would not set off."""
+SETTLED: Final = math.radians(0.03)
+"""How surely the gyroscope's offset is known before the machine moves, rad/s: a first side of a
+minute then turns by 2 degrees (one sigma). A machine that stands still shows it in some two
+seconds; half a second shows it to 0.2 degrees/s, with which the gyroscope is not used."""
+SETTLE_S: Final = 5.0
+"""The longest that is stood for it: one that is shaken at rest shows no more by waiting."""
+CREPT_M: Final = 0.03
+"""On a slope the brake lets the machine creep; once it has come so far it stands no longer. It was
+put down at the border, and by then the offset is known well enough to be used."""
 
 
 class Why(Reason):
@@ -90,6 +105,9 @@ class Align(Behaviour):
         self._endless = 0
         """Pictures that showed crop without a right end, less those that showed one, of which a
         sure one counts more, and a faint one elsewhere than at the blade's nothing."""
+        self._views: list[CropView] = []
+        """Those that showed one."""
+        self._stood_at_m = context.motion.distance_m
 
     def step(self, now: float) -> Step:
         context = self.context
@@ -113,29 +131,35 @@ class Align(Behaviour):
             self._endless = max(-SURE_COUNTS, self._endless + (1 if endless else -shows))
             sure = 0 if view.confidence < CONFIDENT else SHOWN if view.confidence >= SURELY else 1
             self._shown = max(0, self._shown - 1) if endless else self._shown + sure
-        if endless:
+            if not endless:
+                self._views.append(view)
+        if endless and self._shown < SHOWN:
             # So it looks to a machine that faces the neighbour's crop, or the middle of its own.
             if now - context.since >= TRUST_AFTER_S:
                 context.reason = Wait.NO_END.go().text
             return context.hold(), None
-        seen = view.confidence >= CONFIDENT and self._shown >= SHOWN and not slanting
+        seen = self._shown >= SHOWN and not slanting
         trusted = isinstance(strip, PlannedStrip) and now - context.since >= TRUST_AFTER_S
         trusted = trusted and self._endless <= 0 and self._aside <= 0
         if not (seen or slanting or trusted):
             return context.hold(), None
         lane = context.estimate.lane
-        lane.place(0.0, 0.0, *(SEEN_SIGMA if seen else TRUSTED_SIGMA))
-        if seen:
-            edge, heading = strip.edge_m(view, context.motion), view.edge_heading_rad
-            ahead_m = view.edge_ahead_m
-            lane.correct(edge, heading, view.confidence, (0.0, 0.0), ahead_m=ahead_m)
+        if seen and view.confidence >= CONFIDENT:
+            edge_m = self._place_by(view, strip)
             if self._shows_askew(lane.heading_rad, fresh=fresh):
                 deg = f"{math.degrees(abs(lane.heading_rad)):.0f}"
                 context.reason = Wait.ASKEW.go(deg=deg).text
                 return context.hold(), None
-            if self._shows_aside(edge, fresh=fresh):
-                context.reason = Wait.ASIDE.go(m=f"{abs(edge):.1f}").text
+            if self._shows_aside(edge_m, fresh=fresh):
+                context.reason = Wait.ASIDE.go(m=f"{abs(edge_m):.1f}").text
                 return context.hold(), None
+        if (seen and (self._askew > 0 or self._aside > 0)) or self._settles(now):
+            return context.hold(), None
+        view = self._middle(strip, sure=seen) or view
+        if seen:
+            self._place_by(view, strip)
+        else:
+            lane.place(0.0, 0.0, *TRUSTED_SIGMA)
         if isinstance(strip, PlannedStrip):
             along_m, along_sigma_m = strip.put_down(view.crop_ahead_m)
             beside_sigma_m = START_SIGMA[1] if seen else TRUSTED_SIGMA[0]
@@ -143,6 +167,36 @@ class Align(Behaviour):
         context.strip = strip
         context.begin_strip()
         return context.hold(), (Why.SEEN if seen else Why.TRUSTED).go()
+
+    def _settles(self, now: float) -> bool:
+        """Whether the gyroscope speaks, and its offset is still to be found."""
+        context = self.context
+        gyroscope = context.estimate.odometry.gyroscope
+        speaks = math.isfinite(gyroscope.stamp) and not gyroscope.contradicted
+        unknown = gyroscope.offset_sigma > SETTLED
+        stands = abs(context.motion.distance_m - self._stood_at_m) < CREPT_M
+        return speaks and unknown and stands and now - context.since < SETTLE_S
+
+    def _place_by(self, view: CropView, strip: Strip) -> float:
+        """Puts the machine beside the lane by a picture alone. Returns where that has the edge, m
+        left of the blade's end."""
+        context = self.context
+        context.estimate.lane.place(0.0, 0.0, *SEEN_SIGMA)
+        edge_m, ahead_m = strip.edge_m(view, context.motion), view.edge_ahead_m
+        context.estimate.lane.correct(
+            edge_m, view.edge_heading_rad, view.confidence, (0.0, 0.0), ahead_m=ahead_m
+        )
+        return edge_m
+
+    def _middle(self, strip: Strip, *, sure: bool) -> CropView | None:
+        """Of the pictures, or of the sure ones with the edge at the blade's end, that with as many
+        showing the crop nearer as farther."""
+        views = [view for view in self._views if not sure or self._at_the_blade(view, strip)]
+        return sorted(views, key=lambda view: view.crop_ahead_m)[len(views) // 2] if views else None
+
+    def _at_the_blade(self, view: CropView, strip: Strip) -> bool:
+        edge_m = strip.edge_m(view, self.context.motion)
+        return view.confidence >= CONFIDENT and abs(edge_m) <= ASIDE_M
 
     def _shows_askew(self, heading_rad: float, *, fresh: bool) -> bool:
         """Whether most pictures so far show the machine askew of the edge, as this one."""

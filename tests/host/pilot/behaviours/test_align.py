@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from host.pilot.behaviours.align import TRUST_AFTER_S, Align
+from host.core.messages import Turned
+from host.pilot.behaviours.align import CREPT_M, SETTLE_S, SETTLED, TRUST_AFTER_S, Align
 from host.pilot.behaviours.align import Why as Aligned
+from host.pilot.context import Context
 from host.route.plan import Plan
-from tests.helpers.behaving import CUTTING, NOW, PLAN, is_for, seeing, standing, stands
+from tests.helpers.behaving import CUTTING, NOW, PLAN, is_for, moved, seeing, standing, stands
 
 
 def test_align_waits_for_an_edge_and_places_the_machine_in_the_plan() -> None:
@@ -141,3 +143,74 @@ def test_a_sure_picture_of_an_end_outweighs_some_without_one() -> None:
         go = align.step(stamp)[1]
         assert go is None or k + 1 == len(views)
     assert is_for(go, Aligned.TRUSTED)
+
+
+def unsettled(*, known_to_radps: float) -> Context:
+    """A machine with a sure picture whose gyroscope has spoken, its offset as well known as that."""
+    context = standing(PLAN)
+    gyroscope = context.estimate.odometry.gyroscope
+    gyroscope.take(Turned(NOW, 0.0, NOW), None, None)
+    gyroscope.offset_sigma = known_to_radps
+    return context
+
+
+def test_align_stands_until_the_gyroscopes_offset_is_known() -> None:
+    context = unsettled(known_to_radps=1.1 * SETTLED)
+    align = Align(context)
+    command, go = align.step(NOW)
+    assert stands(command)
+    assert go is None
+    context.estimate.odometry.gyroscope.offset_sigma = 0.9 * SETTLED
+    assert is_for(align.step(NOW + 0.1)[1], Aligned.SEEN)
+
+
+def test_align_does_not_stand_for_ever_for_a_gyroscope_that_is_shaken() -> None:
+    context = unsettled(known_to_radps=math.inf)
+    align = Align(context)
+    assert align.step(NOW)[1] is None
+    seeing(context, CUTTING, stamp=NOW + 0.9 * SETTLE_S)
+    assert align.step(NOW + 0.9 * SETTLE_S)[1] is None
+    seeing(context, CUTTING, stamp=NOW + 1.1 * SETTLE_S)
+    assert is_for(align.step(NOW + 1.1 * SETTLE_S)[1], Aligned.SEEN)
+
+
+def test_align_does_not_stand_where_a_slope_lets_the_machine_creep() -> None:
+    context = unsettled(known_to_radps=math.inf)
+    align = Align(context)
+    for come_m, goes in ((0.0, False), (0.9 * CREPT_M, False), (1.1 * CREPT_M, True)):
+        moved(context, come_m, stamp=NOW + come_m)
+        go = align.step(NOW + come_m)[1]
+        assert is_for(go, Aligned.SEEN if goes else None)
+
+
+def test_align_asks_no_more_of_a_gyroscope_that_says_nothing() -> None:
+    context = standing(PLAN)
+    assert not math.isfinite(context.estimate.odometry.gyroscope.stamp)
+    assert is_for(Align(context).step(NOW)[1], Aligned.SEEN)
+
+
+@pytest.mark.parametrize("last_m", [0.4, 0.8])
+def test_where_the_crop_begins_the_middle_of_the_pictures_says(last_m: float) -> None:
+    """Not the one with which the machine happens to set off."""
+    context = unsettled(known_to_radps=math.inf)
+    align = Align(context)
+    for k, ahead_m in enumerate((0.4, 0.4, 0.0, 0.8, last_m)):
+        seeing(context, replace(CUTTING, crop_ahead_m=ahead_m), stamp=NOW + 0.1 * k)
+        if k == 4:
+            context.estimate.odometry.gyroscope.offset_sigma = 0.0
+        go = align.step(NOW + 0.1 * k)[1]
+        assert is_for(go, Aligned.SEEN if k == 4 else None)
+    assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
+
+
+def test_sure_pictures_count_though_the_last_one_shows_no_end() -> None:
+    """The machine has stood all the time."""
+    context = unsettled(known_to_radps=math.inf)
+    align = Align(context)
+    views = [CUTTING, CUTTING, replace(CUTTING, confidence=0.0)]
+    for k, view in enumerate(views):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        if k == 2:
+            context.estimate.odometry.gyroscope.offset_sigma = 0.0
+        go = align.step(NOW + 0.1 * k)[1]
+    assert is_for(go, Aligned.SEEN)
