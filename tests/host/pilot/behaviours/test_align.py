@@ -146,7 +146,7 @@ def test_a_sure_picture_of_an_end_outweighs_some_without_one() -> None:
 
 
 def unsettled(*, known_to_radps: float) -> Context:
-    """A machine with a sure picture whose gyroscope has spoken, its offset as well known as that."""
+    """With a sure picture, and a gyroscope that has spoken, its offset as well known as that."""
     context = standing(PLAN)
     gyroscope = context.estimate.odometry.gyroscope
     gyroscope.take(Turned(NOW, 0.0, NOW), None, None)
