@@ -1,8 +1,10 @@
 """Align: the operator has put the blade at the crop's edge; stand until pictures show it and the
-gyroscope's offset is known: without that the yaw of the first side is as good as the pot's middle.
+gyroscope's offset is known.
 
-Of what pictures show meanwhile the middle one counts. Where it sets off the machine takes its place
-from it, and one of many has the crop a third of a metre farther ahead than it stands."""
+Without that offset the yaw of the first side is as good as the pot's middle. Of what pictures show
+meanwhile the middle one counts: the machine takes its place from it as it sets off, and one of many
+has the crop a third of a metre farther ahead than it stands.
+"""
 
 from __future__ import annotations
 
