@@ -58,7 +58,7 @@ def sweep(
 
     chosen = Sweep(DEFAULT_SPACE if space_file is None else load_space(space_file), **options)
     check_folder(out)
-    check_built("avr" if check else "desk")
+    check_built(chosen.firmware, "avr" if check else "desk")
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
     with _spread(workers, scheduler) as spread:

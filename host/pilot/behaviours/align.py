@@ -108,8 +108,9 @@ class Align(Behaviour):
         """Pictures that showed crop without a right end, less those that showed one, of which a
         sure one counts more, and a faint one elsewhere than at the blade's nothing."""
         self._views: list[CropView] = []
-        """Those that showed one."""
+        """Pictures that showed crop with a right end, sure or not."""
         self._stood_at_m = context.motion.distance_m
+        """How far it had come when it began to stand."""
 
     def step(self, now: float) -> Step:
         context = self.context

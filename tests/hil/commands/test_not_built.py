@@ -22,7 +22,7 @@ DESK = [
     "identify",
     "moments",
     "rig",
-    "sweep",
+    "sweep --workers 0",
 ]
 AVR = [
     "beliefs --firmware avr",
@@ -32,7 +32,8 @@ AVR = [
     "harvest --firmware avr",
     "identify --firmware avr",
     "rig --firmware avr",
-    "sweep --spot-check 1",
+    "sweep --firmware avr --workers 0",
+    "sweep --spot-check 1 --workers 0",
 ]
 
 

@@ -11,7 +11,9 @@ from host.core.messages import Turned
 from host.pilot.behaviours.align import CREPT_M, SETTLE_S, SETTLED, TRUST_AFTER_S, Align
 from host.pilot.behaviours.align import Why as Aligned
 from host.pilot.context import Context
+from host.pilot.phase import Go
 from host.route.plan import Plan
+from host.vision.view import CropView
 from tests.helpers.behaving import CUTTING, NOW, PLAN, is_for, moved, seeing, standing, stands
 
 
@@ -214,3 +216,90 @@ def test_sure_pictures_count_though_the_last_one_shows_no_end() -> None:
             context.estimate.odometry.gyroscope.offset_sigma = 0.0
         go = align.step(NOW + 0.1 * k)[1]
     assert is_for(go, Aligned.SEEN)
+
+
+LINED_UP = replace(CUTTING, crop_ahead_m=0.4)
+
+
+def settled_after(context: Context, views: list[CropView]) -> Go | None:
+    """Shown these pictures, the gyroscope's offset known with the last one: where it goes then. It
+    goes nowhere before."""
+    align = Align(context)
+    for k, view in enumerate(views):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        if k + 1 == len(views):
+            context.estimate.odometry.gyroscope.offset_sigma = 0.0
+        command, go = align.step(NOW + 0.1 * k)
+        assert stands(command)
+        assert go is None or k + 1 == len(views)
+    return go
+
+
+@pytest.mark.parametrize(
+    "views",
+    [
+        [LINED_UP] * 3 + [replace(CUTTING, confidence=0.3, crop_ahead_m=0.0)] * 6,
+        [replace(CUTTING, edge_offset_m=0.6, crop_ahead_m=0.9)] * 3 + [LINED_UP] * 3,
+    ],
+    ids=["faint", "aside"],
+)
+def test_only_sure_pictures_with_the_edge_at_the_blade_tell_where_the_crop_begins(
+    views: list[CropView],
+) -> None:
+    context = unsettled(known_to_radps=math.inf)
+    assert is_for(settled_after(context, views), Aligned.SEEN)
+    assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
+
+
+def test_pictures_without_an_end_do_not_tell_where_the_crop_begins() -> None:
+    """Where the operator is trusted, either."""
+    context = standing(PLAN)
+    align = Align(context)
+    none = replace(CUTTING, confidence=0.0, crop_ahead_m=0.9)
+    faint = replace(CUTTING, confidence=0.3, crop_ahead_m=0.4)
+    views = [none, none, faint, faint]
+    for k, view in enumerate(views):
+        stamp = NOW + 0.1 * k + (TRUST_AFTER_S if k + 1 == len(views) else 0.0)
+        seeing(context, view, stamp=stamp)
+        go = align.step(stamp)[1]
+    assert is_for(go, Aligned.TRUSTED)
+    assert context.strip.along_m(context.motion) == pytest.approx(-0.4, abs=0.01)
+
+
+def test_the_same_picture_places_the_machine_beside_its_edge() -> None:
+    """The middle one, not the last."""
+    near = replace(CUTTING, edge_offset_m=-0.2, crop_ahead_m=0.0)
+    middle = replace(CUTTING, edge_offset_m=0.1, crop_ahead_m=0.4)
+    offsets = []
+    for views in ([middle], [middle, middle, near]):
+        context = unsettled(known_to_radps=math.inf)
+        assert is_for(settled_after(context, views), Aligned.SEEN)
+        offsets.append(context.estimate.lane.blade_offset_m)
+    assert offsets[0] < -0.03
+    assert offsets[1] == pytest.approx(offsets[0], abs=0.001)
+
+
+def test_an_unsure_picture_sends_no_machine_off_that_a_sure_one_has_shown_askew() -> None:
+    context = standing(PLAN)
+    align = Align(context)
+    askew = replace(CUTTING, edge_offset_m=0.75, edge_heading_rad=math.nan)
+    for k, view in enumerate([askew, replace(CUTTING, confidence=0.3)]):
+        seeing(context, view, stamp=NOW + 0.1 * k)
+        assert align.step(NOW + 0.1 * k)[1] is None
+
+
+def test_one_picture_that_is_looked_at_again_counts_once() -> None:
+    context = standing(PLAN)
+    align = Align(context)
+    seeing(context, replace(CUTTING, confidence=0.6))
+    for k in range(5):
+        assert align.step(NOW + 0.05 * k)[1] is None
+
+
+def test_align_does_not_stand_for_a_gyroscope_that_the_steering_angle_contradicts() -> None:
+    context = unsettled(known_to_radps=math.inf)
+    gyroscope = context.estimate.odometry.gyroscope
+    for k in range(1, 40):
+        gyroscope.take(Turned(NOW + 0.1 * k, 0.01 * k, NOW), 0.0, None)
+    assert gyroscope.contradicted
+    assert is_for(Align(context).step(NOW)[1], Aligned.SEEN)
