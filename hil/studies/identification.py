@@ -48,7 +48,7 @@ DURATION_S: Final = 60.0
 
 
 class StandWire:
-    """A stand as experiments.Wire: `poll` runs a millisecond."""
+    """A stand as a Wire: `poll` runs a millisecond."""
 
     def __init__(self, stand: Stand) -> None:
         self.session = Session()

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from host.core.errors import UserError
 from host.core.messages import State, Telemetry
 from host.link import protocol
-from host.link.session import Session
 from host.tune.actuator_model import TICK_S, Findings, Run, relay_figures, speed_of
+from host.tune.wire import Wire, armed_wire, why
 
 Floats = NDArray[np.float64]
 
@@ -28,8 +28,6 @@ REFRESH_S: Final = 0.05
 """Between repeated commands; the firmware's link watchdog takes 250 ms."""
 BYTE_S: Final = 10 / protocol.BAUD
 """On the line: start bit, eight bits, stop bit."""
-CLEAR_S: Final = 0.5
-"""Time for the firmware to answer CLEAR, at 20 ms between telemetry."""
 OFFSETS: Final = 12
 """Telemetry, a quarter of a second, whose quickest tells how host's and firmware's clock differ."""
 REST_S: Final = 0.2
@@ -56,28 +54,6 @@ RELAY_S: Final = 3.0
 """Of the relay's oscillation, at the longest."""
 RELAY_TURNS: Final = 9
 """A relay's oscillation ends by time or after so many turns, of which the second half counts."""
-
-
-class Wire(Protocol):
-    """The machine, as the experiments see it."""
-
-    @property
-    def session(self) -> Session:
-        """The conversation: answers and refusals."""
-        ...
-
-    @property
-    def now(self) -> float:
-        """Seconds on the host's clock."""
-        ...
-
-    def request(self, message: protocol.Message) -> None:
-        """Sends a message to the firmware."""
-        ...
-
-    def poll(self) -> list[Telemetry]:
-        """Waits a few milliseconds at most; returns the telemetry that came."""
-        ...
 
 
 @dataclass
@@ -136,7 +112,7 @@ class Experimenter:
                 segment.after_s = self.trace[-2].firmware_s
         self._offsets_s.append(telemetry.stamp - _wire_s(protocol.Telemetry) - firmware_s)
         if telemetry.state is not State.ARMED:
-            raise UserError(f"the firmware ended the identification: {_why(telemetry)}")
+            raise UserError(f"the firmware ended the identification: {why(telemetry)}")
 
     def _acknowledged(self) -> None:
         answers = self.wire.session.answers
@@ -412,44 +388,10 @@ def _far_from(angle_deg: float, far_deg: float) -> Callable[[Telemetry], bool]:
 
 @contextmanager
 def armed(wire: Wire, name: str, params: Mapping[str, float]) -> Iterator[Experimenter]:
-    """Arms the machine for experiments and stops it whatever happens. Latched faults whose cause is
-    gone are cleared: the operator asked for a new start. `params`: the firmware's parameters that
-    bound the experiments. Raises UserError where it does not arm."""
-    telemetry = _first_telemetry(wire, name)
-    if telemetry.state is State.FAULT:
-        wire.request(protocol.Clear())
-        deadline = wire.now + CLEAR_S
-        while telemetry.state is State.FAULT and wire.now < deadline:
-            telemetry = (wire.poll() or [telemetry])[-1]
-        wire.session.refusal = ""
-    if telemetry.state is not State.SAFE:
-        raise UserError(f"{name}: the machine is {telemetry.state.name}: {_why(telemetry)}")
-    try:
-        wire.request(protocol.Arm(protocol_version=protocol.VERSION))
-        deadline = wire.now + 1.0
-        while wire.session.telemetry is None or wire.session.telemetry.state is not State.ARMED:
-            wire.poll()
-            if wire.session.refusal:
-                raise UserError(f"{name}: {wire.session.refusal}")
-            if wire.now > deadline:
-                raise UserError(f"{name}: the machine does not arm")
-        wire.session.answers.clear()
+    """An armed machine for experiments, stopped whatever happens. `params`: the firmware's
+    parameters that bound them. Raises UserError where it does not arm."""
+    with armed_wire(wire, name):
         yield Experimenter(wire, duty_max=round(params["ident_duty_max"]))
-    finally:
-        wire.request(protocol.Stop())
-
-
-def _first_telemetry(wire: Wire, name: str) -> Telemetry:
-    deadline = wire.now + 1.0
-    while wire.now < deadline:
-        if came := wire.poll():
-            return came[-1]
-    raise UserError(f"{name}: no telemetry within 1 s")
-
-
-def _why(telemetry: Telemetry) -> str:
-    texts = protocol.fault_texts(protocol.Fault(telemetry.faults))
-    return "; ".join(texts) if texts else f"it went to {telemetry.state.name}"
 
 
 def _wire_s(kind: type[protocol.Message]) -> float:

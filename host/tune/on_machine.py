@@ -14,9 +14,10 @@ from host.core.messages import State, Telemetry
 from host.link import params, protocol
 from host.link.session import Link, Session
 from host.tune.actuator_model import ActuatorModel, Findings, fit
-from host.tune.experiments import Wire, armed
+from host.tune.experiments import armed
 from host.tune.pot_calibration import PotCalibration, calibrate_pot
 from host.tune.step_response import Floats, Response, Step, deadline_s, judge, meets
+from host.tune.wire import Wire
 
 POLL_S: Final = 0.002
 """Longest wait for telemetry: well under the firmware's tick."""
@@ -29,7 +30,7 @@ TELEMETRY_S: Final = 0.02
 
 
 class LinkWire:
-    """A serial port as experiments.Wire."""
+    """A serial port as a Wire."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
