@@ -72,6 +72,6 @@ class Driver:
 
 @contextmanager
 def driver(wire: Wire, name: str) -> Iterator[Driver]:
-    """An armed machine to drive, stopped whatever happens. Raises UserError where it does not arm."""
+    """An armed machine to drive, stopped whatever happens; UserError where it does not arm."""
     with armed_wire(wire, name):
         yield Driver(wire)
