@@ -40,6 +40,7 @@ from host.route.plan import Plan, spiral
 from host.route.standing import edge_goes_on
 from host.sensors.nmea import Receiver
 from host.tune.stall_time import stall_time_ms
+from sim_plant.drive_response import drive_response
 from sim_plant.field_spec import Point
 from sim_plant.gnss import Gnss, GnssSpec
 from sim_plant.machine import STEER_PWM_HZ, MachineSpec
@@ -78,6 +79,10 @@ class Errors(Strict):
     """and by the phone's data sheet, which knows no distortion."""
     hall: NotNegative = 0.01
     """Share of the pulses a metre."""
+    drive: NotNegative = 0.03
+    """Share of the speed at full duty,"""
+    dead_duty: NotNegative = 0.01
+    """and of the full duty that only just moves the machine: what `calibrate drive` leaves."""
     pot_deg: NotNegative = 1.0
     """Of the steering pot's middle."""
     delay_s: NotNegative = 0.05
@@ -322,9 +327,13 @@ def measured_vehicle(world: World, camera: str, errors: Errors, draw: Draw) -> V
     )
     values = {name: getattr(m, name) + draw(name, errors.tape_m) for name in lengths}
     hall = m.drive.hall_pulses_per_m * (1 + draw("hall", errors.hall))
+    drive = drive_response(m, Vehicle().nominal_battery_v)
     base = Vehicle(
         **values,
         hall_pulses_per_m=hall,
+        full_duty_speed_mps=drive.full_mps * (1 + draw("drive", errors.drive)),
+        dead_duty=max(0.0, drive.dead + draw("dead", errors.dead_duty)),
+        drive_lag_s=drive.lag_s,
         crop_height_m=max(0.1, world.field.crop_height_m + draw("crop", errors.crop_m)),
         camera_delay_s=max(0.0, lens.delay_s + draw("delay", errors.delay_s)),
     )
@@ -365,6 +374,8 @@ def calibrated_parameters(
     defaults = {name: spec.from_raw(spec.default_raw) for name, spec in protocol.PARAMS.items()}
     values = FITTED | {
         "hall_per_metre": vehicle.hall_pulses_per_m,
+        "speed_full": vehicle.full_duty_speed_mps,
+        "drive_min_duty": float(round(255 * vehicle.dead_duty)),
         "stall_time": stall_time_ms(_slew_degps(world.machine), steering.backlash_deg),
     }
     for name, angle in (

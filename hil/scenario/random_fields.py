@@ -20,6 +20,13 @@ from hil.scenario.world import Start
 from sim_plant.field_spec import FieldSpec, Point, Tree
 from sim_plant.gnss import GnssSpec
 from sim_plant.gyro import GyroSpec
+from sim_plant.machine import (
+    BatterySpec,
+    BridgeSpec,
+    DriveSpec,
+    MachineSpec,
+    SteeringSpec,
+)
 from sim_plant.sky import WeatherSpec
 
 Shape = Literal["rectangle", "trapezoid", "L", "irregular"]
@@ -225,9 +232,40 @@ def _gyro(kit: Drawn) -> GyroSpec:
     )
 
 
+def _machine(drawn: Drawn) -> MachineSpec:
+    """A machine of the default size with the motors, bridges, sensors and battery that its builder
+    found. What it is, its owner measures (`daranti-hil commission`)."""
+    within = drawn.within
+    steering = SteeringSpec.from_response(
+        slew_degps=within(25.0, 60.0),
+        lag_s=within(0.05, 0.1),
+        stiction_counts=within(25.0, 70.0),
+        backlash_deg=within(0.5, 1.5),
+        bridge=BridgeSpec(drop_v=within(0.3, 2.5)),
+        stop_deg=within(52.0, 58.0),
+    )
+    steering = steering.model_copy(
+        update={
+            "pot_centre_counts": within(490.0, 535.0),
+            "pot_counts_per_deg": within(4.0, 5.0),
+            "pot_noise_counts": within(1.0, 3.0),
+        }
+    )
+    drive = DriveSpec(
+        bridge=BridgeSpec(drop_v=within(0.3, 2.0), r_ohm=0.03),
+        r_ohm=within(0.12, 0.22),
+        k_vspm=within(8.0, 13.0),
+        mass_kg=within(90.0, 130.0),
+        rolling=within(0.03, 0.05),
+        hall_pulses_per_m=within(20.0, 100.0),
+    )
+    battery = BatterySpec(full_v=within(12.4, 12.8), r_ohm=within(0.02, 0.05))
+    return MachineSpec(steering=steering, drive=drive, battery=battery)
+
+
 def random_field(seed: int) -> Scenario:
-    """The scenario of a seed: shape, keep-out, crop, slope, weather, hour, camera mount, positions'
-    error and how well the operator aligned the machine."""
+    """The scenario of a seed: shape, keep-out, crop, slope, weather, hour, machine, camera mount,
+    positions' error and how well the operator aligned the machine."""
     drawn = Drawn(seed, 0xF1E1D)
     shape = SHAPES[int(drawn.rng.integers(len(SHAPES)))]
     ring = outline(drawn.rng, shape)
@@ -243,6 +281,7 @@ def random_field(seed: int) -> Scenario:
         seed=seed,
         camera="mast" if drawn.likely(0.5) else "low",
         field=field,
+        machine=_machine(Drawn(seed, 0x3AC8)),
         weather=weather,
         lens={"delay_s": kit.within(0.05, 0.25)},
         gnss=GnssSpec(

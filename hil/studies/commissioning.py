@@ -7,9 +7,9 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Final
 
@@ -37,19 +37,24 @@ from hil.scenario.belief import (
 )
 from hil.scenario.scenario import Scenario, changed
 from hil.scenario.world import World
+from hil.studies.actuators import truth
+from hil.studies.identification import MIN_DUTY_OFF, defaults
+from hil.studies.steering_setup import steering_setup
+from hil.studies.yard_wire import BenchWire
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
-from host.core.messages import Command, Request, State
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import save_vehicle
 from host.core.whole_file import save_text
 from host.estimate.odometry import Odometry
 from host.field.boundary_file import boundary_of, save_field
-from host.link.session import Session
+from host.tune.actuator_model import ActuatorModel
 from host.tune.camera_delay import delay_of, shift_px
 from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
-from host.tune.taped_drive import TapedDrive, taped_drive
+from host.tune.free_ground import driver
+from host.tune.measured_drive import TAPE_SIGMA_M, MeasuredDrive, Taped, Way, measure_drive
 from sim_plant.camera import CameraSpec
+from sim_plant.drive_response import drive_response
 
 HAND_BOARD: Final = Board()
 GROUND_BOARD: Final = Board(square_m=0.08)
@@ -76,8 +81,14 @@ WEAVE_PERIOD_S: Final = 5.0
 """... and back in so long."""
 STEP_S: Final = 0.05
 """Between commands: the host's period."""
-TAPE_SIGMA_M: Final = 0.02
-"""Of a tape over 10 m of stubble; by judgement."""
+STOP_DEG: Final = 1.0
+"""How well the owner measures the wheel's angle at its stops."""
+BY_HAND: Final = 0.05
+"""Share of the pulses a metre by ten turns of a wheel on stands (docs/build/first-power-up.md)."""
+LAG_SHARE: Final = 0.15
+"""Of the drive's lag: what bumps under the starts leave of it."""
+NOMINAL_V: Final = Vehicle().nominal_battery_v
+"""At which a drive's speed is stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,80 +220,59 @@ def _ground_picture(world: World, ahead_m: float, rng: np.random.Generator) -> N
 # ---- drives --------------------------------------------------------------------------------------
 
 
-class _Yard:
-    """The machine on mown ground, driven by the workshop's session."""
-
-    def __init__(self, scenario: Scenario, parameters: dict[str, float]) -> None:
-        yard = changed(
-            scenario,
-            {
-                "eyes": "picture",
-                "field": {"neighbours": "none", "size_m": [30.0, 30.0], "polygon": None,
-                          "keep_outs": [], "trees": [], "houses": []},
-                "start": {"corner": 0, "lateral_error_m": 10.0, "heading_error_deg": 0.0},
-                "belief": {"errors": "exact", "folder": None, "boundary": None, "vehicle": {},
-                           "keep_outs": None, "corner": None, "parameters": parameters},
-                "faults": [],
-            },
-        )  # fmt: skip
-        self.bench = Bench(yard)
-        self.bench.field.clear(((-5.0, -5.0), (35.0, -5.0), (35.0, 35.0), (-5.0, 35.0)))
-        self.session = Session()
-        self.tick = 0
-
-    def step(self, speed_mps: float, steer_rad: float) -> None:
-        """One command's time."""
-        self.tick += 1
-        now = self.tick * STEP_S
-        for stamp, data in self.bench.advance(now):
-            self.session.feed(stamp, data)
-        told = self.session.telemetry
-        armed = told is not None and told.state in (State.ARMED, State.RUNNING)
-        command = Command(Request.DRIVE, steer_rad, speed_mps) if armed else Command(Request.ARM)
-        self.bench.send(self.session.encode(now, command))
+def _yard(scenario: Scenario, parameters: dict[str, float]) -> Bench:
+    """The machine on mown ground."""
+    yard = changed(
+        scenario,
+        {
+            "eyes": "picture",
+            "field": {"neighbours": "none", "size_m": [30.0, 30.0], "polygon": None,
+                      "keep_outs": [], "trees": [], "houses": []},
+            "start": {"corner": 0, "lateral_error_m": 10.0, "heading_error_deg": 0.0},
+            "belief": {"errors": "exact", "folder": None, "boundary": None, "vehicle": {},
+                       "keep_outs": None, "corner": None, "parameters": parameters},
+            "faults": [],
+        },
+    )  # fmt: skip
+    bench = Bench(yard)
+    bench.field.clear(((-5.0, -5.0), (35.0, -5.0), (35.0, 35.0), (-5.0, 35.0)))
+    return bench
 
 
 def found_by_tape(
     scenario: Scenario, vehicle: Vehicle, parameters: dict[str, float], rng: np.random.Generator
-) -> TapedDrive:
-    """A drive that is told to go straight for ten metres, and a tape along it."""
-    yard = _Yard(scenario, parameters)
-    with yard.bench as bench:
-        x, y, yaw = bench.pose
-        counted = 0.0
-        for _ in range(round(3 * DRIVE_M / DRIVE_MPS / STEP_S)):
-            yard.step(DRIVE_MPS, 0.0)
-            told = yard.session.telemetry
-            counted = told.distance_m if told is not None else 0.0
-            if counted >= DRIVE_M:
-                break
-        for _ in range(40):
-            yard.step(0.0, 0.0)
-        told = yard.session.telemetry
-        counted = told.distance_m if told is not None else 0.0
-        dx, dy = bench.pose[0] - x, bench.pose[1] - y
-    along = dx * math.cos(yaw) + dy * math.sin(yaw) + rng.normal(0, TAPE_SIGMA_M)
-    aside = dy * math.cos(yaw) - dx * math.sin(yaw) + rng.normal(0, TAPE_SIGMA_M)
-    pulses = parameters["hall_per_metre"]
-    return taped_drive(counted, pulses, along, aside, vehicle.wheelbase_m, TAPE_SIGMA_M)
+) -> MeasuredDrive:
+    """Two speeds there and back, and a tape along the first way."""
+    with _yard(scenario, parameters) as bench:
+        wire = BenchWire(bench)
+        stood = bench.pose
+
+        def tape(_: Way) -> Taped:
+            nonlocal stood
+            (x, y, yaw), stood = stood, bench.pose
+            dx, dy = stood[0] - x, stood[1] - y
+            along = abs(dx * math.cos(yaw) + dy * math.sin(yaw)) + rng.normal(0, TAPE_SIGMA_M)
+            aside = dy * math.cos(yaw) - dx * math.sin(yaw) + rng.normal(0, TAPE_SIGMA_M)
+            return Taped(along, aside)
+
+        with driver(wire, "the machine") as driven:
+            return measure_drive(driven, vehicle, defaults() | parameters, DRIVE_M, tape)
 
 
 def found_delay(
     scenario: Scenario, vehicle: Vehicle, parameters: dict[str, float]
 ) -> tuple[float, float]:
     """The camera's delay and its standard deviation, from a drive in curves."""
-    yard = _Yard(scenario, parameters)
     odometry, motion = Odometry(vehicle), []
     pictures: list[NDArray[np.uint8]] = []
     arrived: list[float] = []
     lens = scenario.world.lens
     every = max(1, round(1 / lens.fps / STEP_S))
-    with yard.bench as bench:
+    with _yard(scenario, parameters) as bench, driver(BenchWire(bench), "the machine") as driven:
         for k in range(round(WEAVE_S / STEP_S)):
             swing = math.copysign(WEAVE_RAD, math.sin(math.tau * k * STEP_S / WEAVE_PERIOD_S))
-            yard.step(DRIVE_MPS, swing)
-            if yard.session.telemetry is not None:
-                now = odometry.update(yard.session.telemetry)
+            for told in driven.drive(DRIVE_MPS, swing, STEP_S):
+                now = odometry.update(told)
                 motion.append((now.stamp, now.yaw_rad))
             if k % every == 0 and k * STEP_S > 1.0:
                 pictures.append(bench.camera.develop(bench.shutter()))
@@ -291,12 +281,6 @@ def found_delay(
     stamps, yaws = np.array(motion).T
     found = delay_of(arrived, shifts, stamps, yaws)
     return found.delay_s, found.sigma_s
-
-
-def _pot(off_counts: float) -> dict[str, float]:
-    """The firmware's parameters of a pot whose counts all lie so much off its defaults."""
-    usual = {"pot_left": 737.0, "pot_centre": 512.0, "pot_right": 287.0}
-    return {name: counts + off_counts for name, counts in usual.items()}
 
 
 # ---- the whole -----------------------------------------------------------------------------------
@@ -331,19 +315,28 @@ def commission(
     lens = found_lens(world, rng)
     mount = found_mount(world, lens, rng)
     by_board = _boarded(world, lens, mount)
-    say(f"drive {DRIVE_M:g} m beside a tape")
-    drive = found_by_tape(scenario, taped, {"hall_per_metre": 50.0, **_pot(0.0)}, rng)
-    counts = 512.0 - drive.steer_off_deg * 4.5
-    by_drive = _driven(world, drive, counts)
-    parameters = FITTED | {"hall_per_metre": round(drive.pulses_per_m, 2)}
-    if round(counts) != 512:
-        parameters |= _pot(round(counts) - 512.0)
+    say("steering: into its stops, identified, tuned")
+    measured_deg = world.machine.steering.stop_deg + draw("stop", STOP_DEG)
+    parameters, model = steering_setup(partial(_yard, scenario), FITTED, measured_deg)
+    say(f"drive {DRIVE_M:g} m beside a tape, and back, at two speeds")
+    true_pulses = world.machine.drive.hall_pulses_per_m
+    parameters["hall_per_metre"] = round(true_pulses * (1.0 + draw("turns", BY_HAND)), 1)
+    drive = found_by_tape(scenario, taped, parameters, rng)
+    parameters |= drive.params(parameters)
+    by_drive = _driven(world, drive, parameters)
     say("weave for the camera's delay")
-    known = taped.model_copy(update={"hall_pulses_per_m": drive.pulses_per_m})
+    known = drive.told(taped)
     delay, sigma = found_delay(scenario, known, parameters)
     by_weave = Value(delay, sigma, world.lens.delay_s, "s", "weaving drive")
 
-    values = {"boundary_m": boundary, **by_tape, **by_board, **by_drive, "camera_delay_s": by_weave}
+    values = {
+        "boundary_m": boundary,
+        **by_tape,
+        **by_board,
+        **_steered(world, model),
+        **by_drive,
+        "camera_delay_s": by_weave,
+    }
     vehicle = known.model_copy(
         update={
             "camera_delay_s": round(max(0.0, delay), 3),
@@ -379,17 +372,39 @@ def _boarded(world: World, lens: Lens, mount: Mount) -> dict[str, Value]:
     return values
 
 
-def _driven(world: World, drive: TapedDrive, counts: float) -> dict[str, Value]:
-    hall = world.machine.drive.hall_pulses_per_m
-    centre = world.machine.steering.pot_centre_counts
-    return {
-        "hall_pulses_per_m": Value(
-            drive.pulses_per_m, drive.pulses_sigma, hall, "1/m", "taped drive"
-        ),
+def _driven(
+    world: World, drive: MeasuredDrive, parameters: Mapping[str, float]
+) -> dict[str, Value]:
+    true = drive_response(world.machine, NOMINAL_V)
+    pulses = world.machine.drive.hall_pulses_per_m
+    steering, curve, taped = world.machine.steering, drive.curve, drive.taped
+    how = "drive there and back"
+    values = {
         "pot_centre_counts": Value(
-            counts, 4.5 * drive.steer_sigma_deg, centre, "counts", "taped drive"
+            parameters["pot_centre"],
+            steering.pot_counts_per_deg * taped.steer_sigma_deg,
+            steering.pot_centre_counts,
+            "counts",
+            "taped drive",
         ),
+        "full_duty_speed_mps": Value(curve.full_mps, curve.full_sigma, true.full_mps, "m/s", how),
+        "dead_duty": Value(curve.dead, curve.dead_sigma, true.dead, "", how),
     }
+    if taped.pulses_per_m is not None:
+        values["hall_pulses_per_m"] = Value(
+            taped.pulses_per_m, taped.pulses_sigma, pulses, "1/m", "taped drive"
+        )
+    if curve.lag_s is not None:
+        values["drive_lag_s"] = Value(curve.lag_s, LAG_SHARE * curve.lag_s, true.lag_s, "s", how)
+    return values
+
+
+def _steered(world: World, model: ActuatorModel) -> dict[str, Value]:
+    true = truth(world.machine)
+    left = Value(model.min_left, MIN_DUTY_OFF, true.min_duty, "counts", "identified")
+    off = model.slew_degps * STOP_DEG / world.machine.steering.stop_deg
+    slew = Value(model.slew_degps, off, true.slew_degps, "deg/s", "identified")
+    return {"steer_slew_degps": slew, "steer_min_duty_left": left}
 
 
 def _write(

@@ -13,8 +13,6 @@ from host.tune.wire import Wire, armed_wire, why
 
 KEEPALIVE_S: Final = 0.05
 """Between commands: the host's usual period; the firmware's link watchdog takes 250 ms."""
-STILL_MPS: Final = 0.02
-"""Less is no motion."""
 STOPS_S: Final = 2.0
 """For a machine to stop in, and to stand a moment."""
 STEERS_S: Final = 1.5
@@ -65,9 +63,9 @@ class Driver:
         """Turns the wheel while the machine stands."""
         self.drive(0.0, angle_rad, STEERS_S)
 
-    def stop(self, steer_rad: float = 0.0) -> None:
-        """Until it stands."""
-        self.drive(0.0, steer_rad, STOPS_S)
+    def stop(self, steer_rad: float = 0.0) -> list[Telemetry]:
+        """Until it stands. Returns what came meanwhile."""
+        return self.drive(0.0, steer_rad, STOPS_S)
 
 
 @contextmanager

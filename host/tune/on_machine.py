@@ -15,7 +15,7 @@ from host.link import params, protocol
 from host.link.session import Link, Session
 from host.tune.actuator_model import ActuatorModel, Findings, fit
 from host.tune.experiments import armed
-from host.tune.pot_calibration import PotCalibration, calibrate_pot
+from host.tune.pot_calibration import SEARCH, PotCalibration, calibrate_pot
 from host.tune.step_response import Floats, Response, Step, deadline_s, judge, meets
 from host.tune.wire import Wire
 
@@ -68,23 +68,21 @@ def measure(
 def calibrate(
     link: Link, name: str, stop_deg: float, values: Mapping[str, float]
 ) -> PotCalibration:
-    """Drives gently into both stops and writes the calibration. Meanwhile the angles are scaled
-    down, so that the angle limit of the identification mode does not end the search."""
-    wide = {"angle_left": 10.0, "angle_right": -10.0}
-    kept = {key: values[key] for key in wide}
-    _recalibrate(link, wide)
+    """Drives gently into both stops and writes the calibration."""
+    kept = {key: values[key] for key in SEARCH}
+    _recalibrate(link, SEARCH)
     try:
         with armed(LinkWire(link), name, values) as experimenter:
-            found = calibrate_pot(experimenter, {**values, **wide}, stop_deg)
+            found = calibrate_pot(experimenter, {**values, **SEARCH}, stop_deg)
     except BaseException:
         link.request(protocol.Stop())
         _recalibrate(link, kept)
         raise
-    _recalibrate(link, found.params())
+    _recalibrate(link, kept | found.params())
     return found
 
 
-def _recalibrate(link: Link, values: dict[str, float]) -> None:
+def _recalibrate(link: Link, values: Mapping[str, float]) -> None:
     """Another calibration makes the reading jump, which the firmware takes for a fault; a fault
     that has another reason comes back."""
     params.write_all(link, values)

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from host.core.errors import UserError
 from host.tune.experiments import Experimenter
+
+SEARCH: Final[Mapping[str, float]] = {
+    "angle_left": 10.0,
+    "angle_right": -10.0,
+    "stall_time": 2000.0,
+}
+"""The firmware's parameters while the stops are looked for. Angles scaled down, so that the angle
+limit of the identification mode does not end the search. And 2 s until a stall: at its stop the
+wheel stands through four pulses of 0.3 s before the search believes it, and the firmware adds them
+up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +44,18 @@ class PotCalibration:
         }
 
 
-def counts_of(angle_deg: float, params: dict[str, float]) -> float:
+def counts_of(angle_deg: float, params: Mapping[str, float]) -> float:
     """The potentiometer's counts where the firmware, with this calibration, reads an angle."""
     side = "left" if angle_deg >= 0 else "right"
     slope = (params[f"pot_{side}"] - params["pot_centre"]) / params[f"angle_{side}"]
     return params["pot_centre"] + slope * angle_deg
+
+
+def straightened(params: Mapping[str, float], off_deg: float) -> dict[str, float]:
+    """The potentiometer's parameters for a wheel that stands so far left of straight where these
+    read 0."""
+    off = counts_of(off_deg, params) - params["pot_centre"]
+    return {name: params[name] - off for name in ("pot_left", "pot_centre", "pot_right")}
 
 
 def calibrate_pot(
@@ -44,8 +63,7 @@ def calibrate_pot(
 ) -> PotCalibration:
     """Creeps into both stops, `stop_deg` from straight ahead, and reads the potentiometer there.
 
-    `params` holds the calibration that the firmware has now. It should give angles well below the
-    identification's limit at the stops, or that limit ends the search first.
+    `params`: those that the firmware has now, SEARCH among them.
     """
     scale = max(1.0, stop_deg / abs(params["angle_left"]))
     moving = experimenter.find_direction(1.5 / scale)

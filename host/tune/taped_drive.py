@@ -16,7 +16,8 @@ LEAST_M: Final = 3.0
 class TapedDrive:
     """What the wheels' sensor and the steering pot are, each with its standard deviation."""
 
-    pulses_per_m: float
+    pulses_per_m: float | None
+    """None: there is no wheel sensor."""
     pulses_sigma: float
     steer_off_deg: float
     """Where the wheel truly stands, positive left, when the pot says straight ahead."""
@@ -24,29 +25,29 @@ class TapedDrive:
 
 
 def taped_drive(
-    counted_m: float,
+    counted_m: float | None,
     pulses_per_m: float,
     taped_m: float,
     aside_m: float,
     wheelbase_m: float,
     tape_sigma_m: float = 0.02,
 ) -> TapedDrive:
-    """From a drive that was told to go straight: what was counted with the present pulses a metre,
-    and by tape how far it came and how far to the left of straight. UserError for a drive that is
-    too short, or a sensor that counted nothing."""
+    """From a drive that was told to go straight: what was counted with the present pulses a metre
+    (None: nothing counts), and by tape how far it came and how far to the left of straight.
+    UserError for a drive that is too short, or a sensor that counted nothing."""
     if taped_m < LEAST_M:
         raise UserError(f"a drive of {taped_m:g} m tells little: drive at least {LEAST_M:g} m")
-    if counted_m <= 0 or pulses_per_m <= 0:
+    if counted_m is not None and (counted_m <= 0 or pulses_per_m <= 0):
         raise UserError("the wheels' sensor counted nothing: check its magnets and its wire")
     # the way was a circle's arc that begins straight ahead
     bend = 2 * aside_m / (taped_m**2 + aside_m**2)
     turned = 2 * math.atan2(aside_m, taped_m)
     way = turned / bend if abs(bend) > 1e-6 else taped_m
-    found = pulses_per_m * counted_m / way
+    found = None if counted_m is None else pulses_per_m * counted_m / way
     unsure = 2 * tape_sigma_m / taped_m**2
     return TapedDrive(
         found,
-        found * tape_sigma_m / taped_m,
+        (found or 0.0) * tape_sigma_m / taped_m,
         math.degrees(math.atan(bend * wheelbase_m)),
         math.degrees(unsure * wheelbase_m),
     )

@@ -1,0 +1,213 @@
+"""The drive measured on free ground: two speeds, there and back, and a tape along the first way.
+
+With a wheel sensor one tape tells its scale, and it counts the rest. Without one every way is
+taped, and timed by the commands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from host.core.errors import UserError
+from host.core.messages import Telemetry
+from host.core.vehicle import Vehicle
+from host.tune.drive_curve import (
+    FULL_DUTY,
+    DriveCurve,
+    Leg,
+    Start,
+    drive_curve,
+    drive_lag_s,
+    duty_share,
+)
+from host.tune.free_ground import Driver
+from host.tune.pot_calibration import straightened
+from host.tune.taped_drive import TapedDrive, taped_drive
+
+SLOW: Final = 0.4
+"""Of the fast legs' speed, which is the cutting speed: as slow as the pilot ever drives."""
+SETTLES_S: Final = 2.5
+"""From the command until speed and duty are steady: ramp and lag of a heavy machine."""
+START_S: Final = 4.0
+"""In which the lag shows, and the slope under the first metre."""
+SHORTEST_M: Final = 0.5
+"""Of a taped way: the tape's 2 cm are 4 % of it. Where no sensor counts and the dead duty is not
+known yet, the machine comes less far than it is asked to."""
+TOO_LONG: Final = 3.0
+"""Times what a way should take: then something slips, jams or does not count."""
+COUNTED_M: Final = 0.02
+"""What a count of pulses may miss between two moments: a pulse at 50 a metre."""
+TIMED_S: Final = 0.15
+"""What ramps, lag and coasting leave between a command's time and the drive's."""
+TAPE_SIGMA_M: Final = 0.02
+"""Of a tape over 10 m of stubble; by judgement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One of the ways to be driven."""
+
+    number: int
+    speed_mps: float
+    """Negative: back."""
+    length_m: float
+
+    def __str__(self) -> str:
+        back = "back" if self.speed_mps < 0 else "ahead"
+        return f"{self.length_m:g} m {back} at {abs(self.speed_mps):.2g} m/s"
+
+
+@dataclass(frozen=True, slots=True)
+class Taped:
+    """What a tape says of a way: along the line on which the machine set off, without sign, and to
+    the left of it."""
+
+    along_m: float
+    aside_m: float = 0.0
+
+
+Tape = Callable[[Way], Taped]
+"""Asked when the machine stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Driven:
+    way: Way
+    seen: list[Telemetry]
+    commanded_s: float
+    taped: Taped | None
+
+    def between(self, begin_s: float, end_s: float) -> list[Telemetry]:
+        """Since it was commanded."""
+        start = self.seen[0].firmware_s
+        return [t for t in self.seen if begin_s <= t.firmware_s - start <= end_s]
+
+    @property
+    def steady(self) -> list[Telemetry]:
+        """Without start and stop."""
+        return self.between(SETTLES_S, self.commanded_s)
+
+    def leg(self, nominal_v: float, scale: float) -> Leg:
+        """`scale`: true metres in one that the sensor counts; 0 where none counts."""
+        steady = self.steady
+        duty = sum(abs(duty_share(t, nominal_v)) for t in steady) / len(steady)
+        if scale == 0.0:
+            assert self.taped is not None
+            speed = self.taped.along_m / self.commanded_s
+            off = math.hypot(TIMED_S / self.commanded_s, TAPE_SIGMA_M / self.taped.along_m)
+            return Leg(duty, speed, speed * off)
+        lasted = steady[-1].firmware_s - steady[0].firmware_s
+        counted = abs(steady[-1].distance_m - steady[0].distance_m)
+        return Leg(duty, scale * counted / lasted, COUNTED_M / lasted)
+
+    def start(self, nominal_v: float, scale: float) -> Start:
+        """Until it is steady."""
+        seen = self.between(0.0, START_S)
+        return Start(
+            np.array([t.firmware_s for t in seen]),
+            np.array([abs(duty_share(t, nominal_v)) for t in seen]),
+            scale * np.array([abs(t.distance_m - seen[0].distance_m) for t in seen]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredDrive:
+    """What was found."""
+
+    curve: DriveCurve
+    taped: TapedDrive
+    fastest_mps: float
+    """Of the ways driven;"""
+    saturated: bool
+    """and whether that was all that the drive gives."""
+
+    def params(self, before: Mapping[str, float]) -> dict[str, float]:
+        """The firmware's parameters of it. `before`: those that it has."""
+        values = self.curve.params() | straightened(before, self.taped.steer_off_deg)
+        if self.taped.pulses_per_m is not None:
+            values["hall_per_metre"] = round(self.taped.pulses_per_m, 1)
+        return values
+
+    def told(self, vehicle: Vehicle) -> Vehicle:
+        """The vehicle file with it."""
+        pulses = self.taped.pulses_per_m
+        known = vehicle.model_copy(update={"hall_pulses_per_m": round(pulses or 0.0, 1)})
+        return self.curve.told(known)
+
+
+def ways(fast_mps: float, length_m: float) -> tuple[Way, ...]:
+    """Slow ahead and back, fast ahead and back: it ends where it began. Slow first: nobody knows
+    the drive yet."""
+    speeds = SLOW * fast_mps, -SLOW * fast_mps, fast_mps, -fast_mps
+    return tuple(Way(k, speed, length_m) for k, speed in enumerate(speeds))
+
+
+def measure_drive(
+    driver: Driver,
+    vehicle: Vehicle,
+    params: Mapping[str, float],
+    length_m: float,
+    tape: Tape,
+    say: Callable[[str], None] = lambda _: None,
+) -> MeasuredDrive:
+    """Drives the ways and fits. `params`: the firmware's parameters. UserError where the machine
+    stops, or a way does not tell."""
+    pulses = params["hall_per_metre"]
+    driven: list[_Driven] = []
+    driver.steer(0.0)
+    for way in ways(min(vehicle.cutting_speed_mps, params["speed_max"]), length_m):
+        say(str(way))
+        seen, commanded_s = _drive(driver, way, counted=pulses > 0)
+        taped = tape(way) if pulses <= 0 or not driven else None
+        if taped is not None and taped.along_m < SHORTEST_M:
+            raise UserError(
+                f"{way}: it came {taped.along_m:g} m; at least {SHORTEST_M:g} m are needed"
+            )
+        driven.append(_Driven(way, seen, commanded_s, taped))
+    first = driven[0]
+    assert first.taped is not None
+    counted_m = abs(first.seen[-1].distance_m - first.seen[0].distance_m)
+    found = taped_drive(
+        counted_m if pulses > 0 else None,
+        pulses,
+        first.taped.along_m,
+        first.taped.aside_m,
+        vehicle.wheelbase_m,
+        TAPE_SIGMA_M,
+    )
+    scale = pulses / found.pulses_per_m if found.pulses_per_m else 0.0
+    nominal_v = vehicle.nominal_battery_v
+    legs = [each.leg(nominal_v, scale) for each in driven]
+    curve = drive_curve(slow=legs[:2], fast=legs[2:])
+    if scale:
+        starts = [each.start(nominal_v, scale) for each in driven]
+        curve = curve.with_lag(drive_lag_s(starts, curve))
+    saturated = any(abs(t.drive_duty) >= FULL_DUTY for t in driven[2].steady)
+    return MeasuredDrive(curve, found, max(leg.speed_mps for leg in legs), saturated)
+
+
+def _drive(driver: Driver, way: Way, *, counted: bool) -> tuple[list[Telemetry], float]:
+    """The way's telemetry, until the machine stands again, and how long it was commanded."""
+    begin = driver.last
+    usual_s = way.length_m / abs(way.speed_mps)
+
+    def there(told: Telemetry) -> bool:
+        return counted and abs(told.distance_m - begin.distance_m) >= way.length_m
+
+    seen = driver.drive(way.speed_mps, 0.0, TOO_LONG * usual_s if counted else usual_s, there)
+    if counted and not there(seen[-1]):
+        came_m = abs(seen[-1].distance_m - begin.distance_m)
+        raise UserError(
+            f"{way}: the wheels' sensor has counted {came_m:.2f} m in {TOO_LONG * usual_s:.0f} s. "
+            "See that the wheels turn, that nothing is in their way, and check the sensor"
+        )
+    if seen[-1].firmware_s - seen[0].firmware_s < SETTLES_S + 1.0:
+        raise UserError(f"{way}: too short to become steady; drive a longer way")
+    commanded_s = seen[-1].firmware_s - seen[0].firmware_s
+    rest = driver.stop()
+    return [*seen, *rest], commanded_s
