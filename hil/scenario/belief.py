@@ -529,6 +529,7 @@ def wrong_by(told: Told, world: World) -> dict[str, float]:
     usual = protocol.PARAMS["pot_centre"]
     centre = told.parameters.get("pot_centre", usual.from_raw(usual.default_raw))
     hall = m.drive.hall_pulses_per_m
+    drive = drive_response(m, v.nominal_battery_v)
     return {
         "boundary_m": boundary_off_m(told.boundary, world),
         "gap_m": told.gap_m - world.field.gap_m,
@@ -540,6 +541,8 @@ def wrong_by(told: Told, world: World) -> dict[str, float]:
         "camera_delay_s": v.camera_delay_s - lens.delay_s,
         "wheelbase_m": v.wheelbase_m - m.wheelbase_m,
         "hall_percent": 100 * (v.hall_pulses_per_m / hall - 1) if hall > 0 else 0.0,
+        "full_speed_percent": 100 * (v.full_duty_speed_mps / drive.full_mps - 1),
+        "dead_duty_percent": 100 * (v.dead_duty - drive.dead),
         "pot_deg": (centre - m.steering.pot_centre_counts) / m.steering.pot_counts_per_deg,
     }
 

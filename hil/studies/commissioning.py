@@ -220,8 +220,8 @@ def _ground_picture(world: World, ahead_m: float, rng: np.random.Generator) -> N
 # ---- drives --------------------------------------------------------------------------------------
 
 
-def _yard(scenario: Scenario, parameters: dict[str, float]) -> Bench:
-    """The machine on mown ground."""
+def free_ground(scenario: Scenario, parameters: dict[str, float]) -> Bench:
+    """The machine on mown ground, its board with these parameters, else as it is delivered."""
     yard = changed(
         scenario,
         {
@@ -230,7 +230,8 @@ def _yard(scenario: Scenario, parameters: dict[str, float]) -> Bench:
                       "keep_outs": [], "trees": [], "houses": []},
             "start": {"corner": 0, "lateral_error_m": 10.0, "heading_error_deg": 0.0},
             "belief": {"errors": "exact", "folder": None, "boundary": None, "vehicle": {},
-                       "keep_outs": None, "corner": None, "parameters": parameters},
+                       "keep_outs": None, "corner": None,
+                       "parameters": defaults() | parameters},
             "faults": [],
         },
     )  # fmt: skip
@@ -243,7 +244,7 @@ def found_by_tape(
     scenario: Scenario, vehicle: Vehicle, parameters: dict[str, float], rng: np.random.Generator
 ) -> MeasuredDrive:
     """Two speeds there and back, and a tape along the first way."""
-    with _yard(scenario, parameters) as bench:
+    with free_ground(scenario, parameters) as bench:
         wire = BenchWire(bench)
         stood = bench.pose
 
@@ -255,8 +256,8 @@ def found_by_tape(
             aside = dy * math.cos(yaw) - dx * math.sin(yaw) + rng.normal(0, TAPE_SIGMA_M)
             return Taped(along, aside)
 
-        with driver(wire, "the machine") as driven:
-            return measure_drive(driven, vehicle, defaults() | parameters, DRIVE_M, tape)
+        held = defaults() | parameters
+        return measure_drive(wire, "the machine", vehicle, held, DRIVE_M, tape)
 
 
 def found_delay(
@@ -268,7 +269,10 @@ def found_delay(
     arrived: list[float] = []
     lens = scenario.world.lens
     every = max(1, round(1 / lens.fps / STEP_S))
-    with _yard(scenario, parameters) as bench, driver(BenchWire(bench), "the machine") as driven:
+    with (
+        free_ground(scenario, parameters) as bench,
+        driver(BenchWire(bench), "the machine") as driven,
+    ):
         for k in range(round(WEAVE_S / STEP_S)):
             swing = math.copysign(WEAVE_RAD, math.sin(math.tau * k * STEP_S / WEAVE_PERIOD_S))
             for told in driven.drive(DRIVE_MPS, swing, STEP_S):
@@ -317,7 +321,7 @@ def commission(
     by_board = _boarded(world, lens, mount)
     say("steering: into its stops, identified, tuned")
     measured_deg = world.machine.steering.stop_deg + draw("stop", STOP_DEG)
-    parameters, model = steering_setup(partial(_yard, scenario), FITTED, measured_deg)
+    parameters, model = steering_setup(partial(free_ground, scenario), FITTED, measured_deg)
     say(f"drive {DRIVE_M:g} m beside a tape, and back, at two speeds")
     true_pulses = world.machine.drive.hall_pulses_per_m
     parameters["hall_per_metre"] = round(true_pulses * (1.0 + draw("turns", BY_HAND)), 1)

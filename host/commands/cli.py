@@ -144,7 +144,11 @@ daranti.add_command(
             "camera": (
                 "host.commands.calibrate_camera:calibrate_camera",
                 "Lens and mount from pictures.",
-            )
+            ),
+            "drive": (
+                "host.commands.calibrate_drive:calibrate_drive",
+                "Speed over duty, wheel sensor and straight ahead, beside a tape.",
+            ),
         },
         "Measure what the machine file needs.",
     )

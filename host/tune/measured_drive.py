@@ -25,14 +25,17 @@ from host.tune.drive_curve import (
     drive_lag_s,
     duty_share,
 )
-from host.tune.free_ground import Driver
+from host.tune.free_ground import Driver, driver
 from host.tune.pot_calibration import straightened
 from host.tune.taped_drive import TapedDrive, taped_drive
+from host.tune.wire import Wire
 
 SLOW: Final = 0.4
 """Of the fast legs' speed, which is the cutting speed: as slow as the pilot ever drives."""
 SETTLES_S: Final = 2.5
 """From the command until speed and duty are steady: ramp and lag of a heavy machine."""
+STEADY_S: Final = 3.0
+"""And so long it must then last, at least."""
 START_S: Final = 4.0
 """In which the lag shows, and the slope under the first metre."""
 SHORTEST_M: Final = 0.5
@@ -121,10 +124,6 @@ class MeasuredDrive:
 
     curve: DriveCurve
     taped: TapedDrive
-    fastest_mps: float
-    """Of the ways driven;"""
-    saturated: bool
-    """and whether that was all that the drive gives."""
 
     def params(self, before: Mapping[str, float]) -> dict[str, float]:
         """The firmware's parameters of it. `before`: those that it has."""
@@ -148,21 +147,23 @@ def ways(fast_mps: float, length_m: float) -> tuple[Way, ...]:
 
 
 def measure_drive(
-    driver: Driver,
+    wire: Wire,
+    name: str,
     vehicle: Vehicle,
     params: Mapping[str, float],
     length_m: float,
     tape: Tape,
     say: Callable[[str], None] = lambda _: None,
 ) -> MeasuredDrive:
-    """Drives the ways and fits. `params`: the firmware's parameters. UserError where the machine
-    stops, or a way does not tell."""
+    """Drives the ways and fits. Armed for each way alone: a tape takes its time. `params`: the
+    firmware's parameters. UserError where the machine stops, or a way does not tell."""
     pulses = params["hall_per_metre"]
     driven: list[_Driven] = []
-    driver.steer(0.0)
     for way in ways(min(vehicle.cutting_speed_mps, params["speed_max"]), length_m):
         say(str(way))
-        seen, commanded_s = _drive(driver, way, counted=pulses > 0)
+        with driver(wire, name) as armed:
+            armed.steer(0.0)
+            seen, commanded_s = _drive(armed, way, counted=pulses > 0)
         taped = tape(way) if pulses <= 0 or not driven else None
         if taped is not None and taped.along_m < SHORTEST_M:
             raise UserError(
@@ -187,27 +188,26 @@ def measure_drive(
     if scale:
         starts = [each.start(nominal_v, scale) for each in driven]
         curve = curve.with_lag(drive_lag_s(starts, curve))
-    saturated = any(abs(t.drive_duty) >= FULL_DUTY for t in driven[2].steady)
-    return MeasuredDrive(curve, found, max(leg.speed_mps for leg in legs), saturated)
+    return MeasuredDrive(curve, found)
 
 
-def _drive(driver: Driver, way: Way, *, counted: bool) -> tuple[list[Telemetry], float]:
+def _drive(armed: Driver, way: Way, *, counted: bool) -> tuple[list[Telemetry], float]:
     """The way's telemetry, until the machine stands again, and how long it was commanded."""
-    begin = driver.last
+    begin = armed.last
     usual_s = way.length_m / abs(way.speed_mps)
 
     def there(told: Telemetry) -> bool:
         return counted and abs(told.distance_m - begin.distance_m) >= way.length_m
 
-    seen = driver.drive(way.speed_mps, 0.0, TOO_LONG * usual_s if counted else usual_s, there)
+    seen = armed.drive(way.speed_mps, 0.0, TOO_LONG * usual_s if counted else usual_s, there)
     if counted and not there(seen[-1]):
         came_m = abs(seen[-1].distance_m - begin.distance_m)
         raise UserError(
             f"{way}: the wheels' sensor has counted {came_m:.2f} m in {TOO_LONG * usual_s:.0f} s. "
             "See that the wheels turn, that nothing is in their way, and check the sensor"
         )
-    if seen[-1].firmware_s - seen[0].firmware_s < SETTLES_S + 1.0:
+    if seen[-1].firmware_s - seen[0].firmware_s < SETTLES_S + STEADY_S:
         raise UserError(f"{way}: too short to become steady; drive a longer way")
     commanded_s = seen[-1].firmware_s - seen[0].firmware_s
-    rest = driver.stop()
+    rest = armed.stop()
     return [*seen, *rest], commanded_s

@@ -70,19 +70,19 @@ def calibrate(
 ) -> PotCalibration:
     """Drives gently into both stops and writes the calibration."""
     kept = {key: values[key] for key in SEARCH}
-    _recalibrate(link, SEARCH)
+    recalibrate(link, SEARCH)
     try:
         with armed(LinkWire(link), name, values) as experimenter:
             found = calibrate_pot(experimenter, {**values, **SEARCH}, stop_deg)
     except BaseException:
         link.request(protocol.Stop())
-        _recalibrate(link, kept)
+        recalibrate(link, kept)
         raise
-    _recalibrate(link, kept | found.params())
+    recalibrate(link, kept | found.params())
     return found
 
 
-def _recalibrate(link: Link, values: Mapping[str, float]) -> None:
+def recalibrate(link: Link, values: Mapping[str, float]) -> None:
     """Another calibration makes the reading jump, which the firmware takes for a fault; a fault
     that has another reason comes back."""
     params.write_all(link, values)

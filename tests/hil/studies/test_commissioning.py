@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from hil.bench.harvest import Harvest
-from hil.firmware import targets
+from hil.firmware import provision, targets
 from hil.scenario.belief import Draw, Walk, in_words, wrong_by
+from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import changed, load
+from hil.studies.actuators import truth
 from hil.studies.beliefs import CASES, harmless, scenario_of
-from hil.studies.commissioning import commission, found_lens, found_mount
+from hil.studies.commissioning import (
+    commission,
+    found_by_tape,
+    found_lens,
+    found_mount,
+    free_ground,
+)
+from hil.studies.steering_setup import steering_setup
 from host.core.errors import UserError
+from host.link import protocol
 from host.pilot.phase import Phase
+from sim_plant.drive_response import drive_response
 
+PARAMS = {name: spec.from_raw(spec.default_raw) for name, spec in protocol.PARAMS.items()}
 needs_firmware = pytest.mark.skipif(
     not targets.DESK_LIBRARY.exists(), reason="needs the desk firmware: make build"
 )
@@ -45,6 +58,7 @@ def test_what_commissioning_leaves_is_what_the_host_is_told(tmp_path: Path) -> N
     wrong = wrong_by(told, scenario.world)
     bounds = {"boundary_m": 0.7, "pitch_deg": 0.8, "yaw_deg": 0.8, "camera_delay_s": 0.04}
     bounds |= {"hall_percent": 3.0, "pot_deg": 0.5, "gap_m": 0.05, "focal_percent": 1.0}
+    bounds |= {"full_speed_percent": 4.0, "dead_duty_percent": 1.5}
     for name, bound in bounds.items():
         assert abs(wrong[name]) <= bound, name
     assert told.vehicle.camera_delay_s == pytest.approx(values["camera_delay_s"].found, abs=1e-3)
@@ -59,6 +73,54 @@ def test_what_commissioning_leaves_is_what_the_host_is_told(tmp_path: Path) -> N
     finally:
         run.close()
     assert run.pilot.phase is not Phase.CONNECT
+
+
+@needs_firmware
+@pytest.mark.parametrize("seed", [3, 5, 8])
+def test_a_drive_of_any_motors_is_found(seed: int) -> None:
+    scenario = random_field(seed)
+    spec = scenario.world.machine
+    true = drive_response(spec, scenario.told.vehicle.nominal_battery_v)
+    pulses = spec.drive.hall_pulses_per_m
+    new = {"speed_full": PARAMS["speed_full"], "drive_min_duty": 0.0}
+    by_hand = scenario.told.parameters | new | {"hall_per_metre": round(0.96 * pulses, 1)}
+    found = found_by_tape(scenario, scenario.told.vehicle, by_hand, Draw(seed).rng("tape"))
+    assert found.curve.full_mps == pytest.approx(true.full_mps, rel=0.03)
+    assert found.curve.dead == pytest.approx(true.dead, abs=0.01)
+    assert found.curve.lag_s == pytest.approx(true.lag_s, rel=0.3)
+    # tyres slip: the ground passes by a little slower than the wheels
+    assert found.taped.pulses_per_m is not None
+    assert 1.0 <= found.taped.pulses_per_m / pulses < 1.03
+
+
+@needs_firmware
+def test_without_a_wheel_sensor_every_way_is_taped() -> None:
+    scenario = changed(random_field(3), {"machine": {"drive": {"hall_pulses_per_m": 0.0}}})
+    true = drive_response(scenario.world.machine, scenario.told.vehicle.nominal_battery_v)
+    new = {"speed_full": PARAMS["speed_full"], "drive_min_duty": 0.0}
+    none = scenario.told.parameters | new | {"hall_per_metre": 0.0}
+    found = found_by_tape(scenario, scenario.told.vehicle, none, Draw(3).rng("tape"))
+    assert found.taped.pulses_per_m is None
+    assert found.curve.lag_s is None
+    assert found.curve.full_mps == pytest.approx(true.full_mps, rel=0.06)
+    assert found.curve.dead == pytest.approx(true.dead, abs=0.02)
+    assert "hall_per_metre" not in found.params(PARAMS)
+    assert found.told(scenario.told.vehicle).hall_pulses_per_m == 0.0
+
+
+@needs_firmware
+def test_a_steering_that_was_tuned_once_is_set_up_again() -> None:
+    scenario = random_field(1)
+    spec = scenario.world.machine.steering
+    yard = partial(free_ground, scenario)
+    first, _ = steering_setup(yard, provision.FITTED, spec.stop_deg)
+    again, model = steering_setup(yard, first, spec.stop_deg)
+    assert first["stall_time"] < PARAMS["stall_time"], "a tuned board sees a stall sooner"
+    for found in (first, again):
+        assert found["pot_centre"] == pytest.approx(spec.pot_centre_counts, abs=2.0)
+        slope = (found["pot_left"] - found["pot_centre"]) / found["angle_left"]
+        assert slope == pytest.approx(spec.pot_counts_per_deg, rel=0.02)
+    assert model.slew_degps == pytest.approx(truth(scenario.world.machine).slew_degps, rel=0.1)
 
 
 def test_a_folder_without_commissioning_is_one_message(tmp_path: Path) -> None:

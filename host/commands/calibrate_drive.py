@@ -1,0 +1,132 @@
+"""`daranti calibrate drive`: what the drive gives at which duty, the wheels' sensor and the
+steering's middle, from four ways on free ground and a tape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import click
+from rich.table import Table
+
+from host.commands.options import port_option
+from host.core.number_range import NumberRange
+from host.core.output_place import check_file
+from host.core.terminal import PlainConsole, echo
+from host.core.vehicle import Vehicle
+from host.core.vehicle_file import load_vehicle, save_vehicle
+from host.link.params import read_all, save
+from host.link.session import connect
+from host.tune.measured_drive import MeasuredDrive, Taped, Way, measure_drive, ways
+from host.tune.on_machine import LinkWire, recalibrate
+
+RESERVE: Final = 1.3
+"""Of the cutting speed, that full duty gives on level ground: crop, a slope and an empty battery
+take the rest."""
+FARTHEST_M: Final = 100.0
+"""Of a tape."""
+
+
+def _ask(way: Way) -> Taped:
+    along = click.prompt(
+        f"{way}: it stands. By the tape, how far has it come along the line, m",
+        type=NumberRange(0, FARTHEST_M),
+    )
+    if way.number > 0:
+        return Taped(along)
+    aside = click.prompt(
+        "and how far to the left of the line, m (to the right: a minus)",
+        type=NumberRange(-FARTHEST_M, FARTHEST_M),
+        default=0.0,
+    )
+    return Taped(along, aside)
+
+
+def _table(found: MeasuredDrive, vehicle: Vehicle, before: Mapping[str, float]) -> Table:
+    curve, taped = found.curve, found.taped
+    told = found.told(vehicle)
+    rows = [
+        ("speed at full duty, m/s", vehicle.full_duty_speed_mps, told.full_duty_speed_mps,
+         f"{curve.full_sigma:.3f}"),
+        ("duty that just moves it, of 255", before["drive_min_duty"], curve.min_duty,
+         f"{255 * curve.dead_sigma:.1f}"),
+        ("steering straight ahead, pot counts", before["pot_centre"],
+         found.params(before)["pot_centre"], ""),
+    ]  # fmt: skip
+    if curve.lag_s is not None:
+        rows.append(("lag of the speed, s", vehicle.drive_lag_s, told.drive_lag_s, ""))
+    if taped.pulses_per_m is not None:
+        sigma = f"{taped.pulses_sigma:.1f}"
+        rows.append(
+            ("wheel sensor, pulses a metre", before["hall_per_metre"], taped.pulses_per_m, sigma)
+        )
+    table = Table(title="the drive")
+    for column in ("figure", "before", "found", "±"):
+        table.add_column(column)
+    for name, old, new, sigma in rows:
+        table.add_row(name, f"{old:.4g}", f"{new:.4g}", sigma)
+    return table
+
+
+@click.command()
+@port_option
+@click.option(
+    "--vehicle",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="The machine's file: what is found is written into it. It is made where it is not there; "
+    "comments in it are lost.",
+)
+@click.option(
+    "--length",
+    "length_m",
+    type=NumberRange(5, 50),
+    default=10.0,
+    show_default=True,
+    help="Of each way, m.",
+)
+@click.option("--save", "keep", is_flag=True, help="Store the parameters in the EEPROM.")
+@click.option("--yes", "sure", is_flag=True, help="Do not ask whether it may drive.")
+def calibrate_drive(port: str, vehicle: Path, length_m: float, keep: bool, sure: bool) -> None:
+    """Drives ahead and back, slowly and at the cutting speed, on firm level ground, and asks what a
+    tape says. Writes speed over duty, wheel sensor and the steering's middle into firmware and
+    vehicle file."""
+    check_file(vehicle)
+    machine = load_vehicle(vehicle if vehicle.exists() else None)
+    console = PlainConsole()
+    with connect(port) as link:
+        before = read_all(link)
+        plan = ways(min(machine.cutting_speed_mps, before["speed_max"]), length_m)
+        echo(
+            "The machine drives by itself, the blade off: "
+            + ", ".join(str(way) for way in plan)
+            + ". It needs firm, level ground, 3 m more than that ahead, and nobody within 10 m. "
+            "Lay a tape along its middle, from the rear axle straight ahead. Stay beside it with a "
+            "hand at the emergency stop; Ctrl-C stops it, too."
+        )
+        if before["hall_per_metre"] == 0:
+            echo("It has no wheel sensor (hall_per_metre 0): each way is taped.")
+        if not sure:
+            click.confirm("May it drive?", abort=True)
+        found = measure_drive(LinkWire(link), port, machine, before, length_m, _ask, echo)
+        console.print_table(_table(found, machine, before))
+        recalibrate(link, found.params(before))
+        if keep:
+            save(link)
+    save_vehicle(vehicle, found.told(machine))
+    echo(f"{vehicle}: the drive is in it")
+    echo("saved in the firmware" if keep else "not saved: lost at the next reset (`--save` keeps)")
+    _warn(found, machine, vehicle)
+
+
+def _warn(found: MeasuredDrive, machine: Vehicle, file: Path) -> None:
+    """Where the drive is too weak for what the vehicle file asks of it."""
+    least = RESERVE * machine.cutting_speed_mps
+    if found.curve.full_mps < least:
+        echo(
+            f"full duty gives {found.curve.full_mps:.2f} m/s; cutting_speed_mps "
+            f"{machine.cutting_speed_mps:g} wants {least:.2f}, for crop, slopes and an emptier "
+            f"battery. Set it to {found.curve.full_mps / RESERVE:.2f} in {file}",
+            err=True,
+        )
