@@ -18,9 +18,12 @@ import shapely
 from scipy import stats
 
 from hil.scenario.scenario import Scenario
+from sim_plant.drive_response import drive_response
 
 COVERED: Final = 0.95
 """A finished field of which less is cut has gone wrong, too."""
+RATED_V: Final = 12.0
+"""At which a drive's speed is stated."""
 KNOWN: Final = 0.05
 """A circumstance counts where chance would show it in less than this share of cases."""
 LIKELIER: Final = 1.2
@@ -35,6 +38,7 @@ def circumstances(scenario: Scenario) -> dict[str, float | str | bool]:
     headings = np.arctan2(sides[:, 1], sides[:, 0])
     turns = (headings - np.roll(headings, 1) + math.pi) % math.tau - math.pi
     angles = 180.0 - np.degrees(turns)
+    drive = drive_response(scenario.machine, RATED_V)
     return {
         "mount": scenario.camera,
         "shape": scenario.name,
@@ -61,6 +65,10 @@ def circumstances(scenario: Scenario) -> dict[str, float | str | bool]:
         "slope_deg": round(math.hypot(f.side_slope_deg, f.long_slope_deg), 3),
         "bump_sd_deg": f.bump_sd_deg,
         "gnss_cep_m": scenario.gnss.cep_m,
+        "drive_full_mps": round(drive.full_mps, 3),
+        "drive_lag_s": round(drive.lag_s, 3),
+        "hall_pulses_per_m": scenario.machine.drive.hall_pulses_per_m,
+        "pot_counts_per_deg": scenario.machine.steering.pot_counts_per_deg,
         "start_lateral_error_m": abs(scenario.start.lateral_error_m),
         "start_heading_error_deg": abs(scenario.start.heading_error_deg),
         **_mistaken(scenario),

@@ -19,7 +19,9 @@ from hil.judge.metrics import OVERLAP_M, Truth
 from hil.scenario.belief import Errors, ccw, corner_like
 from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, assigned, changed, load, merge
+from hil.studies.actuators import truth
 from hil.studies.outlines import outline, outline_field
+from host.commands.calibrate_drive import RESERVE
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Request, State
@@ -30,6 +32,7 @@ from host.link.session import Session
 from host.pilot.pilot import Pilot
 from host.runs import record
 from host.vision.view import Detector
+from sim_plant.drive_response import drive_response
 from sim_plant.field import Field
 from sim_plant.machine import SteeringSpec
 from tests.helpers.oracle import Oracle, quick
@@ -77,6 +80,8 @@ def test_each_error_reaches_what_it_is_of() -> None:
         "mount_m": ("vehicle", 0.5),
         "mount_deg": ("vehicle", 5.0),
         "hall": ("vehicle", 0.3),
+        "drive": ("vehicle", 0.3),
+        "dead_duty": ("vehicle", 0.06),
         "delay_s": ("vehicle", 0.1),
         "crop_m": ("vehicle", 0.2),
         "gap_m": ("gap_m", 1.0),
@@ -96,7 +101,9 @@ def test_each_error_reaches_what_it_is_of() -> None:
             for key in ("vehicle", "boundary", "keep_outs", "gap_m", "parameters")
             if getattr(errs.told, key) != getattr(knows.told, key)
         }
-        along = {"hall": {"parameters"}, "walk_cep_m": {"keep_outs"}}.get(name, set())
+        along = {"walk_cep_m": {"keep_outs"}}.get(name, set())
+        if name in ("hall", "drive", "dead_duty"):
+            along = {"parameters"}
         assert changes == {part} | along, name
 
 
@@ -116,6 +123,9 @@ def test_exact_is_the_truth() -> None:
         assert told.mount.pitch_deg == world.lens.pitch_deg
         assert told.parameters["hall_per_metre"] == machine.drive.hall_pulses_per_m
         assert vehicle.overlap_m == OVERLAP_M
+        drive = drive_response(machine, vehicle.nominal_battery_v)
+        assert vehicle.full_duty_speed_mps == told.parameters["speed_full"] == drive.full_mps
+        assert vehicle.dead_duty == drive.dead
 
 
 def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_again() -> None:
@@ -145,6 +155,13 @@ def test_random_fields_draw_both_halves() -> None:
     assert 0.2 < max(delays) <= 0.25
     assert max(world.gnss.smoothing_s for world in drawn) > 1.0
     assert max(world.gnss.lag_s for world in drawn) > 0.5
+    fulls = [drive_response(world.machine, 12.0).full_mps for world in drawn]
+    assert min(fulls) < 0.85
+    assert max(fulls) > 1.15
+    assert min(fulls) > RESERVE * Vehicle().cutting_speed_mps, "what no check would warn of"
+    slews = [truth(world.machine).slew_degps for world in drawn]
+    assert min(slews) < 30
+    assert max(slews) > 55
 
 
 def test_more_laps_with_a_better_phone_tell_more_of_the_boundary() -> None:
