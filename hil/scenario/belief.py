@@ -376,6 +376,7 @@ def calibrated_parameters(
         "hall_per_metre": vehicle.hall_pulses_per_m,
         "speed_full": vehicle.full_duty_speed_mps,
         "drive_min_duty": float(round(255 * vehicle.dead_duty)),
+        "drive_lag": vehicle.drive_lag_s,
         "stall_time": stall_time_ms(_slew_degps(world.machine), steering.backlash_deg),
     }
     for name, angle in (

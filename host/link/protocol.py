@@ -79,7 +79,7 @@ class ParamSpec:
         return raw * self.scale
 
 
-VERSION = 2
+VERSION = 3
 BAUD = 115200
 
 
@@ -1483,6 +1483,16 @@ PARAMS: dict[str, ParamSpec] = {
         2,
         "",
         "hall sensors on the wheel; 2, a quarter of a pulse apart, tell the direction",
+    ),
+    "drive_lag": ParamSpec(
+        "drive_lag",
+        51,
+        0.001,
+        250,
+        0,
+        2000,
+        "s",
+        "with which the speed follows the duty: the speed loop asks no more of the machine. 0: at once",
     ),
 }
 

@@ -68,7 +68,10 @@ class DriveCurve:
 
     def params(self) -> dict[str, float]:
         """The firmware's parameters of it."""
-        return {"speed_full": round(self.full_mps, 3), "drive_min_duty": self.min_duty}
+        values = {"speed_full": round(self.full_mps, 3), "drive_min_duty": self.min_duty}
+        if self.lag_s is not None:
+            values["drive_lag"] = round(self.lag_s, 2)
+        return values
 
     @property
     def min_duty(self) -> float:

@@ -20,6 +20,7 @@ constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
 constexpr int32_t kHalf = int32_t{1} << 15;
+constexpr int32_t kWhole = int32_t{1} << 14;  // of what the expected speed lacks
 }  // namespace
 
 void Hall::configure(const Params &params) {
@@ -130,6 +131,8 @@ void Drive::configure(const Params &params) {
   ki_ = divide(params[Param::drive_ki] * (int32_t{1} << 14) * kTickMs, 156250);  // 1e7 / 2^6
   limit_ = params[Param::speed_max];
   ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
+  follows_ = divide(kWhole * kTickMs, params[Param::drive_lag] + kTickMs);
+  if (params[Param::drive_lag] == 0) follows_ = kWhole;
   nominal_ = params[Param::battery_nominal];
   lowest_ = params[Param::battery_low];
   beyond_ = static_cast<int16_t>((params[Param::speed_excess] * forward_) >> 16);
@@ -145,14 +148,17 @@ int32_t Drive::supply(int16_t battery) const { return battery < lowest_ ? lowest
 
 void Drive::release() {
   integral_ = 0;
+  expected_ = 0;
   setpoint_ = 0;
 }
 
 int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuck) {
   setpoint_ = approach(setpoint_, clamp(target, -limit_, limit_) * 16, ramp_);
   const int16_t wanted = setpoint();
+  expected_ += (setpoint_ - expected_ / 256) * follows_ / (kWhole / 256);
   if (wanted == 0) {
     integral_ = 0;
+    expected_ = 0;
     return 0;
   }
   const bool backward = wanted < 0;
@@ -160,8 +166,10 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuc
   if (nominal_ != 0) size = least(size * nominal_ / supply(battery), 255);
   int32_t duty = backward ? -size : size;
   if (measured != Hall::kNone) {
+    // What the machine cannot have done yet is no error: wound up while it slows, the loop lets it
+    // starve on the next bump, where a sensor without pulses counts as lost.
+    const int32_t error = clamp(expected_ / 4096 - measured, -kErrorMax, kErrorMax);
     // Never against the setpoint: plugging strains the gear.
-    const int32_t error = clamp(static_cast<int32_t>(wanted) - measured, -kErrorMax, kErrorMax);
     const int32_t sum = duty * 65536 + kp_ * error + (integral_ >> 4);
     const int32_t output = backward ? clamp(sum, -kFull, 0) : clamp(sum, 0, kFull);
     const bool deeper = (sum > output && error > 0) || (sum < output && error < 0);

@@ -72,7 +72,9 @@ class Hall {
   bool rolls_ = false;  // since it is driven, it has broken away
 };
 
-// Soft start, feed-forward, and a speed loop where a hall sensor is configured.
+// Soft start, feed-forward, and, where a hall sensor is configured, a speed loop around the speed
+// that the machine's lag lets it have (a PI controller with a reference model: Åström and Murray,
+// Feedback Systems, 2nd ed., 12.2).
 class Drive {
  public:
   void configure(const Params &params);
@@ -97,6 +99,8 @@ class Drive {
   int32_t ki_ = 0;        // duty per mm/s and tick, 2^-20
   int32_t integral_ = 0;  // duty, 2^-20
   int32_t setpoint_ = 0;  // mm/s, 1/16
+  int32_t expected_ = 0;  // mm/s, 1/4096: what it should have come to by now
+  int32_t follows_ = 0;   // share of what it lacks that it takes in a tick, 2^-14
   int16_t limit_ = 0;     // mm/s
   int16_t ramp_ = 0;      // mm/s a tick, 1/16
   int16_t floor_ = 0;     // minimum duty

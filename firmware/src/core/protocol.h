@@ -7,7 +7,7 @@
 namespace daranti {
 namespace protocol {
 
-constexpr uint8_t kVersion = 2;
+constexpr uint8_t kVersion = 3;
 constexpr uint32_t kBaud = 115200;
 
 // What the supervisor allows.
@@ -470,8 +470,9 @@ enum class Param : uint8_t {
   blade_turn_min,  // 1 pulses/s; what the blade's sensor gives at least while the blade turns; 0: no sensor fitted
   blade_spin_time,  // 1 ms; longest time that the blade takes to start, and to stop
   hall_phases,  // hall sensors on the wheel; 2, a quarter of a pulse apart, tell the direction
+  drive_lag,  // 0.001 s; with which the speed follows the duty: the speed loop asks no more of the machine. 0: at once
 };
-constexpr uint8_t kParams = 51;
+constexpr uint8_t kParams = 52;
 
 // X(name, default, min, max), raw
 #define DARANTI_PARAMS(X) \
@@ -525,7 +526,8 @@ constexpr uint8_t kParams = 51;
   X(blade_rest, 500, 200, 10000) \
   X(blade_turn_min, 0, 0, 1000) \
   X(blade_spin_time, 1500, 200, 10000) \
-  X(hall_phases, 1, 1, 2)
+  X(hall_phases, 1, 1, 2) \
+  X(drive_lag, 250, 0, 2000)
 
 }  // namespace protocol
 }  // namespace daranti

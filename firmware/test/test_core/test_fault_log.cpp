@@ -431,7 +431,7 @@ TEST_CASE("While parameters are saved the log waits, and both are kept") {
   rig.board.set_estop(5);
   rig.tick(3);
   rig.board.type(protocol::ParamSave::kId);
-  rig.tick(500);
+  rig.tick(600);
   CHECK(rig.result() == as_int(Result::OK));
   CHECK(protocol::get<uint32_t>(rig.get(0).data() + 3) == protocol::ESTOP_OPEN);
   Params params;

@@ -45,7 +45,7 @@ TEST_CASE("Ids are the schema's order") {
   CHECK(params.set(0, 1) == Result::OK);
   CHECK(params[Param::steer_driver] == 1);
   CHECK(params.set(protocol::kParams - 1, 2) == Result::OK);
-  CHECK(params[Param::hall_phases] == 2);
+  CHECK(params[Param::drive_lag] == 2);
 }
 
 TEST_CASE("A value is taken at both ends of its range and refused beyond") {
