@@ -17,7 +17,6 @@ from host.core.errors import UserError
 from host.core.messages import Telemetry
 from host.core.vehicle import Vehicle
 from host.tune.drive_curve import (
-    FULL_DUTY,
     DriveCurve,
     Leg,
     Start,
