@@ -169,6 +169,12 @@ class CutGuard:
         self._held_since = None
         self._crossing = self.refused = False
 
+    def go_on(self) -> None:
+        """Crop right before the blade has turned out to be the side's own: what was refused was a
+        patch."""
+        self._held_since = self._clear_from_m = None
+        self._crossing = self.refused = False
+
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""
         dt = telemetry.stamp - self._stamp

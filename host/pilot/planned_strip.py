@@ -206,6 +206,7 @@ class PlannedStrip(PlanSide):
         self._goes_on_to_m = self.estimate.motion.distance_m + ahead_m + NEAR_CROP_M
         self.estimate.position.less_sure_along(self._straight[-1], WENT_ON_SIGMA_M)
         self.ahead.go_on()
+        self.estimate.cut.go_on()
         return True
 
     def met_end_surely(self) -> None:

@@ -383,6 +383,19 @@ def test_who_has_gone_back_may_come_as_far_as_before_and_no_farther() -> None:
     assert drive.guard.clear_m == pytest.approx(clear_m, abs=0.05)
 
 
+def test_what_turned_out_to_be_a_patch_is_driven_on_from_and_the_next_counts_anew() -> None:
+    drive = Drive(field((0.2, 3.0)))
+    drive.run(20.0)
+    assert drive.guard.refused
+    here = drive.x
+    drive.guard.go_on()
+    drive.crop_ahead = field((0.2, here + 2.0))
+    assert drive.run(0.5) == GO
+    drive.run(20.0)
+    assert drive.guard.refused
+    assert here + 2.0 + PATCH_M - 0.1 < drive.x < here + 2.0 + PATCH_M + 0.25
+
+
 def test_what_it_has_cut_is_no_clear_ground_for_a_machine_that_has_backed_over_it() -> None:
     """From farther back it sees a swath before the crop, and then stalks hide where it stands."""
     drive = Drive(lambda _: 0.0)

@@ -191,8 +191,10 @@ def test_crop_right_before_the_blade_is_looked_at_from_farther_back() -> None:
 
 
 def test_crop_that_stands_nearer_than_any_next_crop_is_the_sides_own_and_is_cut() -> None:
-    """It had left the turn no room at all (model field 11455)."""
+    """It had left the turn no room at all (model field 11455). And where the blade's guard had
+    refused to go on, that ended the side at once again (11926)."""
     context = at_end()
+    context.estimate.cut.refused = True
     sure_m = context.estimate.position.end_sigma_m(PLAN.sides[0])
     look(context, stands_at(0.1), why=Beyond.END_WAS_NONE)
     assert context.plan.gap_m == 2.0
@@ -200,6 +202,7 @@ def test_crop_that_stands_nearer_than_any_next_crop_is_the_sides_own_and_is_cut(
     assert not context.strip.end_due(replace(here, distance_m=here.distance_m + 0.1))
     assert context.strip.end_due(replace(here, distance_m=here.distance_m + 0.4))
     assert context.sight.ahead.end is None
+    assert not context.estimate.cut.refused
     assert not context.gaps.knows(2), "the end that is one is looked at"
     assert context.estimate.position.end_sigma_m(PLAN.sides[0]) > sure_m + 0.1
 
