@@ -17,8 +17,11 @@ from hil.bench.harvest import harvest
 from hil.bench.wrong_pictures import WrongPictures
 from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, changed, load, merge
+from host.core.vehicle import Vehicle
 from host.core.whole_file import save_text
 from host.field.boundary_file import UNKNOWN_SIGMA_M
+from sim_plant.drive_response import drive_response
+from sim_plant.machine import DriveSpec, MachineSpec
 
 SIZE_M: Final = (9.0, 7.0)
 """Not a square: to be at another corner than said makes a difference."""
@@ -87,6 +90,36 @@ def pot_of(degrees: float) -> dict[str, Any]:
     return {"machine": off, "belief": SAID}
 
 
+def pot_scaled_by(share: float) -> dict[str, Any]:
+    """It gives so many times the counts for an angle that the firmware was told."""
+    off = {"steering": {"pot_counts_per_deg": COUNTS_PER_DEG * share}}
+    return {"machine": off, "belief": SAID}
+
+
+DRIVE: Final = drive_response(MachineSpec(), Vehicle().nominal_battery_v)
+"""What the owner has measured before other motors were fitted."""
+
+
+def motors_of(faster: float, pulses_per_m: float = 50.0) -> dict[str, Any]:
+    """They turn so many times as fast as those of which the owner has measured speed and duty."""
+    machine = {"k_vspm": DriveSpec().k_vspm / faster, "hall_pulses_per_m": pulses_per_m}
+    told = {
+        "vehicle": {
+            "full_duty_speed_mps": DRIVE.full_mps,
+            "dead_duty": DRIVE.dead,
+            "drive_lag_s": DRIVE.lag_s,
+            "hall_pulses_per_m": pulses_per_m,
+        },
+        "parameters": {
+            "speed_full": DRIVE.full_mps,
+            "drive_min_duty": 255 * DRIVE.dead,
+            "drive_lag": DRIVE.lag_s,
+            "hall_per_metre": pulses_per_m,
+        },
+    }
+    return {"machine": {"drive": machine}, "belief": merge(SAID, told)}
+
+
 def _pot_drifts(deg_per_min: float) -> dict[str, Any]:
     """From the first side on, until it is held."""
     step = COUNTS_PER_DEG * deg_per_min * DRIFT_STEP_S / 60.0
@@ -147,6 +180,12 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "hall loses half": hall_of(25.0),
     "hall doubled": hall_of(100.0),
     "pot 4 deg": pot_of(4.0),
+    "pot's scale 10 % more": pot_scaled_by(1.1),
+    "pot's scale 10 % less": pot_scaled_by(0.9),
+    "motors a third faster": motors_of(1.33),
+    "motors a third slower": motors_of(0.75),
+    "motors a third faster, no wheel sensor": motors_of(1.33, 0.0),
+    "motors a third slower, no wheel sensor": motors_of(0.75, 0.0),
     "corners 0.5 m": boundary_of(scattered_of(0.5)),
     "corners 1.0 m": boundary_of(scattered_of(1.0)),
     "said 2 m longer": boundary_of(_ring(longer=2.0)),
@@ -221,6 +260,7 @@ ONLY_PICTURES: Final = frozenset(
 KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "camera": ("mount 1.5 deg, 5 cm", "mount yaw 2 deg", "delay 0.3, said 0.1"),
     "wheels": ("hall 5 %", "hall loses a tenth", "hall loses a fifth", "hall doubled"),
+    "motors": ("motors a third faster", "motors a third slower"),
     "steering": ("wheelbase 5 %", "pot 4 deg", "pot drifts 5 deg a minute"),
     "boundary": (
         "corners 0.5 m", "corners 1.0 m", "said 2 m longer", "said 2 m wider", "said 1 m short",
