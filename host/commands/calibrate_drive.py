@@ -97,7 +97,8 @@ def calibrate_drive(port: str, vehicle: Path, length_m: float, keep: bool, sure:
     console = PlainConsole()
     with connect(port) as link:
         before = read_all(link)
-        plan = ways(min(machine.cutting_speed_mps, before["speed_max"]), length_m)
+        fast_mps = min(machine.cutting_speed_mps, before["speed_max"])
+        plan = ways(fast_mps, length_m, counted=before["hall_per_metre"] > 0)
         echo(
             "The machine drives by itself, the blade off: "
             + ", ".join(str(way) for way in plan)

@@ -1,8 +1,7 @@
 """Dead reckoning from what the machine reports: steering angle, drive duty, hall sensor if fitted,
 and the phone's gyroscope where it has one.
 
-Without a hall sensor the speed is a model, duty through a first-order lag, whose gain is learned
-from the GNSS receiver's Doppler speed while the machine drives straight (paper, II: speed by PWM).
+Without a hall sensor the speed is what the duty gives (duty_speed.py).
 """
 
 from __future__ import annotations
@@ -14,18 +13,13 @@ from typing import NamedTuple
 
 from host.core.messages import Fix, Telemetry, Turned
 from host.core.vehicle import Vehicle
+from host.estimate.duty_speed import DutySpeed
 from host.estimate.gyroscope import WINDOW_S, Gyroscope, Stand
 from host.estimate.rolling import Rolling
 
 HISTORY_S = 1.5
-GAIN_LIMITS = (0.6, 1.4)
 HALL_SIGMA = 0.005
 """Wheel slip, besides what the position learns of it."""
-GAIN_PRIOR = {False: (1.0, 0.05), True: (0.9, 0.08)}
-"""Mean and standard deviation of the duty model's gain before anything is learned, by whether the
-blade is on: crop drags."""
-GAIN_WALK = 0.004
-"""Growth per square root of a second: load and battery change."""
 DOPPLER_MPS = 0.06
 """Standard deviation of a phone's speed over ground, and of its velocity across the course."""
 STRAIGHT_RAD = math.radians(8)
@@ -103,9 +97,7 @@ class Odometry:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._gain = {blade: mean for blade, (mean, _) in GAIN_PRIOR.items()}
-        self._gain_sigma = {blade: sigma for blade, (_, sigma) in GAIN_PRIOR.items()}
-        self._cutting = False
+        self._by_duty = DutySpeed(vehicle)
         self._speed = 0.0
         self._odometer: float | None = None
         self._too_fast_s = 0.0
@@ -131,15 +123,9 @@ class Odometry:
         self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
-    def gain(self) -> float:
-        """Ratio of true speed to the duty model's, as learned with the blade in its present state:
-        cutting loads the wheels."""
-        return self._gain[self._cutting]
-
-    @property
     def scale_sigma(self) -> float:
         """Standard deviation of a travelled distance, as a share of it."""
-        return HALL_SIGMA if self._odometer is not None else self._gain_sigma[self._cutting]
+        return HALL_SIGMA if self._odometer is not None else self._by_duty.scale_sigma
 
     @property
     def pot_off_rad(self) -> float:
@@ -159,7 +145,6 @@ class Odometry:
         if dt <= 0:
             return past
         dt = dt if math.isfinite(dt) else 0.0
-        self._cutting = telemetry.blade
         vehicle = self._vehicle
         curvature = math.tan(telemetry.angle_rad + self.trim_rad) / vehicle.wheelbase_m
         curvature *= self.yaw_gain
@@ -179,10 +164,8 @@ class Odometry:
             too_fast = abs(self._speed) > TOO_FAST * vehicle.full_duty_speed_mps
             self._too_fast_s = self._too_fast_s + dt if too_fast else 0.0
         else:
-            target = vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v) * self.gain
-            blend = 1 - math.exp(-dt / vehicle.drive_lag_s)
             before = self._speed
-            self._speed += (target - self._speed) * blend
+            self._speed = self._by_duty.advance(telemetry, past.yaw_rad, dt)
             step = (before + self._speed) / 2 * dt
             yaw_step = step * middle_1pm
         rolls = self.rolling.off and step != 0.0
@@ -323,22 +306,9 @@ class Odometry:
         self._yaw_gain_sigma *= math.sqrt(noise / variance)
 
     def learn(self, fix: Fix, telemetry: Telemetry, dt: float) -> None:
-        """Corrects the duty model's gain by a Doppler speed that lasted `dt` seconds."""
-        if fix.speed_mps is None or fix.quality == 0 or telemetry.speed_mps is not None:
-            return
-        if self._speed < 0.5 * self._vehicle.manoeuvre_speed_mps:
-            return
-        if abs(telemetry.angle_rad) > STRAIGHT_RAD:
-            return
-        gain, sigma = self.gain, self._gain_sigma[self._cutting]
-        model = self._speed / gain
-        prior = sigma**2 + GAIN_WALK**2 * dt
-        noise = (DOPPLER_MPS / model) ** 2
-        blend = prior / (prior + noise)
-        low, high = GAIN_LIMITS
-        ratio = fix.speed_mps / model
-        self._gain[self._cutting] = min(high, max(low, gain + (ratio - gain) * blend))
-        self._gain_sigma[self._cutting] = math.sqrt((1 - blend) * prior)
+        """Corrects the speed without a wheel sensor by a Doppler speed that lasted `dt` seconds."""
+        if telemetry.speed_mps is None and abs(telemetry.angle_rad) < STRAIGHT_RAD:
+            self._by_duty.learn(fix, dt)
 
     def at(self, stamp: float) -> Motion:
         """The motion at an earlier time, the nearest recorded one within the history."""

@@ -31,6 +31,8 @@ from host.tune.wire import Wire
 
 SLOW: Final = 0.4
 """Of the fast legs' speed, which is the cutting speed: as slow as the pilot ever drives."""
+SLOW_UNCOUNTED: Final = 0.65
+"""The same where no sensor counts: whose dead duty is not known yet goes much slower than asked."""
 SETTLES_S: Final = 2.5
 """From the command until speed and duty are steady: ramp and lag of a heavy machine."""
 STEADY_S: Final = 3.0
@@ -138,10 +140,11 @@ class MeasuredDrive:
         return self.curve.told(known)
 
 
-def ways(fast_mps: float, length_m: float) -> tuple[Way, ...]:
+def ways(fast_mps: float, length_m: float, *, counted: bool) -> tuple[Way, ...]:
     """Slow ahead and back, fast ahead and back: it ends where it began. Slow first: nobody knows
     the drive yet."""
-    speeds = SLOW * fast_mps, -SLOW * fast_mps, fast_mps, -fast_mps
+    slow_mps = (SLOW if counted else SLOW_UNCOUNTED) * fast_mps
+    speeds = slow_mps, -slow_mps, fast_mps, -fast_mps
     return tuple(Way(k, speed, length_m) for k, speed in enumerate(speeds))
 
 
@@ -158,7 +161,8 @@ def measure_drive(
     firmware's parameters. UserError where the machine stops, or a way does not tell."""
     pulses = params["hall_per_metre"]
     driven: list[_Driven] = []
-    for way in ways(min(vehicle.cutting_speed_mps, params["speed_max"]), length_m):
+    fast_mps = min(vehicle.cutting_speed_mps, params["speed_max"])
+    for way in ways(fast_mps, length_m, counted=pulses > 0):
         say(str(way))
         with driver(wire, name) as armed:
             armed.steer(0.0)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from host.core.messages import Fix, State, Telemetry
 from host.core.vehicle import Vehicle
+from host.estimate.duty_speed import MOST_MPS
 from host.estimate.odometry import Odometry
 from host.estimate.rolling import Slope
 
@@ -23,7 +25,7 @@ def telemetry(
 
 
 def driven(
-    ratio: float,
+    shown_mps: float,
     seconds: int,
     odometry: Odometry | None = None,
     *,
@@ -31,8 +33,9 @@ def driven(
     duty: int = DUTY,
     blade: bool = False,
     speed: float | None = None,
+    quality: int = 1,
 ) -> Odometry:
-    """After a drive whose Doppler speed was `ratio` times the duty model's."""
+    """After a drive whose Doppler speed was so much."""
     made = odometry or Odometry(VEHICLE)
     begin = made.now.stamp if math.isfinite(made.now.stamp) else 0.0
     for k in range(1, 50 * seconds + 1):
@@ -40,42 +43,90 @@ def driven(
         told = telemetry(now, angle=angle, duty=duty, blade=blade, speed=speed)
         made.update(told)
         if k % 50 == 0:
-            doppler = ratio * VEHICLE.duty_speed(duty, 12.0)
-            made.learn(Fix(now, 31.5, 74.3, 1, 1.0, 8, doppler), told, 1.0)
+            made.learn(Fix(now, 31.5, 74.3, quality, 1.0, 8, shown_mps), told, 1.0)
     return made
 
 
-def test_the_gain_is_learned_on_straights_only() -> None:
-    assert driven(0.8, 60, angle=math.radians(20)).gain == 1.0
-    assert driven(0.8, 60).gain == pytest.approx(0.8, abs=0.02)
+LEVEL = VEHICLE.duty_speed(DUTY, 12.0)
+
+
+def turned(made: Odometry, radians: float) -> Odometry:
+    """The same, standing, on another heading."""
+    for k in range(1, 51):
+        made.update(telemetry(made.now.stamp + 0.02, duty=0))
+        if k == 25:
+            made.now = replace(made.now, yaw_rad=made.now.yaw_rad + radians)
+    return made
+
+
+def test_what_the_duty_gives_is_learned_on_straights_only() -> None:
+    assert driven(0.8 * LEVEL, 60, angle=math.radians(20)).now.speed_mps == pytest.approx(LEVEL)
+    assert driven(0.8 * LEVEL, 60).now.speed_mps == pytest.approx(0.8 * LEVEL, rel=0.02)
+    assert driven(0.8 * LEVEL, 60, quality=0).now.speed_mps == pytest.approx(LEVEL)
 
 
 def test_at_a_crawl_nothing_is_learned() -> None:
-    assert driven(0.8, 60, duty=30).gain == 1.0
+    level = VEHICLE.duty_speed(30, 12.0)
+    assert driven(0.0, 60, duty=30).now.speed_mps == pytest.approx(level)
 
 
 def test_where_the_wheels_are_counted_there_is_nothing_to_learn() -> None:
-    assert driven(0.8, 60, speed=0.5).gain == 1.0
+    made = driven(0.3, 60, speed=0.5)
+    made.update(telemetry(made.now.stamp + 0.02))
+    assert driven(0.6 * LEVEL, 1, made).now.speed_mps > 0.6 * LEVEL
 
 
-def test_a_gain_beyond_belief_is_not_learned() -> None:
-    assert driven(3.0, 300).gain == 1.4
-    assert driven(0.1, 300).gain == 0.6
+def test_a_loss_beyond_belief_is_not_taken() -> None:
+    assert driven(3.0, 300).now.speed_mps == pytest.approx(LEVEL + MOST_MPS, abs=0.01)
+    full = VEHICLE.duty_speed(255, 12.0)
+    assert driven(0.1, 300, duty=255).now.speed_mps == pytest.approx(full - MOST_MPS, abs=0.01)
 
 
-def test_cutting_and_driving_are_learned_apart() -> None:
-    made = driven(0.7, 60, blade=True)
-    assert made.gain == pytest.approx(0.7, abs=0.02)
-    made = driven(1.1, 60, made)
-    assert made.gain == pytest.approx(1.1, abs=0.02)
-    made.update(telemetry(made.now.stamp + 0.02, blade=True))
-    assert made.gain == pytest.approx(0.7, abs=0.02)
+def test_what_the_crop_takes_is_learned_apart_from_the_ground() -> None:
+    made = driven(0.7 * LEVEL, 60, driven(1.0 * LEVEL, 60), blade=True)
+    assert made.now.speed_mps == pytest.approx(0.7 * LEVEL, rel=0.03)
+    for _ in range(200):
+        made.update(telemetry(made.now.stamp + 0.02))
+    assert made.now.speed_mps == pytest.approx(LEVEL, rel=0.06)
 
 
 def test_what_was_learned_long_ago_can_be_learned_anew() -> None:
     """A battery runs down in an hour."""
-    made = driven(1.0, 1800)
-    assert driven(0.9, 120, made).gain == pytest.approx(0.9, abs=0.02)
+    made = driven(LEVEL, 1800)
+    assert driven(0.9 * LEVEL, 120, made).now.speed_mps == pytest.approx(0.9 * LEVEL, rel=0.02)
+
+
+def test_what_a_slope_takes_uphill_it_gives_downhill() -> None:
+    """Learned as a ratio, uphill's was 40 % of the way wrong down the other side."""
+    made = driven(LEVEL - 0.1, 40, turned(driven(LEVEL, 40), math.pi / 2))
+    assert made.now.speed_mps == pytest.approx(LEVEL - 0.1, abs=0.02)
+    made = turned(made, math.pi)
+    for _ in range(200):
+        made.update(telemetry(made.now.stamp + 0.02))
+    assert made.now.speed_mps == pytest.approx(LEVEL + 0.1, abs=0.04)
+    back = turned(made, 0.0)
+    for _ in range(200):
+        back.update(telemetry(back.now.stamp + 0.02, duty=-DUTY))
+    assert back.now.speed_mps == pytest.approx(-(LEVEL - 0.1), abs=0.04)
+
+
+def test_a_way_by_the_duty_is_as_unsure_as_what_is_not_learned_yet() -> None:
+    new, learned = Odometry(VEHICLE), driven(LEVEL, 60)
+    new.update(telemetry(0.0))
+    new.update(telemetry(2.0))
+    assert new.scale_sigma > 0.15
+    assert learned.scale_sigma < 0.07
+    across = turned(learned, math.pi / 2)
+    for _ in range(100):
+        across.update(telemetry(across.now.stamp + 0.02))
+    assert across.scale_sigma > 2 * 0.07, "nobody knows that direction's slope"
+
+
+def test_a_drive_that_is_off_gives_no_speed_whatever_the_slope() -> None:
+    made = driven(LEVEL + 0.1, 60)
+    for _ in range(500):
+        made.update(telemetry(made.now.stamp + 0.02, duty=0))
+    assert made.now.speed_mps == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_trim_beyond_belief_is_not_taken() -> None:
