@@ -144,7 +144,11 @@ daranti.add_command(
             "camera": (
                 "host.commands.calibrate_camera:calibrate_camera",
                 "Lens and mount from pictures.",
-            )
+            ),
+            "delay": (
+                "host.commands.calibrate_delay:calibrate_delay",
+                "How late the camera's pictures come, from a drive in curves.",
+            ),
         },
         "Measure what the machine file needs.",
     )

@@ -70,9 +70,9 @@ class Seen:
     _watch: PictureWatch | None = None
 
     def look(self) -> None:
-        """Takes the newest picture, if there is one."""
+        """Takes the newest picture, if there is one that came since the last."""
         picture = self.camera.take()
-        if picture is None:
+        if picture is None or picture.stamp < self.since:
             return
         bgr = picture.frame(self._decoder).bgr
         if self._watch is None and bgr.size:
