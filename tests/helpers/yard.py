@@ -61,10 +61,12 @@ class YardMachine:
         """Takes a message."""
         self.heard.append(message)
         match message:
+            case protocol.Arm() if self._drive.speed != 0:
+                self.session.refusal = "Arm refused: the last command asks for motion"
             case protocol.Arm():
                 self.state = State.ARMED
             case protocol.Stop():
-                self.state, self._drive = State.SAFE, protocol.Drive(0.0, 0.0, 0)
+                self.state = State.SAFE
             case protocol.Drive():
                 self._drive = message
 
@@ -102,6 +104,13 @@ class YardMachine:
         return any(isinstance(m, protocol.Drive) and (m.speed or m.steer) for m in self.heard)
 
 
+def far_scene(width_px: int) -> Bgr:
+    """Spots of all colours."""
+    wide = np.random.default_rng(1).integers(0, 255, (HEIGHT, width_px, 3)).astype(np.uint8)
+    soft = cv2.GaussianBlur(wide, (0, 0), 6)
+    return cv2.normalize(soft, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+
+
 class YardLens:
     """Its camera: a wide, far scene, of which it sees the part ahead, with the sensor's noise."""
 
@@ -113,12 +122,8 @@ class YardLens:
         develop: Callable[[Bgr], Bgr] = lambda bgr: bgr,
     ) -> None:
         """`develop`: what becomes of a picture."""
-        rng = np.random.default_rng(1)
-        wide = rng.integers(0, 255, (HEIGHT, 3 * WIDTH, 3)).astype(np.uint8)
-        self._scene = cv2.normalize(
-            cv2.GaussianBlur(wide, (0, 0), 6), None, 0, 255, cv2.NORM_MINMAX
-        ).astype(np.uint8)
-        self._rng = rng
+        self._scene = far_scene(3 * WIDTH)
+        self._rng = np.random.default_rng(2)
         self._machine, self._delay_s, self._fps, self._develop = machine, delay_s, fps, develop
         self._next = 0.0
         self._due: deque[Picture] = deque()

@@ -125,6 +125,16 @@ def test_a_camera_that_is_lost_on_the_way_ends_the_drive() -> None:
     assert machine.now <= 5.0 + LOST_S + 0.2
 
 
+def test_a_drive_that_was_broken_off_can_be_made_again() -> None:
+    """The firmware arms only when the last command asks it to stand."""
+    machine = YardMachine()
+    lens = YardLens(machine)
+    lens.ends_at_s = 5.0
+    with pytest.raises(FaultError):
+        measured(machine, lens)
+    assert measured(machine, YardLens(machine)).delay_s == pytest.approx(0.1, abs=0.015)
+
+
 def test_a_camera_that_is_slow_is_too_few_pictures() -> None:
     machine = YardMachine()
     with pytest.raises(UserError, match=r"only 1\d pictures came"):
