@@ -29,13 +29,14 @@ from tests.helpers.terminal import Terminal
 CALIBRATE = ("calibrate", "delay", "--camera", "http://127.0.0.1:1/video", "--countdown", "0")
 NOISE = np.random.default_rng(1).integers(0, 255, (MAST.height_px, MAST.width_px, 3))
 JPEG = cv2.imencode(".jpg", NOISE.astype(np.uint8))[1].tobytes()
+READY = "host.commands.calibrate_delay.make_ready_visibly"
 FOUND = Delay(0.2344, 0.021, 0.999)
 
 
 @pytest.fixture(autouse=True)
 def ready(monkeypatch: pytest.MonkeyPatch) -> None:
     """As it is when it has run once."""
-    monkeypatch.setattr("host.commands.calibrate_delay.make_ready_visibly", lambda: None)
+    monkeypatch.setattr(READY, lambda: None)
 
 
 @pytest.fixture
@@ -152,12 +153,19 @@ def test_a_camera_that_sends_nothing_is_told_and_nothing_moves(
     ],
 )
 def test_what_cannot_be_is_told_before_the_port_is_opened(
-    cli: Cli, board: FakeFirmware, words: tuple[str, ...], said: str
+    cli: Cli,
+    board: FakeFirmware,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    said: str,
 ) -> None:
+    readied: list[bool] = []
+    monkeypatch.setattr(READY, lambda: readied.append(True))
     port = board.port if words else "/dev/none"
     code, _, err = cli(*CALIBRATE, "--yes", "--port", port, *words)
     assert code == EXIT_USER
     assert said in err
+    assert readied == []
     assert board.received == []
 
 

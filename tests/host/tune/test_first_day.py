@@ -40,10 +40,11 @@ def weave(
     amplitude: float = 0.3,
     fps: float = 10.0,
     pulse_rad: float = 0.0,
+    seed: int = 3,
 ) -> tuple[list[float], list[float], np.ndarray, np.ndarray]:
     """(arrivals, shifts, motion's stamps, yaws) of a weaving drive whose wheels' sensor shows a
     turn in steps of `pulse_rad`."""
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     motion = np.arange(0, 14, 0.02)
     arrived = np.arange(1.0 + delay_s, 14.0, 1 / fps)
 
@@ -85,6 +86,25 @@ REFUSED = {
 def test_a_drive_that_does_not_tell_the_delay_is_refused(said: str) -> None:
     with pytest.raises(UserError, match=f"the camera's delay: .*{said}"):
         delay_of(*weave(**{"delay_s": 0.1} | REFUSED[said]))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pictures_that_turn_by_chance_are_refused(seed: int) -> None:
+    with pytest.raises(UserError, match="do not turn as"):
+        delay_of(*weave(0.1, noise_px=200.0, seed=seed))
+
+
+def test_shifts_that_are_mistaken_now_and_then_change_little() -> None:
+    arrived, shifts, motion, yaw = weave(0.1)
+    shifts[20], shifts[60], shifts[90] = 150.0, -150.0, 140.0
+    found = delay_of(arrived, shifts, motion, yaw)
+    assert found.delay_s == pytest.approx(0.1, abs=0.03)
+    assert 0.022 < found.sigma_s < 0.03
+
+
+def test_a_delay_below_zero_is_none() -> None:
+    """Telemetry may be some milliseconds later than a quick camera's pictures."""
+    assert delay_of(*weave(-0.05)).delay_s == 0.0
 
 
 def test_pictures_that_are_mirrored_are_refused() -> None:

@@ -82,6 +82,23 @@ def test_a_camera_that_sends_nothing_is_told_before_anything_moves() -> None:
     assert machine.heard == []
 
 
+def test_a_picture_from_before_is_none_to_begin_with() -> None:
+    """A camera that was lost while the operator was asked."""
+    machine = YardMachine()
+    lens = YardLens(machine, delay_s=0.0)
+    for _ in range(100):
+        machine.poll()
+    old = lens.take()
+    assert old is not None
+    for _ in range(100):
+        machine.poll()
+    lens.ends_at_s = 0.0
+    lens.take = iter([old, *1000 * [None]]).__next__  # type: ignore[method-assign]
+    with pytest.raises(UserError, match="nothing has moved"):
+        measured(machine, lens)
+    assert machine.heard == []
+
+
 class Still:
     """Shows for ever what it has shown first; with the sensor's noise, or without."""
 
