@@ -109,8 +109,9 @@ def delay_of(
     delay = -slope / (2 * bend) if bend < 0 else delays[best]
     if alike[best] < CLEAR or delay < EARLIEST_S:
         raise UserError(
-            "the camera's delay: the pictures do not turn as the machine does: is it this "
-            "machine's camera, fastened to it, and is there something to see in the distance?"
+            "the camera's delay: the pictures do not turn as the machine does: fasten the phone, "
+            "see that it is this machine's and has more to see than sky; where its pictures "
+            "stutter, choose a smaller one in the app, go nearer"
         )
     if delay > LATEST_S:
         raise UserError(
