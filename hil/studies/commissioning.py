@@ -4,7 +4,6 @@ delay, tape the rest. Leaves the files that a harvest is given, and a page: foun
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -40,19 +39,18 @@ from hil.scenario.world import World
 from hil.studies.actuators import truth
 from hil.studies.identification import MIN_DUTY_OFF, defaults
 from hil.studies.steering_setup import steering_setup
+from hil.studies.yard_camera import YardCamera
 from hil.studies.yard_wire import BenchWire
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import save_vehicle
 from host.core.whole_file import save_text
-from host.estimate.odometry import Odometry
 from host.field.boundary_file import boundary_of, save_field
 from host.tune.actuator_model import ActuatorModel
-from host.tune.camera_delay import delay_of, shift_px
 from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
-from host.tune.free_ground import driver
 from host.tune.measured_drive import TAPE_SIGMA_M, MeasuredDrive, Taped, Way, measure_drive
+from host.tune.weaving import measured_delay
 from sim_plant.camera import CameraSpec
 from sim_plant.drive_response import drive_response
 
@@ -71,16 +69,6 @@ FINER: Final = 2
 """Pixels each way that are averaged into one."""
 DRIVE_M: Final = 10.0
 """What the manual asks the owner to drive and tape."""
-DRIVE_MPS: Final = 0.3
-"""A pace to walk beside."""
-WEAVE_S: Final = 14.0
-"""How long the owner weaves for the camera's delay, ..."""
-WEAVE_RAD: Final = math.radians(25)
-"""... the wheel so far to either side ..."""
-WEAVE_PERIOD_S: Final = 5.0
-"""... and back in so long."""
-STEP_S: Final = 0.05
-"""Between commands: the host's period."""
 STOP_DEG: Final = 1.0
 """How well the owner measures the wheel's angle at its stops."""
 BY_HAND: Final = 0.05
@@ -264,26 +252,8 @@ def found_delay(
     scenario: Scenario, vehicle: Vehicle, parameters: dict[str, float]
 ) -> tuple[float, float]:
     """The camera's delay and its standard deviation, from a drive in curves."""
-    odometry, motion = Odometry(vehicle), []
-    pictures: list[NDArray[np.uint8]] = []
-    arrived: list[float] = []
-    lens = scenario.world.lens
-    every = max(1, round(1 / lens.fps / STEP_S))
-    with (
-        free_ground(scenario, parameters) as bench,
-        driver(BenchWire(bench), "the machine") as driven,
-    ):
-        for k in range(round(WEAVE_S / STEP_S)):
-            swing = math.copysign(WEAVE_RAD, math.sin(math.tau * k * STEP_S / WEAVE_PERIOD_S))
-            for told in driven.drive(DRIVE_MPS, swing, STEP_S):
-                now = odometry.update(told)
-                motion.append((now.stamp, now.yaw_rad))
-            if k % every == 0 and k * STEP_S > 1.0:
-                pictures.append(bench.camera.develop(bench.shutter()))
-                arrived.append(bench.now + lens.delay_s)
-    shifts = [shift_px(a, b) for a, b in itertools.pairwise(pictures)]
-    stamps, yaws = np.array(motion).T
-    found = delay_of(arrived, shifts, stamps, yaws)
+    with free_ground(scenario, parameters) as bench:
+        found = measured_delay(BenchWire(bench), "the machine", vehicle, YardCamera(bench))
     return found.delay_s, found.sigma_s
 
 

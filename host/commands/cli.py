@@ -149,6 +149,10 @@ daranti.add_command(
                 "host.commands.calibrate_drive:calibrate_drive",
                 "Speed over duty, wheel sensor and straight ahead, beside a tape.",
             ),
+            "delay": (
+                "host.commands.calibrate_delay:calibrate_delay",
+                "How late the camera's pictures come, from a drive in curves.",
+            ),
         },
         "Measure what the machine file needs.",
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from host.commands.moving import countdown_option, yes_option
 from host.commands.options import (
     field_option,
     gap_option,
@@ -18,7 +19,6 @@ from host.commands.options import (
     vehicle_option,
 )
 from host.core.number_range import NumberRange, WholeRange
-from host.runs.operator import COUNTDOWN_S
 from host.runs.session import Order, harvest
 from host.vision.mounted.detector import Mode
 from host.vision.tuning.profiles import DATABASE
@@ -65,15 +65,8 @@ from host.vision.tuning.profiles import DATABASE
     type=NumberRange(0, 360),
     help="Where the machine heads by the compass; checked before it starts.",
 )
-@click.option("--yes", is_flag=True, help="Start without asking, after the countdown; for scripts.")
-@click.option(
-    "--countdown",
-    "countdown_s",
-    type=WholeRange(0, 60),
-    default=COUNTDOWN_S,
-    show_default=True,
-    help="Seconds with a bell before the first motion.",
-)
+@yes_option
+@countdown_option
 @field_option
 def drive(
     port: str,

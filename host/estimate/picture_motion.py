@@ -244,7 +244,7 @@ class PictureMotion:
                     f"they turn {late_s:.1f} s after it: the camera's pictures come "
                     f"{self._said_s + late_s:.1f} s late, and camera_delay_s says "
                     f"{self._said_s:.1f} s; restart the phone's camera app, look after its "
-                    "network, or measure the delay anew"
+                    "network, or measure the delay anew: `daranti calibrate delay`"
                 )
         alike = float(shown @ now) / max(float(shown @ shown), float(now @ now))
         # Less than twice as much may be pictures' that come late. And where the steering angle

@@ -6,13 +6,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from host.core.errors import UserError
+from host.core.errors import FaultError
 from host.core.messages import State, Telemetry
 from host.link import protocol
 from host.tune.wire import Wire, armed_wire, why
 
 KEEPALIVE_S: Final = 0.05
 """Between commands: the host's usual period; the firmware's link watchdog takes 250 ms."""
+SILENT_S: Final = 1.0
+"""Without telemetry, s: fifty messages that did not come."""
 STOPS_S: Final = 2.0
 """For a machine to stop in, and to stand a moment."""
 STEERS_S: Final = 1.5
@@ -41,7 +43,7 @@ class Driver:
         until: Callable[[Telemetry], bool] = lambda _: False,
     ) -> list[Telemetry]:
         """Drives for a time, or to the first telemetry that `until` likes. Returns what came
-        meanwhile. Raises UserError where the firmware stops the machine."""
+        meanwhile. Raises FaultError where the firmware stops the machine, or says nothing."""
         wire = self._wire
         end = wire.now + seconds
         due = wire.now
@@ -52,10 +54,14 @@ class Driver:
                 wire.request(protocol.Drive(steer_rad, speed_mps, 0))
             for telemetry in wire.poll():
                 if telemetry.state not in (State.ARMED, State.RUNNING):
-                    raise UserError(f"the machine stopped: {why(telemetry)}")
+                    raise FaultError(f"the machine stopped: {why(telemetry)}")
                 seen.append(telemetry)
                 if until(telemetry):
                     end = wire.now
+            if wire.now - self.last.stamp > SILENT_S:
+                raise FaultError(
+                    f"no telemetry for {SILENT_S:g} s: the board hangs or the cable is broken"
+                )
         self.trace += seen
         return seen
 

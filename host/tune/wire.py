@@ -53,6 +53,9 @@ def armed_wire(wire: Wire, name: str) -> Iterator[None]:
     if telemetry.state is not State.SAFE:
         raise UserError(f"{name}: the machine is {telemetry.state.name}: {why(telemetry)}")
     try:
+        # A board that does not reset when its port is opened may still be asked for motion by who
+        # drove it before, and arms only when it is asked to stand.
+        wire.request(protocol.Drive(0.0, 0.0, 0))
         wire.request(protocol.Arm(protocol_version=protocol.VERSION))
         deadline = wire.now + ARM_S
         while wire.session.telemetry is None or wire.session.telemetry.state is not State.ARMED:

@@ -83,6 +83,15 @@ class FakeFirmware:
                 lambda: any(isinstance(message, kind) for message in self.received), timeout_s
             )
 
+    @property
+    def moved(self) -> bool:
+        """Whether it was told to arm, to drive or to cut."""
+        return any(
+            isinstance(each, protocol.Arm)
+            or (isinstance(each, protocol.Drive) and (each.speed != 0 or each.blade))
+            for each in self.received
+        )
+
     def unplug(self) -> None:
         """The cable is pulled: the port's other end is gone."""
         if not self._pulled.is_set():

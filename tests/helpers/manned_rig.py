@@ -5,8 +5,8 @@ the field with the phone, sees what the machine does, and pulls the camera's plu
 
 Lines of JSON on stdin are deeds, each answered by a line on stdout: {"do": "press"}, "release",
 "walk", "look", "put" (at x, y, yaw; "beside": beside the crop's right end there), "blind", "see",
-"end". `look` tells the truth: the wheel's angle, the way rolled, what the outputs drive, and when
-(time.time()) they last went off.
+"end". `look` tells the truth: the wheel's angle, the way rolled, what the outputs drive, in how
+many slices they have, and when (time.time()) they last went off.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class MannedRig(Rig):
         self._deeds = deeds
         self._driven = False
         self.off_at = time.time()
-        self.blade_seen = 0
+        self.blade_seen = self.driven_seen = 0
         self._steps: Iterator[tuple[float, float]] | None = None
         self._carried_at: tuple[float, float] | None = None
         self._blind = False
@@ -58,6 +58,7 @@ class MannedRig(Rig):
         if self._driven and not driven:
             self.off_at = time.time()
         self.blade_seen += self.bench.drives[2]
+        self.driven_seen += driven
         self._driven = driven
 
     def _do(self, deed: dict[str, Any]) -> None:
@@ -121,6 +122,7 @@ class MannedRig(Rig):
             "rolls_or_cuts": abs(float(state["v"])) > 0.03 or bool(state["blade_spinning"]),
             "off_at": self.off_at,
             "blade_seen": self.blade_seen,
+            "driven_seen": self.driven_seen,
             "coverage": float(self.bench.field.coverage()),
             "neighbour_cut_m2": float(self.bench.field.neighbour_cut_m2()),
             "pose": list(self.bench.pose),

@@ -13,6 +13,7 @@ from host.route.side import Side
 from tests.helpers.console import Cli
 from tests.helpers.eyes import ToldEnd
 from tests.helpers.fake_firmware import FakeFirmware
+from tests.helpers.terminal import Terminal
 
 
 @pytest.fixture
@@ -36,6 +37,14 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
         return exit_.value.code, out, err
 
     return call
+
+
+@pytest.fixture
+def terminal() -> Iterator[Terminal]:
+    """A terminal to be asked at."""
+    made = Terminal()
+    yield made
+    made.close()
 
 
 @pytest.fixture

@@ -81,6 +81,8 @@ COMMANDS = (
     "tune follow --vehicle FILE",
     "tune vision FILE",
     "calibrate camera FILE",
+    "calibrate delay --camera FILE",
+    "calibrate delay --camera http://127.0.0.1:1/video --vehicle FILE",
     "drive --camera FILE",
     "drive --camera http://127.0.0.1:1/video --gnss FILE",
     "drive --camera http://127.0.0.1:1/video --resume FILE",
@@ -96,8 +98,8 @@ def test_no_command_waits_for_a_pipe_that_nobody_writes(
     Path("walk.nmea").write_text("\n".join(walk(around([(0, 0), (20, 0), (20, 20)]))))
     for suffix in ("", ".jpg", ".mcap"):
         os.mkfifo(f"pipe{suffix}")
-    port = ["--port", board.port] if words.split(maxsplit=1)[0] in ("params", "drive") else []
-    port = ["--port", board.port] if words.startswith("tune pid") else port
+    spoken_to = ("params", "drive", "tune pid", "calibrate delay")
+    port = ["--port", board.port] if words.startswith(spoken_to) else []
     code, _, err = cli(*words.replace("FILE", "pipe").split(), *port)
     assert code in (EXIT_USER, EXIT_UNFINISHED)
     assert "pipe" in err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pty
 import select
 import threading
 import time
@@ -35,6 +34,7 @@ from host.sensors.newest import Feed
 from host.vision.view import CropView
 from tests.helpers.console import Cli
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
+from tests.helpers.terminal import Terminal
 
 LIMIT_S = 10.0
 JPEG = cv2.imencode(".jpg", np.full((MAST.height_px, MAST.width_px, 3), 90, np.uint8))[1].tobytes()
@@ -77,33 +77,6 @@ def camera(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("host.runs.session.camera_feed", made)
 
 
-class Terminal:
-    """A pseudo-terminal as stdin."""
-
-    def __init__(self) -> None:
-        self.master, slave = pty.openpty()
-        self.stdin = os.fdopen(slave, "r")
-
-    def type(self, text: str) -> None:
-        os.write(self.master, text.encode())
-
-
-@pytest.fixture
-def terminal() -> Iterator[Terminal]:
-    made = Terminal()
-    yield made
-    os.close(made.master)
-    made.stdin.close()
-
-
-def moved(board: FakeFirmware) -> bool:
-    return any(
-        isinstance(each, protocol.Arm)
-        or (isinstance(each, protocol.Drive) and (each.speed != 0 or each.blade))
-        for each in board.received
-    )
-
-
 GIVEN = ("drive", "--camera", "http://127.0.0.1:1/video", "--port")
 
 
@@ -117,7 +90,7 @@ def test_without_a_terminal_and_without_consent_nothing_moves(
     code, _, err = cli(*GIVEN, board.port)
     assert code == EXIT_USER
     assert "--yes" in err
-    assert not moved(board)
+    assert not board.moved
 
 
 @pytest.mark.usefixtures("camera")
@@ -136,7 +109,7 @@ def test_it_says_what_it_will_do_and_moves_only_after_the_word_and_the_countdown
     def person() -> None:
         terminal.type("what\n")
         time.sleep(0.5)
-        assert not moved(board)
+        assert not board.moved
         terminal.type("start\n")
         board.wait_for(protocol.Arm, LIMIT_S)
         armed.append(time.monotonic() - begun)
@@ -173,7 +146,7 @@ def test_enter_breaks_the_countdown_off(
     code, _, err = cli(*GIVEN, board.port, "--record", str(tmp_path / "a.mcap"))
     assert code == EXIT_USER
     assert "nothing has moved" in err
-    assert not moved(board)
+    assert not board.moved
 
 
 @pytest.mark.usefixtures("camera")
@@ -230,7 +203,7 @@ def test_a_firmware_that_was_set_back_to_defaults_is_refused_with_what_to_do(
     code, _, err = cli(*GIVEN, board.port, "--yes")
     assert code == EXIT_USER
     assert "daranti params set hall_per_metre 50 --save" in err
-    assert not moved(board)
+    assert not board.moved
 
 
 @pytest.mark.parametrize("pair", preflight.PAIRS, ids=lambda pair: f"{pair.parameter}-{pair.field}")
@@ -342,7 +315,7 @@ def test_a_resume_without_any_direction_is_refused(
     code, _, err = cli(*GIVEN, board.port, "--yes", *given, *record, "--heading", "56")
     assert code == EXIT_USER
     assert "34 degrees to the right" in err
-    assert not moved(board)
+    assert not board.moved
 
 
 # ---- by hand -------------------------------------------------------------------------------------
