@@ -10,6 +10,7 @@ from typing import Final
 import click
 from rich.table import Table
 
+from host.commands.moving import asked, consent, countdown_option, stopped_after
 from host.commands.options import port_option
 from host.core.number_range import NumberRange
 from host.core.output_place import check_file
@@ -17,7 +18,10 @@ from host.core.terminal import PlainConsole, echo
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle, save_vehicle
 from host.link.params import read_all, save
-from host.link.session import connect
+from host.link.port import check_port
+from host.link.session import Link, connect
+from host.runs.operator import Operator
+from host.runs.ready import make_ready_visibly
 from host.tune.measured_drive import MeasuredDrive, Taped, Way, measure_drive, ways
 from host.tune.on_machine import LinkWire, recalibrate
 
@@ -26,21 +30,36 @@ RESERVE: Final = 1.3
 take the rest."""
 FARTHEST_M: Final = 100.0
 """Of a tape."""
+ROOM: Final = (
+    "it does not see people, animals or posts: it needs firm, level ground, 3 m more than that "
+    "ahead, and nobody within 10 m. Switch the blade's own supply off, lay a tape along its "
+    "middle, from the rear axle straight ahead, keep a hand at the emergency stop"
+)
 
 
-def _ask(way: Way) -> Taped:
-    along = click.prompt(
-        f"{way}: it stands. By the tape, how far has it come along the line, m",
-        type=NumberRange(0, FARTHEST_M),
-    )
-    if way.number > 0:
-        return Taped(along)
-    aside = click.prompt(
-        "and how far to the left of the line, m (to the right: a minus)",
-        type=NumberRange(-FARTHEST_M, FARTHEST_M),
-        default=0.0,
-    )
-    return Taped(along, aside)
+class Tapes:
+    """Asks the operator at the terminal what a tape says of each way, the link kept alive."""
+
+    def __init__(self, operator: Operator, link: Link) -> None:
+        self._operator = operator
+        self._link = link
+
+    def __call__(self, way: Way) -> Taped:
+        along = self._number(
+            f"{way}: it stands. By the tape, how far has it come along the line, m?", 0.0
+        )
+        if way.number > 0:
+            return Taped(along)
+        aside = "and how far to the left of the line, m? (to the right: a minus; Enter: 0)"
+        return Taped(along, self._number(aside, -FARTHEST_M, "0"))
+
+    def _number(self, question: str, least: float, usual: str = "") -> float:
+        while True:
+            typed = self._operator.answer(question, self._link) or usual
+            try:
+                return NumberRange(least, FARTHEST_M).convert(typed, None, None)
+            except click.UsageError as error:
+                echo(f"{error.message}; type it again", err=True)
 
 
 def _table(found: MeasuredDrive, vehicle: Vehicle, before: Mapping[str, float]) -> Table:
@@ -87,31 +106,38 @@ def _table(found: MeasuredDrive, vehicle: Vehicle, before: Mapping[str, float]) 
     help="Of each way, m.",
 )
 @click.option("--save", "keep", is_flag=True, help="Store the parameters in the EEPROM.")
-@click.option("--yes", "sure", is_flag=True, help="Do not ask whether it may drive.")
-def calibrate_drive(port: str, vehicle: Path, length_m: float, keep: bool, sure: bool) -> None:
-    """Drives ahead and back, slowly and at the cutting speed, on firm level ground, and asks what a
-    tape says. Writes speed over duty, wheel sensor and the steering's middle into firmware and
-    vehicle file."""
+@countdown_option
+def calibrate_drive(
+    port: str, vehicle: Path, length_m: float, keep: bool, countdown_s: int
+) -> None:
+    """Measures what the drive gives at which duty, the wheels' sensor and the steering's middle,
+    and writes them into firmware and vehicle file.
+
+    Put the machine on firm, level ground, a tape beside it. It drives ahead and back, slowly and at
+    the cutting speed, its blade off, and asks what the tape says. The machine does not see people,
+    animals or posts: keep everybody 10 m away and stay beside the emergency stop.
+
+    Ctrl-C stops at once. Exits with 0 when all was found, 2 where it could not start or the ways do
+    not tell, 4 when a fault ended a way, 130 after Ctrl-C."""
     check_file(vehicle)
     machine = load_vehicle(vehicle if vehicle.exists() else None)
-    console = PlainConsole()
+    check_port(port)
+    operator = asked(yes=False)
+    make_ready_visibly()
     with connect(port) as link:
         before = read_all(link)
+        counted = before["hall_per_metre"] > 0
         fast_mps = min(machine.cutting_speed_mps, before["speed_max"])
-        plan = ways(fast_mps, length_m, counted=before["hall_per_metre"] > 0)
-        echo(
-            "The machine drives by itself, the blade off: "
-            + ", ".join(str(way) for way in plan)
-            + ". It needs firm, level ground, 3 m more than that ahead, and nobody within 10 m. "
-            "Lay a tape along its middle, from the rear axle straight ahead. Stay beside it with a "
-            "hand at the emergency stop; Ctrl-C stops it, too."
-        )
-        if before["hall_per_metre"] == 0:
-            echo("It has no wheel sensor (hall_per_metre 0): each way is taped.")
-        if not sure:
-            click.confirm("May it drive?", abort=True)
-        found = measure_drive(LinkWire(link), port, machine, before, length_m, _ask, echo)
-        console.print_table(_table(found, machine, before))
+        plan = ways(fast_mps, length_m, counted=counted)
+        echo("the machine will drive " + ", ".join(map(str, plan)) + ", the blade off")
+        echo(ROOM)
+        if not counted:
+            echo("it has no wheel sensor (hall_per_metre 0): each way is taped")
+        consent(operator, link, countdown_s, yes=False)
+        with stopped_after(link):
+            tapes = Tapes(operator, link)
+            found = measure_drive(LinkWire(link), port, machine, before, length_m, tapes, echo)
+        PlainConsole().print_table(_table(found, machine, before))
         recalibrate(link, found.params(before))
         if keep:
             save(link)

@@ -221,7 +221,7 @@ def test_monitor_says_faults_in_words(cli: Cli, board: FakeFirmware) -> None:
     board.telemetry = replace(RESTING, state=protocol.State.FAULT, faults=faults)
     code, out, _ = cli("monitor", "--port", board.port, "--duration", "1")
     assert code == 0
-    assert "firmware 2.1 (desk), protocol 2, started by power-on" in out
+    assert "firmware 2.1 (desk), protocol 3, started by power-on" in out
     assert "FAULT" in out
     for text in protocol.fault_texts(faults):
         assert f"fault: {text}\n" in out
