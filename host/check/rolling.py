@@ -131,7 +131,7 @@ class Roll:
 
     def _hall(self, reported: float, fitted_: bool) -> bool:
         if not fitted_:
-            return self._notes.note("hall", "ok", "hall.none")
+            return self._notes.note("hall", "bad", "hall.none")
         measured = self._notes.ask("rolled_m", reported=round(reported, 2))
         if not isinstance(measured, int | float) or measured <= 0:
             return self._notes.note("hall", "bad", "hall.unmeasured")

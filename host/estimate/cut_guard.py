@@ -27,8 +27,8 @@ is 1.2 m wide; of it braking takes 0.3 m."""
 DUTY_SHARES: Final = (0.5, 0.85)
 """Of the speed that a drive duty gives on level stubble: what it gives up a slope of 5 degrees, and
 in crop."""
-UNCOUNTED: Final = 1.15
-"""The same without a wheel sensor, at most: down a slope of 2 degrees."""
+UNCOUNTED_MPS: Final = 0.1
+"""More than the duty gives on level stubble, without a wheel sensor, at most: down 2 degrees."""
 DOUBTED: Final = 1.25
 """Times what the wheels' sensor counts: more is not laid to lost pulses, on the duty's word alone,
 as long as a slope may explain it."""
@@ -196,7 +196,7 @@ class CutGuard:
         counted = telemetry.speed_mps
         low, high = (share * abs(duty) for share in DUTY_SHARES)
         if counted is None:
-            return UNCOUNTED * duty
+            return math.copysign(abs(duty) + UNCOUNTED_MPS, duty) if duty != 0.0 else 0.0
         most = max(abs(counted), min(high, max(low, DOUBTED * abs(counted))))
         return math.copysign(most, duty if duty != 0.0 else counted)
 

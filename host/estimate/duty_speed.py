@@ -35,7 +35,9 @@ MOST_MPS: Final = 0.35
 LEAST_MPS: Final = 0.1
 """Slower, the Doppler is noise, and a share of the way too large."""
 SCALE: Final = 0.02
-"""Of the way, at least: wheel slip, bumps and the lag."""
+"""Of the way, at least: wheel slip and the lag."""
+BUMPS_MPS: Final = 0.06
+"""What a metre of ground takes or gives that is 1.3 degrees steeper than the field."""
 
 
 @compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8)")
@@ -87,7 +89,8 @@ class DutySpeed:
         target = vehicle.duty_speed(telemetry.drive_duty, telemetry.battery_v)
         sign = math.copysign(1.0, telemetry.drive_duty)
         slope = sign * math.cos(yaw_rad), sign * math.sin(yaw_rad)
-        self._h[:] = 1.0, *slope, float(telemetry.blade)
+        on = float(target != 0.0)
+        self._h[:] = on, on * slope[0], on * slope[1], on * telemetry.blade
         lost = min(MOST_MPS, max(-MOST_MPS, float(self._h @ self._loss)))
         driven = sign * max(0.0, abs(target) - lost) if target != 0.0 else 0.0
         blend = 1.0 - math.exp(-dt / vehicle.drive_lag_s)
@@ -95,7 +98,7 @@ class DutySpeed:
         self._level += (target - self._level) * blend
         smooth = 1.0 - math.exp(-dt / SMOOTHED_S)
         self._shown += (self._level - self._shown) * smooth
-        self._acts += (float(target != 0.0) - self._acts) * smooth
+        self._acts += (on - self._acts) * smooth
         return self.mps
 
     def learn(self, fix: Fix, dt: float) -> None:
@@ -107,7 +110,15 @@ class DutySpeed:
         _learn(self._loss, self._p, self._acts * self._h, shown - fix.speed_mps, noise, dt)
 
     @property
+    def unsure_mps(self) -> float:
+        """Standard deviation of the speed while the drive is on."""
+        return math.hypot(BUMPS_MPS, self._loss_sigma)
+
+    @property
+    def _loss_sigma(self) -> float:
+        return math.sqrt(max(0.0, float(self._h @ self._p @ self._h)))
+
+    @property
     def scale_sigma(self) -> float:
         """Standard deviation of the way, as a share of it."""
-        loss = math.sqrt(max(0.0, float(self._h @ self._p @ self._h)))
-        return math.hypot(SCALE, loss / max(LEAST_MPS, abs(self.mps)))
+        return math.hypot(SCALE, self._loss_sigma / max(LEAST_MPS, abs(self.mps)))

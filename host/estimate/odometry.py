@@ -48,6 +48,11 @@ UNSEEN_RADPS = math.radians(0.1)
 """That it may turn unseen by such a creep and still rest, as the gyroscope's offset needs it."""
 TRIM_M = 2.0
 """Way in which the gyroscope's straight driving turns the trim: a side slope's changes so fast."""
+SURELY = 3.0
+"""Standard deviations of the speed that the duty gives, beyond which the steering angle tells
+against the gyroscope."""
+TOLD_MPS = 0.25
+"""From which the duty tells the way well enough for the trim."""
 LEG_RAD = math.radians(20)
 """A shorter turn's leg shows slack rather than scale."""
 LEG_SHARE = 0.2
@@ -88,8 +93,9 @@ class _Reckoned(NamedTuple):
     stamp: float
     yaw_rad: float
     distance_m: float
-    rolled_rad: float
-    """Turned to and fro with the drive off, this way or that."""
+    unsure_rad: float
+    """What of that may be otherwise, to and fro: rolled with the drive off, this way or that, or
+    turned on a way that no sensor counts."""
 
 
 class Odometry:
@@ -169,7 +175,10 @@ class Odometry:
             step = (before + self._speed) / 2 * dt
             yaw_step = step * middle_1pm
         rolls = self.rolling.off and step != 0.0
-        self._reckon(telemetry, step, yaw_step, rolls=rolls)
+        unsure_rad = 2.0 * abs(yaw_step) if rolls else 0.0
+        if telemetry.speed_mps is None and telemetry.drive_duty != 0:
+            unsure_rad = SURELY * self._by_duty.unsure_mps * dt * abs(middle_1pm)
+        self._reckon(telemetry, step, yaw_step, unsure_rad)
         yaw_step, self._missed_rad = yaw_step + self._missed_rad, 0.0
         middle = past.yaw_rad + yaw_step / 2
         self.now = Motion(
@@ -194,12 +203,14 @@ class Odometry:
         tells = gyroscope.useful and stamp - gyroscope.known_to < FRESH_S
         return gyroscope.noise if tells else 0.0
 
-    def _reckon(self, telemetry: Telemetry, step_m: float, yaw_step: float, *, rolls: bool) -> None:
+    def _reckon(
+        self, telemetry: Telemetry, step_m: float, yaw_step: float, unsure_rad: float
+    ) -> None:
         before = self._by_angle[-1]
         stamp = telemetry.stamp
         distance, yaw = before.distance_m + step_m, before.yaw_rad + yaw_step
-        rolled = before.rolled_rad + (abs(yaw_step) if rolls else 0.0)
-        self._by_angle.append(_Reckoned(stamp, yaw, distance, rolled))
+        unsure = before.unsure_rad + unsure_rad
+        self._by_angle.append(_Reckoned(stamp, yaw, distance, unsure))
         while self._by_angle[0].stamp < stamp - HISTORY_S:
             self._by_angle.popleft()
         moves = telemetry.drive_duty != 0 or step_m != 0.0
@@ -218,7 +229,7 @@ class Odometry:
         if at is not None:
             way = at.distance_m - before.distance_m
             doubt = abs(way) * math.tan(self._middle_rad) / self._vehicle.wheelbase_m
-            doubt += 2.0 * (at.rolled_rad - before.rolled_rad)
+            doubt += at.unsure_rad - before.unsure_rad
             self._compared = at
         if self.rolling.steady:
             lasted_s = turned.stamp - gyroscope.stamp
@@ -263,14 +274,16 @@ class Odometry:
                 share = min(1.0, (stamp - each.stamp) / span) if 0 < span < math.inf else 0.0
                 yaw = each.yaw_rad + share * (later.yaw_rad - each.yaw_rad)
                 distance = each.distance_m + share * (later.distance_m - each.distance_m)
-                rolled = each.rolled_rad + share * (later.rolled_rad - each.rolled_rad)
-                return _Reckoned(stamp, yaw, distance, rolled)
+                unsure = each.unsure_rad + share * (later.unsure_rad - each.unsure_rad)
+                return _Reckoned(stamp, yaw, distance, unsure)
             later = each
         return later
 
     def _learn_trim(self, missed_rad: float, way_m: float) -> None:
         """What the gyroscope shows besides, driving straight, is the pot's zero or a slope's."""
         straight = math.tan(STRAIGHT_RAD) / self._vehicle.wheelbase_m
+        if self._odometer is None and abs(self._speed) < TOLD_MPS:
+            return  # nobody knows the way of a creep
         if way_m != 0.0 and abs(self.now.curvature_1pm) < straight:
             share = min(1.0, abs(way_m) / TRIM_M)
             self._middle_rad *= 1.0 - share

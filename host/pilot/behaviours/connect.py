@@ -18,6 +18,12 @@ class Why(Reason):
 
     ARMED = Doing.ALIGN, "armed; waiting for a sure view of the edge"
     FAULT_STAYS = Doing.FAULT, "the firmware's fault does not clear"
+    NO_WHEEL_SENSOR = (
+        Doing.FAULT,
+        "no wheel sensor: on a slope the machine would know its way to a fifth only, and cut what "
+        "is not the field's. Fit one and measure it with `daranti calibrate drive`, or drive "
+        "without a boundary",
+    )
 
 
 class Connect(Behaviour):
@@ -35,6 +41,8 @@ class Connect(Behaviour):
         telemetry = self.context.telemetry
         if telemetry is None:
             return self.context.stop(), None
+        if telemetry.speed_mps is None and self.context.plan.sides:
+            return self.context.stop(), Why.NO_WHEEL_SENSOR.go()
         if telemetry.state in (State.ARMED, State.RUNNING):
             return self.context.hold(), Why.ARMED.go()
         if telemetry.refusal:

@@ -35,13 +35,21 @@ def in_a_small_field(turn: str = "three_point", **more: float) -> tuple[SimpleWo
     return world, Pilot(VEHICLE, world, spiral(SMALL, 1, VEHICLE, turn))
 
 
-@pytest.mark.parametrize("speed_error", [0.95, 1.05])
-def test_without_a_hall_sensor_it_still_cuts_nearly_all(speed_error: float) -> None:
-    world, pilot = in_a_small_field(hall=False, speed_error=speed_error)
+def test_without_a_wheel_sensor_it_begins_no_field_that_has_a_boundary() -> None:
+    """By its duty alone a machine on a slope drove six metres beyond, and cut there."""
+    world, pilot = in_a_small_field(hall=False)
     harvest(world, pilot)
-    assert pilot.done
-    assert world.coverage > 0.95
-    assert world.neighbour_cut == 0
+    assert pilot.phase is Phase.FAULT
+    assert "no wheel sensor" in pilot.reason
+    assert world.state is State.SAFE, "not even armed"
+
+
+def test_without_a_wheel_sensor_it_follows_an_edge_that_is_in_no_plan() -> None:
+    world = SimpleWorld(VEHICLE, SMALL_M, SMALL_M, hall=False)
+    begun = world.y
+    pilot = Pilot(VEHICLE, world)
+    drive(world, pilot, 15.0)
+    assert world.y > begun + 3.0
 
 
 @pytest.mark.parametrize(
