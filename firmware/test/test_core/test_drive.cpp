@@ -296,7 +296,8 @@ int unrest(int16_t told_ms, int lag_ms, int sign) {
 
 }  // namespace
 
-TEST_CASE("A machine that follows with its lag makes no error while it slows, and winds nothing up") {
+TEST_CASE(
+    "A machine that follows with its lag makes no error while it slows, and winds nothing up") {
   for (const int16_t lag : {100, 250, 1000}) {
     for (const int sign : {1, -1}) {
       CHECK(unrest(lag, lag, sign) <= 2);
