@@ -166,11 +166,14 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuc
   if (nominal_ != 0) size = least(size * nominal_ / supply(battery), 255);
   int32_t duty = backward ? -size : size;
   if (measured != Hall::kNone) {
-    // What the machine cannot have done yet is no error: wound up while it slows, the loop lets it
-    // starve on the next bump, where a sensor without pulses counts as lost.
-    const int32_t error = clamp(expected_ / 4096 - measured, -kErrorMax, kErrorMax);
+    // What the machine cannot have done yet winds nothing up: while it slowed, the integral let it
+    // starve on the next bump, where a sensor without pulses counts as lost. One that stands
+    // follows nothing.
+    const int32_t lack = clamp(static_cast<int32_t>(wanted) - measured, -kErrorMax, kErrorMax);
+    const int32_t behind = clamp(expected_ / 4096 - measured, -kErrorMax, kErrorMax);
+    const int32_t error = measured == 0 ? lack : behind;
     // Never against the setpoint: plugging strains the gear.
-    const int32_t sum = duty * 65536 + kp_ * error + (integral_ >> 4);
+    const int32_t sum = duty * 65536 + kp_ * lack + (integral_ >> 4);
     const int32_t output = backward ? clamp(sum, -kFull, 0) : clamp(sum, 0, kFull);
     const bool deeper = (sum > output && error > 0) || (sum < output && error < 0);
     // Uphill the integral alone takes seconds to the duty that breaks away. What it adds for that

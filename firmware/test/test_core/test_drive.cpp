@@ -278,7 +278,7 @@ namespace {
 // How far the loop's duty is at most from the feed-forward's, while a machine that follows with
 // `lag_ms` goes from one speed to the next, by a board that was told `told_ms`.
 int unrest(int16_t told_ms, int lag_ms, int sign) {
-  Drive drive = drive_with({{Param::drive_lag, told_ms}});
+  Drive drive = drive_with({{Param::drive_kp, 0}, {Param::drive_lag, told_ms}});
   Drive plain = drive_with({});
   double speed = 0.0;
   int worst = 0;
@@ -312,21 +312,25 @@ TEST_CASE("What the machine lacks beside its lag is made up as without one") {
   CHECK(settle(drive, 500, 400, 12000, 201) == 148);
 }
 
-TEST_CASE("The lag is the time in which two thirds of a change come") {
-  // The proportional part alone, at 80 duty s/m: of a machine that stands it asks for what it
-  // should have come to, 1 - 1/e of 1 m/s after the lag.
-  for (const int16_t lag : {500, 2000}) {
-    Drive drive = drive_with({{Param::drive_kp, 1000},
-                              {Param::drive_ki, 0},
-                              {Param::drive_lag, lag},
-                              {Param::drive_accel, 5000},
+TEST_CASE("What the integral is spared is the speed times the lag") {
+  // At 5 duty/m, of a machine that has just begun to move and stays there, asked for 1 m/s.
+  const auto after = [](int16_t lag_ms) {
+    Drive drive = drive_with({{Param::drive_kp, 0},
+                              {Param::drive_ki, 50},
+                              {Param::drive_lag, lag_ms},
                               {Param::speed_full, 10000}});
-    const int ramp = 1000 / (5 * kTickMs);
-    for (int i = 0; i < ramp / 2 + lag / kTickMs; ++i) drive.step(1000, 0, 12000, false);
-    const int duty = drive.step(1000, 0, 12000, false) - 26;
-    CHECK(duty >= 58);
-    CHECK(duty <= 68);
-  }
+    return settle(drive, 1000, 1, 12000, 20000 / kTickMs);
+  };
+  CHECK(after(0) - after(400) == 2);
+  CHECK(after(0) - after(2000) == 10);
+}
+
+TEST_CASE("A machine that stands lacks all that is asked, whatever its lag") {
+  const auto after = [](int16_t lag_ms) {
+    Drive drive = drive_with({{Param::drive_kp, 0}, {Param::drive_lag, lag_ms}});
+    return settle(drive, 150, 0, 12000, 1000 / kTickMs);
+  };
+  CHECK(after(2000) == after(0));
 }
 
 TEST_CASE("From standing and from a release what is expected begins at nothing") {

@@ -122,7 +122,7 @@ def test_telemetry_is_stamped_by_the_host_and_in_si() -> None:
 
 
 def test_no_hall_sensor_is_no_speed() -> None:
-    (telemetry,) = Session().feed(0.0, protocol.encode(RESTING, 0))
+    (telemetry,) = Session().feed(0.0, protocol.encode(replace(RESTING, speed=None), 0))
     assert telemetry.speed_mps is None
 
 
