@@ -132,7 +132,6 @@ void Drive::configure(const Params &params) {
   limit_ = params[Param::speed_max];
   ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
   follows_ = divide(kWhole * kTickMs, params[Param::drive_lag] + kTickMs);
-  if (params[Param::drive_lag] == 0) follows_ = kWhole;
   nominal_ = params[Param::battery_nominal];
   lowest_ = params[Param::battery_low];
   beyond_ = static_cast<int16_t>((params[Param::speed_excess] * forward_) >> 16);
