@@ -26,10 +26,8 @@ WALK_MPS: Final = (0.001, 0.006, 0.006, 0.002)
 """Growth per square root of a second: load and battery change, and the ground is no plane."""
 SHOWN_MPS: Final = 0.08
 """Standard deviation of a phone's speed over ground, with bumps shorter than its smoothing."""
-SMOOTHED_S: Final = 1.0
+SMOOTHED_S: Final = 1.5
 """Of it: phones smooth over up to 1.5 s and lag by up to 0.8 s."""
-CHANGING: Final = 0.5
-"""Share of a change of speed, while it lasts, that those leave unknown."""
 MOST_MPS: Final = 0.35
 """Taken off or given: what 7 degrees do."""
 LEAST_MPS: Final = 0.1
@@ -106,8 +104,7 @@ class DutySpeed:
         shown = abs(self._shown)
         if fix.speed_mps is None or fix.quality == 0 or shown < LEAST_MPS:
             return
-        noise = SHOWN_MPS + CHANGING * abs(self._level - self._shown)
-        _learn(self._loss, self._p, self._acts * self._h, shown - fix.speed_mps, noise, dt)
+        _learn(self._loss, self._p, self._acts * self._h, shown - fix.speed_mps, SHOWN_MPS, dt)
 
     @property
     def unsure_mps(self) -> float:

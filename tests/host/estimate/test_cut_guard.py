@@ -383,6 +383,21 @@ def test_who_has_gone_back_may_come_as_far_as_before_and_no_farther() -> None:
     assert drive.guard.clear_m == pytest.approx(clear_m, abs=0.05)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_nobody_counts_may_be_faster_than_on_the_level(way: float) -> None:
+    """Down 2 degrees: else a machine without a wheel sensor is in the gap before it is stopped."""
+    guard = CutGuard(V)
+    for k in range(101):
+        duty = round(way * duty_for(0.5))
+        told = Telemetry(0.01 * k, State.RUNNING, 0, 0.0, 0.0, 0, duty, True, None, 0.0, 12.0, 0, 0)
+        guard.take_telemetry(told)
+    assert way * guard.driven_m == pytest.approx(0.6, abs=0.02)
+    for k in range(101, 201):
+        told = Telemetry(0.01 * k, State.RUNNING, 0, 0.0, 0.0, 0, 0, True, None, 0.0, 12.0, 0, 0)
+        guard.take_telemetry(told)
+    assert way * guard.driven_m == pytest.approx(0.6, abs=0.02), "its drive off, it stands"
+
+
 def test_what_turned_out_to_be_a_patch_is_driven_on_from_and_the_next_counts_anew() -> None:
     drive = Drive(field((0.2, 3.0)))
     drive.run(20.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from host.core.messages import Fix, State, Telemetry
+from host.core.messages import Fix, State, Telemetry, Turned
 from host.core.vehicle import Vehicle
 from host.estimate.duty_speed import MOST_MPS
 from host.estimate.odometry import Odometry
@@ -96,9 +96,11 @@ def test_what_was_learned_long_ago_can_be_learned_anew() -> None:
     assert driven(0.9 * LEVEL, 120, made).now.speed_mps == pytest.approx(0.9 * LEVEL, rel=0.02)
 
 
-def test_what_a_slope_takes_uphill_it_gives_downhill() -> None:
+@pytest.mark.parametrize("heading", [math.pi / 2, math.pi / 3, -2.0])
+def test_what_a_slope_takes_uphill_it_gives_downhill(heading: float) -> None:
     """Learned as a ratio, uphill's was 40 % of the way wrong down the other side."""
-    made = driven(LEVEL - 0.1, 40, turned(driven(LEVEL, 40), math.pi / 2))
+    across = driven(LEVEL, 40, turned(Odometry(VEHICLE), heading - math.pi / 2))
+    made = driven(LEVEL - 0.1, 40, turned(across, math.pi / 2))
     assert made.now.speed_mps == pytest.approx(LEVEL - 0.1, abs=0.02)
     made = turned(made, math.pi)
     for _ in range(200):
@@ -120,6 +122,56 @@ def test_a_way_by_the_duty_is_as_unsure_as_what_is_not_learned_yet() -> None:
     for _ in range(100):
         across.update(telemetry(across.now.stamp + 0.02))
     assert across.scale_sigma > 2 * 0.07, "nobody knows that direction's slope"
+
+
+def test_what_a_receiver_shows_late_of_each_start_is_no_slope() -> None:
+    made = Odometry(VEHICLE)
+    shown, stamp = 0.0, 0.0
+    for k in range(1, 50 * 60):
+        stamp += 0.02
+        told = telemetry(stamp, duty=DUTY if k % 200 < 120 else 0)  # 2.4 s on, 1.6 s off
+        made.update(told)
+        shown += (made.now.speed_mps - shown) * 0.02 / 1.5
+        if k % 50 == 0:
+            made.learn(Fix(stamp, 31.5, 74.3, 1, 1.0, 8, shown), told, 1.0)
+    for _ in range(150):
+        made.update(telemetry(made.now.stamp + 0.02))
+    assert made.now.speed_mps == pytest.approx(LEVEL, abs=0.035)
+
+
+def creeping(told_radps: float) -> Odometry:
+    """At full lock by the duty alone, beside a gyroscope whose offset is known."""
+    made = Odometry(VEHICLE)
+    made.gyroscope.offset_sigma = math.radians(0.01)
+    yaw = 0.0
+    for k in range(1, 50 * 12):
+        stamp = 0.02 * k
+        made.update(telemetry(stamp, angle=math.radians(40), duty=60))
+        yaw += told_radps * 0.02
+        if k % 5 == 0:
+            made.take_turned(Turned(stamp, yaw, 0.0))
+    return made
+
+
+def test_a_turn_on_a_way_that_nobody_counts_does_not_tell_against_the_gyroscope() -> None:
+    """Down a slope it turned twice as fast as by its duty, and the gyroscope was believed to be
+    wrong: the machine then headed 177 degrees otherwise than it thought."""
+    reckoned = VEHICLE.duty_speed(60, 12.0) * math.tan(math.radians(40)) / VEHICLE.wheelbase_m
+    made = creeping(2.0 * reckoned)
+    assert not made.gyroscope.contradicted
+    assert made.now.yaw_rad == pytest.approx(2.0 * reckoned * 12.0, rel=0.1)
+    assert creeping(-3.0 * reckoned).gyroscope.contradicted, "that no slope does"
+
+
+def test_at_a_creep_that_nobody_counts_the_trim_is_not_learned() -> None:
+    made = Odometry(VEHICLE)
+    made.gyroscope.offset_sigma = math.radians(0.01)
+    for k in range(1, 50 * 20):
+        stamp = 0.02 * k
+        made.update(telemetry(stamp, duty=50))
+        if k % 5 == 0:
+            made.take_turned(Turned(stamp, math.radians(1.0) * stamp, 0.0))
+    assert made.trim_rad == 0.0
 
 
 def test_a_drive_that_is_off_gives_no_speed_whatever_the_slope() -> None:

@@ -42,6 +42,10 @@ def test_firmware_and_vehicle_file_are_told_the_same(full: float, dead: float) -
     told, params = curve.told(Vehicle()), curve.params()
     assert params["speed_full"] == told.full_duty_speed_mps
     assert params["drive_min_duty"] == pytest.approx(255 * told.dead_duty, abs=0.7)
+    assert "drive_lag" not in params, "nobody has measured it"
+    assert told.drive_lag_s == Vehicle().drive_lag_s
+    lags = curve.with_lag(0.42)
+    assert lags.params()["drive_lag"] == lags.told(Vehicle()).drive_lag_s == 0.42
 
 
 def test_it_is_as_sure_as_its_legs() -> None:
