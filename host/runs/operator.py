@@ -125,6 +125,9 @@ class Operator:
             if self._clock() >= again:
                 again = self._clock() + ARM_EVERY_S
                 fault = state is State.FAULT
+                if not fault:
+                    # The board arms only where the last speed asked for was none.
+                    link.send(Command(Request.DRIVE, reason="to be jogged"))
                 link.send(Command(Request.CLEAR if fault else Request.ARM, reason="to be jogged"))
             link.poll(PERIOD_S)
         raise FaultError(f"the firmware does not arm: {_words(link)}")

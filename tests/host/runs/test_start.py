@@ -342,6 +342,8 @@ def test_a_jog_creeps_while_a_key_is_held_with_the_blade_off(
         thread.start()
         hand.jog(link)
         thread.join()
+    first = next(each for each in board.received if isinstance(each, protocol.Drive | protocol.Arm))
+    assert isinstance(first, protocol.Drive) and first.speed == 0, "a board arms only then"
     drives = [each for each in board.received if isinstance(each, protocol.Drive)]
     assert max(each.speed for each in drives) == pytest.approx(0.12, abs=0.001)
     assert drives[-1].speed == 0, "let go of, it stands"
