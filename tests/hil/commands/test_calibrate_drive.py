@@ -111,7 +111,8 @@ def test_a_tape_and_four_ways_tell_what_the_drive_is(rig: Rig, tmp_path: Path) -
     assert found.full_duty_speed_mps == pytest.approx(true.full_mps, rel=0.04)
     assert found.dead_duty == pytest.approx(true.dead, abs=0.015)
     assert found.drive_lag_s == pytest.approx(true.lag_s, rel=0.3)
-    assert found.hall_pulses_per_m == pytest.approx(64.0, rel=0.02)
+    # tyres slip by what they push: 59 N of rolling of 3000 N
+    assert found.hall_pulses_per_m == pytest.approx(64.0 / (1 - 59 / 3000), rel=0.015)
     assert found.cutting_speed_mps == 0.9, "the rest of the file stays"
     told = rig.do()
     assert math.dist(told["pose"][:2], (x, y)) < 1.0, "it ends where it began"
